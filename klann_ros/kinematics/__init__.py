@@ -1,0 +1,1 @@
+"""Kinematics of leg linkages; knows nothing of ROS."""

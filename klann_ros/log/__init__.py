@@ -1,0 +1,1 @@
+"""Logs of runs: MCAP that every tool opens."""

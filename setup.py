@@ -1,0 +1,59 @@
+"""Build klann_ros with colcon (ament_python) and with pip: one source tree for both."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = 'klann_ros'
+
+# ROS itself is no requirement of the distribution: where ROS 2 is sourced, rclpy is there already
+# without a distribution of that name. package.xml names it for rosdep, the extra "ros" for pip.
+EXTRAS = {
+    'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
+    'plot': ['matplotlib'],
+}
+EXTRAS['all'] = sorted(set(sum(EXTRAS.values(), [])))
+EXTRAS['test'] = [
+    'hypothesis',
+    'pytest>=7.4',
+    'rosbags',
+]
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    description='The Klann leg on ROS 2: solved by Newton-Raphson, recorded, played back, reviewed',
+    long_description=open('README.md', encoding='utf-8').read(),
+    long_description_content_type='text/markdown',
+    license='Apache-2.0',
+    maintainer='klann_ros maintainers',
+    maintainer_email='maintainers@users.noreply.h-seed-5572db61.example',
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={NAME: ['py.typed']},
+    python_requires='>=3.10',
+    install_requires=['numpy', 'mcap>=1.6.0', 'mcap-ros2-support', 'PyYAML'],
+    extras_require=EXTRAS,
+    zip_safe=False,
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        (f'share/{NAME}/config', glob('config/*.yaml')),
+        (f'share/{NAME}/launch', glob('launch/*.launch.py')),
+        # `ros2 run` looks in lib/klann_ros; pip puts its scripts in bin only. colcon overwrites
+        # these launchers with executables of its own.
+        (f'lib/{NAME}', glob('scripts/launchers/*')),
+    ],
+    entry_points={
+        'console_scripts': [
+            f'{name} = klann_ros.executables:{name}'
+            for name in (
+                'solver_node',
+                'crank_node',
+                'recorder_node',
+                'player_node',
+                'review',
+                'recover',
+            )
+        ],
+    },
+)
