@@ -1,0 +1,140 @@
+"""
+What can go wrong in the kinematics: one class a cause, each carrying its numbers.
+
+The text is made when it is asked for, from the same arguments that the error was raised with; so
+an error costs little where it is only counted, and it can be pickled.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+# The ends and the links of each dyad.
+_DYADS = {1: ('B', 'D', 'BC', 'DC'), 2: ('E', 'G', 'EF', 'FG')}
+
+
+class KinematicsError(Exception):
+    """Base of every error that the kinematics raises."""
+
+
+class GeometryError(KinematicsError, ValueError):
+    """A geometry that is no linkage; the text says which condition fails."""
+
+
+class CrankAngleError(KinematicsError, ValueError):
+    """
+    A crank angle that is no angle: not finite, or too large to mean anything.
+
+    Attributes
+    ----------
+    alpha : float
+        The crank angle as received [rad].
+    limit : float
+        The largest magnitude that is taken [rad].
+
+    """
+
+    def __init__(self, alpha: float, limit: float) -> None:
+        """Keep the numbers."""
+        super().__init__(alpha, limit)
+        self.alpha = alpha
+        self.limit = limit
+
+    def __str__(self) -> str:
+        return (
+            f'crank angle {self.alpha!r} rad is refused: '
+            f'it must be finite and within +-{self.limit:g} rad'
+        )
+
+
+class UnreachableError(KinematicsError):
+    """
+    A crank angle at which a dyad cannot close.
+
+    Attributes
+    ----------
+    alpha : float
+        Crank angle [rad].
+    dyad : int
+        1: coupler BC and rocker DC, from B and D. 2: rocker EF and leg FG, from E and G.
+    shortfall : float
+        How far the ends of the dyad are out of its reach [m], >= 0.
+    stretched : bool
+        True when they are too far apart for the links stretched out, False when they are too
+        close together for the links folded.
+
+    """
+
+    def __init__(self, alpha: float, dyad: int, shortfall: float, stretched: bool) -> None:
+        """Keep the numbers."""
+        super().__init__(alpha, dyad, shortfall, stretched)
+        self.alpha = alpha
+        self.dyad = dyad
+        self.shortfall = shortfall
+        self.stretched = stretched
+
+    def __str__(self) -> str:
+        p, q, link_1, link_2 = _DYADS[self.dyad]
+        where = f'crank angle {self.alpha:.6f} rad ({math.degrees(self.alpha):.3f} deg)'
+        why = (
+            f'further apart than {link_1} + {link_2}'
+            if self.stretched
+            else f'closer together than |{link_1} - {link_2}|'
+        )
+        return (
+            f'{where} cannot be reached: dyad {self.dyad} does not close, '
+            f'{p} and {q} are {self.shortfall:.6g} m {why}'
+        )
+
+
+class NotConvergedError(KinematicsError):
+    """
+    Newton-Raphson did not converge.
+
+    Attributes
+    ----------
+    alpha : float
+        Driving angle [rad].
+    iterates : numpy.ndarray, shape (k, n)
+        Every iterate [rad], the guess first.
+    reason : str
+        What stopped it.
+
+    """
+
+    def __init__(self, alpha: float, iterates: NDArray[np.float64], reason: str) -> None:
+        """Keep the numbers."""
+        super().__init__(alpha, iterates, reason)
+        self.alpha = alpha
+        self.iterates = iterates
+        self.reason = reason
+
+    def __str__(self) -> str:
+        return (
+            f'Newton-Raphson did not converge at {self.alpha:.6f} rad '
+            f'({math.degrees(self.alpha):.3f} deg): {self.reason}'
+        )
+
+
+class SingularPoseError(KinematicsError):
+    """
+    A pose without a velocity: a dyad is stretched out or folded, and Phi cannot be inverted.
+
+    Attributes
+    ----------
+    alpha : float
+        Crank angle [rad].
+
+    """
+
+    def __init__(self, alpha: float) -> None:
+        """Keep the angle."""
+        super().__init__(alpha)
+        self.alpha = alpha
+
+    def __str__(self) -> str:
+        return (
+            f'the pose at {self.alpha:.6f} rad ({math.degrees(self.alpha):.3f} deg) is singular: '
+            f'a dyad is stretched out or folded, and no velocity follows from the crank rate'
+        )

@@ -1,0 +1,143 @@
+"""The dimensions of a Klann leg, with the two legs of the literature."""
+
+from dataclasses import dataclass, fields
+import math
+from typing import Any
+
+from .angles import wrap
+from .errors import GeometryError
+from .reach import closes_somewhere
+
+LENGTHS = ('l_ab', 'l_bc', 'l_dc', 'l_cg', 'l_ef', 'l_fg', 'l_gh')
+COORDINATES = ('x_d', 'y_a', 'x_e', 'y_e')
+BENDS = ('angle_bcg', 'angle_fgh')
+
+
+@dataclass(frozen=True, kw_only=True)
+class KlannGeometry:
+    """
+    Lengths, pivots, bends and assembly of a Klann leg; the defaults are those of SEM 104.
+
+    The pivots are A = (0, y_a), D = (x_d, 0) and E = (x_e, y_e).
+
+    Parameters
+    ----------
+    l_ab, l_bc, l_dc, l_cg, l_ef, l_fg, l_gh : float
+        Crank AB, coupler BC and CG, lower rocker DC, upper rocker EF, leg FG and GH [m], > 0.
+    x_d, y_a, x_e, y_e : float
+        Coordinates of the pivots [m], signed.
+    angle_bcg, angle_fgh : float
+        Bend of the coupler at C and of the leg at G [rad], signed.
+    assembly : tuple of int
+        The signs (+1 or -1) of sin(gamma + beta) and of sin(delta + theta): how each dyad is put
+        together.
+
+    Raises
+    ------
+    GeometryError
+        A value is not finite, a length is not positive, an assembly sign is not +1 or -1, or
+        there is no crank angle at all at which both dyads close. A ValueError.
+
+    References
+    ----------
+    R. Nicoletti, SEM 104 Mecanismos, lecture 7.
+
+    """
+
+    l_ab: float = 0.120
+    l_bc: float = 0.350
+    l_dc: float = 0.140
+    l_cg: float = 0.360
+    l_ef: float = 0.270
+    l_fg: float = 0.360
+    l_gh: float = 0.430
+    x_d: float = 0.350
+    y_a: float = 0.090
+    x_e: float = 0.290
+    y_e: float = 0.230
+    angle_bcg: float = math.radians(10.0)
+    angle_fgh: float = math.radians(40.0)
+    assembly: tuple[int, int] = (1, 1)
+
+    def __post_init__(self) -> None:
+        """Refuse what is no leg, with the reason."""
+        for name in (*LENGTHS, *COORDINATES, *BENDS):
+            object.__setattr__(self, name, _finite(name, getattr(self, name)))
+        for name in LENGTHS:
+            if getattr(self, name) <= 0.0:
+                msg = f'{name} = {getattr(self, name):g} m is refused: a length must be > 0'
+                raise GeometryError(msg)
+        object.__setattr__(self, 'assembly', _signs(self.assembly))
+        if not closes_somewhere(self):
+            msg = (
+                f'these lengths are refused: at no crank angle do both dyads close in the '
+                f'assembly {self.assembly}'
+            )
+            raise GeometryError(msg)
+
+    @classmethod
+    def sem104(cls) -> 'KlannGeometry':
+        """Return the leg of SEM 104, lecture 7: the defaults."""
+        return cls()
+
+    @classmethod
+    def patent(cls) -> 'KlannGeometry':
+        """
+        Return the leg of the patent's example (US 6,260,862), 1 unit = 1 m.
+
+        The patent prints the pivots and the pose at a crank angle of 180 deg; that pose fixes the
+        lengths, both bends and the assembly. The frame is moved so that A.x = D.y = 0.
+        """
+        a, d, e = (1.599, 0.750), (1.009, 0.574), (1.366, 1.366)
+        b, c, g = (1.331, 0.750), (0.741, 0.750), (0.232, 0.866)
+        f, h = (0.866, 1.500), (0.0, 0.0)
+        return cls(
+            l_ab=math.dist(a, b),
+            l_bc=math.dist(b, c),
+            l_dc=math.dist(d, c),
+            l_cg=math.dist(c, g),
+            l_ef=math.dist(e, f),
+            l_fg=math.dist(f, g),
+            l_gh=math.dist(g, h),
+            x_d=round(d[0] - a[0], 3),
+            y_a=round(a[1] - d[1], 3),
+            x_e=round(e[0] - a[0], 3),
+            y_e=round(e[1] - d[1], 3),
+            # gamma = -direction(BC) and gamma - angle_bcg = -direction(CG): clockwise angles.
+            angle_bcg=wrap(_direction(c, g) - _direction(b, c)),
+            # theta = -direction(FG) and theta + angle_fgh = -direction(GH).
+            angle_fgh=wrap(_direction(f, g) - _direction(g, h)),
+            assembly=(-1, -1),
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields by name, ready for a file: lengths [m], bends [rad], assembly."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {**values, 'assembly': list(self.assembly)}
+
+
+def _finite(name: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        msg = f'{name} = {value!r} is refused: it must be a finite number'
+        raise GeometryError(msg)
+    return number
+
+
+def _signs(assembly: Any) -> tuple[int, int]:
+    try:
+        first, second = (int(sign) if sign in (-1, 1) else 0 for sign in assembly)
+    except (TypeError, ValueError):
+        first = second = 0
+    if 0 in (first, second):
+        msg = f'assembly = {assembly!r} is refused: it must be two signs, each +1 or -1'
+        raise GeometryError(msg)
+    return first, second
+
+
+def _direction(p: tuple[float, float], q: tuple[float, float]) -> float:
+    """Return the direction from p to q, counter-clockwise from x [rad]."""
+    return math.atan2(q[1] - p[1], q[0] - p[0])

@@ -1,0 +1,123 @@
+"""A solved pose of the Klann leg."""
+
+from math import nan, pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import closed_form, klann
+from .angles import check_crank_angle, wrap
+from .geometry import KlannGeometry
+
+
+class KlannPose(NamedTuple):
+    """
+    A solved pose: immutable, and cheap enough to be made a thousand times a second.
+
+    Attributes
+    ----------
+    alpha : float
+        Crank angle as given, not wrapped [rad].
+    gamma, beta, delta, theta : float
+        The textbook's angles in (-pi, pi] [rad]; gamma and theta are clockwise.
+    h : tuple of float
+        The foot H (x, y) [m].
+    iterations : int
+        Newton iterations spent, the last of which only confirms; 0 for the closed form.
+    residual : float
+        Euclidean norm of f at this pose [m]: by how much the loops do not close.
+    coefficients : tuple of float
+        Kinematic coefficients d(gamma, beta, delta, theta)/d(alpha); NaN at a singular pose.
+    geometry : KlannGeometry
+        The leg.
+
+    """
+
+    alpha: float
+    gamma: float
+    beta: float
+    delta: float
+    theta: float
+    h: tuple[float, float]
+    iterations: int
+    residual: float
+    coefficients: tuple[float, float, float, float]
+    geometry: KlannGeometry
+
+    @property
+    def x(self) -> tuple[float, float, float, float]:
+        """Return the state vector (gamma, beta, delta, theta) [rad]."""
+        return self[1:5]
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """Return the points A to H, shape (8, 2) [m]; computed at each use."""
+        return klann.points(self.geometry, self.alpha, self.x)
+
+    @property
+    def transmission_angles(self) -> tuple[float, float]:
+        """
+        Return the angle between the links of each dyad, in [0, pi] [rad].
+
+        pi/2 transmits best; at 0 and pi the dyad is folded or stretched out, and singular.
+        """
+        return _between(self.gamma + self.beta), _between(self.delta + self.theta)
+
+    @property
+    def condition(self) -> float:
+        """Condition number of Phi in the 2-norm: how much Newton amplifies a residual."""
+        return float(np.linalg.cond(klann.phi(self.geometry, self.x)))
+
+
+def closed_form_pose(geometry: KlannGeometry, alpha: float) -> KlannPose:
+    """
+    Return the pose at a crank angle by the geometric method.
+
+    Parameters
+    ----------
+    geometry : KlannGeometry
+        The leg.
+    alpha : float
+        Crank angle, any number of turns [rad].
+
+    Raises
+    ------
+    CrankAngleError
+        `alpha` is not finite, or beyond +-1e6 rad.
+    UnreachableError
+        A dyad does not close at this crank angle.
+
+    """
+    check_crank_angle(alpha)
+    joints = closed_form.joints(geometry, alpha)
+    x = closed_form.angles(geometry, joints)
+    gamma, beta, delta, theta = x
+    return KlannPose(
+        alpha,
+        wrap(gamma),
+        wrap(beta),
+        wrap(delta),
+        wrap(theta),
+        joints.h,
+        0,
+        float(np.linalg.norm(klann.f(geometry, alpha, x))),
+        _coefficients(geometry, alpha, x),
+        geometry,
+    )
+
+
+def _coefficients(
+    geometry: KlannGeometry, alpha: float, x: tuple[float, float, float, float]
+) -> tuple[float, float, float, float]:
+    """Solve Phi dx/dalpha = -df/dalpha."""
+    try:
+        solution = np.linalg.solve(klann.phi(geometry, x), -klann.f_alpha(geometry, alpha))
+    except np.linalg.LinAlgError:
+        return nan, nan, nan, nan
+    gamma, beta, delta, theta = solution.tolist()
+    return gamma, beta, delta, theta
+
+
+def _between(angle: float) -> float:
+    return min(abs(wrap(angle)), pi)

@@ -1,0 +1,264 @@
+"""
+Newton-Raphson for the Klann leg, warm started and written out for speed.
+
+`refine` makes the iterates of the full 4x4 Newton of `klann.f` and `klann.phi`: Phi is block
+lower triangular, so forward substitution with two 2x2 solves is the same as inverting it. `track`
+leads a pose to a new crank angle along its assembly branch. Both are pure: the warm start is an
+argument.
+"""
+
+from math import ceil, cos, hypot, nan, pi, remainder, sin
+from typing import NamedTuple
+
+import numpy as np
+
+from . import closed_form
+from .angles import check_crank_angle, TURN, wrap
+from .errors import NotConvergedError
+from .geometry import KlannGeometry
+from .pose import KlannPose
+
+# A warm start that needs more is better seeded anew.
+MAX_ITERATIONS = 10
+# While a large step is split, the poses between only have to stay on the branch.
+COARSE_TOLERANCE = 1e-3
+
+Angles = tuple[float, float, float, float]
+_NO_COEFFICIENTS = (nan, nan, nan, nan)
+
+
+class Constants(NamedTuple):
+    """What `refine` needs of a geometry, in the order it unpacks it."""
+
+    l_ab: float
+    l_bc: float
+    l_dc: float
+    l_cg: float
+    l_ef: float
+    l_fg: float
+    l_gh: float
+    x_d: float
+    y_a: float
+    x_ed: float
+    y_e: float
+    angle_bcg: float
+    angle_fgh: float
+    sign_1: int
+    sign_2: int
+    rounding: float
+    geometry: KlannGeometry
+
+
+def constants(geometry: KlannGeometry) -> Constants:
+    """Return the constants of a geometry; do it once, not for every pose."""
+    g = geometry
+    lengths = (g.l_ab, g.l_bc, g.l_dc, g.l_cg, g.l_ef, g.l_fg, g.l_gh)
+    scale = max(*lengths, abs(g.x_d), abs(g.y_a), abs(g.x_e), abs(g.y_e))
+    # What the sums in f can lose to rounding: a residual below it cannot be improved.
+    rounding = 8.0 * float(np.finfo(np.float64).eps) * scale
+    pivots = (g.x_d, g.y_a, g.x_e - g.x_d, g.y_e)
+    return Constants(*lengths, *pivots, g.angle_bcg, g.angle_fgh, *g.assembly, rounding, g)
+
+
+def refine(
+    constants: Constants, alpha: float, guess: Angles, tolerance: float, max_iterations: int
+) -> KlannPose | None:
+    """
+    Return the pose that Newton-Raphson reaches from a guess, or None.
+
+    In the textbook's letters, with BC = L_BC (cos gamma, sin gamma) and so on, the 2x2 solves are
+
+        dgamma = (DC.x f1 + DC.y f2) / det1      dbeta  = (BC.y f2 - BC.x f1) / det1
+        ddelta = (FG.x r3 - FG.y r4) / det2      dtheta = (EF.x r3 + EF.y r4) / det2
+
+        r3 = f3 + CG.y dgamma + DC.y dbeta       det1 = L_BC L_DC sin(gamma + beta)
+        r4 = f4 + CG.x dgamma - DC.x dbeta       det2 = L_EF L_FG sin(delta + theta)
+
+    The pose is the first iterate after a correction of at most `tolerance` in every angle, or one
+    whose residual is rounding already (near a singular pose corrections stay above 1e-12 rad).
+
+    Parameters
+    ----------
+    constants : Constants
+        The leg.
+    alpha : float
+        Crank angle [rad].
+    guess : tuple of float
+        gamma, beta, delta, theta [rad].
+    tolerance : float
+        Largest correction of a converged pose [rad].
+    max_iterations : int
+        How many iterations it may take.
+
+    Returns
+    -------
+    KlannPose or None
+        None: it did not converge, or not on the geometry's assembly branch.
+
+    """
+    (
+        l_ab, l_bc, l_dc, l_cg, l_ef, l_fg, l_gh, x_d, y_a, x_ed, y_e,
+        angle_bcg, angle_fgh, sign_1, sign_2, rounding, geometry,
+    ) = constants  # fmt: skip
+    gamma, beta, delta, theta = guess
+    ab_x, ab_y = l_ab * cos(alpha), l_ab * sin(alpha)
+    db_x, db_y = ab_x - x_d, ab_y + y_a
+    iterations, settled = 0, False
+    while iterations < max_iterations:
+        iterations += 1
+        bc_x, bc_y = l_bc * cos(gamma), l_bc * sin(gamma)
+        dc_x, dc_y = l_dc * cos(beta), l_dc * sin(beta)
+        bent = gamma - angle_bcg
+        cg_x, cg_y = l_cg * cos(bent), l_cg * sin(bent)
+        ef_x, ef_y = l_ef * cos(delta), l_ef * sin(delta)
+        fg_x, fg_y = l_fg * cos(theta), l_fg * sin(theta)
+        f1 = db_x + bc_x - dc_x
+        f2 = db_y - bc_y - dc_y
+        f3 = ef_x + fg_x - cg_x - dc_x + x_ed
+        f4 = ef_y - fg_y + cg_y - dc_y + y_e
+        det1 = bc_y * dc_x + bc_x * dc_y
+        det2 = ef_y * fg_x + ef_x * fg_y
+        if settled or (
+            -rounding <= f1 <= rounding
+            and -rounding <= f2 <= rounding
+            and -rounding <= f3 <= rounding
+            and -rounding <= f4 <= rounding
+        ):
+            break
+        if det1 == 0.0 or det2 == 0.0:
+            return None
+        d_gamma = (dc_x * f1 + dc_y * f2) / det1
+        d_beta = (bc_y * f2 - bc_x * f1) / det1
+        r3 = f3 + cg_y * d_gamma + dc_y * d_beta
+        r4 = f4 + cg_x * d_gamma - dc_x * d_beta
+        d_delta = (fg_x * r3 - fg_y * r4) / det2
+        d_theta = (ef_x * r3 + ef_y * r4) / det2
+        gamma += d_gamma
+        beta += d_beta
+        delta += d_delta
+        theta += d_theta
+        settled = (
+            -tolerance <= d_gamma <= tolerance
+            and -tolerance <= d_beta <= tolerance
+            and -tolerance <= d_delta <= tolerance
+            and -tolerance <= d_theta <= tolerance
+        )
+    else:
+        return None
+    # det1 and det2 are sin(gamma + beta) and sin(delta + theta) times lengths; rounding may give
+    # a pose that is singular the wrong sign.
+    if det1 * sign_1 < -rounding * l_bc or det2 * sign_2 < -rounding * l_ef:
+        return None
+    if det1 == 0.0 or det2 == 0.0:
+        coefficients = _NO_COEFFICIENTS
+    else:
+        # Phi dx/dalpha = -df/dalpha, by the same substitution.
+        gamma_1 = (dc_y * ab_x - dc_x * ab_y) / det1
+        beta_1 = (bc_y * ab_x + bc_x * ab_y) / det1
+        r3 = cg_y * gamma_1 + dc_y * beta_1
+        r4 = cg_x * gamma_1 - dc_x * beta_1
+        coefficients = (
+            gamma_1,
+            beta_1,
+            (fg_x * r3 - fg_y * r4) / det2,
+            (ef_x * r3 + ef_y * r4) / det2,
+        )
+    bent = theta + angle_fgh
+    return KlannPose(
+        alpha,
+        gamma if -pi < gamma <= pi else wrap(gamma),
+        beta if -pi < beta <= pi else wrap(beta),
+        delta if -pi < delta <= pi else wrap(delta),
+        theta if -pi < theta <= pi else wrap(theta),
+        (x_d + dc_x + cg_x + l_gh * cos(bent), dc_y - cg_y - l_gh * sin(bent)),
+        iterations,
+        hypot(f1, f2, f3, f4),
+        coefficients,
+        geometry,
+    )
+
+
+def track(
+    constants: Constants,
+    alpha: float,
+    last: KlannPose | None,
+    tolerance: float,
+    max_crank_step: float,
+) -> KlannPose:
+    """
+    Return the pose at a crank angle, led there from the last pose along the assembly branch.
+
+    The step from the last pose, less whole turns, is made in parts of at most `max_crank_step`,
+    each guessed along the tangent of the one before. Where there is no last pose, or a part
+    fails, the closed form is the seed, and Newton-Raphson confirms it.
+
+    Parameters
+    ----------
+    constants : Constants
+        The leg.
+    alpha : float
+        Crank angle, any number of turns [rad].
+    last : KlannPose or None
+        The warm start: a pose of the same leg.
+    tolerance : float
+        Largest correction of a converged pose [rad].
+    max_crank_step : float
+        The largest step of the crank that is made at once [rad].
+
+    Raises
+    ------
+    CrankAngleError
+        The crank angle is not finite, or beyond +-1e6 rad.
+    UnreachableError
+        A dyad does not close at this crank angle.
+    NotConvergedError
+        Newton-Raphson does not confirm the closed form.
+
+    """
+    check_crank_angle(alpha)
+    pose = None if last is None else _follow(constants, alpha, last, tolerance, max_crank_step)
+    return _seeded(constants, alpha, tolerance) if pose is None else pose
+
+
+def _follow(
+    constants: Constants, alpha: float, last: KlannPose, tolerance: float, max_crank_step: float
+) -> KlannPose | None:
+    step = alpha - last.alpha
+    if not -max_crank_step <= step <= max_crank_step:
+        step = remainder(step, TURN)
+    if -max_crank_step <= step <= max_crank_step:
+        return refine(constants, alpha, _tangent(last, step), tolerance, MAX_ITERATIONS)
+    parts = ceil(abs(step) / max_crank_step)
+    step /= parts
+    spent = 0
+    for remaining in range(parts - 1, 0, -1):
+        guess = _tangent(last, step)
+        pose = refine(constants, alpha - remaining * step, guess, COARSE_TOLERANCE, MAX_ITERATIONS)
+        if pose is None:
+            return None
+        spent += pose.iterations
+        last = pose
+    pose = refine(constants, alpha, _tangent(last, step), tolerance, MAX_ITERATIONS)
+    return pose and pose._replace(iterations=spent + pose.iterations)
+
+
+def _tangent(pose: KlannPose, step: float) -> Angles:
+    """Return the guess for a crank angle `step` [rad] further on: first order in the step."""
+    _, gamma, beta, delta, theta, _, _, _, coefficients, _ = pose
+    gamma_1, beta_1, delta_1, theta_1 = coefficients
+    return (
+        gamma + step * gamma_1,
+        beta + step * beta_1,
+        delta + step * delta_1,
+        theta + step * theta_1,
+    )
+
+
+def _seeded(constants: Constants, alpha: float, tolerance: float) -> KlannPose:
+    geometry = constants.geometry
+    seed = closed_form.angles(geometry, closed_form.joints(geometry, alpha))
+    pose = refine(constants, alpha, seed, tolerance, MAX_ITERATIONS)
+    if pose is None:
+        reason = 'the closed form is no solution'
+        raise NotConvergedError(alpha, np.array([seed]), reason)
+    return pose

@@ -1,0 +1,108 @@
+"""`KlannGeometry`: what is no leg is refused, with the reason."""
+
+from dataclasses import FrozenInstanceError, replace
+import math
+
+from hypothesis import given, settings, strategies as st
+from klann_ros.kinematics import (
+    GeometryError,
+    KlannGeometry,
+    KlannLeg,
+    reachable_arcs,
+    UnreachableError,
+)
+from klann_ros.kinematics.geometry import BENDS, COORDINATES, LENGTHS
+import pytest
+from strategies import legs
+
+
+@pytest.mark.parametrize('name', [*LENGTHS, *COORDINATES, *BENDS])
+@pytest.mark.parametrize('value', [math.nan, math.inf, 'long', None])
+def test_a_value_that_is_not_finite_is_refused(name: str, value: object) -> None:
+    with pytest.raises(GeometryError, match=f'{name} = .* must be a finite number'):
+        KlannGeometry(**{name: value})
+
+
+@pytest.mark.parametrize('name', LENGTHS)
+@pytest.mark.parametrize('value', [0.0, -0.1])
+def test_a_length_must_be_positive(name: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f'{name} = .* a length must be > 0'):
+        KlannGeometry(**{name: value})
+
+
+@pytest.mark.parametrize('assembly', [(0, 1), (1,), (1, 1, 1), (2, -1), 1, None, ('+', '-')])
+def test_an_assembly_is_two_signs(assembly: object) -> None:
+    with pytest.raises(GeometryError, match='two signs'):
+        KlannGeometry(assembly=assembly)
+
+
+@pytest.mark.parametrize('change', [{'l_bc': 0.01}, {'l_ef': 0.001, 'l_fg': 0.002}, {'x_e': 9.0}])
+def test_lengths_that_never_close_are_refused(change: dict[str, float]) -> None:
+    with pytest.raises(GeometryError, match='at no crank angle do both dyads close'):
+        KlannGeometry(**change)
+
+
+def test_an_assembly_list_is_taken_as_a_tuple() -> None:
+    assert KlannGeometry(assembly=[1, -1]).assembly == (1, -1)
+
+
+def test_a_geometry_is_frozen_and_compares_by_value() -> None:
+    with pytest.raises(FrozenInstanceError):
+        KlannGeometry().l_ab = 1.0
+    assert KlannGeometry() == KlannGeometry.sem104()
+    assert hash(KlannGeometry()) == hash(KlannGeometry.sem104())
+
+
+@pytest.mark.parametrize('geometry', [KlannGeometry.sem104(), KlannGeometry.patent()])
+def test_both_known_legs_turn_fully(geometry: KlannGeometry) -> None:
+    assert reachable_arcs(geometry) == [(0.0, 2 * math.pi)]
+
+
+def test_the_limit_of_the_full_turn_is_where_the_textbook_leg_has_it() -> None:
+    # BD reaches 481.39 of BC + DC = 490 mm.
+    farthest = 0.12 + math.hypot(0.35, 0.09)
+    limit = farthest - 0.14
+    assert limit / 0.35 == pytest.approx(1 - 0.0246, abs=1e-4)
+    assert reachable_arcs(KlannGeometry(l_bc=limit + 1e-9)) == [(0.0, 2 * math.pi)]
+    assert reachable_arcs(KlannGeometry(l_bc=limit - 1e-6)) != [(0.0, 2 * math.pi)]
+
+
+def closes(geometry: KlannGeometry, alpha: float) -> bool:
+    try:
+        KlannLeg(geometry).closed_form(alpha)
+    except UnreachableError:
+        return False
+    return True
+
+
+@settings(max_examples=60, deadline=None)
+@given(geometry=legs(change=0.5), offset=st.floats(0.0, 0.01))
+def test_the_arcs_are_where_the_closed_form_closes(geometry: KlannGeometry, offset: float) -> None:
+    arcs = reachable_arcs(geometry)
+    assert arcs
+    for k in range(628):
+        alpha = offset + k / 100
+        from_an_end = min(
+            abs(math.remainder(alpha - end, 2 * math.pi)) for arc in arcs for end in arc
+        )
+        inside = any(
+            start <= angle <= end for start, end in arcs for angle in (alpha, alpha + 2 * math.pi)
+        )
+        if from_an_end > 1e-9:
+            assert closes(geometry, alpha) is inside
+
+
+@pytest.mark.parametrize('arc', reachable_arcs(KlannGeometry(l_bc=0.33)))
+def test_the_ends_of_an_arc_are_sharp(arc: tuple[float, float]) -> None:
+    geometry = KlannGeometry(l_bc=0.33)
+    start, end = arc
+    assert closes(geometry, start + 1e-9)
+    assert closes(geometry, end - 1e-9)
+    assert not closes(geometry, start - 1e-9)
+    assert not closes(geometry, end + 1e-9)
+
+
+def test_as_dict_makes_the_same_geometry() -> None:
+    geometry = KlannGeometry.patent()
+    assert KlannGeometry(**geometry.as_dict()) == geometry
+    assert replace(geometry, **geometry.as_dict()) == geometry

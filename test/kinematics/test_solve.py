@@ -1,0 +1,182 @@
+"""`KlannLeg.solve`: the closed form's pose, by warm-started Newton, on the right branch always."""
+
+import math
+
+
+from hypothesis import assume, given, settings, strategies as st
+from klann_ros.kinematics import (
+    CrankAngleError,
+    KlannGeometry,
+    KlannLeg,
+    KlannPose,
+    UnreachableError,
+)
+from klann_ros.kinematics import closed_form as closed_form_module
+import numpy as np
+import pytest
+from strategies import crank_angles, legs
+
+PRESETS = [KlannGeometry.sem104(), KlannGeometry.patent()]
+
+
+def difference(pose: KlannPose, other: KlannPose) -> float:
+    """Return the largest difference of two poses' angles, modulo a turn."""
+    pairs = zip(pose.x, other.x, strict=True)
+    return max(abs(math.remainder(a - b, 2 * math.pi)) for a, b in pairs)
+
+
+def allowed(pose: KlannPose) -> float:
+    """Return the difference that a pose's distance from singularity excuses [rad]."""
+    sines = [abs(math.sin(angle)) for angle in pose.transmission_angles]
+    return 1e-11 / min(1.0, *(s if s < 1e-3 else 1.0 for s in sines))
+
+
+@pytest.mark.parametrize('direction', [1, -1])
+@pytest.mark.parametrize('geometry', PRESETS)
+def test_it_agrees_with_the_closed_form_at_every_tenth_of_a_degree(
+    geometry: KlannGeometry, direction: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alphas = [math.radians(direction * k / 10) for k in range(3601)]
+    expected = [KlannLeg(geometry).closed_form(alpha) for alpha in alphas]
+    leg = KlannLeg(geometry)
+    leg.solve(alphas[0])
+    monkeypatch.setattr(closed_form_module, 'joints', None)  # calling it raises TypeError
+    poses = [leg.solve(alpha) for alpha in alphas]
+    assert max(map(difference, poses, expected)) <= 1e-11
+    assert {pose.iterations for pose in poses} <= {1, 2, 3, 4}
+    assert max(math.dist(p.h, q.h) for p, q in zip(poses, expected, strict=True)) <= 1e-14
+    assert max(pose.residual for pose in poses) <= 1e-14
+
+
+def test_the_iterates_are_those_of_the_full_newton() -> None:
+    leg = KlannLeg()
+    last = leg.solve(1.0)
+    step = 0.3
+    guess = [x + step * c for x, c in zip(last.x, last.coefficients, strict=True)]
+    iterates = leg.newton(1.0 + step, guess)
+    pose = leg.solve(1.0 + step)
+    assert pose.iterations in (len(iterates) - 1, len(iterates))
+    np.testing.assert_allclose(pose.x, iterates[-1], rtol=0, atol=1e-15)
+
+
+@settings(max_examples=300)
+@given(geometry=legs(), alphas=st.lists(crank_angles, min_size=2, max_size=12))
+def test_after_jumps_of_any_size_the_pose_is_the_closed_forms(
+    geometry: KlannGeometry, alphas: list[float]
+) -> None:
+    leg = KlannLeg(geometry)
+    for alpha in alphas:
+        try:
+            expected = leg.closed_form(alpha)
+        except UnreachableError as error:
+            assume(error.shortfall > 1e-12)
+            before = leg.last
+            with pytest.raises(UnreachableError) as caught:
+                leg.solve(alpha)
+            assert caught.value.args == error.args
+            assert leg.last is before
+        else:
+            pose = leg.solve(alpha)
+            assert difference(pose, expected) <= allowed(expected)
+            assert pose.alpha == alpha
+
+
+@given(geometry=legs(change=0.1), start=crank_angles, step=st.floats(-0.3, 0.3))
+def test_forward_then_back_is_the_same_pose(
+    geometry: KlannGeometry, start: float, step: float
+) -> None:
+    leg = KlannLeg(geometry)
+    try:
+        first = leg.solve(start)
+        leg.solve(start + step)
+    except UnreachableError:
+        assume(False)
+    assert difference(leg.solve(start), first) <= allowed(first)
+
+
+@pytest.mark.parametrize('geometry', PRESETS)
+@pytest.mark.parametrize('turns', [1, -3, 1000])
+def test_whole_turns_close(geometry: KlannGeometry, turns: int) -> None:
+    leg = KlannLeg(geometry)
+    first = leg.solve(1.0)
+    again = leg.solve(1.0 + turns * 2 * math.pi)
+    assert difference(first, again) <= 1e-11
+    assert again.alpha == 1.0 + turns * 2 * math.pi
+
+
+@pytest.mark.parametrize('degrees', [30, 79, 90, 120, 180])
+def test_a_jump_is_split_and_needs_no_closed_form(
+    degrees: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for start in range(0, 360, 10):
+        leg = KlannLeg()
+        leg.solve(math.radians(start))
+        expected = leg.closed_form(math.radians(start + degrees))
+        with monkeypatch.context() as patch:
+            patch.setattr(closed_form_module, 'joints', None)
+            pose = leg.solve(math.radians(start + degrees))
+        assert difference(pose, expected) <= 1e-11
+
+
+def test_a_jump_across_an_arc_that_cannot_be_reached_stays_on_the_branch() -> None:
+    geometry = KlannGeometry(l_bc=0.33)  # cannot reach 136.6 .. 194.5 deg
+    leg = KlannLeg(geometry)
+    for alpha in (2.3, 3.5, 2.3, 3.45, 2.38):
+        assert difference(leg.solve(alpha), leg.closed_form(alpha)) <= 1e-10
+
+
+def test_a_huge_max_crank_step_still_stays_on_the_branch() -> None:
+    leg = KlannLeg(max_crank_step=10.0)
+    for k in range(200):
+        alpha = 2.399963 * k
+        assert difference(leg.solve(alpha), leg.closed_form(alpha)) <= 1e-11
+
+
+@pytest.mark.parametrize('alpha', [math.nan, math.inf, -math.inf, 1.1e6, -1e308])
+@pytest.mark.parametrize('method', ['solve', 'closed_form'])
+def test_an_angle_that_is_none_is_refused_and_changes_nothing(method: str, alpha: float) -> None:
+    leg = KlannLeg()
+    before = leg.solve(1.0)
+    with pytest.raises(CrankAngleError, match='finite and within') as caught:
+        getattr(leg, method)(alpha)
+    assert caught.value.alpha is alpha
+    assert leg.last is before
+
+
+def test_an_unreachable_angle_names_the_dyad_and_what_is_missing() -> None:
+    geometry = KlannGeometry(l_bc=0.33)
+    leg = KlannLeg(geometry)
+    before = leg.solve(1.0)
+    alpha = math.radians(170.0)
+    bx, by = 0.12 * math.cos(alpha), 0.09 + 0.12 * math.sin(alpha)
+    missing = math.hypot(0.35 - bx, by) - (0.33 + 0.14)
+    with pytest.raises(UnreachableError, match='dyad 1 does not close, B and D are') as caught:
+        leg.solve(alpha)
+    error = caught.value
+    assert (error.alpha, error.dyad, error.stretched) == (alpha, 1, True)
+    assert error.shortfall == pytest.approx(missing, abs=1e-15)
+    assert '170.000 deg' in str(error)
+    assert leg.last is before
+
+
+def test_the_second_dyad_is_named_too() -> None:
+    geometry = KlannGeometry(l_ef=0.12)
+    with pytest.raises(UnreachableError, match='dyad 2 does not close, E and G are') as caught:
+        for k in range(360):
+            KlannLeg(geometry).solve(math.radians(k))
+    assert caught.value.dyad == 2
+    assert caught.value.shortfall > 0
+
+
+def test_reset_forgets_the_warm_start() -> None:
+    leg = KlannLeg()
+    leg.solve(1.0)
+    leg.reset()
+    assert leg.last is None
+
+
+@pytest.mark.parametrize('name', ['tolerance', 'max_crank_step'])
+@pytest.mark.parametrize('value', [0.0, -1.0, math.nan, math.inf])
+def test_settings_that_make_no_sense_are_refused(name: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f'{name} = .* must be finite and > 0'):
+        KlannLeg(**{name: value})
