@@ -6,12 +6,13 @@ import pickle
 from hypothesis import given, strategies as st
 from klann_ros.kinematics import (
     CrankAngleError,
+    klann,
+    KlannGeometry,
     KlannLeg,
     NotConvergedError,
     SingularPoseError,
     UnreachableError,
 )
-from klann_ros.kinematics import KlannGeometry
 import numpy as np
 import pytest
 
@@ -28,8 +29,6 @@ def test_every_degree_converges_from_the_books_guess() -> None:
 
 @given(guess=st.tuples(*[st.floats(-3.0, 3.0)] * 4))
 def test_it_ends_at_a_root_or_says_why_with_its_iterates(guess: tuple[float, ...]) -> None:
-    from klann_ros.kinematics import klann
-
     leg = KlannLeg()
     try:
         iterates = leg.newton(1.0, guess)
