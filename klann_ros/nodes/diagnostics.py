@@ -1,0 +1,101 @@
+"""The solver's figures as a diagnostic status."""
+
+from math import degrees
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+from .solver_figures import SolverFigures
+
+# Inputs are stale when there was none for so long [s].
+STALE_AFTER = 2.0
+
+
+def status(
+    name: str,
+    figures: SolverFigures,
+    *,
+    lost: int,
+    lost_now: int,
+    period: float,
+    silence: float,
+    min_transmission_angle: float,
+    assembly: tuple[int, int],
+    note: str = '',
+) -> DiagnosticStatus:
+    """
+    Return the status of a leg.
+
+    Parameters
+    ----------
+    name : str
+        The status's name.
+    figures : SolverFigures
+        What happened since the last report.
+    lost, lost_now : int
+        Inputs lost since the start and since the last report.
+    period : float
+        Time since the last report [s].
+    silence : float
+        Time since the last input [s].
+    min_transmission_angle : float
+        Below this a leg is worth a warning [rad].
+    assembly : tuple of int
+        The leg's assembly, which every published pose has.
+    note : str
+        What is always worth saying about this leg.
+
+    """
+    level, message = _verdict(figures, lost_now, silence, min_transmission_angle)
+    if note:
+        message = f'{message}; {note}'
+    return DiagnosticStatus(
+        level=level,
+        name=name,
+        message=message,
+        hardware_id=name,
+        values=[
+            KeyValue(key=key, value=str(value))
+            for key, value in _values(figures, lost, period, assembly).items()
+        ],
+    )
+
+
+def _verdict(
+    figures: SolverFigures, lost_now: int, silence: float, min_transmission_angle: float
+) -> tuple[bytes, str]:
+    """Return the level and the most important thing to say."""
+    if silence > STALE_AFTER:
+        return DiagnosticStatus.STALE, f'no input for {silence:.1f} s'
+    if figures.failure:
+        return DiagnosticStatus.ERROR, figures.failure
+    if figures.rejection:
+        return DiagnosticStatus.WARN, figures.rejection
+    if lost_now:
+        return DiagnosticStatus.WARN, f'{lost_now} inputs were lost'
+    if figures.from_singular < min_transmission_angle:
+        angle = degrees(figures.from_singular)
+        return (
+            DiagnosticStatus.WARN,
+            f'nearly singular: the links of a dyad are {angle:.1f} deg from in line',
+        )
+    return DiagnosticStatus.OK, 'solving'
+
+
+def _values(
+    figures: SolverFigures, lost: int, period: float, assembly: tuple[int, int]
+) -> dict[str, object]:
+    mu_1, mu_2 = figures.transmission_angles
+    return {
+        'solved': figures.solved,
+        'rejected': figures.rejected,
+        'failed': figures.failed,
+        'lost': lost,
+        'out_of_order': figures.out_of_order,
+        'rate': f'{figures.inputs / period:.3f}',
+        'iterations': figures.iterations,
+        'residual': f'{figures.residual:.3e}',
+        'condition': f'{figures.condition:.4g}',
+        'transmission_angle_1': f'{mu_1:.6f}',
+        'transmission_angle_2': f'{mu_2:.6f}',
+        'branch': '{:+d} {:+d}'.format(*assembly),
+    }

@@ -1,0 +1,132 @@
+"""One process, one node: from the command line to the exit code."""
+
+import argparse
+from collections.abc import Callable, Sequence
+import sys
+from typing import Protocol
+
+from klann_ros import __version__
+from klann_ros.stop_signals import StopSignals
+import rclpy
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from rclpy.utilities import remove_ros_args
+
+
+class StartError(Exception):
+    """What a node cannot start with; its text is the one line that the user reads."""
+
+
+class Finish(Protocol):
+    """Ends the process, orderly, with an exit code; the first call counts."""
+
+    def __call__(self, code: int = 0) -> None:
+        """Ask for the end."""
+
+
+class ProcessNode(Node):
+    """A node that has something to put in order before its process ends."""
+
+    def close(self) -> int:
+        """Put it in order; return the exit code."""
+        return 0
+
+
+def command_line(name: str, description: str, epilog: str = '') -> argparse.ArgumentParser:
+    """Return the parser of an executable: `--help` and `--version`, arguments to be added."""
+    parser = argparse.ArgumentParser(
+        prog=name,
+        description=description,
+        epilog=epilog,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
+    return parser
+
+
+def arguments(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.Namespace:
+    """Parse what is not meant for ROS (`--ros-args ...`); what ROS cannot parse is an error."""
+    try:
+        own = remove_ros_args(list(argv))[1:]
+    except RCLError as error:
+        parser.exit(1, f'{parser.prog}: {_line(error)}\n')
+    return parser.parse_args(own)
+
+
+def run(
+    name: str, make_node: Callable[[Finish], Node], argv: Sequence[str], stop: StopSignals
+) -> int:
+    """
+    Run a node until a signal stops it, or it asks for its end.
+
+    Parameters
+    ----------
+    name : str
+        The executable's name, for messages.
+    make_node : callable
+        Makes the node; is given what ends the process.
+    argv : sequence of str
+        The command line, program name first.
+    stop : StopSignals
+        The process's signals.
+
+    Returns
+    -------
+    int
+        The exit code: 0 after a signal, 1 for a node that cannot start, else the node's own.
+
+    """
+    # Made before the node, so that a signal during start-up is an orderly end as well.
+    finished = Future()
+
+    def finish(code: int = 0) -> None:
+        if not finished.done():
+            finished.set_result(code)
+
+    try:
+        # Signals are this process's own affair: see StopSignals.
+        rclpy.init(args=list(argv), signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:
+        return _refused(name, error)
+    try:
+        return _run(name, make_node, finished, finish, stop)
+    finally:
+        rclpy.try_shutdown()
+
+
+def _run(
+    name: str,
+    make_node: Callable[[Finish], Node],
+    finished: Future,
+    finish: Finish,
+    stop: StopSignals,
+) -> int:
+    stop.on_stop(finish)
+    executor = SingleThreadedExecutor()
+    try:
+        node = make_node(finish)
+    except (StartError, ParameterException, NameValidationException, RCLError) as error:
+        return _refused(name, error)
+    try:
+        executor.add_node(node)
+        executor.spin_until_future_complete(finished)
+    finally:
+        executor.remove_node(node)
+        closed = node.close() if isinstance(node, ProcessNode) else 0
+        node.destroy_node()
+        executor.shutdown()
+    return int(finished.result() or closed)
+
+
+def _refused(name: str, error: Exception) -> int:
+    print(f'{name}: {_line(error)}', file=sys.stderr)
+    return 1
+
+
+def _line(error: Exception) -> str:
+    """Return an error's text on one line, without the places in ROS's C sources."""
+    return ' '.join(str(error).split()).partition(', at /')[0]
