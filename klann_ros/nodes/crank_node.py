@@ -1,0 +1,169 @@
+"""`crank_node`: drives the crank."""
+
+from array import array
+from collections.abc import Sequence
+from functools import partial
+from math import inf, isfinite
+from typing import Any, TYPE_CHECKING
+
+from klann_ros.kinematics.crank_motion import CrankMotion, CrankMotionError, MODES
+from klann_ros.stop_signals import StopSignals
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+from .parameters import declare, Declared, must, must_be_positive
+from .process import arguments, command_line, Finish, run, StartError
+from .qos import OUTPUT
+
+if TYPE_CHECKING:
+    from rclpy.time import Time
+
+_DEFAULT = CrankMotion()
+MOTION = (
+    Declared('mode', _DEFAULT.mode, 'how the crank moves', f'one of {", ".join(MODES)}'),
+    Declared('speed', _DEFAULT.speed, 'rate of constant and sweep [rad/s]', 'finite'),
+    Declared('start', _DEFAULT.start, 'crank angle at the start [rad]', 'finite'),
+    Declared('amplitude', _DEFAULT.amplitude, 'size of sine, sweep and step [rad]', 'finite'),
+    Declared('frequency', _DEFAULT.frequency, 'of sine and step [Hz]', 'finite, > 0'),
+)
+PARAMETERS = (
+    Declared('rate', 100.0, 'messages a second [Hz]', 'finite, > 0'),
+    Declared(
+        'revolutions',
+        0,
+        'turns, or periods, until the node ends; 0: endless',
+        'an integer or a double, >= 0',
+        any_number=True,
+    ),
+    Declared('output', 'crank_angle', 'the topic to publish', 'crank_angle or crank_state'),
+    Declared('crank_joint', 'crank', 'name of the joint in crank_state'),
+    Declared(
+        'min_subscribers', 0, 'the crank waits until so many listen, so that none misses the start'
+    ),
+)
+# Time for a subscriber to match the publisher once the publisher knows of it [s].
+SETTLE = 0.3
+# A node that was stopped for longer than this goes on from where it was, without a burst [s].
+LONGEST_CATCH_UP = 0.5
+
+
+class CrankNode(Node):
+    """
+    Publish the crank's angle; the n-th is a function of n / rate alone.
+
+    Parameters
+    ----------
+    finish : Finish
+        Is called after the last revolution.
+
+    Raises
+    ------
+    StartError
+        A parameter is refused; the text says why.
+
+    """
+
+    def __init__(self, finish: Finish, **options: Any) -> None:
+        """Declare, validate, and start to wait; `options` are those of Node."""
+        super().__init__('crank_node', **options)
+        self._finish = finish
+        values = declare(self, [*MOTION, *PARAMETERS])
+        try:
+            self._motion = CrankMotion(**{p.name: values[p.name] for p in MOTION})
+        except CrankMotionError as error:
+            raise StartError(str(error)) from error
+        must_be_positive('rate', values['rate'])
+        self._rate = values['rate']
+        self._count = self._messages(values['revolutions'])
+        self._min_subscribers = values['min_subscribers']
+        self._make_output(values['output'], values['crank_joint'])
+        # Simulated time may stand still or jump; the crank turns in real time all the same.
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._n = 0
+        self._begin: Time | None = None
+        self._waiting = self.create_timer(0.02, self._wait, clock=self._steady)
+
+    def _messages(self, revolutions: float) -> float:
+        """Return how many messages so many revolutions take, both ends included."""
+        must(revolutions >= 0.0, 'revolutions', revolutions, '>= 0')
+        if revolutions == 0.0:
+            return inf
+        duration = revolutions * self._motion.period
+        must(isfinite(duration), 'revolutions', revolutions, '0 where speed is 0')
+        return round(duration * self._rate) + 1
+
+    def _make_output(self, output: str, crank_joint: str) -> None:
+        kinds = {
+            'crank_angle': (Float64, self._publish_angle),
+            'crank_state': (JointState, self._publish_state),
+        }
+        must(output in kinds, 'output', output, f'one of {", ".join(kinds)}')
+        kind, publish = kinds[output]
+        self._publisher = self.create_publisher(
+            kind,
+            output,
+            OUTPUT,
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+        )
+        self._publish = partial(publish, kind())
+        self._crank_joint = crank_joint
+
+    def _wait(self) -> None:
+        """Begin once enough subscribers listen."""
+        now = self._steady.now()
+        if self._publisher.get_subscription_count() < self._min_subscribers:
+            self._begin = None
+        elif self._begin is None:
+            self._begin = now + Duration(seconds=SETTLE if self._min_subscribers else 0.0)
+        if self._begin is not None and now >= self._begin:
+            self._waiting.cancel()
+            self._begin = now
+            self._origin = self.get_clock().now()
+            self.create_timer(1.0 / self._rate, self._tick, clock=self._steady)
+            self._tick()
+
+    def _tick(self) -> None:
+        """Publish what is due: a late timer catches up, so that no angle is left out."""
+        late = self._elapsed() - self._n / self._rate
+        if late > LONGEST_CATCH_UP:
+            self._begin += Duration(seconds=late)
+            self._origin += Duration(seconds=late)
+        due = int(self._elapsed() * self._rate + 1e-6) + 1
+        while self._n < min(due, self._count):
+            angle, rate = self._motion.at(self._n / self._rate)
+            self._publish(angle, rate, self._n / self._rate)
+            self._n += 1
+        if self._n >= self._count:
+            # The last messages are under way still.
+            self._publisher.wait_for_all_acked(Duration(seconds=2.0))
+            self._finish()
+
+    def _elapsed(self) -> float:
+        return float((self._steady.now() - self._begin).nanoseconds) / 1e9
+
+    def _publish_angle(self, message: Float64, angle: float, *_: float) -> None:
+        message.data = angle
+        self._publisher.publish(message)
+
+    def _publish_state(self, message: JointState, angle: float, rate: float, t: float) -> None:
+        message.header.stamp = (self._origin + Duration(seconds=t)).to_msg()
+        message.name = [self._crank_joint]
+        message.position = array('d', [angle])
+        message.velocity = array('d', [rate])
+        self._publisher.publish(message)
+
+
+def main(argv: Sequence[str], stop: StopSignals) -> int:
+    """Run the node; return the exit code."""
+    parser = command_line(
+        'crank_node',
+        'Drive the crank: publish its angle on crank_angle, or angle and rate on crank_state.',
+        'Parameters are given as --ros-args -p NAME:=VALUE:\n'
+        + '\n'.join(f'  {p.name} ({p.default}): {p.description}' for p in (*MOTION, *PARAMETERS)),
+    )
+    arguments(parser, argv)
+    return run('crank_node', CrankNode, argv, stop)
