@@ -1,0 +1,185 @@
+"""`recorder_node`: leg topics in, crash-safe MCAP run out."""
+
+from collections.abc import Sequence
+from datetime import datetime, timezone
+from fnmatch import fnmatchcase
+import json
+import os
+import platform
+from typing import Any
+
+from klann_ros import __version__
+from klann_ros.log.background_writer import BackgroundWriter
+from klann_ros.log.errors import LogError, UnknownTypeError
+from klann_ros.log.mcap_file import COMPRESSIONS
+from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record
+from klann_ros.log.writer import RunWriter
+from klann_ros.stop_signals import StopSignals
+from rclpy.clock import Clock, ClockType
+import yaml
+
+from .message_types import UnknownMessageTypeError
+from .parameters import declare, Declared, must, must_be_positive
+from .process import arguments, command_line, Finish, ProcessNode, run, StartError
+from .recorded_topic import RecordedTopic
+from .solver_parameters import SolverParameters
+
+TOPICS = (
+    'crank_angle',
+    'crank_state',
+    'joint_states',
+    'point_h',
+    'velocity_h',
+    '*/point_h',
+    '*/velocity_h',
+    'markers',
+    'robot_description',
+    '/diagnostics',
+)
+PARAMETERS = (
+    Declared('output', '', 'folder of the run; empty: runs/<UTC time>', 'not there yet'),
+    Declared('topics', list(TOPICS), 'names of the topics; * stands for anything'),
+    Declared('all_topics', False, 'record every topic that is not hidden'),
+    Declared('compression', 'zstd', 'of the chunks', f'one of {", ".join(COMPRESSIONS)}'),
+    Declared('flush_period', 0.5, 'a crash costs at most this much [s]', 'finite, > 0'),
+)
+# How often new topics are looked for [s].
+LOOK_PERIOD = 0.05
+
+
+class RecorderNode(ProcessNode):
+    """
+    Record topics, each from when it appears, until the node is closed.
+
+    Parameters
+    ----------
+    finish : Finish
+        Is called when the disk says no.
+
+    Raises
+    ------
+    StartError
+        A parameter is refused, or the run's folder cannot be made; the text says why.
+
+    """
+
+    def __init__(self, finish: Finish, **options: Any) -> None:
+        """Declare, validate, open the run; `options` are those of Node."""
+        super().__init__('recorder_node', **options)
+        values = declare(self, PARAMETERS)
+        compression = values['compression']
+        must(compression in COMPRESSIONS, 'compression', compression, PARAMETERS[3].constraint)
+        must_be_positive('flush_period', values['flush_period'])
+        self._patterns = ['*'] if values['all_topics'] else self._resolved(values['topics'])
+        self._topics: dict[str, RecordedTopic] = {}
+        self._skipped: set[str] = set()
+        self._solvers = SolverParameters(self, self._on_solver)
+        self._writer = _open(values['output'] or _default_output(), compression)
+        self._background = BackgroundWriter(
+            self._writer,
+            flush_period=values['flush_period'],
+            on_failure=lambda: finish(1),
+        )
+        self._background.put_entry(_describe_recorder)
+        self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.get_logger().info(f'recording to {self._writer.path}')
+
+    def close(self) -> int:
+        """Take what still waits, and finish the run."""
+        for topic in self._topics.values():
+            topic.take_waiting()
+        try:
+            self._background.close()
+        except (OSError, LogError) as error:
+            self.get_logger().error(f'the recording stopped early: {error}')
+            return 1
+        received = sum(topic.received for topic in self._topics.values())
+        lost = sum(topic.loss.lost for topic in self._topics.values())
+        self.get_logger().info(
+            f'{received - self._background.dropped} messages of {len(self._topics)} topics are in '
+            f'{self._writer.path}; {lost + self._background.dropped} were lost'
+        )
+        return 0
+
+    def _resolved(self, names: Sequence[str]) -> list[str]:
+        """Return full names; a pattern is taken in this node's namespace, and not remapped."""
+        namespace = self.get_namespace().rstrip('/')
+        return [
+            name
+            if name.startswith('/')
+            else f'{namespace}/{name}'
+            if '*' in name
+            else self.resolve_topic_name(name)
+            for name in names
+        ]
+
+    def _look(self) -> None:
+        """Subscribe to what has appeared."""
+        for name, _ in self.get_topic_names_and_types():
+            if name not in self._topics and name not in self._skipped and self._wanted(name):
+                self._subscribe(name)
+        for name in self._topics:
+            if name.endswith('/joint_states'):
+                self._solvers.add(self.get_publishers_info_by_topic(name))
+        self._solvers.ask()
+
+    def _wanted(self, name: str) -> bool:
+        hidden = any(part.startswith('_') for part in name.split('/'))
+        return not hidden and any(fnmatchcase(name, pattern) for pattern in self._patterns)
+
+    def _subscribe(self, name: str) -> None:
+        publishers = self.get_publishers_info_by_topic(name)
+        if not publishers:
+            return
+        try:
+            self._topics[name] = RecordedTopic(self, name, publishers, self._background.put)
+        except (UnknownMessageTypeError, UnknownTypeError) as error:
+            self._skipped.add(name)
+            self.get_logger().warning(f'{name} is not recorded: {error}')
+
+    def _on_solver(self, name: str, parameters: dict[str, Any]) -> None:
+        now = self.get_clock().now().nanoseconds
+        file = yaml.safe_dump({name: {'ros__parameters': parameters}}).encode()
+
+        def describe(writer: RunWriter) -> None:
+            writer.add_metadata(SOLVER_RECORD, solver_record(name, parameters))
+            writer.attach(f'{name.strip("/").replace("/", "_")}.yaml', 'text/yaml', file, now)
+
+        self._background.put_entry(describe)
+
+
+def _default_output() -> str:
+    return f'runs/{datetime.now(timezone.utc):%Y-%m-%dT%H-%M-%SZ}'
+
+
+def _open(output: str, compression: str) -> RunWriter:
+    try:
+        return RunWriter(output, compression=compression)
+    except (LogError, OSError) as error:
+        raise StartError(str(error)) from error
+
+
+def _describe_recorder(writer: RunWriter) -> None:
+    writer.add_metadata(
+        'klann_ros.recorder',
+        {
+            'version': __version__,
+            'host': platform.node(),
+            'system': platform.platform(),
+            'python': platform.python_version(),
+            'ros_distro': os.environ.get('ROS_DISTRO', 'jazzy'),
+            'started': datetime.now(timezone.utc).isoformat(),
+        },
+    )
+
+
+def main(argv: Sequence[str], stop: StopSignals) -> int:
+    """Run the node; return the exit code."""
+    parser = command_line(
+        'recorder_node',
+        'Record the topics of a leg to an MCAP run that survives a crash. Ctrl-C finishes it.',
+        'Parameters are given as --ros-args -p NAME:=VALUE:\n'
+        + '\n'.join(f'  {p.name} ({json.dumps(p.default)}): {p.description}' for p in PARAMETERS),
+    )
+    arguments(parser, argv)
+    return run('recorder_node', RecorderNode, argv, stop)
