@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from klann_ros.log.definitions import definition
+from klann_ros.log.loss import LossCounter
 from klann_ros.log.qos import qos_to_yaml
 from klann_ros.log.records import Message, Topic
 from rclpy.node import Node
@@ -10,7 +11,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from .message_types import message_class
 from .qos import recorded, to_receive
-from .taking import drain, Info, LossCounter, waiting
+from .taking import drain, Info, waiting
 
 
 class RecordedTopic:

@@ -18,6 +18,7 @@ from klann_ros.kinematics import (
     reachable_arcs,
     SingularPoseError,
 )
+from klann_ros.log.loss import LossCounter
 from klann_ros.stop_signals import StopSignals
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
@@ -36,7 +37,7 @@ from .parameters import declare, Declared, must_be_positive
 from .process import arguments, command_line, Finish, run, StartError
 from .qos import INPUT, OUTPUT
 from .solver_figures import SolverFigures
-from .taking import drain, Info, LossCounter
+from .taking import drain, Info
 
 PARAMETERS = (
     Declared('frame_id', 'leg_plane', 'frame of the published point: the plane of the leg'),
