@@ -1,0 +1,45 @@
+"""The leg drawn: bars, joints with their letters, and the path of the foot."""
+
+from typing import TYPE_CHECKING
+
+from klann_ros.kinematics import KlannPose
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LETTERS = 'ABCDEFGH'
+# Each body by its points, with its name and colour.
+BODIES = (
+    ('AB', 'crank', '#d1495b'),
+    ('BCG', 'coupler', '#30638e'),
+    ('DC', 'lower rocker', '#7a9e7e'),
+    ('EF', 'upper rocker', '#edae49'),
+    ('FGH', 'leg', '#003d5b'),
+)
+PIVOTS = 'ADE'
+
+
+def draw_leg(axes: 'Axes', pose: KlannPose) -> None:
+    """Draw a pose: each body in its colour, the pivots as squares, every point's letter."""
+    points = dict(zip(LETTERS, pose.points, strict=True))
+    for letters, name, colour in BODIES:
+        bars = np.array([points[letter] for letter in letters])
+        axes.plot(*bars.T, '-', color=colour, linewidth=4, solid_capstyle='round', label=name)
+    for letter, (x, y) in points.items():
+        marker = 's' if letter in PIVOTS else 'o'
+        axes.plot(x, y, marker, color='white', markeredgecolor='black', markersize=8, zorder=3)
+        axes.annotate(letter, (x, y), xytext=(7, 7), textcoords='offset points', fontsize=12)
+
+
+def draw_foot_path(axes: 'Axes', feet: NDArray[np.float64], label: str) -> None:
+    """Draw the path of the foot H, shape (n, 2) [m]."""
+    axes.plot(*feet.T, '-', color='#8d99ae', linewidth=1.5, label=label, zorder=0)
+
+
+def label_plane(axes: 'Axes', title: str) -> None:
+    """Name the axes of the leg's plane, equally scaled."""
+    axes.set(title=title, xlabel='x / m', ylabel='y / m', aspect='equal')
+    axes.grid(visible=True, linewidth=0.3)
+    axes.legend(fontsize='small', frameon=False, loc='center left', bbox_to_anchor=(1.0, 0.5))
