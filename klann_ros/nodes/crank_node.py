@@ -1,7 +1,7 @@
 """`crank_node`: drives the crank."""
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from math import inf, isfinite
 from typing import Any, TYPE_CHECKING
@@ -77,7 +77,7 @@ class CrankNode(Node):
         except CrankMotionError as error:
             raise StartError(str(error)) from error
         must_be_positive('rate', values['rate'])
-        self._rate = values['rate']
+        self._rate: float = values['rate']
         self._count = self._messages(values['revolutions'])
         self._min_subscribers = values['min_subscribers']
         self._make_output(values['output'], values['crank_joint'])
@@ -94,10 +94,10 @@ class CrankNode(Node):
             return inf
         duration = revolutions * self._motion.period
         must(isfinite(duration), 'revolutions', revolutions, '0 where speed is 0')
-        return round(duration * self._rate) + 1
+        return float(round(duration * self._rate) + 1)
 
     def _make_output(self, output: str, crank_joint: str) -> None:
-        kinds = {
+        kinds: dict[str, tuple[type, Callable[..., None]]] = {
             'crank_angle': (Float64, self._publish_angle),
             'crank_state': (JointState, self._publish_state),
         }
@@ -109,7 +109,7 @@ class CrankNode(Node):
             OUTPUT,
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
-        self._publish = partial(publish, kind())
+        self._publish: Callable[[float, float, float], None] = partial(publish, kind())
         self._crank_joint = crank_joint
 
     def _wait(self) -> None:
