@@ -1,0 +1,116 @@
+"""
+The metadata of a rosbag2 bag, version 9 (Jazzy), as data and as YAML.
+
+The same mapping stands in two places: in the run's ``metadata.yaml`` under a root key, and,
+without that key, in the MCAP metadata record ``rosbag2`` under ``serialized_metadata``.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from . import yaml_text
+from .qos import qos_from_yaml, qos_to_data
+from .records import Topic
+
+VERSION = 9
+ROOT_KEY = 'rosbag2_bagfile_information'
+RECORD_NAME = 'rosbag2'
+RECORD_KEY = 'serialized_metadata'
+FILE_NAME = 'metadata.yaml'
+
+
+@dataclass
+class FileSummary:
+    """
+    What one file of a run holds.
+
+    Parameters
+    ----------
+    name
+        The file's name in the run's folder.
+    counts
+        Messages per topic.
+    start_time, end_time
+        Log time of the earliest and the latest message [ns]; 0 without any.
+
+    """
+
+    name: str
+    counts: dict[Topic, int] = field(default_factory=dict)
+    start_time: int = 0
+    end_time: int = 0
+
+    @property
+    def message_count(self) -> int:
+        """Return how many messages there are of all topics."""
+        return sum(self.counts.values())
+
+
+def bag_metadata(files: Sequence[FileSummary], ros_distro: str) -> dict[str, object]:
+    """
+    Return the metadata of a run of these files, without the root key.
+
+    Raises
+    ------
+    MalformedQosError
+        A topic's quality of service is malformed.
+
+    """
+    filled = [file for file in files if file.message_count]
+    start = min((file.start_time for file in filled), default=0)
+    end = max((file.end_time for file in filled), default=0)
+    return {
+        'version': VERSION,
+        'storage_identifier': 'mcap',
+        'duration': {'nanoseconds': end - start},
+        'starting_time': {'nanoseconds_since_epoch': start},
+        'message_count': sum(file.message_count for file in files),
+        'topics_with_message_count': [
+            {'topic_metadata': _topic(topic), 'message_count': count}
+            for topic, count in _total(files).items()
+        ],
+        # What this means is compression by rosbag2 itself, not that of the chunks.
+        'compression_format': '',
+        'compression_mode': '',
+        'relative_file_paths': [file.name for file in files],
+        'files': [_file(file) for file in files],
+        'custom_data': None,
+        'ros_distro': ros_distro,
+    }
+
+
+def metadata_yaml(metadata: Mapping[str, object]) -> str:
+    """Return the text of ``metadata.yaml``."""
+    return yaml_text.dump({ROOT_KEY: dict(metadata)}) + '\n'
+
+
+def metadata_record(metadata: Mapping[str, object]) -> dict[str, str]:
+    """Return the content of the MCAP metadata record ``rosbag2``."""
+    return {RECORD_KEY: yaml_text.dump(dict(metadata))}
+
+
+def _total(files: Sequence[FileSummary]) -> dict[Topic, int]:
+    total: dict[Topic, int] = {}
+    for file in files:
+        for topic, count in file.counts.items():
+            total[topic] = total.get(topic, 0) + count
+    return total
+
+
+def _topic(topic: Topic) -> dict[str, object]:
+    return {
+        'name': topic.name,
+        'type': topic.type,
+        'serialization_format': topic.message_encoding,
+        'offered_qos_profiles': [qos_to_data(profile) for profile in qos_from_yaml(topic.qos)],
+        'type_description_hash': topic.type_hash,
+    }
+
+
+def _file(file: FileSummary) -> dict[str, object]:
+    return {
+        'path': file.name,
+        'starting_time': {'nanoseconds_since_epoch': file.start_time},
+        'duration': {'nanoseconds': file.end_time - file.start_time},
+        'message_count': file.message_count,
+    }

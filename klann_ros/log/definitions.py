@@ -1,0 +1,98 @@
+"""
+The complete text of a message type's definition, from the .msg files that are installed.
+
+The format is MCAP's ``ros2msg``: the type's own .msg file, then for each type it is made of, depth
+first and each once, a line of 80 ``=``, a line ``MSG: pkg/Type`` and that type's file.
+"""
+
+from collections.abc import Iterable, Iterator
+import os
+from pathlib import Path
+import re
+import sys
+
+from .errors import AnyPath, UnknownTypeError
+
+SEPARATOR = '=' * 80
+
+_PRIMITIVES = {
+    'bool', 'byte', 'char', 'float32', 'float64', 'int8', 'uint8', 'int16', 'uint16', 'int32',
+    'uint32', 'int64', 'uint64', 'string', 'wstring',
+}  # fmt: skip
+_NAME = re.compile(r'(?P<package>[A-Za-z]\w*)/(?:msg/)?(?P<type>[A-Za-z]\w*)', re.ASCII)
+_FIELD = re.compile(r'\s*([A-Za-z][\w/]*)', re.ASCII)
+
+
+def definition(type_name: str, prefixes: Iterable[AnyPath] | None = None) -> str:
+    """
+    Return the complete definition of a message type.
+
+    Parameters
+    ----------
+    type_name
+        Such as ``sensor_msgs/msg/JointState``.
+    prefixes
+        Install prefixes that are searched in this order for ``share/PKG/msg/Type.msg``; by
+        default those of AMENT_PREFIX_PATH, then ``sys.prefix``, where pip's wheels put them.
+
+    Raises
+    ------
+    UnknownTypeError
+        The name is not one of a message, or its .msg file or that of a type in it is missing.
+
+    """
+    places = default_prefixes() if prefixes is None else [Path(prefix) for prefix in prefixes]
+    package, name = _split(type_name)
+    texts: dict[str, str] = {}
+    _collect(package, name, places, texts)
+    (_, text), *others = texts.items()
+    for other, other_text in others:
+        text = f'{_line_end(text)}{SEPARATOR}\nMSG: {other}\n{other_text}'
+    return text
+
+
+def default_prefixes() -> list[Path]:
+    """Return the prefixes of a sourced ROS, then the one of this Python."""
+    sourced = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    return [Path(prefix) for prefix in [*sourced, sys.prefix] if prefix]
+
+
+def _collect(package: str, name: str, places: list[Path], texts: dict[str, str]) -> None:
+    """Put a type's text and then those of the types in it into texts; one met before is done."""
+    key = f'{package}/{name}'
+    if key in texts:
+        return
+    texts[key] = _read(package, name, places)
+    for field in _field_types(texts[key]):
+        if field not in _PRIMITIVES:
+            _collect(*_split(field if '/' in field else f'{package}/{field}'), places, texts)
+
+
+def _split(type_name: str) -> tuple[str, str]:
+    match = _NAME.fullmatch(type_name)
+    if not match:
+        raise UnknownTypeError(type_name, 'a message type is named like std_msgs/msg/Float64')
+    return match['package'], match['type']
+
+
+def _read(package: str, name: str, places: list[Path]) -> str:
+    relative = Path('share', package, 'msg', f'{name}.msg')
+    for place in places:
+        path = place / relative
+        if path.is_file():
+            # Bytes, so that the line ends stay as they are in the file.
+            return path.read_bytes().decode('utf-8', 'replace')
+    searched = os.pathsep.join(map(str, places)) or 'no prefix'
+    raise UnknownTypeError(f'{package}/msg/{name}', f'{relative} is not under {searched}')
+
+
+def _field_types(text: str) -> Iterator[str]:
+    """Yield the type of each field and constant: the first word, without array and bound."""
+    for line in text.splitlines():
+        match = _FIELD.match(line)
+        if match:
+            yield match[1]
+
+
+def _line_end(text: str) -> str:
+    return text if not text or text.endswith('\n') else f'{text}\n'

@@ -1,0 +1,135 @@
+"""Files that survive: what was synced is on the disk, and a full disk leaves no half record."""
+
+from contextlib import suppress
+import os
+from pathlib import Path
+
+# Where there is no fdatasync (macOS) its slower brother does the same and more.
+_sync = getattr(os, 'fdatasync', os.fsync)
+
+_BUFFER = 256 * 1024
+
+
+class DurableFile:
+    """
+    A new file that collects whole records and hands them to the system in large pieces.
+
+    Not Python's buffered writer: that one keeps what it could not write and tries again whenever
+    it is flushed, closed or collected. Here the first error is final; it is kept in ``failure``,
+    raised by whatever is asked of the file afterwards, and what was written of the last piece is
+    cut off on closing, so that the file ends with a whole record.
+
+    Parameters
+    ----------
+    path
+        The file, which must not exist.
+
+    Raises
+    ------
+    OSError
+        By every method but :meth:`tell` and :meth:`close`: the disk said no.
+
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.failure: OSError | None = None
+        self._descriptor = -1
+        self._buffer = bytearray()
+        self._written = 0
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, 'O_CLOEXEC', 0)
+        self._descriptor = os.open(path, flags, 0o666)
+
+    def write(self, data: bytes) -> int:
+        """Take one or more whole records; return their size [bytes]."""
+        self.check()
+        self._buffer += data
+        if len(self._buffer) > _BUFFER:
+            self.flush()
+        return len(data)
+
+    def tell(self) -> int:
+        """Return the size of all that was taken so far [bytes]."""
+        return self._written + len(self._buffer)
+
+    def check(self) -> None:
+        """Raise the error that an earlier call met, if any."""
+        if self.failure is not None:
+            raise self.failure
+
+    def flush(self) -> None:
+        """Hand everything to the system: it survives the end of this process."""
+        self.check()
+        pending = memoryview(self._buffer)
+        done = 0
+        try:
+            while done < len(pending):
+                done += os.write(self._descriptor, pending[done:])
+        except OSError as error:
+            self.failure = error
+            raise
+        self._written += len(self._buffer)
+        self._buffer = bytearray()
+
+    def sync(self) -> None:
+        """Hand everything to the disk: it survives a power failure."""
+        self.flush()
+        try:
+            _sync(self._descriptor)
+        except OSError as error:
+            self.failure = error
+            raise
+
+    def __del__(self) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; after an error cut it back to its last whole record. Never raises."""
+        if self._descriptor < 0:
+            return
+        descriptor, self._descriptor = self._descriptor, -1
+        # A disk that fails here has either failed before, which was said, or has synced all.
+        with suppress(OSError):
+            if self.failure is not None:
+                os.ftruncate(descriptor, self._written)
+        with suppress(OSError):
+            os.close(descriptor)
+
+
+def sync_folder(folder: Path) -> None:
+    """
+    Make the names of new files in a folder survive a power failure.
+
+    Raises
+    ------
+    OSError
+        The disk said no.
+
+    """
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def replace_file(path: Path, text: str) -> None:
+    """
+    Write a text file so that at any moment the old or the new one is there, never half of it.
+
+    Raises
+    ------
+    OSError
+        The disk said no; the old file is still there.
+
+    """
+    temporary = path.with_name(f'.{path.name}.new')
+    try:
+        with temporary.open('wb') as file:
+            file.write(text.encode())
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
+    sync_folder(path.parent)

@@ -1,0 +1,71 @@
+"""What can go wrong with a log: one base class, one class a cause, one line a message."""
+
+from os import PathLike
+from typing import TypeAlias
+
+AnyPath: TypeAlias = str | PathLike[str]
+
+
+class LogError(Exception):
+    """Anything that is wrong with a log, as opposed to the disk it is on (OSError)."""
+
+
+class NotALogError(LogError):
+    """The path is no log that can be read."""
+
+    def __init__(self, path: AnyPath, reason: str) -> None:
+        super().__init__(f'{path} is not a readable log: {reason}')
+
+
+class RunExistsError(LogError):
+    """The output is there already; nothing is overwritten."""
+
+    def __init__(self, path: AnyPath) -> None:
+        super().__init__(f'{path} exists already, not overwriting; choose a new name')
+
+
+class RunClosedError(LogError):
+    """Something was to be written to a run that is closed."""
+
+    def __init__(self, path: AnyPath) -> None:
+        super().__init__(f'{path} is closed, nothing more can be written to it')
+
+
+class UnknownTypeError(LogError):
+    """No definition is installed for a message type."""
+
+    def __init__(self, type_name: str, reason: str) -> None:
+        super().__init__(f'no definition of {type_name!r}: {reason}')
+
+
+class MalformedQosError(LogError):
+    """A text is no YAML sequence of quality of service profiles with all nine keys."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f'malformed quality of service: {reason}')
+
+
+class UnwritableError(LogError):
+    """A value does not fit into the file format."""
+
+
+class DamagedError(LogError):
+    """
+    Bytes of a log that do not hold what they should.
+
+    Attributes
+    ----------
+    reason
+        What is wrong, without the place.
+    offset
+        Where the damaged record starts [bytes from the start of its file].
+    opcode
+        Which record it says it is; 0 if that is unknown.
+
+    """
+
+    def __init__(self, reason: str, offset: int = 0, opcode: int = 0) -> None:
+        super().__init__(f'damaged at byte {offset}: {reason}')
+        self.reason = reason
+        self.offset = offset
+        self.opcode = opcode

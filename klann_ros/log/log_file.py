@@ -1,0 +1,245 @@
+"""One MCAP file being read, from any recorder and in any state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+from mcap.opcode import Opcode
+from mcap.records import Header, Metadata
+
+from .channels import Channels
+from .chunks import chunk_content
+from .container import find_footer, MAGIC, read, span_at
+from .errors import DamagedError, NotALogError
+from .parsing import parse, parse_attachment
+from .records import Message
+from .summary import read_summary, Summary
+from .walk import Walk
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterator
+    from pathlib import Path
+    from typing import BinaryIO, TypeAlias
+
+    from mcap.records import ChunkIndex
+
+    from .chunks import Content
+    from .records import Attachment, Topic
+
+    Source: TypeAlias = tuple[int, Callable[[], Iterator[Message]]]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something wrong in a file: the offset [bytes], and what, in one line."""
+
+    offset: int
+    text: str
+
+
+@dataclass(frozen=True)
+class Overview:
+    """What a file holds: topics, first and last log time [ns], offsets of other records."""
+
+    topics: list[Topic]
+    times: tuple[int, int] | None
+    metadata: list[int]
+    attachments: list[int]
+
+
+class LogFile:
+    """
+    A file of a log.
+
+    Attributes
+    ----------
+    path, size
+        The file and its size [bytes].
+    profile
+        What the header says, such as ``ros2``; '' if it is damaged.
+    closed
+        Whether it ends as a file does that was closed.
+    summary
+        What its summary says; empty if it has none that holds.
+    problems
+        What was found to be wrong so far, by offset; it grows while the file is read.
+
+    Raises
+    ------
+    NotALogError
+        It is not the start of an MCAP file, or cannot be opened.
+
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.problems: dict[int, Problem] = {}
+        self.summary = Summary()
+        self.profile = ''
+        try:
+            with path.open('rb') as file:
+                self.size = file.seek(0, 2)
+                file.seek(0)
+                self._check_start(file.read(len(MAGIC) + 1))
+                self.profile = self._read_profile(file)
+                footer = find_footer(file, self.size)
+                self.closed = footer is not None
+                if footer is None:
+                    self.note(self.size, 'it was not closed: there is no footer at its end')
+                else:
+                    self.summary = read_summary(file, footer)
+        except OSError as error:
+            raise NotALogError(path, error.strerror or str(error)) from None
+        except DamagedError as damage:
+            self.note(damage.offset, f'the summary is damaged: {damage.reason}')
+            self.summary = Summary()
+
+    def note(self, offset: int, text: str) -> None:
+        """Remember that something is wrong at an offset [bytes]."""
+        self.problems.setdefault(offset, Problem(offset, text))
+
+    def channels(self) -> Channels:
+        """Return a new table of channels with what the summary knows of them."""
+        known = Channels()
+        known.update(self.summary.channels)
+        return known
+
+    def index_sources(self, topics: Collection[str] | None) -> Iterator[Source]:
+        """Yield for each chunk in the index when it starts and how to get its messages."""
+        for chunk in self.summary.chunks:
+            if self._is_wanted(chunk, topics):
+                yield chunk.message_start_time, partial(self._chunk, chunk, topics)
+
+    def walk_messages(self, topics: Collection[str] | None) -> Iterator[Message]:
+        """Yield all intact messages in the order in which they stand in the file."""
+        channels = self.channels()
+        with self.path.open('rb') as file:
+            walk = Walk(file, self.size, channels)
+            for offset, content in walk.contents():
+                yield from self.messages(offset, content, channels, topics)
+            self.note_losses(walk)
+
+    def overview(self) -> Overview:
+        """Return what the file holds, from its index or else by going through all of it."""
+        summary = self.summary
+        if summary.is_index and summary.statistics is not None:
+            said = summary.statistics
+            times = (said.message_start_time, said.message_end_time)
+            return Overview(
+                summary.channels.topics(),
+                times if said.message_count else None,
+                summary.metadata,
+                summary.attachments,
+            )
+        return self._overview_by_walk()
+
+    def messages(
+        self, offset: int, content: Content, channels: Channels, topics: Collection[str] | None
+    ) -> Iterator[Message]:
+        """Yield the messages of a chunk; those of unknown channels are noted as a problem."""
+        data = content.data
+        known: dict[int, Topic | None] = {}
+        for channel, sequence, log_time, publish_time, start, end in content.rows:
+            if channel in known:
+                topic = known[channel]
+            else:
+                topic = channels.topic(channel)
+                if topic is None:
+                    self.note(offset, f'messages of channel {channel}, which is not known')
+                elif topics is not None and topic.name not in topics:
+                    topic = None
+                known[channel] = topic
+            if topic is not None:
+                yield Message(topic, data[start:end], log_time, publish_time, sequence)
+
+    def note_losses(self, walk: Walk) -> None:
+        """Note what a walk stepped over."""
+        for loss in walk.losses:
+            self.note(loss.offset, loss.reason)
+
+    def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
+        """Return the name and content of a metadata record; None if it is damaged."""
+        content = self._content_at(offset, Opcode.METADATA)
+        try:
+            record = None if content is None else parse(Metadata, content, offset)
+        except DamagedError as damage:
+            self.note(offset, damage.reason)
+            return None
+        return None if record is None else (record.name, record.metadata)
+
+    def attachment_at(self, offset: int) -> Attachment | None:
+        """Return an attachment; None if it is damaged."""
+        content = self._content_at(offset, Opcode.ATTACHMENT)
+        try:
+            return None if content is None else parse_attachment(content, offset)
+        except DamagedError as damage:
+            self.note(offset, damage.reason)
+            return None
+
+    def _overview_by_walk(self) -> Overview:
+        channels = self.channels()
+        times: list[int] = []
+        with self.path.open('rb') as file:
+            walk = Walk(file, self.size, channels)
+            for _, content in walk.contents():
+                found = [row[2] for row in content.rows]
+                times = [min([*times, *found]), max([*times, *found])] if found else times
+            self.note_losses(walk)
+        return Overview(
+            channels.topics(),
+            (times[0], times[1]) if times else None,
+            [span.offset for span in walk.metadata],
+            [span.offset for span in walk.attachments],
+        )
+
+    def _check_start(self, start: bytes) -> None:
+        if not start:
+            raise NotALogError(self.path, 'the file is empty')
+        if not start.startswith(MAGIC):
+            raise NotALogError(self.path, 'it does not start as an MCAP file does')
+        if start != MAGIC + bytes([Opcode.HEADER]):
+            raise NotALogError(self.path, 'there is no header at its start')
+
+    def _read_profile(self, file: BinaryIO) -> str:
+        try:
+            return parse(Header, read(file, span_at(file, len(MAGIC), self.size))).profile
+        except DamagedError as damage:
+            self.note(len(MAGIC), f'the header is damaged: {damage.reason}')
+            return ''
+
+    def _content_at(self, offset: int, opcode: Opcode) -> bytes | None:
+        try:
+            with self.path.open('rb') as file:
+                span = span_at(file, offset, self.size)
+                if span.opcode == opcode:
+                    return read(file, span)
+                self.note(offset, f'the index is wrong: no {opcode.name.lower()} stands there')
+        except DamagedError as damage:
+            self.note(offset, damage.reason)
+        return None
+
+    def _is_wanted(self, chunk: ChunkIndex, topics: Collection[str] | None) -> bool:
+        numbers = chunk.message_index_offsets
+        if topics is None or not numbers:
+            return True
+        found = map(self.summary.channels.topic, numbers)
+        return any(topic is not None and topic.name in topics for topic in found)
+
+    def _chunk(self, chunk: ChunkIndex, topics: Collection[str] | None) -> Iterator[Message]:
+        """Yield a chunk's messages ordered by log time; none if it is damaged."""
+        offset = chunk.chunk_start_offset
+        record = self._content_at(offset, Opcode.CHUNK)
+        if record is None:
+            return
+        try:
+            content = chunk_content(record, offset)
+        except DamagedError as damage:
+            self.note(offset, damage.reason)
+            return
+        if content.broken:
+            self.note(offset, content.broken)
+        messages = list(self.messages(offset, content, self.summary.channels, topics))
+        messages.sort(key=lambda message: message.log_time)
+        yield from messages

@@ -1,0 +1,66 @@
+"""The contents of records, parsed by the mcap library on bytes that cannot mislead it."""
+
+import io
+import struct
+from typing import Any, cast, TypeVar
+import zlib
+
+from mcap import records
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile, McapError
+
+from .errors import DamagedError
+from .records import Attachment
+
+Parsed = TypeVar('Parsed', bound=records.McapRecord)
+
+
+class _Content(ReadDataStream):
+    """A record's content; unlike the library's stream it gives all bytes asked for, or none."""
+
+    def __init__(self, content: bytes) -> None:
+        super().__init__(io.BytesIO(content))
+        self._size = len(content)
+
+    def read(self, length: int) -> bytes:
+        if length > self._size - self.count:
+            raise EndOfFile
+        return super().read(length)
+
+
+def parse(kind: type[Parsed], content: bytes, offset: int = 0) -> Parsed:
+    """
+    Return a record of one of the library's classes; the offset is for the error's message.
+
+    Raises
+    ------
+    DamagedError
+        The content is none of such a record.
+
+    """
+    try:
+        # Each class has a `read`, though their base has none.
+        parsed: Parsed = cast('Any', kind).read(_Content(content))
+    except (McapError, struct.error, ValueError) as error:
+        reason = f'the {kind.__name__.lower()} cannot be understood'
+        raise DamagedError(reason, offset) from error
+    return parsed
+
+
+def parse_attachment(content: bytes, offset: int = 0) -> Attachment:
+    """
+    Return an attachment, its CRC checked where there is one; the offset is for the error.
+
+    Raises
+    ------
+    DamagedError
+        The content is none of an attachment, or its CRC is another one.
+
+    """
+    record = parse(records.Attachment, content, offset)
+    (said,) = struct.unpack('<I', content[-4:])
+    if said not in (0, zlib.crc32(content[:-4])):
+        raise DamagedError(f'the CRC of the attachment {record.name!r} is wrong', offset)
+    return Attachment(
+        record.name, record.media_type, record.data, record.log_time, record.create_time
+    )

@@ -1,0 +1,194 @@
+"""
+Quality of service profiles as rosbag2 writes them into a log.
+
+The text is a YAML sequence, one profile a publisher. Since metadata version 9 (Jazzy) the policies
+are words, before they were the numbers of rmw; both are read, words are written. An infinite
+duration is 9223372036 s and 854775807 ns, which is the largest signed 64 bit number of ns.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from . import yaml_text
+from .errors import MalformedQosError
+
+INFINITE = 2**63 - 1
+"""A duration without end [ns]."""
+
+_NS = 10**9
+
+# Each policy's words, at the place of its number in rmw.
+POLICIES = {
+    'history': ('system_default', 'keep_last', 'keep_all', 'unknown'),
+    'reliability': ('system_default', 'reliable', 'best_effort', 'unknown', 'best_available'),
+    'durability': (
+        'system_default',
+        'transient_local',
+        'volatile',
+        'unknown',
+        'best_available',
+    ),
+    'liveliness': (
+        'system_default',
+        'automatic',
+        'manual_by_node',
+        'manual_by_topic',
+        'unknown',
+        'best_available',
+    ),
+}
+
+# What middlewares of Foxy called infinite (sec, nsec).
+_OLD_INFINITE = {(0x7FFFFFFF, 0xFFFFFFFF), (0x7FFFFFFF, 0x7FFFFFFF)}
+
+
+@dataclass(frozen=True)
+class Qos:
+    """One profile; policies are rosbag2's words, durations are in [ns], INFINITE without end."""
+
+    history: str = 'unknown'
+    depth: int = 0
+    reliability: str = 'reliable'
+    durability: str = 'volatile'
+    deadline: int = INFINITE
+    lifespan: int = INFINITE
+    liveliness: str = 'automatic'
+    liveliness_lease_duration: int = INFINITE
+    avoid_ros_namespace_conventions: bool = False
+
+
+def qos_to_data(profile: Qos) -> dict[str, object]:
+    """
+    Return a profile as rosbag2's mapping of all nine keys, in rosbag2's order.
+
+    Raises
+    ------
+    MalformedQosError
+        A policy is no word of rosbag2's, or depth or a duration is negative.
+
+    """
+    for key, words in POLICIES.items():
+        if getattr(profile, key) not in words:
+            raise MalformedQosError(f'{key} is {getattr(profile, key)!r}, not one of {words}')
+    if profile.depth < 0:
+        raise MalformedQosError(f'depth is {profile.depth}, not at least 0')
+    return {
+        'history': profile.history,
+        'depth': profile.depth,
+        'reliability': profile.reliability,
+        'durability': profile.durability,
+        'deadline': _time('deadline', profile.deadline),
+        'lifespan': _time('lifespan', profile.lifespan),
+        'liveliness': profile.liveliness,
+        'liveliness_lease_duration': _time(
+            'liveliness_lease_duration', profile.liveliness_lease_duration
+        ),
+        'avoid_ros_namespace_conventions': profile.avoid_ros_namespace_conventions,
+    }
+
+
+def qos_to_yaml(profiles: Iterable[Qos]) -> str:
+    """
+    Return the text of ``offered_qos_profiles``; '' for no profile.
+
+    Raises
+    ------
+    MalformedQosError
+        As :func:`qos_to_data`.
+
+    """
+    data = [qos_to_data(profile) for profile in profiles]
+    return yaml_text.dump(data) if data else ''
+
+
+def qos_from_yaml(text: str) -> list[Qos]:
+    """
+    Return the profiles in the text of ``offered_qos_profiles``; none for '' or a null.
+
+    Raises
+    ------
+    MalformedQosError
+        It is not a sequence of mappings with all nine keys. rosbag2 cannot open a file with
+        such a text, so it is an error here, too, and not an empty list.
+
+    """
+    try:
+        data = yaml_text.load(text)
+    except ValueError as error:
+        raise MalformedQosError(str(error)) from None
+    if data is None:
+        return []
+    if not isinstance(data, list):
+        raise MalformedQosError(f'a {type(data).__name__}, not a sequence of profiles')
+    return [_profile(item) for item in data]
+
+
+def qos_for_writing(text: str) -> str:
+    """
+    Return a recorded text as a new file may hold it: unchanged, but numbers become words.
+
+    Raises
+    ------
+    MalformedQosError
+        As :func:`qos_from_yaml`.
+
+    """
+    profiles = qos_from_yaml(text)
+    numbered = any(
+        isinstance(item[key], int) for item in yaml_text.load(text) or () for key in POLICIES
+    )
+    return qos_to_yaml(profiles) if numbered else text
+
+
+def _profile(item: object) -> Qos:
+    if not isinstance(item, dict):
+        raise MalformedQosError(f'a profile is {item!r}, not a mapping')
+    return Qos(
+        history=_word(item, 'history'),
+        depth=_count(item, 'depth'),
+        reliability=_word(item, 'reliability'),
+        durability=_word(item, 'durability'),
+        deadline=_duration(item, 'deadline'),
+        lifespan=_duration(item, 'lifespan'),
+        liveliness=_word(item, 'liveliness'),
+        liveliness_lease_duration=_duration(item, 'liveliness_lease_duration'),
+        avoid_ros_namespace_conventions=bool(_value(item, 'avoid_ros_namespace_conventions')),
+    )
+
+
+def _value(item: Mapping[str, Any], key: str) -> Any:
+    try:
+        return item[key]
+    except KeyError:
+        raise MalformedQosError(f'{key} is missing') from None
+
+
+def _word(item: Mapping[str, Any], key: str) -> str:
+    """Return a policy's word; one that is not known is 'unknown', as rmw has it."""
+    value = _value(item, key)
+    words = POLICIES[key]
+    if isinstance(value, int):
+        return words[value] if 0 <= value < len(words) else 'unknown'
+    return value if value in words else 'unknown'
+
+
+def _count(item: Mapping[str, Any], key: str) -> int:
+    value = _value(item, key)
+    if not isinstance(value, int) or value < 0:
+        raise MalformedQosError(f'{key} is {value!r}, not a number from 0')
+    return value
+
+
+def _duration(item: Mapping[str, Any], key: str) -> int:
+    value = _value(item, key)
+    if not isinstance(value, dict):
+        raise MalformedQosError(f'{key} is {value!r}, not sec and nsec')
+    sec, nsec = _count(value, 'sec'), _count(value, 'nsec')
+    return INFINITE if (sec, nsec) in _OLD_INFINITE else min(sec * _NS + nsec, INFINITE)
+
+
+def _time(key: str, duration: int) -> dict[str, int]:
+    if not 0 <= duration <= INFINITE:
+        raise MalformedQosError(f'{key} is {duration} ns, not within 0 and {INFINITE} ns')
+    return {'sec': duration // _NS, 'nsec': duration % _NS}

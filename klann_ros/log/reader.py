@@ -1,0 +1,198 @@
+"""
+Read a log of any recorder: a run's folder or an MCAP file, with or without an index, also damaged.
+
+Nothing but :class:`~klann_ros.log.errors.NotALogError` comes of what stands in a file; what is
+damaged is left out and told by :attr:`Log.problem`. An OSError comes of the disk only.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from functools import partial
+import heapq
+from typing import TYPE_CHECKING
+
+from .errors import NotALogError
+from .log_file import LogFile
+from .run_files import run_files
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Iterator
+    from pathlib import Path
+    from types import TracebackType
+
+    from typing_extensions import Self
+
+    from .errors import AnyPath
+    from .log_file import Source
+    from .records import Attachment, Message
+    from .run_files import RunFiles
+
+
+class Log:
+    """
+    An open log; get one by :func:`open_log`.
+
+    Attributes
+    ----------
+    paths : tuple of pathlib.Path
+        The files it consists of.
+    topics : tuple of Topic
+        All topics in it, in the order of their channels.
+    start_time, end_time : int
+        Log time of the earliest and the latest message [ns]; 0 without any.
+    metadata : dict of str to list of dict
+        The contents of the metadata records under their names, which may occur several times.
+
+    """
+
+    def __init__(self, files: list[LogFile], problems: list[str]) -> None:
+        self._files = [(file, file.overview()) for file in files]
+        self._problems = problems
+        self.paths = tuple(file.path for file in files)
+        overviews = [overview for _, overview in self._files]
+        times = [overview.times for overview in overviews if overview.times is not None]
+        self.start_time = min((start for start, _ in times), default=0)
+        self.end_time = max((end for _, end in times), default=0)
+        self.topics = tuple(dict.fromkeys(topic for item in overviews for topic in item.topics))
+        self.metadata: dict[str, list[dict[str, str]]] = {}
+        for file, overview in self._files:
+            for offset in overview.metadata:
+                self._add_metadata(file, offset)
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Return what is wrong with the log, one line each; reading may find more."""
+        found = [
+            f'{file.path.name} at byte {problem.offset}: {problem.text}'
+            for file, _ in self._files
+            for problem in file.problems.values()
+        ]
+        return (*self._problems, *found)
+
+    @property
+    def problem(self) -> str:
+        """Return the first problem and how many there are beside it; '' without any."""
+        first, *more = self.problems or ('',)
+        return f'{first} (and {len(more)} more)' if more else first
+
+    @property
+    def complete(self) -> bool:
+        """Return whether all files were closed and nothing was found to be wrong so far."""
+        return not self.problems
+
+    @property
+    def attachments(self) -> tuple[Attachment, ...]:
+        """Return the attachments, read anew; damaged ones are left out."""
+        found = (
+            file.attachment_at(offset)
+            for file, overview in self._files
+            for offset in overview.attachments
+        )
+        return tuple(attachment for attachment in found if attachment is not None)
+
+    def messages(self, topics: Iterable[str] | None = None) -> Iterator[Message]:
+        """
+        Yield the messages in the order of their log times.
+
+        Those of a file without an index, such as one that was not closed, come in the order in
+        which they stand in it. Damaged chunks are left out, and are a problem from then on.
+
+        Parameters
+        ----------
+        topics
+            Names of the topics that are wanted; all by default.
+
+        """
+        wanted = None if topics is None else frozenset(topics)
+        return _in_time_order(self._sources(wanted))
+
+    def close(self) -> None:
+        """Let go of the log; what it has told stays valid. Files are open only while read."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _add_metadata(self, file: LogFile, offset: int) -> None:
+        record = file.metadata_at(offset)
+        if record is not None:
+            name, content = record
+            self.metadata.setdefault(name, []).append(content)
+
+    def _sources(self, topics: Collection[str] | None) -> list[Source]:
+        sources: list[Source] = []
+        for file, overview in self._files:
+            if file.summary.is_index:
+                sources.extend(file.index_sources(topics))
+            elif overview.times is not None:
+                sources.append((overview.times[0], partial(file.walk_messages, topics)))
+        return sources
+
+
+def open_log(path: AnyPath) -> Log:
+    """
+    Open a log: a run's folder, or one MCAP file.
+
+    Raises
+    ------
+    NotALogError
+        There is nothing at the path, or nothing of it can be read.
+
+    """
+    files, found = open_files(path)
+    return Log(files, found.missing + found.remarks)
+
+
+def open_files(path: AnyPath) -> tuple[list[LogFile], RunFiles]:
+    """
+    Return those files of a log that are logs, and what is wrong with the others.
+
+    Raises
+    ------
+    NotALogError
+        There is nothing at the path, or none of its files is one.
+
+    """
+    found = run_files(path)
+    tried = [_try(file_path) for file_path in found.paths]
+    files = [file for file in tried if isinstance(file, LogFile)]
+    failures = [failure for failure in tried if isinstance(failure, NotALogError)]
+    if not files:
+        raise failures[0]
+    found.missing += [str(failure) for failure in failures]
+    return files, found
+
+
+def _in_time_order(sources: list[Source]) -> Iterator[Message]:
+    """
+    Merge sources by log time, each started when its time has come.
+
+    That way only chunks that overlap are unpacked at the same time.
+    """
+    waiting = deque(sorted((start, number) for number, (start, _) in enumerate(sources)))
+    started: list[tuple[int, int, Message, Iterator[Message]]] = []
+    while waiting or started:
+        if waiting and (not started or waiting[0] <= started[0][:2]):
+            _, number = waiting.popleft()
+            messages = sources[number][1]()
+        else:
+            _, number, message, messages = heapq.heappop(started)
+            yield message
+        following = next(messages, None)
+        if following is not None:
+            heapq.heappush(started, (following.log_time, number, following, messages))
+
+
+def _try(path: Path) -> LogFile | NotALogError:
+    try:
+        return LogFile(path)
+    except NotALogError as error:
+        return error

@@ -1,0 +1,80 @@
+"""What a log holds, as data: topics, messages, attachments."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Topic:
+    """
+    A topic with all that is needed to decode and to publish its messages again.
+
+    Parameters
+    ----------
+    name
+        The topic's full name, such as ``/joint_states``.
+    type
+        The message type, such as ``sensor_msgs/msg/JointState``; '' if the log does not say.
+    definition
+        The complete text of the schema (see :func:`klann_ros.log.definitions.definition`).
+    qos
+        The publishers' quality of service, the YAML text of ``offered_qos_profiles`` (see
+        :mod:`klann_ros.log.qos`); '' if unknown.
+    type_hash
+        ``RIHS01_...``; '' if unknown.
+    message_encoding, schema_encoding
+        How data and definition are written; other recorders use others than ROS 2's.
+    extra
+        Other entries that a recorder put in the channel's metadata, as (key, value) pairs.
+
+    """
+
+    name: str
+    type: str  # noqa: A003, RUF100 - as all tools call it; ruff lets it be
+    definition: str = ''
+    qos: str = ''
+    type_hash: str = ''
+    message_encoding: str = 'cdr'
+    schema_encoding: str = 'ros2msg'
+    extra: tuple[tuple[str, str], ...] = ()
+
+    def __hash__(self) -> int:
+        # A writer looks the topic up for each message; to hash eight fields costs more than that.
+        return hash((self.name, self.type))
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """
+    A message as it was received.
+
+    Parameters
+    ----------
+    topic
+        Where it was received.
+    data
+        The serialized bytes.
+    log_time
+        When it was received [ns since the epoch].
+    publish_time
+        When it was published, the source time [ns since the epoch].
+    sequence
+        The publication sequence number; a log keeps its lower 32 bits.
+
+    """
+
+    topic: Topic
+    data: bytes
+    log_time: int
+    publish_time: int
+    sequence: int
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """A file inside the log; times in [ns since the epoch], ``create_time`` 0 if unknown."""
+
+    name: str
+    media_type: str
+    data: bytes
+    log_time: int
+    create_time: int = 0

@@ -1,0 +1,97 @@
+"""The command ``recover``: a readable run out of a damaged one."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+import sys
+from typing import TYPE_CHECKING
+
+from klann_ros import __version__
+
+from .errors import LogError, NotALogError
+from .recovery import recover
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from .recovery import Recovery
+
+NOTHING_LOST = 0
+NOT_WRITTEN = 1
+NOTHING_READ = 2
+SOMETHING_LOST = 3
+INTERRUPTED = 130
+
+_EPILOG = """
+exit code: 0 nothing was discarded (a run that was only not closed included), 3 something was,
+2 nothing could be read, 1 the new run could not be written. LOG is never changed.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """
+    Run the command and return its exit code.
+
+    Parameters
+    ----------
+    argv
+        The arguments; those of the process by default.
+
+    """
+    arguments = _parser().parse_args(argv)
+    output = arguments.output or default_output(arguments.log)
+    try:
+        recovery = recover(arguments.log, output)
+    except NotALogError as error:
+        return _fail(str(error), NOTHING_READ)
+    except (LogError, OSError) as error:
+        return _fail(str(error), NOT_WRITTEN)
+    except KeyboardInterrupt:
+        return _fail('interrupted, nothing was written', INTERRUPTED)
+    _tell(recovery, output)
+    return SOMETHING_LOST if recovery.lost else NOTHING_LOST
+
+
+def default_output(log: Path) -> Path:
+    """Return where a log is recovered to: beside it, with ``_recovered`` behind its name."""
+    place = log.resolve()
+    name = place.stem if place.suffix == '.mcap' and not place.is_dir() else place.name
+    return place.with_name(f'{name}_recovered')
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='recover', description='Make a readable run out of a damaged one.', epilog=_EPILOG
+    )
+    parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
+    parser.add_argument('log', metavar='LOG', type=Path, help='a run folder or a .mcap file')
+    parser.add_argument(
+        '-o',
+        '--output',
+        metavar='OUT',
+        type=Path,
+        help='the folder of the new run, which must not exist (default: LOG_recovered)',
+    )
+    return parser
+
+
+def _fail(reason: str, code: int) -> int:
+    print(f'recover: {reason}', file=sys.stderr)
+    return code
+
+
+def _tell(recovery: Recovery, output: Path) -> None:
+    for note in recovery.remarks:
+        print(f'note: {note}')
+    for loss in recovery.lost:
+        print(f'lost: {loss}')
+    for topic, count in sorted(recovery.counts.items()):
+        print(f'kept: {count} messages of {topic}')
+    others = f'{recovery.attachments} attachments, {recovery.metadata} metadata records'
+    print(f'kept: {recovery.messages} messages in all, {others}')
+    print(f'written: {output}')
+
+
+if __name__ == '__main__':
+    sys.exit(main())

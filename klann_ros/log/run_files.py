@@ -1,0 +1,109 @@
+"""Which files a log consists of: a run's folder or a single file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+import re
+from typing import Any, TYPE_CHECKING
+
+from . import yaml_text
+from .bag_metadata import FILE_NAME, ROOT_KEY
+from .errors import NotALogError
+
+if TYPE_CHECKING:
+    from .errors import AnyPath
+
+
+@dataclass
+class RunFiles:
+    """
+    The files of a log in order, and what is wrong with its folder.
+
+    Attributes
+    ----------
+    paths
+        The MCAP files that are there.
+    missing
+        Files that should be there, one line each.
+    remarks
+        What else is wrong, one line each.
+
+    """
+
+    paths: list[Path] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+
+
+def run_files(path: AnyPath) -> RunFiles:
+    """
+    Return which MCAP files a log consists of.
+
+    For a folder these are the files that its ``metadata.yaml`` names, or else all ``*.mcap`` in
+    natural order (2 before 10).
+
+    Raises
+    ------
+    NotALogError
+        There is nothing at the path, or a folder without MCAP file, or one that rosbag2 compressed
+        as a whole or message by message.
+
+    """
+    place = Path(path)
+    try:
+        if place.is_dir():
+            return _folder_files(place)
+        if place.is_file():
+            return RunFiles([place])
+        exists = place.exists()
+    except (OSError, ValueError) as error:  # ValueError: a path with a null byte
+        raise NotALogError(path, str(error)) from None
+    raise NotALogError(path, 'neither a file nor a folder' if exists else 'there is no such path')
+
+
+def _folder_files(folder: Path) -> RunFiles:
+    found = sorted(folder.glob('*.mcap'), key=_natural)
+    files = RunFiles()
+    metadata = _metadata(folder / FILE_NAME, files.remarks)
+    mode = metadata.get('compression_mode')
+    if mode and str(mode).lower() != 'none':
+        raise NotALogError(
+            folder, f'it was recorded with rosbag2 compression mode {mode!r}; convert it first'
+        )
+    names = metadata.get('relative_file_paths')
+    if isinstance(names, list) and names:
+        # The last part only: older recorders put the folder's name before it.
+        named = [folder / Path(str(name)).name for name in names]
+        there = [path for path in dict.fromkeys(named) if path.is_file()]
+        files.missing = [
+            f'{path.name} is missing, though {FILE_NAME} names it'
+            for path in named
+            if path not in there
+        ]
+        found = there or found
+    if not found:
+        raise NotALogError(folder, 'there is no .mcap file in the folder')
+    files.paths = found
+    return files
+
+
+def _metadata(path: Path, remarks: list[str]) -> dict[str, Any]:
+    """Return what metadata.yaml says under its root key; nothing if there is none."""
+    if not path.exists():
+        return {}
+    try:
+        data = yaml_text.load(path.read_text('utf-8'))
+    except ValueError as error:
+        remarks.append(f'{FILE_NAME} is damaged: {error}')
+        return {}
+    content = data.get(ROOT_KEY) if isinstance(data, dict) else None
+    if not isinstance(content, dict):
+        remarks.append(f'{FILE_NAME} is damaged: there is no {ROOT_KEY} in it')
+        return {}
+    return content
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    parts = re.findall(r'\d+|\D+', path.name)
+    return [(int(part), '') if part.isdecimal() else (-1, part) for part in parts]

@@ -1,0 +1,106 @@
+"""Definitions: the exact text of types, from the .msg files that are installed."""
+
+import os
+from pathlib import Path
+import sys
+
+from klann_ros.log.definitions import default_prefixes, definition
+from klann_ros.log.errors import UnknownTypeError
+import pytest
+from rosbags.typesys import get_types_from_msg
+
+LINE = '=' * 80 + '\n'
+
+
+@pytest.fixture
+def message_file():
+    """Return the text of an installed .msg file, found independently."""
+
+    def read(package, name):
+        prefixes = [*os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep), sys.prefix]
+        for prefix in filter(None, prefixes):
+            path = Path(prefix, 'share', package, 'msg', f'{name}.msg')
+            if path.exists():
+                return path.read_bytes().decode()
+        raise FileNotFoundError(name)
+
+    return read
+
+
+def test_a_type_of_primitives_is_its_file(message_file):
+    text = definition('std_msgs/msg/Float64')
+    assert text == message_file('std_msgs', 'Float64')
+    assert text.endswith('float64 data\n')
+
+
+def test_point_stamped_is_depth_first(message_file):
+    assert definition('geometry_msgs/msg/PointStamped') == (
+        message_file('geometry_msgs', 'PointStamped')
+        + LINE + 'MSG: std_msgs/Header\n' + message_file('std_msgs', 'Header')
+        + LINE + 'MSG: builtin_interfaces/Time\n' + message_file('builtin_interfaces', 'Time')
+        + LINE + 'MSG: geometry_msgs/Point\n' + message_file('geometry_msgs', 'Point')
+    )  # fmt: skip
+
+
+def test_joint_state_has_header_and_time(message_file):
+    assert definition('sensor_msgs/msg/JointState') == (
+        message_file('sensor_msgs', 'JointState')
+        + LINE + 'MSG: std_msgs/Header\n' + message_file('std_msgs', 'Header')
+        + LINE + 'MSG: builtin_interfaces/Time\n' + message_file('builtin_interfaces', 'Time')
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    'name',
+    [
+        'visualization_msgs/msg/MarkerArray',
+        'diagnostic_msgs/msg/DiagnosticArray',
+        'geometry_msgs/msg/TwistStamped',
+        'rcl_interfaces/msg/ParameterEvent',
+    ],
+)
+def test_each_dependency_stands_there_once_and_the_text_parses(name):
+    text = definition(name)
+    heads = [line for line in text.splitlines() if line.startswith('MSG: ')]
+    assert len(heads) == len(set(heads))
+    assert name in get_types_from_msg(text, name)
+
+
+def test_constants_defaults_bounds_and_comments_are_no_types(tmp_path):
+    folder = tmp_path / 'share' / 'my_msgs' / 'msg'
+    folder.mkdir(parents=True)
+    (folder / 'Inner.msg').write_text('int8 x')
+    (folder / 'Outer.msg').write_text(
+        '# Comment other/Type\nuint8 A=1\nstring<=10 name "a#b"\nInner[<=3] many\n'
+        'my_msgs/Inner one\n  Inner[2] two # Other'
+    )
+    text = definition('my_msgs/msg/Outer', [tmp_path])
+    assert text.endswith('# Other\n' + LINE + 'MSG: my_msgs/Inner\nint8 x')
+    assert text.count('MSG: ') == 1
+
+
+def test_a_type_that_contains_itself_ends(tmp_path):
+    folder = tmp_path / 'share' / 'my_msgs' / 'msg'
+    folder.mkdir(parents=True)
+    (folder / 'Loop.msg').write_text('Loop again\n')
+    assert definition('my_msgs/msg/Loop', [tmp_path]) == 'Loop again\n'
+
+
+def test_the_first_prefix_wins_and_a_sourced_ros_comes_first(tmp_path, monkeypatch):
+    for place in ('a', 'b'):
+        folder = tmp_path / place / 'share' / 'my_msgs' / 'msg'
+        folder.mkdir(parents=True)
+        (folder / 'Same.msg').write_text(f'int8 {place}\n')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', f'{tmp_path / "a"}{os.pathsep}{tmp_path / "b"}')
+    assert [str(prefix) for prefix in default_prefixes()][-1] == sys.prefix
+    assert definition('my_msgs/msg/Same') == 'int8 a\n'
+
+
+@pytest.mark.parametrize(
+    'name',
+    ['no_such_msgs/msg/Thing', 'std_msgs/msg/NoSuch', 'std_msgs/srv/Empty', '../msg/x', '', 'x'],
+)
+def test_an_unknown_type_is_told(name):
+    with pytest.raises(UnknownTypeError) as caught:
+        definition(name)
+    assert '\n' not in str(caught.value)

@@ -1,0 +1,216 @@
+"""What is written is read back equal, by us and by others."""
+
+from pathlib import Path
+import tempfile
+
+from hypothesis import given, settings, strategies as st
+from klann_ros.log.qos import Qos, qos_to_yaml
+from klann_ros.log.reader import open_log
+from klann_ros.log.records import Attachment, Message, Topic
+from klann_ros.log.writer import RunWriter
+from mcap.reader import make_reader
+from mcap.writer import MCAP0_MAGIC
+from mcap_ros2.decoder import DecoderFactory
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import get_typestore, Stores
+import yaml
+
+U64 = st.integers(0, 2**64 - 1)
+texts = st.text(st.characters(codec='utf-8'), max_size=12)
+topics = st.builds(
+    Topic,
+    name=texts,
+    type=texts,
+    definition=texts,
+    qos=st.sampled_from(['', qos_to_yaml([Qos()]), qos_to_yaml([Qos(), Qos(depth=3)])]),
+    type_hash=texts,
+    extra=st.dictionaries(st.text('abc', min_size=1, max_size=3), texts, max_size=2).map(
+        lambda entries: tuple(entries.items())
+    ),
+).map(lambda topic: topic if topic.type or topic.definition else typeless(topic.name))
+names = st.dictionaries(texts, texts, max_size=3)
+
+
+def typeless(name):
+    return Topic(name, '', schema_encoding='')
+
+
+@st.composite
+def contents(draw):
+    """Draw messages of a few topics, and the places where the writer flushes."""
+    some = draw(st.lists(topics, min_size=1, max_size=4))
+    message = st.builds(
+        Message,
+        topic=st.sampled_from(some),
+        data=st.binary(max_size=60),
+        log_time=U64,
+        publish_time=U64,
+        sequence=st.integers(0, 2**32 - 1),
+    )
+    return draw(st.lists(message, max_size=30)), draw(st.sets(st.integers(0, 29)))
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    contents(),
+    st.sampled_from(['zstd', 'lz4', 'none']),
+    st.integers(1, 500),
+    st.lists(st.builds(Attachment, texts, texts, st.binary(max_size=50), U64, U64), max_size=3),
+    st.lists(st.tuples(st.sampled_from('ab'), names), max_size=3),
+)
+def test_everything_is_read_back_equal(content, compression, chunk_size, attachments, metadata):
+    messages, flushes = content
+    with tempfile.TemporaryDirectory() as folder:
+        run = Path(folder, 'run')
+        with RunWriter(run, compression=compression, chunk_size=chunk_size) as writer:
+            for number, message in enumerate(messages):
+                writer.write(message)
+                if number in flushes:
+                    writer.flush()
+            for item in attachments:
+                writer.attach(
+                    item.name, item.media_type, item.data, item.log_time, item.create_time
+                )
+            for name, mapping in metadata:
+                writer.add_metadata(name, mapping)
+        with open_log(run) as log:
+            assert log.complete, log.problem
+            # sorted() is stable: messages of one time keep their order.
+            assert list(log.messages()) == sorted(messages, key=lambda item: item.log_time)
+            assert log.attachments == tuple(attachments)
+            log.metadata.pop('rosbag2')
+            assert log.metadata == {
+                name: [mapping for other, mapping in metadata if other == name]
+                for name in dict(metadata)
+            }
+            assert set(log.topics) == {message.topic for message in messages}
+            times = [message.log_time for message in messages] or [0]
+            assert (log.start_time, log.end_time) == (min(times), max(times))
+
+
+@pytest.fixture(params=['zstd', 'lz4', 'none'])
+def mixed_run(request, runs, tmp_path):
+    """Write a run of joint states and crank angles, and what went into it as rosbags' objects."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types = store.types
+    text, _ = store.generate_msgdef('sensor_msgs/msg/JointState', ros_version=2)
+    joint_states = Topic(
+        '/joint_states',
+        'sensor_msgs/msg/JointState',
+        text,
+        qos_to_yaml([Qos(history='keep_last', depth=2000)]),
+        store.hash_rihs01('sensor_msgs/msg/JointState'),
+    )
+    written = []
+    for n, message in enumerate(runs.make_messages(50)):
+        stamp = types['builtin_interfaces/msg/Time'](1_700_000_000, n)
+        state = types['sensor_msgs/msg/JointState'](
+            header=types['std_msgs/msg/Header'](stamp, 'leg_plane'),
+            name=['alpha', 'beta'],
+            position=np.array([0.01 * n, -0.5]),
+            velocity=np.array([1.0, n]),
+            effort=np.array([]),
+        )
+        data = bytes(store.serialize_cdr(state, 'sensor_msgs/msg/JointState'))
+        time = message.log_time + 10
+        written += [(message, 0.01 * n), (Message(joint_states, data, time, time - 5, n), state)]
+    run = tmp_path / 'mixed'
+    runs.write_run(run, [[message for message, _ in written]], compression=request.param)
+    return run, written
+
+
+def test_rosbags_reads_the_folder(mixed_run):
+    run, written = mixed_run
+    with AnyReader([run]) as reader:
+        found = [
+            (connection.topic, time, bytes(data), reader.deserialize(data, connection.msgtype))
+            for connection, time, data in reader.messages()
+        ]
+    assert len(found) == len(written) == 100
+    for (topic, time, data, value), (message, content) in zip(found, written, strict=True):
+        assert (topic, time, data) == (message.topic.name, message.log_time, message.data)
+        if topic == '/crank_angle':
+            assert value.data == content
+        else:
+            assert value.name == content.name
+            assert list(value.position) == list(content.position)
+            assert value.header.frame_id == 'leg_plane'
+            assert value.header.stamp.nanosec == content.header.stamp.nanosec
+
+
+def test_rosbags_finds_times_counts_qos_and_hashes(mixed_run, runs):
+    run, _ = mixed_run
+    with Reader(run) as reader:
+        assert reader.message_count == 100
+        assert reader.start_time == runs.START
+        by_topic = {connection.topic: connection for connection in reader.connections}
+    assert {connection.msgcount for connection in by_topic.values()} == {50}
+    assert by_topic['/crank_angle'].digest == runs.HASH
+    (qos,) = by_topic['/joint_states'].ext.offered_qos_profiles
+    assert (qos.history.name, qos.depth, qos.reliability.name) == ('KEEP_LAST', 2000, 'RELIABLE')
+
+
+def test_mcap_ros2_decodes_the_same_values(mixed_run):
+    run, written = mixed_run
+    with (run / 'mixed_0.mcap').open('rb') as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        found = list(reader.iter_decoded_messages())
+    assert len(found) == 100
+    for item, (message, content) in zip(found, written, strict=True):
+        assert item.channel.topic == message.topic.name
+        assert item.message.log_time == message.log_time
+        assert item.message.publish_time == message.publish_time
+        assert item.message.sequence == message.sequence
+        if message.topic.name == '/crank_angle':
+            assert item.decoded_message.data == content
+        else:
+            assert item.decoded_message.position == list(content.position)
+            assert item.decoded_message.header.stamp.nanosec == content.header.stamp.nanosec
+
+
+def test_the_file_has_what_every_tool_wants(run_file, runs):
+    with run_file.open('rb') as file:
+        reader = make_reader(file)
+        header, summary = reader.get_header(), reader.get_summary()
+    assert (header.profile, header.library.split()[0]) == ('ros2', 'klann_ros')
+    assert summary.statistics.message_count == 240
+    assert summary.statistics.chunk_count == len(summary.chunk_indexes) == 6
+    assert all(index.compression == 'zstd' for index in summary.chunk_indexes)
+    assert all(index.message_index_offsets for index in summary.chunk_indexes)
+    (channel,) = summary.channels.values()
+    assert channel.message_encoding == 'cdr'
+    assert summary.schemas[channel.schema_id].encoding == 'ros2msg'
+    topic = runs.make_topic()
+    assert channel.metadata == {
+        'offered_qos_profiles': topic.qos,
+        'topic_type_hash': topic.type_hash,
+    }
+    kinds = [opcode for opcode, _, _ in runs.record_spans(run_file.read_bytes())]
+    assert 0x0E in kinds, 'summary offsets'
+    assert run_file.read_bytes()[-8:] == MCAP0_MAGIC
+
+
+def test_metadata_yaml_and_the_record_in_the_file_agree(run_file, runs):
+    root = yaml.safe_load((run_file.parent / 'metadata.yaml').read_text())
+    metadata = root['rosbag2_bagfile_information']
+    assert metadata['version'] == 9
+    assert metadata['relative_file_paths'] == ['walk_0.mcap']
+    assert metadata['message_count'] == 240
+    assert metadata['duration'] == {'nanoseconds': 239_000_000}
+    assert metadata['starting_time'] == {'nanoseconds_since_epoch': runs.START}
+    (topic,) = metadata['topics_with_message_count']
+    assert topic['topic_metadata']['type_description_hash'] == runs.HASH
+    with open_log(run_file) as log:
+        (record,) = log.metadata['rosbag2']
+    assert yaml.safe_load(record['serialized_metadata']) == metadata
+
+
+def test_topics_of_one_type_share_a_schema_and_equal_topics_a_channel(runs, tmp_path):
+    messages = runs.make_messages(5) + runs.make_messages(5) + runs.make_messages(5, '/other')
+    path = runs.write_run(tmp_path / 'run', [messages])
+    with path.open('rb') as file:
+        summary = make_reader(file).get_summary()
+    assert (len(summary.schemas), len(summary.channels)) == (1, 2)
