@@ -1,6 +1,7 @@
 """Build klann_ros with colcon (ament_python) and with pip: one source tree for both."""
 
 from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
@@ -12,7 +13,7 @@ EXTRAS = {
     'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
     'plot': ['matplotlib'],
 }
-EXTRAS['all'] = sorted(set(sum(EXTRAS.values(), [])))
+EXTRAS['all'] = sorted({name for names in EXTRAS.values() for name in names})
 EXTRAS['test'] = [
     'hypothesis',
     'pytest>=7.4',
@@ -22,8 +23,8 @@ EXTRAS['test'] = [
 setup(
     name=NAME,
     version='0.1.0',
-    description='The Klann leg on ROS 2: solved by Newton-Raphson, recorded, played back, reviewed',
-    long_description=open('README.md', encoding='utf-8').read(),
+    description='The Klann leg on ROS 2: solved by Newton-Raphson, recorded, replayed, reviewed',
+    long_description=Path('README.md').read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',
     license='Apache-2.0',
     maintainer='klann_ros maintainers',
@@ -31,7 +32,7 @@ setup(
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={NAME: ['py.typed']},
     python_requires='>=3.10',
-    install_requires=['numpy', 'mcap>=1.6.0', 'mcap-ros2-support', 'PyYAML'],
+    install_requires=['lz4', 'mcap>=1.6.0', 'mcap-ros2-support', 'numpy', 'PyYAML', 'zstandard'],
     extras_require=EXTRAS,
     zip_safe=False,
     data_files=[

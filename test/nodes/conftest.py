@@ -1,0 +1,15 @@
+"""Every test of a node has a domain, a context and processes of its own."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from domain import free_domain
+import pytest
+from ros_world import World, world
+
+
+@pytest.fixture
+def ros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    with world(free_domain(), tmp_path) as made:
+        yield made

@@ -1,0 +1,379 @@
+"""`solver_node` as its users meet it: a process on DDS."""
+
+from collections.abc import Sequence
+import math
+import time
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PointStamped, TwistStamped
+from klann_ros.kinematics import KlannGeometry, KlannLeg, UnreachableError
+import numpy as np
+import pytest
+from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
+from ros_world import Probe, World
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+ROOT_60 = np.radians([10.659455241249857, 67.32948352084568, 34.46397311984116, 45.72293552846574])
+H_60 = (0.7960057379415449, -0.3037627502892032)
+
+
+class Conversation:
+    """A running solver_node, a crank to turn, and its answers."""
+
+    def __init__(self, ros: World, topic: str = 'crank_angle', **parameters: object) -> None:
+        self.probe: Probe = ros.probe
+        self.poses = self.probe.listen(JointState, 'joint_states')
+        self.feet = self.probe.listen(PointStamped, 'point_h')
+        self.velocities = self.probe.listen(TwistStamped, 'velocity_h')
+        self.reports = self.probe.listen(DiagnosticArray, '/diagnostics')
+        self.solver = ros.start('solver_node', **parameters)
+        kind = Float64 if topic == 'crank_angle' else JointState
+        self.crank = self.probe.publisher(kind, topic)
+        for output in ('joint_states', 'point_h', 'velocity_h', '/diagnostics'):
+            self.probe.matched(output)
+
+    def turn(self, *alphas: float) -> None:
+        """Publish crank angles."""
+        for alpha in alphas:
+            self.crank.publish(Float64(data=alpha))
+
+    def state(self, **fields: Any) -> None:
+        """Publish a JointState."""
+        stamp = fields.pop('stamp', Time())
+        message = JointState(**fields)
+        message.header.stamp = stamp
+        self.crank.publish(message)
+
+    def answers(self, count: int) -> list[JointState]:
+        """Wait for so many poses, and see that there are no more."""
+        self.probe.until(lambda: len(self.poses) >= count and len(self.feet) >= count)
+        self.probe.spin(0.2)
+        assert (len(self.poses), len(self.feet)) == (count, count)
+        return self.poses
+
+    def status(self, level: bytes) -> DiagnosticStatus:
+        """Wait for a status of a level that comes after now."""
+        self.reports.clear()
+
+        def found() -> list[DiagnosticStatus]:
+            return [s for report in self.reports for s in report.status if s.level == level]
+
+        self.probe.until(found)
+        return found()[0]
+
+    def counts(self) -> dict[str, str]:
+        """Return the values of the next report."""
+        self.reports.clear()
+        self.probe.until(lambda: self.reports)
+        return {value.key: value.value for value in self.reports[0].status[0].values}
+
+
+def assert_right(poses: Sequence[JointState], geometry: KlannGeometry | None = None) -> None:
+    """Hold every pose against the closed form at its own alpha."""
+    leg = KlannLeg(geometry)
+    for pose in poses:
+        alpha, *angles = pose.position
+        expected = leg.closed_form(alpha).x
+        differences = [
+            math.remainder(a - b, 2 * math.pi) for a, b in zip(angles, expected, strict=True)
+        ]
+        assert differences == pytest.approx([0] * 4, abs=1e-9)
+
+
+def test_60_degrees_published_once_gives_the_root_and_the_foot(ros: World) -> None:
+    talk = Conversation(ros)
+    before = time.time()
+    talk.turn(math.radians(60))
+    (pose,), (foot,) = talk.answers(1), talk.feet
+    assert list(pose.name) == ['alpha', 'gamma', 'beta', 'delta', 'theta']
+    assert pose.position[0] == math.radians(60)
+    np.testing.assert_allclose(pose.position[1:], ROOT_60, rtol=0, atol=1e-9)
+    assert (foot.point.x, foot.point.y) == pytest.approx(H_60, abs=1e-9)
+    assert foot.point.z == 0
+    assert foot.header.frame_id == 'leg_plane'
+    assert list(pose.velocity) == list(pose.effort) == []
+    assert pose.header.stamp == foot.header.stamp
+    stamp = pose.header.stamp.sec + pose.header.stamp.nanosec * 1e-9
+    assert before - 1 <= stamp <= time.time() + 1
+    assert talk.velocities == []
+
+
+def test_a_state_is_answered_with_its_stamp_and_its_velocity(ros: World) -> None:
+    talk = Conversation(ros, 'crank_state')
+    stamp = Time(sec=123, nanosec=456)
+    names = ['other', 'crank']
+    talk.state(name=names, position=[9.0, 1.0], velocity=[9.0, 2.5], stamp=stamp)
+    (pose,) = talk.answers(1)
+    leg = KlannLeg()
+    velocity = leg.velocity(leg.closed_form(1.0), 2.5)
+    assert pose.header.stamp == talk.feet[0].header.stamp == stamp
+    np.testing.assert_allclose(pose.velocity, velocity[:5], rtol=1e-12)
+    talk.probe.until(lambda: talk.velocities)
+    (twist,) = talk.velocities
+    assert (twist.header.stamp, twist.header.frame_id) == (stamp, 'leg_plane')
+    linear, angular = twist.twist.linear, twist.twist.angular
+    assert (linear.x, linear.y) == pytest.approx(velocity.h, rel=1e-12)
+    assert (linear.z, angular.x, angular.y, angular.z) == (0, 0, 0, 0)
+
+
+@pytest.mark.parametrize('velocity', [[], [math.nan], [math.inf]])
+def test_a_velocity_that_is_none_is_unknown(ros: World, velocity: list[float]) -> None:
+    talk = Conversation(ros, 'crank_state')
+    talk.state(name=['crank'], position=[1.0], velocity=velocity)
+    (pose,) = talk.answers(1)
+    assert list(pose.velocity) == []
+    assert talk.velocities == []
+    # A zero stamp takes the middleware's source time.
+    assert abs(pose.header.stamp.sec - time.time()) < 60
+
+
+def test_bad_angles_are_forgotten(ros: World) -> None:
+    talk = Conversation(ros)
+    talk.turn(math.nan, 1.0, math.inf, -math.inf, 1.1e6, 1e308, 2.0)
+    poses = talk.answers(2)
+    assert [pose.position[0] for pose in poses] == [1.0, 2.0]
+    assert_right(poses)
+    counts = talk.counts()
+    assert (counts['solved'], counts['rejected'], counts['failed']) == ('2', '5', '0')
+    assert talk.solver.errors.count('[WARN]') == 1
+    assert 'must be finite and within' in talk.solver.errors
+
+
+def test_states_without_the_crank_are_forgotten(ros: World) -> None:
+    talk = Conversation(ros, 'crank_state', crank_joint='axle')
+    talk.state(name=['crank'], position=[1.0])
+    talk.state(name=['axle', 'crank'], position=[1.0])
+    talk.state(name=['axle'], position=[math.nan])
+    talk.state()
+    talk.state(name=['axle'], position=[1.5])
+    poses = talk.answers(1)
+    assert poses[0].position[0] == 1.5
+    assert talk.counts()['rejected'] == '4'
+
+
+def test_jumps_and_gaps_keep_the_branch_and_failures_are_told(ros: World) -> None:
+    geometry = KlannGeometry(l_bc=0.33)
+    talk = Conversation(ros, l_bc=0.33)
+    alphas = [0.1, 2.3, 3.0, 3.5, -400.0, 2.9, 2.3, 3.45, 1000.0, 3.0]
+    reachable = []
+    for alpha in alphas:
+        try:
+            KlannLeg(geometry).closed_form(alpha)
+        except UnreachableError as error:
+            message = str(error)
+        else:
+            reachable.append(alpha)
+    talk.turn(*alphas)
+    status = talk.status(DiagnosticStatus.ERROR)
+    poses = talk.answers(len(reachable))
+    assert [pose.position[0] for pose in poses] == reachable
+    assert_right(poses, geometry)
+    assert message in status.message
+    assert 'dyad 1' in status.message
+    assert '171.887 deg' in status.message
+    assert 'cannot reach' in status.message
+    values = {value.key: value.value for value in status.values}
+    assert values['failed'] == str(len(alphas) - len(reachable))
+    # It recovers by itself.
+    talk.turn(1.0)
+    talk.status(DiagnosticStatus.OK)
+    assert_right(talk.answers(len(reachable) + 1), geometry)
+
+
+def test_silence_is_stale(ros: World) -> None:
+    talk = Conversation(ros, diagnostics_period=0.2)
+    talk.turn(1.0)
+    assert talk.status(DiagnosticStatus.OK).name == 'solver_node: leg'
+    assert 'no input for 2.' in talk.status(DiagnosticStatus.STALE).message
+
+
+def test_a_nearly_singular_pose_is_a_warning(ros: World) -> None:
+    talk = Conversation(ros, diagnostics_period=0.3, min_transmission_angle=0.5)
+    singular = min(
+        (KlannLeg().closed_form(math.radians(k)) for k in range(360)),
+        key=lambda pose: math.sin(pose.transmission_angles[0]),
+    )
+    talk.turn(singular.alpha)
+    status = talk.status(DiagnosticStatus.WARN)
+    assert 'nearly singular' in status.message
+    values = {value.key: value.value for value in status.values}
+    assert list(values) == [
+        *('solved', 'rejected', 'failed', 'lost', 'out_of_order', 'rate', 'iterations'),
+        *('residual', 'condition', 'transmission_angle_1', 'transmission_angle_2', 'branch'),
+    ]
+    mu_1, mu_2 = singular.transmission_angles
+    assert float(values['transmission_angle_1']) == pytest.approx(mu_1, abs=1e-6)
+    assert float(values['transmission_angle_2']) == pytest.approx(mu_2, abs=1e-6)
+    assert float(values['condition']) == pytest.approx(singular.condition, rel=1e-3)
+    assert values['branch'] == '+1 +1'
+
+
+def test_a_burst_is_solved_in_order(ros: World) -> None:
+    talk = Conversation(ros)
+    alphas = [0.01 * k for k in range(300)]
+    talk.turn(*alphas)
+    poses = talk.answers(len(alphas))
+    assert [pose.position[0] for pose in poses] == alphas
+    assert_right(poses)
+    assert talk.counts()['lost'] == '0'
+
+
+def test_what_a_flood_loses_is_counted_exactly(ros: World) -> None:
+    # Far more than any queue between the two processes holds.
+    talk = Conversation(ros)
+    alphas = [0.001 * k for k in range(6000)]
+    talk.turn(*alphas)
+    ros.probe.spin(1.0)
+    # A gap shows with the message behind it.
+    talk.turn(-1.0)
+    ros.probe.until(lambda: talk.poses and talk.poses[-1].position[0] == -1.0)
+    counts = talk.counts()
+    assert int(counts['solved']) + int(counts['lost']) == len(alphas) + 1
+    answered = [pose.position[0] for pose in talk.poses[:-1]]
+    assert answered == sorted(answered)
+    assert_right(talk.poses)
+
+
+def test_late_stamps_are_answered_and_counted(ros: World) -> None:
+    talk = Conversation(ros, 'crank_state')
+    for second in (5, 3, 4):
+        talk.state(name=['crank'], position=[float(second)], stamp=Time(sec=second))
+    assert [pose.header.stamp.sec for pose in talk.answers(3)] == [5, 3, 4]
+    assert talk.counts()['out_of_order'] == '1'
+
+
+def test_simulated_time_stamps_an_angle(ros: World) -> None:
+    talk = Conversation(ros, use_sim_time='true')
+    clock = ros.probe.publisher(Clock, '/clock', reliable=False)
+    clock.publish(Clock(clock=Time(sec=42, nanosec=7)))
+    ros.probe.spin(0.3)
+    talk.turn(1.0)
+    assert talk.answers(1)[0].header.stamp == Time(sec=42, nanosec=7)
+
+
+def test_a_best_effort_crank_is_heard_too(ros: World) -> None:
+    poses = ros.probe.listen(JointState, 'joint_states')
+    ros.start('solver_node')
+    crank = ros.probe.publisher(Float64, 'crank_angle', reliable=False)
+    ros.probe.matched('joint_states')
+    crank.publish(Float64(data=1.0))
+    ros.probe.until(lambda: poses)
+
+
+def set_atomically(talk: Conversation, values: dict[str, Any]) -> Any:
+    parameters = [
+        Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+    ]
+    request = SetParametersAtomically.Request(parameters=parameters)
+    service = 'solver_node/set_parameters_atomically'
+    return talk.probe.call(SetParametersAtomically, service, request).result
+
+
+def test_the_leg_changes_while_it_runs(ros: World) -> None:
+    talk = Conversation(ros)
+    talk.turn(1.0)
+    talk.answers(1)
+    patent = KlannGeometry.patent()
+    assert set_atomically(talk, patent.as_dict()).successful
+    talk.turn(1.0)
+    assert_right(talk.answers(2)[1:], patent)
+
+
+def test_a_leg_that_is_none_is_refused_while_it_runs(ros: World) -> None:
+    talk = Conversation(ros)
+    for change, reason in [
+        ({'l_ab': -1.0}, 'l_ab = -1 m is refused: a length must be > 0'),
+        ({'y_e': math.nan}, 'y_e = nan is refused: it must be a finite number'),
+        ({'l_bc': 0.01}, 'at no crank angle do both dyads close'),
+        ({'assembly': [1, 0]}, 'two signs'),
+        ({'tolerance': 1.0}, 'read-only'),
+    ]:
+        result = set_atomically(talk, change)
+        assert not result.successful
+        assert reason in result.reason
+    talk.turn(1.0)
+    assert_right(talk.answers(1))
+
+
+def test_reset_forgets_the_warm_start_and_nothing_else(ros: World) -> None:
+    talk = Conversation(ros)
+    talk.turn(1.0)
+    talk.answers(1)
+    assert ros.probe.call(Trigger, 'solver_node/reset', Trigger.Request()).success
+    talk.turn(2.0)
+    assert_right(talk.answers(2))
+
+
+def test_every_parameter_is_described(ros: World) -> None:
+    Conversation(ros)
+    names = ['l_ab', 'y_e', 'angle_fgh', 'assembly', 'tolerance', 'max_crank_step', 'frame_id']
+    request = DescribeParameters.Request(names=names)
+    answer = ros.probe.call(DescribeParameters, 'solver_node/describe_parameters', request)
+    described = {d.name: d for d in answer.descriptors}
+    assert all(d.description for d in described.values())
+    assert '[m]' in described['l_ab'].description
+    assert '[rad]' in described['angle_fgh'].description
+    assert not described['l_ab'].read_only
+    assert described['tolerance'].read_only
+
+
+@pytest.mark.parametrize(
+    ('parameter', 'reason'),
+    [
+        ('l_ab:=0.0', 'l_ab = 0 m is refused: a length must be > 0'),
+        ('l_gh:=-0.43', 'l_gh = -0.43 m is refused: a length must be > 0'),
+        ('x_d:=.nan', 'x_d = nan is refused: it must be a finite number'),
+        ('angle_bcg:=.inf', 'angle_bcg = inf is refused: it must be a finite number'),
+        ('l_bc:=0.01', 'at no crank angle do both dyads close in the assembly (1, 1)'),
+        ('assembly:=[1, 2]', 'it must be two signs, each +1 or -1'),
+        ('assembly:=[1]', 'it must be two signs, each +1 or -1'),
+        ('l_ab:=1', 'parameter l_ab must be of type double (write 1.0, not 1)'),
+        ('tolerance:=0.0', 'tolerance = 0.0 is refused: it must be finite and > 0'),
+        ('max_crank_step:=-1.0', 'max_crank_step = -1.0 is refused'),
+        ('min_transmission_angle:=.nan', 'min_transmission_angle = nan is refused'),
+        ('diagnostics_period:=0.0', 'diagnostics_period = 0.0 is refused'),
+        ('frame_id:=3', 'parameter frame_id must be of type string'),
+    ],
+)
+def test_a_refused_parameter_ends_it_with_one_line(
+    ros: World, parameter: str, reason: str
+) -> None:
+    name, value = parameter.split(':=')
+    solver = ros.start('solver_node', **{name: value})
+    assert solver.wait() == 1
+    assert solver.errors.startswith('solver_node: ')
+    assert reason in solver.errors
+    assert solver.errors.count('\n') == 1
+
+
+def test_a_parameter_file_that_is_not_there_is_one_line(ros: World) -> None:
+    solver = ros.start('solver_node', '--ros-args', '--params-file', '/not/there.yaml')
+    assert solver.wait() == 1
+    assert 'Traceback' not in solver.errors
+    assert '/not/there.yaml' in solver.errors
+
+
+def test_with_crank_node_every_pose_is_right_for_its_own_alpha(ros: World) -> None:
+    poses = ros.probe.listen(JointState, 'joint_states')
+    feet = ros.probe.listen(PointStamped, 'point_h')
+    ros.start('solver_node')
+    ros.probe.matched('joint_states')
+    ros.probe.matched('point_h')
+    crank = ros.start('crank_node', rate=500.0, revolutions=2, speed=6.0, min_subscribers=1)
+    expected = round(2 * 2 * math.pi / 6.0 * 500) + 1
+    ros.probe.until(lambda: len(poses) >= expected and len(feet) >= expected)
+    assert crank.wait() == 0
+    assert len(poses) == expected
+    assert_right(poses)
+    leg = KlannLeg()
+    by_stamp = {(p.header.stamp.sec, p.header.stamp.nanosec): p for p in poses}
+    for foot in feet:
+        pose = by_stamp[foot.header.stamp.sec, foot.header.stamp.nanosec]
+        h = leg.closed_form(pose.position[0]).h
+        assert (foot.point.x, foot.point.y) == pytest.approx(h, abs=1e-9)

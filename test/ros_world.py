@@ -1,0 +1,162 @@
+"""Real nodes as real processes over real DDS, and a probe that talks to them."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+ROOT = Path(__file__).resolve().parents[1]
+PATIENCE = 20.0
+
+
+class Process:
+    """An executable of the checkout, as a process of its own."""
+
+    def __init__(self, name: str, *arguments: str, domain: int, cwd: Path) -> None:
+        code = f'import sys; from klann_ros.executables import {name}; sys.exit({name}())'
+        self.name = name
+        self._errors = (cwd / f'{name}.{time.monotonic_ns()}.err').open('w+')
+        environment = {
+            **os.environ,
+            'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')]),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            'ROS_DOMAIN_ID': str(domain),
+            'ROS_LOG_DIR': str(cwd / 'ros_log'),
+        }
+        self.popen = subprocess.Popen(
+            [sys.executable, '-c', code, *arguments],
+            cwd=cwd,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            text=True,
+        )
+
+    def wait(self) -> int:
+        """Wait for its end; return the exit code."""
+        self.output, _ = self.popen.communicate(timeout=PATIENCE)
+        return self.popen.returncode
+
+    def stop(self, number: signal.Signals = signal.SIGINT) -> int:
+        """Send a signal and wait for the end; return the exit code."""
+        self.popen.send_signal(number)
+        return self.wait()
+
+    @property
+    def errors(self) -> str:
+        """Return what it has written to stderr so far."""
+        return Path(self._errors.name).read_text()
+
+    def release(self) -> None:
+        """Leave nothing behind."""
+        if self.popen.poll() is None:
+            self.popen.kill()
+        self.popen.communicate()
+        self._errors.close()
+
+
+class Probe:
+    """A node in the test's own process: it publishes, listens and asks."""
+
+    def __init__(self, domain: int) -> None:
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = Node('probe', context=self.context)
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+
+    def listen(self, kind: type, topic: str, qos: QoSProfile | int = 2000) -> list[Any]:
+        """Subscribe; return the list that fills with the messages."""
+        received: list[Any] = []
+        self.node.create_subscription(kind, topic, received.append, qos)
+        return received
+
+    def publisher(
+        self, kind: type, topic: str, *, subscribers: int = 1, reliable: bool = True
+    ) -> Any:
+        """Return a publisher that so many subscribers have found."""
+        reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+        qos = QoSProfile(depth=2000, reliability=reliability)
+        publisher = self.node.create_publisher(kind, topic, qos)
+        self.until(lambda: publisher.get_subscription_count() >= subscribers)
+        # The subscriber needs a moment more to know of the publisher.
+        self.spin(0.3)
+        return publisher
+
+    def until(self, condition: Callable[[], Any], patience: float = PATIENCE) -> None:
+        """Spin until a condition holds."""
+        end = time.monotonic() + patience
+        while not condition():
+            assert time.monotonic() < end, 'waited in vain'
+            self._executor.spin_once(timeout_sec=0.02)
+
+    def spin(self, seconds: float) -> None:
+        """Spin for some time."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self._executor.spin_once(timeout_sec=0.02)
+
+    def matched(self, topic: str, publishers: int = 1) -> None:
+        """Wait until a topic that is listened to has a publisher, and both know it."""
+        self.until(lambda: self.node.count_publishers(topic) >= publishers)
+        self.spin(0.3)
+
+    def call(self, kind: type, service: str, request: Any) -> Any:
+        """Call a service; return the response."""
+        client = self.node.create_client(kind, service)
+        self.until(client.service_is_ready)
+        future = client.call_async(request)
+        self.until(future.done)
+        return future.result()
+
+    def close(self) -> None:
+        """Leave the domain."""
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+
+class World:
+    """A domain of its own with processes in it."""
+
+    def __init__(self, domain: int, folder: Path) -> None:
+        self.domain = domain
+        self.folder = folder
+        self.probe = Probe(domain)
+        self._processes: list[Process] = []
+
+    def start(self, name: str, *arguments: str, **parameters: object) -> Process:
+        """Start an executable with parameters."""
+        given = [f'{key}:={value}' for key, value in parameters.items()]
+        ros = ['--ros-args', *(part for text in given for part in ('-p', text))]
+        command = [*arguments, *(ros if given else [])]
+        process = Process(name, *command, domain=self.domain, cwd=self.folder)
+        self._processes.append(process)
+        return process
+
+    def close(self) -> None:
+        """End everything."""
+        for process in self._processes:
+            process.release()
+        self.probe.close()
+
+
+@contextmanager
+def world(domain: int, folder: Path) -> Iterator[World]:
+    """Make a world, and end it."""
+    made = World(domain, folder)
+    try:
+        yield made
+    finally:
+        made.close()
