@@ -14,7 +14,6 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
-from rclpy.utilities import remove_ros_args
 
 
 class StartError(Exception):
@@ -49,12 +48,25 @@ def command_line(name: str, description: str, epilog: str = '') -> argparse.Argu
 
 
 def arguments(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.Namespace:
-    """Parse what is not meant for ROS (`--ros-args ...`); what ROS cannot parse is an error."""
-    try:
-        own = remove_ros_args(list(argv))[1:]
-    except RCLError as error:
-        parser.exit(1, f'{parser.prog}: {_line(error)}\n')
-    return parser.parse_args(own)
+    """Parse what is not meant for ROS."""
+    own, _ = split(argv)
+    return parser.parse_args(own[1:])
+
+
+def split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
+    """
+    Return a command line's own arguments, and those meant for ROS: from --ros-args to --.
+
+    ROS's own function would take every OLD:=NEW for a remapping, in an old syntax of its own.
+    """
+    own: list[str] = []
+    ros: list[str] = []
+    for_ros = False
+    for argument in argv:
+        for_ros = for_ros or argument == '--ros-args'
+        (ros if for_ros else own).append(argument)
+        for_ros = for_ros and argument != '--'
+    return own, ros
 
 
 def run(
@@ -89,7 +101,7 @@ def run(
 
     try:
         # Signals are this process's own affair: see StopSignals.
-        rclpy.init(args=list(argv), signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=split(argv)[1], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
         return _refused(name, error)
     try:

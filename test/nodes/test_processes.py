@@ -7,6 +7,7 @@ import sys
 import time
 
 from klann_ros import __version__
+from klann_ros.nodes.process import split
 import pytest
 from ros_world import Process, World
 
@@ -93,3 +94,10 @@ def test_without_ros_one_line_says_what_to_do() -> None:
     assert done.returncode == 1
     assert done.stderr.count('\n') == 1
     assert 'source ROS 2' in done.stderr
+
+
+def test_a_command_line_is_split_between_us_and_ros() -> None:
+    argv = ['x', 'a', '--ros-args', '-p', 'k:=1', '--', 'b:=c', '--ros-args', '-r', 'd:=e']
+    own, ros = split(argv)
+    assert own == ['x', 'a', 'b:=c']
+    assert ros == ['--ros-args', '-p', 'k:=1', '--', '--ros-args', '-r', 'd:=e']

@@ -1,0 +1,98 @@
+"""`crank_node`: the n-th angle is a function of n / rate alone."""
+
+import math
+from typing import Any
+
+from klann_ros.kinematics.crank_motion import CrankMotion
+import pytest
+from ros_world import World
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+
+@pytest.mark.parametrize(
+    ('mode', 'given'),
+    [
+        ('constant', {'speed': -6.0, 'start': 0.5}),
+        ('sine', {'amplitude': 0.8, 'frequency': 2.0}),
+        ('sweep', {'amplitude': -1.5, 'start': 3.0, 'speed': 4.0}),
+        ('step', {'amplitude': 2.0, 'frequency': 5.0}),
+    ],
+)
+def test_every_mode_publishes_its_angles_and_ends(
+    ros: World, mode: str, given: dict[str, float]
+) -> None:
+    motion = CrankMotion(mode=mode, **given)
+    angles = ros.probe.listen(Float64, 'crank_angle')
+    crank = ros.start(
+        'crank_node', mode=mode, rate=200.0, revolutions=1, min_subscribers=1, **given
+    )
+    count = round(motion.period * 200.0) + 1
+    ros.probe.until(lambda: len(angles) >= count)
+    assert crank.wait() == 0
+    ros.probe.spin(0.2)
+    assert [angle.data for angle in angles] == [motion.at(n / 200.0)[0] for n in range(count)]
+
+
+def test_a_state_has_stamp_name_and_rate(ros: World) -> None:
+    states = ros.probe.listen(JointState, 'crank_state')
+    crank = ros.start(
+        'crank_node',
+        output='crank_state',
+        crank_joint='axle',
+        mode='sine',
+        rate=100.0,
+        revolutions=0.5,
+        min_subscribers=1,
+    )
+    motion = CrankMotion(mode='sine')
+    ros.probe.until(lambda: len(states) >= 101)
+    assert crank.wait() == 0
+    stamps = [s.header.stamp.sec * 10**9 + s.header.stamp.nanosec for s in states]
+    for n, state in enumerate(states):
+        assert list(state.name) == ['axle']
+        assert (state.position[0], state.velocity[0]) == motion.at(n / 100.0)
+        assert stamps[n] - stamps[0] == pytest.approx(n * 10**7, abs=2)
+
+
+def test_it_turns_in_real_time(ros: World) -> None:
+    states = ros.probe.listen(JointState, 'crank_state')
+    ros.start('crank_node', output='crank_state', rate=50.0)
+    ros.probe.until(lambda: len(states) >= 100)
+    first, last = states[0], states[99]
+    assert last.position[0] - first.position[0] == pytest.approx(2 * math.pi * 99 / 50.0)
+
+
+def test_it_waits_for_its_subscribers(ros: World) -> None:
+    crank = ros.start('crank_node', revolutions=1, rate=10.0, min_subscribers=1)
+    ros.probe.until(lambda: 'crank_node' in ros.probe.node.get_node_names())
+    ros.probe.spin(1.5)
+    assert crank.popen.poll() is None
+    angles = ros.probe.listen(Float64, 'crank_angle')
+    ros.probe.until(lambda: len(angles) >= 11)
+    assert angles[0].data == 0.0
+    assert crank.wait() == 0
+
+
+@pytest.mark.parametrize(
+    ('given', 'reason'),
+    [
+        ({'mode': 'zigzag'}, "mode = 'zigzag' is refused: it must be one of constant, sine"),
+        ({'rate': 0.0}, 'rate = 0.0 is refused: it must be finite and > 0'),
+        ({'rate': 100}, 'parameter rate must be of type double (write 1.0, not 1)'),
+        ({'revolutions': -1}, 'revolutions = -1 is refused: it must be >= 0'),
+        ({'revolutions': 1, 'speed': 0.0}, 'it must be 0 where speed is 0'),
+        ({'revolutions': 'many'}, 'parameter revolutions must be a number'),
+        ({'output': 'joint_states'}, 'it must be one of crank_angle, crank_state'),
+        ({'start': '.nan'}, 'start = nan is refused: it must be a finite number'),
+        ({'mode': 'step', 'frequency': 0.0}, 'frequency = 0 Hz is refused: it must be > 0'),
+    ],
+)
+def test_a_refused_parameter_ends_it_with_one_line(
+    ros: World, given: dict[str, Any], reason: str
+) -> None:
+    crank = ros.start('crank_node', **given)
+    assert crank.wait() == 1
+    assert crank.errors.startswith('crank_node: ')
+    assert reason in crank.errors
+    assert crank.errors.count('\n') == 1

@@ -1,0 +1,245 @@
+"""A run recorded and played back: what every reader finds in it, and that nothing changes."""
+
+import json
+from pathlib import Path
+import signal
+from typing import Any
+
+from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.log.reader import Log, open_log
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+import pytest
+from ros_world import Process, World
+from rosbags.highlevel import AnyReader
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+import yaml
+
+TURNS, RATE = 2, 200.0
+COUNT = round(TURNS * RATE) + 1
+TOPICS = ['/crank_state', '/joint_states', '/point_h', '/velocity_h']
+
+
+def record(ros: World, folder: Path, **parameters: object) -> Process:
+    """Let the three nodes make a run; return the recorder, finished."""
+    solver = ros.start('solver_node')
+    poses = ros.probe.listen(JointState, 'joint_states')
+    recorder = ros.start('recorder_node', output=folder, **parameters)
+    ros.probe.matched('joint_states')
+    # The recorder has to listen to the solver, too, before the crank turns.
+    ros.probe.until(lambda: ros.probe.node.count_subscribers('velocity_h') >= 1)
+    crank = ros.start(
+        'crank_node', output='crank_state', rate=RATE, revolutions=TURNS, min_subscribers=2
+    )
+    ros.probe.until(lambda: len(poses) >= COUNT)
+    assert crank.wait() == 0
+    ros.probe.spin(0.3)
+    assert recorder.stop() == 0
+    assert solver.stop() == 0
+    return recorder
+
+
+def by_topic(log: Log) -> dict[str, list[bytes]]:
+    return {
+        topic.name: [message.data for message in log.messages([topic.name])]
+        for topic in log.topics
+    }
+
+
+@pytest.fixture
+def run(ros: World, tmp_path: Path) -> Path:
+    folder = tmp_path / 'run'
+    recorder = record(ros, folder)
+    assert f'messages of 5 topics are in {folder}; 0 were lost' in recorder.errors
+    return folder
+
+
+def test_a_run_opens_in_rosbags_with_all_messages(run: Path) -> None:
+    leg = KlannLeg()
+    with AnyReader([run]) as reader:
+        counts = {c.topic: c.msgcount for c in reader.connections}
+        assert {topic: counts[topic] for topic in TOPICS} == dict.fromkeys(TOPICS, COUNT)
+        for connection, _, data in reader.messages():
+            if connection.topic == '/joint_states':
+                pose = reader.deserialize(data, connection.msgtype)
+                expected = leg.closed_form(pose.position[0]).x
+                assert pose.position[1:] == pytest.approx(expected, abs=1e-9)
+                assert len(pose.velocity) == 5
+
+
+def test_a_run_opens_in_mcap_ros2_support_with_all_messages(run: Path) -> None:
+    (path,) = run.glob('*.mcap')
+    assert path.name == 'run_0.mcap'
+    with path.open('rb') as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        decoded = list(reader.iter_decoded_messages(topics=['/point_h']))
+    assert len(decoded) == COUNT
+    sequences = [message.sequence for _, _, message, _ in decoded]
+    assert sequences == list(range(1, COUNT + 1))
+    for _, channel, message, foot in decoded:
+        assert foot.header.frame_id == 'leg_plane'
+        assert channel.metadata['topic_type_hash'].startswith('RIHS01_')
+        (qos,) = yaml.safe_load(channel.metadata['offered_qos_profiles'])
+        assert qos['reliability'] == 'reliable'
+        assert 0 < message.publish_time <= message.log_time
+
+
+def test_a_run_explains_itself(run: Path) -> None:
+    with open_log(run) as log:
+        (record_,) = log.metadata['klann_ros.solver']
+        (attachment,) = log.attachments
+        assert log.complete
+    assert record_['node'] == '/solver_node'
+    parameters = json.loads(record_['parameters'])
+    geometry = KlannGeometry().as_dict()
+    assert {name: parameters[name] for name in geometry} == geometry
+    assert attachment.name == 'solver_node.yaml'
+    file = yaml.safe_load(attachment.data)
+    assert file['/solver_node']['ros__parameters'] == parameters
+
+
+def test_a_run_is_played_and_recorded_again_byte_for_byte(
+    ros: World, run: Path, tmp_path: Path
+) -> None:
+    again = tmp_path / 'again'
+    recorder = ros.start('recorder_node', output=again)
+    ros.probe.until(lambda: 'recorder_node' in ros.probe.node.get_node_names())
+    player = ros.start('player_node', str(run), '--rate', '2')
+    assert player.wait() == 0
+    ros.probe.spin(0.5)
+    assert recorder.stop() == 0
+    with open_log(run) as first, open_log(again) as second:
+        assert by_topic(first) == by_topic(second)
+
+
+def test_a_part_of_a_run_is_played_under_other_names(ros: World, run: Path) -> None:
+    plain = ros.probe.listen(JointState, '/joint_states')
+    renamed = ros.probe.listen(JointState, '/replay/legs')
+    player = ros.start(
+        'player_node',
+        str(run),
+        *('--topics', 'joint_states', '--remap', 'joint_states:=legs', '--start-offset', '0.5'),
+        *('--duration', '1', '--ros-args', '-r', '__ns:=/replay'),
+    )
+    assert player.wait() == 0
+    ros.probe.spin(0.3)
+    assert plain == []
+    with open_log(run) as log:
+        begin = log.start_time + 5 * 10**8
+        expected = [
+            message
+            for message in log.messages(['/joint_states'])
+            if begin <= message.log_time <= begin + 10**9
+        ]
+    assert len(renamed) == len(expected) > 50
+
+
+def test_a_run_is_played_again_and_again_until_it_is_stopped(ros: World, run: Path) -> None:
+    poses = ros.probe.listen(JointState, 'joint_states')
+    player = ros.start('player_node', str(run), '--loop', '--rate', '4')
+    ros.probe.until(lambda: len(poses) > 2 * COUNT)
+    assert player.stop() == 0
+    assert 'Traceback' not in player.errors
+
+
+@pytest.mark.parametrize('make', ['nothing', 'text', 'empty folder'])
+def test_what_is_no_log_is_exit_code_2_and_one_line(ros: World, tmp_path: Path, make: str) -> None:
+    path = tmp_path / 'thing'
+    if make == 'text':
+        path.write_text('hello')
+    elif make == 'empty folder':
+        path.mkdir()
+    player = ros.start('player_node', str(path))
+    assert player.wait() == 2
+    assert player.errors.startswith(f'player_node: {path} is not a readable log')
+    assert player.errors.count('\n') == 1
+
+
+def test_an_existing_run_is_refused(ros: World, tmp_path: Path) -> None:
+    (tmp_path / 'run').mkdir()
+    recorder = ros.start('recorder_node', output=tmp_path / 'run')
+    assert recorder.wait() == 1
+    assert 'exists already, not overwriting' in recorder.errors
+    assert recorder.errors.count('\n') == 1
+
+
+@pytest.mark.parametrize(
+    ('given', 'reason'),
+    [
+        ({'compression': 'zip'}, "compression = 'zip' is refused: it must be one of"),
+        ({'flush_period': 0.0}, 'flush_period = 0.0 is refused'),
+        ({'output': '/proc/run'}, '/proc/run'),
+    ],
+)
+def test_a_refused_parameter_ends_it_with_one_line(
+    ros: World, given: dict[str, Any], reason: str
+) -> None:
+    recorder = ros.start('recorder_node', **given)
+    assert recorder.wait() == 1
+    assert recorder.errors.startswith('recorder_node: ')
+    assert reason in recorder.errors
+    assert recorder.errors.count('\n') == 1
+
+
+@pytest.mark.parametrize('compression', ['lz4', 'none'])
+def test_only_the_topics_that_are_asked_for_are_recorded(
+    ros: World, tmp_path: Path, compression: str
+) -> None:
+    folder = tmp_path / 'run'
+    crank = ros.probe.node.create_publisher(Float64, 'crank_angle', 10)
+    other = ros.probe.node.create_publisher(Float64, 'my/number', 10)
+    recorder = ros.start(
+        'recorder_node', output=folder, topics='["my/*"]', compression=compression
+    )
+    ros.probe.until(lambda: other.get_subscription_count() == 1)
+    ros.probe.spin(0.3)
+    for number in range(10):
+        other.publish(Float64(data=float(number)))
+        crank.publish(Float64(data=0.0))
+    ros.probe.spin(0.5)
+    assert recorder.stop(signal.SIGTERM) == 0
+    with open_log(folder) as log:
+        assert {name: len(data) for name, data in by_topic(log).items()} == {'/my/number': 10}
+
+
+def test_a_killed_recorder_leaves_all_but_its_last_second(ros: World, tmp_path: Path) -> None:
+    folder = tmp_path / 'run'
+    crank = ros.start('crank_node', rate=500.0, min_subscribers=1)
+    recorder = ros.start('recorder_node', output=folder)
+    heard = ros.probe.listen(Float64, 'crank_angle')
+    ros.probe.until(lambda: len(heard) > 1500)
+    recorder.stop(signal.SIGKILL)
+    ros.probe.spin(0.1)
+    last = heard[-1].data
+    crank.stop()
+    with open_log(folder) as log:
+        *_, final = log.messages(['/crank_angle'])
+        assert not log.complete
+    kept = Float64().data if final is None else _float64(final.data)
+    # One turn a second: angles tell the time.
+    assert (last - kept) / (2 * 3.141592653589793) < 1.0 + 0.5
+    for segment in Path('/dev/shm').glob('*fastrtps*'):  # noqa: S108 - what the killed one left
+        if str(recorder.popen.pid) in segment.name:
+            segment.unlink()
+
+
+def _float64(data: bytes) -> float:
+    import struct
+
+    return float(struct.unpack_from('<d', data, 4)[0])
+
+
+def test_what_waits_at_the_end_is_recorded_too(ros: World, tmp_path: Path) -> None:
+    folder = tmp_path / 'run'
+    publisher = ros.probe.node.create_publisher(Float64, 'crank_angle', 2000)
+    recorder = ros.start('recorder_node', output=folder)
+    ros.probe.until(lambda: publisher.get_subscription_count() == 1)
+    ros.probe.spin(0.3)
+    for number in range(1000):
+        publisher.publish(Float64(data=float(number)))
+    assert recorder.stop() == 0
+    with open_log(folder) as log:
+        recorded = [_float64(message.data) for message in log.messages()]
+    assert recorded == [float(number) for number in range(len(recorded))]
+    assert len(recorded) > 0
