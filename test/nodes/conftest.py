@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from domain import free_domain
+from domain import own_domain
 import pytest
 from ros_world import World, world
 
@@ -11,5 +11,5 @@ from ros_world import World, world
 @pytest.fixture
 def ros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    with world(free_domain(), tmp_path) as made:
+    with own_domain() as domain, world(domain, tmp_path) as made:
         yield made
