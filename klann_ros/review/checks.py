@@ -61,6 +61,7 @@ def _poses(recording: Recording, resolved: Resolved | None) -> Iterator[Finding]
         return
     unsolved = np.isnan(resolved.angle_errors)
     sines = np.sin(resolved.transmission_angles).min(axis=1)
+    # NaN, from an angle that is not finite, is wrong as well.
     wrong = ~unsolved & ~(resolved.angle_errors * sines <= ANGLE_LIMIT)
     opened = ~(resolved.residuals <= RESIDUAL_LIMIT)
     if opened.any():

@@ -1,7 +1,7 @@
 """What the leg did in a run: turns, foot path, and how far it is from what it should be."""
 
 from dataclasses import dataclass
-from math import nan
+from math import inf, nan
 
 from klann_ros.kinematics import closed_form, klann, KlannGeometry, UnreachableError
 import numpy as np
@@ -21,11 +21,12 @@ class Resolved:
     ----------
     angle_errors : numpy.ndarray, shape (n,)
         Largest difference of a pose's angles from the re-solved ones, modulo a turn [rad]; NaN
-        where the crank angle cannot be solved.
+        where the crank angle cannot be reached, infinite where an angle is not finite.
     residuals : numpy.ndarray, shape (n,)
         Norm of f at the recorded pose [m].
     foot_errors : numpy.ndarray, shape (m,)
-        Distance of H from the re-solved one of the same stamp [m]; NaN without one.
+        Distance of H from the re-solved one of the same stamp [m]; NaN without one, infinite
+        where H is not finite.
     transmission_angles : numpy.ndarray, shape (n, 2)
         gamma + beta and delta + theta, folded into [0, pi] [rad].
 
@@ -81,6 +82,9 @@ def resolve(recording: Recording, geometry: KlannGeometry) -> Resolved:
         zip(recording.pose_stamps.tolist(), recording.poses.tolist(), strict=True)
     ):
         alpha, *x = recorded
+        if not np.isfinite(recorded).all():
+            residuals[i] = angle_errors[i] = inf
+            continue
         residuals[i] = np.linalg.norm(klann.f(geometry, alpha, x))
         try:
             joints = closed_form.joints(geometry, alpha)
@@ -90,10 +94,11 @@ def resolve(recording: Recording, geometry: KlannGeometry) -> Resolved:
         angle_errors[i] = np.abs(_wrapped(np.subtract(x, expected))).max()
         feet[stamp] = joints.h
     again = [feet.get(stamp, (nan, nan)) for stamp in recording.foot_stamps.tolist()]
-    foot_errors = recording.feet - np.array(again).reshape(-1, 2)
+    foot_errors: Floats = np.hypot(*(recording.feet - np.array(again).reshape(-1, 2)).T)
+    foot_errors[~np.isfinite(recording.feet).all(axis=1)] = inf
     _, gamma, beta, delta, theta = recording.poses.T
     mu = np.abs(_wrapped(np.column_stack([gamma + beta, delta + theta])))
-    return Resolved(angle_errors, residuals, np.hypot(*foot_errors.T), mu)
+    return Resolved(angle_errors, residuals, foot_errors, mu)
 
 
 def leg_figures(recording: Recording, resolved: Resolved | None) -> LegFigures:
@@ -101,6 +106,7 @@ def leg_figures(recording: Recording, resolved: Resolved | None) -> LegFigures:
     alphas, feet = recording.poses[:, 0], recording.feet
     stride, lift = np.ptp(feet, axis=0) if len(feet) else (nan, nan)
     mu = resolved.transmission_angles if resolved else np.empty((0, 2))
+    mu = mu[np.isfinite(mu)]
     return LegFigures(
         turns=float(alphas[-1] - alphas[0]) / (2 * np.pi) if len(alphas) else nan,
         stride=float(stride),
@@ -113,9 +119,10 @@ def leg_figures(recording: Recording, resolved: Resolved | None) -> LegFigures:
 
 
 def _wrapped(angles: Floats) -> Floats:
-    """Return angles in [-pi, pi]; exact where they are small already."""
+    """Return angles in [-pi, pi], exact where they are small already; NaN for infinite ones."""
     turn = 2 * np.pi
-    return angles - turn * np.round(angles / turn)
+    with np.errstate(invalid='ignore'):
+        return angles - turn * np.round(angles / turn)
 
 
 def _worst(values: Floats) -> float:

@@ -205,7 +205,8 @@ def _lost(topic: Topic, sequences: Iterable[int]) -> int | None:
     counter, known = LossCounter(), False
     for sequence in sequences:
         known = known or sequence != 0
-        counter.count(sequence)
+        # Sequence numbers begin at 1; 0 is what recorders write that do not know them.
+        counter.count(sequence or None)
     publishers = topic.qos.count('history:')
     return counter.lost if known and publishers <= 1 else None
 
