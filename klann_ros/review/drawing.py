@@ -30,7 +30,33 @@ def draw_leg(axes: 'Axes', pose: KlannPose) -> None:
     for letter, (x, y) in points.items():
         marker = 's' if letter in PIVOTS else 'o'
         axes.plot(x, y, marker, color='white', markeredgecolor='black', markersize=8, zorder=3)
-        axes.annotate(letter, (x, y), xytext=(7, 7), textcoords='offset points', fontsize=12)
+        axes.annotate(letter, (x, y), xytext=(-15, 7), textcoords='offset points', fontsize=12)
+
+
+def draw_angles(axes: 'Axes', pose: KlannPose, radius: float) -> None:
+    """
+    Draw the textbook's angles as arcs from the horizontal, with their names.
+
+    gamma and theta are clockwise, so their arcs lead down from it. `radius` is in [m].
+    """
+    from matplotlib.patches import Arc  # noqa: PLC0415 - matplotlib is optional
+
+    arcs = (
+        ('A', r'$\alpha$', pose.alpha),
+        ('D', r'$\beta$', pose.beta),
+        ('B', r'$\gamma$', -pose.gamma),
+        ('E', r'$\delta$', pose.delta),
+        ('F', r'$\theta$', -pose.theta),
+    )
+    for letter, name, angle in arcs:
+        x, y = pose.points[LETTERS.index(letter)]
+        ends = sorted([0.0, float(np.degrees(angle))])
+        size = 2.0 * radius
+        axes.add_patch(Arc((x, y), size, size, theta1=ends[0], theta2=ends[1], color='#555555'))
+        axes.plot([x, x + 1.2 * radius], [y, y], ':', color='#555555', linewidth=1)
+        half = angle / 2.0
+        where = (x + 1.5 * radius * np.cos(half), y + 1.5 * radius * np.sin(half))
+        axes.annotate(name, where, ha='center', va='center', fontsize=13)
 
 
 def draw_foot_path(axes: 'Axes', feet: NDArray[np.float64], label: str) -> None:
