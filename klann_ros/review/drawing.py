@@ -1,5 +1,7 @@
 """The leg drawn: bars, joints with their letters, and the path of the foot."""
 
+from itertools import pairwise
+from math import hypot
 from typing import TYPE_CHECKING
 
 from klann_ros.kinematics import KlannPose
@@ -19,6 +21,7 @@ BODIES = (
     ('FGH', 'leg', '#003d5b'),
 )
 PIVOTS = 'ADE'
+BARS = tuple(bar for letters, _, _ in BODIES for bar in pairwise(letters))
 
 
 def draw_leg(axes: 'Axes', pose: KlannPose) -> None:
@@ -28,9 +31,28 @@ def draw_leg(axes: 'Axes', pose: KlannPose) -> None:
         bars = np.array([points[letter] for letter in letters])
         axes.plot(*bars.T, '-', color=colour, linewidth=4, solid_capstyle='round', label=name)
     for letter, (x, y) in points.items():
+        free_x, free_y = _free_side(letter, points)
         marker = 's' if letter in PIVOTS else 'o'
         axes.plot(x, y, marker, color='white', markeredgecolor='black', markersize=8, zorder=3)
-        axes.annotate(letter, (x, y), xytext=(-15, 7), textcoords='offset points', fontsize=12)
+        axes.annotate(
+            letter,
+            (x, y),
+            xytext=(14.0 * free_x, 14.0 * free_y),
+            textcoords='offset points',
+            fontsize=12,
+            ha='center',
+            va='center',
+        )
+
+
+def _free_side(letter: str, points: dict[str, NDArray[np.float64]]) -> tuple[float, float]:
+    """Return the unit vector away from the bars that meet at a point."""
+    ends = [q if p == letter else p for p, q in BARS if letter in (p, q)]
+    bars = np.array([points[end] - points[letter] for end in ends])
+    x, y = -(bars / np.hypot(*bars.T)[:, np.newaxis]).sum(axis=0)
+    size = hypot(x, y)
+    # Two bars in line leave both sides free.
+    return (x / size, y / size) if size > 0.1 else (0.0, 1.0)
 
 
 def draw_angles(axes: 'Axes', pose: KlannPose, radius: float) -> None:
@@ -67,5 +89,6 @@ def draw_foot_path(axes: 'Axes', feet: NDArray[np.float64], label: str) -> None:
 def label_plane(axes: 'Axes', title: str) -> None:
     """Name the axes of the leg's plane, equally scaled."""
     axes.set(title=title, xlabel='x / m', ylabel='y / m', aspect='equal')
+    axes.margins(0.08)
     axes.grid(visible=True, linewidth=0.3)
     axes.legend(fontsize='small', frameon=False, loc='center left', bbox_to_anchor=(1.0, 0.5))
