@@ -10,13 +10,15 @@ import sys
 import time
 from typing import Any
 
+import klann_ros
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-ROOT = Path(__file__).resolve().parents[1]
+# The processes run the very package that the tests import, installed or not.
+PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
 PATIENCE = 20.0
 
 
@@ -29,7 +31,7 @@ class Process:
         self._errors = (cwd / f'{name}.{time.monotonic_ns()}.err').open('w+')
         environment = {
             **os.environ,
-            'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')]),
+            'PYTHONPATH': os.pathsep.join([PACKAGE, os.environ.get('PYTHONPATH', '')]),
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
             'ROS_DOMAIN_ID': str(domain),
             'ROS_LOG_DIR': str(cwd / 'ros_log'),

@@ -1,5 +1,6 @@
 """How every executable starts and ends."""
 
+import os
 from pathlib import Path
 import signal
 import subprocess
@@ -9,7 +10,7 @@ import time
 from klann_ros import __version__
 from klann_ros.nodes.process import split
 import pytest
-from ros_world import Process, World
+from ros_world import PACKAGE, Process, World
 
 NODES = ['solver_node', 'crank_node', 'recorder_node']
 EXECUTABLES = [*NODES, 'player_node', 'review', 'recover']
@@ -87,9 +88,12 @@ def test_without_ros_one_line_says_what_to_do() -> None:
         'import sys; sys.modules["rclpy"] = None\n'
         'from klann_ros.executables import solver_node; sys.exit(solver_node())'
     )
-    root = Path(__file__).resolve().parents[2]
     done = subprocess.run(
-        [sys.executable, '-c', code], cwd=root, capture_output=True, text=True, check=False
+        [sys.executable, '-c', code],
+        env={**os.environ, 'PYTHONPATH': PACKAGE},
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 1
     assert done.stderr.count('\n') == 1
