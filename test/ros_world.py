@@ -20,6 +20,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 # The processes run the very package that the tests import, installed or not.
 PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
 PATIENCE = 20.0
+# Traffic never leaves the machine, neither the probe's nor that of its processes.
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
 
 class Process:
@@ -32,7 +34,6 @@ class Process:
         environment = {
             **os.environ,
             'PYTHONPATH': os.pathsep.join([PACKAGE, os.environ.get('PYTHONPATH', '')]),
-            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
             'ROS_DOMAIN_ID': str(domain),
             'ROS_LOG_DIR': str(cwd / 'ros_log'),
         }

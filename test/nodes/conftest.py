@@ -9,7 +9,6 @@ from ros_world import World, world
 
 
 @pytest.fixture
-def ros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+def ros(tmp_path: Path) -> Iterator[World]:
     with own_domain() as domain, world(domain, tmp_path) as made:
         yield made

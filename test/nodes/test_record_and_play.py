@@ -5,12 +5,13 @@ from pathlib import Path
 import signal
 from typing import Any
 
+from domain import own_domain
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.log.reader import Log, open_log
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import pytest
-from ros_world import Process, World
+from ros_world import Process, World, world
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -47,12 +48,15 @@ def by_topic(log: Log) -> dict[str, list[bytes]]:
     }
 
 
-@pytest.fixture
-def run(ros: World, tmp_path: Path) -> Path:
-    folder = tmp_path / 'run'
-    recorder = record(ros, folder)
-    assert f'messages of 5 topics are in {folder}; 0 were lost' in recorder.errors
-    return folder
+@pytest.fixture(scope='module')
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a run that the three nodes made; the tests only read it."""
+    folder = tmp_path_factory.mktemp('recorded')
+    with own_domain() as domain, world(domain, folder) as ros:
+        recorder = record(ros, folder / 'run')
+    said = f'messages of 5 topics are in {folder / "run"}; 0 were lost'
+    assert said in recorder.errors
+    return folder / 'run'
 
 
 def test_a_run_opens_in_rosbags_with_all_messages(run: Path) -> None:
