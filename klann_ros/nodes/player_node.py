@@ -22,8 +22,6 @@ from .message_types import message_class, UnknownMessageTypeError
 from .process import arguments, command_line, Finish, ProcessNode, run
 from .qos import to_publish
 
-# Subscribers that are there already need this long to find the publishers [s].
-SETTLE = 0.5
 # What is under way at the end is waited for at most so long [s].
 LAST_WORDS = 2.0
 
@@ -94,7 +92,7 @@ class PlayerNode(ProcessNode):
 
     def _play(self) -> None:
         try:
-            self._stopped.wait(SETTLE)
+            self._stopped.wait(self._options.delay)
             while not self._stopped.is_set():
                 self._play_once()
                 if not self._options.loop:
@@ -137,6 +135,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         '--duration', type=_positive, default=inf, metavar='S', help='play S seconds of the log'
+    )
+    parser.add_argument(
+        '--delay',
+        type=_not_negative,
+        default=0.5,
+        metavar='S',
+        help='wait S seconds first, so that subscribers find the publishers (default: 0.5)',
     )
     parser.add_argument('--topics', nargs='+', metavar='T', help='play these topics only')
     parser.add_argument(

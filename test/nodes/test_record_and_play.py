@@ -109,7 +109,7 @@ def test_a_run_is_played_and_recorded_again_byte_for_byte(
     again = tmp_path / 'again'
     recorder = ros.start('recorder_node', output=again)
     ros.probe.until(lambda: 'recorder_node' in ros.probe.node.get_node_names())
-    player = ros.start('player_node', str(run), '--rate', '2')
+    player = ros.start('player_node', str(run), '--rate', '2', '--delay', '4')
     assert player.wait() == 0
     ros.probe.spin(0.5)
     assert recorder.stop() == 0
@@ -128,7 +128,7 @@ def test_a_part_of_a_run_is_played_under_other_names(ros: World, run: Path) -> N
         'player_node',
         str(run),
         *('--topics', 'joint_states', '--remap', 'joint_states:=legs'),
-        *('--start-offset', f'{offset:.9f}', '--duration', '1'),
+        *('--start-offset', f'{offset:.9f}', '--duration', '1', '--delay', '3'),
         *('--ros-args', '-r', '__ns:=/replay'),
     )
     assert player.wait() == 0
