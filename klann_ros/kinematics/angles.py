@@ -1,6 +1,7 @@
 """Angles modulo a turn."""
 
 from math import pi, remainder
+from typing import SupportsFloat
 
 from .errors import CrankAngleError
 
@@ -25,16 +26,21 @@ def wrap(angle: float) -> float:
     return pi if wrapped == -pi else wrapped
 
 
-def check_crank_angle(alpha: float) -> None:
+def crank_angle(alpha: SupportsFloat) -> float:
     """
-    Refuse a crank angle that is not finite, or beyond +-1e6 rad.
+    Return a crank angle as a float [rad], whatever kind of number it is.
 
     Raises
     ------
     CrankAngleError
-        It carries the angle.
+        It is not finite, beyond +-1e6 rad, or no number at all.
 
     """
+    try:
+        number = float(alpha)
+    except (TypeError, ValueError, OverflowError):
+        raise CrankAngleError(alpha, MAX_CRANK_ANGLE) from None
     # NaN fails every comparison.
-    if not -MAX_CRANK_ANGLE <= alpha <= MAX_CRANK_ANGLE:
+    if not -MAX_CRANK_ANGLE <= number <= MAX_CRANK_ANGLE:
         raise CrankAngleError(alpha, MAX_CRANK_ANGLE)
+    return number

@@ -46,14 +46,13 @@ def joints(geometry: 'KlannGeometry', alpha: float) -> Joints:
     """
     s_1, s_2 = geometry.assembly
     b, d, e = crank_pin(geometry, alpha), (geometry.x_d, 0.0), (geometry.x_e, geometry.y_e)
-    try:
-        dyad, ends = 1, (b, d, geometry.l_bc, geometry.l_dc)
-        c = joint(*ends, s_1)
-        g = bent_body_end(b, c, geometry.l_cg / geometry.l_bc, geometry.angle_bcg)
-        dyad, ends = 2, (e, g, geometry.l_ef, geometry.l_fg)
-        f = joint(*ends, s_2)
-    except (ValueError, ZeroDivisionError):
-        raise _unreachable(alpha, dyad, ends) from None
+    c = joint(b, d, geometry.l_bc, geometry.l_dc, s_1)
+    if c is None:
+        raise _unreachable(alpha, 1, (b, d, geometry.l_bc, geometry.l_dc))
+    g = bent_body_end(b, c, geometry.l_cg / geometry.l_bc, geometry.angle_bcg)
+    f = joint(e, g, geometry.l_ef, geometry.l_fg, s_2)
+    if f is None:
+        raise _unreachable(alpha, 2, (e, g, geometry.l_ef, geometry.l_fg))
     h = bent_body_end(f, g, geometry.l_gh / geometry.l_fg, -geometry.angle_fgh)
     return Joints(b, c, f, g, h)
 
@@ -94,9 +93,8 @@ def clearances(geometry: 'KlannGeometry', alpha: float) -> tuple[float, float | 
     """
     b, d, e = crank_pin(geometry, alpha), (geometry.x_d, 0.0), (geometry.x_e, geometry.y_e)
     first = clearance(b, d, geometry.l_bc, geometry.l_dc)
-    try:
-        c = joint(b, d, geometry.l_bc, geometry.l_dc, geometry.assembly[0])
-    except (ValueError, ZeroDivisionError):
+    c = joint(b, d, geometry.l_bc, geometry.l_dc, geometry.assembly[0])
+    if c is None:
         return first, None
     g = bent_body_end(b, c, geometry.l_cg / geometry.l_bc, geometry.angle_bcg)
     return first, clearance(e, g, geometry.l_ef, geometry.l_fg)
@@ -106,5 +104,5 @@ def _unreachable(
     alpha: float, dyad: int, ends: tuple[Point, Point, float, float]
 ) -> UnreachableError:
     p, q, r_p, r_q = ends
-    shortfall = max(-clearance(*ends), 0.0)
+    shortfall = max(0.0, -clearance(*ends))
     return UnreachableError(alpha, dyad, shortfall, dist(p, q) > r_p + r_q)

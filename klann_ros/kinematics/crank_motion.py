@@ -7,6 +7,8 @@ from .angles import TURN
 from .errors import KinematicsError
 
 MODES = ('constant', 'sine', 'sweep', 'step')
+# Periods of sine, sweep and step [s].
+SHORTEST, LONGEST = 1e-6, 1e9
 
 
 class CrankMotionError(KinematicsError, ValueError):
@@ -39,7 +41,8 @@ class CrankMotion:
     Raises
     ------
     CrankMotionError
-        The mode is unknown, a number is not finite, or the mode's period is not finite and > 0.
+        The mode is unknown, a number is not finite, or the period of sine, sweep or step is not
+        within 1e-6 .. 1e9 s.
 
     """
 
@@ -55,14 +58,21 @@ class CrankMotion:
             msg = f'mode = {self.mode!r} is refused: it must be one of {", ".join(MODES)}'
             raise CrankMotionError(msg)
         for name in ('speed', 'start', 'amplitude', 'frequency'):
-            if not isfinite(getattr(self, name)):
-                msg = f'{name} = {getattr(self, name)!r} is refused: it must be a finite number'
+            value = getattr(self, name)
+            if not (isinstance(value, int | float) and isfinite(value)):
+                msg = f'{name} = {value!r} is refused: it must be a finite number'
                 raise CrankMotionError(msg)
         if self.mode in ('sine', 'step') and self.frequency <= 0.0:
             msg = f'frequency = {self.frequency:g} Hz is refused: it must be > 0'
             raise CrankMotionError(msg)
         if self.mode == 'sweep' and 0.0 in (self.speed, self.amplitude):
             msg = 'a sweep is refused without speed and amplitude: both must be other than 0'
+            raise CrankMotionError(msg)
+        if self.mode != 'constant' and not SHORTEST <= self.period <= LONGEST:
+            msg = (
+                f'a period of {self.period:g} s is refused: '
+                f'it must be within {SHORTEST:g} .. {LONGEST:g} s'
+            )
             raise CrankMotionError(msg)
 
     @property

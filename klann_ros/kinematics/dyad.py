@@ -5,17 +5,18 @@ from math import dist, sqrt
 Point = tuple[float, float]
 
 
-def joint(p: Point, q: Point, r_p: float, r_q: float, sign: int) -> Point:
+def joint(p: Point, q: Point, r_p: float, r_q: float, sign: int) -> Point | None:
     """
     Return the joint J with |PJ| = r_p and |QJ| = r_q: where two circles meet.
 
     With d = |PQ|, u the unit vector from P to Q and n = u turned by +90 deg,
 
         J = P + a u + sign h n,    a = (d^2 + r_p^2 - r_q^2) / (2 d),
-        h = sqrt((r_p + r_q - d) (r_q + d - r_p) (d + r_p - r_q) (d + r_p + r_q)) / (2 d).
+        h = sqrt((r_p + r_q - d) (d - (r_p - r_q)) (d + (r_p - r_q)) (d + r_p + r_q)) / (2 d).
 
     The product form of h (Heron's) keeps its digits where the links are nearly in line, and there
-    the square root of r_p^2 - a^2 loses half of them.
+    the square root of r_p^2 - a^2 loses half of them. r_p - r_q is formed first: it is exact where
+    d is small.
 
     Parameters
     ----------
@@ -28,21 +29,17 @@ def joint(p: Point, q: Point, r_p: float, r_q: float, sign: int) -> Point:
 
     Returns
     -------
-    tuple of float
-        J = (x, y) [m].
-
-    Raises
-    ------
-    ValueError
-        The circles do not meet; see `clearance`.
-    ZeroDivisionError
-        P and Q coincide.
+    tuple of float or None
+        J = (x, y) [m]; None where the circles do not meet (see `clearance`), and where P and Q
+        coincide, so that they meet nowhere or everywhere.
 
     """
     (px, py), (qx, qy) = p, q
     d = dist(p, q)
+    heron = (r_p + r_q - d) * (d - (r_p - r_q)) * (d + (r_p - r_q)) * (d + r_p + r_q)
+    if d == 0.0 or heron < 0.0:
+        return None
     a = (d * d + (r_p - r_q) * (r_p + r_q)) / (2.0 * d)
-    heron = (r_p + r_q - d) * (r_q + d - r_p) * (d + r_p - r_q) * (d + r_p + r_q)
     h = sign * sqrt(heron) / (2.0 * d)
     ux, uy = (qx - px) / d, (qy - py) / d
     return px + a * ux - h * uy, py + a * uy + h * ux

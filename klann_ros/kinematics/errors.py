@@ -28,14 +28,14 @@ class CrankAngleError(KinematicsError, ValueError):
 
     Attributes
     ----------
-    alpha : float
+    alpha : object
         The crank angle as received [rad].
     limit : float
         The largest magnitude that is taken [rad].
 
     """
 
-    def __init__(self, alpha: float, limit: float) -> None:
+    def __init__(self, alpha: object, limit: float) -> None:
         """Keep the numbers."""
         super().__init__(alpha, limit)
         self.alpha = alpha
@@ -43,7 +43,7 @@ class CrankAngleError(KinematicsError, ValueError):
 
     def __str__(self) -> str:
         return (
-            f'crank angle {self.alpha!r} rad is refused: '
+            f'crank angle {self.alpha} rad is refused: '
             f'it must be finite and within +-{self.limit:g} rad'
         )
 

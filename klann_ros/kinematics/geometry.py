@@ -11,6 +11,7 @@ from .reach import closes_somewhere
 LENGTHS = ('l_ab', 'l_bc', 'l_dc', 'l_cg', 'l_ef', 'l_fg', 'l_gh')
 COORDINATES = ('x_d', 'y_a', 'x_e', 'y_e')
 BENDS = ('angle_bcg', 'angle_fgh')
+SMALLEST, LARGEST = 1e-60, 1e60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,8 +36,9 @@ class KlannGeometry:
     Raises
     ------
     GeometryError
-        A value is not finite, a length is not positive, an assembly sign is not +1 or -1, or
-        there is no crank angle at all at which both dyads close. A ValueError.
+        A value is not a finite number, a length is not positive or beyond all measure, an
+        assembly sign is not +1 or -1, or there is no crank angle at all at which both dyads
+        close. A ValueError.
 
     References
     ----------
@@ -67,6 +69,8 @@ class KlannGeometry:
             if getattr(self, name) <= 0.0:
                 msg = f'{name} = {getattr(self, name):g} m is refused: a length must be > 0'
                 raise GeometryError(msg)
+        for name in (*LENGTHS, *COORDINATES):
+            _representable(name, getattr(self, name))
         object.__setattr__(self, 'assembly', _signs(self.assembly))
         if not closes_somewhere(self):
             msg = (
@@ -118,8 +122,9 @@ class KlannGeometry:
 
 def _finite(name: str, value: Any) -> float:
     try:
-        number = float(value)
-    except (TypeError, ValueError):
+        # float() would take text as well, such as '1_0' for 10.
+        number = math.nan if isinstance(value, str | bytes) else float(value)
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
         msg = f'{name} = {value!r} is refused: it must be a finite number'
@@ -127,15 +132,23 @@ def _finite(name: str, value: Any) -> float:
     return number
 
 
+def _representable(name: str, value: float) -> None:
+    """Refuse what has no square, or loses its digits in the product of four lengths."""
+    if value != 0.0 and not SMALLEST <= abs(value) <= LARGEST:
+        msg = f'{name} = {value:g} m is refused: it must be within {SMALLEST:g} .. {LARGEST:g} m'
+        raise GeometryError(msg)
+
+
 def _signs(assembly: Any) -> tuple[int, int]:
     try:
-        first, second = (int(sign) if sign in (-1, 1) else 0 for sign in assembly)
-    except (TypeError, ValueError):
-        first = second = 0
-    if 0 in (first, second):
+        # By place, since a set has no first.
+        signs = [int(assembly[i]) for i in range(len(assembly)) if assembly[i] in (-1, 1)]
+    except (TypeError, ValueError, LookupError):
+        signs = []
+    if len(signs) != 2 or len(assembly) != 2:
         msg = f'assembly = {assembly!r} is refused: it must be two signs, each +1 or -1'
         raise GeometryError(msg)
-    return first, second
+    return signs[0], signs[1]
 
 
 def _direction(p: tuple[float, float], q: tuple[float, float]) -> float:

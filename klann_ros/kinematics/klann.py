@@ -8,7 +8,8 @@ the two together. gamma and theta are measured clockwise, all other angles count
 Source: R. Nicoletti, SEM 104 Mecanismos, lecture 7, "Mecanismo de N barras".
 """
 
-from math import cos, sin
+from math import cos, sin, sqrt
+from sys import float_info
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -92,6 +93,25 @@ def phi(geometry: 'KlannGeometry', x: 'Sequence[float] | Array') -> Array:
             [g.l_cg * cos(bent), -g.l_dc * cos(beta), g.l_ef * cos(delta), -g.l_fg * cos(theta)],
         ]
     )
+
+
+def rounding(geometry: 'KlannGeometry') -> tuple[float, float]:
+    """Return what f1 and f2, and what f3 and f4, can lose to rounding [m]."""
+    g = geometry
+    loop_1 = max(g.l_ab, g.l_bc, g.l_dc, abs(g.x_d), abs(g.y_a))
+    loop_2 = max(g.l_cg, g.l_ef, g.l_fg, g.l_dc, abs(g.x_d), abs(g.x_e), abs(g.y_e))
+    return 8.0 * float_info.epsilon * loop_1, 8.0 * float_info.epsilon * loop_2
+
+
+def singular_sines(geometry: 'KlannGeometry') -> tuple[float, float]:
+    """
+    Return the |sin(gamma + beta)| and |sin(delta + theta)| that rounding alone can make.
+
+    Near the reach of a dyad the sine's square is proportional to the distance from it. Below these
+    sines Phi is known to be small and nothing else, and no velocity follows from it.
+    """
+    rounding_1, rounding_2 = rounding(geometry)
+    return sqrt(rounding_1 / geometry.l_dc), sqrt(rounding_2 / geometry.l_fg)
 
 
 def f_alpha(geometry: 'KlannGeometry', alpha: float) -> Array:

@@ -1,16 +1,17 @@
 """The Klann leg as an object: it remembers the last good pose, and nothing else."""
 
 from collections.abc import Sequence
-from math import isfinite
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import klann
+from .angles import crank_angle
 from .geometry import KlannGeometry
 from .newton import newton_raphson
 from .pose import closed_form_pose, KlannPose
-from .tracking import constants, track
+from .tracking import COARSE_TOLERANCE, constants, track
 from .velocity import KlannVelocity, velocity
 
 Array = NDArray[np.float64]
@@ -32,7 +33,9 @@ class KlannLeg:
     Raises
     ------
     ValueError
-        `tolerance` or `max_crank_step` is not finite or not positive.
+        `tolerance` is not above 0 and at most 1e-3 rad, or `max_crank_step` not finite and > 0.
+    TypeError
+        `geometry` is no KlannGeometry.
 
     """
 
@@ -44,9 +47,12 @@ class KlannLeg:
         max_crank_step: float = 0.35,
     ) -> None:
         """Start without a pose."""
+        if not isinstance(geometry, KlannGeometry | None):
+            msg = f'geometry = {geometry!r} is refused: it must be a KlannGeometry'
+            raise TypeError(msg)
         self._constants = constants(geometry or KlannGeometry.sem104())
-        self._tolerance = _positive('tolerance', tolerance)
-        self._max_crank_step = _positive('max_crank_step', max_crank_step)
+        self._tolerance = _within('tolerance', tolerance, COARSE_TOLERANCE)
+        self._max_crank_step = _within('max_crank_step', max_crank_step, inf)
         self._last: KlannPose | None = None
 
     @property
@@ -85,6 +91,7 @@ class KlannLeg:
             Newton-Raphson does not confirm the closed form.
 
         """
+        alpha = crank_angle(alpha)
         pose = track(self._constants, alpha, self._last, self._tolerance, self._max_crank_step)
         self._last = pose
         return pose
@@ -113,6 +120,8 @@ class KlannLeg:
         ------
         NotConvergedError
             It carries the iterates.
+        CrankAngleError
+            `alpha` is not finite, or beyond +-1e6 rad.
         ValueError
             The guess is not four finite numbers.
 
@@ -121,7 +130,11 @@ class KlannLeg:
         R. Nicoletti, SEM 104 Mecanismos, lecture 7.
 
         """
-        x_1 = np.asarray(guess, dtype=np.float64)
+        alpha = crank_angle(alpha)
+        try:
+            x_1 = np.asarray(guess, dtype=np.float64)
+        except (TypeError, ValueError):
+            x_1 = np.empty(0)
         if x_1.shape != (4,) or not np.isfinite(x_1).all():
             msg = f'guess = {guess!r} is refused: gamma, beta, delta, theta, four finite numbers'
             raise ValueError(msg)
@@ -166,13 +179,16 @@ class KlannLeg:
         ------
         SingularPoseError
             The pose has no velocity.
+        ValueError
+            The rate is not finite.
 
         """
         return velocity(pose, alpha_rate)
 
 
-def _positive(name: str, value: float) -> float:
-    if not (isfinite(value) and value > 0.0):
-        msg = f'{name} = {value!r} is refused: it must be finite and > 0'
+def _within(name: str, value: float, most: float) -> float:
+    if not (0.0 < value <= most and value < inf):
+        limit = '' if most == inf else f' and at most {most:g} rad'
+        msg = f'{name} = {value!r} is refused: it must be finite, > 0{limit}'
         raise ValueError(msg)
     return float(value)

@@ -1,13 +1,13 @@
 """A solved pose of the Klann leg."""
 
-from math import nan, pi
+from math import nan, sin
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import closed_form, klann
-from .angles import check_crank_angle, wrap
+from .angles import crank_angle, wrap
 from .geometry import KlannGeometry
 
 
@@ -89,7 +89,7 @@ def closed_form_pose(geometry: KlannGeometry, alpha: float) -> KlannPose:
         A dyad does not close at this crank angle.
 
     """
-    check_crank_angle(alpha)
+    alpha = crank_angle(alpha)
     joints = closed_form.joints(geometry, alpha)
     x = closed_form.angles(geometry, joints)
     gamma, beta, delta, theta = x
@@ -110,14 +110,15 @@ def closed_form_pose(geometry: KlannGeometry, alpha: float) -> KlannPose:
 def _coefficients(
     geometry: KlannGeometry, alpha: float, x: tuple[float, float, float, float]
 ) -> tuple[float, float, float, float]:
-    """Solve Phi dx/dalpha = -df/dalpha."""
-    try:
-        solution = np.linalg.solve(klann.phi(geometry, x), -klann.f_alpha(geometry, alpha))
-    except np.linalg.LinAlgError:
+    """Solve Phi dx/dalpha = -df/dalpha; NaN where Phi is singular but for rounding."""
+    gamma, beta, delta, theta = x
+    sine_1, sine_2 = klann.singular_sines(geometry)
+    if abs(sin(gamma + beta)) <= sine_1 or abs(sin(delta + theta)) <= sine_2:
         return nan, nan, nan, nan
+    solution = np.linalg.solve(klann.phi(geometry, x), -klann.f_alpha(geometry, alpha))
     gamma, beta, delta, theta = solution.tolist()
     return gamma, beta, delta, theta
 
 
 def _between(angle: float) -> float:
-    return min(abs(wrap(angle)), pi)
+    return abs(wrap(angle))

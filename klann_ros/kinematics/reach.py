@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 from math import acos, atan2, cos, hypot, pi
+from sys import float_info
 from typing import TYPE_CHECKING
 
 from .angles import TURN
@@ -23,8 +24,9 @@ def reachable_arcs(geometry: 'KlannGeometry') -> list[Arc]:
     """
     Return the arcs of crank angles at which both dyads close in the geometry's assembly.
 
-    The first dyad's arcs follow from |BD| in closed form; within them the second dyad's
-    clearance is searched for its zeros, and they are bisected to 1e-12 rad.
+    The first dyad's arcs follow from |BD| in closed form, less 1e-12 of their length, since
+    rounding decides what closes at their very ends; within them the second dyad's clearance is
+    searched for its zeros, and they are bisected to 1e-12 rad.
 
     Parameters
     ----------
@@ -58,7 +60,8 @@ def closes_somewhere(geometry: 'KlannGeometry') -> bool:
 def _clearance(geometry: 'KlannGeometry', alpha: float) -> float:
     """Return the clearance of the dyad that fails, or else of the second [m]."""
     first, second = clearances(geometry, alpha)
-    return first if second is None else second
+    # Where B and D coincide nothing closes, although the distance is within reach.
+    return min(first, -float_info.min) if second is None else second
 
 
 def _first_dyad_arcs(geometry: 'KlannGeometry') -> list[Arc]:
@@ -119,6 +122,10 @@ def _samples(arc: Arc) -> list[float]:
 
 def _with_extrema(clearance: 'Callable[[float], float]', samples: list[float]) -> list[float]:
     """Add the peaks and dips that the samples on their two sides may hide."""
+    first, last = samples[0], samples[-1]
+    if last - first >= TURN:
+        # A whole turn goes on before its first sample.
+        samples = [samples[-2] - TURN, *samples]
     values = [clearance(alpha) for alpha in samples]
     found = []
     neighbours = zip(samples, samples[2:], values, values[1:], values[2:], strict=False)
@@ -127,7 +134,8 @@ def _with_extrema(clearance: 'Callable[[float], float]', samples: list[float]) -
             found.append(_peak(clearance, left, right))
         elif value >= 0.0 and before >= value <= after:
             found.append(_peak(lambda alpha: -clearance(alpha), left, right))
-    return sorted([*samples, *found])
+    turned = (alpha if alpha >= first else alpha + TURN for alpha in found)
+    return sorted([*(alpha for alpha in samples if alpha >= first), *turned])
 
 
 def _peak(function: 'Callable[[float], float]', left: float, right: float) -> float:
@@ -153,7 +161,11 @@ def _boundary(clearance: 'Callable[[float], float]', closes: float, fails: float
 
 def _normal(arcs: list[Arc]) -> list[Arc]:
     """Bring the arcs' starts into [0, 2 pi), sort them, and join the two ends of the turn."""
-    turned = sorted((start % TURN, start % TURN + end - start) for start, end in arcs)
+    turned = sorted(
+        # A turn added and taken away again would cost the last digit.
+        (start, end) if 0.0 <= start < TURN else (start % TURN, start % TURN + (end - start))
+        for start, end in arcs
+    )
     if len(turned) > 1 and turned[0][0] == 0.0 and turned[-1][1] >= TURN:
         first, last = turned[0], turned[-1]
         turned = [*turned[1:-1], (last[0], first[1] + TURN)]

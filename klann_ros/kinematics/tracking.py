@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import closed_form
-from .angles import check_crank_angle, TURN, wrap
+from . import closed_form, klann
+from .angles import TURN, wrap
 from .errors import NotConvergedError
 from .geometry import KlannGeometry
 from .pose import KlannPose
@@ -22,6 +22,9 @@ from .pose import KlannPose
 MAX_ITERATIONS = 10
 # While a large step is split, the poses between only have to stay on the branch.
 COARSE_TOLERANCE = 1e-3
+COARSE_ITERATIONS = 6
+# Half a turn is 9 parts of 0.35 rad; what takes more is cheaper seeded from the closed form.
+MAX_PARTS = 9
 
 Angles = tuple[float, float, float, float]
 _NO_COEFFICIENTS = (nan, nan, nan, nan)
@@ -45,7 +48,10 @@ class Constants(NamedTuple):
     angle_fgh: float
     sign_1: int
     sign_2: int
-    rounding: float
+    rounding_1: float
+    rounding_2: float
+    singular_1: float
+    singular_2: float
     geometry: KlannGeometry
 
 
@@ -53,11 +59,11 @@ def constants(geometry: KlannGeometry) -> Constants:
     """Return the constants of a geometry; do it once, not for every pose."""
     g = geometry
     lengths = (g.l_ab, g.l_bc, g.l_dc, g.l_cg, g.l_ef, g.l_fg, g.l_gh)
-    scale = max(*lengths, abs(g.x_d), abs(g.y_a), abs(g.x_e), abs(g.y_e))
-    # What the sums in f can lose to rounding: a residual below it cannot be improved.
-    rounding = 8.0 * float(np.finfo(np.float64).eps) * scale
     pivots = (g.x_d, g.y_a, g.x_e - g.x_d, g.y_e)
-    return Constants(*lengths, *pivots, g.angle_bcg, g.angle_fgh, *g.assembly, rounding, g)
+    bends = (g.angle_bcg, g.angle_fgh)
+    sine_1, sine_2 = klann.singular_sines(g)
+    singular = (sine_1 * g.l_bc * g.l_dc, sine_2 * g.l_ef * g.l_fg)
+    return Constants(*lengths, *pivots, *bends, *g.assembly, *klann.rounding(g), *singular, g)
 
 
 def refine(
@@ -98,7 +104,8 @@ def refine(
     """
     (
         l_ab, l_bc, l_dc, l_cg, l_ef, l_fg, l_gh, x_d, y_a, x_ed, y_e,
-        angle_bcg, angle_fgh, sign_1, sign_2, rounding, geometry,
+        angle_bcg, angle_fgh, sign_1, sign_2, rounding_1, rounding_2,
+        singular_1, singular_2, geometry,
     ) = constants  # fmt: skip
     gamma, beta, delta, theta = guess
     ab_x, ab_y = l_ab * cos(alpha), l_ab * sin(alpha)
@@ -119,10 +126,10 @@ def refine(
         det1 = bc_y * dc_x + bc_x * dc_y
         det2 = ef_y * fg_x + ef_x * fg_y
         if settled or (
-            -rounding <= f1 <= rounding
-            and -rounding <= f2 <= rounding
-            and -rounding <= f3 <= rounding
-            and -rounding <= f4 <= rounding
+            -rounding_1 <= f1 <= rounding_1
+            and -rounding_1 <= f2 <= rounding_1
+            and -rounding_2 <= f3 <= rounding_2
+            and -rounding_2 <= f4 <= rounding_2
         ):
             break
         if det1 == 0.0 or det2 == 0.0:
@@ -147,9 +154,9 @@ def refine(
         return None
     # det1 and det2 are sin(gamma + beta) and sin(delta + theta) times lengths; rounding may give
     # a pose that is singular the wrong sign.
-    if det1 * sign_1 < -rounding * l_bc or det2 * sign_2 < -rounding * l_ef:
+    if det1 * sign_1 < -rounding_1 * l_bc or det2 * sign_2 < -rounding_2 * l_ef:
         return None
-    if det1 == 0.0 or det2 == 0.0:
+    if -singular_1 <= det1 <= singular_1 or -singular_2 <= det2 <= singular_2:
         coefficients = _NO_COEFFICIENTS
     else:
         # Phi dx/dalpha = -df/dalpha, by the same substitution.
@@ -197,7 +204,7 @@ def track(
     constants : Constants
         The leg.
     alpha : float
-        Crank angle, any number of turns [rad].
+        Crank angle, any number of turns, finite and within +-1e6 [rad].
     last : KlannPose or None
         The warm start: a pose of the same leg.
     tolerance : float
@@ -207,15 +214,12 @@ def track(
 
     Raises
     ------
-    CrankAngleError
-        The crank angle is not finite, or beyond +-1e6 rad.
     UnreachableError
         A dyad does not close at this crank angle.
     NotConvergedError
         Newton-Raphson does not confirm the closed form.
 
     """
-    check_crank_angle(alpha)
     pose = None if last is None else _follow(constants, alpha, last, tolerance, max_crank_step)
     return _seeded(constants, alpha, tolerance) if pose is None else pose
 
@@ -223,17 +227,22 @@ def track(
 def _follow(
     constants: Constants, alpha: float, last: KlannPose, tolerance: float, max_crank_step: float
 ) -> KlannPose | None:
+    if last.coefficients is _NO_COEFFICIENTS:
+        return None
     step = alpha - last.alpha
     if not -max_crank_step <= step <= max_crank_step:
         step = remainder(step, TURN)
     if -max_crank_step <= step <= max_crank_step:
         return refine(constants, alpha, _tangent(last, step), tolerance, MAX_ITERATIONS)
+    if abs(step) > MAX_PARTS * max_crank_step:
+        return None
     parts = ceil(abs(step) / max_crank_step)
     step /= parts
     spent = 0
     for remaining in range(parts - 1, 0, -1):
         guess = _tangent(last, step)
-        pose = refine(constants, alpha - remaining * step, guess, COARSE_TOLERANCE, MAX_ITERATIONS)
+        between = alpha - remaining * step
+        pose = refine(constants, between, guess, COARSE_TOLERANCE, COARSE_ITERATIONS)
         if pose is None:
             return None
         spent += pose.iterations
@@ -259,6 +268,6 @@ def _seeded(constants: Constants, alpha: float, tolerance: float) -> KlannPose:
     seed = closed_form.angles(geometry, closed_form.joints(geometry, alpha))
     pose = refine(constants, alpha, seed, tolerance, MAX_ITERATIONS)
     if pose is None:
-        reason = 'the closed form is no solution'
+        reason = 'it does not confirm the closed form'
         raise NotConvergedError(alpha, np.array([seed]), reason)
     return pose

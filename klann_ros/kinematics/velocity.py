@@ -1,6 +1,6 @@
 """The velocity of a pose: the kinematic coefficients times the crank's rate."""
 
-from math import cos, isnan, sin
+from math import cos, isfinite, isnan, sin
 from typing import NamedTuple
 
 from .errors import SingularPoseError
@@ -48,11 +48,16 @@ def velocity(pose: KlannPose, alpha_rate: float) -> KlannVelocity:
     ------
     SingularPoseError
         The pose has no velocity.
+    ValueError
+        The rate is not finite.
 
     """
-    gamma_1, beta_1, delta_1, theta_1 = (c * alpha_rate for c in pose.coefficients)
-    if isnan(beta_1):
+    if isnan(pose.coefficients[0]):
         raise SingularPoseError(pose.alpha)
+    if not isfinite(alpha_rate):
+        msg = f'alpha_rate = {alpha_rate!r} is refused: it must be finite'
+        raise ValueError(msg)
+    gamma_1, beta_1, delta_1, theta_1 = (c * alpha_rate for c in pose.coefficients)
     g = pose.geometry
     bent_c, bent_g = pose.gamma - g.angle_bcg, pose.theta + g.angle_fgh
     dc, cg, gh = g.l_dc * beta_1, g.l_cg * gamma_1, g.l_gh * theta_1

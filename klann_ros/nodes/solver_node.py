@@ -42,7 +42,7 @@ from .taking import drain, Info
 PARAMETERS = (
     Declared('frame_id', 'leg_plane', 'frame of the published point: the plane of the leg'),
     Declared('crank_joint', 'crank', 'the joint in crank_state that turns the crank'),
-    Declared('tolerance', 1e-12, 'largest correction of a converged pose [rad]', 'finite, > 0'),
+    Declared('tolerance', 1e-12, 'largest correction of a converged pose [rad]', '> 0, <= 1e-3'),
     Declared('max_crank_step', 0.35, 'larger crank steps are split [rad]', 'finite, > 0'),
     Declared(
         'min_transmission_angle',
@@ -82,9 +82,8 @@ class SolverNode(Node):
 
     def _declare(self) -> None:
         values = declare(self, [*geometry_parameters.declared(), *PARAMETERS])
-        for name in ('tolerance', 'max_crank_step', 'min_transmission_angle'):
+        for name in ('min_transmission_angle', 'diagnostics_period'):
             must_be_positive(name, values[name])
-        must_be_positive('diagnostics_period', values['diagnostics_period'])
         self._tolerance, self._max_crank_step = values['tolerance'], values['max_crank_step']
         self._min_transmission_angle = values['min_transmission_angle']
         self._crank_joint = values['crank_joint']
@@ -92,7 +91,8 @@ class SolverNode(Node):
         self._messages = LegMessages(values['frame_id'])
         try:
             self._set_geometry(geometry_parameters.geometry(values))
-        except GeometryError as error:
+        except ValueError as error:
+            # A GeometryError, or what KlannLeg says of tolerance and max_crank_step.
             raise StartError(str(error)) from error
         self.add_on_set_parameters_callback(self._validate)
         self.add_post_set_parameters_callback(self._apply)

@@ -17,7 +17,7 @@ from strategies import legs
 
 
 @pytest.mark.parametrize('name', [*LENGTHS, *COORDINATES, *BENDS])
-@pytest.mark.parametrize('value', [math.nan, math.inf, 'long', None])
+@pytest.mark.parametrize('value', [math.nan, math.inf, 'long', '0.12', b'0.12', None, 10**400])
 def test_a_value_that_is_not_finite_is_refused(name: str, value: object) -> None:
     with pytest.raises(GeometryError, match=f'{name} = .* must be a finite number'):
         KlannGeometry(**{name: value})
@@ -30,7 +30,9 @@ def test_a_length_must_be_positive(name: str, value: float) -> None:
         KlannGeometry(**{name: value})
 
 
-@pytest.mark.parametrize('assembly', [(0, 1), (1,), (1, 1, 1), (2, -1), 1, None, ('+', '-')])
+@pytest.mark.parametrize(
+    'assembly', [(0, 1), (1,), (1, 1, 1), (2, -1), 1, None, ('+', '-'), {1, -1}, {}]
+)
 def test_an_assembly_is_two_signs(assembly: object) -> None:
     with pytest.raises(GeometryError, match='two signs'):
         KlannGeometry(assembly=assembly)
@@ -65,6 +67,39 @@ def test_the_limit_of_the_full_turn_is_where_the_textbook_leg_has_it() -> None:
     assert limit / 0.35 == pytest.approx(1 - 0.0246, abs=1e-4)
     assert reachable_arcs(KlannGeometry(l_bc=limit + 1e-9)) == [(0.0, 2 * math.pi)]
     assert reachable_arcs(KlannGeometry(l_bc=limit - 1e-6)) != [(0.0, 2 * math.pi)]
+
+
+# The leg of SEM 104, turned so that |EG| has an extremum just beside a crank angle of 0.
+BESIDE_ZERO = {'x_d': 0.33793, 'y_a': 0.12808, 'x_e': 0.30368, 'y_e': 0.23522}
+
+
+def test_a_gap_beside_zero_is_not_missed() -> None:
+    ((start, end),) = reachable_arcs(KlannGeometry(l_fg=0.280028, **BESIDE_ZERO))
+    assert start == pytest.approx(0.00916, abs=1e-4)
+    assert end == pytest.approx(2 * math.pi + 0.00104, abs=1e-4)
+
+
+def test_a_leg_that_closes_only_beside_zero_is_accepted() -> None:
+    ((start, end),) = reachable_arcs(KlannGeometry(l_ef=0.3, l_fg=0.850028, **BESIDE_ZERO))
+    assert (start, end) == pytest.approx((0.00104, 0.00916), abs=1e-4)
+
+
+def test_an_arc_through_zero_is_one_arc() -> None:
+    arcs = reachable_arcs(replace(KlannGeometry.patent(), l_fg=0.4842))
+    assert len(arcs) == 1
+    assert arcs[0][0] < 2 * math.pi < arcs[0][1]
+
+
+def test_a_leg_that_only_seems_to_close_where_b_is_d_is_refused() -> None:
+    with pytest.raises(GeometryError, match='at no crank angle'):
+        KlannGeometry(l_ab=0.1, x_d=0.1, y_a=0.0, l_bc=0.35, l_dc=0.35, x_e=100.0)
+
+
+@pytest.mark.parametrize('factor', [1e-81, 1e160])
+def test_lengths_beyond_all_measure_are_refused(factor: float) -> None:
+    numbers = {name: factor * getattr(KlannGeometry(), name) for name in LENGTHS + COORDINATES}
+    with pytest.raises(GeometryError, match=r'must be within 1e-60 \.\. 1e\+60 m'):
+        KlannGeometry(**numbers)
 
 
 def closes(geometry: KlannGeometry, alpha: float) -> bool:

@@ -130,10 +130,24 @@ def test_a_mirrored_leg_has_mirrored_points(geometry: KlannGeometry, alpha: floa
     np.testing.assert_allclose(other.points, pose.points * [-1, 1], rtol=0, atol=1e-12)
 
 
-def test_a_singular_pose_has_no_velocity() -> None:
-    pose = KlannLeg().solve(1.0)._replace(coefficients=(math.nan,) * 4)
-    with pytest.raises(SingularPoseError, match='singular'):
-        KlannLeg().velocity(pose, 1.0)
+@pytest.mark.parametrize('method', ['solve', 'closed_form'])
+def test_a_singular_pose_has_no_velocity(method: str) -> None:
+    # BD reaches its greatest length just where BC and DC are in line.
+    geometry = KlannGeometry(l_bc=0.12 + math.hypot(0.35, 0.09) - 0.14 + 1e-16)
+    leg = KlannLeg(geometry)
+    singular = math.atan2(-0.09, 0.35) + math.pi
+    pose = getattr(leg, method)(singular + 1e-9)
+    with pytest.raises(SingularPoseError, match='is singular'):
+        leg.velocity(pose, 1.0)
+    # The next solve does without its tangent.
+    assert leg.solve(singular + 0.1).iterations > 0
+
+
+@pytest.mark.parametrize('rate', [math.nan, math.inf])
+def test_a_rate_that_is_none_is_refused(rate: float) -> None:
+    leg = KlannLeg()
+    with pytest.raises(ValueError, match=r'alpha_rate = .* must be finite'):
+        leg.velocity(leg.solve(1.0), rate)
 
 
 def test_the_points_are_a_copy() -> None:

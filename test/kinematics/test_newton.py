@@ -54,7 +54,7 @@ def test_a_singular_guess_is_said() -> None:
     assert caught.value.iterates.tolist() == [[0.0, 0.0, 0.0, 0.0]]
 
 
-@pytest.mark.parametrize('guess', [[0.1], [0.1, 0.2, 0.3, math.nan], [[0.0] * 4]])
+@pytest.mark.parametrize('guess', [[0.1], [0.1, 0.2, 0.3, math.nan], [[0.0] * 4], 'abc', None])
 def test_a_guess_that_is_none_is_refused(guess: list[float]) -> None:
     with pytest.raises(ValueError, match='four finite numbers'):
         KlannLeg().newton(1.0, guess)
@@ -71,3 +71,8 @@ def test_a_guess_that_is_none_is_refused(guess: list[float]) -> None:
 )
 def test_errors_survive_pickling_with_their_text(error: Exception) -> None:
     assert str(pickle.loads(pickle.dumps(error))) == str(error)  # noqa: S301 - our own bytes
+
+
+def test_newton_takes_no_angle_that_is_none() -> None:
+    with pytest.raises(CrankAngleError):
+        KlannLeg().newton(math.inf, GUESS)

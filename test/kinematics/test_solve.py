@@ -25,9 +25,15 @@ def difference(pose: KlannPose, other: KlannPose) -> float:
 
 
 def allowed(pose: KlannPose) -> float:
-    """Return the difference that a pose's distance from singularity excuses [rad]."""
-    sines = [abs(math.sin(angle)) for angle in pose.transmission_angles]
-    return 1e-11 / min(1.0, *(s if s < 1e-3 else 1.0 for s in sines))
+    """
+    Return the difference that a pose's distance from singularity excuses [rad].
+
+    The second dyad passes on the error of the first, so where both are nearly singular their
+    sines multiply.
+    """
+    s_1, s_2 = (abs(math.sin(angle)) for angle in pose.transmission_angles)
+    nearly = [s for s in (s_1, s_2) if s < 1e-3]
+    return 1e-11 / min(1.0, *nearly, 1e3 * s_1 * s_2)
 
 
 @pytest.mark.parametrize('direction', [1, -1])
@@ -177,5 +183,63 @@ def test_reset_forgets_the_warm_start() -> None:
 @pytest.mark.parametrize('name', ['tolerance', 'max_crank_step'])
 @pytest.mark.parametrize('value', [0.0, -1.0, math.nan, math.inf])
 def test_settings_that_make_no_sense_are_refused(name: str, value: float) -> None:
-    with pytest.raises(ValueError, match=f'{name} = .* must be finite and > 0'):
+    with pytest.raises(ValueError, match=f'{name} = .* must be finite, > 0'):
         KlannLeg(**{name: value})
+
+
+def test_a_tolerance_that_would_answer_unreachable_angles_is_refused() -> None:
+    with pytest.raises(ValueError, match=r'at most 0\.001 rad'):
+        KlannLeg(tolerance=0.1)
+
+
+@pytest.mark.parametrize('geometry', [{}, 0, '', {'l_ab': 1.0}, KlannGeometry])
+def test_a_geometry_that_is_none_is_refused(geometry: object) -> None:
+    with pytest.raises(TypeError, match='must be a KlannGeometry'):
+        KlannLeg(geometry)
+
+
+@pytest.mark.parametrize('alpha', [None, 'abc', 1j, [1.0, 2.0], np.array([1.0, 2.0]), 10**400])
+@pytest.mark.parametrize('method', ['solve', 'closed_form'])
+def test_what_is_no_number_is_no_angle(method: str, alpha: object) -> None:
+    with pytest.raises(CrankAngleError, match='is refused'):
+        getattr(KlannLeg(), method)(alpha)
+
+
+@pytest.mark.parametrize('kind', [int, np.float32, np.float64, np.int64, np.array])
+def test_any_kind_of_number_is_an_angle(kind: type) -> None:
+    leg = KlannLeg()
+    leg.solve(1.9)
+    pose = leg.solve(kind(2))
+    assert pose == KlannLeg().solve(2.0)._replace(iterations=pose.iterations, h=pose.h) or (
+        difference(pose, leg.closed_form(2.0)) < 1e-15
+    )
+    assert {type(value) for value in pose[:5]} == {float}
+
+
+@pytest.mark.parametrize('max_crank_step', [5e-324, 1e-9, 1e-3])
+def test_a_small_max_crank_step_costs_no_more_than_a_closed_form(max_crank_step: float) -> None:
+    leg = KlannLeg(max_crank_step=max_crank_step)
+    leg.solve(0.0)
+    assert leg.solve(3.0).iterations <= 2
+
+
+KITE = KlannGeometry(l_ab=0.35, x_d=0.35, y_a=0.0, l_bc=0.4, l_dc=0.4, l_ef=0.5, l_fg=0.5)
+
+
+@pytest.mark.parametrize('alpha', [1e-11, -1e-9, 1e-6, 1e-3])
+def test_a_kite_keeps_its_digits_where_b_comes_close_to_d(alpha: float) -> None:
+    leg = KlannLeg(KITE)
+    assert leg.closed_form(alpha).residual < 1e-15
+    assert difference(leg.solve(alpha), leg.closed_form(alpha)) <= 1e-9
+
+
+def test_a_kite_closes_nowhere_where_b_is_d() -> None:
+    with pytest.raises(UnreachableError, match='B and D are 0 m closer together') as caught:
+        KlannLeg(KITE).solve(0.0)
+    assert caught.value.shortfall == 0.0
+
+
+def test_a_long_foot_costs_the_angles_no_digit() -> None:
+    leg, short = KlannLeg(KlannGeometry(l_gh=1e6)), KlannLeg()
+    for k in range(100):
+        assert difference(leg.solve(k / 50), short.solve(k / 50)) == 0.0

@@ -334,7 +334,11 @@ def test_every_parameter_is_described(ros: World) -> None:
         ('assembly:=[1, 2]', 'it must be two signs, each +1 or -1'),
         ('assembly:=[1]', 'it must be two signs, each +1 or -1'),
         ('l_ab:=1', 'parameter l_ab must be of type double (write 1.0, not 1)'),
-        ('tolerance:=0.0', 'tolerance = 0.0 is refused: it must be finite and > 0'),
+        (
+            'tolerance:=0.0',
+            'it must be finite, > 0 and at most 0.001 rad',
+        ),
+        ('tolerance:=0.1', 'tolerance = 0.1 is refused'),
         ('max_crank_step:=-1.0', 'max_crank_step = -1.0 is refused'),
         ('min_transmission_angle:=.nan', 'min_transmission_angle = nan is refused'),
         ('diagnostics_period:=0.0', 'diagnostics_period = 0.0 is refused'),
