@@ -62,8 +62,11 @@ class Process:
         return Path(self._errors.name).read_text()
 
     def release(self) -> None:
-        """Leave nothing behind."""
-        if self.popen.poll() is None:
+        """Leave nothing behind: what is killed leaves its shared memory, so that comes last."""
+        self.popen.terminate()
+        try:
+            self.popen.wait(PATIENCE / 2)
+        except subprocess.TimeoutExpired:
             self.popen.kill()
         self.popen.communicate()
         self._errors.close()

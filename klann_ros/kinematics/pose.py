@@ -10,6 +10,9 @@ from . import closed_form, klann
 from .angles import crank_angle, wrap
 from .geometry import KlannGeometry
 
+# The names under which the angles are published and drawn, in the order of a pose's fields.
+JOINTS = ('alpha', 'gamma', 'beta', 'delta', 'theta')
+
 
 class KlannPose(NamedTuple):
     """

@@ -5,7 +5,7 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from time import monotonic
 
-from .errors import LogError
+from .errors import LogError, UnwritableError
 from .records import Message
 from .writer import RunWriter
 
@@ -36,7 +36,7 @@ class BackgroundWriter:
     Attributes
     ----------
     dropped : int
-        Messages that did not fit into the queue, or came after a failure.
+        Messages that did not fit into the queue or into the format, or came after a failure.
     failure : Exception or None
         What ended the writing.
 
@@ -72,30 +72,23 @@ class BackgroundWriter:
         """Queue a call that writes something else than a message: metadata, an attachment."""
         self._queue.put(entry)
 
-    def close(self) -> None:
-        """
-        Write all that is queued and finish the run.
-
-        Raises
-        ------
-        OSError, LogError
-            What ended the writing, now or before.
-
-        """
+    def close(self) -> Exception | None:
+        """Write all that is queued and finish the run; return what went wrong, now or before."""
         self._queue.put(None)
         self._thread.join()
         if self.failure is None:
-            self._writer.close()
-        else:
-            raise self.failure
+            try:
+                self._writer.close()
+            except (OSError, LogError) as error:
+                self.failure = error
+        return self.failure
 
     def _run(self) -> None:
         try:
             self._write_all()
-        except (OSError, LogError) as error:
+        except Exception as error:
             self.failure = error
             self._on_failure()
-            # An entry that waits would wait for ever; messages are counted, they are lost.
             self._drop_rest()
 
     def _write_all(self) -> None:
@@ -115,10 +108,14 @@ class BackgroundWriter:
 
     def _write(self, item: Message | Entry) -> None:
         if isinstance(item, Message):
-            self._writer.write(item)
+            try:
+                self._writer.write(item)
+            except UnwritableError:
+                self.dropped += 1
         else:
             item(self._writer)
 
     def _drop_rest(self) -> None:
+        """Count what comes after a failure until the end is asked for."""
         while (item := self._queue.get()) is not None:
             self.dropped += isinstance(item, Message)

@@ -9,6 +9,11 @@ from .records import Message
 NS = 1e9
 
 
+def span(log: Log, start_offset: float, duration: float) -> float:
+    """Return how much of a log there is to play from an offset for a duration [s]; <= 0: none."""
+    return min(duration, (log.end_time - log.start_time) / NS - start_offset)
+
+
 def schedule(
     log: Log,
     *,
@@ -54,5 +59,8 @@ def _due(
     begin = log.start_time + round(start_offset * NS)
     for message in log.messages(topics):
         position = (message.log_time - begin) / NS
-        if 0.0 <= position <= duration:
+        if position < 0.0:
+            continue
+        # A log without an index is read as it stands, and may be out of order.
+        if position <= duration:
             yield position / rate, message

@@ -15,7 +15,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from .parameters import declare, Declared, must, must_be_positive
+from .parameters import declare, Declared, must, must_be_within
 from .process import arguments, command_line, Finish, run, StartError
 from .qos import OUTPUT
 
@@ -31,7 +31,7 @@ MOTION = (
     Declared('frequency', _DEFAULT.frequency, 'of sine and step [Hz]', 'finite, > 0'),
 )
 PARAMETERS = (
-    Declared('rate', 100.0, 'messages a second [Hz]', 'finite, > 0'),
+    Declared('rate', 100.0, 'messages a second [Hz]', '0.001 .. 10000'),
     Declared(
         'revolutions',
         0,
@@ -45,6 +45,7 @@ PARAMETERS = (
         'min_subscribers', 0, 'the crank waits until so many listen, so that none misses the start'
     ),
 )
+RATES = (1e-3, 1e4)
 # Time for a subscriber to match the publisher once the publisher knows of it [s].
 SETTLE = 0.3
 # A node that was stopped for longer than this goes on from where it was, without a burst [s].
@@ -76,7 +77,8 @@ class CrankNode(Node):
             self._motion = CrankMotion(**{p.name: values[p.name] for p in MOTION})
         except CrankMotionError as error:
             raise StartError(str(error)) from error
-        must_be_positive('rate', values['rate'])
+        must_be_within('rate', values['rate'], *RATES)
+        must_be_within('min_subscribers', values['min_subscribers'], 0, 1000)
         self._rate: float = values['rate']
         self._count = self._messages(values['revolutions'])
         self._min_subscribers = values['min_subscribers']
@@ -89,7 +91,7 @@ class CrankNode(Node):
 
     def _messages(self, revolutions: float) -> float:
         """Return how many messages so many revolutions take, both ends included."""
-        must(revolutions >= 0.0, 'revolutions', revolutions, '>= 0')
+        must(0.0 <= revolutions < inf, 'revolutions', revolutions, 'finite and >= 0')
         if revolutions == 0.0:
             return inf
         duration = revolutions * self._motion.period

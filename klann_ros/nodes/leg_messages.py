@@ -5,9 +5,8 @@ from array import array
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PointStamped, TwistStamped
 from klann_ros.kinematics import KlannPose, KlannVelocity
+from klann_ros.kinematics.pose import JOINTS
 from sensor_msgs.msg import JointState
-
-JOINTS = ('alpha', 'gamma', 'beta', 'delta', 'theta')
 
 
 class LegMessages:

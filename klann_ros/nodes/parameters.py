@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
@@ -70,8 +69,11 @@ def _declare(node: Node, parameter: Declared) -> Any:
         hint = ' (write 1.0, not 1)' if kind == 'double' else ''
         msg = f'parameter {parameter.name} must be of type {kind}{hint}'
         raise StartError(msg) from error
-    if parameter.any_number and not isinstance(value, int | float):
+    if parameter.any_number and (isinstance(value, bool) or not isinstance(value, int | float)):
         msg = f'parameter {parameter.name} must be a number'
+        raise StartError(msg)
+    if value is None:
+        msg = f'parameter {parameter.name} has no value'
         raise StartError(msg)
     return list(value) if isinstance(parameter.default, list) else value
 
@@ -91,14 +93,14 @@ def must(condition: bool, name: str, value: Any, what: str) -> None:
         raise StartError(msg)
 
 
-def must_be_positive(name: str, value: float) -> None:
+def must_be_within(name: str, value: float, least: float, most: float) -> None:
     """
-    Refuse a parameter that is not finite and > 0.
+    Refuse a parameter that is not within limits.
 
     Raises
     ------
     StartError
-        It is not.
+        It is not, or it is no number.
 
     """
-    must(isfinite(value) and value > 0.0, name, value, 'finite and > 0')
+    must(least <= value <= most, name, value, f'within {least:g} .. {most:g}')

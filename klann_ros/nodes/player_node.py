@@ -3,18 +3,19 @@
 import argparse
 from collections.abc import Sequence
 from functools import partial
-from math import inf
+from math import inf, nan
 import sys
 from threading import Event, Thread
 from time import monotonic
 
 from klann_ros.log.errors import LogError, MalformedQosError
-from klann_ros.log.playback import schedule
+from klann_ros.log.playback import schedule, span
 from klann_ros.log.qos import qos_from_yaml
 from klann_ros.log.reader import Log, open_log
 from klann_ros.log.records import Topic
 from klann_ros.stop_signals import StopSignals
 from rclpy.duration import Duration
+from rclpy.exceptions import NameValidationException
 from rclpy.publisher import Publisher
 from rclpy.qos import ReliabilityPolicy
 
@@ -22,6 +23,8 @@ from .message_types import message_class, UnknownMessageTypeError
 from .process import arguments, command_line, Finish, ProcessNode, run
 from .qos import to_publish
 
+# A log of one moment is not looped faster than this [s].
+SHORTEST_LOOP = 0.1
 # What is under way at the end is waited for at most so long [s].
 LAST_WORDS = 2.0
 
@@ -50,8 +53,8 @@ class PlayerNode(ProcessNode):
         self._stopped = Event()
         self._renamed = dict(options.remap)
         self._publishers_by_topic = self._make_publishers()
-        if not log.complete:
-            self.get_logger().warning(log.problem)
+        self._span = span(log, options.start_offset, options.duration)
+        self._warn()
         self._thread = Thread(target=self._play, name='player', daemon=True)
         self._thread.start()
 
@@ -64,6 +67,17 @@ class PlayerNode(ProcessNode):
                 publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
         return 0
 
+    def _warn(self) -> None:
+        """Say what is wrong with the log, and why nothing will be heard."""
+        warnings = [self._log.problem] if self._log.problem else []
+        names = sorted(topic.name for topic in self._log.topics)
+        for name in sorted((self._options.topics or set()) - set(names)):
+            warnings.append(f'{name} is not in the log; it has {", ".join(names) or "no topics"}')
+        if self._span < 0.0:
+            warnings.append(f'the log is {-self._span:.3f} s shorter than the start offset')
+        for warning in warnings:
+            self.get_logger().warning(warning)
+
     def _make_publishers(self) -> dict[Topic, Publisher]:
         wanted = self._options.topics
         publishers = {}
@@ -72,8 +86,9 @@ class PlayerNode(ProcessNode):
                 continue
             try:
                 publishers[topic] = self._make_publisher(topic)
-            except UnknownMessageTypeError as error:
-                self.get_logger().warning(f'{topic.name} is not played: {error}')
+            except (UnknownMessageTypeError, NameValidationException) as error:
+                reason = ' '.join(str(error).split())
+                self.get_logger().warning(f'{topic.name} is not played: {reason}')
         return publishers
 
     def _make_publisher(self, topic: Topic) -> Publisher:
@@ -98,8 +113,8 @@ class PlayerNode(ProcessNode):
                 if not self._options.loop:
                     break
             self._finish()
-        except OSError as error:
-            self.get_logger().error(f'the log cannot be read any further: {error}')
+        except Exception as error:
+            self.get_logger().error(f'the log cannot be played any further: {error}')
             self._finish(1)
 
     def _play_once(self) -> None:
@@ -113,11 +128,14 @@ class PlayerNode(ProcessNode):
         )
         begin = monotonic()
         for due, message in due_messages:
-            early = begin + due - monotonic()
-            if early > 0.0 and self._stopped.wait(early):
+            if self._stopped.wait(max(0.0, begin + due - monotonic())):
                 return
             if message.topic in publishers:
                 publishers[message.topic].publish(message.data)
+        # The next turn of a loop comes when the time of this one is over.
+        end = begin + max(self._span / options.rate, SHORTEST_LOOP)
+        if options.loop:
+            self._stopped.wait(end - monotonic())
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -128,7 +146,7 @@ def _parser() -> argparse.ArgumentParser:
         'topics:\n  player_node runs/x --ros-args -r __ns:=/replay',
     )
     parser.add_argument('log', metavar='LOG', help='a run folder or an .mcap file')
-    parser.add_argument('--rate', type=_positive, default=1.0, help='2 is twice as fast')
+    parser.add_argument('--rate', type=_rate, default=1.0, help='2 is twice as fast')
     parser.add_argument('--loop', action='store_true', help='play again and again')
     parser.add_argument(
         '--start-offset', type=_not_negative, default=0.0, metavar='S', help='leave out S seconds'
@@ -156,17 +174,32 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _positive(text: str) -> float:
-    number = float(text)
-    if not 0.0 < number < inf:
-        raise argparse.ArgumentTypeError(f'{text} is refused: it must be > 0')
+    number = _number(text)
+    if not 0.0 < number <= inf:
+        raise argparse.ArgumentTypeError(f'{text} is refused: it must be a number > 0')
     return number
 
 
 def _not_negative(text: str) -> float:
-    number = float(text)
+    number = _number(text)
     if not 0.0 <= number < inf:
-        raise argparse.ArgumentTypeError(f'{text} is refused: it must be >= 0')
+        raise argparse.ArgumentTypeError(f'{text} is refused: it must be a number >= 0')
     return number
+
+
+def _rate(text: str) -> float:
+    number = _number(text)
+    if not 1e-6 <= number <= 1e6:
+        raise argparse.ArgumentTypeError(f'{text} is refused: it must be within 1e-6 .. 1e6')
+    return number
+
+
+def _number(text: str) -> float:
+    """Return a number, or NaN, which fails every comparison."""
+    try:
+        return float(text)
+    except ValueError:
+        return nan
 
 
 def _renaming(text: str) -> tuple[str, str]:

@@ -12,12 +12,25 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 
 class StartError(Exception):
     """What a node cannot start with; its text is the one line that the user reads."""
+
+
+# What rclpy raises when a node, its parameters, its topics or their overridden QoS make no sense.
+START_ERRORS = (
+    StartError,
+    ParameterException,
+    NameValidationException,
+    InvalidQosOverridesError,
+    RCLError,
+    RuntimeError,
+    ValueError,
+)
 
 
 class Finish(Protocol):
@@ -121,7 +134,7 @@ def _run(
     executor = SingleThreadedExecutor()
     try:
         node = make_node(finish)
-    except (StartError, ParameterException, NameValidationException, RCLError) as error:
+    except START_ERRORS as error:
         return _refused(name, error)
     try:
         executor.add_node(node)

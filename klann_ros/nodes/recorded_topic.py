@@ -11,7 +11,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from .message_types import message_class
 from .qos import recorded, to_receive
-from .taking import drain, Info, waiting
+from .taking import drain, forgetful, Info, waiting
 
 
 class RecordedTopic:
@@ -56,7 +56,12 @@ class RecordedTopic:
         self.loss = LossCounter()
         self._put = put
         self._subscription = node.create_subscription(
-            message_class(first.topic_type), name, self._on_message, to_receive(profiles), raw=True
+            message_class(first.topic_type),
+            name,
+            self._on_message,
+            to_receive(profiles),
+            raw=True,
+            event_callbacks=forgetful(self.loss),
         )
 
     def _on_message(self, data: bytes, info: Info) -> None:

@@ -5,24 +5,33 @@ from datetime import datetime, timezone
 from fnmatch import fnmatchcase
 import json
 import os
+from pathlib import Path
 import platform
+from time import monotonic
 from typing import Any
 
 from klann_ros import __version__
 from klann_ros.log.background_writer import BackgroundWriter
 from klann_ros.log.errors import LogError, UnknownTypeError
 from klann_ros.log.mcap_file import COMPRESSIONS
-from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record
+from klann_ros.log.run_parameters import (
+    LOSS_RECORD,
+    loss_record,
+    SOLVER_RECORD,
+    solver_record,
+    SolverParameters,
+)
 from klann_ros.log.writer import RunWriter
 from klann_ros.stop_signals import StopSignals
 from rclpy.clock import Clock, ClockType
+from rclpy.executors import SingleThreadedExecutor
 import yaml
 
 from .message_types import UnknownMessageTypeError
-from .parameters import declare, Declared, must, must_be_positive
+from .parameters import declare, Declared, must, must_be_within
 from .process import arguments, command_line, Finish, ProcessNode, run, StartError
 from .recorded_topic import RecordedTopic
-from .solver_parameters import SolverParameters
+from .solver_watch import SolverWatch
 
 TOPICS = (
     'crank_angle',
@@ -41,10 +50,13 @@ PARAMETERS = (
     Declared('topics', list(TOPICS), 'names of the topics; * stands for anything'),
     Declared('all_topics', False, 'record every topic that is not hidden'),
     Declared('compression', 'zstd', 'of the chunks', f'one of {", ".join(COMPRESSIONS)}'),
-    Declared('flush_period', 0.5, 'a crash costs at most this much [s]', 'finite, > 0'),
+    Declared('flush_period', 0.5, 'a crash costs at most this much [s]', '0.01 .. 60'),
 )
+FLUSH_PERIODS = (0.01, 60.0)
 # How often new topics are looked for [s].
-LOOK_PERIOD = 0.05
+LOOK_PERIOD = 0.1
+# How long the end waits for a solver's parameters that have been asked for [s].
+LAST_ANSWERS = 1.0
 
 
 class RecorderNode(ProcessNode):
@@ -69,11 +81,11 @@ class RecorderNode(ProcessNode):
         values = declare(self, PARAMETERS)
         compression = values['compression']
         must(compression in COMPRESSIONS, 'compression', compression, PARAMETERS[3].constraint)
-        must_be_positive('flush_period', values['flush_period'])
+        must_be_within('flush_period', values['flush_period'], *FLUSH_PERIODS)
         self._patterns = ['*'] if values['all_topics'] else self._resolved(values['topics'])
         self._topics: dict[str, RecordedTopic] = {}
         self._skipped: set[str] = set()
-        self._solvers = SolverParameters(self, self._on_solver)
+        self._solvers = SolverWatch(self, self._on_solver)
         self._writer = _open(values['output'] or _default_output(), compression)
         self._background = BackgroundWriter(
             self._writer,
@@ -86,20 +98,40 @@ class RecorderNode(ProcessNode):
 
     def close(self) -> int:
         """Take what still waits, and finish the run."""
+        self._await_answers()
         for topic in self._topics.values():
             topic.take_waiting()
-        try:
-            self._background.close()
-        except (OSError, LogError) as error:
-            self.get_logger().error(f'the recording stopped early: {error}')
-            return 1
+        self._background.put_entry(self._describe_losses)
+        failure = self._background.close()
         received = sum(topic.received for topic in self._topics.values())
-        lost = sum(topic.loss.lost for topic in self._topics.values())
-        self.get_logger().info(
+        said = (
             f'{received - self._background.dropped} messages of {len(self._topics)} topics are in '
-            f'{self._writer.path}; {lost + self._background.dropped} were lost'
+            f'{self._writer.path}'
         )
+        if failure is not None:
+            self.get_logger().error(
+                f'the recording stopped early: {failure}; about {said}, and `recover` finishes it'
+            )
+            return 1
+        lost = sum(topic.loss.lost for topic in self._topics.values())
+        self.get_logger().info(f'{said}; {lost + self._background.dropped} were lost')
         return 0
+
+    def _await_answers(self) -> None:
+        """Let the answers come that explain a run which was stopped early."""
+        executor = SingleThreadedExecutor()
+        executor.add_node(self)
+        end = monotonic() + LAST_ANSWERS
+        while self._solvers.waiting and monotonic() < end:
+            executor.spin_once(timeout_sec=0.02)
+        executor.remove_node(self)
+
+    def _describe_losses(self, writer: RunWriter) -> None:
+        lost = {
+            name: None if topic.loss.shared else topic.loss.lost
+            for name, topic in self._topics.items()
+        }
+        writer.add_metadata(LOSS_RECORD, loss_record(lost))
 
     def _resolved(self, names: Sequence[str]) -> list[str]:
         """Return full names; a pattern is taken in this node's namespace, and not remapped."""
@@ -118,8 +150,8 @@ class RecorderNode(ProcessNode):
         for name, _ in self.get_topic_names_and_types():
             if name not in self._topics and name not in self._skipped and self._wanted(name):
                 self._subscribe(name)
-        for name in self._topics:
-            if name.endswith('/joint_states'):
+        for name, recorded in self._topics.items():
+            if recorded.topic.type == 'sensor_msgs/msg/JointState':
                 self._solvers.add(self.get_publishers_info_by_topic(name))
         self._solvers.ask()
 
@@ -137,13 +169,13 @@ class RecorderNode(ProcessNode):
             self._skipped.add(name)
             self.get_logger().warning(f'{name} is not recorded: {error}')
 
-    def _on_solver(self, name: str, parameters: dict[str, Any]) -> None:
-        now = self.get_clock().now().nanoseconds
-        file = yaml.safe_dump({name: {'ros__parameters': parameters}}).encode()
+    def _on_solver(self, solver: SolverParameters) -> None:
+        name = f'{solver.node.strip("/").replace("/", "_")}.yaml'
+        file = yaml.safe_dump({solver.node: {'ros__parameters': solver.parameters}}).encode()
 
         def describe(writer: RunWriter) -> None:
-            writer.add_metadata(SOLVER_RECORD, solver_record(name, parameters))
-            writer.attach(f'{name.strip("/").replace("/", "_")}.yaml', 'text/yaml', file, now)
+            writer.add_metadata(SOLVER_RECORD, solver_record(solver))
+            writer.attach(name, 'text/yaml', file, solver.time)
 
         self._background.put_entry(describe)
 
@@ -154,7 +186,7 @@ def _default_output() -> str:
 
 def _open(output: str, compression: str) -> RunWriter:
     try:
-        return RunWriter(output, compression=compression)
+        return RunWriter(Path(output).expanduser(), compression=compression)
     except (LogError, OSError) as error:
         raise StartError(str(error)) from error
 

@@ -1,7 +1,7 @@
 """`solver_node`: crank angle in, pose of the Klann leg out."""
 
 from collections.abc import Sequence
-from math import degrees
+from math import degrees, pi, tau
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -33,11 +33,11 @@ from std_srvs.srv import Trigger
 from . import diagnostics, geometry_parameters
 from .crank_input import BadMessageError, Crank, from_joint_state
 from .leg_messages import LegMessages
-from .parameters import declare, Declared, must_be_positive
+from .parameters import declare, Declared, must_be_within
 from .process import arguments, command_line, Finish, run, StartError
 from .qos import INPUT, OUTPUT
 from .solver_figures import SolverFigures
-from .taking import drain, Info
+from .taking import drain, forgetful, Info
 
 PARAMETERS = (
     Declared('frame_id', 'leg_plane', 'frame of the published point: the plane of the leg'),
@@ -48,10 +48,11 @@ PARAMETERS = (
         'min_transmission_angle',
         0.349,
         'diagnostics warn when min(mu, pi - mu) of a dyad is below it [rad]',
-        'finite, > 0',
+        '0 .. pi/2',
     ),
-    Declared('diagnostics_period', 1.0, 'time between diagnostics [s]', 'finite, > 0'),
+    Declared('diagnostics_period', 1.0, 'time between diagnostics [s]', '0.01 .. 3600'),
 )
+PERIODS = (0.01, 3600.0)
 # How often a complaint about inputs is logged at most [s].
 THROTTLE = 2.0
 
@@ -82,8 +83,8 @@ class SolverNode(Node):
 
     def _declare(self) -> None:
         values = declare(self, [*geometry_parameters.declared(), *PARAMETERS])
-        for name in ('min_transmission_angle', 'diagnostics_period'):
-            must_be_positive(name, values[name])
+        must_be_within('min_transmission_angle', values['min_transmission_angle'], 0.0, pi / 2)
+        must_be_within('diagnostics_period', values['diagnostics_period'], *PERIODS)
         self._tolerance, self._max_crank_step = values['tolerance'], values['max_crank_step']
         self._min_transmission_angle = values['min_transmission_angle']
         self._crank_joint = values['crank_joint']
@@ -103,17 +104,23 @@ class SolverNode(Node):
         def publisher(kind: type, topic: str) -> Any:
             return self.create_publisher(kind, topic, OUTPUT, qos_overriding_options=overridable)
 
-        def subscription(kind: type, topic: str, callback: Any) -> Subscription:
+        def subscription(kind: type, topic: str, callback: Any, loss: LossCounter) -> Subscription:
             return self.create_subscription(
-                kind, topic, callback, INPUT, qos_overriding_options=overridable
+                kind,
+                topic,
+                callback,
+                INPUT,
+                qos_overriding_options=overridable,
+                event_callbacks=forgetful(loss),
             )
 
         self._joint_states = publisher(JointState, 'joint_states')
         self._point_h = publisher(PointStamped, 'point_h')
         self._velocity_h = publisher(TwistStamped, 'velocity_h')
         self._diagnostics = publisher(DiagnosticArray, '/diagnostics')
-        self._crank_angle = subscription(Float64, 'crank_angle', self._on_crank_angle)
-        self._crank_state = subscription(JointState, 'crank_state', self._on_crank_state)
+        loss_1, loss_2 = self._losses
+        self._crank_angle = subscription(Float64, 'crank_angle', self._on_crank_angle, loss_1)
+        self._crank_state = subscription(JointState, 'crank_state', self._on_crank_state, loss_2)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_timer(self._period, self._report, clock=self._steady)
 
@@ -202,6 +209,9 @@ class SolverNode(Node):
 
     def _changed_geometry(self, parameters: Sequence[Parameter]) -> KlannGeometry:
         changes = {p.name: p.value for p in parameters if p.name in geometry_parameters.NAMES}
+        if 'assembly' in changes:
+            # rclpy has arrays of its own.
+            changes['assembly'] = list(changes['assembly'])
         return geometry_parameters.geometry({**self._leg.geometry.as_dict(), **changes})
 
     def _set_geometry(self, geometry: KlannGeometry) -> None:
@@ -244,7 +254,7 @@ def _missing_arcs(geometry: KlannGeometry) -> str:
     arcs = reachable_arcs(geometry)
     ends = [(end, arcs[(i + 1) % len(arcs)][0]) for i, (_, end) in enumerate(arcs)]
     gaps = [f'{degrees(a) % 360:.2f} .. {degrees(b) % 360:.2f}' for a, b in ends]
-    if len(arcs) == 1 and arcs[0][1] - arcs[0][0] >= 6.283185307179586:
+    if len(arcs) == 1 and arcs[0][1] - arcs[0][0] >= tau:
         return ''
     return f'the crank does not turn fully, it cannot reach {", ".join(gaps)} deg'
 

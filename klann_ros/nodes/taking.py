@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from typing import Any
 
+from klann_ros.log.loss import LossCounter
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.subscription import Subscription
 
 Info = dict[str, Any]
@@ -28,3 +30,8 @@ def waiting(subscription: Subscription) -> Iterator[tuple[Any, Info]]:
         if taken is None:
             return
         yield taken
+
+
+def forgetful(loss: LossCounter) -> SubscriptionEventCallbacks:
+    """Let a counter begin anew whenever a publisher comes or goes: it may be another one."""
+    return SubscriptionEventCallbacks(matched=lambda _: loss.forget())

@@ -17,9 +17,7 @@ CHUNK = 6
 
 def intact_chunks(data, length, runs):
     """Return how many chunks of a file end within its first bytes."""
-    return sum(
-        opcode == CHUNK and end <= length for opcode, _, end in runs.record_spans(data)
-    )
+    return sum(opcode == CHUNK and end <= length for opcode, _, end in runs.record_spans(data))
 
 
 @pytest.mark.parametrize(

@@ -2,15 +2,20 @@
 
 import json
 from pathlib import Path
+import resource
 import signal
 from typing import Any
 
 from domain import own_domain
 from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import Log, open_log
+from klann_ros.log.run_parameters import losses, solver_parameters
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import pytest
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from ros_world import Process, World, world
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
@@ -94,6 +99,10 @@ def test_a_run_explains_itself(run: Path) -> None:
         (record_,) = log.metadata['klann_ros.solver']
         (attachment,) = log.attachments
         assert log.complete
+        assert losses(log.metadata['klann_ros.loss'][0]) == {
+            **dict.fromkeys(TOPICS, 0),
+            '/diagnostics': 0,
+        }
     assert record_['node'] == '/solver_node'
     parameters = json.loads(record_['parameters'])
     geometry = KlannGeometry().as_dict()
@@ -172,7 +181,9 @@ def test_an_existing_run_is_refused(ros: World, tmp_path: Path) -> None:
     ('given', 'reason'),
     [
         ({'compression': 'zip'}, "compression = 'zip' is refused: it must be one of"),
-        ({'flush_period': 0.0}, 'flush_period = 0.0 is refused'),
+        ({'flush_period': 0.0}, 'flush_period = 0.0 is refused: it must be within 0.01 .. 60'),
+        ({'flush_period': 1e12}, 'it must be within 0.01 .. 60'),
+        ({'topics': '[]'}, 'parameter topics has no value'),
         ({'output': '/proc/run'}, '/proc/run'),
     ],
 )
@@ -247,3 +258,113 @@ def test_what_waits_at_the_end_is_recorded_too(ros: World, tmp_path: Path) -> No
         recorded = [_float64(message.data) for message in log.messages()]
     assert recorded == [float(number) for number in range(len(recorded))]
     assert len(recorded) > 0
+
+
+def test_a_change_of_the_leg_and_a_new_solver_are_in_the_run(ros: World, tmp_path: Path) -> None:
+    folder = tmp_path / 'run'
+    recorder = ros.start('recorder_node', output=folder)
+    solver = ros.start('solver_node')
+    crank = ros.start('crank_node', rate=50.0)
+    ros.probe.until(lambda: len(solver_lengths(folder)) == 1)
+    request = SetParameters.Request(parameters=[Parameter('l_gh', value=0.5).to_parameter_msg()])
+    assert (
+        ros.probe.call(SetParameters, 'solver_node/set_parameters', request).results[0].successful
+    )
+    ros.probe.until(lambda: len(solver_lengths(folder)) == 2)
+    assert solver.stop() == 0
+    ros.start('solver_node', l_gh=0.6)
+    ros.probe.until(lambda: len(solver_lengths(folder)) == 3)
+    assert crank.stop() == recorder.stop() == 0
+    assert solver_lengths(folder) == [0.43, 0.5, 0.6]
+
+
+def solver_lengths(folder: Path) -> list[float]:
+    """Return l_gh of each solver record in a run that may still be written."""
+    try:
+        with open_log(folder) as log:
+            records = log.metadata.get('klann_ros.solver', [])
+    except NotALogError:
+        return []
+    return [solver_parameters(record).parameters['l_gh'] for record in records]
+
+
+def test_a_publisher_that_starts_anew_has_lost_nothing(ros: World, tmp_path: Path) -> None:
+    folder = tmp_path / 'run'
+    recorder = ros.start('recorder_node', output=folder)
+    first = ros.probe.publisher(Float64, 'crank_angle')
+    for number in range(5):
+        first.publish(Float64(data=float(number)))
+    ros.probe.spin(0.5)
+    ros.probe.node.destroy_publisher(first)
+    ros.probe.spin(0.5)
+    # Its first messages come before anybody can hear them.
+    second = ros.probe.node.create_publisher(Float64, 'crank_angle', 10)
+    for number in range(20):
+        second.publish(Float64(data=float(number)))
+    ros.probe.until(lambda: second.get_subscription_count() == 1)
+    ros.probe.spin(0.5)
+    second.publish(Float64(data=99.0))
+    ros.probe.spin(0.5)
+    assert recorder.stop() == 0
+    assert '; 0 were lost' in recorder.errors
+    with open_log(folder) as log:
+        assert losses(log.metadata['klann_ros.loss'][0]) == {'/crank_angle': 0}
+
+
+def test_a_full_disk_ends_the_recording_with_a_readable_run(ros: World, tmp_path: Path) -> None:
+    folder = tmp_path / 'run'
+    # No file of this process may grow beyond 200 kB.
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, before[1]))
+    try:
+        recorder = ros.start('recorder_node', output=folder, compression='none')
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    ros.start('crank_node', rate=2000.0)
+    assert recorder.wait() == 1
+    assert 'the recording stopped early: [Errno 27] File too large' in recorder.errors
+    assert 'Traceback' not in recorder.errors
+    with open_log(folder) as log:
+        assert len(list(log.messages())) > 1000
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'warning'),
+    [
+        (['--topics', '/nope'], '/nope is not in the log; it has /crank_state, /diagnostics'),
+        (['--start-offset', '1000'], 'shorter than the start offset'),
+    ],
+)
+def test_a_player_that_will_not_be_heard_says_why(
+    ros: World, run: Path, arguments: list[str], warning: str
+) -> None:
+    player = ros.start('player_node', str(run), *arguments, '--delay', '0')
+    assert player.wait() == 0
+    assert warning in player.errors
+
+
+@pytest.mark.parametrize('option', [['--rate', 'x'], ['--rate', '0'], ['--start-offset', '-1']])
+def test_an_option_that_makes_no_sense_is_refused(
+    ros: World, run: Path, option: list[str]
+) -> None:
+    player = ros.start('player_node', str(run), *option)
+    assert player.wait() == 2
+    assert f'argument {option[0]}: {option[1]} is refused: it must be' in player.errors
+
+
+def test_a_loop_of_a_short_part_waits_for_its_time(ros: World, run: Path) -> None:
+    poses = ros.probe.listen(JointState, 'joint_states')
+    with open_log(run) as log:
+        first = next(log.messages(['/joint_states']))
+        offset = (first.log_time - log.start_time) / 1e9
+    player = ros.start(
+        'player_node',
+        str(run),
+        *('--loop', '--topics', 'joint_states', '--start-offset', f'{offset - 0.4:.6f}'),
+        *('--duration', '0.5', '--delay', '1'),
+    )
+    ros.probe.until(lambda: len(poses) > 5)
+    ros.probe.spin(2.0)
+    assert player.stop() == 0
+    # At most 21 messages each half second; without the wait there would be thousands.
+    assert len(poses) < 21 * 8

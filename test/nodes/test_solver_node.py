@@ -339,9 +339,15 @@ def test_every_parameter_is_described(ros: World) -> None:
             'it must be finite, > 0 and at most 0.001 rad',
         ),
         ('tolerance:=0.1', 'tolerance = 0.1 is refused'),
+        ('assembly:=[]', 'parameter assembly has no value'),
         ('max_crank_step:=-1.0', 'max_crank_step = -1.0 is refused'),
         ('min_transmission_angle:=.nan', 'min_transmission_angle = nan is refused'),
-        ('diagnostics_period:=0.0', 'diagnostics_period = 0.0 is refused'),
+        ('diagnostics_period:=0.0', 'it must be within 0.01 .. 3600'),
+        ('diagnostics_period:=1.0e+300', 'it must be within 0.01 .. 3600'),
+        (
+            'qos_overrides./crank_angle.subscription.reliability:=foo',
+            'Unexpected QoS override for policy `reliability`: `foo`',
+        ),
         ('frame_id:=3', 'parameter frame_id must be of type string'),
     ],
 )
