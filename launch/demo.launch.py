@@ -1,5 +1,5 @@
 """
-A leg that walks: leg.launch.py, a crank that turns it, and a recorder if wanted.
+A leg that walks: leg.launch.py, a crank that turns it, and a recorder if wanted. Ctrl-C ends it.
 
     ros2 launch klann_ros demo.launch.py record:=true speed:=3.0
 """
@@ -21,6 +21,9 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'namespace', default_value='', description='Namespace of the nodes and their topics.'
     ),
+    DeclareLaunchArgument(
+        'use_sim_time', default_value='false', description='Take the time from /clock.'
+    ),
     DeclareLaunchArgument('record', default_value='false', description='Record the run to MCAP.'),
     DeclareLaunchArgument(
         'output', default_value='', description='Folder of the run; empty: runs/<UTC time>.'
@@ -31,11 +34,12 @@ ARGUMENTS = (
 def generate_launch_description() -> LaunchDescription:
     """Describe the leg, its crank and its recorder."""
     namespace = LaunchConfiguration('namespace')
+    use_sim_time = LaunchConfiguration('use_sim_time')
     leg = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(
             PathJoinSubstitution([FindPackageShare('klann_ros'), 'launch', 'leg.launch.py'])
         ),
-        launch_arguments={'namespace': namespace}.items(),
+        launch_arguments={'namespace': namespace, 'use_sim_time': use_sim_time}.items(),
     )
     crank = Node(
         package='klann_ros',
@@ -46,6 +50,7 @@ def generate_launch_description() -> LaunchDescription:
         parameters=[
             {
                 'output': 'crank_state',
+                'use_sim_time': use_sim_time,
                 'speed': ParameterValue(LaunchConfiguration('speed'), value_type=float),
                 'rate': ParameterValue(LaunchConfiguration('rate'), value_type=float),
             }
@@ -57,7 +62,12 @@ def generate_launch_description() -> LaunchDescription:
         name='recorder_node',
         namespace=namespace,
         output='screen',
-        parameters=[{'output': ParameterValue(LaunchConfiguration('output'), value_type=str)}],
+        parameters=[
+            {
+                'output': ParameterValue(LaunchConfiguration('output'), value_type=str),
+                'use_sim_time': use_sim_time,
+            }
+        ],
         condition=IfCondition(LaunchConfiguration('record')),
     )
     return LaunchDescription([*ARGUMENTS, leg, crank, recorder])

@@ -1,7 +1,9 @@
 """
 One leg: solver_node, and the transform that puts its plane upright.
 
-    ros2 launch klann_ros leg.launch.py params_file:=patent.yaml namespace:=front_left
+    ros2 launch klann_ros leg.launch.py params_file:=/path/to/my_leg.yaml
+
+In another namespace give the plane a name of its own as well: namespace:=left frame_id:=left_plane
 """
 
 from launch import LaunchDescription

@@ -71,8 +71,9 @@ class PlayerNode(ProcessNode):
         """Say what is wrong with the log, and why nothing will be heard."""
         warnings = [self._log.problem] if self._log.problem else []
         names = sorted(topic.name for topic in self._log.topics)
-        for name in sorted((self._options.topics or set()) - set(names)):
-            warnings.append(f'{name} is not in the log; it has {", ".join(names) or "no topics"}')
+        unknown = sorted((self._options.topics or set()) - set(names))
+        has = ', '.join(names) or 'no topics'
+        warnings += [f'{name} is not in the log; it has {has}' for name in unknown]
         if self._span < 0.0:
             warnings.append(f'the log is {-self._span:.3f} s shorter than the start offset')
         for warning in warnings:

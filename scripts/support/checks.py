@@ -15,7 +15,7 @@ import processes
 from source import ROOT
 
 NAMES = ('ruff', 'format', 'ament_flake8', 'ament_pep257', 'mypy', 'colcon', 'pytest')
-PYTHON_FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks')
+PYTHON_FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'docs')
 # A check that hangs is ended, so that CI still gets to see its output.
 TIMEOUT = 480.0
 SUMMARY = re.compile(r'\bin \d+\.\d+s')

@@ -1,4 +1,4 @@
-"""What the two commands have in common: how they begin and how they end."""
+"""What the commands have in common: how they begin and how they end."""
 
 import sys
 
@@ -8,7 +8,7 @@ from stop import StoppedError
 
 
 def command(name: str, arguments: list[str]) -> int:
-    """Run demo or test; return its exit code, and leave no process behind."""
+    """Run demo, test or benchmark; return its exit code, and leave no process behind."""
     processes.adopt_orphans()
     try:
         return _run(name, arguments)
@@ -28,6 +28,10 @@ def _run(name: str, arguments: list[str]) -> int:
         import demo  # noqa: PLC0415 - each command loads what it needs
 
         return demo.main(arguments)
+    if name == 'benchmark':
+        import benchmarks  # noqa: PLC0415
+
+        return benchmarks.main(arguments)
     import checks  # noqa: PLC0415
 
     return checks.main(arguments)

@@ -153,7 +153,7 @@ The leg walked {TURNS} turns. What there is now:
   {folder}/leg.png    a picture: the leg and the path of its foot
   {folder}    the recorded run (MCAP; also for Foxglove and ros2 bag)
 Play it back:      {programs}/player_node {folder}
-Look at it again:  {programs}/review {folder} --html review.html""")
+Look at it again:  {programs}/review {folder}""")
 
 
 def _from_here(path: Path) -> str:

@@ -17,8 +17,11 @@ import source
 
 STAMP = 'klann_ros.json'
 # What each command needs: extras of setup.py, and more requirements in a file.
-EXTRAS = {'demo': ('plot',), 'test': ('plot', 'test')}
-REQUIREMENTS = {'test': source.ROOT / 'scripts' / 'support' / 'checks.txt'}
+EXTRAS = {'demo': ('plot',), 'test': ('plot', 'test'), 'benchmark': ('plot',)}
+REQUIREMENTS = {
+    'test': source.ROOT / 'scripts' / 'support' / 'checks.txt',
+    'benchmark': source.ROOT / 'scripts' / 'support' / 'benchmarks.txt',
+}
 
 
 @dataclass(frozen=True)
