@@ -27,7 +27,9 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 class Process:
     """An executable of the checkout, as a process of its own."""
 
-    def __init__(self, name: str, *arguments: str, domain: int, cwd: Path) -> None:
+    def __init__(
+        self, name: str, *arguments: str, domain: int, cwd: Path, shared_memory: bool = True
+    ) -> None:
         code = f'import sys; from klann_ros.executables import {name}; sys.exit({name}())'
         self.name = name
         self._errors = (cwd / f'{name}.{time.monotonic_ns()}.err').open('w+')
@@ -37,6 +39,8 @@ class Process:
             'ROS_DOMAIN_ID': str(domain),
             'ROS_LOG_DIR': str(cwd / 'ros_log'),
         }
+        if not shared_memory:
+            environment['FASTDDS_BUILTIN_TRANSPORTS'] = 'UDPv4'
         self.popen = subprocess.Popen(
             [sys.executable, '-c', code, *arguments],
             cwd=cwd,
@@ -142,12 +146,24 @@ class World:
         self.probe = Probe(domain)
         self._processes: list[Process] = []
 
-    def start(self, name: str, *arguments: str, **parameters: object) -> Process:
-        """Start an executable with parameters."""
+    def start(
+        self, name: str, *arguments: str, shared_memory: bool = True, **parameters: object
+    ) -> Process:
+        """
+        Start an executable with parameters.
+
+        What is to be killed does without shared memory: nobody else would take it away.
+        """
         given = [f'{key}:={value}' for key, value in parameters.items()]
         ros = ['--ros-args', *(part for text in given for part in ('-p', text))]
-        command = [*arguments, *(ros if given else [])]
-        process = Process(name, *command, domain=self.domain, cwd=self.folder)
+        process = Process(
+            name,
+            *arguments,
+            *(ros if given else []),
+            domain=self.domain,
+            cwd=self.folder,
+            shared_memory=shared_memory,
+        )
         self._processes.append(process)
         return process
 
