@@ -2,7 +2,7 @@
 The Klann leg as SEM 104 writes it: loop equations f, Jacobian Phi, and the points A to H.
 
 This is the readable form, with the state vector x = (gamma, beta, delta, theta) and the
-textbook's letters; `tracking` holds the same equations written out for speed, and the tests hold
+textbook's letters; `refinement` holds the same equations written out for speed, and the tests hold
 the two together. gamma and theta are measured clockwise, all other angles counter-clockwise.
 
 Source: R. Nicoletti, SEM 104 Mecanismos, lecture 7, "Mecanismo de N barras".

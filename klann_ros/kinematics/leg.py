@@ -11,7 +11,8 @@ from .angles import crank_angle
 from .geometry import KlannGeometry
 from .newton import newton_raphson
 from .pose import closed_form_pose, KlannPose
-from .tracking import COARSE_TOLERANCE, constants, track
+from .refinement import constants
+from .tracking import COARSE_TOLERANCE, track
 from .velocity import KlannVelocity, velocity
 
 Array = NDArray[np.float64]

@@ -1,8 +1,9 @@
 """The solver's figures as a diagnostic status."""
 
-from math import degrees
+from math import degrees, tau
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from klann_ros.kinematics import KlannGeometry, reachable_arcs
 
 from .solver_figures import SolverFigures
 
@@ -99,3 +100,13 @@ def _values(
         'transmission_angle_2': f'{mu_2:.6f}',
         'branch': '{:+d} {:+d}'.format(*assembly),
     }
+
+
+def missing_arcs(geometry: KlannGeometry) -> str:
+    """Return which crank angles a leg cannot take, in words; empty for a full turn."""
+    arcs = reachable_arcs(geometry)
+    ends = [(end, arcs[(i + 1) % len(arcs)][0]) for i, (_, end) in enumerate(arcs)]
+    gaps = [f'{degrees(a) % 360:.2f} .. {degrees(b) % 360:.2f}' for a, b in ends]
+    if len(arcs) == 1 and arcs[0][1] - arcs[0][0] >= tau:
+        return ''
+    return f'the crank does not turn fully, it cannot reach {", ".join(gaps)} deg'

@@ -1,7 +1,7 @@
 """`solver_node`: crank angle in, pose of the Klann leg out."""
 
 from collections.abc import Sequence
-from math import degrees, pi, tau
+from math import pi
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -15,7 +15,6 @@ from klann_ros.kinematics import (
     KlannLeg,
     KlannPose,
     KlannVelocity,
-    reachable_arcs,
     SingularPoseError,
 )
 from klann_ros.log.loss import LossCounter
@@ -218,7 +217,7 @@ class SolverNode(Node):
         self._leg = KlannLeg(
             geometry, tolerance=self._tolerance, max_crank_step=self._max_crank_step
         )
-        self._note = _missing_arcs(geometry)
+        self._note = diagnostics.missing_arcs(geometry)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._leg.reset()
@@ -247,16 +246,6 @@ class SolverNode(Node):
         self._diagnostics.publish(array)
         self._figures.reported()
         self._lost_reported, self._last_report = lost, now
-
-
-def _missing_arcs(geometry: KlannGeometry) -> str:
-    """Return which crank angles a leg cannot take, in words; empty for a full turn."""
-    arcs = reachable_arcs(geometry)
-    ends = [(end, arcs[(i + 1) % len(arcs)][0]) for i, (_, end) in enumerate(arcs)]
-    gaps = [f'{degrees(a) % 360:.2f} .. {degrees(b) % 360:.2f}' for a, b in ends]
-    if len(arcs) == 1 and arcs[0][1] - arcs[0][0] >= tau:
-        return ''
-    return f'the crank does not turn fully, it cannot reach {", ".join(gaps)} deg'
 
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:

@@ -1,0 +1,174 @@
+"""
+Newton-Raphson for the Klann leg, written out for speed.
+
+`refine` makes the iterates of the full 4x4 Newton of `klann.f` and `klann.phi`: Phi is block
+lower triangular, so forward substitution with two 2x2 solves is the same as inverting it. It is
+pure: the guess is an argument.
+"""
+
+from math import cos, hypot, nan, pi, sin
+from typing import NamedTuple
+
+from . import klann
+from .angles import wrap
+from .geometry import KlannGeometry
+from .pose import KlannPose
+
+Angles = tuple[float, float, float, float]
+# Of a singular pose.
+NO_COEFFICIENTS = (nan, nan, nan, nan)
+
+
+class Constants(NamedTuple):
+    """What `refine` needs of a geometry, in the order it unpacks it."""
+
+    l_ab: float
+    l_bc: float
+    l_dc: float
+    l_cg: float
+    l_ef: float
+    l_fg: float
+    l_gh: float
+    x_d: float
+    y_a: float
+    x_ed: float
+    y_e: float
+    angle_bcg: float
+    angle_fgh: float
+    sign_1: int
+    sign_2: int
+    rounding_1: float
+    rounding_2: float
+    singular_1: float
+    singular_2: float
+    geometry: KlannGeometry
+
+
+def constants(geometry: KlannGeometry) -> Constants:
+    """Return the constants of a geometry; do it once, not for every pose."""
+    g = geometry
+    lengths = (g.l_ab, g.l_bc, g.l_dc, g.l_cg, g.l_ef, g.l_fg, g.l_gh)
+    pivots = (g.x_d, g.y_a, g.x_e - g.x_d, g.y_e)
+    bends = (g.angle_bcg, g.angle_fgh)
+    sine_1, sine_2 = klann.singular_sines(g)
+    singular = (sine_1 * g.l_bc * g.l_dc, sine_2 * g.l_ef * g.l_fg)
+    return Constants(*lengths, *pivots, *bends, *g.assembly, *klann.rounding(g), *singular, g)
+
+
+def refine(
+    constants: Constants, alpha: float, guess: Angles, tolerance: float, max_iterations: int
+) -> KlannPose | None:
+    """
+    Return the pose that Newton-Raphson reaches from a guess, or None.
+
+    In the textbook's letters, with BC = L_BC (cos gamma, sin gamma) and so on, the 2x2 solves are
+
+        dgamma = (DC.x f1 + DC.y f2) / det1      dbeta  = (BC.y f2 - BC.x f1) / det1
+        ddelta = (FG.x r3 - FG.y r4) / det2      dtheta = (EF.x r3 + EF.y r4) / det2
+
+        r3 = f3 + CG.y dgamma + DC.y dbeta       det1 = L_BC L_DC sin(gamma + beta)
+        r4 = f4 + CG.x dgamma - DC.x dbeta       det2 = L_EF L_FG sin(delta + theta)
+
+    The pose is the first iterate after a correction of at most `tolerance` in every angle, or one
+    whose residual is rounding already (near a singular pose corrections stay above 1e-12 rad).
+
+    Parameters
+    ----------
+    constants : Constants
+        The leg.
+    alpha : float
+        Crank angle [rad].
+    guess : tuple of float
+        gamma, beta, delta, theta [rad].
+    tolerance : float
+        Largest correction of a converged pose [rad].
+    max_iterations : int
+        How many iterations it may take.
+
+    Returns
+    -------
+    KlannPose or None
+        None: it did not converge, or not on the geometry's assembly branch.
+
+    """
+    (
+        l_ab, l_bc, l_dc, l_cg, l_ef, l_fg, l_gh, x_d, y_a, x_ed, y_e,
+        angle_bcg, angle_fgh, sign_1, sign_2, rounding_1, rounding_2,
+        singular_1, singular_2, geometry,
+    ) = constants  # fmt: skip
+    gamma, beta, delta, theta = guess
+    ab_x, ab_y = l_ab * cos(alpha), l_ab * sin(alpha)
+    db_x, db_y = ab_x - x_d, ab_y + y_a
+    iterations, settled = 0, False
+    while iterations < max_iterations:
+        iterations += 1
+        bc_x, bc_y = l_bc * cos(gamma), l_bc * sin(gamma)
+        dc_x, dc_y = l_dc * cos(beta), l_dc * sin(beta)
+        bent = gamma - angle_bcg
+        cg_x, cg_y = l_cg * cos(bent), l_cg * sin(bent)
+        ef_x, ef_y = l_ef * cos(delta), l_ef * sin(delta)
+        fg_x, fg_y = l_fg * cos(theta), l_fg * sin(theta)
+        f1 = db_x + bc_x - dc_x
+        f2 = db_y - bc_y - dc_y
+        f3 = ef_x + fg_x - cg_x - dc_x + x_ed
+        f4 = ef_y - fg_y + cg_y - dc_y + y_e
+        det1 = bc_y * dc_x + bc_x * dc_y
+        det2 = ef_y * fg_x + ef_x * fg_y
+        if settled or (
+            -rounding_1 <= f1 <= rounding_1
+            and -rounding_1 <= f2 <= rounding_1
+            and -rounding_2 <= f3 <= rounding_2
+            and -rounding_2 <= f4 <= rounding_2
+        ):
+            break
+        if det1 == 0.0 or det2 == 0.0:
+            return None
+        d_gamma = (dc_x * f1 + dc_y * f2) / det1
+        d_beta = (bc_y * f2 - bc_x * f1) / det1
+        r3 = f3 + cg_y * d_gamma + dc_y * d_beta
+        r4 = f4 + cg_x * d_gamma - dc_x * d_beta
+        d_delta = (fg_x * r3 - fg_y * r4) / det2
+        d_theta = (ef_x * r3 + ef_y * r4) / det2
+        gamma += d_gamma
+        beta += d_beta
+        delta += d_delta
+        theta += d_theta
+        settled = (
+            -tolerance <= d_gamma <= tolerance
+            and -tolerance <= d_beta <= tolerance
+            and -tolerance <= d_delta <= tolerance
+            and -tolerance <= d_theta <= tolerance
+        )
+    else:
+        return None
+    # det1 and det2 are sin(gamma + beta) and sin(delta + theta) times lengths; rounding may give
+    # a pose that is singular the wrong sign.
+    if det1 * sign_1 < -rounding_1 * l_bc or det2 * sign_2 < -rounding_2 * l_ef:
+        return None
+    if -singular_1 <= det1 <= singular_1 or -singular_2 <= det2 <= singular_2:
+        coefficients = NO_COEFFICIENTS
+    else:
+        # Phi dx/dalpha = -df/dalpha, by the same substitution.
+        gamma_1 = (dc_y * ab_x - dc_x * ab_y) / det1
+        beta_1 = (bc_y * ab_x + bc_x * ab_y) / det1
+        r3 = cg_y * gamma_1 + dc_y * beta_1
+        r4 = cg_x * gamma_1 - dc_x * beta_1
+        coefficients = (
+            gamma_1,
+            beta_1,
+            (fg_x * r3 - fg_y * r4) / det2,
+            (ef_x * r3 + ef_y * r4) / det2,
+        )
+    bent = theta + angle_fgh
+    return KlannPose(
+        alpha,
+        gamma if -pi < gamma <= pi else wrap(gamma),
+        beta if -pi < beta <= pi else wrap(beta),
+        delta if -pi < delta <= pi else wrap(delta),
+        theta if -pi < theta <= pi else wrap(theta),
+        (x_d + dc_x + cg_x + l_gh * cos(bent), dc_y - cg_y - l_gh * sin(bent)),
+        iterations,
+        hypot(f1, f2, f3, f4),
+        coefficients,
+        geometry,
+    )
