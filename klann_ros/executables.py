@@ -5,10 +5,16 @@ Nothing heavy is imported before the signals are in hand, so that Ctrl-C ends ev
 is still starting without a traceback; and a machine without ROS gets one line, not a traceback.
 """
 
+from contextlib import redirect_stdout
 from importlib import import_module
+from io import StringIO
+import os
+import signal
 import sys
 
 from .stop_signals import StopSignals
+
+INTERRUPTED = 130
 
 
 def solver_node() -> int:
@@ -33,12 +39,12 @@ def player_node() -> int:
 
 def review() -> int:
     """Tell what happened in a run, and whether it can be trusted."""
-    return _tool('klann_ros.review.command')
+    return _tool('review', 'klann_ros.review.command', untold=2)
 
 
 def recover() -> int:
     """Make a readable run out of a damaged one."""
-    return _tool('klann_ros.log.recover_command')
+    return _tool('recover', 'klann_ros.log.recover_command', untold=1)
 
 
 def _node(name: str) -> int:
@@ -57,8 +63,57 @@ def _node(name: str) -> int:
     return int(module.main(sys.argv, stop))
 
 
-def _tool(module: str) -> int:
+def _tool(name: str, module: str, untold: int) -> int:
+    """
+    Run a command; its exit code is known before anything of its report can fail to arrive.
+
+    A reader that goes away early (`review RUN | head -1`) is no fault, a full disk is one: then
+    the exit code is `untold`.
+    """
+    report = StringIO()
     try:
-        return int(import_module(module).main())
+        try:
+            with redirect_stdout(report):
+                code = _exit_code(module)
+        except Exception:
+            # A fault of ours; what was said before it is worth reading all the same.
+            _tell(name, report.getvalue())
+            raise
+        return code if _tell(name, report.getvalue()) else untold
     except KeyboardInterrupt:
-        return 130
+        # One is enough: a second would interrupt the interpreter's own end, with noise.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        _drop_output()
+        return INTERRUPTED
+
+
+def _exit_code(module: str) -> int:
+    try:
+        code = int(import_module(module).main())
+    except SystemExit as end:
+        # argparse: --help, --version, and what it refuses.
+        return int(end.code or 0)
+    if code == INTERRUPTED:
+        # It has put things in order by itself; the rest is as for any other interrupt.
+        raise KeyboardInterrupt
+    return code
+
+
+def _tell(name: str, report: str) -> bool:
+    """Write a report; return whether it is where it should be, or nobody wants it."""
+    try:
+        print(report, end='', flush=True)
+    except BrokenPipeError:
+        _drop_output()
+    except OSError as error:
+        _drop_output()
+        print(f'{name}: the report cannot be written: {error.strerror}', file=sys.stderr)
+        return False
+    return True
+
+
+def _drop_output() -> None:
+    """Let what is still buffered go nowhere: the interpreter flushes it at its end."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.close(nowhere)

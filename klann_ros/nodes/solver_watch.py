@@ -20,8 +20,7 @@ _UNKNOWN = '_UNKNOWN_'
 
 class SolverWatch:
     """
-    Ask the nodes that publish joint states for their parameters: when they come, and when they
-    change.
+    Ask the nodes that publish joint states for their parameters, whenever these may be new.
 
     Parameters
     ----------

@@ -1,11 +1,13 @@
 """What is wrong with a run: findings, the gravest first."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from .answers import unanswered, wrong_questions
 from .figures import Resolved
+from .finding import Finding, since_start
 from .recording import Recording
 
 # A double comes through a message unchanged, so a difference is the solver's own. A right pose is
@@ -15,34 +17,26 @@ FOOT_LIMIT = 1e-9
 RESIDUAL_LIMIT = 1e-9
 
 
-@dataclass(frozen=True)
-class Finding:
-    """
-    Something that is wrong with a run.
-
-    Attributes
-    ----------
-    check : str
-        Which check found it.
-    text : str
-        What it is and what it means.
-    time : float or None
-        When it was first seen, from the start of the run [s]; None for the run as a whole.
-
-    """
-
-    check: str
-    text: str
-    time: float | None = None
-
-
 def findings(recording: Recording, resolved: Resolved | None) -> list[Finding]:
-    """Return what is wrong with a run; an empty list for a healthy one."""
+    """
+    Return what is wrong with a run; an empty list for a healthy one.
+
+    Parameters
+    ----------
+    recording : Recording
+        The run.
+    resolved : Resolved or None
+        The judged part of it, solved again.
+
+    """
+    judged = recording.judged()
     return [
         *_container(recording),
-        *_poses(recording, resolved),
-        *_feet(recording, resolved),
-        *_answers(recording),
+        *_undecoded(recording),
+        *_poses(judged, resolved),
+        *_feet(judged, resolved),
+        *wrong_questions(judged),
+        *unanswered(judged),
         *_losses(recording),
     ]
 
@@ -56,13 +50,20 @@ def _container(recording: Recording) -> Iterator[Finding]:
         yield Finding('geometry', 'the run does not tell the geometry: give it by --geometry FILE')
 
 
+def _undecoded(recording: Recording) -> Iterator[Finding]:
+    for failed in recording.undecoded:
+        text = f'{failed.count} messages of {failed.topic} cannot be decoded'
+        yield Finding('decode', text, since_start(recording, failed.time))
+
+
 def _poses(recording: Recording, resolved: Resolved | None) -> Iterator[Finding]:
     if resolved is None:
         return
     unsolved = np.isnan(resolved.angle_errors)
     sines = np.sin(resolved.transmission_angles).min(axis=1)
     # NaN, from an angle that is not finite, is wrong as well.
-    wrong = ~unsolved & ~(resolved.angle_errors * sines <= ANGLE_LIMIT)
+    with np.errstate(invalid='ignore'):
+        wrong = ~unsolved & ~(resolved.angle_errors * sines <= ANGLE_LIMIT)
     opened = ~(resolved.residuals <= RESIDUAL_LIMIT)
     if opened.any():
         worst = np.nanmax(resolved.residuals)
@@ -77,12 +78,10 @@ def _poses(recording: Recording, resolved: Resolved | None) -> Iterator[Finding]
         yield _count(recording, 'reach', unsolved, text)
 
 
-def _count(
-    recording: Recording, check: str, which: np.ndarray[tuple[int], np.dtype[np.bool_]], text: str
-) -> Finding:
-    first = int(recording.pose_stamps[int(np.argmax(which))])
+def _count(recording: Recording, check: str, which: NDArray[np.bool_], text: str) -> Finding:
+    first = recording.poses.times[int(np.argmax(which))]
     text = f'{int(which.sum())} of {len(which)} poses {text}'
-    return Finding(check, text, _time(recording, first))
+    return Finding(check, text, since_start(recording, first))
 
 
 def _feet(recording: Recording, resolved: Resolved | None) -> Iterator[Finding]:
@@ -92,29 +91,11 @@ def _feet(recording: Recording, resolved: Resolved | None) -> Iterator[Finding]:
     if wrong.any():
         worst = resolved.foot_errors[wrong].max()
         text = f'{int(wrong.sum())} feet (point_h) are not those of their poses (by {worst:.3g} m)'
-        first = int(recording.foot_stamps[int(np.argmax(wrong))])
-        yield Finding('foot', text, _time(recording, first))
-
-
-def _answers(recording: Recording) -> Iterator[Finding]:
-    """Yield what was asked and not answered, the run's edges left out."""
-    if not len(recording.pose_stamps):
-        return
-    stamps = recording.crank_stamps
-    first, last = recording.pose_stamps.min(), recording.pose_stamps.max()
-    inside = (stamps >= first) & (stamps <= last)
-    open_ = inside & ~np.isin(stamps, recording.pose_stamps)
-    if open_.any():
-        text = f'{int(open_.sum())} of {int(inside.sum())} crank angles were not answered'
-        where = int(stamps[int(np.argmax(open_))])
-        yield Finding('answers', text, _time(recording, where))
+        first = recording.feet.times[int(np.argmax(wrong))]
+        yield Finding('foot', text, since_start(recording, first))
 
 
 def _losses(recording: Recording) -> Iterator[Finding]:
     for topic in recording.topics:
         if topic.lost:
             yield Finding('lost', f'{topic.lost} messages of {topic.name} were lost')
-
-
-def _time(recording: Recording, stamp: int) -> float:
-    return (stamp - recording.start) / 1e9

@@ -10,7 +10,8 @@ from klann_ros.log.reader import open_log
 
 from .checks import findings
 from .figures import leg_figures, resolve
-from .loading import geometry_from_file, load
+from .geometry_file import geometry_from_file
+from .loading import load
 from .picture import NoPictureError, save_picture
 from .recording import Recording
 from .text import report
@@ -36,9 +37,9 @@ def _review(options: argparse.Namespace) -> int:
     given = geometry_from_file(options.geometry) if options.geometry else None
     with open_log(options.log) as log:
         recording = load(log, given)
-    resolved = None
-    if recording.geometry is not None and len(recording.poses):
-        resolved = resolve(recording, recording.geometry)
+    judged, resolved = recording.judged(), None
+    if recording.geometry is not None and len(judged.poses):
+        resolved = resolve(judged, recording.geometry)
     found = findings(recording, resolved)
     print(report(recording, leg_figures(recording, resolved), found))
     if options.picture:

@@ -7,9 +7,9 @@ from klann_ros.kinematics import closed_form, klann, KlannGeometry, UnreachableE
 import numpy as np
 from numpy.typing import NDArray
 
-from .recording import Recording
+from .recording import Floats, Recording, Series
 
-Floats = NDArray[np.float64]
+Rows = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +25,8 @@ class Resolved:
     residuals : numpy.ndarray, shape (n,)
         Norm of f at the recorded pose [m].
     foot_errors : numpy.ndarray, shape (m,)
-        Distance of H from the re-solved one of the same stamp [m]; NaN without one, infinite
-        where H is not finite.
+        Distance of H from the re-solved one of its pose [m]; NaN where no pose is known to be
+        its own, infinite where H is not finite.
     transmission_angles : numpy.ndarray, shape (n, 2)
         gamma + beta and delta + theta, folded into [0, pi] [rad].
 
@@ -76,14 +76,12 @@ def resolve(recording: Recording, geometry: KlannGeometry) -> Resolved:
     The closed form does it: it shares no equation with the solver that made the pose.
     """
     count = len(recording.poses)
-    angle_errors, residuals = np.full(count, nan), np.empty(count)
-    feet: dict[int, tuple[float, float]] = {}
-    for i, (stamp, recorded) in enumerate(
-        zip(recording.pose_stamps.tolist(), recording.poses.tolist(), strict=True)
-    ):
+    angle_errors, residuals = np.full(count, nan), np.full(count, inf)
+    feet = np.full((count, 2), nan)
+    for i, recorded in enumerate(recording.poses.values.tolist()):
         alpha, *x = recorded
         if not np.isfinite(recorded).all():
-            residuals[i] = angle_errors[i] = inf
+            angle_errors[i] = inf
             continue
         residuals[i] = np.linalg.norm(klann.f(geometry, alpha, x))
         try:
@@ -92,23 +90,24 @@ def resolve(recording: Recording, geometry: KlannGeometry) -> Resolved:
             continue
         expected = closed_form.angles(geometry, joints)
         angle_errors[i] = np.abs(_wrapped(np.subtract(x, expected))).max()
-        feet[stamp] = joints.h
-    again = [feet.get(stamp, (nan, nan)) for stamp in recording.foot_stamps.tolist()]
-    foot_errors: Floats = np.hypot(*(recording.feet - np.array(again).reshape(-1, 2)).T)
-    foot_errors[~np.isfinite(recording.feet).all(axis=1)] = inf
-    _, gamma, beta, delta, theta = recording.poses.T
-    mu = np.abs(_wrapped(np.column_stack([gamma + beta, delta + theta])))
-    return Resolved(angle_errors, residuals, foot_errors, mu)
+        feet[i] = joints.h
+    _, gamma, beta, delta, theta = recording.poses.values.T
+    with np.errstate(over='ignore', invalid='ignore'):
+        mu = np.abs(_wrapped(np.column_stack([gamma + beta, delta + theta])))
+    return Resolved(angle_errors, residuals, _foot_errors(recording, feet), mu)
 
 
 def leg_figures(recording: Recording, resolved: Resolved | None) -> LegFigures:
     """Return the leg's figures in a run."""
-    alphas, feet = recording.poses[:, 0], recording.feet
-    stride, lift = np.ptp(feet, axis=0) if len(feet) else (nan, nan)
+    alphas, feet = recording.poses.values[:, 0], recording.feet.values
+    # Whatever stands in the messages: what overflows is infinite, what has no value is NaN.
+    with np.errstate(over='ignore', invalid='ignore'):
+        stride, lift = np.ptp(feet, axis=0) if len(feet) else (nan, nan)
+        turns = float(alphas[-1] - alphas[0]) / (2 * np.pi) if len(alphas) else nan
     mu = resolved.transmission_angles if resolved else np.empty((0, 2))
     mu = mu[np.isfinite(mu)]
     return LegFigures(
-        turns=float(alphas[-1] - alphas[0]) / (2 * np.pi) if len(alphas) else nan,
+        turns=turns,
         stride=float(stride),
         lift=float(lift),
         worst_transmission_angle=float(np.minimum(mu, np.pi - mu).min()) if mu.size else nan,
@@ -118,10 +117,46 @@ def leg_figures(recording: Recording, resolved: Resolved | None) -> LegFigures:
     )
 
 
+def _foot_errors(recording: Recording, again: Floats) -> Floats:
+    """Return the distances of the feet from those of their poses, solved again."""
+    errors = np.full(len(recording.feet), nan)
+    feet, poses = _pairs(recording)
+    with np.errstate(over='ignore', invalid='ignore'):
+        errors[feet] = np.hypot(*(recording.feet.values[feet] - again[poses]).T)
+    # NaN against a pose that cannot be reached is no fault of the foot's, NaN of its own is.
+    finite = np.isfinite(recording.feet.values[feet]).all(axis=1)
+    errors[feet[np.logical_not(finite)]] = inf
+    return errors
+
+
+def _pairs(recording: Recording) -> tuple[Rows, Rows]:
+    """
+    Return which foot belongs to which pose, by their rows.
+
+    A simulated clock gives many the same stamp: the k-th foot of a stamp is that of its k-th
+    pose. Where one of them is missing nobody knows which, and none of the stamp is paired.
+    """
+    poses = _rows_by_stamp(recording.poses)
+    feet: list[int] = []
+    of_poses: list[int] = []
+    for stamp, rows in _rows_by_stamp(recording.feet).items():
+        if len(rows) == len(poses.get(stamp, ())):
+            feet += rows
+            of_poses += poses[stamp]
+    return np.array(feet, dtype=np.intp), np.array(of_poses, dtype=np.intp)
+
+
+def _rows_by_stamp(series: Series) -> dict[int, list[int]]:
+    rows: dict[int, list[int]] = {}
+    for row, stamp in enumerate(series.stamps.tolist()):
+        rows.setdefault(stamp, []).append(row)
+    return rows
+
+
 def _wrapped(angles: Floats) -> Floats:
     """Return angles in [-pi, pi], exact where they are small already; NaN for infinite ones."""
     turn = 2 * np.pi
-    with np.errstate(invalid='ignore'):
+    with np.errstate(over='ignore', invalid='ignore'):
         return angles - turn * np.round(angles / turn)
 
 

@@ -1,10 +1,15 @@
-"""A picture of a run: the leg at its last pose, and the path that its foot took."""
+"""A picture of a run: the leg at its last pose that closes, and the path that its foot took."""
 
 from math import degrees
 
-from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.kinematics import KinematicsError, KlannGeometry, KlannPose
+from klann_ros.kinematics.pose import closed_form_pose
+import numpy as np
 
 from .recording import Recording
+
+# matplotlib cannot scale an axis to the largest doubles.
+LARGEST = 1e60
 
 
 class NoPictureError(Exception):
@@ -18,13 +23,13 @@ def save_picture(recording: Recording, geometry: KlannGeometry, path: str) -> No
     Raises
     ------
     NoPictureError
-        matplotlib is not installed, it knows no such format, or the run has no pose.
+        matplotlib is not installed, it knows no such format, or the geometry closes at none of
+        the run's poses.
     OSError
         The file cannot be written.
 
     """
-    if not len(recording.poses):
-        raise NoPictureError('there is no pose in the run to draw')
+    pose = _last_that_closes(recording, geometry)
     try:
         from matplotlib.figure import Figure  # noqa: PLC0415 - optional, and slow to import
     except ModuleNotFoundError:
@@ -33,13 +38,32 @@ def save_picture(recording: Recording, geometry: KlannGeometry, path: str) -> No
 
     from .drawing import draw_foot_path, draw_leg, label_plane  # noqa: PLC0415
 
-    pose = KlannLeg(geometry).closed_form(float(recording.poses[-1, 0]))
     figure = Figure(figsize=(8.0, 6.0), layout='constrained')
     axes = figure.add_subplot()
-    draw_foot_path(axes, recording.feet, f'path of H, {len(recording.feet)} points')
+    feet = recording.feet.values
+    # NaN fails the comparison as well.
+    drawn = feet[(np.abs(feet) <= LARGEST).all(axis=1)]
+    draw_foot_path(axes, drawn, f'path of H, {len(drawn)} points')
     draw_leg(axes, pose)
     label_plane(axes, f'crank angle {degrees(pose.alpha) % 360.0:.1f} deg')
     try:
         figure.savefig(path, dpi=120)
     except ValueError as error:
         raise NoPictureError(str(error)) from error
+
+
+def _last_that_closes(recording: Recording, geometry: KlannGeometry) -> KlannPose:
+    """Return the last of the poses at which the leg can be drawn."""
+    alphas = reversed(recording.poses.values[:, 0].tolist())
+    poses = (_pose(geometry, alpha) for alpha in alphas)
+    pose = next((pose for pose in poses if pose is not None), None)
+    if pose is None:
+        raise NoPictureError('there is no pose in the run at which this leg can be drawn')
+    return pose
+
+
+def _pose(geometry: KlannGeometry, alpha: float) -> KlannPose | None:
+    try:
+        return closed_form_pose(geometry, alpha)
+    except KinematicsError:
+        return None

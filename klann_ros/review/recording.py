@@ -1,6 +1,6 @@
 """What a run holds, decoded to arrays: the model that everything else of a review works on."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from klann_ros.kinematics import KlannGeometry
 import numpy as np
@@ -28,7 +28,7 @@ class TopicFigures:
     latency : float
         Median time from publishing to receiving [s]; NaN without any message.
     lost : int or None
-        Messages lost by sequence number; None where the run cannot tell.
+        Messages lost on the way into the run; None where nobody can tell.
 
     """
 
@@ -39,6 +39,62 @@ class TopicFigures:
     longest_gap: float
     latency: float
     lost: int | None
+
+
+@dataclass(frozen=True)
+class Undecoded:
+    """
+    Messages of a topic that do not hold what their type says.
+
+    Attributes
+    ----------
+    topic : str
+        The topic's name.
+    count : int
+        How many there are.
+    time : int
+        Log time of the first [ns].
+
+    """
+
+    topic: str
+    count: int
+    time: int
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """
+    What messages of one kind say, in the order of the log.
+
+    Attributes
+    ----------
+    times : numpy.ndarray, shape (n,)
+        Log times [ns], the clock of the run.
+    stamps : numpy.ndarray, shape (n,)
+        Header stamps, or what stands for them [ns]: they tell which answer belongs to which
+        input, and may be of another clock than the log times.
+    values : numpy.ndarray, shape (n,) or (n, k)
+        What they say.
+
+    """
+
+    times: Times
+    stamps: Times
+    values: Floats
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for array in (self.times, self.stamps, self.values):
+            array.setflags(write=False)
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def since(self, time: int) -> 'Series':
+        """Return what was logged at a time or later."""
+        late = self.times >= time
+        return Series(self.times[late], self.stamps[late], self.values[late])
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,18 +112,20 @@ class Recording:
         All topics.
     problem : str
         What is wrong with the container, in one line; empty when nothing is.
+    undecoded : tuple of Undecoded
+        What concerns a leg by its topic, and cannot be decoded.
+    remarks : tuple of str
+        What a reader must know and is no fault of the run.
     geometry : KlannGeometry or None
-        The solver's geometry as the run tells it, or as it was given.
-    crank_stamps, crank_angles : numpy.ndarray, shape (k,)
-        Crank inputs: stamp [ns], angle [rad].
-    pose_stamps : numpy.ndarray, shape (n,)
-        Header stamps of the poses [ns].
-    poses : numpy.ndarray, shape (n, 5)
-        alpha, gamma, beta, delta, theta [rad].
-    foot_stamps : numpy.ndarray, shape (m,)
-        Header stamps of the feet [ns].
-    feet : numpy.ndarray, shape (m, 2)
-        H (x, y) [m].
+        The solver's geometry as the run tells it at last, or as it was given.
+    geometry_time : int
+        The log time since which the geometry holds [ns]; 0 for the whole run.
+    cranks : Series
+        Crank inputs [rad], values of shape (k,).
+    poses : Series
+        alpha, gamma, beta, delta, theta [rad], values of shape (n, 5).
+    feet : Series
+        H (x, y) [m], values of shape (m, 2).
 
     """
 
@@ -76,15 +134,25 @@ class Recording:
     end: int
     topics: tuple[TopicFigures, ...]
     problem: str
+    undecoded: tuple[Undecoded, ...]
+    remarks: tuple[str, ...]
     geometry: KlannGeometry | None
-    crank_stamps: Times
-    crank_angles: Floats
-    pose_stamps: Times
-    poses: Floats
-    foot_stamps: Times
-    feet: Floats
+    geometry_time: int
+    cranks: Series
+    poses: Series
+    feet: Series
 
     @property
     def duration(self) -> float:
         """Return the time between the first and the last message [s]."""
         return (self.end - self.start) / 1e9
+
+    def judged(self) -> 'Recording':
+        """Return the part of the run that its geometry holds for."""
+        since = self.geometry_time
+        return replace(
+            self,
+            cranks=self.cranks.since(since),
+            poses=self.poses.since(since),
+            feet=self.feet.since(since),
+        )

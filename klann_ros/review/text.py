@@ -3,15 +3,15 @@
 from collections.abc import Iterator, Sequence
 from math import degrees, isnan
 
-from .checks import Finding
 from .figures import LegFigures
+from .finding import Finding
 from .recording import Recording, TopicFigures
 
 
 def report(recording: Recording, figures: LegFigures, findings: Sequence[Finding]) -> str:
     """Return the report of a run."""
     parts = [_head(recording), *_topics(recording.topics), '', *_leg(figures), '']
-    return '\n'.join([*parts, *_findings(findings)])
+    return '\n'.join([*parts, *recording.remarks, *_findings(recording, findings)])
 
 
 def _head(recording: Recording) -> str:
@@ -36,18 +36,32 @@ def _leg(figures: LegFigures) -> Iterator[str]:
     yield f'stride                     {_number(figures.stride, 10, 4)} m'
     yield f'lift                       {_number(figures.lift, 10, 4)} m'
     yield f'worst transmission angle   {_number(mu, 10, 2)} deg from in line'
-    yield f'worst residual             {figures.worst_residual:>10.1e} m'
-    yield f'worst angle, solved again  {figures.worst_angle_error:>10.1e} rad off'
-    yield f'worst foot, solved again   {figures.worst_foot_error:>10.1e} m off'
+    yield f'worst residual             {_power(figures.worst_residual)} m'
+    yield f'worst angle, solved again  {_power(figures.worst_angle_error)} rad off'
+    yield f'worst foot, solved again   {_power(figures.worst_foot_error)} m off'
 
 
-def _findings(findings: Sequence[Finding]) -> Iterator[str]:
+def _findings(recording: Recording, findings: Sequence[Finding]) -> Iterator[str]:
     if not findings:
-        yield 'nothing found: every pose is the right one for its crank angle'
+        yield _nothing(recording)
     for finding in findings:
         when = '' if finding.time is None else f' (first at {finding.time:.3f} s)'
         yield f'FOUND {finding.check}: {finding.text}{when}'
 
 
+def _nothing(recording: Recording) -> str:
+    """Return what it means that nothing is found: no more than was judged."""
+    judged = len(recording.judged().poses)
+    if not judged:
+        return 'nothing found, but no pose was judged'
+    which = 'every pose is' if judged == len(recording.poses) else f'each of the {judged} poses is'
+    return f'nothing found: {which} the right one for its crank angle'
+
+
 def _number(value: float, width: int, digits: int) -> str:
-    return f'{"-":>{width}}' if isnan(value) else f'{value:>{width}.{digits}f}'
+    text = '-' if isnan(value) else f'{value:.{digits}f}'
+    return f'{text if len(text) <= width else format(value, ".1e"):>{width}}'
+
+
+def _power(value: float) -> str:
+    return f'{"-":>10}' if isnan(value) else f'{value:>10.1e}'

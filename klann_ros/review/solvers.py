@@ -1,0 +1,88 @@
+"""What a run tells of the solver that made its poses."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from klann_ros.kinematics import GeometryError, KlannGeometry
+from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD, SolverParameters
+
+from .geometry_file import geometry_from_parameters
+
+CRANK_JOINT = 'crank'
+Metadata = Mapping[str, Sequence[Mapping[str, str]]]
+
+
+@dataclass(frozen=True)
+class LegSolver:
+    """
+    The solver of a leg.
+
+    Attributes
+    ----------
+    crank_joint : str
+        The joint that turns its crank.
+    sim_time : bool
+        Whether it stamps by a simulated clock what has no stamp.
+    geometry : KlannGeometry or None
+        Its last geometry; None where the run does not tell.
+    geometry_time : int
+        The log time since which it has it [ns]; 0 when it never had another.
+
+    """
+
+    crank_joint: str = CRANK_JOINT
+    sim_time: bool = False
+    geometry: KlannGeometry | None = None
+    geometry_time: int = 0
+
+
+def solver_records(metadata: Metadata) -> list[SolverParameters]:
+    """Return what the records of a run say about solvers, in the order of time."""
+    found = []
+    for record in metadata.get(SOLVER_RECORD, ()):
+        solver = _solver(record)
+        if solver is not None:
+            found.append(solver)
+    return sorted(found, key=lambda solver: solver.time)
+
+
+def leg_solver(records: Sequence[SolverParameters], namespace: str) -> LegSolver:
+    """Return the solver in a namespace; the last one of the run where there is none in it."""
+    own = [record for record in records if parent(record.node) == namespace]
+    own = own or [record for record in records if record.node == records[-1].node]
+    if not own:
+        return LegSolver()
+    geometries = [_geometry(record.parameters) for record in own]
+    changes = [
+        record.time
+        for record, (before, after) in zip(own[1:], pairwise(geometries), strict=True)
+        if before != after
+    ]
+    last = own[-1].parameters
+    return LegSolver(
+        crank_joint=str(last.get('crank_joint', CRANK_JOINT)),
+        sim_time=any(record.parameters.get('use_sim_time') is True for record in own),
+        geometry=geometries[-1],
+        geometry_time=changes[-1] if changes else 0,
+    )
+
+
+def parent(name: str) -> str:
+    """Return the namespace of a full name; '' for the root."""
+    return name.rpartition('/')[0]
+
+
+def _solver(record: Mapping[str, str]) -> SolverParameters | None:
+    try:
+        return solver_parameters(record)
+    except ValueError:
+        return None
+
+
+def _geometry(parameters: Mapping[str, Any]) -> KlannGeometry | None:
+    try:
+        return geometry_from_parameters(parameters)
+    except (TypeError, GeometryError):
+        return None

@@ -1,0 +1,106 @@
+"""The tools as processes: their exit codes do not depend on who reads what they say."""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+
+import klann_ros
+import pytest
+
+PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
+
+
+def start(name: str, *arguments: object, stdout: Any, say: str = '') -> subprocess.Popen[str]:
+    """Start a tool of the checkout; it may say a line when its signals count."""
+    says = f'print({say!r}, flush=True); ' if say else ''
+    code = f'import sys; from klann_ros.executables import {name}; {says}sys.exit({name}())'
+    return subprocess.Popen(
+        [sys.executable, '-c', code, *map(str, arguments)],
+        env={**os.environ, 'PYTHONPATH': PACKAGE},
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def without_a_reader(name: str, *arguments: object) -> tuple[int, str]:
+    """Run a tool whose output nobody takes; return its exit code and what it complains of."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    process = start(name, *arguments, stdout=writer)
+    os.close(writer)
+    _, errors = process.communicate(timeout=60.0)
+    return process.returncode, errors
+
+
+def test_review_without_a_reader_keeps_its_exit_code(healthy, make_run) -> None:
+    run = make_run(healthy)
+    assert without_a_reader('review', run) == (0, '')
+    (path,) = run.glob('*.mcap')
+    path.write_bytes(path.read_bytes()[:-3000])
+    assert without_a_reader('review', path) == (1, '')
+
+
+def test_recover_without_a_reader_keeps_its_exit_code(healthy, make_run, tmp_path) -> None:
+    (path,) = make_run(healthy).glob('*.mcap')
+    path.write_bytes(path.read_bytes()[:-8] + b'no magic')
+    code, errors = without_a_reader('recover', path, '-o', tmp_path / 'recovered')
+    assert (code in (0, 3), errors) == (True, '')
+    assert list((tmp_path / 'recovered').glob('*.mcap'))
+
+
+@pytest.mark.parametrize('name', ['review', 'recover'])
+def test_help_without_a_reader_is_no_fault(name: str) -> None:
+    assert without_a_reader(name, '--help') == (0, '')
+
+
+@pytest.mark.skipif(not Path('/dev/full').exists(), reason='a device of Linux')
+@pytest.mark.parametrize(('name', 'expected'), [('review', 2), ('recover', 1)])
+def test_a_full_disk_is_one_line(healthy, make_run, tmp_path, name: str, expected: int) -> None:
+    run = make_run(healthy)
+    output = [] if name == 'review' else ['-o', tmp_path / 'recovered']
+    with Path('/dev/full').open('w') as full:
+        process = start(name, run, *output, stdout=full)
+        _, errors = process.communicate(timeout=60.0)
+    assert process.returncode == expected
+    assert errors == f'{name}: the report cannot be written: No space left on device\n'
+
+
+def test_a_report_comes_before_the_traceback_of_a_fault() -> None:
+    code = (
+        'import sys, types\n'
+        'from klann_ros import executables\n'
+        'module = types.ModuleType("faulty")\n'
+        'module.main = lambda: print("said before") or 1 / 0\n'
+        'sys.modules["faulty"] = module\n'
+        'executables._tool("faulty", "faulty", 2)\n'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code],
+        env={**os.environ, 'PYTHONPATH': PACKAGE},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (1, 'said before\n')
+    assert 'ZeroDivisionError' in done.stderr
+
+
+@pytest.mark.parametrize('delay', [0.02, 0.1, 0.3, 0.6])
+def test_interrupts_end_a_tool_without_noise(tmp_path, delay: float) -> None:
+    # A file that never says anything: the tool waits for it, if it is not starting still.
+    silent = tmp_path / 'silent.yaml'
+    os.mkfifo(silent)
+    process = start('review', '--geometry', silent, 'log', stdout=subprocess.PIPE, say='ready')
+    assert process.stdout.readline() == 'ready\n'
+    time.sleep(delay)
+    process.send_signal(signal.SIGINT)
+    time.sleep(0.02)
+    # It may have ended by now; then this one goes nowhere.
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=60.0)
+    assert (process.returncode, output, errors) == (130, '', '')

@@ -1,0 +1,67 @@
+"""A geometry that changes during the run: what is older is not held against it."""
+
+from klann_ros.kinematics import KlannGeometry
+from klann_ros.review.command import main
+import pytest
+
+# Received 0.2 ms after it was published, as all messages of these runs.
+LATENCY = 200_000
+OTHER = KlannGeometry(l_ef=0.271)
+
+
+@pytest.fixture
+def changed(make_script):
+    """Return a run whose first half was made with another geometry than its second."""
+    run, second = make_script(OTHER), make_script()
+    run.answers[200:] = second.answers[200:]
+    run.add_solver(run.answers[200].stamp + LATENCY, second.geometry)
+    return run
+
+
+def test_only_what_is_younger_than_the_change_is_judged(changed, make_run, capsys) -> None:
+    assert main([str(make_run(changed))]) == 0
+    output = capsys.readouterr().out
+    line = 'the geometry changed during the run; the poses before 1.00 s were not judged\n'
+    assert line in output
+    assert 'nothing found: each of the 200 poses is the right one' in output
+
+
+def test_a_wrong_pose_after_the_change_is_found(changed, make_run, capsys) -> None:
+    changed.answers[300].pose[2] += 1e-3
+    assert main([str(make_run(changed))]) == 1
+    output = capsys.readouterr().out
+    assert 'FOUND resolve: 1 of 200 poses' in output
+    assert '(first at 1.500 s)' in output
+
+
+def test_a_restart_with_the_same_geometry_is_no_change(healthy, make_run, capsys) -> None:
+    healthy.add_solver(healthy.answers[200].stamp, healthy.geometry)
+    healthy.answers[100].pose[2] += 1e-3
+    assert main([str(make_run(healthy))]) == 1
+    output = capsys.readouterr().out
+    assert 'FOUND resolve: 1 of 400 poses' in output
+    assert 'the geometry changed' not in output
+
+
+def test_a_given_geometry_holds_for_the_whole_run(changed, make_run, tmp_path, capsys) -> None:
+    file = tmp_path / 'given.yaml'
+    file.write_text('l_ab: 0.120\n')
+    assert main([str(make_run(changed)), '--geometry', str(file)]) == 1
+    output = capsys.readouterr().out
+    assert 'FOUND closure: 200 of 400 poses' in output
+    assert 'the geometry changed' not in output
+
+
+def test_an_input_before_the_change_is_not_judged_either(changed, make_run, capsys) -> None:
+    changed.unanswered = [(changed.answers[100].stamp + 1000, 1.0)]
+    assert main([str(make_run(changed))]) == 0
+    capsys.readouterr()
+
+
+def test_nothing_is_right_where_nothing_was_judged(healthy, make_run, capsys) -> None:
+    healthy.add_solver(healthy.answers[-1].stamp + 10**9, OTHER)
+    assert main([str(make_run(healthy))]) == 0
+    output = capsys.readouterr().out
+    assert output.endswith('\nnothing found, but no pose was judged\n')
+    for figure in ('residual', 'angle, solved again', 'foot, solved again'):
+        assert f'worst {figure}'.ljust(27) + ' ' * 9 + '- ' in output

@@ -1,0 +1,62 @@
+"""Lost messages: what the recorder counted, or else what the numbers tell of one publisher."""
+
+from dataclasses import replace
+import re
+
+from klann_ros.log.qos import Qos, qos_to_yaml
+from klann_ros.log.run_parameters import LOSS_RECORD
+from klann_ros.review.command import main
+
+
+def lost(output: str) -> str:
+    """Return what the table says about the crank's topic."""
+    return re.search(r'^/crank_angle .* (\S+)$', output, flags=re.MULTILINE)[1]
+
+
+def test_the_recorders_own_count_comes_first(healthy, make_run, capsys) -> None:
+    del healthy.answers[50:53]
+    counted = {'/crank_angle': '7', '/joint_states': '0', '/point_h': 'unknown'}
+    healthy.metadata.append((LOSS_RECORD, counted))
+    assert main([str(make_run(healthy))]) == 1
+    output = capsys.readouterr().out
+    assert re.findall(r'FOUND lost: (.*)', output) == ['7 messages of /crank_angle were lost']
+    assert re.search(r'/point_h .* \?\n', output)
+
+
+def test_a_topic_that_is_lost_altogether_is_told(healthy, make_run, capsys) -> None:
+    healthy.metadata.append((LOSS_RECORD, {'/velocity_h': '9'}))
+    assert main([str(make_run(healthy))]) == 1
+    output = capsys.readouterr().out
+    assert re.search(r'^/velocity_h +0( +-){3} +9$', output, flags=re.MULTILINE)
+    assert 'FOUND lost: 9 messages of /velocity_h were lost' in output
+
+
+def test_a_garbled_count_is_no_count(healthy, make_run, capsys) -> None:
+    healthy.metadata.append((LOSS_RECORD, {'/crank_angle': 'many'}))
+    assert main([str(make_run(healthy))]) == 0
+    assert lost(capsys.readouterr().out) == '0'
+
+
+def test_numbers_of_two_publishers_tell_nothing(healthy, make_run, capsys) -> None:
+    for n in range(0, 400, 2):
+        healthy.change(n, sequence=90_000 + n)
+    assert main([str(make_run(healthy))]) == 0
+    assert lost(capsys.readouterr().out) == '?'
+
+
+def test_one_step_back_is_a_publisher_that_started_anew(healthy, make_run, capsys) -> None:
+    for n in range(100, 400):
+        healthy.change(n, sequence=n - 99)
+    del healthy.answers[250:254]
+    assert main([str(make_run(healthy))]) == 1
+    assert lost(capsys.readouterr().out) == '4'
+
+
+def test_profiles_of_two_publishers_tell_nothing(healthy, make_run, capsys) -> None:
+    del healthy.answers[50:53]
+    two = qos_to_yaml([Qos(), Qos()])
+    healthy.crank, healthy.poses, healthy.feet = (
+        replace(topic, qos=two) for topic in (healthy.crank, healthy.poses, healthy.feet)
+    )
+    assert main([str(make_run(healthy))]) == 0
+    assert lost(capsys.readouterr().out) == '?'
