@@ -93,7 +93,7 @@ def runs():
 def batches(runs):
     """Return the messages of six chunks, 40 each."""
     messages = runs.make_messages(240)
-    return [messages[start : start + 40] for start in range(0, 240, 40)]
+    return [messages[slice(end - 40, end)] for end in range(40, 280, 40)]
 
 
 @pytest.fixture

@@ -128,7 +128,7 @@ def split_run(runs, tmp_path):
     names = [f'split_{n}.mcap' for n in range(11)]
     for n, name in enumerate(names):
         start = 20 * n
-        write_mcap(folder / name, messages[start : start + 20])
+        write_mcap(folder / name, messages[slice(start, start + 20)])
     metadata = {'rosbag2_bagfile_information': {'version': 9, 'relative_file_paths': names}}
     (folder / 'metadata.yaml').write_text(yaml.safe_dump(metadata))
     return folder, messages
