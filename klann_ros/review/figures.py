@@ -157,7 +157,8 @@ def _wrapped(angles: Floats) -> Floats:
     """Return angles in [-pi, pi], exact where they are small already; NaN for infinite ones."""
     turn = 2 * np.pi
     with np.errstate(over='ignore', invalid='ignore'):
-        return angles - turn * np.round(angles / turn)
+        wrapped: Floats = angles - turn * np.round(angles / turn)
+    return wrapped
 
 
 def _worst(values: Floats) -> float:
