@@ -6,6 +6,8 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = 'klann_ros'
+# `colcon build --symlink-install` runs a link to this file, in a folder without the README.
+HERE = Path(__file__).resolve().parent
 
 # ROS itself is no requirement of the distribution: where ROS 2 is sourced, rclpy is there already
 # without a distribution of that name. package.xml names it for rosdep, the extra "ros" for pip.
@@ -24,7 +26,7 @@ setup(
     name=NAME,
     version='0.1.0',
     description='The Klann leg on ROS 2: solved by Newton-Raphson, recorded, replayed, reviewed',
-    long_description=Path('README.md').read_text(encoding='utf-8'),
+    long_description=(HERE / 'README.md').read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',
     license='Apache-2.0',
     maintainer='klann_ros maintainers',

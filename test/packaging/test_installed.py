@@ -70,18 +70,28 @@ def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
         yield number
 
 
-def colcon_build(folder: Path) -> Path:
+def colcon_build(folder: Path, *options: str) -> Path:
     """Build outside the checkout, as `scripts/test` does; return the install folder."""
     pytest.importorskip('colcon_core')
     subprocess.run(
         [
             *(sys.executable, '-m', 'colcon', '--log-base', 'log', 'build', '--paths', ROOT),
-            *('--build-base', 'build', '--install-base', 'install'),
+            *('--build-base', 'build', '--install-base', 'install', *options),
         ],
         cwd=folder,
         check=True,
     )
     return folder / 'install'
+
+
+def test_a_build_of_links_works_too(tmp_path: Path) -> None:
+    base = colcon_build(tmp_path, '--symlink-install')
+    linked = Installation(base / 'klann_ros', base / 'setup.sh')
+    done = subprocess.run(
+        linked.command('review', '--version'), capture_output=True, text=True, check=True
+    )
+    assert done.stdout.startswith('review ')
+    assert files(base / 'klann_ros' / 'share/klann_ros/config') == {'patent.yaml', 'sem104.yaml'}
 
 
 def test_the_ament_index_knows_the_package(
