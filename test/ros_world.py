@@ -20,6 +20,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 # The processes run the very package that the tests import, installed or not.
 PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
 PATIENCE = 20.0
+SHARED_MEMORY = Path('/dev/shm')  # noqa: S108 - Fast DDS's place, not ours
 # Traffic never leaves the machine, neither the probe's nor that of its processes.
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
@@ -27,9 +28,7 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 class Process:
     """An executable of the checkout, as a process of its own."""
 
-    def __init__(
-        self, name: str, *arguments: str, domain: int, cwd: Path, shared_memory: bool = True
-    ) -> None:
+    def __init__(self, name: str, *arguments: str, domain: int, cwd: Path) -> None:
         code = f'import sys; from klann_ros.executables import {name}; sys.exit({name}())'
         self.name = name
         self._errors = (cwd / f'{name}.{time.monotonic_ns()}.err').open('w+')
@@ -39,8 +38,7 @@ class Process:
             'ROS_DOMAIN_ID': str(domain),
             'ROS_LOG_DIR': str(cwd / 'ros_log'),
         }
-        if not shared_memory:
-            environment['FASTDDS_BUILTIN_TRANSPORTS'] = 'UDPv4'
+        self.segments: set[str] = set()
         self.popen = subprocess.Popen(
             [sys.executable, '-c', code, *arguments],
             cwd=cwd,
@@ -59,6 +57,15 @@ class Process:
         """Send a signal and wait for the end; return the exit code."""
         self.popen.send_signal(number)
         return self.wait()
+
+    def kill(self) -> None:
+        """End it as a power cut would, and remember the shared memory that it leaves behind."""
+        maps = Path(f'/proc/{self.popen.pid}/maps').read_text().split()
+        names = {Path(word).name for word in maps if word.startswith(f'{SHARED_MEMORY}/fastrtps_')}
+        for name in names:
+            self.segments |= {name, f'{name}_el', f'sem.{name}_mutex'}
+        self.popen.kill()
+        self.wait()
 
     @property
     def errors(self) -> str:
@@ -143,27 +150,16 @@ class World:
     def __init__(self, domain: int, folder: Path) -> None:
         self.domain = domain
         self.folder = folder
+        self._before = {path.name for path in SHARED_MEMORY.iterdir()}
         self.probe = Probe(domain)
         self._processes: list[Process] = []
 
-    def start(
-        self, name: str, *arguments: str, shared_memory: bool = True, **parameters: object
-    ) -> Process:
-        """
-        Start an executable with parameters.
-
-        What is to be killed does without shared memory: nobody else would take it away.
-        """
+    def start(self, name: str, *arguments: str, **parameters: object) -> Process:
+        """Start an executable with parameters."""
         given = [f'{key}:={value}' for key, value in parameters.items()]
         ros = ['--ros-args', *(part for text in given for part in ('-p', text))]
-        process = Process(
-            name,
-            *arguments,
-            *(ros if given else []),
-            domain=self.domain,
-            cwd=self.folder,
-            shared_memory=shared_memory,
-        )
+        command = [*arguments, *(ros if given else [])]
+        process = Process(name, *command, domain=self.domain, cwd=self.folder)
         self._processes.append(process)
         return process
 
@@ -172,6 +168,9 @@ class World:
         for process in self._processes:
             process.release()
         self.probe.close()
+        # What a killed process shared with these stays; what others had before is theirs.
+        for name in {n for process in self._processes for n in process.segments} - self._before:
+            (SHARED_MEMORY / name).unlink(missing_ok=True)
 
 
 @contextmanager

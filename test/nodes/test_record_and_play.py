@@ -223,10 +223,10 @@ def test_only_the_topics_that_are_asked_for_are_recorded(
 def test_a_killed_recorder_leaves_all_but_its_last_second(ros: World, tmp_path: Path) -> None:
     folder = tmp_path / 'run'
     crank = ros.start('crank_node', rate=500.0, min_subscribers=1)
-    recorder = ros.start('recorder_node', shared_memory=False, output=folder)
+    recorder = ros.start('recorder_node', output=folder)
     heard = ros.probe.listen(Float64, 'crank_angle')
     ros.probe.until(lambda: len(heard) > 1500)
-    recorder.stop(signal.SIGKILL)
+    recorder.kill()
     ros.probe.spin(0.1)
     last = heard[-1].data
     crank.stop()
