@@ -15,7 +15,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from .parameters import declare, Declared, must, must_be_within
+from .parameters import declare, Declared, must, usage
 from .process import arguments, command_line, Finish, run, StartError
 from .qos import OUTPUT
 
@@ -23,29 +23,34 @@ if TYPE_CHECKING:
     from rclpy.time import Time
 
 _DEFAULT = CrankMotion()
+OUTPUTS = ('crank_angle', 'crank_state')
 MOTION = (
-    Declared('mode', _DEFAULT.mode, 'how the crank moves', f'one of {", ".join(MODES)}'),
-    Declared('speed', _DEFAULT.speed, 'rate of constant and sweep [rad/s]', 'finite'),
-    Declared('start', _DEFAULT.start, 'crank angle at the start [rad]', 'finite'),
-    Declared('amplitude', _DEFAULT.amplitude, 'size of sine, sweep and step [rad]', 'finite'),
-    Declared('frequency', _DEFAULT.frequency, 'of sine and step [Hz]', 'finite, > 0'),
+    Declared('mode', _DEFAULT.mode, 'how the crank moves', choices=MODES),
+    Declared('speed', _DEFAULT.speed, 'rate of constant and sweep [rad/s]', constraint='finite'),
+    Declared('start', _DEFAULT.start, 'crank angle at the start [rad]', constraint='finite'),
+    Declared(
+        'amplitude', _DEFAULT.amplitude, 'size of sine, sweep and step [rad]', constraint='finite'
+    ),
+    Declared('frequency', _DEFAULT.frequency, 'of sine and step [Hz]', constraint='finite, > 0'),
 )
 PARAMETERS = (
-    Declared('rate', 100.0, 'messages a second [Hz]', '0.001 .. 10000'),
+    Declared('rate', 100.0, 'messages a second [Hz]', limits=(1e-3, 1e4)),
     Declared(
         'revolutions',
         0,
         'turns, or periods, until the node ends; 0: endless',
-        'an integer or a double, >= 0',
+        constraint='an integer or a double, >= 0',
         any_number=True,
     ),
-    Declared('output', 'crank_angle', 'the topic to publish', 'crank_angle or crank_state'),
+    Declared('output', 'crank_angle', 'the topic to publish', choices=OUTPUTS),
     Declared('crank_joint', 'crank', 'name of the joint in crank_state'),
     Declared(
-        'min_subscribers', 0, 'the crank waits until so many listen, so that none misses the start'
+        'min_subscribers',
+        0,
+        'the crank waits until so many listen, so that none misses the start',
+        limits=(0, 1000),
     ),
 )
-RATES = (1e-3, 1e4)
 # Time for a subscriber to match the publisher once the publisher knows of it [s].
 SETTLE = 0.3
 # A node that was stopped for longer than this goes on from where it was, without a burst [s].
@@ -77,8 +82,6 @@ class CrankNode(Node):
             self._motion = CrankMotion(**{p.name: values[p.name] for p in MOTION})
         except CrankMotionError as error:
             raise StartError(str(error)) from error
-        must_be_within('rate', values['rate'], *RATES)
-        must_be_within('min_subscribers', values['min_subscribers'], 0, 1000)
         self._rate: float = values['rate']
         self._count = self._messages(values['revolutions'])
         self._min_subscribers = values['min_subscribers']
@@ -103,7 +106,6 @@ class CrankNode(Node):
             'crank_angle': (Float64, self._publish_angle),
             'crank_state': (JointState, self._publish_state),
         }
-        must(output in kinds, 'output', output, f'one of {", ".join(kinds)}')
         kind, publish = kinds[output]
         self._publisher = self.create_publisher(
             kind,
@@ -164,8 +166,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     parser = command_line(
         'crank_node',
         'Drive the crank: publish its angle on crank_angle, or angle and rate on crank_state.',
-        'Parameters are given as --ros-args -p NAME:=VALUE:\n'
-        + '\n'.join(f'  {p.name} ({p.default}): {p.description}' for p in (*MOTION, *PARAMETERS)),
+        usage([*MOTION, *PARAMETERS]),
     )
     arguments(parser, argv)
     return run('crank_node', CrankNode, argv, stop)

@@ -33,7 +33,7 @@ def declared() -> list[Declared]:
             name,
             getattr(default, name),
             f'{_WORDS[name]} [{"rad" if name in BENDS else "m"}]',
-            'finite, > 0' if name in LENGTHS else 'finite',
+            constraint='finite, > 0' if name in LENGTHS else 'finite',
             read_only=False,
         )
         for name in (*LENGTHS, *COORDINATES, *BENDS)
@@ -42,7 +42,7 @@ def declared() -> list[Declared]:
         'assembly',
         list(default.assembly),
         'assembly branch: the signs of sin(gamma + beta) and sin(delta + theta)',
-        'two signs, each +1 or -1',
+        constraint='two signs, each +1 or -1',
         read_only=False,
     )
     return [*numbers, assembly]

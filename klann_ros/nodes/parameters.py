@@ -1,7 +1,8 @@
 """Parameters: declared with description and unit, refused with the reason."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, KW_ONLY
+import json
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
@@ -25,8 +26,12 @@ class Declared:
         Its default, which fixes its type.
     description : str
         What it is, with the unit in brackets.
+    limits : tuple of float, optional
+        The least and the greatest value.
+    choices : sequence of str
+        The only values, where there are any.
     constraint : str
-        What its value must be, in words.
+        What its value must be, in words, where neither limits nor choices say it.
     read_only : bool
         Whether it can only be given at start.
     any_number : bool
@@ -37,9 +42,26 @@ class Declared:
     name: str
     default: Any
     description: str
+    _: KW_ONLY
+    limits: tuple[float, float] | None = None
+    choices: Sequence[str] = ()
     constraint: str = ''
     read_only: bool = True
     any_number: bool = False
+
+    @property
+    def allowed(self) -> str:
+        """Return what its value must be, in words."""
+        if self.limits is not None:
+            least, most = self.limits
+            return f'within {least:g} .. {most:g}'
+        return f'one of {", ".join(self.choices)}' if self.choices else self.constraint
+
+    def allows(self, value: Any) -> bool:
+        """Return whether limits and choices allow a value; NaN is within no limits."""
+        if self.limits is not None:
+            return bool(self.limits[0] <= value <= self.limits[1])
+        return not self.choices or value in self.choices
 
 
 def declare(node: Node, parameters: Sequence[Declared]) -> dict[str, Any]:
@@ -49,16 +71,22 @@ def declare(node: Node, parameters: Sequence[Declared]) -> dict[str, Any]:
     Raises
     ------
     StartError
-        A value has the wrong type; the text says which would be right.
+        A value has the wrong type, or is not allowed; the text says what would be right.
 
     """
     return {parameter.name: _declare(node, parameter) for parameter in parameters}
 
 
+def usage(parameters: Sequence[Declared]) -> str:
+    """Return the part of an executable's help that tells its parameters."""
+    lines = [f'  {p.name} ({json.dumps(p.default)}): {p.description}' for p in parameters]
+    return '\n'.join(['Parameters are given as --ros-args -p NAME:=VALUE:', *lines])
+
+
 def _declare(node: Node, parameter: Declared) -> Any:
     descriptor = ParameterDescriptor(
         description=parameter.description,
-        additional_constraints=parameter.constraint,
+        additional_constraints=parameter.allowed,
         read_only=parameter.read_only,
         dynamic_typing=parameter.any_number,
     )
@@ -75,6 +103,7 @@ def _declare(node: Node, parameter: Declared) -> Any:
     if value is None:
         msg = f'parameter {parameter.name} has no value'
         raise StartError(msg)
+    must(parameter.allows(value), parameter.name, value, parameter.allowed)
     return list(value) if isinstance(parameter.default, list) else value
 
 
@@ -91,16 +120,3 @@ def must(condition: bool, name: str, value: Any, what: str) -> None:
     if not condition:
         msg = f'{name} = {value!r} is refused: it must be {what}'
         raise StartError(msg)
-
-
-def must_be_within(name: str, value: float, least: float, most: float) -> None:
-    """
-    Refuse a parameter that is not within limits.
-
-    Raises
-    ------
-    StartError
-        It is not, or it is no number.
-
-    """
-    must(least <= value <= most, name, value, f'within {least:g} .. {most:g}')

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from datetime import datetime, timezone
 from fnmatch import fnmatchcase
-import json
 import os
 from pathlib import Path
 import platform
@@ -28,7 +27,7 @@ from rclpy.executors import SingleThreadedExecutor
 import yaml
 
 from .message_types import UnknownMessageTypeError
-from .parameters import declare, Declared, must, must_be_within
+from .parameters import declare, Declared, usage
 from .process import arguments, command_line, Finish, ProcessNode, run, StartError
 from .recorded_topic import RecordedTopic
 from .solver_watch import SolverWatch
@@ -46,13 +45,14 @@ TOPICS = (
     '/diagnostics',
 )
 PARAMETERS = (
-    Declared('output', '', 'folder of the run; empty: runs/<UTC time>', 'not there yet'),
+    Declared(
+        'output', '', 'folder of the run; empty: runs/<UTC time>', constraint='not there yet'
+    ),
     Declared('topics', list(TOPICS), 'names of the topics; * stands for anything'),
     Declared('all_topics', False, 'record every topic that is not hidden'),
-    Declared('compression', 'zstd', 'of the chunks', f'one of {", ".join(COMPRESSIONS)}'),
-    Declared('flush_period', 0.5, 'a crash costs at most this much [s]', '0.01 .. 60'),
+    Declared('compression', 'zstd', 'of the chunks', choices=tuple(COMPRESSIONS)),
+    Declared('flush_period', 0.5, 'a crash costs at most this much [s]', limits=(0.01, 60.0)),
 )
-FLUSH_PERIODS = (0.01, 60.0)
 # How often new topics are looked for [s].
 LOOK_PERIOD = 0.1
 # How long the end waits for a solver's parameters that have been asked for [s].
@@ -79,14 +79,11 @@ class RecorderNode(ProcessNode):
         """Declare, validate, open the run; `options` are those of Node."""
         super().__init__('recorder_node', **options)
         values = declare(self, PARAMETERS)
-        compression = values['compression']
-        must(compression in COMPRESSIONS, 'compression', compression, PARAMETERS[3].constraint)
-        must_be_within('flush_period', values['flush_period'], *FLUSH_PERIODS)
         self._patterns = ['*'] if values['all_topics'] else self._resolved(values['topics'])
         self._topics: dict[str, RecordedTopic] = {}
         self._skipped: set[str] = set()
         self._solvers = SolverWatch(self, self._on_solver)
-        self._writer = _open(values['output'] or _default_output(), compression)
+        self._writer = _open(values['output'] or _default_output(), values['compression'])
         self._background = BackgroundWriter(
             self._writer,
             flush_period=values['flush_period'],
@@ -210,8 +207,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     parser = command_line(
         'recorder_node',
         'Record the topics of a leg to an MCAP run that survives a crash. Ctrl-C finishes it.',
-        'Parameters are given as --ros-args -p NAME:=VALUE:\n'
-        + '\n'.join(f'  {p.name} ({json.dumps(p.default)}): {p.description}' for p in PARAMETERS),
+        usage(PARAMETERS),
     )
     arguments(parser, argv)
     return run('recorder_node', RecorderNode, argv, stop)

@@ -32,7 +32,7 @@ from std_srvs.srv import Trigger
 from . import diagnostics, geometry_parameters
 from .crank_input import BadMessageError, Crank, from_joint_state
 from .leg_messages import LegMessages
-from .parameters import declare, Declared, must_be_within
+from .parameters import declare, Declared
 from .process import arguments, command_line, Finish, run, StartError
 from .qos import INPUT, OUTPUT
 from .solver_figures import SolverFigures
@@ -41,17 +41,23 @@ from .taking import drain, forgetful, Info
 PARAMETERS = (
     Declared('frame_id', 'leg_plane', 'frame of the published point: the plane of the leg'),
     Declared('crank_joint', 'crank', 'the joint in crank_state that turns the crank'),
-    Declared('tolerance', 1e-12, 'largest correction of a converged pose [rad]', '> 0, <= 1e-3'),
-    Declared('max_crank_step', 0.35, 'larger crank steps are split [rad]', 'finite, > 0'),
+    Declared(
+        'tolerance',
+        1e-12,
+        'largest correction of a converged pose [rad]',
+        constraint='> 0, <= 1e-3',
+    ),
+    Declared(
+        'max_crank_step', 0.35, 'larger crank steps are split [rad]', constraint='finite, > 0'
+    ),
     Declared(
         'min_transmission_angle',
         0.349,
         'diagnostics warn when min(mu, pi - mu) of a dyad is below it [rad]',
-        '0 .. pi/2',
+        limits=(0.0, pi / 2),
     ),
-    Declared('diagnostics_period', 1.0, 'time between diagnostics [s]', '0.01 .. 3600'),
+    Declared('diagnostics_period', 1.0, 'time between diagnostics [s]', limits=(0.01, 3600.0)),
 )
-PERIODS = (0.01, 3600.0)
 # How often a complaint about inputs is logged at most [s].
 THROTTLE = 2.0
 
@@ -82,8 +88,6 @@ class SolverNode(Node):
 
     def _declare(self) -> None:
         values = declare(self, [*geometry_parameters.declared(), *PARAMETERS])
-        must_be_within('min_transmission_angle', values['min_transmission_angle'], 0.0, pi / 2)
-        must_be_within('diagnostics_period', values['diagnostics_period'], *PERIODS)
         self._tolerance, self._max_crank_step = values['tolerance'], values['max_crank_step']
         self._min_transmission_angle = values['min_transmission_angle']
         self._crank_joint = values['crank_joint']
