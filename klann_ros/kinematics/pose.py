@@ -12,6 +12,8 @@ from .geometry import KlannGeometry
 
 # The names under which the angles are published and drawn, in the order of a pose's fields.
 JOINTS = ('alpha', 'gamma', 'beta', 'delta', 'theta')
+# The kinematic coefficients of a singular pose.
+NO_COEFFICIENTS = (nan, nan, nan, nan)
 
 
 class KlannPose(NamedTuple):
@@ -117,7 +119,7 @@ def _coefficients(
     gamma, beta, delta, theta = x
     sine_1, sine_2 = klann.singular_sines(geometry)
     if abs(sin(gamma + beta)) <= sine_1 or abs(sin(delta + theta)) <= sine_2:
-        return nan, nan, nan, nan
+        return NO_COEFFICIENTS
     solution = np.linalg.solve(klann.phi(geometry, x), -klann.f_alpha(geometry, alpha))
     gamma, beta, delta, theta = solution.tolist()
     return gamma, beta, delta, theta

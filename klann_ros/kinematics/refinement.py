@@ -6,17 +6,15 @@ lower triangular, so forward substitution with two 2x2 solves is the same as inv
 pure: the guess is an argument.
 """
 
-from math import cos, hypot, nan, pi, sin
+from math import cos, hypot, pi, sin
 from typing import NamedTuple
 
 from . import klann
 from .angles import wrap
 from .geometry import KlannGeometry
-from .pose import KlannPose
+from .pose import KlannPose, NO_COEFFICIENTS
 
 Angles = tuple[float, float, float, float]
-# Of a singular pose.
-NO_COEFFICIENTS = (nan, nan, nan, nan)
 
 
 class Constants(NamedTuple):

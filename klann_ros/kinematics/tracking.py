@@ -11,8 +11,8 @@ import numpy as np
 from . import closed_form
 from .angles import TURN
 from .errors import NotConvergedError
-from .pose import KlannPose
-from .refinement import Angles, Constants, NO_COEFFICIENTS, refine
+from .pose import KlannPose, NO_COEFFICIENTS
+from .refinement import Angles, Constants, refine
 
 # A warm start that needs more is better seeded anew.
 MAX_ITERATIONS = 10

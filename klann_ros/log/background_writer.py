@@ -86,6 +86,7 @@ class BackgroundWriter:
     def _run(self) -> None:
         try:
             self._write_all()
+        # Whatever ends this thread ends the recording, and has to be said.
         except Exception as error:
             self.failure = error
             self._on_failure()

@@ -114,6 +114,7 @@ class PlayerNode(ProcessNode):
                 if not self._options.loop:
                     break
             self._finish()
+        # Whatever it is: a thread that ends without a word would leave the process for ever.
         except Exception as error:
             self.get_logger().error(f'the log cannot be played any further: {error}')
             self._finish(1)

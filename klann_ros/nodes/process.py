@@ -115,7 +115,7 @@ def run(
     try:
         # Signals are this process's own affair: see StopSignals.
         rclpy.init(args=split(argv)[1], signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:
+    except START_ERRORS as error:
         return _refused(name, error)
     try:
         return _run(name, make_node, finished, finish, stop)
