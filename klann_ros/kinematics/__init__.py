@@ -8,11 +8,11 @@ from .errors import (
     SingularPoseError,
     UnreachableError,
 )
-from .geometry import KlannGeometry
-from .leg import KlannLeg
-from .pose import KlannPose
-from .reach import reachable_arcs
-from .velocity import KlannVelocity
+from .klann.geometry import KlannGeometry
+from .klann.leg import KlannLeg
+from .klann.pose import KlannPose
+from .klann.reach import reachable_arcs
+from .klann.velocity import KlannVelocity
 
 __all__ = [
     'CrankAngleError',

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from klann_ros.kinematics import KlannGeometry
-from klann_ros.kinematics.geometry import BENDS, COORDINATES, LENGTHS
+from klann_ros.kinematics.klann.geometry import BENDS, COORDINATES, LENGTHS
 
 from .parameters import Declared
 

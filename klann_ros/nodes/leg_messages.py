@@ -5,7 +5,7 @@ from array import array
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PointStamped, TwistStamped
 from klann_ros.kinematics import KlannPose, KlannVelocity
-from klann_ros.kinematics.pose import JOINTS
+from klann_ros.kinematics.klann.pose import JOINTS
 from sensor_msgs.msg import JointState
 
 

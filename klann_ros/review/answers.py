@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from klann_ros.kinematics import CrankAngleError, KlannGeometry, UnreachableError
 from klann_ros.kinematics.angles import crank_angle
-from klann_ros.kinematics.closed_form import joints
+from klann_ros.kinematics.klann.closed_form import joints
 import numpy as np
 from numpy.typing import NDArray
 

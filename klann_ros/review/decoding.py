@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from klann_ros.kinematics.pose import JOINTS
+from klann_ros.kinematics.klann.pose import JOINTS
 from klann_ros.log.records import Message, Topic
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from math import inf, nan
 
-from klann_ros.kinematics import closed_form, klann, KlannGeometry, UnreachableError
+from klann_ros.kinematics import KlannGeometry, UnreachableError
+from klann_ros.kinematics.klann import closed_form, equations
 import numpy as np
 from numpy.typing import NDArray
 
@@ -83,7 +84,7 @@ def resolve(recording: Recording, geometry: KlannGeometry) -> Resolved:
         if not np.isfinite(recorded).all():
             angle_errors[i] = inf
             continue
-        residuals[i] = np.linalg.norm(klann.f(geometry, alpha, x))
+        residuals[i] = np.linalg.norm(equations.f(geometry, alpha, x))
         try:
             joints = closed_form.joints(geometry, alpha)
         except UnreachableError:

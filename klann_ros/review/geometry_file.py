@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from klann_ros.kinematics import GeometryError, KlannGeometry
-from klann_ros.kinematics.geometry import BENDS, COORDINATES, LENGTHS
+from klann_ros.kinematics.klann.geometry import BENDS, COORDINATES, LENGTHS
 from klann_ros.log.errors import LogError
 import yaml
 

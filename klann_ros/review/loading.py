@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from klann_ros.kinematics import KlannGeometry
-from klann_ros.kinematics.pose import JOINTS
+from klann_ros.kinematics.klann.pose import JOINTS
 from klann_ros.log.reader import Log
 
 from .decoding import LegDecoder, LegRows, nanoseconds, series

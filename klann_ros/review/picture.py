@@ -3,7 +3,7 @@
 from math import degrees
 
 from klann_ros.kinematics import KinematicsError, KlannGeometry, KlannPose
-from klann_ros.kinematics.pose import closed_form_pose
+from klann_ros.kinematics.klann.pose import closed_form_pose
 import numpy as np
 
 from .recording import Recording

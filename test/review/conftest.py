@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from klann_ros.kinematics import KlannGeometry, KlannLeg
-from klann_ros.kinematics.pose import JOINTS
+from klann_ros.kinematics.klann.pose import JOINTS
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters

@@ -5,7 +5,8 @@ from math import acos, atan2, cos, hypot, pi
 from sys import float_info
 from typing import TYPE_CHECKING
 
-from .angles import TURN
+from klann_ros.kinematics.angles import TURN
+
 from .closed_form import clearances
 
 if TYPE_CHECKING:

@@ -4,8 +4,9 @@ from dataclasses import dataclass, fields
 import math
 from typing import Any
 
-from .angles import wrap
-from .errors import GeometryError
+from klann_ros.kinematics.angles import wrap
+from klann_ros.kinematics.errors import GeometryError
+
 from .reach import closes_somewhere
 
 LENGTHS = ('l_ab', 'l_bc', 'l_dc', 'l_cg', 'l_ef', 'l_fg', 'l_gh')

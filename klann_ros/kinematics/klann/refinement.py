@@ -1,7 +1,7 @@
 """
 Newton-Raphson for the Klann leg, written out for speed.
 
-`refine` makes the iterates of the full 4x4 Newton of `klann.f` and `klann.phi`: Phi is block
+`refine` makes the iterates of the full 4x4 Newton of `equations.f` and its Jacobian: Phi is block
 lower triangular, so forward substitution with two 2x2 solves is the same as inverting it. It is
 pure: the guess is an argument.
 """
@@ -9,8 +9,9 @@ pure: the guess is an argument.
 from math import cos, hypot, pi, sin
 from typing import NamedTuple
 
-from . import klann
-from .angles import wrap
+from klann_ros.kinematics.angles import wrap
+
+from . import equations
 from .geometry import KlannGeometry
 from .pose import KlannPose, NO_COEFFICIENTS
 
@@ -48,9 +49,9 @@ def constants(geometry: KlannGeometry) -> Constants:
     lengths = (g.l_ab, g.l_bc, g.l_dc, g.l_cg, g.l_ef, g.l_fg, g.l_gh)
     pivots = (g.x_d, g.y_a, g.x_e - g.x_d, g.y_e)
     bends = (g.angle_bcg, g.angle_fgh)
-    sine_1, sine_2 = klann.singular_sines(g)
+    sine_1, sine_2 = equations.singular_sines(g)
     singular = (sine_1 * g.l_bc * g.l_dc, sine_2 * g.l_ef * g.l_fg)
-    return Constants(*lengths, *pivots, *bends, *g.assembly, *klann.rounding(g), *singular, g)
+    return Constants(*lengths, *pivots, *bends, *g.assembly, *equations.rounding(g), *singular, g)
 
 
 def refine(

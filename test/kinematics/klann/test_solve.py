@@ -4,13 +4,13 @@ import math
 
 from hypothesis import assume, given, settings, strategies as st
 from klann_ros.kinematics import (
-    closed_form as closed_form_module,
     CrankAngleError,
     KlannGeometry,
     KlannLeg,
     KlannPose,
     UnreachableError,
 )
+from klann_ros.kinematics.klann import closed_form as closed_form_module
 import numpy as np
 import pytest
 from strategies import crank_angles, legs

@@ -6,13 +6,13 @@ import pickle
 from hypothesis import given, strategies as st
 from klann_ros.kinematics import (
     CrankAngleError,
-    klann,
     KlannGeometry,
     KlannLeg,
     NotConvergedError,
     SingularPoseError,
     UnreachableError,
 )
+from klann_ros.kinematics.klann import equations
 import numpy as np
 import pytest
 
@@ -36,7 +36,7 @@ def test_it_ends_at_a_root_or_says_why_with_its_iterates(guess: tuple[float, ...
         iterates = error.iterates
         assert error.reason in str(error)
     else:
-        assert np.abs(klann.f(leg.geometry, 1.0, iterates[-1])).max() < 1e-12
+        assert np.abs(equations.f(leg.geometry, 1.0, iterates[-1])).max() < 1e-12
     assert iterates.shape[1] == 4
     assert tuple(iterates[0]) == guess
 

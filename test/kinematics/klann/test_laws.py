@@ -5,14 +5,14 @@ import math
 
 from hypothesis import assume, given, strategies as st
 from klann_ros.kinematics import (
-    klann,
     KlannGeometry,
     KlannLeg,
     KlannPose,
     SingularPoseError,
     UnreachableError,
 )
-from klann_ros.kinematics.geometry import COORDINATES, LENGTHS
+from klann_ros.kinematics.klann import equations
+from klann_ros.kinematics.klann.geometry import COORDINATES, LENGTHS
 import numpy as np
 import pytest
 from strategies import crank_angles, legs
@@ -36,17 +36,19 @@ def test_phi_is_the_central_difference_of_f(
 ) -> None:
     step = 1e-6
     columns = [
-        (klann.f(geometry, alpha, x + step * e) - klann.f(geometry, alpha, x - step * e))
+        (equations.f(geometry, alpha, x + step * e) - equations.f(geometry, alpha, x - step * e))
         / (2 * step)
         for e in np.eye(4)
     ]
-    np.testing.assert_allclose(klann.phi(geometry, x), np.transpose(columns), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        equations.phi(geometry, x), np.transpose(columns), rtol=0, atol=1e-9
+    )
 
 
 @given(geometry=legs(), alpha=crank_angles)
 def test_a_solved_pose_closes_both_loops(geometry: KlannGeometry, alpha: float) -> None:
     pose = solved(geometry, alpha)
-    residual = np.linalg.norm(klann.f(geometry, alpha, pose.x))
+    residual = np.linalg.norm(equations.f(geometry, alpha, pose.x))
     assert residual <= 1e-14
     assert pose.residual == pytest.approx(residual, abs=1e-14)
 

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from math import inf
 
+from klann_ros.kinematics.angles import crank_angle
+from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
 from numpy.typing import NDArray
 
-from . import klann
-from .angles import crank_angle
+from . import equations
 from .geometry import KlannGeometry
-from .newton import newton_raphson
 from .pose import closed_form_pose, KlannPose
 from .refinement import constants
 from .tracking import COARSE_TOLERANCE, track
@@ -141,8 +141,8 @@ class KlannLeg:
             raise ValueError(msg)
         geometry = self.geometry
         return newton_raphson(
-            lambda x: klann.f(geometry, alpha, x),
-            lambda x: klann.phi(geometry, x),
+            lambda x: equations.f(geometry, alpha, x),
+            lambda x: equations.phi(geometry, x),
             x_1,
             alpha=alpha,
             tolerance=self._tolerance,

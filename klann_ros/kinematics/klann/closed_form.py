@@ -7,8 +7,8 @@ It shares no equation with the Newton solver, so each is the other's oracle.
 from math import atan2, cos, dist, sin
 from typing import NamedTuple, TYPE_CHECKING
 
-from .dyad import clearance, joint, Point
-from .errors import UnreachableError
+from klann_ros.kinematics.dyad import clearance, joint, Point
+from klann_ros.kinematics.errors import UnreachableError
 
 if TYPE_CHECKING:
     from .geometry import KlannGeometry

@@ -3,11 +3,11 @@
 from math import nan, sin
 from typing import NamedTuple
 
+from klann_ros.kinematics.angles import crank_angle, wrap
 import numpy as np
 from numpy.typing import NDArray
 
-from . import closed_form, klann
-from .angles import crank_angle, wrap
+from . import closed_form, equations
 from .geometry import KlannGeometry
 
 # The names under which the angles are published and drawn, in the order of a pose's fields.
@@ -58,7 +58,7 @@ class KlannPose(NamedTuple):
     @property
     def points(self) -> NDArray[np.float64]:
         """Return the points A to H, shape (8, 2) [m]; computed at each use."""
-        return klann.points(self.geometry, self.alpha, self.x)
+        return equations.points(self.geometry, self.alpha, self.x)
 
     @property
     def transmission_angles(self) -> tuple[float, float]:
@@ -72,7 +72,7 @@ class KlannPose(NamedTuple):
     @property
     def condition(self) -> float:
         """Condition number of Phi in the 2-norm: how much Newton amplifies a residual."""
-        return float(np.linalg.cond(klann.phi(self.geometry, self.x)))
+        return float(np.linalg.cond(equations.phi(self.geometry, self.x)))
 
 
 def closed_form_pose(geometry: KlannGeometry, alpha: float) -> KlannPose:
@@ -106,7 +106,7 @@ def closed_form_pose(geometry: KlannGeometry, alpha: float) -> KlannPose:
         wrap(theta),
         joints.h,
         0,
-        float(np.linalg.norm(klann.f(geometry, alpha, x))),
+        float(np.linalg.norm(equations.f(geometry, alpha, x))),
         _coefficients(geometry, alpha, x),
         geometry,
     )
@@ -117,10 +117,10 @@ def _coefficients(
 ) -> tuple[float, float, float, float]:
     """Solve Phi dx/dalpha = -df/dalpha; NaN where Phi is singular but for rounding."""
     gamma, beta, delta, theta = x
-    sine_1, sine_2 = klann.singular_sines(geometry)
+    sine_1, sine_2 = equations.singular_sines(geometry)
     if abs(sin(gamma + beta)) <= sine_1 or abs(sin(delta + theta)) <= sine_2:
         return NO_COEFFICIENTS
-    solution = np.linalg.solve(klann.phi(geometry, x), -klann.f_alpha(geometry, alpha))
+    solution = np.linalg.solve(equations.phi(geometry, x), -equations.f_alpha(geometry, alpha))
     gamma, beta, delta, theta = solution.tolist()
     return gamma, beta, delta, theta
 

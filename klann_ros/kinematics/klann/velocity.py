@@ -3,7 +3,8 @@
 from math import cos, isfinite, isnan, sin
 from typing import NamedTuple
 
-from .errors import SingularPoseError
+from klann_ros.kinematics.errors import SingularPoseError
+
 from .pose import KlannPose
 
 

@@ -6,11 +6,11 @@ Newton-Raphson with warm starts: from one pose to the next, along its assembly b
 
 from math import ceil, remainder
 
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.errors import NotConvergedError
 import numpy as np
 
 from . import closed_form
-from .angles import TURN
-from .errors import NotConvergedError
 from .pose import KlannPose, NO_COEFFICIENTS
 from .refinement import Angles, Constants, refine
 

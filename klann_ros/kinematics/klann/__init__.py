@@ -1,0 +1,1 @@
+"""The Klann leg: its dimensions, its equations in the course's letters, and their solution."""
