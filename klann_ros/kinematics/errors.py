@@ -10,8 +10,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-# The ends and the links of each dyad.
-_DYADS = {1: ('B', 'D', 'BC', 'DC'), 2: ('E', 'G', 'EF', 'FG')}
+# The ends and the links of the Klann leg's dyads.
+_KLANN = {1: ('B', 'D', 'BC', 'DC'), 2: ('E', 'G', 'EF', 'FG')}
 
 
 class KinematicsError(Exception):
@@ -57,25 +57,37 @@ class UnreachableError(KinematicsError):
     alpha : float
         Crank angle [rad].
     dyad : int
-        1: coupler BC and rocker DC, from B and D. 2: rocker EF and leg FG, from E and G.
+        Which dyad, from 1. Of the Klann leg, 1: coupler BC and rocker DC, from B and D; 2: rocker
+        EF and leg FG, from E and G.
     shortfall : float
         How far the ends of the dyad are out of its reach [m], >= 0.
     stretched : bool
         True when they are too far apart for the links stretched out, False when they are too
         close together for the links folded.
+    names : tuple of str
+        What the dyad's two ends and its two links are called; the Klann leg's where left out.
 
     """
 
-    def __init__(self, alpha: float, dyad: int, shortfall: float, stretched: bool) -> None:
+    def __init__(
+        self,
+        alpha: float,
+        dyad: int,
+        shortfall: float,
+        stretched: bool,
+        names: tuple[str, str, str, str] | None = None,
+    ) -> None:
         """Keep the numbers."""
-        super().__init__(alpha, dyad, shortfall, stretched)
+        names = names or _KLANN[dyad]
+        super().__init__(alpha, dyad, shortfall, stretched, names)
         self.alpha = alpha
         self.dyad = dyad
         self.shortfall = shortfall
         self.stretched = stretched
+        self.names = names
 
     def __str__(self) -> str:
-        p, q, link_1, link_2 = _DYADS[self.dyad]
+        p, q, link_1, link_2 = self.names
         where = f'crank angle {self.alpha:.6f} rad ({math.degrees(self.alpha):.3f} deg)'
         why = (
             f'further apart than {link_1} + {link_2}'
