@@ -14,12 +14,14 @@ HERE = Path(__file__).resolve().parent
 EXTRAS = {
     'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
     'plot': ['matplotlib'],
+    'fast': ['numba'],
 }
 EXTRAS['all'] = sorted({name for names in EXTRAS.values() for name in names})
 EXTRAS['test'] = [
     'hypothesis',
     'pytest>=7.4',
     'rosbags',
+    'scipy',
 ]
 
 setup(
@@ -32,15 +34,27 @@ setup(
     maintainer='klann_ros maintainers',
     maintainer_email='maintainers@users.noreply.h-seed-5572db61.example',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed']},
+    package_data={
+        NAME: ['py.typed', 'linkages/*.yaml'],
+        f'{NAME}.kinematics.linkage': ['schema.json'],
+    },
     python_requires='>=3.10',
-    install_requires=['lz4', 'mcap>=1.6.0', 'mcap-ros2-support', 'numpy', 'PyYAML', 'zstandard'],
+    install_requires=[
+        'jsonschema',
+        'lz4',
+        'mcap>=1.6.0',
+        'mcap-ros2-support',
+        'numpy',
+        'PyYAML',
+        'zstandard',
+    ],
     extras_require=EXTRAS,
     zip_safe=False,
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/config', glob('config/*.yaml')),
+        (f'share/{NAME}/linkages', glob(f'{NAME}/linkages/*.yaml')),
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),
         # `ros2 run` looks in lib/klann_ros; pip puts its scripts in bin only. colcon overwrites
         # these launchers with executables of its own.

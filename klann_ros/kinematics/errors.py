@@ -100,6 +100,36 @@ class UnreachableError(KinematicsError):
         )
 
 
+class LoopsOpenError(KinematicsError):
+    """
+    A crank angle at which coupled loops do not close on the branch that they are on.
+
+    Attributes
+    ----------
+    alpha : float
+        Crank angle [rad].
+    block : int
+        Which of the linkage's blocks, from 1.
+    nearest : float
+        The nearest crank angle at which they close [rad].
+
+    """
+
+    def __init__(self, alpha: float, block: int, nearest: float) -> None:
+        """Keep the numbers."""
+        super().__init__(alpha, block, nearest)
+        self.alpha = alpha
+        self.block = block
+        self.nearest = nearest
+
+    def __str__(self) -> str:
+        return (
+            f'crank angle {self.alpha:.6f} rad ({math.degrees(self.alpha):.3f} deg) cannot be '
+            f'reached: the coupled loops of block {self.block} do not close, the nearest angle at '
+            f'which they do is {self.nearest:.6f} rad ({math.degrees(self.nearest):.3f} deg)'
+        )
+
+
 class NotConvergedError(KinematicsError):
     """
     Newton-Raphson did not converge.

@@ -1,0 +1,192 @@
+"""A linkage as an object that is solved: it remembers the last good pose, and nothing else."""
+
+from collections.abc import Sequence
+from math import inf
+
+from klann_ros.kinematics import validation, virtual_work
+from klann_ros.kinematics.angles import crank_angle, wrap
+from klann_ros.kinematics.arcs import Arc
+from klann_ros.kinematics.newton import newton_raphson
+from klann_ros.kinematics.tracking import COARSE_TOLERANCE, track
+import numpy as np
+from numpy.typing import NDArray
+
+from .branch_table import TRUSTED
+from .linkage import Linkage
+from .motion import acceleration, LinkageMotion, velocity
+from .pose import LinkagePose
+from .refinement import refine
+from .seeds import Seeds, STEP
+
+Array = NDArray[np.float64]
+
+
+class LinkageLeg:
+    """
+    A linkage that is solved for one crank angle after the other, as `KlannLeg` is.
+
+    Parameters
+    ----------
+    linkage : Linkage
+        The linkage.
+    tolerance : float
+        Largest correction of a converged pose [rad].
+    max_crank_step : float
+        Larger steps of the crank are split into parts of at most this [rad]; 0.05 rad at most
+        where loops are coupled.
+
+    Raises
+    ------
+    ValueError
+        `tolerance` is not above 0 and at most 1e-3 rad, or `max_crank_step` not finite and > 0.
+    GeometryError
+        Coupled loops are put together in another way after a turn.
+    TypeError
+        `linkage` is no Linkage.
+
+    """
+
+    def __init__(
+        self, linkage: Linkage, *, tolerance: float = 1e-12, max_crank_step: float = 0.35
+    ) -> None:
+        """Start without a pose."""
+        if not isinstance(linkage, Linkage):
+            msg = f'linkage = {linkage!r} is refused: it must be a Linkage'
+            raise TypeError(msg)
+        self._linkage = linkage
+        self._seeds = Seeds(linkage)
+        self._tolerance = validation.setting('tolerance', tolerance, COARSE_TOLERANCE)
+        step = validation.setting('max_crank_step', max_crank_step)
+        self._max_crank_step = min(step, inf if linkage.is_dyadic else STEP)
+        self._last: LinkagePose | None = None
+
+    @property
+    def linkage(self) -> Linkage:
+        """Return what it solves."""
+        return self._linkage
+
+    @property
+    def last(self) -> LinkagePose | None:
+        """Return the last good pose: the warm start of the next `solve`."""
+        return self._last
+
+    def reset(self) -> None:
+        """Forget the last pose, so that the next `solve` starts from nothing."""
+        self._last = None
+
+    def solve(self, alpha: float) -> LinkagePose:
+        """
+        Return the pose at a crank angle by Newton-Raphson, warm started from the last pose.
+
+        A large step of the crank is split; the pose is always on the linkage's assembly branch. A
+        solve that fails leaves the last good pose as it was.
+
+        Parameters
+        ----------
+        alpha : float
+            Crank angle, any number of turns [rad].
+
+        Raises
+        ------
+        CrankAngleError
+            `alpha` is not finite, or beyond +-1e6 rad.
+        UnreachableError
+            A dyad does not close at this crank angle.
+        LoopsOpenError
+            Coupled loops do not close at this crank angle on their branch.
+        NotConvergedError
+            Newton-Raphson does not confirm what it was seeded with.
+
+        """
+        alpha = crank_angle(alpha)
+        self._last = track(
+            self._refine,
+            self._seeds.seed,
+            alpha,
+            self._last,
+            tolerance=self._tolerance,
+            max_crank_step=self._max_crank_step,
+        )
+        return self._last
+
+    def newton(
+        self, alpha: float, guess: Sequence[float] | Array, *, max_iterations: int = 50
+    ) -> Array:
+        """
+        Return the iterates of Newton-Raphson for all loops at once, on whichever branch they end.
+
+        Parameters
+        ----------
+        alpha : float
+            Crank angle [rad].
+        guess : sequence of float, shape (n - 1,)
+            The other angles of the first iterate, in the order of `joint_names` [rad].
+        max_iterations : int
+            How many corrections it may make.
+
+        Returns
+        -------
+        numpy.ndarray, shape (k, n - 1)
+            The iterates [rad], neither rounded nor wrapped; row 0 is the guess.
+
+        Raises
+        ------
+        NotConvergedError
+            It carries the iterates.
+        CrankAngleError
+            `alpha` is not finite, or beyond +-1e6 rad.
+        ValueError
+            The guess is not as many finite numbers.
+
+        """
+        alpha = crank_angle(alpha)
+        linkage = self._linkage
+        return newton_raphson(
+            lambda x: linkage.f(alpha, x),
+            lambda x: linkage.phi(alpha, x),
+            validation.guess(guess, ', '.join(linkage.joint_names[1:])),
+            alpha=alpha,
+            tolerance=self._tolerance,
+            max_iterations=max_iterations,
+        )
+
+    def reachable_arcs(self) -> list[Arc]:
+        """
+        Return the arcs of crank angles at which every loop closes.
+
+        Returns
+        -------
+        list of (float, float)
+            Start and end of each arc, start < end, start in [0, 2 pi) [rad]; `[(0, 2 pi)]` for a
+            crank that turns fully.
+
+        """
+        return self._seeds.arcs()
+
+    def velocity(self, pose: LinkagePose, alpha_rate: float) -> LinkageMotion:
+        """Return the velocity of a pose for a crank rate [rad/s]: see `motion.velocity`."""
+        return velocity(pose, alpha_rate)
+
+    def acceleration(
+        self, pose: LinkagePose, alpha_rate: float, alpha_acceleration: float
+    ) -> LinkageMotion:
+        """Return the acceleration of a pose: see `motion.acceleration`."""
+        return acceleration(pose, alpha_rate, alpha_acceleration)
+
+    def crank_torque(self, pose: LinkagePose, force: Sequence[float]) -> float:
+        """Return the crank's torque that balances a force on the foot: see `virtual_work`."""
+        return virtual_work.crank_torque(velocity(pose, 1.0).h, force)
+
+    def foot_force(self, pose: LinkagePose, torque: float, direction: Sequence[float]) -> float:
+        """Return the force on the foot that a crank's torque balances: see `virtual_work`."""
+        return virtual_work.foot_force(velocity(pose, 1.0).h, torque, direction)
+
+    def _refine(
+        self, alpha: float, guess: tuple[float, ...], tolerance: float, max_iterations: int
+    ) -> LinkagePose | None:
+        pose = refine(self._linkage, alpha, guess, tolerance, max_iterations)
+        if pose is None or self._linkage.is_dyadic:
+            return pose
+        # The signs alone do not tell the branches of coupled loops apart.
+        astray = max(abs(wrap(a - b)) for a, b in zip(pose.x, guess, strict=True))
+        return pose if astray <= TRUSTED else None

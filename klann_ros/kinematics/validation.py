@@ -1,0 +1,96 @@
+"""What users give, checked: the value as it is computed with, or one line that says why not."""
+
+import math
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import GeometryError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+# Beyond these the product of four lengths is no number any more.
+SMALLEST, LARGEST = 1e-60, 1e60
+_WORDS = {2: 'two', 4: 'four'}
+
+
+def finite(name: str, value: Any) -> float:
+    """
+    Return a number of a geometry as a float.
+
+    Raises
+    ------
+    GeometryError
+        It is not finite, or no number at all.
+
+    """
+    try:
+        # float() would take text as well, such as '1_0' for 10.
+        number = math.nan if isinstance(value, str | bytes) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        msg = f'{name} = {value!r} is refused: it must be a finite number'
+        raise GeometryError(msg)
+    return number
+
+
+def positive(name: str, length: float) -> None:
+    """Refuse a length that is not > 0 [m] with a GeometryError."""
+    if length <= 0.0:
+        msg = f'{name} = {length:g} m is refused: a length must be > 0'
+        raise GeometryError(msg)
+
+
+def representable(name: str, value: float) -> None:
+    """Refuse what has no square, or loses its digits in the product of four lengths."""
+    if value != 0.0 and not SMALLEST <= abs(value) <= LARGEST:
+        msg = f'{name} = {value:g} m is refused: it must be within {SMALLEST:g} .. {LARGEST:g} m'
+        raise GeometryError(msg)
+
+
+def setting(name: str, value: float, most: float = math.inf) -> float:
+    """
+    Return a solver's setting [rad].
+
+    Raises
+    ------
+    ValueError
+        It is not finite, not > 0, or greater than `most`.
+
+    """
+    if not (0.0 < value <= most and value < math.inf):
+        limit = '' if most == math.inf else f' and at most {most:g} rad'
+        msg = f'{name} = {value!r} is refused: it must be finite, > 0{limit}'
+        raise ValueError(msg)
+    return float(value)
+
+
+def rate(name: str, value: float) -> None:
+    """Refuse a rate or an acceleration that is not finite with a ValueError."""
+    if not math.isfinite(value):
+        msg = f'{name} = {value!r} is refused: it must be finite'
+        raise ValueError(msg)
+
+
+def guess(value: 'Sequence[float] | NDArray[np.float64]', names: str) -> NDArray[np.float64]:
+    """
+    Return the first iterate of Newton-Raphson as an array, one angle for each name [rad].
+
+    Raises
+    ------
+    ValueError
+        It is not as many finite numbers as there are names, which are parted by commas.
+
+    """
+    count = names.count(',') + 1
+    try:
+        x_1 = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        x_1 = np.empty(0)
+    if x_1.shape != (count,) or not np.isfinite(x_1).all():
+        msg = f'guess = {value!r} is refused: {names}, {_WORDS[count]} finite numbers'
+        raise ValueError(msg)
+    return x_1

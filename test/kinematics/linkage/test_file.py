@@ -1,0 +1,126 @@
+"""A linkage is one YAML file; what is wrong in it is said in one line."""
+
+import math
+from pathlib import Path
+
+from klann_ros.kinematics import (
+    linkage_from_file,
+    linkage_from_text,
+    LinkageFileError,
+    LinkageLeg,
+    shipped_linkage,
+)
+import numpy as np
+import pytest
+
+WATT = """
+name: Watt's linkage, its longer arm driven
+units: {length: mm, angle: deg}
+pivots: {O: [0, 0], P: [200, 60]}
+crank: arm
+foot: M
+bodies:
+  arm: {bars: [{from: O, to: A, length: 100}]}
+  link: {bars: [{from: A, to: M, length: 30}, {from: M, to: B, length: 30}]}
+  other_arm: {clockwise: true, bars: [{from: P, to: B, length: 100}]}
+start: {arm: 0, link: 90, other_arm: 180}
+"""
+
+
+def test_a_linkage_is_added_by_a_file_alone(tmp_path: Path) -> None:
+    file = tmp_path / 'watt.yaml'
+    file.write_text(WATT, encoding='utf-8')
+    leg = LinkageLeg(linkage_from_file(file))
+    pose = leg.solve(0.0)
+    # The middle of the link, half way between the pivots, where Watt wanted it.
+    assert pose.h == pytest.approx((0.100, 0.030), abs=1e-15)
+    feet = np.array([leg.solve(alpha).h for alpha in np.linspace(-0.25, 0.25, 51)])
+    # It goes up and down by nearly the arm's way, and hardly to the side.
+    assert np.ptp(feet[:, 1]) > 0.04
+    assert np.ptp(feet[:, 0]) < 1e-4
+    velocity = leg.velocity(leg.solve(0.0), 2.0)
+    assert velocity.h == pytest.approx((0.0, 0.2), abs=1e-14)
+    assert velocity.joints == pytest.approx((2.0, 0.0, 2.0), abs=1e-14)
+    (start, end), *others = leg.reachable_arcs()
+    assert not others
+    assert end - start < 2 * math.pi
+
+
+def edited(**changes: str) -> str:
+    """Return Watt's file with texts replaced: old=new, by pairs."""
+    text = WATT
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'reason'),
+    [
+        ('to: A, length: 100', 'to: A, length: -100', 'bodies.arm.bars[0].length: -100 '),
+        ('to: A, length: 100', 'to: A, lenght: 100', "'lenght' was unexpected"),
+        ('to: A, length: 100', 'to: A, length: .nan', 'it must be finite and > 0'),
+        ('to: A, length: 100', 'to: A, length: .inf', 'it must be finite and > 0'),
+        ('to: A, length: 100', "to: A, length: '100'", "'100' is not of type 'number'"),
+        ('to: A, length: 100', 'to: A, length: true', "True is not of type 'number'"),
+        ('{length: mm, ', '{length: inch, ', "units.length: 'inch' is not one of "),
+        ('foot: M', 'foot: N', 'the foot N is none of the points: O, P, A, M, B'),
+        ('foot: M', 'feet: M', "'feet' was unexpected"),
+        ('foot: M\n', '', "'foot' is a required property"),
+        ('crank: arm', 'crank: leg', 'the crank leg is none of the bodies: arm, link, other_arm'),
+        ('crank: arm', 'crank: link', 'the crank starts from A, which is no pivot'),
+        ('P: [200, 60]', 'P: [200]', 'pivots.P: [200] is too short'),
+        ('P: [200, 60]', 'P: [200, .inf]', 'pivot P is at'),
+        ('{from: M, to: B', '{from: B, to: B', 'starts from a point that the body does not have'),
+        ('{from: M, to: B', '{from: M, to: A', 'ends at a point that the body has already'),
+        ('{arm: 0, link: 90', '{link: 90', 'start has no angle for arm'),
+        ('{arm: 0, link: 90', '{arm: 0, link: 90, x: 1', 'start has an angle for x, which is no'),
+        ('{arm: 0, link: 90', '{arm: 0, arm: 1, link: 90', 'arm is there twice'),
+        ('{arm: 0, link: 90', '{arm: .nan, link: 90', 'start has no angle for arm'),
+        ("name: Watt's", 'name: [Watt', 'while parsing a flow sequence'),
+        ('  link:', '  2 bars:', "'2 bars' is no name: letters, digits and _, a letter first"),
+        ('  link:', '  yes:', 'bodies: True is not of type'),
+        ('to: M, length: 30}', 'to: M, length: 30, bend: 1, brace: {}}',
+         'bend and brace exclude each other'),
+        ('to: B, length: 30}', 'to: B, length: 30, brace: {from: O, length: 1, side: left}}',
+         'bodies.link: O is no point of it yet'),
+        ('to: B, length: 30}', 'to: B, length: 30, brace: {from: A, length: 99, side: left}}',
+         'do not meet: M and A are 0.03 m apart'),
+        ('to: B, length: 30}', 'to: B, length: 30, brace: {from: A, length: 40, side: up}}',
+         "bodies.link.bars[1].brace.side: 'up' is not one of ['left', 'right']"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_in_one_line(old: str, new: str, reason: str) -> None:
+    with pytest.raises(LinkageFileError) as caught:
+        linkage_from_text(edited(**{old: new}), 'watt.yaml')
+    assert str(caught.value).startswith('watt.yaml holds no linkage: ')
+    assert reason in str(caught.value)
+    assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize('text', ['', '7', '[1, 2]', '- a\n- b', 'a: b', '? [1, 2]\n: 3'])
+def test_what_is_no_linkage_at_all_is_refused(text: str) -> None:
+    with pytest.raises(LinkageFileError, match=r'^x\.yaml holds no linkage: [^\n]+$'):
+        linkage_from_text(text, 'x.yaml')
+
+
+def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(LinkageFileError, match=r'none\.yaml cannot be read: No such file'):
+        linkage_from_file(tmp_path / 'none.yaml')
+    (tmp_path / 'binary.yaml').write_bytes(b'\xff\xfe\x00')
+    with pytest.raises(LinkageFileError, match=r'binary\.yaml cannot be read'):
+        linkage_from_file(tmp_path / 'binary.yaml')
+
+
+def test_a_linkage_that_is_not_shipped_is_refused_with_those_that_are() -> None:
+    with pytest.raises(LinkageFileError, match=r'called hoeken is shipped: there are .*jansen'):
+        shipped_linkage('hoeken')
+
+
+def test_units_are_those_of_the_file() -> None:
+    metres = WATT.replace('{length: mm, angle: deg}', '{}')
+    metres = metres.replace('link: 90, other_arm: 180', f'link: {math.pi / 2}, other_arm: 3.14159')
+    in_m = linkage_from_text(metres, 'm').points(0.0, [math.pi / 2, math.pi])
+    in_mm = linkage_from_text(WATT, 'mm').points(0.0, [math.pi / 2, math.pi])
+    np.testing.assert_allclose(in_m, 1000 * in_mm, rtol=1e-15)

@@ -1,0 +1,131 @@
+"""The loop equations and their blocks follow from the bodies."""
+
+from klann_ros.kinematics import GeometryError, Linkage, linkage_from_text, shipped_linkage
+from klann_ros.kinematics.linkage.blocks import CoupledLoops, Dyad
+import numpy as np
+import pytest
+import yaml
+
+
+def unknowns(linkage: Linkage) -> list[list[str]]:
+    """Return the angles of each block by name."""
+    return [[linkage.joint_names[j] for j in block.unknowns] for block in linkage.blocks]
+
+
+def test_the_klann_leg_is_two_dyads_one_after_the_other() -> None:
+    linkage = shipped_linkage('klann')
+    assert unknowns(linkage) == [['gamma', 'beta'], ['delta', 'theta']]
+    assert [block.names for block in linkage.blocks] == [
+        ('B', 'D', 'BC', 'DC'),
+        ('E', 'G', 'EF', 'GF'),
+    ]
+    assert linkage.is_dyadic
+
+
+def test_jansens_leg_is_three_dyads() -> None:
+    linkage = shipped_linkage('jansen')
+    assert unknowns(linkage) == [['j', 'b'], ['k', 'c'], ['f', 'g']]
+    assert all(isinstance(block, Dyad) for block in linkage.blocks)
+
+
+def test_stephensons_loops_are_coupled() -> None:
+    linkage = shipped_linkage('stephenson')
+    (block,) = linkage.blocks
+    assert isinstance(block, CoupledLoops)
+    assert len(block.unknowns) == 4
+    assert not linkage.is_dyadic
+
+
+@pytest.mark.parametrize('name', ['klann', 'jansen', 'stephenson'])
+def test_the_blocks_make_phi_block_lower_triangular(name: str) -> None:
+    linkage = shipped_linkage(name)
+    phi = linkage.phi(linkage.start[0], linkage.start[1:])
+    done: list[int] = []
+    for loop, block in zip(np.split(phi, len(phi) // 2), per_loop(linkage), strict=True):
+        done += [j for j in block.unknowns if j not in done]
+        later = [j - 1 for j in range(1, len(linkage.joint_names)) if j not in done]
+        assert not loop[:, later].any()
+
+
+def per_loop(linkage: Linkage) -> list:
+    """Return each loop's block, for linkages whose loops are in the order of their blocks."""
+    return [block for block in linkage.blocks for _ in range(len(block.unknowns) // 2)]
+
+
+def described(pivots: dict, bodies: dict[str, str], start: list[float]) -> dict:
+    """Return a file's content; 'O-A 1, A-B 2' are a body's bars with their lengths."""
+    return {
+        'name': 'test',
+        'units': {'angle': 'deg'},
+        'pivots': pivots,
+        'crank': 'a',
+        'foot': 'B',
+        'bodies': {
+            name: {
+                'bars': [
+                    {'from': bar[0], 'to': bar[2], 'length': float(bar[4:])}
+                    for bar in bars.split(', ')
+                ]
+            }
+            for name, bars in bodies.items()
+        },
+        'start': dict(zip(bodies, start, strict=True)),
+    }
+
+
+NEAR = {'O': [0, 0], 'P': [3, 0]}
+FOUR_BAR = {'a': 'O-A 1', 'b': 'A-B 3', 'c': 'P-B 3'}
+
+
+@pytest.mark.parametrize(
+    ('pivots', 'bodies', 'start', 'reason'),
+    [
+        (NEAR, {'a': 'O-B 1'}, [0], 'no loop closes'),
+        (
+            NEAR,
+            {'a': 'O-A 1', 'b': 'A-B 3', 'c': 'B-C 3', 'd': 'P-C 3'},
+            [0, 0, 0, 0],
+            '3 unknown angles and 2 equations in 1 loops',
+        ),
+        (
+            NEAR,
+            {'a': 'O-A 1', 'b': 'A-B 3', 'c': 'P-B 3, B-C 1', 'd': 'C-D 3'},
+            [0, 0, 0, 0],
+            'd: turns freely, since no loop closes over it',
+        ),
+        (
+            {**NEAR, 'Q': [5, 5]},
+            {**FOUR_BAR, 'd': 'Q-B 3'},
+            [0, 0, 0, 0],
+            'the loops that close at B cannot move: 2 equations for b alone',
+        ),
+        (
+            NEAR,
+            {**FOUR_BAR, 'd': 'X-Y 3'},
+            [0, 0, 0, 0],
+            'bar X-Y of body d is connected to no pivot',
+        ),
+        (
+            {**NEAR, 'P': [9, 0]},
+            FOUR_BAR,
+            [0, 40, 120],
+            'it cannot be assembled near its start: Newton-Raphson finds no pose at the crank',
+        ),
+        (
+            {**NEAR, 'P': [5, 0]},
+            {'a': 'O-A 1', 'b': 'A-B 2', 'c': 'P-B 2'},
+            [0, 0, 180],
+            'singular',
+        ),
+    ],
+    ids=['no loop', 'too free', 'loose body', 'jammed', 'island', 'too far', 'singular start'],
+)
+def test_what_does_not_move_in_one_way_is_refused(
+    pivots: dict, bodies: dict[str, str], start: list[float], reason: str
+) -> None:
+    text = yaml.safe_dump(described(pivots, bodies, start), sort_keys=False)
+    with pytest.raises(GeometryError) as caught:
+        linkage_from_text(text, 'test.yaml')
+    assert reason in str(caught.value)
+    assert str(caught.value).startswith('test.yaml holds no linkage: ')
+    assert '\n' not in str(caught.value)
