@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from time import time_ns
+from time import monotonic, time_ns
+from typing import Any
 
 from klann_ros.log.run_parameters import SolverParameters
 from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
-from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import qos_profile_parameter_events
 from rclpy.task import Future
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -16,6 +18,47 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from . import geometry_parameters
 
 _UNKNOWN = '_UNKNOWN_'
+# An answer is lost where a server has not discovered yet who asks. The time after which it is
+# asked again [s] doubles each time, so that an answer that takes long comes in time in the end.
+FIRST_PATIENCE = 0.5
+LAST_PATIENCE = 60.0
+
+
+class _Question:
+    """What a node is asked: one request at a time, in two steps."""
+
+    def __init__(self, node: Node, name: str) -> None:
+        self.names = node.create_client(ListParameters, f'{name}/list_parameters')
+        self.values = node.create_client(GetParameters, f'{name}/get_parameters')
+        self.parameters: dict[str, Any] | None = None
+        self._request: tuple[Client, Future] | None = None
+        self._end = 0.0
+        self._patience = FIRST_PATIENCE
+
+    def can_be_asked(self) -> bool:
+        """Return whether the node is there, and no answer is awaited."""
+        ready = self.names.service_is_ready() and self.values.service_is_ready()
+        return ready and self._request is None
+
+    def send(self, client: Client, request: Any, answer: Callable[[Future], None]) -> None:
+        future = client.call_async(request)
+        self._request = client, future
+        self._end = monotonic() + self._patience
+        future.add_done_callback(answer)
+
+    def is_answered(self) -> None:
+        self._request = None
+        self._patience = FIRST_PATIENCE
+
+    def gives_up(self) -> bool:
+        """Forget a request that was in vain; return whether there was one."""
+        if self._request is None or monotonic() < self._end:
+            return False
+        client, future = self._request
+        client.remove_pending_request(future)
+        self._request = None
+        self._patience = min(2 * self._patience, LAST_PATIENCE)
+        return True
 
 
 class SolverWatch:
@@ -27,7 +70,8 @@ class SolverWatch:
     node : rclpy.node.Node
         Who asks.
     found : callable
-        Is given a solver's parameters each time; a node without a leg's geometry is none.
+        Is given a solver's parameters when they are others than before; a node without a leg's
+        geometry is none.
 
     Attributes
     ----------
@@ -41,7 +85,7 @@ class SolverWatch:
         self.waiting: set[str] = set()
         self._node = node
         self._found = found
-        self._clients: dict[str, AsyncParameterClient] = {}
+        self._questions: dict[str, _Question] = {}
         self._known: set[tuple[int, ...]] = set()
         self._due: set[str] = set()
         node.create_subscription(
@@ -60,36 +104,48 @@ class SolverWatch:
                 self._want(name)
 
     def ask(self) -> None:
-        """Ask those that can be asked by now; to be called again and again."""
-        for name in [name for name in self._due if self._clients[name].services_are_ready()]:
+        """Ask those that can be asked by now, or are silent; to be called again and again."""
+        self._due |= {name for name, question in self._questions.items() if question.gives_up()}
+        for name in [name for name in self._due if self._questions[name].can_be_asked()]:
             self._due.remove(name)
-            self._clients[name].list_parameters(callback=partial(self._on_names, name))
+            question = self._questions[name]
+            answer = partial(self._on_names, name)
+            question.send(question.names, ListParameters.Request(), answer)
 
     def _want(self, name: str) -> None:
-        if name not in self._clients:
-            self._clients[name] = AsyncParameterClient(self._node, name)
+        if name not in self._questions:
+            self._questions[name] = _Question(self._node, name)
         self._due.add(name)
         self.waiting.add(name)
 
     def _on_event(self, event: ParameterEvent) -> None:
         changed = {p.name for p in (*event.new_parameters, *event.changed_parameters)}
-        if event.node in self._clients and changed & set(geometry_parameters.NAMES):
+        if event.node in self._questions and changed & set(geometry_parameters.NAMES):
             self._want(event.node)
 
     def _on_names(self, name: str, future: Future) -> None:
         names = list(future.result().result.names)
         if set(geometry_parameters.NAMES) <= set(names):
+            question = self._questions[name]
             answer = partial(self._on_values, name, names)
-            self._clients[name].get_parameters(names, callback=answer)
+            question.send(question.values, GetParameters.Request(names=names), answer)
         else:
-            self.waiting.discard(name)
+            self._is_answered(name)
 
     def _on_values(self, name: str, names: list[str], future: Future) -> None:
-        self.waiting.discard(name)
+        self._is_answered(name)
         values = map(parameter_value_to_python, future.result().values)
         # Arrays come as array.array.
         plain = {
             key: list(value) if hasattr(value, 'typecode') else value
             for key, value in zip(names, values, strict=True)
         }
-        self._found(SolverParameters(name, time_ns(), plain))
+        # What a solver says of itself at its start may come before and after it was asked.
+        if plain != self._questions[name].parameters:
+            self._questions[name].parameters = plain
+            self._found(SolverParameters(name, time_ns(), plain))
+
+    def _is_answered(self, name: str) -> None:
+        self._questions[name].is_answered()
+        if name not in self._due:
+            self.waiting.discard(name)

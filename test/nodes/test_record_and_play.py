@@ -13,10 +13,12 @@ from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import Log, open_log
 from klann_ros.log.run_parameters import losses, solver_parameters
+from klann_ros.nodes.solver_node import SolverNode
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import pytest
 from rcl_interfaces.srv import SetParameters
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from ros_world import Process, World, world
 from rosbags.highlevel import AnyReader
@@ -262,16 +264,51 @@ def test_a_change_of_the_leg_and_a_new_solver_are_in_the_run(ros: World, tmp_pat
     solver = ros.start('solver_node')
     crank = ros.start('crank_node', rate=50.0)
     ros.probe.until(lambda: len(solver_lengths(folder)) == 1)
-    request = SetParameters.Request(parameters=[Parameter('l_gh', value=0.5).to_parameter_msg()])
-    assert (
-        ros.probe.call(SetParameters, 'solver_node/set_parameters', request).results[0].successful
-    )
+    set_length(ros, 0.5)
     ros.probe.until(lambda: len(solver_lengths(folder)) == 2)
     assert solver.stop() == 0
     ros.start('solver_node', l_gh=0.6)
     ros.probe.until(lambda: len(solver_lengths(folder)) == 3)
     assert crank.stop() == recorder.stop() == 0
     assert solver_lengths(folder) == [0.43, 0.5, 0.6]
+
+
+def test_a_leg_that_is_set_to_what_it_is_is_no_change(ros: World, tmp_path: Path) -> None:
+    folder = tmp_path / 'run'
+    recorder = ros.start('recorder_node', output=folder)
+    ros.start('solver_node')
+    ros.probe.until(lambda: len(solver_lengths(folder)) == 1)
+    set_length(ros, 0.43)
+    ros.probe.spin(0.5)
+    set_length(ros, 0.5)
+    ros.probe.until(lambda: 0.5 in solver_lengths(folder))
+    assert recorder.stop() == 0
+    assert solver_lengths(folder) == [0.43, 0.5]
+
+
+def test_a_solver_whose_answer_was_lost_is_asked_again(ros: World, tmp_path: Path) -> None:
+    folder = tmp_path / 'run'
+    recorder = ros.start('recorder_node', output=folder)
+    solver = SolverNode(context=ros.probe.context)
+    executor = SingleThreadedExecutor(context=ros.probe.context)
+    (service,) = [s for s in solver.services if s.srv_name.endswith('/list_parameters')]
+    # This request is taken and never answered; the node takes those that come after it.
+    taken = service.srv_type.Request
+    ros.probe.until(lambda: service.handle.service_take_request(taken)[0] is not None)
+    executor.add_node(solver)
+    ros.probe.until(lambda: executor.spin_once(timeout_sec=0.0) or solver_lengths(folder))
+    assert recorder.stop() == 0
+    assert solver_lengths(folder) == [0.43]
+    executor.shutdown()
+    solver.destroy_node()
+
+
+def set_length(ros: World, length: float) -> None:
+    """Set l_gh of the solver."""
+    parameter = Parameter('l_gh', value=length).to_parameter_msg()
+    request = SetParameters.Request(parameters=[parameter])
+    response = ros.probe.call(SetParameters, 'solver_node/set_parameters', request)
+    assert response.results[0].successful
 
 
 def solver_lengths(folder: Path) -> list[float]:
