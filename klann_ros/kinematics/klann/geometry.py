@@ -4,6 +4,7 @@ from dataclasses import dataclass, fields
 import math
 from typing import Any
 
+from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import wrap
 from klann_ros.kinematics.errors import GeometryError
 
@@ -12,7 +13,6 @@ from .reach import closes_somewhere
 LENGTHS = ('l_ab', 'l_bc', 'l_dc', 'l_cg', 'l_ef', 'l_fg', 'l_gh')
 COORDINATES = ('x_d', 'y_a', 'x_e', 'y_e')
 BENDS = ('angle_bcg', 'angle_fgh')
-SMALLEST, LARGEST = 1e-60, 1e60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,13 +65,11 @@ class KlannGeometry:
     def __post_init__(self) -> None:
         """Refuse what is no leg, with the reason."""
         for name in (*LENGTHS, *COORDINATES, *BENDS):
-            object.__setattr__(self, name, _finite(name, getattr(self, name)))
+            object.__setattr__(self, name, validation.finite(name, getattr(self, name)))
         for name in LENGTHS:
-            if getattr(self, name) <= 0.0:
-                msg = f'{name} = {getattr(self, name):g} m is refused: a length must be > 0'
-                raise GeometryError(msg)
+            validation.positive(name, getattr(self, name))
         for name in (*LENGTHS, *COORDINATES):
-            _representable(name, getattr(self, name))
+            validation.representable(name, getattr(self, name))
         object.__setattr__(self, 'assembly', _signs(self.assembly))
         if not closes_somewhere(self):
             msg = (
@@ -119,25 +117,6 @@ class KlannGeometry:
         """Return the fields by name, ready for a file: lengths [m], bends [rad], assembly."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {**values, 'assembly': list(self.assembly)}
-
-
-def _finite(name: str, value: Any) -> float:
-    try:
-        # float() would take text as well, such as '1_0' for 10.
-        number = math.nan if isinstance(value, str | bytes) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if not math.isfinite(number):
-        msg = f'{name} = {value!r} is refused: it must be a finite number'
-        raise GeometryError(msg)
-    return number
-
-
-def _representable(name: str, value: float) -> None:
-    """Refuse what has no square, or loses its digits in the product of four lengths."""
-    if value != 0.0 and not SMALLEST <= abs(value) <= LARGEST:
-        msg = f'{name} = {value:g} m is refused: it must be within {SMALLEST:g} .. {LARGEST:g} m'
-        raise GeometryError(msg)
 
 
 def _signs(assembly: Any) -> tuple[int, int]:

@@ -60,13 +60,26 @@ def linkage_from_file(path: str | Path) -> Linkage:
         It cannot be read, or holds no linkage.
 
     """
+    return linkage_from_text(linkage_text(path), str(path))
+
+
+def linkage_text(path: str | Path) -> str:
+    """
+    Return the text of a linkage's file.
+
+    Raises
+    ------
+    LinkageFileError
+        It cannot be read.
+
+    """
     try:
-        text = Path(path).read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
+        return Path(path).read_text(encoding='utf-8')
+    except (OSError, ValueError) as error:
+        # What is no UTF-8, and a path that is none, are ValueErrors.
         reason = getattr(error, 'strerror', None) or error
         msg = f'{path} cannot be read: {reason}'
         raise LinkageFileError(msg) from error
-    return linkage_from_text(text, str(path))
 
 
 def linkage_from_text(text: str, name: str) -> Linkage:

@@ -66,6 +66,16 @@ class LinkageLeg:
         return self._linkage
 
     @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Return the names of its angles, the crank's first."""
+        return self._linkage.joint_names
+
+    @property
+    def assembly(self) -> tuple[int, ...]:
+        """Return the sign of each dyad's sine: how it is put together."""
+        return self._linkage.assembly
+
+    @property
     def last(self) -> LinkagePose | None:
         """Return the last good pose: the warm start of the next `solve`."""
         return self._last

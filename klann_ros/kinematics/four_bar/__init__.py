@@ -1,0 +1,1 @@
+"""The four-bar linkage: its dimensions, the course's equations, their solution, what it can do."""

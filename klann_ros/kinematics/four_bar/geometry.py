@@ -1,0 +1,71 @@
+"""The dimensions of a four-bar linkage."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from klann_ros.kinematics import validation
+from klann_ros.kinematics.errors import GeometryError
+
+from .grashof import tie
+
+LENGTHS = ('ground', 'crank', 'coupler', 'rocker')
+
+
+@dataclass(frozen=True)
+class FourBarGeometry:
+    """
+    The four lengths and the assembly of a four-bar linkage.
+
+    The pivots are O2 = (0, 0) of the crank and O4 = (ground, 0) of the rocker; the crank ends in
+    A, the rocker in B, and the coupler is AB.
+
+    Parameters
+    ----------
+    ground, crank, coupler, rocker : float
+        L1, L2, L3 and L4 [m], > 0.
+    assembly : int
+        The sign (+1 or -1) of sin(theta4 - theta3).
+
+    Raises
+    ------
+    GeometryError
+        A length is not a finite number, not positive or beyond all measure, the assembly is not
+        +1 or -1, or one link is as long as the other three together. A ValueError.
+
+    """
+
+    ground: float
+    crank: float
+    coupler: float
+    rocker: float
+    assembly: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuse what is no four-bar, with the reason."""
+        for name in LENGTHS:
+            object.__setattr__(self, name, validation.finite(name, getattr(self, name)))
+        for name in LENGTHS:
+            validation.positive(name, getattr(self, name))
+            validation.representable(name, getattr(self, name))
+        object.__setattr__(self, 'assembly', _sign(self.assembly))
+        longest = max(self.lengths)
+        others = sum(sorted(self.lengths)[:3])
+        if longest >= others - tie(self.lengths):
+            name = LENGTHS[self.lengths.index(longest)]
+            msg = (
+                f'these lengths are refused: at no crank angle does the linkage close and move, '
+                f'{name} = {longest:g} m is not shorter than the others together ({others:g} m)'
+            )
+            raise GeometryError(msg)
+
+    @property
+    def lengths(self) -> tuple[float, float, float, float]:
+        """Return L1 to L4: ground, crank, coupler, rocker [m]."""
+        return self.ground, self.crank, self.coupler, self.rocker
+
+
+def _sign(assembly: Any) -> int:
+    if isinstance(assembly, float | int) and assembly in (-1, 1):
+        return int(assembly)
+    msg = f'assembly = {assembly!r} is refused: it must be +1 or -1'
+    raise GeometryError(msg)

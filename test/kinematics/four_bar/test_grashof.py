@@ -1,0 +1,153 @@
+"""Grashof's law: what it says is what the linkage does."""
+
+from itertools import permutations
+import math
+
+from four_bars import COURSE, four_bars, NAMES, turning_links, ULP, untimed
+from hypothesis import assume, example, given, settings, strategies as st
+from klann_ros.kinematics import FourBar
+import pytest
+
+TURN = 2 * math.pi
+
+
+def bar_of(*lengths: float) -> FourBar:
+    return FourBar(*lengths)
+
+
+@pytest.mark.parametrize(
+    ('lengths', 'class_', 'type_', 'inversions'),
+    [
+        (COURSE, 'I', 'crank-rocker', ['double crank', 'rocker-crank', 'double rocker']),
+        ((1, 3, 4, 4), 'I', 'double crank', ['rocker-crank', 'double rocker', 'crank-rocker']),
+        ((3, 4, 1, 4), 'I', 'double rocker', ['crank-rocker', 'double crank', 'rocker-crank']),
+        ((4, 4, 3, 1), 'I', 'rocker-crank', ['double rocker', 'crank-rocker', 'double crank']),
+        ((5, 4, 3, 3), 'II', 'triple rocker', ['triple rocker'] * 3),
+        (
+            (7, 1, 5, 3),
+            'III',
+            'change-point crank-rocker',
+            [
+                f'change-point {motion}'
+                for motion in ('double crank', 'rocker-crank', 'double rocker')
+            ],
+        ),
+        (
+            (3, 1, 3, 1),
+            'III',
+            'parallelogram double crank',
+            ['parallelogram double crank'] * 3,
+        ),
+        (
+            (1, 1, 3, 3),
+            'III',
+            'kite double crank',
+            ['kite double crank', 'kite rocker-crank', 'kite crank-rocker'],
+        ),
+        ((2, 2, 2, 2), 'III', 'rhombus double crank', ['rhombus double crank'] * 3),
+    ],
+)
+def test_each_kind_has_its_name(
+    lengths: tuple[float, ...], class_: str, type_: str, inversions: list[str]
+) -> None:
+    grashof = bar_of(*lengths).grashof
+    assert (grashof.class_, grashof.type_) == (class_, type_)
+    assert list(grashof.inversions) == list(NAMES)
+    assert [kind.type_ for kind in grashof.inversions.values()] == [type_, *inversions]
+    assert grashof.inversions['ground'] == grashof
+
+
+@settings(max_examples=60, deadline=None)
+@given(bar=four_bars())
+@example(bar_of(3, 1, 3, 1))
+@example(bar_of(1, 3, 1, 3))
+@example(bar_of(1, 1, 3, 3))
+@example(bar_of(3, 3, 1, 1))
+@example(bar_of(1, 3, 3, 1))
+@example(bar_of(3, 1, 1, 3))
+@example(bar_of(2, 2, 2, 2))
+@example(bar_of(7, 1, 5, 3))
+@example(bar_of(1, 7, 3, 5))
+@example(bar_of(5, 3, 1, 7))
+@example(bar_of(5, 7, 3, 1))
+def test_the_roles_in_every_inversion_are_what_the_linkage_does(bar: FourBar) -> None:
+    margin = abs(bar.grashof.margin) / max(bar.geometry.lengths)
+    assume(margin == 0.0 or margin > 0.01)
+    turning = turning_links(bar)
+    for fixed, kind in bar.grashof.inversions.items():
+        for name in NAMES:
+            role = 'rotates' if (fixed, name) in turning else 'oscillates'
+            assert getattr(kind.roles, name) == ('fixed' if name == fixed else role)
+
+
+@untimed
+@given(bar=four_bars())
+def test_a_crank_rotates_where_every_angle_is_reached(bar: FourBar) -> None:
+    full = bar.reachable_arcs() == [(0.0, TURN)]
+    assert (bar.grashof.roles.crank == 'rotates') is full
+    ground, crank, coupler, rocker = bar.geometry.lengths
+    full = FourBar(ground, rocker, coupler, crank).reachable_arcs() == [(0.0, TURN)]
+    assert (bar.grashof.roles.rocker == 'rotates') is full
+
+
+@pytest.mark.parametrize('order', list(permutations((0.1, 0.2, 0.3, 0.4))))
+@pytest.mark.parametrize('unit', [1.0, 1e-3, 25.4, 1e20, 1 / 3])
+def test_rounding_of_the_lengths_leaves_a_change_point_one(
+    order: tuple[float, ...], unit: float
+) -> None:
+    bar = FourBar(*(unit * length for length in order))
+    assert bar.grashof.class_ == 'III'
+    assert bar.grashof.shape == 'change-point'
+    full = bar.reachable_arcs() == [(0.0, TURN)]
+    assert full is (bar.grashof.roles.crank == 'rotates')
+
+
+@untimed
+@given(
+    a=st.floats(0.1, 10.0),
+    b=st.floats(0.1, 10.0),
+    off=st.tuples(*[st.integers(-1, 1)] * 4),
+)
+def test_two_pairs_are_a_change_point_but_for_rounding(
+    a: float, b: float, off: tuple[int, ...]
+) -> None:
+    assume(abs(a - b) > 1e-6)
+    changed = [1.0 + k * ULP for k in off]
+    shapes = {'parallelogram': (a, b, a, b), 'kite': (a, a, b, b)}
+    for shape, lengths in shapes.items():
+        bar = FourBar(*(n * k for n, k in zip(lengths, changed, strict=True)))
+        assert (bar.grashof.class_, bar.grashof.shape) == ('III', shape)
+
+
+@untimed
+@given(bar=four_bars(), factor=st.sampled_from([1e-3, 0.25, 7.0]))
+def test_the_kind_does_not_depend_on_the_unit(bar: FourBar, factor: float) -> None:
+    margin = abs(bar.grashof.margin) / max(bar.geometry.lengths)
+    assume(margin == 0.0 or margin > 1e-12)
+    other = FourBar(*(factor * length for length in bar.geometry.lengths))
+    assert other.grashof.class_ == bar.grashof.class_
+    assert other.grashof.type_ == bar.grashof.type_
+    assert other.grashof.roles == bar.grashof.roles
+
+
+@untimed
+@given(bar=four_bars())
+def test_the_class_is_that_of_the_sums(bar: FourBar) -> None:
+    s, p, q, longest = sorted(bar.geometry.lengths)
+    margin = p + q - s - longest
+    assume(abs(margin) > 1e-12)
+    assert bar.grashof.class_ == ('I' if margin > 0 else 'II')
+    assert bar.grashof.margin == pytest.approx(margin, abs=1e-14)
+    assert bar.grashof.shape == ''
+
+
+def test_a_crank_that_turns_fully_comes_back_to_its_first_pose() -> None:
+    bar = FourBar(*COURSE)
+    poses = [bar.solve(math.radians(5 * k)) for k in range(73)]
+    assert poses[-1].x == pytest.approx(poses[0].x, abs=1e-12)
+
+
+def test_it_is_said_in_a_line() -> None:
+    assert str(FourBar(180.0, 80.0, 200.0, 150.0).grashof) == (
+        'class I, crank-rocker: ground fixed, crank rotates, coupler oscillates, rocker oscillates'
+    )

@@ -1,0 +1,83 @@
+"""The task with two discs at the end of SEM 104, lecture 7, and the example that solves it."""
+
+import math
+import os
+from pathlib import Path
+import re
+import subprocess
+import sys
+
+import klann_ros
+from klann_ros.kinematics import FourBar
+import numpy as np
+import pytest
+
+EXAMPLE = Path(__file__).resolve().parents[3] / 'examples' / 'two_discs.py'
+PNG = b'\x89PNG\r\n\x1a\n'
+
+
+def run(*arguments: object, path: str = '') -> subprocess.CompletedProcess[str]:
+    """Run the example, which is no part of the package, with the package that is tested."""
+    package = str(Path(klann_ros.__file__).resolve().parents[1])
+    paths = os.pathsep.join(filter(None, [path, package, os.environ.get('PYTHONPATH', '')]))
+    return subprocess.run(
+        [sys.executable, EXAMPLE, *map(str, arguments)],
+        env=os.environ | {'PYTHONPATH': paths},
+        capture_output=True,
+        check=False,
+        text=True,
+        timeout=60,
+    )
+
+
+@pytest.mark.parametrize('assembly', [1, -1])
+def test_both_methods_agree_over_a_turn(assembly: int) -> None:
+    discs = FourBar(ground=0.500, crank=0.100, coupler=0.500, rocker=0.120, assembly=assembly)
+    guess = discs.closed_form(0.0).x
+    for degrees in range(361):
+        theta2 = math.radians(degrees)
+        expected = discs.closed_form(theta2).x
+        guess = discs.newton(theta2, guess)[-1]
+        for ours in (discs.solve(theta2).x, guess):
+            assert np.sin((np.array(ours) - expected) / 2) == pytest.approx(0.0, abs=5e-13)
+
+
+def test_the_example_prints_the_angles_and_the_greatest_difference() -> None:
+    result = run('--step', 5)
+    assert (result.returncode, result.stderr) == (0, '')
+    lines = result.stdout.splitlines()
+    (start, bar, disc, *_), *_ = ([float(word) for word in line.split()] for line in lines[2:-1])
+    expected = FourBar(0.500, 0.100, 0.500, 0.120).closed_form(0.0).x
+    assert [start, bar, disc] == pytest.approx([0.0, *np.degrees(expected)], abs=5e-5)
+    assert len(lines) == 2 + 13 + 1
+    assert float(re.fullmatch(r'greatest difference: (\S+) rad', lines[-1])[1]) < 1e-12
+
+
+def test_the_example_draws_a_figure(tmp_path: Path) -> None:
+    pytest.importorskip('matplotlib')
+    picture = tmp_path / 'discs.png'
+    result = run('--plot', picture)
+    assert (result.returncode, result.stderr) == (0, '')
+    assert picture.read_bytes().startswith(PNG)
+
+
+def test_the_example_says_that_matplotlib_is_missing(tmp_path: Path) -> None:
+    (tmp_path / 'matplotlib.py').write_text('raise ImportError("none here")\n')
+    result = run('--plot', tmp_path / 'discs.png', path=str(tmp_path))
+    assert result.returncode == 1
+    assert result.stderr == '--plot needs matplotlib: pip install matplotlib\n'
+    assert 'greatest difference' in result.stdout
+
+
+def test_the_example_says_where_it_cannot_write(tmp_path: Path) -> None:
+    pytest.importorskip('matplotlib')
+    result = run('--plot', tmp_path / 'no' / 'folder.png')
+    assert result.returncode == 1
+    assert re.fullmatch(r'\S+folder\.png cannot be written: .*\n', result.stderr)
+
+
+@pytest.mark.parametrize('step', ['0', '-1', 'nan', 'far', '180'])
+def test_the_example_refuses_a_step_that_is_none(step: str) -> None:
+    result = run('--step', step)
+    assert result.returncode == 2
+    assert 'argument --step' in result.stderr
