@@ -15,7 +15,16 @@ import processes
 from source import ROOT
 
 NAMES = ('ruff', 'format', 'ament_flake8', 'ament_pep257', 'mypy', 'colcon', 'pytest')
-PYTHON_FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'docs')
+PYTHON_FILES = (
+    'setup.py',
+    'klann_ros',
+    'launch',
+    'scripts',
+    'test',
+    'benchmarks',
+    'examples',
+    'docs',
+)
 # A check that hangs is ended, so that CI still gets to see its output.
 TIMEOUT = 480.0
 SUMMARY = re.compile(r'\bin \d+\.\d+s')
