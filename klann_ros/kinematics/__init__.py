@@ -1,5 +1,8 @@
 """Kinematics of leg linkages: geometry in, poses out; knows nothing of ROS."""
 
+from .batch.poses import klann_poses, KlannPoses
+from .batch.reason import Reason
+from .batch.tolerance_study import tolerance_study, ToleranceStudy
 from .errors import (
     CrankAngleError,
     GeometryError,
@@ -37,6 +40,7 @@ __all__ = [
     'KlannGeometry',
     'KlannLeg',
     'KlannPose',
+    'KlannPoses',
     'KlannVelocity',
     'Linkage',
     'LinkageFileError',
@@ -45,11 +49,15 @@ __all__ = [
     'LinkagePose',
     'LoopsOpenError',
     'NotConvergedError',
+    'Reason',
     'SingularPoseError',
+    'ToleranceStudy',
     'UnreachableError',
+    'klann_poses',
     'linkage_from_file',
     'linkage_from_text',
     'reachable_arcs',
     'shipped_linkage',
     'shipped_linkages',
+    'tolerance_study',
 ]

@@ -10,7 +10,6 @@ from math import ceil, isnan, remainder
 from typing import Protocol, TypeVar
 
 import numpy as np
-from typing_extensions import Self
 
 from .angles import TURN
 from .errors import NotConvergedError
@@ -42,7 +41,7 @@ class TrackedPose(Protocol):
     def ahead(self, step: float) -> tuple[float, ...]:
         """Return the other angles a step of the driver [rad] further on, to first order."""
 
-    def _replace(self, *, iterations: int) -> 'Self':
+    def _replace(self: 'Pose', *, iterations: int) -> 'Pose':  # noqa: PYI019 - no Self in 3.10
         """Return the same pose, as one that took so many iterations."""
 
 

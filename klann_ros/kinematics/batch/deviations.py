@@ -1,0 +1,95 @@
+"""How far the feet of many legs are from where they should be."""
+
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .constants import Array
+
+
+class Deviations:
+    """
+    Statistics of many legs against one, taken up some crank angles at a time.
+
+    Parameters
+    ----------
+    legs : int
+        How many legs.
+    angles : int
+        How many crank angles.
+
+    """
+
+    def __init__(self, legs: int, angles: int) -> None:
+        """Start without a crank angle."""
+        self._at_angles: dict[str, Array] = {
+            'mean': np.empty((angles, 2)),
+            'box': np.empty((angles, 2, 2)),
+            **{name: np.empty(angles) for name in ('rms', 'p95', 'p99', 'largest')},
+        }
+        self._turns: NDArray[np.bool_] = np.ones(legs, dtype=np.bool_)
+        self._least = np.full((legs, 2), np.inf)
+        self._greatest = np.full((legs, 2), -np.inf)
+
+    @property
+    def stuck(self) -> float:
+        """Return the share of legs that do not turn fully."""
+        return float((~self._turns).mean())
+
+    def add(self, part: slice, h: Array, nominal: Array) -> None:
+        """
+        Take up some crank angles.
+
+        Parameters
+        ----------
+        part : slice
+            Which ones.
+        h : numpy.ndarray, shape (legs, k, 2)
+            The feet [m], NaN where there is none.
+        nominal : numpy.ndarray, shape (k, 2)
+            Where they should be [m].
+
+        """
+        there = ~np.isnan(h[..., 0])
+        self._turns &= there.all(axis=1)
+        least, greatest = (np.where(there[..., None], h, far) for far in (np.inf, -np.inf))
+        self._least = np.minimum(self._least, least.min(axis=1))
+        self._greatest = np.maximum(self._greatest, greatest.max(axis=1))
+        apart = h - nominal
+        count = there.sum(axis=0)
+        # NaN comes last in order.
+        distance = np.sort(np.hypot(apart[..., 0], apart[..., 1]), axis=0)
+        box = np.stack([least.min(axis=0), greatest.max(axis=0)], axis=1)
+        statistics = {
+            'mean': _total(apart) / np.maximum(1, count)[:, None],
+            'rms': np.sqrt(_total(distance**2) / np.maximum(1, count)),
+            'p95': _kept(distance, count, 0.95),
+            'p99': _kept(distance, count, 0.99),
+            'largest': _kept(distance, count, 1.0),
+            'box': box,
+        }
+        nowhere = (count == 0) | np.isnan(nominal[:, 0])
+        for name, values in statistics.items():
+            values[nowhere] = np.nan
+            self._at_angles[name][part] = values
+
+    def exclude(self, stuck: NDArray[np.bool_]) -> None:
+        """Count legs as not turning fully that do so between the crank angles."""
+        self._turns &= ~stuck
+
+    def statistics(self) -> dict[str, Array]:
+        """Return all of them by the names in ToleranceStudy."""
+        extent = np.where(self._turns[:, None], self._greatest - self._least, np.nan)
+        return {**self._at_angles, 'stride': extent[:, 0].copy(), 'lift': extent[:, 1].copy()}
+
+
+def _total(values: Array) -> Array:
+    """Return the sum over the legs that are there."""
+    return np.asarray(np.where(np.isnan(values), 0.0, values).sum(axis=0))
+
+
+def _kept(distance: Array, count: NDArray[np.int_], share: float) -> Array:
+    """Return what a share of the legs keeps to, of distances in order: the nearest rank."""
+    rank = np.maximum(0, [ceil(share * n) - 1 for n in count.tolist()])
+    return distance[rank, np.arange(distance.shape[1])]

@@ -1,0 +1,234 @@
+"""What manufacturing errors do to the foot path: many legs drawn at random, and derivatives."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf, nan
+from numbers import Real
+
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.klann.geometry import KlannGeometry, LENGTHS
+import numpy as np
+
+from .batch import fill, Progress, Results
+from .constants import Array, NUMBERS, numbers, pack
+from .deviations import Deviations
+from .kernels import choose
+
+DISTRIBUTIONS = ('uniform', 'normal')
+# Crank angles are taken in turns, so that no more poses than this are held at once.
+POSES_HELD = 1_000_000
+# The step of the central differences, relative: their two errors are least together.
+STEP = 6e-6
+
+
+@dataclass(frozen=True, eq=False)
+class ToleranceStudy:
+    """
+    Legs made within tolerances, held against the leg as drawn; all arrays are read-only.
+
+    Statistics at a crank angle are of the legs that have a pose there; NaN where none has, or
+    the leg as drawn has none.
+
+    Attributes
+    ----------
+    alphas : numpy.ndarray, shape (k,)
+        The crank angles: a turn in equal steps [rad].
+    nominal : numpy.ndarray, shape (k, 2)
+        Foot path of the leg as drawn [m].
+    stuck : float
+        Share of the legs that do not turn fully: a dyad does not close at one of `alphas`, or
+        the first dyad between them.
+    mean : numpy.ndarray, shape (k, 2)
+        Mean of H - H_nominal [m].
+    rms, p95, p99, largest : numpy.ndarray, shape (k,)
+        Of |H - H_nominal|: root mean square, what 95 and 99 % of the legs keep to, maximum [m].
+    box : numpy.ndarray, shape (k, 2, 2)
+        Rows: least and greatest x, y of H at each crank angle [m].
+    stride, lift : numpy.ndarray, shape (samples,)
+        Extent of each leg's foot path in x and in y [m]; NaN for a leg that does not turn fully.
+    names : tuple of str
+        Dimensions, in the order of `tolerances` and `sensitivities`.
+    tolerances : numpy.ndarray, shape (13,)
+        The half-widths [m, rad].
+    sensitivities : numpy.ndarray, shape (k, 13, 2)
+        Derivatives of H by each dimension, of the leg as drawn [m/m, m/rad].
+
+    """
+
+    alphas: Array
+    nominal: Array
+    stuck: float
+    mean: Array
+    rms: Array
+    p95: Array
+    p99: Array
+    largest: Array
+    box: Array
+    stride: Array
+    lift: Array
+    names: tuple[str, ...]
+    tolerances: Array
+    sensitivities: Array
+
+    @property
+    def ranking(self) -> list[tuple[str, float]]:
+        """
+        Return the dimensions, the one that matters most first.
+
+        Each has the shift of H that its whole tolerance makes, to first order: root mean square
+        over the crank angles at which the leg as drawn has a pose [m].
+        """
+        shift = np.linalg.norm(self.sensitivities, axis=2) * self.tolerances
+        shift = shift[np.isfinite(shift).all(axis=1)]
+        rms = np.sqrt((shift**2).sum(axis=0) / max(1, len(shift))).tolist()
+        return sorted(zip(self.names, rms, strict=True), key=lambda pair: -pair[1])
+
+
+def tolerance_study(
+    geometry: KlannGeometry,
+    tolerances: Mapping[str, float] | float,
+    *,
+    samples: int = 1000,
+    crank_angles: int = 360,
+    distribution: str = 'uniform',
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> ToleranceStudy:
+    """
+    Return what manufacturing errors do to a leg's foot path.
+
+    Parameters
+    ----------
+    geometry : KlannGeometry
+        The leg as drawn.
+    tolerances : mapping of str to float, or float
+        Half-width of each dimension's tolerance, by its name in KlannGeometry [m, rad]; those
+        left out are exact. A number is the relative half-width of the seven lengths.
+    samples : int
+        How many legs are drawn.
+    crank_angles : int
+        In how many equal steps the crank turns.
+    distribution : str
+        Of every dimension within its tolerance, each by itself: 'uniform', or 'normal' with a
+        third of the half-width as standard deviation, parts out of tolerance being replaced.
+    seed : int
+        The same seed draws the same legs.
+    progress : callable, optional
+        Called with (done, total) poses now and then.
+
+    Raises
+    ------
+    ValueError
+        A tolerance is not finite, negative, of no dimension, or not smaller than its length;
+        `samples` or `crank_angles` is not at least 1; there is no such distribution.
+
+    Examples
+    --------
+    >>> study = tolerance_study(KlannGeometry.sem104(), {'l_bc': 0.0005, 'angle_bcg': 0.002})
+    >>> study.ranking[0][0]
+    'l_bc'
+
+    """
+    for name, count in (('samples', samples), ('crank_angles', crank_angles)):
+        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+            msg = f'{name} = {count!r} is refused: it must be a whole number, at least 1'
+            raise ValueError(msg)
+    values, signs = numbers([geometry])
+    widths = _half_widths(values[:, 0], tolerances)
+    drawn = values + widths[:, None] * _draw(distribution, (len(NUMBERS), samples), seed)
+    alphas = np.arange(crank_angles, dtype=np.float64) * (TURN / crank_angles)
+    nominal = _feet(values, signs, alphas)[0]
+    found = Deviations(samples, crank_angles)
+    step = max(1, POSES_HELD // samples)
+    for first in range(0, crank_angles, step):
+        part = slice(first, min(first + step, crank_angles))
+        found.add(part, _feet(drawn, signs, alphas[part]), nominal[part])
+        if progress is not None:
+            progress(part.stop * samples, crank_angles * samples)
+    found.exclude(~_first_dyad_turns(drawn))
+    return ToleranceStudy(
+        **_read_only(
+            alphas=alphas,
+            nominal=nominal,
+            **found.statistics(),
+            tolerances=widths,
+            sensitivities=_sensitivities(values[:, 0], signs, alphas),
+        ),
+        stuck=found.stuck,
+        names=NUMBERS,
+    )
+
+
+def _half_widths(values: Array, tolerances: Mapping[str, float] | float) -> Array:
+    """Return the half-width of every dimension, shape (13,) [m, rad]."""
+    if not isinstance(tolerances, Mapping):
+        relative = tolerances if isinstance(tolerances, Real) else nan
+        lengths = zip(LENGTHS, values.tolist(), strict=False)
+        tolerances = {name: float(value * relative) for name, value in lengths}
+    unknown = [str(name) for name in tolerances if name not in NUMBERS]
+    if unknown:
+        msg = f'tolerances of {", ".join(unknown)} are refused: the names are {", ".join(NUMBERS)}'
+        raise ValueError(msg)
+    for name, width in tolerances.items():
+        limit = values[NUMBERS.index(name)] if name in LENGTHS else inf
+        # NaN fails every comparison.
+        if not (isinstance(width, Real) and 0.0 <= width < limit):
+            msg = (
+                f'tolerance of {name} = {width!r} is refused: '
+                'it must be finite, not negative, and smaller than the length'
+            )
+            raise ValueError(msg)
+    return np.array([float(tolerances.get(name, 0.0)) for name in NUMBERS])
+
+
+def _draw(distribution: str, shape: tuple[int, int], seed: int) -> Array:
+    """Return errors in [-1, 1], in half-widths."""
+    random = np.random.default_rng(seed)
+    if distribution == 'uniform':
+        return random.uniform(-1.0, 1.0, shape)
+    if distribution != 'normal':
+        msg = f'distribution = {distribution!r} is refused: one of {", ".join(DISTRIBUTIONS)}'
+        raise ValueError(msg)
+    errors = random.normal(0.0, 1.0 / 3.0, shape)
+    while (outside := np.abs(errors) > 1.0).any():
+        errors[outside] = random.normal(0.0, 1.0 / 3.0, int(outside.sum()))
+    return errors
+
+
+def _feet(values: Array, signs: Array, alphas: Array) -> Array:
+    """Return H of n legs at k crank angles, shape (n, k, 2) [m]."""
+    constants = pack(values, signs)
+    shape = (constants.shape[1], alphas.size)
+    results = Results(np.empty((*shape, 2)), np.empty(shape, dtype=np.uint8), None, None)
+    fill(constants, alphas, results, choose(None, results.reason.size), None)
+    return results.h
+
+
+def _first_dyad_turns(values: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Return for each leg whether |BD| stays within the first dyad's reach all round."""
+    dimension = dict(zip(NUMBERS, values, strict=True))
+    l_ab, l_bc, l_dc = (dimension[name] for name in ('l_ab', 'l_bc', 'l_dc'))
+    ad = np.hypot(dimension['x_d'], dimension['y_a'])
+    turns: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = (l_ab + ad <= l_bc + l_dc) & (
+        np.abs(l_ab - ad) >= np.abs(l_bc - l_dc)
+    )
+    return turns
+
+
+def _sensitivities(values: Array, signs: Array, alphas: Array) -> Array:
+    """Return dH/d(dimension) by central differences, shape (k, 13, 2)."""
+    # A pivot coordinate may be 0, and a bend has its own measure.
+    scale = [values[k] if name in LENGTHS else values[:7].max() for k, name in enumerate(NUMBERS)]
+    steps = STEP * np.array([*scale[:-2], 1.0, 1.0])
+    shifted = values[:, None] + np.hstack([np.diag(steps), np.diag(-steps)])
+    up, down = _feet(shifted, signs, alphas).reshape(2, len(NUMBERS), -1, 2)
+    # The steps as they were rounded.
+    made = np.subtract(*(half.diagonal() for half in np.hsplit(shifted, 2)))
+    slopes: Array = (up - down) / made[:, None, None]
+    return slopes.swapaxes(0, 1)
+
+
+def _read_only(**arrays: Array) -> dict[str, Array]:
+    for array in arrays.values():
+        array.setflags(write=False)
+    return arrays

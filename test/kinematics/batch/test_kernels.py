@@ -1,0 +1,130 @@
+"""The two kernels, and how one is chosen."""
+
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+
+from hypothesis import given, settings, strategies as st
+from klann_ros import kinematics
+from klann_ros.kinematics import klann_poses, KlannGeometry
+import numpy as np
+import pytest
+from strategies import crank_angles, legs
+
+PACKAGE = Path(kinematics.__file__).parents[1]
+SOLVE = """
+import sys
+from klann_ros.kinematics import klann_poses, KlannGeometry
+import numpy as np
+poses = klann_poses(KlannGeometry(), np.zeros(200_000), kernel={kernel!r})
+print('numba' in sys.modules, poses.h[0].tolist())
+"""
+H = '[0.92382725'
+
+
+def run(script: str, folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run a script with a copy of the package, and whatever else is in a folder."""
+    if not (folder / 'klann_ros').exists():
+        for name in ('__init__.py', 'kinematics'):
+            copy = shutil.copytree if (PACKAGE / name).is_dir() else shutil.copy
+            (folder / 'klann_ros').mkdir(exist_ok=True)
+            copy(PACKAGE / name, folder / 'klann_ros' / name)
+    return subprocess.run(
+        [sys.executable, '-c', script],
+        check=False,
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env=os.environ | {'PYTHONPATH': str(folder), **variables},
+    )
+
+
+@settings(deadline=None)
+@given(
+    geometries=st.lists(legs(), min_size=1, max_size=4),
+    alphas=st.lists(crank_angles, max_size=9),
+)
+def test_both_kernels_agree(geometries: list[KlannGeometry], alphas: list[float]) -> None:
+    numpy, numba = (
+        klann_poses(geometries, alphas, angles=True, points=True, kernel=kernel)
+        for kernel in ('numpy', 'numba')
+    )
+    np.testing.assert_array_equal(numpy.reason, numba.reason)
+    for name in ('h', 'points'):
+        np.testing.assert_allclose(
+            getattr(numpy, name), getattr(numba, name), rtol=0, atol=1e-11, equal_nan=True
+        )
+    # Modulo a turn.
+    for function in (np.cos, np.sin):
+        np.testing.assert_allclose(
+            function(numpy.angles), function(numba.angles), rtol=0, atol=1e-11, equal_nan=True
+        )
+
+
+def test_both_kernels_agree_to_the_last_digits_on_the_course_leg() -> None:
+    alphas = np.linspace(-20.0, 20.0, 10_001)
+    numpy, numba = (
+        klann_poses(KlannGeometry(), alphas, kernel=kernel).h for kernel in ('numpy', 'numba')
+    )
+    np.testing.assert_allclose(numpy, numba, rtol=0, atol=4 * np.spacing(1.0))
+
+
+def test_h_is_the_same_whatever_else_is_asked_for() -> None:
+    alphas = np.linspace(0.0, 6.0, 1001)
+    for kernel in ('numpy', 'numba'):
+        alone = klann_poses(KlannGeometry(), alphas, kernel=kernel)
+        more = klann_poses(KlannGeometry(), alphas, angles=True, points=True, kernel=kernel)
+        np.testing.assert_array_equal(alone.h, more.h)
+        np.testing.assert_array_equal(alone.h, more.points[:, 7])
+
+
+@pytest.mark.parametrize('kernel', ['cuda', '', 1])
+def test_an_unknown_kernel_is_refused(kernel: object) -> None:
+    with pytest.raises(ValueError, match=f"^kernel = {kernel!r} is refused: .* 'numba' or None"):
+        klann_poses(KlannGeometry(), 1.0, kernel=kernel)
+
+
+def test_importing_the_kinematics_does_not_load_numba(tmp_path: Path) -> None:
+    script = "import sys, klann_ros.kinematics; print('numba' in sys.modules)"
+    assert run(script, tmp_path).stdout == 'False\n'
+
+
+@pytest.mark.parametrize(
+    'error', ['ImportError("NumPy is too new")', 'AttributeError("np.bool8")']
+)
+def test_without_a_working_numba_numpy_does_it(error: str, tmp_path: Path) -> None:
+    (tmp_path / 'numba.py').write_text(f'raise {error}', encoding='utf-8')
+    done = run(SOLVE.format(kernel=None), tmp_path)
+    assert done.stderr == ''
+    assert done.stdout.startswith(f'False {H}')
+    refused = run(SOLVE.format(kernel='numba'), tmp_path)
+    assert refused.returncode == 1
+    assert "kernel = 'numba' is refused: numba cannot be used here (" in refused.stderr
+
+
+def test_numba_needs_no_place_for_its_cache(tmp_path: Path) -> None:
+    nowhere = tmp_path / 'file'
+    nowhere.touch()
+    run('import klann_ros', tmp_path)
+    # A file where the folder would be: this stops root, too.
+    cache = tmp_path / 'klann_ros' / 'kinematics' / 'batch' / '__pycache__'
+    shutil.rmtree(cache, ignore_errors=True)
+    cache.touch()
+    variables = {'HOME': f'{nowhere}', 'XDG_CACHE_HOME': f'{nowhere}/x'}
+    done = run(SOLVE.format(kernel='numba'), tmp_path, **variables)
+    assert done.stderr == ''
+    assert done.stdout.startswith(f'True {H}')
+
+
+def test_a_broken_cache_is_no_harm(tmp_path: Path) -> None:
+    cache = tmp_path / 'cache'
+    run(SOLVE.format(kernel='numba'), tmp_path, NUMBA_CACHE_DIR=f'{cache}')
+    kept = list(cache.rglob('*.nb*'))
+    assert kept
+    for file in kept:
+        file.write_bytes(b'')
+    done = run(SOLVE.format(kernel='numba'), tmp_path, NUMBA_CACHE_DIR=f'{cache}')
+    assert done.stderr == ''
+    assert done.stdout.startswith(f'True {H}')

@@ -1,0 +1,210 @@
+"""`tolerance_study`: what is drawn, what is counted, and the derivatives."""
+
+from dataclasses import fields, replace
+import math
+
+from klann_ros.kinematics import klann_poses, KlannGeometry, KlannLeg, tolerance_study
+from klann_ros.kinematics.batch.constants import NUMBERS
+from klann_ros.kinematics.klann import equations
+import numpy as np
+import pytest
+
+SEM104 = KlannGeometry.sem104()
+LENGTHS_OF_DYAD_1 = ('l_ab', 'l_bc', 'l_dc')
+
+
+def stuck_share(width: float) -> float:
+    """
+    Return how many legs cannot turn fully if every length errs by up to `width`, by integration.
+
+    AB + AD > BC + DC is what happens first; the margin is a sum of three uniform errors.
+    """
+    margin = SEM104.l_bc + SEM104.l_dc - SEM104.l_ab - math.hypot(SEM104.x_d, SEM104.y_a)
+    a, b, c = (width * getattr(SEM104, name) for name in LENGTHS_OF_DYAD_1)
+    # The volume of a box's corners beyond a plane, by inclusion and exclusion.
+    corners = [(s, t, u) for s in (1, -1) for t in (1, -1) for u in (1, -1)]
+    beyond = sum(s * t * u * max(0.0, s * a + t * b + u * c - margin) ** 3 for s, t, u in corners)
+    return beyond / (48 * a * b * c)
+
+
+def test_two_percent_on_every_length_stop_two_legs_in_a_hundred() -> None:
+    exact = stuck_share(0.02)
+    assert exact == pytest.approx(0.02043, abs=5e-6)
+    samples = 200_000
+    study = tolerance_study(SEM104, 0.02, samples=samples, crank_angles=12, seed=104)
+    scatter = math.sqrt(exact * (1 - exact) / samples)
+    assert study.stuck == pytest.approx(exact, abs=3 * scatter)
+    # The 1.87 % that is told of this leg is one draw of some 10 000 legs.
+    assert exact - 0.0187 < 1.5 * math.sqrt(exact * (1 - exact) / 10_000)
+
+
+def test_a_leg_that_stops_between_the_crank_angles_is_counted() -> None:
+    # Only near 165.6 deg can it not be reached.
+    tight = replace(SEM104, l_bc=0.12 + math.hypot(0.35, 0.09) - 0.14 + 1e-9)
+    study = tolerance_study(tight, {'l_bc': 1e-8}, samples=2000, crank_angles=3)
+    assert study.stuck == pytest.approx(0.45, abs=0.05)
+    assert np.isnan(study.stride).mean() == study.stuck
+
+
+def test_without_tolerances_every_leg_is_the_drawn_one() -> None:
+    study = tolerance_study(SEM104, {}, samples=5, crank_angles=3600)
+    assert study.stuck == 0.0
+    np.testing.assert_array_equal(study.nominal, klann_poses(SEM104, study.alphas).h)
+    for deviation in (study.mean, study.rms, study.p95, study.p99, study.largest):
+        assert not deviation.any()
+    np.testing.assert_array_equal(study.box, np.stack([study.nominal] * 2, axis=1))
+    # Foot path: x 435.90 .. 926.86, y -318.79 .. -18.73 mm.
+    np.testing.assert_allclose(study.stride, 0.92686 - 0.43590, atol=2e-5)
+    np.testing.assert_allclose(study.lift, 0.31879 - 0.01873, atol=2e-5)
+
+
+@pytest.mark.parametrize(
+    ('distribution', 'sigma', 'p95'),
+    [('uniform', 1 / math.sqrt(3), 0.95), ('normal', 0.329, 0.64)],
+)
+def test_the_foot_errs_by_just_its_own_length(distribution: str, sigma: float, p95: float) -> None:
+    width = 0.001
+    study = tolerance_study(
+        SEM104, {'l_gh': width}, samples=20_000, crank_angles=5, distribution=distribution
+    )
+    np.testing.assert_allclose(study.rms, width * sigma, rtol=0.02)
+    np.testing.assert_allclose(study.p95, width * p95, rtol=0.03)
+    assert (study.largest <= width * (1 + 1e-9)).all()
+    assert (study.largest > 0.98 * width).all()
+    assert (np.abs(study.mean) < 0.02 * width).all()
+
+
+def test_the_statistics_are_those_of_the_legs() -> None:
+    tolerances = {'l_ab': 0.002, 'x_e': 0.001, 'angle_bcg': 0.01}
+    study = tolerance_study(SEM104, tolerances, samples=50, crank_angles=7, seed=3)
+    errors = np.random.default_rng(3).uniform(-1.0, 1.0, (len(NUMBERS), 50))
+    drawn = [
+        replace(
+            SEM104,
+            **{
+                name: getattr(SEM104, name) + width * errors[NUMBERS.index(name), k]
+                for name, width in tolerances.items()
+            },
+        )
+        for k in range(50)
+    ]
+    h = klann_poses(drawn, study.alphas).h
+    apart = h - study.nominal
+    distance = np.sort(np.linalg.norm(apart, axis=2), axis=0)
+    np.testing.assert_allclose(study.mean, apart.mean(axis=0), atol=1e-15)
+    np.testing.assert_allclose(study.rms, np.sqrt((distance**2).mean(axis=0)), atol=1e-15)
+    np.testing.assert_allclose(study.p95, distance[47], atol=1e-15)
+    np.testing.assert_allclose(study.p99, distance[49], atol=1e-15)
+    np.testing.assert_allclose(study.largest, distance[49], atol=1e-15)
+    np.testing.assert_allclose(study.box[:, 0], h.min(axis=0), atol=1e-15)
+    np.testing.assert_allclose(study.box[:, 1], h.max(axis=0), atol=1e-15)
+    extent = h.max(axis=1) - h.min(axis=1)
+    np.testing.assert_allclose(study.stride, extent[:, 0], atol=1e-15)
+    np.testing.assert_allclose(study.lift, extent[:, 1], atol=1e-15)
+
+
+def implicit(geometry: KlannGeometry, alpha: float, name: str) -> np.ndarray:
+    """Return dH/d(name): dx = -Phi^-1 df/dp, then the chain rule through the points."""
+    x, step = np.array(KlannLeg(geometry).closed_form(alpha).x), 1e-6
+    value = getattr(geometry, name)
+    up, down = (replace(geometry, **{name: value + sign * step}) for sign in (1, -1))
+
+    def slope(function: object) -> np.ndarray:
+        return (function(up) - function(down)) / (2 * step)
+
+    dx = -np.linalg.solve(
+        equations.phi(geometry, x), slope(lambda leg: equations.f(leg, alpha, x))
+    )
+    along = [equations.points(geometry, alpha, x + sign * step * dx)[7] for sign in (1, -1)]
+    direct = slope(lambda leg: equations.points(leg, alpha, x)[7])
+    return direct + (along[0] - along[1]) / (2 * step)
+
+
+@pytest.mark.parametrize('geometry', [SEM104, KlannGeometry.patent()])
+@pytest.mark.parametrize('name', NUMBERS)
+def test_the_sensitivities_are_the_implicit_derivatives(
+    geometry: KlannGeometry, name: str
+) -> None:
+    study = tolerance_study(geometry, {}, samples=1, crank_angles=8)
+    expected = [implicit(geometry, alpha, name) for alpha in study.alphas]
+    np.testing.assert_allclose(
+        study.sensitivities[:, study.names.index(name)], expected, rtol=1e-6, atol=1e-8
+    )
+
+
+def test_the_ranking_tells_what_a_small_tolerance_does() -> None:
+    tolerances = {'l_ab': 1e-5, 'l_bc': 1e-5, 'l_dc': 1e-4, 'angle_fgh': 1e-6}
+    study = tolerance_study(SEM104, tolerances)
+    assert [value for _, value in study.ranking] == sorted(dict(study.ranking).values())[::-1]
+    assert study.ranking[0][0] == 'l_dc'
+    assert [value for _, value in study.ranking[4:]] == [0.0] * 9
+    for name, width in tolerances.items():
+        alone = tolerance_study(SEM104, {name: width}, samples=20_000, crank_angles=30)
+        # A uniform error's root mean square is a half-width / sqrt(3).
+        assert math.sqrt((alone.rms**2).mean()) * math.sqrt(3) == pytest.approx(
+            dict(study.ranking)[name], rel=0.05
+        )
+
+
+def test_the_seed_makes_it_repeatable() -> None:
+    one, same, other = (
+        tolerance_study(SEM104, 0.01, samples=20, crank_angles=10, seed=seed) for seed in (1, 1, 2)
+    )
+    for field in fields(one):
+        np.testing.assert_array_equal(getattr(one, field.name), getattr(same, field.name))
+    assert not np.array_equal(one.mean, other.mean)
+
+
+def test_where_the_drawn_leg_has_no_pose_there_are_no_statistics() -> None:
+    study = tolerance_study(replace(SEM104, l_bc=0.33), 0.001, samples=50, crank_angles=36)
+    missing = np.isnan(study.nominal[:, 0])
+    assert 0 < missing.sum() < 36
+    for values in (study.mean, study.rms, study.p95, study.p99, study.largest, study.box):
+        assert np.isnan(values[missing]).all()
+        assert np.isfinite(values[~missing]).all()
+    assert study.stuck == 1.0
+    assert study.ranking[0][1] > 0.0
+
+
+def test_the_results_are_read_only() -> None:
+    study = tolerance_study(SEM104, 0.01, samples=2, crank_angles=2)
+    arrays = [getattr(study, field.name) for field in fields(study)]
+    assert not any(array.flags.writeable for array in arrays if isinstance(array, np.ndarray))
+
+
+def test_progress_is_told_to_the_end() -> None:
+    told: list[tuple[int, int]] = []
+    tolerance_study(
+        SEM104, 0.01, samples=200_000, crank_angles=11, progress=lambda *now: told.append(now)
+    )
+    assert [now[0] for now in told] == [1_000_000, 2_000_000, 2_200_000]
+    assert {now[1] for now in told} == {2_200_000}
+
+
+@pytest.mark.parametrize(
+    ('tolerances', 'text'),
+    [
+        ({'l_xy': 0.1}, 'tolerances of l_xy are refused: the names are l_ab, '),
+        ({'assembly': 0.1}, 'tolerances of assembly are refused'),
+        ({'l_ab': 0.12}, 'tolerance of l_ab = 0.12 is refused: .* smaller than the length'),
+        ({'x_d': -0.1}, 'tolerance of x_d = -0.1 is refused: .* not negative'),
+        ({'x_d': math.inf}, 'must be finite'),
+        ({'x_d': math.nan}, 'must be finite'),
+        ({'x_d': '0.1'}, "tolerance of x_d = '0.1' is refused"),
+        (1.0, 'tolerance of l_ab = 0.12 is refused'),
+        (math.nan, 'must be finite'),
+        (None, 'must be finite'),
+    ],
+)
+def test_tolerances_that_are_none_are_refused(tolerances: object, text: str) -> None:
+    with pytest.raises(ValueError, match=text):
+        tolerance_study(SEM104, tolerances)
+
+
+@pytest.mark.parametrize(
+    ('option', 'value'),
+    [('samples', 0), ('samples', 2.5), ('crank_angles', -1), ('distribution', 'flat')],
+)
+def test_options_that_are_none_are_refused(option: str, value: object) -> None:
+    with pytest.raises(ValueError, match=f'{option} = {value!r} is refused'):
+        tolerance_study(SEM104, 0.01, **{option: value})
