@@ -17,7 +17,7 @@ import source
 
 STAMP = 'klann_ros.json'
 # What each command needs: extras of setup.py, and more requirements in a file.
-EXTRAS = {'demo': ('plot',), 'test': ('plot', 'test'), 'benchmark': ('plot',)}
+EXTRAS = {'demo': ('plot',), 'test': ('fast', 'plot', 'test'), 'benchmark': ('fast', 'plot')}
 REQUIREMENTS = {
     'test': source.ROOT / 'scripts' / 'support' / 'checks.txt',
     'benchmark': source.ROOT / 'scripts' / 'support' / 'benchmarks.txt',
