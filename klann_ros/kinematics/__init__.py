@@ -12,10 +12,15 @@ from .errors import (
     SingularPoseError,
     UnreachableError,
 )
+from .foot.inverse import Nearest
+from .foot.path import foot_path, FootPath, NoFootPathError
+from .foot.stance import Stance
 from .four_bar.linkage import FourBar
 from .four_bar.pose import FourBarPose
+from .klann.acceleration import KlannAcceleration
 from .klann.geometry import KlannGeometry
 from .klann.leg import KlannLeg
+from .klann.margins import length_margins, Margin, PartialTurnError, turns_fully
 from .klann.pose import KlannPose
 from .klann.reach import reachable_arcs
 from .klann.velocity import KlannVelocity
@@ -30,13 +35,17 @@ from .linkage.leg import LinkageLeg
 from .linkage.linkage import Linkage
 from .linkage.motion import LinkageMotion
 from .linkage.pose import LinkagePose
+from .virtual_work import ImmobileDirectionError
 
 __all__ = [
     'CrankAngleError',
+    'FootPath',
     'FourBar',
     'FourBarPose',
     'GeometryError',
+    'ImmobileDirectionError',
     'KinematicsError',
+    'KlannAcceleration',
     'KlannGeometry',
     'KlannLeg',
     'KlannPose',
@@ -48,16 +57,24 @@ __all__ = [
     'LinkageMotion',
     'LinkagePose',
     'LoopsOpenError',
+    'Margin',
+    'Nearest',
+    'NoFootPathError',
     'NotConvergedError',
+    'PartialTurnError',
     'Reason',
     'SingularPoseError',
+    'Stance',
     'ToleranceStudy',
     'UnreachableError',
+    'foot_path',
     'klann_poses',
+    'length_margins',
     'linkage_from_file',
     'linkage_from_text',
     'reachable_arcs',
     'shipped_linkage',
     'shipped_linkages',
     'tolerance_study',
+    'turns_fully',
 ]

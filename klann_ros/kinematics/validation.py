@@ -91,6 +91,6 @@ def guess(value: 'Sequence[float] | NDArray[np.float64]', names: str) -> NDArray
     except (TypeError, ValueError):
         x_1 = np.empty(0)
     if x_1.shape != (count,) or not np.isfinite(x_1).all():
-        msg = f'guess = {value!r} is refused: {names}, {_WORDS[count]} finite numbers'
+        msg = f'guess = {value!r} is refused: {names}, {_WORDS.get(count, count)} finite numbers'
         raise ValueError(msg)
     return x_1

@@ -8,14 +8,11 @@ is an argument.
 from math import cos, hypot, pi, sin
 from typing import NamedTuple
 
-from klann_ros.kinematics.angles import wrap
+from klann_ros.kinematics.angles import FAR, wrap
 
 from . import equations
 from .geometry import FourBarGeometry
 from .pose import FourBarPose, NO_COEFFICIENTS
-
-# No pose is as far from the last one [rad].
-FAR = 4.0 * pi
 
 
 class Constants(NamedTuple):

@@ -69,6 +69,11 @@ def angles(geometry: 'KlannGeometry', joints: Joints) -> tuple[float, float, flo
     )
 
 
+def seed(geometry: 'KlannGeometry', alpha: float) -> tuple[float, float, float, float]:
+    """Return gamma, beta, delta, theta at a crank angle [rad]; raises as `joints` does."""
+    return angles(geometry, joints(geometry, alpha))
+
+
 def crank_pin(geometry: 'KlannGeometry', alpha: float) -> Point:
     """Return B (x, y) [m]."""
     return geometry.l_ab * cos(alpha), geometry.y_a + geometry.l_ab * sin(alpha)

@@ -119,6 +119,47 @@ def f_alpha(geometry: 'KlannGeometry', alpha: float) -> Array:
     return np.array([-geometry.l_ab * sin(alpha), geometry.l_ab * cos(alpha), 0.0, 0.0])
 
 
+def f_2(
+    geometry: 'KlannGeometry',
+    alpha: float,
+    x: 'Sequence[float] | Array',
+    x_1: 'Sequence[float] | Array',
+) -> Array:
+    """
+    Return the part of d2f/dalpha2 that does not hold the second derivatives of x.
+
+    Every cosine and sine of f becomes -(dphi/dalpha)^2 times itself.
+
+    Parameters
+    ----------
+    geometry : KlannGeometry
+        The leg.
+    alpha : float
+        Crank angle [rad].
+    x, x_1 : sequence of float, shape (4,)
+        gamma, beta, delta, theta [rad] and their derivatives after alpha.
+
+    Returns
+    -------
+    numpy.ndarray, shape (4,)
+        [m/rad^2].
+
+    """
+    g = geometry
+    gamma, beta, delta, theta = x
+    bent = gamma - g.angle_bcg
+    bc, dc, cg = -g.l_bc * x_1[0] ** 2, -g.l_dc * x_1[1] ** 2, -g.l_cg * x_1[0] ** 2
+    ef, fg = -g.l_ef * x_1[2] ** 2, -g.l_fg * x_1[3] ** 2
+    return np.array(
+        [
+            -g.l_ab * cos(alpha) + bc * cos(gamma) - dc * cos(beta),
+            -g.l_ab * sin(alpha) - bc * sin(gamma) - dc * sin(beta),
+            ef * cos(delta) + fg * cos(theta) - cg * cos(bent) - dc * cos(beta),
+            ef * sin(delta) - fg * sin(theta) + cg * sin(bent) - dc * sin(beta),
+        ]
+    )
+
+
 def points(geometry: 'KlannGeometry', alpha: float, x: 'Sequence[float] | Array') -> Array:
     """
     Return the points A to H of a pose.

@@ -1,18 +1,22 @@
 """The Klann leg as an object: it remembers the last good pose, and nothing else."""
 
 from collections.abc import Sequence
-from math import inf
+from functools import partial
 
+from klann_ros.kinematics import validation, virtual_work
 from klann_ros.kinematics.angles import crank_angle
+from klann_ros.kinematics.arcs import Arc
 from klann_ros.kinematics.newton import newton_raphson
+from klann_ros.kinematics.tracking import COARSE_TOLERANCE, track
 import numpy as np
 from numpy.typing import NDArray
 
-from . import equations
+from . import closed_form, equations
+from .acceleration import acceleration, KlannAcceleration
 from .geometry import KlannGeometry
-from .pose import closed_form_pose, KlannPose
-from .refinement import constants
-from .tracking import COARSE_TOLERANCE, track
+from .pose import closed_form_pose, JOINTS, KlannPose
+from .reach import reachable_arcs
+from .refinement import constants, refine
 from .velocity import KlannVelocity, velocity
 
 Array = NDArray[np.float64]
@@ -51,15 +55,27 @@ class KlannLeg:
         if not isinstance(geometry, KlannGeometry | None):
             msg = f'geometry = {geometry!r} is refused: it must be a KlannGeometry'
             raise TypeError(msg)
-        self._constants = constants(geometry or KlannGeometry.sem104())
-        self._tolerance = _within('tolerance', tolerance, COARSE_TOLERANCE)
-        self._max_crank_step = _within('max_crank_step', max_crank_step, inf)
+        self._geometry = geometry or KlannGeometry.sem104()
+        self._refine = partial(refine, constants(self._geometry))
+        self._seed = partial(closed_form.seed, self._geometry)
+        self._tolerance = validation.setting('tolerance', tolerance, COARSE_TOLERANCE)
+        self._max_crank_step = validation.setting('max_crank_step', max_crank_step)
         self._last: KlannPose | None = None
 
     @property
     def geometry(self) -> KlannGeometry:
         """Return the leg's dimensions."""
-        return self._constants.geometry
+        return self._geometry
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Return the names of its angles, the crank's first."""
+        return JOINTS
+
+    @property
+    def assembly(self) -> tuple[int, int]:
+        """Return the signs of sin(gamma + beta) and of sin(delta + theta)."""
+        return self._geometry.assembly
 
     @property
     def last(self) -> KlannPose | None:
@@ -92,10 +108,15 @@ class KlannLeg:
             Newton-Raphson does not confirm the closed form.
 
         """
-        alpha = crank_angle(alpha)
-        pose = track(self._constants, alpha, self._last, self._tolerance, self._max_crank_step)
-        self._last = pose
-        return pose
+        self._last = track(
+            self._refine,
+            self._seed,
+            crank_angle(alpha),
+            self._last,
+            tolerance=self._tolerance,
+            max_crank_step=self._max_crank_step,
+        )
+        return self._last
 
     def newton(
         self, alpha: float, guess: Sequence[float] | Array, *, max_iterations: int = 50
@@ -131,19 +152,11 @@ class KlannLeg:
         R. Nicoletti, SEM 104 Mecanismos, lecture 7.
 
         """
-        alpha = crank_angle(alpha)
-        try:
-            x_1 = np.asarray(guess, dtype=np.float64)
-        except (TypeError, ValueError):
-            x_1 = np.empty(0)
-        if x_1.shape != (4,) or not np.isfinite(x_1).all():
-            msg = f'guess = {guess!r} is refused: gamma, beta, delta, theta, four finite numbers'
-            raise ValueError(msg)
-        geometry = self.geometry
+        alpha, geometry = crank_angle(alpha), self._geometry
         return newton_raphson(
             lambda x: equations.f(geometry, alpha, x),
             lambda x: equations.phi(geometry, x),
-            x_1,
+            validation.guess(guess, 'gamma, beta, delta, theta'),
             alpha=alpha,
             tolerance=self._tolerance,
             max_iterations=max_iterations,
@@ -163,18 +176,19 @@ class KlannLeg:
         """
         return closed_form_pose(self.geometry, alpha)
 
+    def residual(self, alpha: float, x: Sequence[float]) -> float:
+        """Return the norm of f at a crank angle and gamma, beta, delta, theta [m]."""
+        return float(np.linalg.norm(equations.f(self._geometry, alpha, x)))
+
+    def reachable_arcs(self) -> list[Arc]:
+        """Return the arcs of crank angles at which both dyads close: see `reachable_arcs`."""
+        return reachable_arcs(self.geometry)
+
     def velocity(self, pose: KlannPose, alpha_rate: float) -> KlannVelocity:
         """
-        Return the velocity of a pose for a crank rate.
+        Return the velocity of a pose for a crank rate [rad/s].
 
         dx/dt = -Phi^-1 df/dalpha * alpha_rate; that of H follows by the chain rule.
-
-        Parameters
-        ----------
-        pose : KlannPose
-            A solved pose.
-        alpha_rate : float
-            Rate of the crank [rad/s].
 
         Raises
         ------
@@ -186,10 +200,54 @@ class KlannLeg:
         """
         return velocity(pose, alpha_rate)
 
+    def acceleration(
+        self, pose: KlannPose, alpha_rate: float, alpha_acceleration: float
+    ) -> KlannAcceleration:
+        """
+        Return the acceleration of a pose for a crank rate [rad/s] and its change [rad/s^2].
 
-def _within(name: str, value: float, most: float) -> float:
-    if not (0.0 < value <= most and value < inf):
-        limit = '' if most == inf else f' and at most {most:g} rad'
-        msg = f'{name} = {value!r} is refused: it must be finite, > 0{limit}'
-        raise ValueError(msg)
-    return float(value)
+        Phi d2x/dalpha2 = -d(Phi dx/dalpha + df/dalpha)/dalpha, the second derivatives held.
+
+        Raises
+        ------
+        SingularPoseError
+            The pose has no velocity, and no acceleration either.
+        ValueError
+            The rate or its change is not finite.
+
+        """
+        return acceleration(pose, alpha_rate, alpha_acceleration)
+
+    def crank_torque(self, pose: KlannPose, force: Sequence[float]) -> float:
+        """
+        Return the torque at the crank that balances a force (x, y) [N] on the foot H [N m].
+
+        Virtual work: T = -F . dH/dalpha, counter-clockwise positive; no friction, no weight.
+
+        Raises
+        ------
+        SingularPoseError
+            The pose has no velocity.
+        ValueError
+            The force is not two finite numbers.
+
+        """
+        return virtual_work.crank_torque(velocity(pose, 1.0).h, force)
+
+    def foot_force(self, pose: KlannPose, torque: float, direction: Sequence[float]) -> float:
+        """
+        Return the force on the foot along a direction (x, y) that a crank torque balances [N].
+
+        It is negative where it acts against the direction; the inverse of `crank_torque`.
+
+        Raises
+        ------
+        ImmobileDirectionError
+            The foot does not move along the direction, and any force is balanced.
+        SingularPoseError
+            The pose has no velocity.
+        ValueError
+            The torque is not finite, or the direction not two finite numbers, or without length.
+
+        """
+        return virtual_work.foot_force(velocity(pose, 1.0).h, torque, direction)

@@ -4,6 +4,7 @@ from math import nan, sin
 from typing import NamedTuple
 
 from klann_ros.kinematics.angles import crank_angle, wrap
+from klann_ros.kinematics.dyad import clearance
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,6 +57,22 @@ class KlannPose(NamedTuple):
         return self[1:5]
 
     @property
+    def joints(self) -> tuple[float, float, float, float, float]:
+        """Return every angle, alpha first [rad]: those of JOINTS."""
+        return self[:5]
+
+    def ahead(self, step: float) -> tuple[float, float, float, float]:
+        """Return the angles x a step of the crank [rad] further on, to first order."""
+        _, gamma, beta, delta, theta, _, _, _, coefficients, _ = self
+        gamma_1, beta_1, delta_1, theta_1 = coefficients
+        return (
+            gamma + step * gamma_1,
+            beta + step * beta_1,
+            delta + step * delta_1,
+            theta + step * theta_1,
+        )
+
+    @property
     def points(self) -> NDArray[np.float64]:
         """Return the points A to H, shape (8, 2) [m]; computed at each use."""
         return equations.points(self.geometry, self.alpha, self.x)
@@ -68,6 +85,30 @@ class KlannPose(NamedTuple):
         pi/2 transmits best; at 0 and pi the dyad is folded or stretched out, and singular.
         """
         return _between(self.gamma + self.beta), _between(self.delta + self.theta)
+
+    @property
+    def sines(self) -> tuple[float, float]:
+        """Return |sin| of both transmission angles: 1 transmits best, 0 is singular."""
+        return abs(sin(self.gamma + self.beta)), abs(sin(self.delta + self.theta))
+
+    @property
+    def clearances(self) -> tuple[float, float]:
+        """
+        Return how far the ends of each dyad, B and D, E and G, are inside its reach [m].
+
+        At 0 the dyad is stretched out or folded, and the pose is singular.
+        """
+        _, b, _, d, e, _, g, _ = ((x, y) for x, y in self.points.tolist())
+        geometry = self.geometry
+        return (
+            clearance(b, d, geometry.l_bc, geometry.l_dc),
+            clearance(e, g, geometry.l_ef, geometry.l_fg),
+        )
+
+    @property
+    def distance_to_singularity(self) -> float:
+        """Return the least of both clearances: how much a pivot may be off before it jams [m]."""
+        return min(self.clearances)
 
     @property
     def condition(self) -> float:

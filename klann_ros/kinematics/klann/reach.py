@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from .geometry import KlannGeometry
 
 
-
 def reachable_arcs(geometry: 'KlannGeometry') -> list[Arc]:
     """
     Return the arcs of crank angles at which both dyads close in the geometry's assembly.

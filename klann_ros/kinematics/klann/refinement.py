@@ -6,10 +6,11 @@ lower triangular, so forward substitution with two 2x2 solves is the same as inv
 pure: the guess is an argument.
 """
 
+from cmath import rect
 from math import cos, hypot, pi, sin
 from typing import NamedTuple
 
-from klann_ros.kinematics.angles import wrap
+from klann_ros.kinematics.angles import FAR, wrap
 
 from . import equations
 from .geometry import KlannGeometry
@@ -24,20 +25,22 @@ class Constants(NamedTuple):
     l_ab: float
     l_bc: float
     l_dc: float
-    l_cg: float
     l_ef: float
     l_fg: float
-    l_gh: float
     x_d: float
     y_a: float
     x_ed: float
     y_e: float
-    angle_bcg: float
-    angle_fgh: float
-    sign_1: int
-    sign_2: int
+    cg_1: float
+    cg_2: float
+    gh_1: float
+    gh_2: float
+    sign_1: float
+    sign_2: float
     rounding_1: float
     rounding_2: float
+    least_1: float
+    least_2: float
     singular_1: float
     singular_2: float
     geometry: KlannGeometry
@@ -46,12 +49,27 @@ class Constants(NamedTuple):
 def constants(geometry: KlannGeometry) -> Constants:
     """Return the constants of a geometry; do it once, not for every pose."""
     g = geometry
-    lengths = (g.l_ab, g.l_bc, g.l_dc, g.l_cg, g.l_ef, g.l_fg, g.l_gh)
+    sign_1, sign_2 = g.assembly
+    lengths = (g.l_ab, g.l_bc, g.l_dc, g.l_ef, g.l_fg)
     pivots = (g.x_d, g.y_a, g.x_e - g.x_d, g.y_e)
-    bends = (g.angle_bcg, g.angle_fgh)
+    # A bent body's second bar is its first one, turned and stretched.
+    cg, gh = rect(g.l_cg / g.l_bc, g.angle_bcg), rect(g.l_gh / g.l_fg, g.angle_fgh)
+    bends = (cg.real, cg.imag, gh.real, gh.imag)
     sine_1, sine_2 = equations.singular_sines(g)
     singular = (sine_1 * g.l_bc * g.l_dc, sine_2 * g.l_ef * g.l_fg)
-    return Constants(*lengths, *pivots, *bends, *g.assembly, *equations.rounding(g), *singular, g)
+    rounding_1, rounding_2 = equations.rounding(g)
+    least = (-rounding_1 * (g.l_bc + g.l_dc), -rounding_2 * (g.l_ef + g.l_fg))
+    return Constants(
+        *lengths,
+        *pivots,
+        *bends,
+        *map(float, g.assembly),
+        rounding_1,
+        rounding_2,
+        *least,
+        *singular,
+        g,
+    )
 
 
 def refine(
@@ -91,20 +109,18 @@ def refine(
 
     """
     (
-        l_ab, l_bc, l_dc, l_cg, l_ef, l_fg, l_gh, x_d, y_a, x_ed, y_e,
-        angle_bcg, angle_fgh, sign_1, sign_2, rounding_1, rounding_2,
+        l_ab, l_bc, l_dc, l_ef, l_fg, x_d, y_a, x_ed, y_e, cg_1, cg_2, gh_1, gh_2,
+        sign_1, sign_2, rounding_1, rounding_2, least_1, least_2,
         singular_1, singular_2, geometry,
     ) = constants  # fmt: skip
     gamma, beta, delta, theta = guess
     ab_x, ab_y = l_ab * cos(alpha), l_ab * sin(alpha)
     db_x, db_y = ab_x - x_d, ab_y + y_a
-    iterations, settled = 0, False
-    while iterations < max_iterations:
-        iterations += 1
+    settled = False
+    for iterations in range(1, max_iterations + 1):  # noqa: B007 - told in the pose
         bc_x, bc_y = l_bc * cos(gamma), l_bc * sin(gamma)
         dc_x, dc_y = l_dc * cos(beta), l_dc * sin(beta)
-        bent = gamma - angle_bcg
-        cg_x, cg_y = l_cg * cos(bent), l_cg * sin(bent)
+        cg_x, cg_y = cg_1 * bc_x + cg_2 * bc_y, cg_1 * bc_y - cg_2 * bc_x
         ef_x, ef_y = l_ef * cos(delta), l_ef * sin(delta)
         fg_x, fg_y = l_fg * cos(theta), l_fg * sin(theta)
         f1 = db_x + bc_x - dc_x
@@ -142,9 +158,18 @@ def refine(
         return None
     # det1 and det2 are sin(gamma + beta) and sin(delta + theta) times lengths; rounding may give
     # a pose that is singular the wrong sign.
-    if det1 * sign_1 < -rounding_1 * l_bc or det2 * sign_2 < -rounding_2 * l_ef:
+    size_1 = det1 * sign_1
+    size_2 = det2 * sign_2
+    if size_1 < least_1 or size_2 < least_2:
         return None
-    if -singular_1 <= det1 <= singular_1 or -singular_2 <= det2 <= singular_2:
+    if not (-pi < gamma <= pi and -pi < beta <= pi and -pi < delta <= pi and -pi < theta <= pi):
+        if not (max(map(abs, (gamma, beta, delta, theta))) < FAR):
+            return None
+        gamma = wrap(gamma)
+        beta = wrap(beta)
+        delta = wrap(delta)
+        theta = wrap(theta)
+    if size_1 <= singular_1 or size_2 <= singular_2:
         coefficients = NO_COEFFICIENTS
     else:
         # Phi dx/dalpha = -df/dalpha, by the same substitution.
@@ -158,16 +183,20 @@ def refine(
             (fg_x * r3 - fg_y * r4) / det2,
             (ef_x * r3 + ef_y * r4) / det2,
         )
-    bent = theta + angle_fgh
-    return KlannPose(
-        alpha,
-        gamma if -pi < gamma <= pi else wrap(gamma),
-        beta if -pi < beta <= pi else wrap(beta),
-        delta if -pi < delta <= pi else wrap(delta),
-        theta if -pi < theta <= pi else wrap(theta),
-        (x_d + dc_x + cg_x + l_gh * cos(bent), dc_y - cg_y - l_gh * sin(bent)),
-        iterations,
-        hypot(f1, f2, f3, f4),
-        coefficients,
-        geometry,
+    gh_x, gh_y = gh_1 * fg_x - gh_2 * fg_y, gh_1 * fg_y + gh_2 * fg_x
+    # The NamedTuple's own constructor takes a twentieth of the whole time.
+    return tuple.__new__(
+        KlannPose,
+        (
+            alpha,
+            gamma,
+            beta,
+            delta,
+            theta,
+            (x_d + dc_x + cg_x + gh_x, dc_y - cg_y - gh_y),
+            iterations,
+            hypot(f1, f2, f3, f4),
+            coefficients,
+            geometry,
+        ),
     )

@@ -4,7 +4,10 @@ from math import cos, isfinite, isnan, sin
 from typing import NamedTuple
 
 from klann_ros.kinematics.errors import SingularPoseError
+import numpy as np
+from numpy.typing import NDArray
 
+from .points_motion import velocities
 from .pose import KlannPose
 
 
@@ -18,6 +21,8 @@ class KlannVelocity(NamedTuple):
         Angular velocities, with the signs of the textbook's angles [rad/s].
     h : tuple of float
         Velocity of the foot H (x, y) [m/s].
+    pose : KlannPose
+        The pose that moves.
 
     """
 
@@ -27,6 +32,17 @@ class KlannVelocity(NamedTuple):
     delta: float
     theta: float
     h: tuple[float, float]
+    pose: KlannPose
+
+    @property
+    def joints(self) -> tuple[float, float, float, float, float]:
+        """Return the angular velocities in the order of a pose's angles [rad/s]."""
+        return self[:5]
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """Return the velocities of A to H, shape (8, 2) [m/s]; computed at each use."""
+        return velocities(self.pose, self[:5])
 
 
 def velocity(pose: KlannPose, alpha_rate: float) -> KlannVelocity:
@@ -66,4 +82,4 @@ def velocity(pose: KlannPose, alpha_rate: float) -> KlannVelocity:
         -dc * sin(pose.beta) - cg * sin(bent_c) - gh * sin(bent_g),
         dc * cos(pose.beta) - cg * cos(bent_c) - gh * cos(bent_g),
     )
-    return KlannVelocity(alpha_rate, gamma_1, beta_1, delta_1, theta_1, h_1)
+    return KlannVelocity(alpha_rate, gamma_1, beta_1, delta_1, theta_1, h_1, pose)

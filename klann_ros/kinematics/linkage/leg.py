@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .branch_table import TRUSTED
+from .description import Description
 from .linkage import Linkage
 from .motion import acceleration, LinkageMotion, velocity
-from .pose import LinkagePose
+from .pose import LinkagePose, made_pose
 from .refinement import refine
 from .seeds import Seeds, STEP
 
@@ -64,6 +65,11 @@ class LinkageLeg:
     def linkage(self) -> Linkage:
         """Return what it solves."""
         return self._linkage
+
+    @property
+    def geometry(self) -> Description:
+        """Return its description."""
+        return self._linkage.description
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -159,6 +165,29 @@ class LinkageLeg:
             tolerance=self._tolerance,
             max_iterations=max_iterations,
         )
+
+    def closed_form(self, alpha: float) -> LinkagePose:
+        """
+        Return the pose at a crank angle from nothing; it neither reads nor sets `last`.
+
+        Dyads are placed by the geometric method alone. Coupled loops have no closed form: theirs
+        is the nearest pose of their branch, refined.
+
+        Raises
+        ------
+        CrankAngleError
+            `alpha` is not finite, or beyond +-1e6 rad.
+        UnreachableError
+            A dyad does not close at this crank angle.
+        LoopsOpenError
+            Coupled loops do not close at this crank angle on their branch.
+
+        """
+        return made_pose(self._linkage, self._seeds.assembled(crank_angle(alpha)), 0)
+
+    def residual(self, alpha: float, x: Sequence[float]) -> float:
+        """Return the norm of f at a crank angle and the other angles [m]."""
+        return float(np.linalg.norm(self._linkage.f(alpha, x)))
 
     def reachable_arcs(self) -> list[Arc]:
         """

@@ -1,5 +1,7 @@
 """Newton-Raphson for a linkage, block by block."""
 
+from klann_ros.kinematics.angles import FAR
+
 from .blocks import CoupledLoops, Dyad
 from .configuration import Configuration
 from .linkage import Linkage
@@ -42,6 +44,8 @@ def refine(
     for block, sign in zip(linkage.blocks, linkage.assembly, strict=True):
         spent = refine_block(block, configuration, tolerance, max_iterations)
         if spent == 0 or block.sine(configuration.u) * sign < -block.rounding_of_sine:
+            return None
+        if max(abs(configuration.angles[j]) for j in block.unknowns) > FAR:
             return None
         iterations = max(iterations, spent)
     return made_pose(linkage, configuration, iterations)

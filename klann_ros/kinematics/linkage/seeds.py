@@ -1,9 +1,10 @@
 """
 Guesses made from nothing, on a linkage's assembly branch.
 
-A dyad's are exact: two circles. There is no closed form for coupled loops. Their branch is what the linkage reaches from its start
-when the crank is turned, without passing a singular pose; it is followed once, in small steps, and
-kept. A guess is the nearest pose in the table, led on along its tangent.
+A dyad's are exact: two circles. There is no closed form for coupled loops. Their branch is what
+the linkage reaches from its start when the crank is turned, without passing a singular pose; it is
+followed once, in small steps, and kept. A guess is the nearest pose in the table, led on along its
+tangent.
 """
 
 from math import isnan
@@ -59,7 +60,11 @@ class Seeds:
             Coupled loops do not close on this branch.
 
         """
-        return tuple(self._assembled(alpha, len(self._linkage.blocks)).angles[1:])
+        return tuple(self.assembled(alpha).angles[1:])
+
+    def assembled(self, alpha: float) -> Configuration:
+        """Return the closed configuration at a crank angle; raises as `seed` does."""
+        return self._assembled(alpha, len(self._linkage.blocks))
 
     def arcs(self) -> list[Arc]:
         """Return the arcs of crank angles at which every block closes [rad]."""
@@ -72,7 +77,7 @@ class Seeds:
         """Return the clearance of the dyad that fails [m], or else the least of all dyads."""
         dyads = [block for block in self._linkage.blocks if isinstance(block, Dyad)]
         try:
-            u = self._assembled(alpha, len(self._linkage.blocks)).u
+            u = self.assembled(alpha).u
         except UnreachableError as error:
             # Where the ends of a dyad coincide nothing closes, although nothing is short.
             return min(-error.shortfall, -float_info.min)

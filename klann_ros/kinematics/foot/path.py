@@ -1,0 +1,226 @@
+"""The foot's path over all crank angles that a leg can reach."""
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import inf, isfinite, nan
+from typing import Any
+
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.errors import KinematicsError
+from klann_ros.kinematics.mechanism import Leg, PoseT
+import numpy as np
+
+from . import inverse
+from .coordinate import Array, Coordinate, X, Y
+from .extremes import pieces
+from .inverse import Nearest, ROUNDING
+from .quadrature import enclosed_area, path_length
+from .span import Span
+from .stance import Stance, stances
+from .track import Track
+
+# Part of the lift that the foot may be above the ground. Between their two lowest points the feet
+# of both known legs rise by a fifteenth (SEM 104) and a tenth (patent) of their lift.
+GROUND = 1.0 / 8.0
+# Below this part of the leg's size a height is rounding.
+LEAST_GROUND = 1e-12
+FEWEST_SAMPLES = 32
+
+
+class NoFootPathError(KinematicsError):
+    """A leg that reaches no crank angle at all."""
+
+    def __str__(self) -> str:
+        return 'there is no foot path: the leg reaches no crank angle'
+
+
+@dataclass(frozen=True, eq=False)
+class FootPath:
+    """
+    The path of the foot H, as samples and as what follows from them; made by `foot_path`.
+
+    Attributes
+    ----------
+    alphas : numpy.ndarray, shape (n,)
+        Crank angles [rad], one arc after the other; each rises, beyond 2 pi if it runs over it.
+    h, h_1 : numpy.ndarray, shape (n, 2)
+        H [m] and dH/dalpha [m/rad]; the latter NaN at a singular pose, as arcs have at their ends.
+    arcs : tuple of (float, float)
+        Start and end of each reachable arc [rad].
+
+    """
+
+    alphas: Array
+    h: Array
+    h_1: Array
+    arcs: tuple[tuple[float, float], ...]
+    _tracks: tuple[Track[Any], ...] = field(repr=False)
+
+    @property
+    def full_turn(self) -> bool:
+        """Return whether the crank turns fully, so that the path is closed."""
+        return self._tracks[0].span.is_turn
+
+    @cached_property
+    def x_range(self) -> tuple[float, float]:
+        """Return the least and the greatest x of H [m]."""
+        return self._range(X)
+
+    @cached_property
+    def y_range(self) -> tuple[float, float]:
+        """Return the least and the greatest y of H [m]."""
+        return self._range(Y)
+
+    @property
+    def stride(self) -> float:
+        """Return the extent along x, of the path as a whole [m]."""
+        return self.x_range[1] - self.x_range[0]
+
+    @property
+    def lift(self) -> float:
+        """Return the extent along y [m]."""
+        return self.y_range[1] - self.y_range[0]
+
+    @cached_property
+    def length(self) -> float:
+        """Return the length of the path [m]; of several arcs, their sum."""
+        return sum(path_length(track) for track in self._tracks)
+
+    @cached_property
+    def area(self) -> float:
+        """
+        Return the area that the path encloses [m^2]; NaN for a path that is not closed.
+
+        It is positive where the foot goes round counter-clockwise for a crank that does.
+        """
+        return enclosed_area(self._tracks[0]) if self.full_turn else nan
+
+    def stance(self, ground: float | None = None) -> Stance:
+        """Return the stance that holds the lowest point; for `ground` see `stances`."""
+        return self.stances(ground)[0]
+
+    def stances(self, ground: float | None = None) -> list[Stance]:
+        """
+        Return the arcs over which the foot is on the ground, that with the lowest point first.
+
+        The foot is on the ground while H is at most `ground` above its lowest point and moves
+        along x as it does there: backwards.
+
+        Parameters
+        ----------
+        ground : float, optional
+            Height of the band [m]; an eighth of the lift where it is left out.
+
+        Raises
+        ------
+        ValueError
+            `ground` is not finite, or not above rounding: 1e-12 of the leg's size.
+
+        """
+        least = LEAST_GROUND * self._size
+        if ground is None:
+            ground = max(GROUND * self.lift, least)
+        elif not least <= ground < inf:
+            msg = f'ground = {ground!r} m is refused: it must be finite and at least {least:.3g} m'
+            raise ValueError(msg)
+        return stances(self._tracks, ground, ROUNDING * self._size)
+
+    def crank_angles_at_x(self, x: float) -> list[float]:
+        """
+        Return every crank angle at which H has this x [m], in [0, 2 pi), sorted [rad].
+
+        An x that the foot never has gives an empty list, the path's least or greatest x one angle.
+        """
+        return self._crank_angles_at(X, 'x', x)
+
+    def crank_angles_at_height(self, y: float) -> list[float]:
+        """Return every crank angle at which H has this y [m], in [0, 2 pi), sorted [rad]."""
+        return self._crank_angles_at(Y, 'y', y)
+
+    def nearest_crank_angle(self, point: Sequence[float]) -> Nearest:
+        """
+        Return the crank angle at which H is nearest to a point (x, y) [m], and how near.
+
+        Raises
+        ------
+        ValueError
+            The point is not two finite numbers.
+
+        """
+        try:
+            x, y = (float(value) for value in point)
+        except (TypeError, ValueError):
+            x = y = nan
+        if not (isfinite(x) and isfinite(y)):
+            msg = f'point = {point!r} is refused: it must be two finite numbers'
+            raise ValueError(msg)
+        return inverse.nearest(self._tracks, (x, y), self._size)
+
+    @cached_property
+    def _size(self) -> float:
+        """Return how large the coordinates are: what rounding is a part of [m]."""
+        return float(np.abs(self.h).max())
+
+    def _range(self, s: Coordinate) -> tuple[float, float]:
+        found = [piece for track in self._tracks for piece in pieces(track, s)]
+        values = [value for *_, value_0, value_1 in found for value in (value_0, value_1)]
+        return min(values), max(values)
+
+    def _crank_angles_at(self, s: Coordinate, name: str, value: float) -> list[float]:
+        if not isfinite(value):
+            msg = f'{name} = {value!r} is refused: it must be finite'
+            raise ValueError(msg)
+        return inverse.crank_angles_at(self._tracks, s, value, self._size)
+
+
+def foot_path(leg: Leg[PoseT], *, samples: int = 720) -> FootPath:
+    """
+    Return the path of a leg's foot over all crank angles that it can reach.
+
+    Extremes and crank angles are found between the samples, to rounding; the samples only have to
+    tell them apart. At the end of an arc the crank angle's own last digit moves the foot by about
+    1e-8 of its size, and what lies there is known no better.
+
+    Parameters
+    ----------
+    leg : Leg
+        Any leg; it is copied, and keeps its last pose.
+    samples : int
+        Samples for a whole turn, at least 32; an arc has its share of them, but not fewer than 32.
+
+    Raises
+    ------
+    NoFootPathError
+        The leg reaches no crank angle.
+    ValueError
+        There are too few samples.
+
+    """
+    if samples < FEWEST_SAMPLES:
+        msg = f'samples = {samples!r} is refused: at least {FEWEST_SAMPLES}'
+        raise ValueError(msg)
+    own = copy(leg)
+    own.reset()
+    spans = [Span(start, end) for start, end in own.reachable_arcs()]
+    shares = [round(samples * (span.end - span.start) / TURN) for span in spans]
+    tracks = [
+        Track(own, span, max(FEWEST_SAMPLES, share))
+        for span, share in zip(spans, shares, strict=True)
+    ]
+    tracks = [track for track in tracks if len(track.t) > 1]
+    if not tracks:
+        raise NoFootPathError
+    arrays = (
+        np.concatenate([getattr(track, name) for track in tracks])
+        for name in ('alphas', 'h', 'h_1')
+    )
+    alphas, h, h_1 = (_read_only(array) for array in arrays)
+    arcs = tuple((track.span.start, track.span.end) for track in tracks)
+    return FootPath(alphas, h, h_1, arcs, tuple(tracks))
+
+
+def _read_only(array: Array) -> Array:
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,211 @@
+"""
+The stance: while the foot is on the ground.
+
+The leg is taken to walk on a level ground at the foot's lowest point. The foot is on it while H is
+within a band above that point, and moves backwards: the way it moves along x at the lowest point.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import inf, pi
+from typing import Any, NamedTuple
+
+from klann_ros.kinematics.angles import TURN
+import numpy as np
+
+from .coordinate import Along, X, Y
+from .extremes import pieces, slope_range, turning_points
+from .inverse import parameters_at
+from .quadrature import nodes
+from .track import Track
+
+# Panels of the quadrature over a stance, 8 nodes each.
+PANELS = 24
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stance:
+    """
+    One arc of the crank over which the foot is on the ground.
+
+    Attributes
+    ----------
+    start, end : float
+        Crank angles, start in [0, 2 pi), start < end [rad].
+    direction : int
+        The sign of dx/dalpha: which way the foot moves for a crank that turns counter-clockwise.
+    ground : float
+        Height of the band above the lowest point [m].
+    ground_covered : float
+        How far the foot moves along x [m].
+    deviation : float
+        The greatest distance of the foot from the straight line that fits its path best: least
+        squares of the distances from the line, every metre of path counting the same [m].
+    speed_mean, speed_least, speed_greatest : float
+        |dx/dalpha|: ground covered for an angle of the crank [m/rad]. The least is 0 where the
+        stance ends because the foot turns back, the greatest infinite where the crank's arc ends.
+
+    """
+
+    start: float
+    end: float
+    direction: int
+    ground: float
+    ground_covered: float
+    deviation: float
+    speed_mean: float
+    speed_least: float
+    speed_greatest: float
+
+    @property
+    def duty_factor(self) -> float:
+        """Return the part of a turn during which the foot is on the ground."""
+        return (self.end - self.start) / TURN
+
+    @property
+    def straightness(self) -> float:
+        """Return the deviation as a part of the ground covered; 0 is straight."""
+        return self.deviation / self.ground_covered if self.ground_covered else inf
+
+    @property
+    def ripple(self) -> float:
+        """Return (greatest - least) / mean of the speed; 0 is even."""
+        spread = self.speed_greatest - self.speed_least
+        return spread / self.speed_mean if self.speed_mean else inf
+
+    def speed(self, alpha_rate: float) -> float:
+        """
+        Return the mean speed at which the foot on the ground drives the body along x [m/s].
+
+        The body goes the other way than the foot.
+
+        Parameters
+        ----------
+        alpha_rate : float
+            Rate of the crank [rad/s].
+
+        """
+        return -self.direction * self.speed_mean * alpha_rate
+
+
+class _Stretch(NamedTuple):
+    """A stretch of a track within the band on which x is monotone."""
+
+    track: Track[Any]
+    t_0: float
+    t_1: float
+    sign: int
+    holds_lowest: bool
+
+
+def stances(tracks: Sequence[Track[Any]], ground: float, rounding: float) -> list[Stance]:
+    """
+    Return the stances, that with the lowest point first, then the others as the crank turns.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        The foot's path.
+    ground : float
+        Height of the band above the lowest point, well above rounding [m].
+    rounding : float
+        What a coordinate can lose to rounding [m].
+
+    """
+    lowest, track, t = min(
+        (value, k, t)
+        for k, track in enumerate(tracks)
+        for t_0, t_1, value_0, value_1 in pieces(track, Y)
+        for value, t in ((value_0, t_0), (value_1, t_1))
+    )
+    level = lowest + ground
+    found = [
+        stretch
+        for k, one in enumerate(tracks)
+        for stretch in _stretches(one, level, rounding, t if k == track else None)
+    ]
+    around = max(
+        (stretch for stretch in found if stretch.holds_lowest),
+        key=lambda stretch: abs(_advance(stretch)),
+    )
+    on_ground = _joined([stretch for stretch in found if stretch.sign == around.sign])
+    first = [stretch for stretch in on_ground if stretch.holds_lowest]
+    others = [stretch for stretch in on_ground if not stretch.holds_lowest]
+    return [_stance(stretch, ground) for stretch in (*first, *others)]
+
+
+def _stretches(
+    track: Track[Any], level: float, rounding: float, lowest: float | None
+) -> list[_Stretch]:
+    ends = {*turning_points(track, X), *parameters_at(track, Y, level, rounding)}
+    if track.span.is_turn:
+        edges = sorted({t % pi for t in ends}) or [0.0]
+        edges.append(edges[0] + pi)
+    else:
+        edges = sorted({*ends, float(track.t[0]), float(track.t[-1])})
+    # Over a turn's seam t goes on, or comes from before it.
+    seams = (-pi, 0.0, pi) if track.span.is_turn else (0.0,)
+    found = []
+    for t_0, t_1 in pairwise(edges):
+        if track.value(Y, (t_0 + t_1) / 2.0) <= level:
+            advance = track.value(X, t_1) - track.value(X, t_0)
+            holds = lowest is not None and any(t_0 <= lowest + seam <= t_1 for seam in seams)
+            found.append(_Stretch(track, t_0, t_1, 1 if advance > 0.0 else -1, holds))
+    return found
+
+
+def _advance(stretch: _Stretch) -> float:
+    track, t_0, t_1, *_ = stretch
+    return track.value(X, t_1) - track.value(X, t_0)
+
+
+def _joined(stretches: list[_Stretch]) -> list[_Stretch]:
+    """Join what meets: a path that only touches the band's edge does not leave it."""
+    joined: list[_Stretch] = []
+    for stretch in stretches:
+        last = joined[-1] if joined else None
+        if last and last.track is stretch.track and last.t_1 == stretch.t_0:
+            holds = last.holds_lowest or stretch.holds_lowest
+            joined[-1] = last._replace(t_1=stretch.t_1, holds_lowest=holds)
+        else:
+            joined.append(stretch)
+    if len(joined) > 1 and joined[0].track.span.is_turn:
+        first, last = joined[0], joined[-1]
+        if last.t_1 == first.t_0 + pi:
+            holds = first.holds_lowest or last.holds_lowest
+            whole = last._replace(t_1=first.t_1 + pi, holds_lowest=holds)
+            joined = [*joined[1:-1], whole]
+    return joined
+
+
+def _stance(stretch: _Stretch, ground: float) -> Stance:
+    track, t_0, t_1, sign, _ = stretch
+    start, end = track.span.alpha(t_0), track.span.alpha(t_1)
+    covered = abs(_advance(stretch))
+    least, greatest = slope_range(track, X, t_0, t_1)
+    wrapped = start % TURN
+    return Stance(
+        start=wrapped,
+        end=wrapped + (end - start),
+        direction=sign,
+        ground=ground,
+        ground_covered=covered,
+        deviation=_deviation(track, t_0, t_1),
+        speed_mean=covered / (end - start),
+        speed_least=least,
+        speed_greatest=greatest,
+    )
+
+
+def _deviation(track: Track[Any], t_0: float, t_1: float) -> float:
+    """Return the greatest distance from the line through the centre along the main axis [m]."""
+    h, h_t, weights = nodes(track, t_0, t_1, PANELS)
+    metres = np.hypot(*h_t.T) * weights
+    centre = metres @ h / metres.sum()
+    _, axes = np.linalg.eigh(((h - centre).T * metres) @ (h - centre))
+    normal = Along(*axes[:, 0].tolist())
+    turns = [t + k * pi for t in turning_points(track, normal) for k in (0, 1)]
+    inside = [t for t in turns if t_0 < t < t_1]
+    offsets = [track.value(normal, t) - float(normal.value(centre)) for t in (t_0, t_1, *inside)]
+    return max(map(abs, offsets))

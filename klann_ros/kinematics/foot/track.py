@@ -1,0 +1,130 @@
+"""The foot along one arc of crank angles: sampled once, and solved anew between the samples."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from math import nan, pi
+from typing import Generic, TypeVar
+
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.errors import KinematicsError, SingularPoseError
+from klann_ros.kinematics.mechanism import Leg, LegPose
+import numpy as np
+
+from .coordinate import Array, Coordinate
+from .span import Span
+
+PoseT = TypeVar('PoseT', bound=LegPose)
+
+# At the very end of an arc rounding decides whether a pose can be solved; how far before it the
+# foot is looked for then [rad].
+BACK_OFF = (0.0, *(2.0**k for k in range(-52, -19)))
+
+
+class Track(Generic[PoseT]):
+    """
+    The foot of a leg over a span of crank angles.
+
+    Parameters
+    ----------
+    leg : Leg
+        A leg that nobody else solves.
+    span : Span
+        The arc.
+    n : int
+        How many samples are taken; one that cannot be solved is left out.
+
+    Attributes
+    ----------
+    t : numpy.ndarray, shape (k,)
+        The span's parameter at the samples.
+    alphas : numpy.ndarray, shape (k,)
+        Crank angles, start to end [rad].
+    h, h_1 : numpy.ndarray, shape (k, 2)
+        H [m] and dH/dalpha [m/rad], which is NaN at a singular pose.
+
+    """
+
+    def __init__(self, leg: Leg[PoseT], span: Span, n: int) -> None:
+        """Take the samples."""
+        self.span = span
+        self._leg = leg
+        solved = list(self._solvable(span.samples(n)))
+        self.t = np.array([t for t, _ in solved])
+        self.alphas = np.array([pose.alpha for _, pose in solved])
+        self.h = np.array([pose.h for _, pose in solved]).reshape(-1, 2)
+        self.h_1 = np.array([self._h_1(pose) for _, pose in solved]).reshape(-1, 2)
+
+    def h_at(self, t: float) -> Array:
+        """Return H, shape (2,) [m]."""
+        return np.array(self._pose(t).h)
+
+    def h_t_at(self, t: float) -> Array:
+        """Return dH/dt, shape (2,)."""
+        return self._h_1(self._pose(t)) * self.span.alpha_1(t)
+
+    def crank_angle(self, t: float) -> float:
+        """Return the crank angle in [0, 2 pi), one that can be solved [rad]."""
+        return self._pose(t, wrapped=True).alpha
+
+    def value(self, s: Coordinate, t: float) -> float:
+        """Return a coordinate of the foot."""
+        return float(s.value(self.h_at(t)))
+
+    def slope(self, s: Coordinate, t: float) -> float:
+        """Return ds/dalpha; NaN at a singular pose."""
+        pose = self._pose(t)
+        return float(s.slope(np.array(pose.h), self._h_1(pose)))
+
+    def slopes(self, s: Coordinate) -> Array:
+        """Return ds/dalpha at the samples, shape (k,)."""
+        return s.slope(self.h, self.h_1)
+
+    def curvature(self, s: Coordinate, t: float) -> float:
+        """Return d2s/dalpha2; NaN at a singular pose."""
+        pose = self._pose(t)
+        h_2 = np.array(self._acceleration(pose))
+        return float(s.curvature(np.array(pose.h), self._h_1(pose), h_2))
+
+    def curvature_t(self, s: Coordinate, t: float) -> float:
+        """Return d2s/dt2 by the chain rule."""
+        alpha_1, alpha_2 = self.span.alpha_1(t), self.span.alpha_2(t)
+        return self.curvature(s, t) * alpha_1**2 + self.slope(s, t) * alpha_2
+
+    def _solvable(self, ts: list[float]) -> Iterator[tuple[float, PoseT]]:
+        for t in ts:
+            pose = None
+            with suppress(KinematicsError):
+                pose = self._pose(t)
+            if pose is not None:
+                yield t, pose
+
+    def _pose(self, t: float, *, wrapped: bool = False) -> PoseT:
+        alpha = self.span.alpha(t)
+        inward = 1.0 if t < pi / 2.0 else -1.0
+        for back_off in BACK_OFF:
+            near = alpha + inward * back_off
+            try:
+                return self._leg.solve(_wrapped(near) if wrapped else near)
+            except KinematicsError as caught:
+                error = caught
+                if self.span.is_turn:
+                    break
+        raise error
+
+    def _h_1(self, pose: PoseT) -> Array:
+        try:
+            return np.array(self._leg.velocity(pose, 1.0).h)
+        except SingularPoseError:
+            return np.array((nan, nan))
+
+    def _acceleration(self, pose: PoseT) -> tuple[float, float]:
+        try:
+            return self._leg.acceleration(pose, 1.0, 0.0).h
+        except SingularPoseError:
+            return nan, nan
+
+
+def _wrapped(alpha: float) -> float:
+    """Return the angle in [0, 2 pi); a tiny negative one has its remainder rounded to 2 pi."""
+    rest = alpha % TURN
+    return rest if rest < TURN else 0.0

@@ -1,0 +1,177 @@
+"""Which crank angles put the foot where it is wanted: all of them, and no others."""
+
+from collections.abc import Callable
+import math
+from typing import Any
+
+from hypothesis import assume, given, settings, strategies as st
+from klann_ros.kinematics import foot_path, KlannGeometry, KlannLeg
+import numpy as np
+import pytest
+from strategies import legs
+
+PRESETS = [KlannGeometry.sem104(), KlannGeometry.patent()]
+TURN = 2 * math.pi
+fractions = st.floats(0.0, 1.0)
+
+
+def reachable(leg: KlannLeg, where: float) -> float:
+    """Return the crank angle that is `where` (0 .. 1) of the way through all reachable arcs."""
+    arcs = leg.reachable_arcs()
+    arc = min(int(where * len(arcs)), len(arcs) - 1)
+    share = where * len(arcs) - arc
+    start, end = arcs[arc]
+    return start + (end - start) * (0.001 + 0.998 * share)
+
+
+def apart(alpha: float, beta: float) -> float:
+    return abs(math.remainder(alpha - beta, TURN))
+
+
+@settings(deadline=None, max_examples=60)
+@given(geometry=legs(), where=fractions, axis=st.sampled_from([0, 1]))
+def test_the_angles_of_a_foots_coordinate_hold_its_own(
+    geometry: KlannGeometry, where: float, axis: int
+) -> None:
+    leg = KlannLeg(geometry)
+    path = foot_path(leg)
+    pose = leg.solve(reachable(leg, where))
+    slope = leg.velocity(pose, 1.0).h[axis]
+    assume(abs(slope) > 1e-3)
+    ask = (path.crank_angles_at_x, path.crank_angles_at_height)[axis]
+    angles = ask(pose.h[axis])
+    assert min(apart(angle, pose.alpha) for angle in angles) <= 1e-10
+    assert angles == sorted(angles)
+    assert all(0.0 <= angle < TURN for angle in angles)
+    for angle in angles:
+        # The last digit of a crank angle moves the foot that much.
+        there = leg.solve(angle)
+        limit = 1e-10 + 1e-14 / min(there.sines) ** 2
+        assert there.h[axis] == pytest.approx(pose.h[axis], abs=limit)
+
+
+@settings(deadline=None, max_examples=40)
+@given(geometry=legs(change=0.05), where=fractions, axis=st.sampled_from([0, 1]))
+def test_there_are_as_many_angles_as_fine_samples_cross_the_value(
+    geometry: KlannGeometry, where: float, axis: int
+) -> None:
+    leg = KlannLeg(geometry)
+    assume(leg.reachable_arcs() == [(0.0, TURN)])
+    path = foot_path(leg, samples=180)
+    value = leg.solve(reachable(leg, where)).h[axis]
+    feet = np.array([leg.solve(k * TURN / 4000).h[axis] for k in range(4001)])
+    # Not near an extreme, where the samples cannot tell.
+    inner = feet[1:-1]
+    extremes = inner[(inner - feet[:-2]) * (feet[2:] - inner) <= 0.0]
+    assume(abs(extremes - value).min(initial=1.0) > 1e-3)
+    crossings = np.count_nonzero((feet[1:] > value) != (feet[:-1] > value))
+    ask = (path.crank_angles_at_x, path.crank_angles_at_height)[axis]
+    assert len(ask(value)) == crossings
+
+
+@pytest.mark.parametrize('geometry', [*PRESETS, KlannGeometry(l_bc=0.33)])
+def test_an_extreme_gives_its_one_angle(geometry: KlannGeometry) -> None:
+    leg = KlannLeg(geometry)
+    path = foot_path(leg)
+    for axis, (ask, ends) in enumerate(
+        [(path.crank_angles_at_x, path.x_range), (path.crank_angles_at_height, path.y_range)]
+    ):
+        for end in ends:
+            (angle,) = ask(end)
+            assert leg.solve(angle).h[axis] == pytest.approx(end, abs=1e-15)
+
+
+@pytest.mark.parametrize('geometry', PRESETS)
+def test_what_the_foot_never_has_gives_no_angle(geometry: KlannGeometry) -> None:
+    path = foot_path(KlannLeg(geometry))
+    for ask, (least, greatest) in (
+        (path.crank_angles_at_x, path.x_range),
+        (path.crank_angles_at_height, path.y_range),
+    ):
+        assert ask(least - 1e-12) == []
+        assert ask(greatest + 1e-12) == []
+        assert len(ask((least + greatest) / 2)) == 2
+
+
+def test_the_ends_of_an_arc_are_included() -> None:
+    leg = KlannLeg(KlannGeometry(l_bc=0.33))
+    path = foot_path(leg)
+    for k, end in ((0, path.arcs[0][0]), (-1, path.arcs[0][1])):
+        angles = path.crank_angles_at_x(path.h[k, 0])
+        assert min(apart(angle, end) for angle in angles) <= 1e-11
+        for angle in angles:
+            leg.solve(angle)
+
+
+def test_an_ellipse_gives_the_arc_cosines(ellipse: Callable[[float, float], Any]) -> None:
+    path = foot_path(ellipse(0.5, 0.25))
+    for x in (-0.49, -0.2, 0.0, 0.3, 0.499999):
+        alpha = math.acos(x / 0.5)
+        assert path.crank_angles_at_x(1.0 + x) == pytest.approx([alpha, TURN - alpha], abs=1e-12)
+    assert path.crank_angles_at_x(1.5) == pytest.approx([0.0], abs=1e-12)
+    assert path.crank_angles_at_height(-2.0) == pytest.approx([0.0, math.pi], abs=1e-12)
+
+
+def test_two_extremes_between_two_samples_are_found(wavy: Callable[[float], Any]) -> None:
+    # x = sin u (1 + k cos u) is 0 at u = 0 and pi, and for k > 1 at cos u = -1/k as well.
+    few = foot_path(wavy(0.9995), samples=32)
+    assert few.crank_angles_at_x(0.0) == pytest.approx([0.1, math.pi + 0.1], abs=1e-5)
+    many = foot_path(wavy(1.0005), samples=32)
+    u = math.acos(-1 / 1.0005)
+    expected = [0.1, u + 0.1, math.pi + 0.1, TURN - u + 0.1]
+    assert many.crank_angles_at_x(0.0) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_singular_end_is_solved_to_the_last_digits(half_circle: Any) -> None:
+    path = foot_path(half_circle)
+    for y in (1e-3, 0.1, 0.4999):
+        alpha = math.sqrt(0.25 - y * y)
+        expected = sorted([6.0 - alpha, (6.0 + alpha) % TURN])
+        assert path.crank_angles_at_height(y) == pytest.approx(expected, abs=1e-12)
+
+
+@settings(deadline=None, max_examples=40)
+@given(geometry=legs(), where=fractions)
+def test_the_nearest_angle_of_a_foot_is_its_own(geometry: KlannGeometry, where: float) -> None:
+    leg = KlannLeg(geometry)
+    pose = leg.solve(reachable(leg, where))
+    assume(min(pose.sines) > 1e-3)
+    assume(math.hypot(*leg.velocity(pose, 1.0).h) > 1e-3)
+    nearest = foot_path(leg).nearest_crank_angle(pose.h)
+    assert nearest.distance <= 1e-12
+    assert min(apart(tie, pose.alpha) for tie in nearest.ties) <= 1e-9
+    assert nearest.alpha == nearest.ties[0]
+
+
+@settings(deadline=None, max_examples=40)
+@given(geometry=legs(), x=st.floats(-2.0, 2.0), y=st.floats(-2.0, 2.0))
+def test_no_sample_is_nearer_than_the_nearest(geometry: KlannGeometry, x: float, y: float) -> None:
+    leg = KlannLeg(geometry)
+    path = foot_path(leg)
+    nearest = path.nearest_crank_angle((x, y))
+    assert nearest.distance <= np.hypot(*(path.h - (x, y)).T).min() + 1e-12
+    # Near the end of an arc the last digit of the angle counts.
+    foot = leg.solve(nearest.alpha)
+    limit = 1e-12 + 1e-14 / max(1e-8, min(foot.sines))
+    assert math.dist(foot.h, (x, y)) == pytest.approx(nearest.distance, abs=limit)
+
+
+def test_ties_are_all_told(ellipse: Callable[[float, float], Any]) -> None:
+    path = foot_path(ellipse(0.5, 0.25))
+    nearest = path.nearest_crank_angle((1.0, -2.0))
+    assert nearest.distance == pytest.approx(0.25, abs=1e-15)
+    assert nearest.ties == pytest.approx((math.pi / 2, 3 * math.pi / 2), abs=1e-9)
+    assert path.nearest_crank_angle((3.0, -2.0)).distance == pytest.approx(1.5, abs=1e-15)
+
+
+@pytest.mark.parametrize('value', [math.nan, math.inf])
+def test_what_is_no_coordinate_is_refused(value: float) -> None:
+    path = foot_path(KlannLeg())
+    with pytest.raises(ValueError, match=f'x = {value} is refused'):
+        path.crank_angles_at_x(value)
+    with pytest.raises(ValueError, match=f'y = {value} is refused'):
+        path.crank_angles_at_height(value)
+    with pytest.raises(ValueError, match='two finite numbers'):
+        path.nearest_crank_angle((0.0, value))
+    with pytest.raises(ValueError, match='two finite numbers'):
+        path.nearest_crank_angle((0.0,))

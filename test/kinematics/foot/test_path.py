@@ -1,0 +1,247 @@
+"""`foot_path`: the figures of a whole turn, and of what there is of one."""
+
+from collections.abc import Callable
+from dataclasses import FrozenInstanceError, replace
+import math
+from typing import Any
+
+from hypothesis import given, settings, strategies as st
+from klann_ros.kinematics import (
+    foot_path,
+    FootPath,
+    KlannGeometry,
+    KlannLeg,
+    LinkageLeg,
+    NoFootPathError,
+    shipped_linkage,
+    UnreachableError,
+)
+from klann_ros.kinematics.klann.geometry import COORDINATES, LENGTHS
+import numpy as np
+import pytest
+from strategies import legs
+
+PRESETS = [KlannGeometry.sem104(), KlannGeometry.patent()]
+PARTIAL = KlannGeometry(l_bc=0.33)
+
+
+def path_of(geometry: KlannGeometry, **options: int) -> FootPath:
+    return foot_path(KlannLeg(geometry), **options)
+
+
+def test_the_textbook_foot_has_the_measured_ranges() -> None:
+    path = path_of(KlannGeometry.sem104())
+    np.testing.assert_allclose(path.x_range, (0.43590, 0.92686), rtol=0, atol=5e-6)
+    np.testing.assert_allclose(path.y_range, (-0.31879, -0.01873), rtol=0, atol=5e-6)
+    assert path.full_turn
+    assert path.arcs == ((0.0, 2 * math.pi),)
+
+
+def test_the_patent_foot_has_the_known_stride_and_lift() -> None:
+    path = path_of(KlannGeometry.patent())
+    assert path.stride == pytest.approx(1.009, abs=5e-4)
+    assert path.lift == pytest.approx(0.527, abs=5e-4)
+
+
+@pytest.mark.parametrize('geometry', PRESETS)
+def test_the_figures_do_not_depend_on_the_samples(geometry: KlannGeometry) -> None:
+    few, many = path_of(geometry), path_of(geometry, samples=1500)
+    for name in ('x_range', 'y_range', 'length', 'area'):
+        assert getattr(few, name) == pytest.approx(getattr(many, name), abs=1e-12), name
+
+
+@pytest.mark.parametrize('geometry', PRESETS)
+def test_no_pose_is_outside_the_ranges(geometry: KlannGeometry) -> None:
+    path, leg = path_of(geometry), KlannLeg(geometry)
+    feet = np.array([leg.solve(k * math.pi / 5000).h for k in range(10000)])
+    for values, (least, greatest) in zip(feet.T, (path.x_range, path.y_range), strict=True):
+        assert least <= values.min() + 1e-14
+        assert values.max() - 1e-14 <= greatest
+        # The parabola at an extreme leaves 1e-7 between samples as dense.
+        assert least == pytest.approx(values.min(), abs=1e-6)
+        assert greatest == pytest.approx(values.max(), abs=1e-6)
+
+
+def test_length_and_area_are_those_of_the_polygon_of_many_feet() -> None:
+    leg = KlannLeg()
+    feet = np.array([leg.solve(k * math.pi / 10000).h for k in range(20001)])
+    path = foot_path(leg)
+    steps = np.diff(feet, axis=0)
+    assert path.length == pytest.approx(np.hypot(*steps.T).sum(), rel=1e-6)
+    x, y = feet[:-1].T
+    assert path.area == pytest.approx((x @ steps[:, 1] - y @ steps[:, 0]) / 2, rel=1e-6)
+
+
+def test_the_samples_are_the_legs_own_poses() -> None:
+    leg = KlannLeg()
+    path = foot_path(leg, samples=100)
+    assert path.alphas.shape == (100,)
+    for alpha, h, h_1 in zip(path.alphas, path.h, path.h_1, strict=True):
+        pose = leg.solve(alpha)
+        np.testing.assert_allclose(pose.h, h, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(leg.velocity(pose, 1.0).h, h_1, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize('geometry', PRESETS)
+def test_a_full_turn_closes(geometry: KlannGeometry) -> None:
+    path, leg = path_of(geometry), KlannLeg(geometry)
+    np.testing.assert_allclose(leg.solve(2 * math.pi).h, path.h[0], rtol=0, atol=1e-13)
+    # What the foot moves over a turn adds up to nothing.
+    np.testing.assert_allclose(path.h_1.mean(axis=0), 0.0, atol=1e-13)
+
+
+def test_the_users_leg_keeps_its_last_pose() -> None:
+    leg = KlannLeg()
+    before = leg.solve(1.0)
+    foot_path(leg).crank_angles_at_x(0.6)
+    assert leg.last is before
+
+
+def test_a_path_is_frozen() -> None:
+    path = path_of(KlannGeometry())
+    with pytest.raises(ValueError, match='read-only'):
+        path.h[0] = 0.0
+    with pytest.raises(FrozenInstanceError):
+        path.h = path.h_1
+    assert path != path_of(KlannGeometry())
+
+
+@settings(deadline=None, max_examples=20)
+@given(geometry=legs(), factor=st.sampled_from([0.001, 3.0, 1000.0]))
+def test_scaled_lengths_scale_the_path(geometry: KlannGeometry, factor: float) -> None:
+    numbers = {name: factor * getattr(geometry, name) for name in LENGTHS + COORDINATES}
+    path, scaled = path_of(geometry), path_of(replace(geometry, **numbers))
+    # Where an arc ends its own last digit moves the foot.
+    near = 1e-9 if path.full_turn else 1e-5
+    assert scaled.stride == pytest.approx(factor * path.stride, rel=near, abs=near * factor)
+    assert scaled.lift == pytest.approx(factor * path.lift, rel=near, abs=near * factor)
+
+
+@settings(deadline=None, max_examples=20)
+@given(geometry=legs(change=0.1))
+def test_a_mirrored_leg_has_a_mirrored_path(geometry: KlannGeometry) -> None:
+    mirrored = replace(
+        geometry,
+        x_d=-geometry.x_d,
+        x_e=-geometry.x_e,
+        angle_bcg=-geometry.angle_bcg,
+        angle_fgh=-geometry.angle_fgh,
+        assembly=tuple(-sign for sign in geometry.assembly),
+    )
+    path, other = path_of(geometry), path_of(mirrored)
+    near = 1e-9 if path.full_turn else 1e-5
+    assert other.x_range == pytest.approx((-path.x_range[1], -path.x_range[0]), abs=near)
+    assert other.y_range == pytest.approx(path.y_range, abs=near)
+    # Mirrored once in the plane and once by the crank's sense.
+    assert other.area == pytest.approx(path.area, rel=1e-6, abs=1e-9, nan_ok=True)
+
+
+def test_part_of_a_turn_is_an_open_path_with_its_ends() -> None:
+    path = path_of(PARTIAL)
+    ((start, end),) = path.arcs
+    assert not path.full_turn
+    assert math.isnan(path.area)
+    assert path.alphas[0] == pytest.approx(start, abs=1e-11)
+    assert path.alphas[-1] == pytest.approx(end, abs=1e-11)
+    assert (np.diff(path.alphas) > 0).all()
+    assert path.length == pytest.approx(path_of(PARTIAL, samples=3000).length, rel=1e-7)
+
+
+def test_every_arc_is_part_of_the_path() -> None:
+    geometry = KlannGeometry(l_dc=0.07)
+    arcs = KlannLeg(geometry).reachable_arcs()
+    path = path_of(geometry)
+    assert len(arcs) > 1
+    assert path.arcs == tuple(arcs)
+    leg = KlannLeg(geometry)
+    for start, end in arcs:
+        for k in range(1, 100):
+            x, y = leg.solve(start + (end - start) * k / 100).h
+            assert path.x_range[0] <= x + 1e-12
+            assert y - 1e-12 <= path.y_range[1]
+
+
+# The foot is lowest just beside the end of an arc.
+LOWEST_BESIDE_AN_END = KlannGeometry(
+    l_ab=0.11405520677397718,
+    l_bc=0.31470052257808917,
+    l_dc=0.16198398582353474,
+    l_cg=0.441545700184766,
+    l_ef=0.307593594983953,
+    l_fg=0.2839156271678619,
+    l_gh=0.3999230823494247,
+    x_d=0.39259632958224,
+    y_a=0.0972650124568092,
+    x_e=0.21634191112893408,
+    y_e=0.175398987289455,
+    assembly=(-1, -1),
+)
+
+
+def test_an_extreme_beside_the_end_of_an_arc_is_found() -> None:
+    leg = KlannLeg(LOWEST_BESIDE_AN_END)
+    path = foot_path(leg)
+    start, _ = path.arcs[0]
+    lowest = min(leg.solve(start + 1e-7 * k).h[1] for k in range(1, 5000))
+    assert lowest < path.h[0, 1] - 1e-5
+    assert path.y_range[0] == pytest.approx(lowest, abs=1e-9)
+
+
+def test_a_linkage_of_the_same_lengths_has_the_same_path() -> None:
+    linkage = foot_path(LinkageLeg(shipped_linkage('klann')))
+    path = path_of(KlannGeometry.sem104())
+    assert linkage.x_range == pytest.approx(path.x_range, abs=1e-12)
+    assert linkage.length == pytest.approx(path.length, abs=1e-12)
+    for one, other in zip(
+        linkage.crank_angles_at_x(0.6), path.crank_angles_at_x(0.6), strict=True
+    ):
+        assert one == pytest.approx(other, abs=1e-12)
+
+
+@pytest.mark.parametrize('name', ['chebyshev_lambda', 'jansen'])
+def test_other_legs_have_a_path_and_a_stance(name: str) -> None:
+    leg = LinkageLeg(shipped_linkage(name))
+    path = foot_path(leg)
+    assert path.full_turn
+    # Both are known for a foot that is on the ground for more than half a turn, and level there.
+    assert path.stance().duty_factor > 0.5
+    assert path.stance().straightness < 0.05
+    for angle in path.crank_angles_at_x(sum(path.x_range) / 2):
+        assert leg.solve(angle).h[0] == pytest.approx(sum(path.x_range) / 2, abs=1e-13)
+
+
+def test_an_ellipse_has_its_figures(ellipse: Callable[[float, float], Any]) -> None:
+    path = foot_path(ellipse(0.5, 0.5))
+    assert path.x_range == pytest.approx((0.5, 1.5), abs=1e-15)
+    assert path.length == pytest.approx(math.pi, rel=1e-15)
+    assert path.area == pytest.approx(math.pi / 4, rel=1e-15)
+    path = foot_path(ellipse(0.3, -0.2))
+    assert (path.stride, path.lift) == pytest.approx((0.6, 0.4), rel=1e-15)
+    assert path.area == pytest.approx(-math.pi * 0.06, rel=1e-14)
+
+
+def test_a_half_circle_has_its_figures_up_to_its_singular_ends(half_circle: Any) -> None:
+    path = foot_path(half_circle)
+    assert path.stride == pytest.approx(1.0, abs=1e-12)
+    assert path.y_range == pytest.approx((0.0, 0.5), abs=1e-6)
+    assert path.length == pytest.approx(math.pi / 2, rel=1e-6)
+
+
+@pytest.mark.parametrize('samples', [31, 0, -5])
+def test_too_few_samples_are_refused(samples: int) -> None:
+    with pytest.raises(ValueError, match=f'samples = {samples} is refused'):
+        foot_path(KlannLeg(), samples=samples)
+
+
+def test_a_leg_that_reaches_nothing_has_no_path(half_circle: Any) -> None:
+    half_circle.reachable_arcs = list
+    with pytest.raises(NoFootPathError, match='reaches no crank angle'):
+        foot_path(half_circle)
+
+
+def test_an_arc_that_its_leg_cannot_solve_is_no_path(half_circle: Any) -> None:
+    half_circle.reachable_arcs = lambda: [(1.0, 2.0)]
+    with pytest.raises(UnreachableError):
+        half_circle.solve(1.5)
+    with pytest.raises(NoFootPathError):
+        foot_path(half_circle)

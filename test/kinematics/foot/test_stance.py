@@ -1,0 +1,153 @@
+"""The stance: while the foot is on the ground and moves backwards."""
+
+from collections.abc import Callable
+from dataclasses import replace
+import math
+from typing import Any
+
+from hypothesis import given, settings, strategies as st
+from klann_ros.kinematics import foot_path, KlannGeometry, KlannLeg
+import numpy as np
+import pytest
+from strategies import legs
+
+SEM104, PATENT = KlannGeometry.sem104(), KlannGeometry.patent()
+
+
+@pytest.mark.parametrize('geometry', [SEM104, PATENT])
+def test_both_known_legs_are_on_the_ground_for_about_half_a_turn(geometry: KlannGeometry) -> None:
+    path = foot_path(KlannLeg(geometry))
+    (stance,) = path.stances()
+    assert stance.duty_factor == pytest.approx(0.47, abs=0.01)
+    assert stance.ground_covered == pytest.approx(path.stride, rel=1e-3)
+    assert stance.straightness < 0.05
+    # A crank that turns counter-clockwise drives the body to +x.
+    assert stance.direction == -1
+    assert stance.speed(2.0) == pytest.approx(2.0 * stance.speed_mean)
+    assert stance.speed(-2.0) == -stance.speed(2.0)
+
+
+@pytest.mark.parametrize('geometry', [SEM104, PATENT])
+def test_on_the_ground_the_foot_is_in_the_band_and_moves_backwards(
+    geometry: KlannGeometry,
+) -> None:
+    leg = KlannLeg(geometry)
+    path = foot_path(leg)
+    for ground in (0.005, 0.02, 0.05, 0.2):
+        stances = path.stances(ground)
+        for k in range(2000):
+            pose = leg.solve((k + 0.5) * math.pi / 1000)
+            x_1 = leg.velocity(pose, 1.0).h[0]
+            down = pose.h[1] - path.y_range[0] <= ground and x_1 < 0.0
+            within = any(
+                one.start <= angle <= one.end
+                for one in stances
+                for angle in (pose.alpha, pose.alpha + 2 * math.pi)
+            )
+            assert within is down
+
+
+def test_the_first_stance_holds_the_lowest_point() -> None:
+    path = foot_path(KlannLeg())
+    # SEM 104's foot is lowest at 151 deg, and nearly as low at 22 deg.
+    first, second = path.stances(0.01)
+    assert math.degrees(first.start) < 151.0 < math.degrees(first.end)
+    assert math.degrees(second.start) < 22.0 < math.degrees(second.end)
+    assert path.stance(0.01) == first
+
+
+def test_the_figures_are_those_of_many_feet() -> None:
+    leg = KlannLeg(PATENT)
+    stance = foot_path(leg).stance()
+    poses = [leg.solve(stance.start + (stance.end - stance.start) * k / 4000) for k in range(4001)]
+    h = np.array([pose.h for pose in poses])
+    h_1 = np.array([leg.velocity(pose, 1.0).h for pose in poses])
+    assert stance.ground_covered == pytest.approx(abs(h[-1, 0] - h[0, 0]), abs=1e-13)
+    assert stance.speed_greatest == pytest.approx(abs(h_1[:, 0]).max(), rel=1e-6)
+    assert stance.speed_least == pytest.approx(0.0, abs=1e-12)
+    assert stance.speed_mean == pytest.approx(abs(h_1[:, 0]).mean(), rel=1e-3)
+    assert stance.ripple == pytest.approx(stance.speed_greatest / stance.speed_mean)
+    metres = np.hypot(*h_1.T)
+    centred = h - np.average(h, axis=0, weights=metres)
+    normal = np.linalg.svd(centred * np.sqrt(metres)[:, None])[2][1]
+    assert stance.deviation == pytest.approx(abs(centred @ normal).max(), rel=1e-3)
+
+
+def test_an_ellipse_has_its_stance(ellipse: Callable[[float, float], Any]) -> None:
+    path = foot_path(ellipse(0.5, 0.5))
+    stance = path.stance(0.1)
+    half = math.acos(0.8)
+    assert (stance.start, stance.end) == pytest.approx(
+        (1.5 * math.pi - half, 1.5 * math.pi + half), abs=1e-12
+    )
+    assert stance.direction == 1
+    assert stance.duty_factor == pytest.approx(half / math.pi, rel=1e-12)
+    assert stance.ground_covered == pytest.approx(0.6, rel=1e-12)
+    assert stance.speed_least == pytest.approx(0.4, rel=1e-12)
+    assert stance.speed_greatest == pytest.approx(0.5, rel=1e-12)
+    assert stance.speed_mean == pytest.approx(0.6 / (2 * half), rel=1e-12)
+    # The line is where the mean height of the arc is.
+    mean = math.sin(half) / half
+    assert stance.deviation == pytest.approx(0.5 * max(1 - mean, mean - 0.8), rel=1e-9)
+    assert stance.straightness == pytest.approx(stance.deviation / 0.6, rel=1e-12)
+
+
+def test_a_band_above_the_whole_path_leaves_the_half_that_moves_backwards(
+    ellipse: Callable[[float, float], Any],
+) -> None:
+    (stance,) = foot_path(ellipse(0.5, 0.25)).stances(9.0)
+    assert (stance.start, stance.end) == pytest.approx((math.pi, 2 * math.pi), abs=1e-12)
+
+
+def test_at_a_singular_end_the_foots_speed_is_infinite(half_circle: Any) -> None:
+    # Its curve is y = sqrt(1/4 - x^2), x = alpha - 6: x moves evenly, y does not.
+    stance = foot_path(half_circle).stance(0.25)
+    assert stance.speed_mean == pytest.approx(1.0, rel=1e-9)
+    leg = KlannLeg(KlannGeometry(l_bc=0.33))
+    stance = foot_path(leg).stance()
+    assert stance.end == pytest.approx(leg.reachable_arcs()[0][1] - 2 * math.pi, abs=1e-9)
+    assert stance.speed_greatest == math.inf
+
+
+@settings(deadline=None, max_examples=40)
+@given(geometry=legs(), share=st.floats(0.01, 1.0))
+def test_every_leg_has_stances(geometry: KlannGeometry, share: float) -> None:
+    leg = KlannLeg(geometry)
+    path = foot_path(leg)
+    ground = share * path.lift
+    stances = path.stances(ground)
+    assert 0.0 < sum(stance.duty_factor for stance in stances) <= 1.0
+    assert len({stance.direction for stance in stances}) == 1
+    for stance in stances:
+        assert 0.0 <= stance.start < 2 * math.pi
+        assert stance.start < stance.end
+        assert stance.speed_least <= stance.speed_mean * (1 + 1e-9)
+        assert stance.speed_mean <= stance.speed_greatest * (1 + 1e-9)
+        assert 0.0 <= stance.deviation <= math.hypot(stance.ground_covered, ground) + 1e-9
+        middle = leg.solve((stance.start + stance.end) / 2)
+        # A stance is within the band all along.
+        assert middle.h[1] <= path.y_range[0] + ground + 1e-6
+
+
+@settings(deadline=None, max_examples=15)
+@given(geometry=legs(change=0.1))
+def test_a_mirrored_leg_walks_the_other_way(geometry: KlannGeometry) -> None:
+    mirrored = replace(
+        geometry,
+        x_d=-geometry.x_d,
+        x_e=-geometry.x_e,
+        angle_bcg=-geometry.angle_bcg,
+        angle_fgh=-geometry.angle_fgh,
+        assembly=tuple(-sign for sign in geometry.assembly),
+    )
+    one, other = (foot_path(KlannLeg(each)).stance() for each in (geometry, mirrored))
+    # The mirrored crank turns clockwise where this one turns counter-clockwise.
+    assert other.direction == one.direction
+    assert other.duty_factor == pytest.approx(one.duty_factor, abs=1e-6)
+    assert other.ground_covered == pytest.approx(one.ground_covered, abs=1e-5)
+
+
+@pytest.mark.parametrize('ground', [0.0, -0.01, 1e-15, math.nan, math.inf])
+def test_a_band_of_no_height_is_refused(ground: float) -> None:
+    with pytest.raises(ValueError, match=r'ground = .* is refused'):
+        foot_path(KlannLeg()).stance(ground)
