@@ -7,6 +7,8 @@ from typing import Any
 
 SOLVER_RECORD = 'klann_ros.solver'
 LOSS_RECORD = 'klann_ros.loss'
+# The solver's parameter that holds the text of its linkage's file; empty for a Klann leg.
+LINKAGE_PARAMETER = 'linkage_description'
 _UNKNOWN = 'unknown'
 
 

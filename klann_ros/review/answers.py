@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator
 
-from klann_ros.kinematics import CrankAngleError, KlannGeometry, UnreachableError
-from klann_ros.kinematics.angles import crank_angle
-from klann_ros.kinematics.klann.closed_form import joints
+from klann_ros.kinematics import CrankAngleError, KinematicsError
 import numpy as np
 from numpy.typing import NDArray
 
 from .finding import Finding, since_start
+from .leg_file import Leg
 from .recording import Recording
 
 # Why an input has no answer, the cause at its source first.
@@ -40,7 +39,7 @@ def unanswered(recording: Recording) -> Iterator[Finding]:
         return
     inside = (cranks.stamps >= poses.stamps.min()) & (cranks.stamps <= poses.stamps.max())
     rows = np.flatnonzero(inside & ~np.isin(cranks.stamps, poses.stamps))
-    causes = [_cause(alpha, recording.geometry) for alpha in cranks.values[rows].tolist()]
+    causes = [_cause(alpha, recording.leg) for alpha in cranks.values[rows].tolist()]
     for check, text in UNANSWERED.items():
         of_this = [row for row, cause in zip(rows.tolist(), causes, strict=True) if cause == check]
         if of_this:
@@ -64,13 +63,13 @@ def _asked(recording: Recording) -> tuple[NDArray[np.bool_], NDArray[np.float64]
     return known, cranks.values[row[known]]
 
 
-def _cause(alpha: float, geometry: KlannGeometry | None) -> str:
-    if geometry is None:
+def _cause(alpha: float, leg: Leg | None) -> str:
+    if leg is None:
         return 'answers'
     try:
-        joints(geometry, crank_angle(alpha))
+        leg.closed_form(alpha)
     except CrankAngleError:
         return 'rejected'
-    except UnreachableError:
+    except KinematicsError:
         return 'reach'
     return 'answers'

@@ -46,7 +46,7 @@ def _container(recording: Recording) -> Iterator[Finding]:
         yield Finding('container', f'the log is damaged: {recording.problem}')
     if not len(recording.poses):
         yield Finding('poses', 'there is no pose in the run (no joint_states of a leg)')
-    elif recording.geometry is None:
+    elif recording.leg is None:
         yield Finding('geometry', 'the run does not tell the geometry: give it by --geometry FILE')
 
 

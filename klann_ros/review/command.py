@@ -10,7 +10,7 @@ from klann_ros.log.reader import open_log
 
 from .checks import findings
 from .figures import leg_figures, resolve
-from .geometry_file import geometry_from_file
+from .leg_file import leg_from_file
 from .loading import load
 from .picture import NoPictureError, save_picture
 from .recording import Recording
@@ -34,12 +34,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _review(options: argparse.Namespace) -> int:
-    given = geometry_from_file(options.geometry) if options.geometry else None
+    given = leg_from_file(options.geometry) if options.geometry else None
     with open_log(options.log) as log:
         recording = load(log, given)
     judged, resolved = recording.judged(), None
-    if recording.geometry is not None and len(judged.poses):
-        resolved = resolve(judged, recording.geometry)
+    if recording.leg is not None and len(judged.poses):
+        resolved = resolve(judged, recording.leg)
     found = findings(recording, resolved)
     print(report(recording, leg_figures(recording, resolved), found))
     if options.picture:
@@ -48,9 +48,9 @@ def _review(options: argparse.Namespace) -> int:
 
 
 def _picture(recording: Recording, path: str) -> None:
-    if recording.geometry is None:
+    if recording.leg is None:
         raise NoPictureError('a picture needs a geometry, and the run tells none: --geometry FILE')
-    save_picture(recording, recording.geometry, path)
+    save_picture(recording, recording.leg, path)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -64,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--geometry',
         metavar='FILE',
-        help='hold the run against this geometry: a parameter file, or a YAML file of lengths',
+        help='hold the run against this leg: a parameter file, a file of lengths, or a linkage',
     )
     parser.add_argument(
         '--picture', metavar='FILE', help='draw the leg and the path of its foot (.png, .svg)'

@@ -9,6 +9,7 @@ from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 
+from .leg_file import Leg
 from .recording import Series, Undecoded
 from .solvers import LegSolver
 
@@ -36,10 +37,23 @@ def nanoseconds(time: int) -> int:
 
 
 class LegRows:
-    """Collects what is said about the leg in a namespace, row by row."""
+    """
+    Collects what is said about the leg in a namespace, row by row.
 
-    def __init__(self, solver: LegSolver) -> None:
+    Parameters
+    ----------
+    solver : LegSolver
+        What the run tells of its solver.
+    given : KlannLeg or LinkageLeg, optional
+        The leg it is held against, instead of the solver's.
+
+    """
+
+    def __init__(self, solver: LegSolver, given: Leg | None = None) -> None:
         self.solver = solver
+        self.leg = given or solver.leg
+        # A run that tells no leg may still hold the poses of a Klann leg.
+        self.joint_names = self.leg.joint_names if self.leg else JOINTS
         self.cranks: list[Row] = []
         self.poses: list[Row] = []
         self.feet: list[Row] = []
@@ -62,8 +76,8 @@ class LegRows:
         names, positions = list(decoded.name), decoded.position
         if len(names) != len(positions):
             return
-        if set(JOINTS) <= set(names):
-            pose = tuple(float(positions[names.index(joint)]) for joint in JOINTS)
+        if set(self.joint_names) <= set(names):
+            pose = tuple(float(positions[names.index(joint)]) for joint in self.joint_names)
             self.poses.append((nanoseconds(message.log_time), _stamp(decoded), pose))
         elif self.solver.crank_joint in names:
             angle = positions[names.index(self.solver.crank_joint)]

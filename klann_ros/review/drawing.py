@@ -1,10 +1,11 @@
 """The leg drawn: bars, joints with their letters, and the path of the foot."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from math import hypot
-from typing import TYPE_CHECKING
+from typing import NamedTuple, TYPE_CHECKING
 
-from klann_ros.kinematics import KlannPose
+from klann_ros.kinematics import KlannPose, LinkagePose
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,18 +22,53 @@ BODIES = (
     ('FGH', 'leg', '#003d5b'),
 )
 PIVOTS = 'ADE'
-BARS = tuple(bar for letters, _, _ in BODIES for bar in pairwise(letters))
+# Bodies of other linkages take the colours in turn.
+COLOURS = (*(colour for _, _, colour in BODIES), '#8f5c38', '#66618c')
 
 
-def draw_leg(axes: 'Axes', pose: KlannPose) -> None:
-    """Draw a pose: each body in its colour, the pivots as squares, every point's letter."""
-    points = dict(zip(LETTERS, pose.points, strict=True))
-    for letters, name, colour in BODIES:
-        bars = np.array([points[letter] for letter in letters])
-        axes.plot(*bars.T, '-', color=colour, linewidth=4, solid_capstyle='round', label=name)
+class Drawn(NamedTuple):
+    """
+    What a pose is drawn from.
+
+    Attributes
+    ----------
+    points : dict of str to numpy.ndarray, shape (2,)
+        Every point by its name [m].
+    pivots : sequence of str
+        Those that are fixed.
+    bodies : list of (sequence of str, str, str)
+        Each body by the points along its bars, with its name and colour.
+
+    """
+
+    points: dict[str, NDArray[np.float64]]
+    pivots: Sequence[str]
+    bodies: list[tuple[Sequence[str], str, str]]
+
+    @classmethod
+    def of(cls, pose: KlannPose | LinkagePose) -> 'Drawn':
+        """Return what a pose is drawn from."""
+        if isinstance(pose, KlannPose):
+            return cls(dict(zip(LETTERS, pose.points, strict=True)), PIVOTS, list(BODIES))
+        description = pose.linkage.description
+        points = dict(zip(description.points, pose.points, strict=True))
+        bodies = [
+            (_outline(body.points), body.angle, COLOURS[i % len(COLOURS)])
+            for i, body in enumerate(description.bodies)
+        ]
+        return cls(points, list(description.pivots), bodies)
+
+
+def draw_leg(axes: 'Axes', pose: KlannPose | LinkagePose) -> None:
+    """Draw a pose: each body in its colour, the pivots as squares, every point's name."""
+    drawn = Drawn.of(pose)
+    points = drawn.points
+    for names, body, colour in drawn.bodies:
+        bars = np.array([points[name] for name in names])
+        axes.plot(*bars.T, '-', color=colour, linewidth=4, solid_capstyle='round', label=body)
     for letter, (x, y) in points.items():
-        free_x, free_y = _free_side(letter, points)
-        marker = 's' if letter in PIVOTS else 'o'
+        free_x, free_y = _free_side(letter, drawn)
+        marker = 's' if letter in drawn.pivots else 'o'
         axes.plot(x, y, marker, color='white', markeredgecolor='black', markersize=8, zorder=3)
         axes.annotate(
             letter,
@@ -45,10 +81,17 @@ def draw_leg(axes: 'Axes', pose: KlannPose) -> None:
         )
 
 
-def _free_side(letter: str, points: dict[str, NDArray[np.float64]]) -> tuple[float, float]:
+def _outline(points: Sequence[str]) -> Sequence[str]:
+    """Return the points along a body's bars: around it, where it has three or more."""
+    return (*points, points[0]) if len(points) > 2 else points
+
+
+def _free_side(letter: str, drawn: Drawn) -> tuple[float, float]:
     """Return the unit vector away from the bars that meet at a point."""
-    ends = [q if p == letter else p for p, q in BARS if letter in (p, q)]
-    bars = np.array([points[end] - points[letter] for end in ends])
+    points = drawn.points
+    along = (bar for names, _, _ in drawn.bodies for bar in pairwise(names))
+    ends = [q if p == letter else p for p, q in along if letter in (p, q)]
+    bars = np.array([points[end] - points[letter] for end in ends]).reshape(-1, 2)
     x, y = -(bars / np.hypot(*bars.T)[:, np.newaxis]).sum(axis=0)
     size = hypot(x, y)
     # Two bars in line leave both sides free.

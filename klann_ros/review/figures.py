@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from math import inf, nan
 
-from klann_ros.kinematics import KlannGeometry, UnreachableError
-from klann_ros.kinematics.klann import closed_form, equations
+from klann_ros.kinematics import KinematicsError
 import numpy as np
 from numpy.typing import NDArray
 
+from .leg_file import Leg
 from .recording import Floats, Recording, Series
 
 Rows = NDArray[np.intp]
@@ -28,8 +28,8 @@ class Resolved:
     foot_errors : numpy.ndarray, shape (m,)
         Distance of H from the re-solved one of its pose [m]; NaN where no pose is known to be
         its own, infinite where H is not finite.
-    transmission_angles : numpy.ndarray, shape (n, 2)
-        gamma + beta and delta + theta, folded into [0, pi] [rad].
+    transmission_angles : numpy.ndarray, shape (n, number of dyads)
+        Those of the re-solved poses, in [0, pi] [rad]; NaN where there is none.
 
     """
 
@@ -51,7 +51,7 @@ class LegFigures:
     stride, lift : float
         Extent of the foot path in x and y [m].
     worst_transmission_angle : float
-        Least min(mu, pi - mu) of both dyads [rad].
+        Least min(mu, pi - mu) of all dyads [rad].
     worst_residual : float
         Largest residual of a recorded pose [m].
     worst_angle_error : float
@@ -70,31 +70,27 @@ class LegFigures:
     worst_foot_error: float
 
 
-def resolve(recording: Recording, geometry: KlannGeometry) -> Resolved:
+def resolve(recording: Recording, leg: Leg) -> Resolved:
     """
-    Solve every recorded pose again by the geometry, from its crank angle alone.
+    Solve every recorded pose again, from its crank angle alone.
 
     The closed form does it: it shares no equation with the solver that made the pose.
     """
     count = len(recording.poses)
     angle_errors, residuals = np.full(count, nan), np.full(count, inf)
-    feet = np.full((count, 2), nan)
+    feet, mu = np.full((count, 2), nan), np.full((count, len(leg.assembly)), nan)
     for i, recorded in enumerate(recording.poses.values.tolist()):
         alpha, *x = recorded
         if not np.isfinite(recorded).all():
             angle_errors[i] = inf
             continue
-        residuals[i] = np.linalg.norm(equations.f(geometry, alpha, x))
+        residuals[i] = leg.residual(alpha, x)
         try:
-            joints = closed_form.joints(geometry, alpha)
-        except UnreachableError:
+            expected = leg.closed_form(alpha)
+        except KinematicsError:
             continue
-        expected = closed_form.angles(geometry, joints)
-        angle_errors[i] = np.abs(_wrapped(np.subtract(x, expected))).max()
-        feet[i] = joints.h
-    _, gamma, beta, delta, theta = recording.poses.values.T
-    with np.errstate(over='ignore', invalid='ignore'):
-        mu = np.abs(_wrapped(np.column_stack([gamma + beta, delta + theta])))
+        angle_errors[i] = np.abs(_wrapped(np.subtract(x, expected.x))).max()
+        feet[i], mu[i] = expected.h, expected.transmission_angles
     return Resolved(angle_errors, residuals, _foot_errors(recording, feet), mu)
 
 

@@ -1,40 +1,52 @@
-"""A geometry from the parameters that tell it: those of a file, or those in a run."""
+"""A leg from what tells it: a file, or the parameters in a run."""
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from klann_ros.kinematics import GeometryError, KlannGeometry
+from klann_ros.kinematics import (
+    GeometryError,
+    KlannGeometry,
+    KlannLeg,
+    linkage_from_text,
+    LinkageLeg,
+)
 from klann_ros.kinematics.klann.geometry import BENDS, COORDINATES, LENGTHS
 from klann_ros.log.errors import LogError
+from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 import yaml
 
-
-class GeometryFileError(LogError):
-    """A file that holds no geometry; the text says why."""
+Leg = KlannLeg | LinkageLeg
 
 
-def geometry_from_file(path: str) -> KlannGeometry:
+class LegFileError(LogError):
+    """A file that holds no leg; the text says why."""
+
+
+def leg_from_file(path: str) -> Leg:
     """
-    Return the geometry in a YAML file: a parameter file of solver_node, or a mapping of lengths.
+    Return the leg in a YAML file: solver_node's parameters, a mapping of lengths, or a linkage.
 
     Raises
     ------
-    GeometryFileError
-        The file cannot be read, or holds no geometry.
+    LegFileError
+        The file cannot be read, or holds no leg.
 
     """
     try:
-        content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-        return geometry_from_parameters(_ros_parameters(content))
+        text = Path(path).read_text(encoding='utf-8')
+        content = yaml.safe_load(text)
+        if isinstance(content, dict) and 'bodies' in content:
+            return LinkageLeg(linkage_from_text(text, 'it'))
+        return leg_from_parameters(_ros_parameters(content))
     except (OSError, UnicodeDecodeError, yaml.YAMLError, TypeError, GeometryError) as error:
         msg = f'{path} holds no geometry: {" ".join(str(error).split())}'
-        raise GeometryFileError(msg) from error
+        raise LegFileError(msg) from error
 
 
-def geometry_from_parameters(parameters: Mapping[str, Any]) -> KlannGeometry:
+def leg_from_parameters(parameters: Mapping[str, Any]) -> Leg:
     """
-    Return the geometry that a solver's parameters tell; others among them do not matter.
+    Return the leg that a solver's parameters tell; others among them do not matter.
 
     Raises
     ------
@@ -44,12 +56,15 @@ def geometry_from_parameters(parameters: Mapping[str, Any]) -> KlannGeometry:
         They are no linkage.
 
     """
+    linkage = parameters.get(LINKAGE_PARAMETER)
+    if isinstance(linkage, str) and linkage:
+        return LinkageLeg(linkage_from_text(linkage, f'the parameter {LINKAGE_PARAMETER}'))
     names = (*LENGTHS, *COORDINATES, *BENDS, 'assembly')
     numbers = {name: parameters[name] for name in names if name in parameters}
     if not numbers:
         msg = f'none of {", ".join(names)} is in it'
         raise TypeError(msg)
-    return KlannGeometry(**numbers)
+    return KlannLeg(KlannGeometry(**numbers))
 
 
 def _ros_parameters(content: Any) -> Mapping[str, Any]:

@@ -2,17 +2,16 @@
 
 from collections.abc import Mapping
 
-from klann_ros.kinematics import KlannGeometry
-from klann_ros.kinematics.klann.pose import JOINTS
 from klann_ros.log.reader import Log
 
 from .decoding import LegDecoder, LegRows, nanoseconds, series
+from .leg_file import Leg
 from .recording import Recording
 from .solvers import leg_solver, LegSolver, parent, solver_records
 from .topics import recorded_losses, TopicTally
 
 
-def load(log: Log, geometry: KlannGeometry | None = None) -> Recording:
+def load(log: Log, given: Leg | None = None) -> Recording:
     """
     Decode a log: of several legs the first by its namespace that has poses.
 
@@ -20,13 +19,13 @@ def load(log: Log, geometry: KlannGeometry | None = None) -> Recording:
     ----------
     log : Log
         An open log.
-    geometry : KlannGeometry, optional
-        What to hold the run against, instead of the geometry in it.
+    given : KlannLeg or LinkageLeg, optional
+        What to hold the run against, instead of the leg in it.
 
     """
     records = solver_records(log.metadata)
     legs = {
-        namespace: LegRows(leg_solver(records, namespace))
+        namespace: LegRows(leg_solver(records, namespace), given)
         for namespace in sorted({parent(topic.name) for topic in log.topics})
     }
     decoder, tally = LegDecoder(log.topics), TopicTally()
@@ -36,8 +35,8 @@ def load(log: Log, geometry: KlannGeometry | None = None) -> Recording:
         if leg is not None:
             decoder.add(message, leg)
     namespace = _reviewed(legs)
-    leg = legs[namespace] if namespace in legs else LegRows(LegSolver())
-    since = 0 if geometry else leg.solver.geometry_time
+    leg = legs[namespace] if namespace in legs else LegRows(LegSolver(), given)
+    since = 0 if given else leg.solver.leg_time
     start = nanoseconds(log.start_time)
     return Recording(
         path=', '.join(str(path) for path in log.paths),
@@ -48,10 +47,10 @@ def load(log: Log, geometry: KlannGeometry | None = None) -> Recording:
         problem=log.problem,
         undecoded=decoder.undecoded(),
         remarks=(*_others(legs, namespace), *_change(leg, since, start)),
-        geometry=geometry or leg.solver.geometry,
-        geometry_time=since,
+        leg=leg.leg,
+        leg_time=since,
         cranks=series(leg.cranks),
-        poses=series(leg.poses, len(JOINTS)),
+        poses=series(leg.poses, len(leg.joint_names)),
         feet=series(leg.feet, 2),
     )
 
@@ -73,6 +72,4 @@ def _change(leg: LegRows, since: int, start: int) -> list[str]:
     if not any(time < since for time, _, _ in leg.poses):
         return []
     moment = (since - start) / 1e9
-    return [
-        f'the geometry changed during the run; the poses before {moment:.2f} s were not judged'
-    ]
+    return [f'the leg changed during the run; the poses before {moment:.2f} s were not judged']

@@ -2,10 +2,10 @@
 
 from math import degrees
 
-from klann_ros.kinematics import KinematicsError, KlannGeometry, KlannPose
-from klann_ros.kinematics.klann.pose import closed_form_pose
+from klann_ros.kinematics import KinematicsError, KlannPose, LinkagePose
 import numpy as np
 
+from .leg_file import Leg
 from .recording import Recording
 
 # matplotlib cannot scale an axis to the largest doubles.
@@ -16,20 +16,20 @@ class NoPictureError(Exception):
     """A picture that cannot be made; the text says why."""
 
 
-def save_picture(recording: Recording, geometry: KlannGeometry, path: str) -> None:
+def save_picture(recording: Recording, leg: Leg, path: str) -> None:
     """
     Save a picture; its format follows from the path's ending, such as .png or .svg.
 
     Raises
     ------
     NoPictureError
-        matplotlib is not installed, it knows no such format, or the geometry closes at none of
-        the run's poses.
+        matplotlib is not installed, it knows no such format, or the leg closes at none of the
+        run's poses.
     OSError
         The file cannot be written.
 
     """
-    pose = _last_that_closes(recording, geometry)
+    pose = _last_that_closes(recording, leg)
     try:
         from matplotlib.figure import Figure  # noqa: PLC0415 - optional, and slow to import
     except ModuleNotFoundError:
@@ -43,7 +43,7 @@ def save_picture(recording: Recording, geometry: KlannGeometry, path: str) -> No
     feet = recording.feet.values
     # NaN fails the comparison as well.
     drawn = feet[(np.abs(feet) <= LARGEST).all(axis=1)]
-    draw_foot_path(axes, drawn, f'path of H, {len(drawn)} points')
+    draw_foot_path(axes, drawn, f'path of the foot, {len(drawn)} points')
     draw_leg(axes, pose)
     label_plane(axes, f'crank angle {degrees(pose.alpha) % 360.0:.1f} deg')
     try:
@@ -52,18 +52,18 @@ def save_picture(recording: Recording, geometry: KlannGeometry, path: str) -> No
         raise NoPictureError(str(error)) from error
 
 
-def _last_that_closes(recording: Recording, geometry: KlannGeometry) -> KlannPose:
+def _last_that_closes(recording: Recording, leg: Leg) -> KlannPose | LinkagePose:
     """Return the last of the poses at which the leg can be drawn."""
     alphas = reversed(recording.poses.values[:, 0].tolist())
-    poses = (_pose(geometry, alpha) for alpha in alphas)
+    poses = (_pose(leg, alpha) for alpha in alphas)
     pose = next((pose for pose in poses if pose is not None), None)
     if pose is None:
         raise NoPictureError('there is no pose in the run at which this leg can be drawn')
     return pose
 
 
-def _pose(geometry: KlannGeometry, alpha: float) -> KlannPose | None:
+def _pose(leg: Leg, alpha: float) -> KlannPose | LinkagePose | None:
     try:
-        return closed_form_pose(geometry, alpha)
+        return leg.closed_form(alpha)
     except KinematicsError:
         return None

@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass, replace
 
-from klann_ros.kinematics import KlannGeometry
 import numpy as np
 from numpy.typing import NDArray
+
+from .leg_file import Leg
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -116,14 +117,14 @@ class Recording:
         What concerns a leg by its topic, and cannot be decoded.
     remarks : tuple of str
         What a reader must know and is no fault of the run.
-    geometry : KlannGeometry or None
-        The solver's geometry as the run tells it at last, or as it was given.
-    geometry_time : int
-        The log time since which the geometry holds [ns]; 0 for the whole run.
+    leg : KlannLeg, LinkageLeg or None
+        What the solver solved, as the run tells it at last, or as it was given.
+    leg_time : int
+        The log time since which it was this leg [ns]; 0 for the whole run.
     cranks : Series
         Crank inputs [rad], values of shape (k,).
     poses : Series
-        alpha, gamma, beta, delta, theta [rad], values of shape (n, 5).
+        The leg's angles, the crank's first [rad], values of shape (n, number of angles).
     feet : Series
         H (x, y) [m], values of shape (m, 2).
 
@@ -136,8 +137,8 @@ class Recording:
     problem: str
     undecoded: tuple[Undecoded, ...]
     remarks: tuple[str, ...]
-    geometry: KlannGeometry | None
-    geometry_time: int
+    leg: Leg | None
+    leg_time: int
     cranks: Series
     poses: Series
     feet: Series
@@ -148,8 +149,8 @@ class Recording:
         return (self.end - self.start) / 1e9
 
     def judged(self) -> 'Recording':
-        """Return the part of the run that its geometry holds for."""
-        since = self.geometry_time
+        """Return the part of the run that its leg holds for."""
+        since = self.leg_time
         return replace(
             self,
             cranks=self.cranks.since(since),

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from klann_ros.kinematics import GeometryError, KlannGeometry
+from klann_ros.kinematics import GeometryError
 from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD, SolverParameters
 
-from .geometry_file import geometry_from_parameters
+from .leg_file import Leg, leg_from_parameters
 
 CRANK_JOINT = 'crank'
 Metadata = Mapping[str, Sequence[Mapping[str, str]]]
@@ -25,17 +25,17 @@ class LegSolver:
         The joint that turns its crank.
     sim_time : bool
         Whether it stamps by a simulated clock what has no stamp.
-    geometry : KlannGeometry or None
-        Its last geometry; None where the run does not tell.
-    geometry_time : int
+    leg : KlannLeg, LinkageLeg or None
+        What it solves at last; None where the run does not tell.
+    leg_time : int
         The log time since which it has it [ns]; 0 when it never had another.
 
     """
 
     crank_joint: str = CRANK_JOINT
     sim_time: bool = False
-    geometry: KlannGeometry | None = None
-    geometry_time: int = 0
+    leg: Leg | None = None
+    leg_time: int = 0
 
 
 def solver_records(metadata: Metadata) -> list[SolverParameters]:
@@ -54,7 +54,8 @@ def leg_solver(records: Sequence[SolverParameters], namespace: str) -> LegSolver
     own = own or [record for record in records if record.node == records[-1].node]
     if not own:
         return LegSolver()
-    geometries = [_geometry(record.parameters) for record in own]
+    legs = [_leg(record.parameters) for record in own]
+    geometries = [leg and leg.geometry for leg in legs]
     changes = [
         record.time
         for record, (before, after) in zip(own[1:], pairwise(geometries), strict=True)
@@ -64,8 +65,8 @@ def leg_solver(records: Sequence[SolverParameters], namespace: str) -> LegSolver
     return LegSolver(
         crank_joint=str(last.get('crank_joint', CRANK_JOINT)),
         sim_time=any(record.parameters.get('use_sim_time') is True for record in own),
-        geometry=geometries[-1],
-        geometry_time=changes[-1] if changes else 0,
+        leg=legs[-1],
+        leg_time=changes[-1] if changes else 0,
     )
 
 
@@ -81,8 +82,8 @@ def _solver(record: Mapping[str, str]) -> SolverParameters | None:
         return None
 
 
-def _geometry(parameters: Mapping[str, Any]) -> KlannGeometry | None:
+def _leg(parameters: Mapping[str, Any]) -> Leg | None:
     try:
-        return geometry_from_parameters(parameters)
+        return leg_from_parameters(parameters)
     except (TypeError, GeometryError):
         return None

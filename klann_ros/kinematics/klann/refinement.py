@@ -59,17 +59,9 @@ def constants(geometry: KlannGeometry) -> Constants:
     singular = (sine_1 * g.l_bc * g.l_dc, sine_2 * g.l_ef * g.l_fg)
     rounding_1, rounding_2 = equations.rounding(g)
     least = (-rounding_1 * (g.l_bc + g.l_dc), -rounding_2 * (g.l_ef + g.l_fg))
-    return Constants(
-        *lengths,
-        *pivots,
-        *bends,
-        *map(float, g.assembly),
-        rounding_1,
-        rounding_2,
-        *least,
-        *singular,
-        g,
-    )
+    signs = (float(sign_1), float(sign_2))
+    roundings = (rounding_1, rounding_2, *least, *singular)
+    return Constants(*lengths, *pivots, *bends, *signs, *roundings, g)
 
 
 def refine(
