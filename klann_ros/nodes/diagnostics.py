@@ -1,9 +1,9 @@
 """The solver's figures as a diagnostic status."""
 
+from collections.abc import Sequence
 from math import degrees, tau
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from klann_ros.kinematics import KlannGeometry, reachable_arcs
 
 from .solver_figures import SolverFigures
 
@@ -20,7 +20,7 @@ def status(
     period: float,
     silence: float,
     min_transmission_angle: float,
-    assembly: tuple[int, int],
+    assembly: Sequence[int],
     note: str = '',
 ) -> DiagnosticStatus:
     """
@@ -40,7 +40,7 @@ def status(
         Time since the last input [s].
     min_transmission_angle : float
         Below this a leg is worth a warning [rad].
-    assembly : tuple of int
+    assembly : sequence of int
         The leg's assembly, which every published pose has.
     note : str
         What is always worth saying about this leg.
@@ -83,9 +83,9 @@ def _verdict(
 
 
 def _values(
-    figures: SolverFigures, lost: int, period: float, assembly: tuple[int, int]
+    figures: SolverFigures, lost: int, period: float, assembly: Sequence[int]
 ) -> dict[str, object]:
-    mu_1, mu_2 = figures.transmission_angles
+    angles = enumerate(figures.transmission_angles(len(assembly)), start=1)
     return {
         'solved': figures.solved,
         'rejected': figures.rejected,
@@ -96,15 +96,13 @@ def _values(
         'iterations': figures.iterations,
         'residual': f'{figures.residual:.3e}',
         'condition': f'{figures.condition:.4g}',
-        'transmission_angle_1': f'{mu_1:.6f}',
-        'transmission_angle_2': f'{mu_2:.6f}',
-        'branch': '{:+d} {:+d}'.format(*assembly),
+        **{f'transmission_angle_{i}': f'{mu:.6f}' for i, mu in angles},
+        'branch': ' '.join(f'{sign:+d}' for sign in assembly),
     }
 
 
-def missing_arcs(geometry: KlannGeometry) -> str:
-    """Return which crank angles a leg cannot take, in words; empty for a full turn."""
-    arcs = reachable_arcs(geometry)
+def missing_arcs(arcs: Sequence[tuple[float, float]]) -> str:
+    """Return which crank angles are in none of a leg's arcs, in words; empty for a full turn."""
     ends = [(end, arcs[(i + 1) % len(arcs)][0]) for i, (_, end) in enumerate(arcs)]
     gaps = [f'{degrees(a) % 360:.2f} .. {degrees(b) % 360:.2f}' for a, b in ends]
     if len(arcs) == 1 and arcs[0][1] - arcs[0][0] >= tau:

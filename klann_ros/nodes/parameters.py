@@ -77,6 +77,12 @@ def declare(node: Node, parameters: Sequence[Declared]) -> dict[str, Any]:
     return {parameter.name: _declare(node, parameter) for parameter in parameters}
 
 
+def declare_constant(node: Node, name: str, value: str, description: str) -> None:
+    """Declare what a node tells of itself and nobody else may set."""
+    descriptor = ParameterDescriptor(description=description, read_only=True)
+    node.declare_parameter(name, value, descriptor, ignore_override=True)
+
+
 def usage(parameters: Sequence[Declared]) -> str:
     """Return the part of an executable's help that tells its parameters."""
     lines = [f'  {p.name} ({json.dumps(p.default)}): {p.description}' for p in parameters]

@@ -1,8 +1,8 @@
 """What a leg's solver did since the last report: counts and worst figures."""
 
-from math import nan, pi, sin
+from math import nan, pi
 
-from klann_ros.kinematics import KlannPose
+from .leg_parameters import LegPose
 
 
 class SolverFigures:
@@ -22,8 +22,8 @@ class SolverFigures:
         The most Newton iterations of a pose.
     residual : float
         The largest residual [m]; NaN without any pose.
-    worst_1, worst_2 : KlannPose or None
-        The pose in which dyad 1, dyad 2, was nearest to singular; None without any pose.
+    worst : list of pose
+        For each dyad, the pose in which it was nearest to singular; empty without any pose.
     inputs : int
         Inputs since the last report.
 
@@ -39,21 +39,21 @@ class SolverFigures:
         self.failure = self.rejection = ''
         self.inputs = self.iterations = 0
         self.residual = nan
-        self.worst_1: KlannPose | None = None
-        self.worst_2: KlannPose | None = None
-        self._least_1 = self._least_2 = 2.0
+        self.worst: list[LegPose] = []
+        self._least: list[float] = []
 
-    def solve(self, pose: KlannPose) -> None:
+    def solve(self, pose: LegPose) -> None:
         """Count a solved pose."""
         self.solved += 1
         self.inputs += 1
         self.iterations = max(self.iterations, pose.iterations)
         self.residual = max(pose.residual, self.residual)
-        sine_1, sine_2 = abs(sin(pose.gamma + pose.beta)), abs(sin(pose.delta + pose.theta))
-        if sine_1 < self._least_1:
-            self._least_1, self.worst_1 = sine_1, pose
-        if sine_2 < self._least_2:
-            self._least_2, self.worst_2 = sine_2, pose
+        sines = pose.sines
+        if not self.worst:
+            self.worst, self._least = [pose] * len(sines), list(sines)
+        for i, sine in enumerate(sines):
+            if sine < self._least[i]:
+                self._least[i], self.worst[i] = sine, pose
 
     def reject(self, reason: str) -> None:
         """Count an input that was no crank angle."""
@@ -67,20 +67,18 @@ class SolverFigures:
         self.inputs += 1
         self.failure = reason
 
-    @property
-    def transmission_angles(self) -> tuple[float, float]:
-        """Return the worst transmission angle of each dyad [rad]; NaN without any pose."""
-        if self.worst_1 is None or self.worst_2 is None:
-            return nan, nan
-        return self.worst_1.transmission_angles[0], self.worst_2.transmission_angles[1]
+    def transmission_angles(self, count: int) -> tuple[float, ...]:
+        """Return the worst angle of each of so many dyads [rad]; NaN without any pose."""
+        worst = (pose.transmission_angles[i] for i, pose in enumerate(self.worst))
+        return tuple(worst) or (nan,) * count
 
     @property
     def from_singular(self) -> float:
-        """Return the least min(mu, pi - mu) of both dyads [rad]; NaN without any pose."""
-        return min(min(mu, pi - mu) for mu in self.transmission_angles)
+        """Return the least min(mu, pi - mu) of all dyads [rad]; NaN without any pose."""
+        angles = self.transmission_angles(len(self.worst))
+        return min((min(mu, pi - mu) for mu in angles), default=nan)
 
     @property
     def condition(self) -> float:
         """Return the condition of Phi where a dyad was nearest to singular; NaN without pose."""
-        worst = (self.worst_1, self.worst_2)
-        return max((pose.condition for pose in worst if pose is not None), default=nan)
+        return max((pose.condition for pose in self.worst), default=nan)

@@ -1,4 +1,4 @@
-"""`solver_node`: crank angle in, pose of the Klann leg out."""
+"""`solver_node`: crank angle in, pose of the leg out."""
 
 from collections.abc import Sequence
 from math import pi
@@ -11,13 +11,10 @@ from klann_ros.kinematics import (
     CrankAngleError,
     GeometryError,
     KinematicsError,
-    KlannGeometry,
-    KlannLeg,
-    KlannPose,
-    KlannVelocity,
     SingularPoseError,
 )
 from klann_ros.log.loss import LossCounter
+from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 from klann_ros.stop_signals import StopSignals
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
@@ -29,10 +26,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-from . import diagnostics, geometry_parameters
+from . import diagnostics, leg_parameters
 from .crank_input import BadMessageError, Crank, from_joint_state
 from .leg_messages import LegMessages
-from .parameters import declare, Declared
+from .leg_parameters import Leg, LegParameters, LegPose, LegVelocity
+from .parameters import declare, declare_constant, Declared
 from .process import arguments, command_line, Finish, run, StartError
 from .qos import INPUT, OUTPUT
 from .solver_figures import SolverFigures
@@ -41,15 +39,6 @@ from .taking import drain, forgetful, Info
 PARAMETERS = (
     Declared('frame_id', 'leg_plane', 'frame of the published point: the plane of the leg'),
     Declared('crank_joint', 'crank', 'the joint in crank_state that turns the crank'),
-    Declared(
-        'tolerance',
-        1e-12,
-        'largest correction of a converged pose [rad]',
-        constraint='> 0, <= 1e-3',
-    ),
-    Declared(
-        'max_crank_step', 0.35, 'larger crank steps are split [rad]', constraint='finite, > 0'
-    ),
     Declared(
         'min_transmission_angle',
         0.349,
@@ -64,7 +53,7 @@ THROTTLE = 2.0
 
 class SolverNode(Node):
     """
-    Answer every crank angle with the joint angles and the foot of a Klann leg.
+    Answer every crank angle with the joint angles and the foot of a leg.
 
     Raises
     ------
@@ -87,17 +76,23 @@ class SolverNode(Node):
         self._connect()
 
     def _declare(self) -> None:
-        values = declare(self, [*geometry_parameters.declared(), *PARAMETERS])
-        self._tolerance, self._max_crank_step = values['tolerance'], values['max_crank_step']
+        values = declare(self, [*leg_parameters.DECLARED, *PARAMETERS])
         self._min_transmission_angle = values['min_transmission_angle']
         self._crank_joint = values['crank_joint']
         self._period = values['diagnostics_period']
-        self._messages = LegMessages(values['frame_id'])
         try:
-            self._set_geometry(geometry_parameters.geometry(values))
+            self._leg_parameters = LegParameters(values)
         except ValueError as error:
-            # A GeometryError, or what KlannLeg says of tolerance and max_crank_step.
+            # A GeometryError, or what a leg says of tolerance and max_crank_step.
             raise StartError(str(error)) from error
+        self._set_leg(self._leg_parameters.leg)
+        self._messages = LegMessages(values['frame_id'], self._leg.joint_names)
+        declare_constant(
+            self,
+            LINKAGE_PARAMETER,
+            self._leg_parameters.description,
+            "content of the linkage's file; empty for a Klann leg",
+        )
         self.add_on_set_parameters_callback(self._validate)
         self.add_post_set_parameters_callback(self._apply)
 
@@ -182,15 +177,15 @@ class SolverNode(Node):
             self._figures.out_of_order += 1
         self._last_stamp = moment
 
-    def _velocity(self, pose: KlannPose, rate: float | None) -> KlannVelocity | None:
+    def _velocity(self, pose: LegPose, rate: float | None) -> LegVelocity | None:
         if rate is None:
             return None
         try:
-            return self._leg.velocity(pose, rate)
+            return self._leg.velocity(pose, rate)  # type: ignore[arg-type]  # its own pose
         except SingularPoseError:
             return None
 
-    def _publish(self, pose: KlannPose, velocity: KlannVelocity | None, stamp: Time) -> None:
+    def _publish(self, pose: LegPose, velocity: LegVelocity | None, stamp: Time) -> None:
         self._joint_states.publish(self._messages.joint_state(pose, velocity, stamp))
         self._point_h.publish(self._messages.point_h(pose, stamp))
         if velocity is not None:
@@ -200,28 +195,19 @@ class SolverNode(Node):
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         try:
-            self._changed_geometry(parameters)
+            self._leg_parameters.changed(parameters)
         except GeometryError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
-        geometry = self._changed_geometry(parameters)
-        if geometry != self._leg.geometry:
-            self._set_geometry(geometry)
+        leg = self._leg_parameters.changed(parameters)
+        if leg is not self._leg:
+            self._set_leg(leg)
 
-    def _changed_geometry(self, parameters: Sequence[Parameter]) -> KlannGeometry:
-        changes = {p.name: p.value for p in parameters if p.name in geometry_parameters.NAMES}
-        if 'assembly' in changes:
-            # rclpy has arrays of its own.
-            changes['assembly'] = list(changes['assembly'])
-        return geometry_parameters.geometry({**self._leg.geometry.as_dict(), **changes})
-
-    def _set_geometry(self, geometry: KlannGeometry) -> None:
-        self._leg = KlannLeg(
-            geometry, tolerance=self._tolerance, max_crank_step=self._max_crank_step
-        )
-        self._note = diagnostics.missing_arcs(geometry)
+    def _set_leg(self, leg: Leg) -> None:
+        self._leg_parameters.leg = self._leg = leg
+        self._note = diagnostics.missing_arcs(leg.reachable_arcs())
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._leg.reset()
@@ -242,7 +228,7 @@ class SolverNode(Node):
             period=(now - self._last_report).nanoseconds / 1e9,
             silence=(now - self._last_input).nanoseconds / 1e9,
             min_transmission_angle=self._min_transmission_angle,
-            assembly=self._leg.geometry.assembly,
+            assembly=self._leg.assembly,
             note=self._note,
         )
         array = DiagnosticArray(status=[status])
@@ -256,10 +242,11 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return the exit code."""
     parser = command_line(
         'solver_node',
-        'Solve the Klann leg: crank angle in (crank_angle, crank_state), pose out (joint_states, '
-        'point_h, velocity_h).',
+        'Solve the Klann leg, or any linkage from a file: crank angle in (crank_angle, '
+        'crank_state), pose out (joint_states, point_h, velocity_h).',
         'Parameters are given as --ros-args -p NAME:=VALUE or --ros-args --params-file FILE;\n'
-        'presets are in share/klann_ros/config (sem104.yaml, patent.yaml).',
+        'presets are in share/klann_ros/config (sem104.yaml, patent.yaml), linkages in\n'
+        'share/klann_ros/linkages (jansen.yaml, ...): -p linkage:=FILE.',
     )
     arguments(parser, argv)
     return run('solver_node', _make, argv, stop)

@@ -1,0 +1,174 @@
+"""`solver_node` with a linkage from a file: solved, told, recorded and reviewed as the leg is."""
+
+from collections.abc import Sequence
+from importlib import resources
+import math
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PointStamped, TwistStamped
+from klann_ros.kinematics import LinkageLeg, shipped_linkage
+from klann_ros.log.reader import open_log
+from klann_ros.log.run_parameters import LINKAGE_PARAMETER, solver_parameters
+from klann_ros.review.command import main as review
+import numpy as np
+import pytest
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from ros_world import World
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+LINKAGES = Path(str(resources.files('klann_ros') / 'linkages'))
+ANGLES = [0.0, 1.0, 1.1, -2.0, 9.0, 3.0]
+
+
+@pytest.mark.parametrize('name', ['jansen', 'stephenson'])
+def test_its_joints_and_its_foot_are_published(ros: World, name: str) -> None:
+    poses = ros.probe.listen(JointState, 'joint_states')
+    feet = ros.probe.listen(PointStamped, 'point_h')
+    ros.start('solver_node', linkage=LINKAGES / f'{name}.yaml')
+    crank = ros.probe.publisher(Float64, 'crank_angle')
+    ros.probe.matched('joint_states')
+    ros.probe.matched('point_h')
+    for alpha in ANGLES:
+        crank.publish(Float64(data=alpha))
+    ros.probe.until(lambda: len(poses) == len(feet) == len(ANGLES))
+    leg = LinkageLeg(shipped_linkage(name))
+    for alpha, pose, foot in zip(ANGLES, poses, feet, strict=True):
+        expected = leg.closed_form(alpha)
+        assert tuple(pose.name) == leg.joint_names
+        assert pose.position[0] == alpha
+        assert np.sin(np.subtract(pose.position[1:], expected.x)) == pytest.approx(0, abs=1e-12)
+        assert (foot.point.x, foot.point.y, foot.point.z) == pytest.approx(
+            (*expected.h, 0.0), abs=1e-12
+        )
+        assert foot.header.frame_id == 'leg_plane'
+        assert len(pose.velocity) == 0
+
+
+def test_its_velocities_follow_the_cranks(ros: World) -> None:
+    poses = ros.probe.listen(JointState, 'joint_states')
+    velocities = ros.probe.listen(TwistStamped, 'velocity_h')
+    ros.start('solver_node', linkage=LINKAGES / 'jansen.yaml')
+    crank = ros.probe.publisher(JointState, 'crank_state')
+    ros.probe.matched('joint_states')
+    ros.probe.matched('velocity_h')
+    crank.publish(JointState(name=['crank'], position=[1.0], velocity=[2.0]))
+    ros.probe.until(lambda: poses and velocities)
+    leg = LinkageLeg(shipped_linkage('jansen'))
+    expected = leg.velocity(leg.closed_form(1.0), 2.0)
+    assert poses[0].velocity.tolist() == pytest.approx(expected.joints, abs=1e-12)
+    linear = velocities[0].twist.linear
+    assert (linear.x, linear.y) == pytest.approx(expected.h, abs=1e-12)
+
+
+def test_its_diagnostics_have_an_angle_for_each_dyad(ros: World) -> None:
+    reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
+    ros.start('solver_node', linkage=LINKAGES / 'jansen.yaml', diagnostics_period=0.3)
+    crank = ros.probe.publisher(Float64, 'crank_angle')
+    ros.probe.until(lambda: crank.get_subscription_count() > 0)
+    crank.publish(Float64(data=1.0))
+
+    def solved() -> list[dict[str, str]]:
+        said = [{v.key: v.value for v in r.status[0].values} for r in reports]
+        return [values for values in said if values['iterations'] != '0']
+
+    ros.probe.until(solved)
+    values = solved()[0]
+    pose = LinkageLeg(shipped_linkage('jansen')).closed_form(1.0)
+    told = [float(values[f'transmission_angle_{k}']) for k in (1, 2, 3)]
+    assert told == pytest.approx(pose.transmission_angles, abs=1e-6)
+    assert float(values['condition']) == pytest.approx(pose.condition, rel=1e-3)
+    assert values['branch'] == '-1 +1 -1'
+
+
+def test_it_has_no_lengths_to_change(ros: World) -> None:
+    file = LINKAGES / 'jansen.yaml'
+    ros.start('solver_node', linkage=file)
+    request = SetParameters.Request(parameters=[Parameter('l_gh', value=0.5).to_parameter_msg()])
+    (result,) = ros.probe.call(SetParameters, 'solver_node/set_parameters', request).results
+    assert not result.successful
+    assert result.reason == f'l_gh cannot be changed: the leg is the linkage in {file}'
+
+
+@pytest.mark.parametrize(
+    ('content', 'reason'),
+    [
+        (None, 'cannot be read: No such file or directory'),
+        ('name: [', 'holds no linkage: while parsing a flow node'),
+        ('name: x', "holds no linkage: 'pivots' is a required property"),
+        (
+            (LINKAGES / 'jansen.yaml').read_text(encoding='utf-8').replace('50.0', '5.0'),
+            'it cannot be assembled near its start',
+        ),
+    ],
+)
+def test_a_file_that_is_none_ends_it_with_one_line(
+    ros: World, tmp_path: Path, content: str | None, reason: str
+) -> None:
+    file = tmp_path / 'x.yaml'
+    if content is not None:
+        file.write_text(content, encoding='utf-8')
+    solver = ros.start('solver_node', linkage=file)
+    assert solver.wait() == 1
+    assert solver.errors.startswith(f'solver_node: {file} ')
+    assert reason in solver.errors
+    assert solver.errors.count('\n') == 1
+
+
+@pytest.mark.parametrize('name', ['jansen', 'stephenson'])
+def test_its_run_explains_itself_and_is_reviewed(
+    ros: World, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    file = LINKAGES / f'{name}.yaml'
+    ros.start('solver_node', linkage=file)
+    recorder = ros.start('recorder_node', output=tmp_path / 'run')
+    crank = ros.start('crank_node', rate=100.0, revolutions=1, min_subscribers=2)
+    assert crank.wait() == 0
+    ros.probe.spin(1.0)
+    assert recorder.stop() == 0
+    with open_log(tmp_path / 'run') as log:
+        (record,) = log.metadata['klann_ros.solver']
+    text = file.read_text(encoding='utf-8')
+    assert solver_parameters(record).parameters[LINKAGE_PARAMETER] == text
+    picture = tmp_path / 'leg.png'
+    code, output = reviewed(capsys, [tmp_path / 'run', '--picture', picture])
+    assert (code, 'nothing found' in output) == (0, True), output
+    assert picture.stat().st_size > 10_000
+
+    # Held against a linkage of other lengths, every pose is wrong.
+    other = tmp_path / 'other.yaml'
+    foot = {'jansen': ('length: 49.0', 'length: 49.5'), 'stephenson': ('bend: -60', 'bend: -61')}
+    other.write_text(text.replace(*foot[name]), encoding='utf-8')
+    code, output = reviewed(capsys, [tmp_path / 'run', '--geometry', other])
+    assert code == 1
+    assert 'feet (point_h) are not those of their poses' in output
+
+
+def reviewed(capsys: pytest.CaptureFixture[str], arguments: Sequence[object]) -> tuple[int, str]:
+    capsys.readouterr()
+    code = review([str(argument) for argument in arguments])
+    return code, capsys.readouterr().out
+
+
+def test_an_angle_out_of_reach_is_told_and_forgotten(ros: World, tmp_path: Path) -> None:
+    """A four-bar whose crank does not turn fully."""
+    file = tmp_path / 'four_bar.yaml'
+    text = (LINKAGES / 'four_bar.yaml').read_text(encoding='utf-8')
+    file.write_text(text.replace('O4: [180, 0]', 'O4: [300, 0]'), encoding='utf-8')
+    poses = ros.probe.listen(JointState, 'joint_states')
+    reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
+    ros.start('solver_node', linkage=file, diagnostics_period=0.3)
+    crank = ros.probe.publisher(Float64, 'crank_angle')
+    ros.probe.matched('joint_states')
+    for alpha in (1.0, math.pi, 1.0):
+        crank.publish(Float64(data=alpha))
+    ros.probe.until(lambda: len(poses) == 2)
+
+    def failed() -> list[str]:
+        return [r.status[0].message for r in reports if r.status[0].level == b'\x02']
+
+    ros.probe.until(failed)
+    assert 'dyad 1 does not close, A and O4 are 0.03 m further apart than AB + O4B' in failed()[0]
+    assert 'the crank does not turn fully, it cannot reach' in failed()[0]
