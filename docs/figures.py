@@ -1,14 +1,40 @@
-"""Make the documentation's figures with the package's own code: python docs/figures.py."""
+"""
+Make the documentation's figures with the package's own code: python docs/figures.py [FOLDER].
 
+They hold letters, symbols and units but no words, so that the pages of both languages share them.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
 import math
 from pathlib import Path
+import sys
 
-from klann_ros.kinematics import KlannLeg
-from klann_ros.review.drawing import draw_angles, draw_foot_path, draw_leg, label_plane
+from klann_ros.kinematics import foot_path, FourBar, KlannLeg, LinkageLeg, shipped_linkage
+from klann_ros.kinematics.dyad import joint
+from klann_ros.review.drawing import (
+    BODIES,
+    draw_angles,
+    draw_foot_path,
+    draw_leg,
+    label_plane,
+)
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Arc, Circle
 import numpy as np
 
 FOLDER = Path(__file__).resolve().parent
+RED, BLUE, GREEN, YELLOW, NAVY = (colour for *_, colour in BODIES)
+PALE, GREY = '#8d99ae', '#555555'
+DEG = '°'
+Point = Sequence[float]
+
+# The four-bars of the course and of the task with two discs, L1 to L4 [m].
+EXAMPLE = (0.180, 0.080, 0.200, 0.150)
+EXERCISE = (0.300, 0.100, 0.250, 0.200)
+DISCS = (0.500, 0.100, 0.500, 0.120)
+# A four-bar of class II, for dead points of the crank.
+TRIPLE_ROCKER = (0.180, 0.120, 0.130, 0.140)
 
 
 def klann_leg() -> Figure:
@@ -17,13 +43,382 @@ def klann_leg() -> Figure:
     feet = np.array([leg.solve(math.radians(k / 2)).h for k in range(721)])
     figure = Figure(figsize=(8.0, 5.6), layout='constrained')
     axes = figure.add_subplot()
-    draw_foot_path(axes, feet, 'path of H')
+    draw_foot_path(axes, feet, 'H')
     pose = leg.solve(math.radians(60.0))
     draw_leg(axes, pose)
     draw_angles(axes, pose, radius=0.07)
-    label_plane(axes, 'The Klann leg of SEM 104 at a crank angle of 60 deg')
+    names = {name: letters for letters, name, _ in BODIES}
+    for line in axes.get_lines():
+        line.set_label(names.get(line.get_label(), line.get_label()))
+    label_plane(axes, rf'$\alpha$ = 60{DEG}')
     return figure
 
 
+def newton_convergence() -> Figure:
+    """Return the error of Newton-Raphson's iterates, and of each against the one before."""
+    leg, bars = KlannLeg(), FourBar(*EXAMPLE)
+    alpha = math.radians(60.0)
+    klann = leg.newton(alpha, np.radians([15.0, 60.0, 45.0, 60.0]))
+    errors = np.abs(klann - leg.closed_form(alpha).x)
+    course = np.abs(bars.newton(alpha, np.radians([15.0, 80.0])) - bars.closed_form(alpha).x)
+    figure = Figure(figsize=(8.0, 3.8), layout='constrained')
+    left, right = figure.subplots(1, 2)
+    for values, marker, colour, name in (
+        (errors[:, :2].max(axis=1), 'o', BLUE, r'$\gamma, \beta$'),
+        (errors[:, 2:].max(axis=1), 's', YELLOW, r'$\delta, \theta$'),
+        (course.max(axis=1), '^', RED, r'$\theta_3, \theta_4$'),
+    ):
+        # What is left in the end is rounding: 0, or a few units of the last digit.
+        seen = np.maximum(values, 1e-16)
+        left.semilogy(1 + np.arange(len(seen)), seen, marker + '-', color=colour, label=name)
+        clear = values[:-1][values[1:] > 1e-15], values[1:][values[1:] > 1e-15]
+        right.loglog(*clear, marker, color=colour, label=name)
+    left.axhline(1e-12, linestyle=':', color=GREY)
+    left.annotate(r'$10^{-12}$', (1.0, 2e-12), color=GREY)
+    left.set(xlabel='$k$', ylabel=r'$|x_k - x|$ / rad')
+    e = np.array([3e-8, 1.0])
+    for factor, style in ((1.0, '-'), (0.1, ':')):
+        right.loglog(e, factor * e**2, style, color=PALE, zorder=0)
+    right.annotate('$e^2$', (2e-5, 3e-9), color=GREY, ha='right')
+    right.annotate('$e^2/10$', (2e-4, 6e-10), color=GREY)
+    right.set(xlabel=r'$e_k$ / rad', ylabel=r'$e_{k+1}$ / rad')
+    for axes in (left, right):
+        _grid(axes)
+        axes.legend(frameon=False)
+    return figure
+
+
+def klann_turn() -> Figure:
+    """Return the leg's angles, transmission angles and condition number over a turn."""
+    alphas, leg = np.arange(0.0, 360.5, 0.5), KlannLeg()
+    poses = [leg.solve(math.radians(alpha)) for alpha in alphas]
+    figure = Figure(figsize=(8.0, 7.0), layout='constrained')
+    upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))
+    angles = np.degrees(np.unwrap([pose.x for pose in poses], axis=0)).T
+    colours = (BLUE, GREEN, YELLOW, NAVY)
+    names = (r'$\gamma$', r'$\beta$', r'$\delta$', r'$\theta$')
+    for values, colour, name in zip(angles, colours, names, strict=True):
+        upper.plot(alphas, values, color=colour, label=name)
+    upper.set(ylabel=rf'$\gamma, \beta, \delta, \theta$ / {DEG}')
+    first, second = np.degrees([pose.transmission_angles for pose in poses]).T
+    middle.axhspan(40.0, 140.0, color=GREEN, alpha=0.15, linewidth=0)
+    middle.plot(alphas, first, color=BLUE, label=r'$\mu_1 = |\gamma + \beta|$')
+    middle.plot(alphas, second, color=YELLOW, label=r'$\mu_2 = |\delta + \theta|$')
+    middle.set(ylabel=rf'$\mu$ / {DEG}', ylim=(0.0, 180.0), yticks=(0, 40, 90, 140, 180))
+    lower.plot(alphas, [pose.condition for pose in poses], color=RED, label=r'cond $\Phi$')
+    lower.set(ylim=(0.0, 16.0))
+    _turn(lower, rf'$\alpha$ / {DEG}')
+    for axes in (upper, middle, lower):
+        _grid(axes)
+        _legend_beside(axes)
+    return figure
+
+
+def klann_foot_path() -> Figure:
+    """Return the foot path and its stance; dots every 10 deg, velocities every 30 deg."""
+    leg = KlannLeg()
+    path = foot_path(leg)
+    stance = path.stance()
+    figure = Figure(figsize=(8.0, 5.4), layout='constrained')
+    axes = figure.add_subplot()
+    axes.axhspan(path.y_range[0], path.y_range[0] + stance.ground, color=GREEN, alpha=0.15, lw=0)
+    axes.plot(*np.vstack([path.h, path.h[:1]]).T, color=PALE, lw=1.5)
+    angles = np.linspace(stance.start, stance.end, 200)
+    axes.plot(*np.array([leg.solve(a).h for a in angles]).T, color=RED, lw=3.5)
+    poses = [leg.solve(math.radians(k)) for k in range(0, 360, 10)]
+    feet = np.array([pose.h for pose in poses])
+    speeds = np.array([leg.velocity(pose, 1.0).h for pose in poses])
+    _dots(axes, feet, size=5)
+    arrow = {'angles': 'xy', 'scale_units': 'xy', 'scale': 3.0, 'color': BLUE, 'width': 0.004}
+    axes.quiver(*feet[::3].T, *speeds[::3].T, zorder=4, **arrow)
+    for k in range(0, 36, 3):
+        turned = np.array([speeds[k][1], -speeds[k][0]]) * (-1.0 if path.area > 0.0 else 1.0)
+        x, y = feet[k] - 0.022 * turned / math.hypot(*turned)
+        axes.annotate(f'{10 * k}{DEG}', (x, y), ha='center', va='center', fontsize=9)
+    (x_0, x_1), (y_0, y_1) = path.x_range, path.y_range
+    for ends, at in (
+        (((x_0, y_0 - 0.05), (x_1, y_0 - 0.05)), (np.mean([x_0, x_1]), y_0 - 0.062)),
+        (((x_1 + 0.05, y_0), (x_1 + 0.05, y_1)), (x_1 + 0.06, np.mean([y_0, y_1]))),
+    ):
+        axes.annotate('', *ends, arrowprops={'arrowstyle': '<->', 'color': GREY})
+        size = math.dist(*ends)
+        ha, va = ('center', 'top') if at[1] < y_0 else ('left', 'center')
+        axes.annotate(f'{1e3 * size:.1f} mm', at, ha=ha, va=va, color=GREY)
+    axes.quiver(x_0, y_1, 0.2, 0.0, **arrow)
+    axes.annotate(r'$dH/d\alpha$ = 0.2 m/rad', (x_0, y_1 - 0.02), color=BLUE)
+    _plane(axes)
+    axes.set(xlim=(x_0 - 0.07, x_1 + 0.15), ylim=(y_0 - 0.1, y_1 + 0.05))
+    return figure
+
+
+def dyad() -> Figure:
+    """Return two circles that meet in two joints: the geometric method."""
+    p, q, r_p, r_q = (0.0, 0.0), (0.33, 0.09), 0.30, 0.22
+    figure = Figure(figsize=(8.0, 5.2), layout='constrained')
+    axes = figure.add_subplot()
+    for centre, radius, colour in ((p, r_p, BLUE), (q, r_q, GREEN)):
+        axes.add_patch(Circle(centre, radius, fill=False, color=colour, lw=1, ls='--'))
+    plus, minus = (joint(p, q, r_p, r_q, sign) for sign in (1, -1))
+    foot = np.mean([plus, minus], axis=0)
+    for at, alpha in ((plus, 1.0), (minus, 0.35)):
+        _bar(axes, p, at, BLUE, alpha=alpha)
+        _bar(axes, q, at, GREEN, alpha=alpha)
+    axes.plot(*zip(p, q, strict=True), ':', color=GREY)
+    axes.plot(*zip(plus, minus, strict=True), ':', color=GREY)
+    _dots(axes, [plus, minus])
+    _dots(axes, [p, q], 's')
+    u = np.array(q) / math.hypot(*q)
+    n = np.array([-u[1], u[0]])
+    for end, name, side in ((u, '$u$', -n), (n, '$n$', -u)):
+        axes.annotate('', 0.09 * end, p, arrowprops={'arrowstyle': '-|>', 'color': RED, 'lw': 2})
+        axes.annotate(name, 0.09 * end + 0.02 * side, color=RED, ha='center', va='center', size=13)
+    for name, at in (
+        ('$P$', -0.025 * u),
+        ('$Q$', np.array(q) + 0.028 * u),
+        (r'$J_{+}$', np.array(plus) + 0.028 * n),
+        (r'$J_{-}$', np.array(minus) - 0.028 * n),
+        ('$r_p$', np.array(plus) * 0.6 + 0.03 * n - 0.02 * u),
+        ('$r_q$', (np.array(plus) + q) / 2 + 0.02 * (u + n)),
+        ('$a$', 0.68 * foot - 0.016 * n),
+        ('$h$', (foot + plus) / 2 + 0.016 * u),
+    ):
+        axes.annotate(name, at, ha='center', va='center', fontsize=14)
+    _plane(axes)
+    axes.set(xlim=(-0.33, 0.58), ylim=(-0.32, 0.34))
+    return figure
+
+
+def four_bar() -> Figure:
+    """Return the four-bar of the course's examples, put together in both ways."""
+    figure = Figure(figsize=(8.0, 4.4), layout='constrained')
+    for axes, assembly in zip(figure.subplots(1, 2, sharey=True), (1, -1), strict=True):
+        bars = FourBar(*EXAMPLE, assembly)
+        pose = bars.solve(math.radians(60.0))
+        o_2, a, b, o_4 = pose.points
+        axes.plot(*np.array([a, o_4]).T, '--', color=GREY)
+        for p, q, colour in ((o_2, o_4, PALE), (o_2, a, RED), (a, b, BLUE), (o_4, b, GREEN)):
+            _bar(axes, p, q, colour)
+        _dots(axes, [a, b])
+        _dots(axes, [o_2, o_4], 's')
+        theta = [math.degrees(angle) % 360.0 for angle in (pose.theta2, pose.theta3, pose.theta4)]
+        back = math.degrees(math.atan2(a[1] - o_4[1], a[0] - o_4[0]))
+        if assembly < 0:
+            theta[1] -= 360.0
+        _arc(axes, o_2, 0.030, (0.0, theta[0]), r'$\theta_2$')
+        _arc(axes, a, 0.035, (0.0, theta[1]), r'$\theta_3$')
+        _arc(axes, o_4, 0.030, (0.0, theta[2]), r'$\theta_4$', colour=GREEN)
+        _arc(axes, o_4, 0.050, (back, 180.0), r'$\beta$')
+        _arc(axes, o_4, 0.042, (theta[2], back), r'$\alpha$', colour=RED)
+        _arc(axes, b, 0.030, _sector(b, a, o_4), r'$\mu$', colour=NAVY)
+        for name, at, dx, dy in (
+            ('$O_2$', o_2, -0.02, -0.01),
+            ('$O_4$', o_4, 0.022, -0.012),
+            ('$A$', a, -0.012, 0.014),
+            ('$B$', b, 0.012, 0.012 * assembly),
+            ('$Z$', (a + o_4) / 2, 0.004, 0.012),
+        ):
+            axes.annotate(name, np.add(at, (dx, dy)), ha='center', va='center', fontsize=13)
+        _plane(axes)
+        axes.set(xlim=(-0.045, 0.25), ylim=(-0.15, 0.17))
+        sign = '+' if assembly > 0 else '-'
+        axes.set_title(rf'$\theta_4 = 180{DEG} - ({sign}\alpha + \beta)$', fontsize=11)
+    return figure
+
+
+def four_bar_dead_points() -> Figure:
+    """Return the dead points of a driving crank (class II) and of a driving rocker (class I)."""
+    figure = Figure(figsize=(8.0, 4.2), layout='constrained')
+    panels = ((TRIPLE_ROCKER, 'crank', '$L_2$'), (EXAMPLE, 'rocker', '$L_4$'))
+    for axes, (lengths, driver, name) in zip(figure.subplots(1, 2), panels, strict=True):
+        bars = FourBar(*lengths)
+        found = bars.dead_points(driver)
+        if driver == 'rocker':
+            found += FourBar(*lengths, -1).dead_points(driver)
+        for point in found:
+            a = bars.geometry.crank * np.array([math.cos(point.theta2), math.sin(point.theta2)])
+            o_4 = np.array([bars.geometry.ground, 0.0])
+            swing = np.array([math.cos(point.theta4), math.sin(point.theta4)])
+            b = o_4 + bars.geometry.rocker * swing
+            style = '-' if point.kind == 'stretched' else (0, (2, 1))
+            # The links in line lie over each other where they are folded: the wider shows.
+            for p, q, colour, width in ((o_4, b, GREEN, 4), ((0, 0), a, RED, 7), (a, b, BLUE, 3)):
+                axes.plot(*zip(p, q, strict=True), color=colour, lw=width, ls=style)
+            _dots(axes, [a, b])
+            end = a if driver == 'crank' else b
+            axes.annotate(
+                rf'${math.degrees(point.angle):.1f}{DEG}$',
+                end,
+                xytext=(0, math.copysign(13, end[1])),
+                textcoords='offset points',
+                ha='center',
+                va='center',
+                fontsize=9,
+            )
+        _dots(axes, [(0.0, 0.0), (bars.geometry.ground, 0.0)], 's')
+        _plane(axes)
+        axes.set(xlim=(-0.13, 0.29), ylim=(-0.17, 0.17), xticks=(-0.1, 0.0, 0.1, 0.2))
+        axes.set_title(name, color=RED if driver == 'crank' else GREEN)
+    return figure
+
+
+def four_bar_transmission() -> Figure:
+    """Return the transmission angle of four four-bars over the crank's turn."""
+    figure = Figure(figsize=(8.0, 4.2), layout='constrained')
+    axes = figure.add_subplot()
+    axes.axhspan(40.0, 140.0, color=GREEN, alpha=0.15, linewidth=0)
+    shown = (EXAMPLE, EXERCISE, DISCS, TRIPLE_ROCKER)
+    for lengths, colour in zip(shown, (RED, BLUE, YELLOW, NAVY), strict=True):
+        bars = FourBar(*lengths)
+        name = ', '.join(f'{1e3 * length:g}' for length in lengths) + ' mm'
+        # Each has one arc: a whole turn, or one around 0.
+        ((start, end),) = bars.reachable_arcs()
+        angles = np.linspace(start - end, end - start, 721) / 2.0
+        mu = np.degrees([bars.transmission_angle(angle) for angle in angles])
+        axes.plot(np.degrees(angles), mu, color=colour, label=name)
+    axes.set(xlabel=rf'$\theta_2$ / {DEG}', ylabel=rf'$\mu$ / {DEG}')
+    axes.set(xlim=(-180, 180), ylim=(0, 180), yticks=(0, 40, 90, 140, 180))
+    axes.set_xticks(range(-180, 181, 60))
+    _grid(axes)
+    axes.legend(title='$L_1, L_2, L_3, L_4$', frameon=False, fontsize='small')
+    return figure
+
+
+def two_discs() -> Figure:
+    """Return the two discs' angles over a turn by both methods, and their difference."""
+    bars, alphas = FourBar(*DISCS), np.arange(0.0, 361.0)
+    newton = np.unwrap([bars.solve(math.radians(a)).x for a in alphas], axis=0)
+    geometric = np.unwrap([bars.closed_form(math.radians(a)).x for a in alphas], axis=0)
+    figure = Figure(figsize=(8.0, 5.4), layout='constrained')
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    for k, (name, colour) in enumerate((('BC', BLUE), ('DC', GREEN))):
+        upper.plot(alphas, np.degrees(newton[:, k]), color=colour, label=name)
+        dots = slice(None, None, 15)
+        upper.plot(alphas[dots], np.degrees(geometric[dots, k]), 'o', color=colour, mfc='none')
+        lower.plot(alphas, 1e15 * (newton - geometric)[:, k], '.', ms=3, color=colour, label=name)
+    upper.set(ylabel=f'BC, DC / {DEG}')
+    lower.set(ylabel=r'$\Delta$ / $10^{-15}$ rad')
+    _turn(lower, f'AB / {DEG}')
+    for axes in (upper, lower):
+        _grid(axes)
+        _legend_beside(axes)
+    return figure
+
+
+def linkages() -> Figure:
+    """Return four of the linkages that are described in files, with the paths of their feet."""
+    figure = Figure(figsize=(8.0, 7.2), layout='constrained')
+    panels = (
+        ('klann', 60, 'Klann'),
+        ('jansen', 0, 'Jansen'),
+        ('chebyshev_lambda', 30, r'Chebyshev $\lambda$'),
+        ('stephenson', 90, 'Stephenson III'),
+    )
+    for axes, (name, alpha, title) in zip(figure.subplots(2, 2).flat, panels, strict=True):
+        linkage = shipped_linkage(name)
+        leg = LinkageLeg(linkage)
+        feet = np.array([leg.solve(math.radians(k)).h for k in range(361)])
+        points = leg.solve(math.radians(alpha)).points
+        at = dict(zip(linkage.description.points, points, strict=True))
+        for body, colour in zip(linkage.description.bodies, _cycle(), strict=False):
+            corners = np.array([at[point] for point in body.points])
+            if len(corners) > 2:
+                axes.fill(*_around(corners).T, color=colour, alpha=0.25, lw=0)
+            for bar in body.bars:
+                _bar(axes, at[bar.start], at[bar.end], colour, width=2.5)
+        axes.plot(*feet.T, color=GREY, lw=1.5)
+        pivots = [at[pivot] for pivot in linkage.description.pivots]
+        _dots(axes, [p for n, p in at.items() if n not in linkage.description.pivots], size=4)
+        _dots(axes, pivots, 's', size=5)
+        foot = at[linkage.description.foot]
+        axes.annotate(
+            linkage.description.foot, foot, xytext=(9, 6), textcoords='offset points', size=11
+        )
+        axes.set_title(title, fontsize=10)
+        _plane(axes)
+    return figure
+
+
+FIGURES: tuple[Callable[[], Figure], ...] = (
+    klann_leg,
+    newton_convergence,
+    klann_turn,
+    klann_foot_path,
+    dyad,
+    four_bar,
+    four_bar_dead_points,
+    four_bar_transmission,
+    two_discs,
+    linkages,
+)
+
+
+def main(folder: Path) -> None:
+    """Make every figure, each under the name of its function."""
+    for make in FIGURES:
+        make().savefig(folder / f'{make.__name__}.png', dpi=110)
+
+
+def _around(corners: np.ndarray) -> np.ndarray:
+    """Return points in their order around the middle of them."""
+    x, y = (corners - corners.mean(axis=0)).T
+    return corners[np.argsort(np.arctan2(y, x))]
+
+
+def _cycle() -> Iterable[str]:
+    return (RED, BLUE, GREEN, YELLOW, NAVY, '#9a6fb0', '#c9793a')
+
+
+def _bar(
+    axes: Axes, p: Point, q: Point, colour: str, *, alpha: float = 1.0, width: float = 4.0
+) -> None:
+    axes.plot(*zip(p, q, strict=True), color=colour, lw=width, alpha=alpha, solid_capstyle='round')
+
+
+def _dots(axes: Axes, points: Iterable[Point], marker: str = 'o', size: float = 7) -> None:
+    axes.plot(*np.array(points).T, marker, color='white', mec='black', ms=size, ls='', zorder=3)
+
+
+def _arc(
+    axes: Axes,
+    at: Point,
+    radius: float,
+    ends: tuple[float, float],
+    name: str,
+    *,
+    colour: str = GREY,
+) -> None:
+    """Draw an angle between two directions [deg], with its name outside the arc's middle."""
+    first, last = sorted(ends)
+    axes.add_patch(Arc(at, 2 * radius, 2 * radius, theta1=first, theta2=last, color=colour))
+    middle = math.radians((first + last) / 2.0)
+    where = (at[0] + 1.4 * radius * math.cos(middle), at[1] + 1.4 * radius * math.sin(middle))
+    axes.annotate(name, where, ha='center', va='center', fontsize=12, color=colour)
+    if 0.0 in ends:
+        axes.plot([at[0], at[0] + 1.3 * radius], [at[1], at[1]], ':', color=GREY, lw=1)
+
+
+def _sector(at: Point, p: Point, q: Point) -> tuple[float, float]:
+    """Return the directions from a point to two others, less than half a turn apart [deg]."""
+    first, last = (math.degrees(math.atan2(e[1] - at[1], e[0] - at[0])) for e in (p, q))
+    return first, first + math.degrees(math.remainder(math.radians(last - first), math.tau))
+
+
+def _plane(axes: Axes) -> None:
+    axes.set(xlabel='x / m', ylabel='y / m', aspect='equal')
+    _grid(axes)
+
+
+def _turn(axes: Axes, name: str) -> None:
+    axes.set(xlabel=name, xlim=(0.0, 360.0), xticks=range(0, 361, 30))
+
+
+def _grid(axes: Axes) -> None:
+    axes.grid(visible=True, linewidth=0.3)
+
+
+def _legend_beside(axes: Axes) -> None:
+    axes.legend(frameon=False, loc='center left', bbox_to_anchor=(1.0, 0.5))
+
+
 if __name__ == '__main__':
-    klann_leg().savefig(FOLDER / 'klann_leg.png', dpi=110)
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER)
