@@ -10,6 +10,7 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 ARGUMENTS = (
@@ -19,6 +20,11 @@ ARGUMENTS = (
             [FindPackageShare('klann_ros'), 'config', 'sem104.yaml']
         ),
         description='Parameter file of solver_node: the geometry of the leg.',
+    ),
+    DeclareLaunchArgument(
+        'linkage',
+        default_value='',
+        description="A linkage's YAML file, to be solved instead of the Klann leg.",
     ),
     DeclareLaunchArgument(
         'namespace', default_value='', description='Namespace of the nodes and their topics.'
@@ -48,7 +54,12 @@ def generate_launch_description() -> LaunchDescription:
         output='screen',
         parameters=[
             LaunchConfiguration('params_file'),
-            {'frame_id': frame_id, 'use_sim_time': use_sim_time},
+            {
+                # Without a type an empty text would be read as YAML's null.
+                'linkage': ParameterValue(LaunchConfiguration('linkage'), value_type=str),
+                'frame_id': frame_id,
+                'use_sim_time': use_sim_time,
+            },
         ],
     )
     # The plane's axes are the textbook's, x right and y up; base_link has z up.
