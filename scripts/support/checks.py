@@ -26,7 +26,7 @@ PYTHON_FILES = (
     'docs',
 )
 # A check that hangs is ended, so that CI still gets to see its output.
-TIMEOUT = 480.0
+TIMEOUT = 660.0
 SUMMARY = re.compile(r'\bin \d+\.\d+s')
 
 

@@ -5,8 +5,9 @@ from functools import partial
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import crank_angle
+from klann_ros.kinematics.errors import KinematicsError
 from klann_ros.kinematics.newton import newton_raphson
-from klann_ros.kinematics.tracking import COARSE_TOLERANCE, track
+from klann_ros.kinematics.tracked_leg import TrackedLeg
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,7 +21,7 @@ from .refinement import constants, refine
 Array = NDArray[np.float64]
 
 
-class FourBar:
+class FourBar(TrackedLeg[FourBarPose]):
     """
     A four-bar linkage that is solved for one crank angle after the other.
 
@@ -60,55 +61,31 @@ class FourBar:
     ) -> None:
         """Start without a pose."""
         self._geometry = FourBarGeometry(ground, crank, coupler, rocker, assembly)
-        self._refine = partial(refine, constants(self._geometry))
-        self._seed = partial(closed_form.angles, self._geometry)
-        self._tolerance = validation.setting('tolerance', tolerance, COARSE_TOLERANCE)
-        self._max_crank_step = validation.setting('max_crank_step', max_crank_step)
-        self._last: FourBarPose | None = None
+        super().__init__(
+            partial(refine, constants(self._geometry)),
+            partial(closed_form.angles, self._geometry),
+            tolerance=tolerance,
+            max_crank_step=max_crank_step,
+        )
 
     @property
     def geometry(self) -> FourBarGeometry:
         """Return the linkage's lengths and assembly."""
         return self._geometry
 
-    @property
-    def last(self) -> FourBarPose | None:
-        """Return the last good pose: the warm start of the next `solve`."""
-        return self._last
-
-    def reset(self) -> None:
-        """Forget the last pose, so that the next `solve` starts from the closed form."""
-        self._last = None
-
     def solve(self, theta2: float) -> FourBarPose:
-        """
-        Return the pose at a crank angle by Newton-Raphson, warm started from the last pose.
-
-        A large step of the crank is split; the pose is always of the linkage's assembly. A solve
-        that fails leaves the last good pose as it was.
-
-        Parameters
-        ----------
-        theta2 : float
-            Crank angle, any number of turns [rad].
-
-        Raises
-        ------
-        CrankAngleError
-            `theta2` is not finite, or beyond +-1e6 rad.
-        UnreachableError
-            Coupler and rocker do not meet at this crank angle.
-        NotConvergedError
-            Newton-Raphson does not confirm the closed form.
-
-        """
-        theta2 = crank_angle(theta2)
-        pose = self._track(theta2, self._last)
-        if pose.coefficients is NO_COEFFICIENTS:
+        """Return the pose at a crank angle theta2 [rad]: see `TrackedLeg.solve`."""
+        last = self._last
+        pose = super().solve(theta2)
+        if last is not None and pose.coefficients is NO_COEFFICIENTS:
             # The sign that tells the assemblies apart is rounding here, and where A is next to O4
             # they are half a turn apart: only the closed form knows.
-            pose = self._track(theta2, None)
-        self._last = pose
+            self.reset()
+            try:
+                pose = super().solve(theta2)
+            except KinematicsError:
+                self._last = last
+                raise
         return pose
 
     def newton(
@@ -217,9 +194,3 @@ class FourBar:
     def rocker_limits(self) -> RockerLimits:
         """Return the limit positions of the rocker, its swing and its time ratio."""
         return rocker_limits(self._geometry, self.grashof.motion)
-
-    def _track(self, theta2: float, last: FourBarPose | None) -> FourBarPose:
-        tolerance, step = self._tolerance, self._max_crank_step
-        return track(
-            self._refine, self._seed, theta2, last, tolerance=tolerance, max_crank_step=step
-        )

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from functools import partial
 
-from klann_ros.kinematics import validation, virtual_work
+from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import crank_angle
 from klann_ros.kinematics.arcs import Arc
 from klann_ros.kinematics.newton import newton_raphson
-from klann_ros.kinematics.tracking import COARSE_TOLERANCE, track
+from klann_ros.kinematics.tracked_leg import FootedLeg
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,7 +22,7 @@ from .velocity import KlannVelocity, velocity
 Array = NDArray[np.float64]
 
 
-class KlannLeg:
+class KlannLeg(FootedLeg[KlannPose]):
     """
     A Klann leg that is solved for one crank angle after the other.
 
@@ -56,11 +56,12 @@ class KlannLeg:
             msg = f'geometry = {geometry!r} is refused: it must be a KlannGeometry'
             raise TypeError(msg)
         self._geometry = geometry or KlannGeometry.sem104()
-        self._refine = partial(refine, constants(self._geometry))
-        self._seed = partial(closed_form.seed, self._geometry)
-        self._tolerance = validation.setting('tolerance', tolerance, COARSE_TOLERANCE)
-        self._max_crank_step = validation.setting('max_crank_step', max_crank_step)
-        self._last: KlannPose | None = None
+        super().__init__(
+            partial(refine, constants(self._geometry)),
+            partial(closed_form.seed, self._geometry),
+            tolerance=tolerance,
+            max_crank_step=max_crank_step,
+        )
 
     @property
     def geometry(self) -> KlannGeometry:
@@ -76,47 +77,6 @@ class KlannLeg:
     def assembly(self) -> tuple[int, int]:
         """Return the signs of sin(gamma + beta) and of sin(delta + theta)."""
         return self._geometry.assembly
-
-    @property
-    def last(self) -> KlannPose | None:
-        """Return the last good pose: the warm start of the next `solve`."""
-        return self._last
-
-    def reset(self) -> None:
-        """Forget the last pose, so that the next `solve` starts from the closed form."""
-        self._last = None
-
-    def solve(self, alpha: float) -> KlannPose:
-        """
-        Return the pose at a crank angle by Newton-Raphson, warm started from the last pose.
-
-        A large step of the crank is split; the pose is always on the geometry's assembly branch.
-        A solve that fails leaves the last good pose as it was.
-
-        Parameters
-        ----------
-        alpha : float
-            Crank angle, any number of turns [rad].
-
-        Raises
-        ------
-        CrankAngleError
-            `alpha` is not finite, or beyond +-1e6 rad.
-        UnreachableError
-            A dyad does not close at this crank angle.
-        NotConvergedError
-            Newton-Raphson does not confirm the closed form.
-
-        """
-        self._last = track(
-            self._refine,
-            self._seed,
-            crank_angle(alpha),
-            self._last,
-            tolerance=self._tolerance,
-            max_crank_step=self._max_crank_step,
-        )
-        return self._last
 
     def newton(
         self, alpha: float, guess: Sequence[float] | Array, *, max_iterations: int = 50
@@ -217,37 +177,3 @@ class KlannLeg:
 
         """
         return acceleration(pose, alpha_rate, alpha_acceleration)
-
-    def crank_torque(self, pose: KlannPose, force: Sequence[float]) -> float:
-        """
-        Return the torque at the crank that balances a force (x, y) [N] on the foot H [N m].
-
-        Virtual work: T = -F . dH/dalpha, counter-clockwise positive; no friction, no weight.
-
-        Raises
-        ------
-        SingularPoseError
-            The pose has no velocity.
-        ValueError
-            The force is not two finite numbers.
-
-        """
-        return virtual_work.crank_torque(velocity(pose, 1.0).h, force)
-
-    def foot_force(self, pose: KlannPose, torque: float, direction: Sequence[float]) -> float:
-        """
-        Return the force on the foot along a direction (x, y) that a crank torque balances [N].
-
-        It is negative where it acts against the direction; the inverse of `crank_torque`.
-
-        Raises
-        ------
-        ImmobileDirectionError
-            The foot does not move along the direction, and any force is balanced.
-        SingularPoseError
-            The pose has no velocity.
-        ValueError
-            The torque is not finite, or the direction not two finite numbers, or without length.
-
-        """
-        return virtual_work.foot_force(velocity(pose, 1.0).h, torque, direction)

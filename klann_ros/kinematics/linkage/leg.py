@@ -1,13 +1,12 @@
 """A linkage as an object that is solved: it remembers the last good pose, and nothing else."""
 
 from collections.abc import Sequence
-from math import inf
 
-from klann_ros.kinematics import validation, virtual_work
+from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import crank_angle, wrap
 from klann_ros.kinematics.arcs import Arc
 from klann_ros.kinematics.newton import newton_raphson
-from klann_ros.kinematics.tracking import COARSE_TOLERANCE, track
+from klann_ros.kinematics.tracked_leg import FootedLeg
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,7 +21,7 @@ from .seeds import Seeds, STEP
 Array = NDArray[np.float64]
 
 
-class LinkageLeg:
+class LinkageLeg(FootedLeg[LinkagePose]):
     """
     A linkage that is solved for one crank angle after the other, as `KlannLeg` is.
 
@@ -56,10 +55,9 @@ class LinkageLeg:
             raise TypeError(msg)
         self._linkage = linkage
         self._seeds = Seeds(linkage)
-        self._tolerance = validation.setting('tolerance', tolerance, COARSE_TOLERANCE)
-        step = validation.setting('max_crank_step', max_crank_step)
-        self._max_crank_step = min(step, inf if linkage.is_dyadic else STEP)
-        self._last: LinkagePose | None = None
+        # Its tangents lead astray sooner where loops are coupled.
+        most = max_crank_step if linkage.is_dyadic else min(max_crank_step, STEP)
+        super().__init__(self._refined, self._seeds.seed, tolerance=tolerance, max_crank_step=most)
 
     @property
     def linkage(self) -> Linkage:
@@ -80,50 +78,6 @@ class LinkageLeg:
     def assembly(self) -> tuple[int, ...]:
         """Return the sign of each dyad's sine: how it is put together."""
         return self._linkage.assembly
-
-    @property
-    def last(self) -> LinkagePose | None:
-        """Return the last good pose: the warm start of the next `solve`."""
-        return self._last
-
-    def reset(self) -> None:
-        """Forget the last pose, so that the next `solve` starts from nothing."""
-        self._last = None
-
-    def solve(self, alpha: float) -> LinkagePose:
-        """
-        Return the pose at a crank angle by Newton-Raphson, warm started from the last pose.
-
-        A large step of the crank is split; the pose is always on the linkage's assembly branch. A
-        solve that fails leaves the last good pose as it was.
-
-        Parameters
-        ----------
-        alpha : float
-            Crank angle, any number of turns [rad].
-
-        Raises
-        ------
-        CrankAngleError
-            `alpha` is not finite, or beyond +-1e6 rad.
-        UnreachableError
-            A dyad does not close at this crank angle.
-        LoopsOpenError
-            Coupled loops do not close at this crank angle on their branch.
-        NotConvergedError
-            Newton-Raphson does not confirm what it was seeded with.
-
-        """
-        alpha = crank_angle(alpha)
-        self._last = track(
-            self._refine,
-            self._seeds.seed,
-            alpha,
-            self._last,
-            tolerance=self._tolerance,
-            max_crank_step=self._max_crank_step,
-        )
-        return self._last
 
     def newton(
         self, alpha: float, guess: Sequence[float] | Array, *, max_iterations: int = 50
@@ -212,15 +166,7 @@ class LinkageLeg:
         """Return the acceleration of a pose: see `motion.acceleration`."""
         return acceleration(pose, alpha_rate, alpha_acceleration)
 
-    def crank_torque(self, pose: LinkagePose, force: Sequence[float]) -> float:
-        """Return the crank's torque that balances a force on the foot: see `virtual_work`."""
-        return virtual_work.crank_torque(velocity(pose, 1.0).h, force)
-
-    def foot_force(self, pose: LinkagePose, torque: float, direction: Sequence[float]) -> float:
-        """Return the force on the foot that a crank's torque balances: see `virtual_work`."""
-        return virtual_work.foot_force(velocity(pose, 1.0).h, torque, direction)
-
-    def _refine(
+    def _refined(
         self, alpha: float, guess: tuple[float, ...], tolerance: float, max_iterations: int
     ) -> LinkagePose | None:
         pose = refine(self._linkage, alpha, guess, tolerance, max_iterations)
