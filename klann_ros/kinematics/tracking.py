@@ -61,6 +61,7 @@ def track(
     *,
     tolerance: float,
     max_crank_step: float,
+    max_parts: int = MAX_PARTS,
 ) -> Pose:
     """
     Return the pose at a driving angle, led there from the last pose along the assembly branch.
@@ -83,6 +84,8 @@ def track(
         Largest correction of a converged pose [rad].
     max_crank_step : float
         The largest step of the driver that is made at once [rad].
+    max_parts : int
+        A step of more parts is seeded.
 
     Raises
     ------
@@ -92,13 +95,16 @@ def track(
         Newton-Raphson does not confirm the seed.
 
     """
-    pose = None if last is None else _follow(refine, alpha, last, tolerance, max_crank_step)
+    pose = None
+    if last is not None:
+        pose = _follow(refine, alpha, last, tolerance, (max_crank_step, max_parts))
     return _seeded(refine, seed, alpha, tolerance) if pose is None else pose
 
 
 def _follow(
-    refine: 'Refine[Pose]', alpha: float, last: Pose, tolerance: float, max_crank_step: float
+    refine: 'Refine[Pose]', alpha: float, last: Pose, tolerance: float, steps: tuple[float, int]
 ) -> Pose | None:
+    max_crank_step, max_parts = steps
     if isnan(last.coefficients[0]):
         return None
     step = alpha - last.alpha
@@ -106,7 +112,7 @@ def _follow(
         step = remainder(step, TURN)
     if -max_crank_step <= step <= max_crank_step:
         return refine(alpha, last.ahead(step), tolerance, MAX_ITERATIONS)
-    if abs(step) > MAX_PARTS * max_crank_step:
+    if abs(step) > max_parts * max_crank_step:
         return None
     parts = ceil(abs(step) / max_crank_step)
     step /= parts
