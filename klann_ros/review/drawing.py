@@ -1,7 +1,7 @@
 """The leg drawn: bars, joints with their letters, and the path of the foot."""
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from math import hypot
 from typing import NamedTuple, TYPE_CHECKING
 
@@ -36,24 +36,30 @@ class Drawn(NamedTuple):
         Every point by its name [m].
     pivots : sequence of str
         Those that are fixed.
-    bodies : list of (sequence of str, str, str)
-        Each body by the points along its bars, with its name and colour.
+    bodies : list of (list of (str, str), str, str)
+        Each body by its bars, with its name and colour.
 
     """
 
     points: dict[str, NDArray[np.float64]]
     pivots: Sequence[str]
-    bodies: list[tuple[Sequence[str], str, str]]
+    bodies: list[tuple[list[tuple[str, str]], str, str]]
 
     @classmethod
     def of(cls, pose: KlannPose | LinkagePose) -> 'Drawn':
         """Return what a pose is drawn from."""
         if isinstance(pose, KlannPose):
-            return cls(dict(zip(LETTERS, pose.points, strict=True)), PIVOTS, list(BODIES))
+            points = dict(zip(LETTERS, pose.points, strict=True))
+            klann = [(list(pairwise(letters)), name, colour) for letters, name, colour in BODIES]
+            return cls(points, PIVOTS, klann)
         description = pose.linkage.description
         points = dict(zip(description.points, pose.points, strict=True))
         bodies = [
-            (_outline(body.points), body.angle, COLOURS[i % len(COLOURS)])
+            (
+                [(bar.start, bar.end) for bar in body.bars],
+                body.angle,
+                COLOURS[i % len(COLOURS)],
+            )
             for i, body in enumerate(description.bodies)
         ]
         return cls(points, list(description.pivots), bodies)
@@ -63,9 +69,13 @@ def draw_leg(axes: 'Axes', pose: KlannPose | LinkagePose) -> None:
     """Draw a pose: each body in its colour, the pivots as squares, every point's name."""
     drawn = Drawn.of(pose)
     points = drawn.points
-    for names, body, colour in drawn.bodies:
-        bars = np.array([points[name] for name in names])
-        axes.plot(*bars.T, '-', color=colour, linewidth=4, solid_capstyle='round', label=body)
+    for bars, body, colour in drawn.bodies:
+        line = _line(bars, points)
+        axes.plot(*line.T, '-', color=colour, linewidth=4, solid_capstyle='round', label=body)
+        if len(bars) > 1:
+            # What is rigid is filled.
+            corners = _around([points[name] for name in dict.fromkeys(chain(*bars))])
+            axes.fill(*corners.T, color=colour, alpha=0.2, linewidth=0)
     for letter, (x, y) in points.items():
         free_x, free_y = _free_side(letter, drawn)
         marker = 's' if letter in drawn.pivots else 'o'
@@ -81,15 +91,32 @@ def draw_leg(axes: 'Axes', pose: KlannPose | LinkagePose) -> None:
         )
 
 
-def _outline(points: Sequence[str]) -> Sequence[str]:
-    """Return the points along a body's bars: around it, where it has three or more."""
-    return (*points, points[0]) if len(points) > 2 else points
+def _around(corners: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return points in the order in which they stand around their middle, shape (n, 2)."""
+    array = np.array(corners)
+    x, y = (array - array.mean(axis=0)).T
+    ordered: NDArray[np.float64] = array[np.argsort(np.arctan2(y, x))]
+    return ordered
+
+
+def _line(
+    bars: Sequence[tuple[str, str]], points: dict[str, NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """Return the points along bars, shape (n, 2); a row of NaN where a bar starts elsewhere."""
+    line = [points[bars[0][0]]]
+    last = bars[0][0]
+    for start, end in bars:
+        if start != last:
+            line += [np.full(2, np.nan), points[start]]
+        line.append(points[end])
+        last = end
+    return np.array(line)
 
 
 def _free_side(letter: str, drawn: Drawn) -> tuple[float, float]:
     """Return the unit vector away from the bars that meet at a point."""
     points = drawn.points
-    along = (bar for names, _, _ in drawn.bodies for bar in pairwise(names))
+    along = (bar for bars, _, _ in drawn.bodies for bar in bars)
     ends = [q if p == letter else p for p, q in along if letter in (p, q)]
     bars = np.array([points[end] - points[letter] for end in ends]).reshape(-1, 2)
     x, y = -(bars / np.hypot(*bars.T)[:, np.newaxis]).sum(axis=0)

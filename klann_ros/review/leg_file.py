@@ -5,18 +5,20 @@ from pathlib import Path
 from typing import Any
 
 from klann_ros.kinematics import (
-    GeometryError,
     KlannGeometry,
     KlannLeg,
     linkage_from_text,
+    LinkageFileError,
     LinkageLeg,
 )
 from klann_ros.kinematics.klann.geometry import BENDS, COORDINATES, LENGTHS
+from klann_ros.kinematics.linkage.yaml_text import parse
 from klann_ros.log.errors import LogError
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
-import yaml
 
 Leg = KlannLeg | LinkageLeg
+# One of them is enough to tell that a file is meant to be a linkage.
+_LINKAGE_KEYS = {'pivots', 'bodies', 'crank', 'foot'}
 
 
 class LegFileError(LogError):
@@ -35,11 +37,14 @@ def leg_from_file(path: str) -> Leg:
     """
     try:
         text = Path(path).read_text(encoding='utf-8')
-        content = yaml.safe_load(text)
-        if isinstance(content, dict) and 'bodies' in content:
-            return LinkageLeg(linkage_from_text(text, 'it'))
+        content = parse(text)
+        if isinstance(content, dict) and not _LINKAGE_KEYS.isdisjoint(content):
+            return LinkageLeg(linkage_from_text(text, path))
         return leg_from_parameters(_ros_parameters(content))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, TypeError, GeometryError) as error:
+    except LinkageFileError as error:
+        raise LegFileError(str(error)) from error
+    except (OSError, ValueError, TypeError) as error:
+        # A path that is none, a text that is none, and a geometry that is none.
         msg = f'{path} holds no geometry: {" ".join(str(error).split())}'
         raise LegFileError(msg) from error
 

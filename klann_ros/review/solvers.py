@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from klann_ros.kinematics import GeometryError
 from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD, SolverParameters
 
 from .leg_file import Leg, leg_from_parameters
@@ -85,5 +84,5 @@ def _solver(record: Mapping[str, str]) -> SolverParameters | None:
 def _leg(parameters: Mapping[str, Any]) -> Leg | None:
     try:
         return leg_from_parameters(parameters)
-    except (TypeError, GeometryError):
+    except (TypeError, ValueError):
         return None

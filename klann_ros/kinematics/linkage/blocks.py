@@ -226,6 +226,8 @@ class CoupledLoops:
         For one loop this is the sine of the angle between the links; here it stands for it.
         """
         jacobian = self.jacobian(u)
+        # Rows as well: a small body would make all of it look singular.
+        jacobian /= np.linalg.norm(jacobian, axis=1, keepdims=True)
         return float(np.linalg.det(jacobian / np.linalg.norm(jacobian, axis=0)))
 
     def transmission_angle(self, u: Sequence[complex]) -> float:

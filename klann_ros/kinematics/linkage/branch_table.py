@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN, wrap
 from klann_ros.kinematics.arcs import Arc
-from klann_ros.kinematics.errors import GeometryError, LoopsOpenError
+from klann_ros.kinematics.errors import LoopsOpenError
 
 # A tangent that needs more correction than this is not trusted to stay on its branch [rad].
 TRUSTED = 0.05
@@ -35,21 +35,23 @@ class BranchTable:
     rows : sequence of Row
         The poses, by rising crank angle.
 
-    Raises
-    ------
-    GeometryError
-        After a whole turn the loops are not back where they were.
-
     """
 
     def __init__(self, block: int, rows: Sequence[Row]) -> None:
-        """Check that a whole turn closes."""
+        """Keep the rows."""
         self._block = block
         self._rows = rows
         self._first, self._last = rows[0].alpha, rows[-1].alpha
-        self._is_turn = self._last - self._first >= TURN
-        if self._is_turn:
-            self._check_closure()
+        self._is_turn = self.is_closed(rows)
+
+    @staticmethod
+    def is_closed(rows: Sequence[Row]) -> bool:
+        """Return whether rows are a whole turn, after which the loops are back where they were."""
+        start, end = rows[0], rows[-1]
+        if end.alpha - start.alpha < TURN:
+            return False
+        back = end.ahead(start.alpha + TURN - end.alpha)
+        return max(abs(wrap(a - b)) for a, b in zip(back, start.x, strict=True)) <= TRUSTED
 
     def guess(self, alpha: float) -> tuple[float, ...]:
         """
@@ -61,13 +63,15 @@ class BranchTable:
             The crank angle is not on the branch.
 
         """
+        near = self._near(alpha)
         at = self._within(alpha)
-        i = bisect_left(self._rows, at, key=lambda row: row.alpha)
-        neighbours = self._rows[slice(max(0, i - 1), i + 1)]
-        near = min(neighbours, key=lambda row: abs(row.alpha - at))
         if not self._first <= at <= self._last:
-            raise LoopsOpenError(alpha, self._block, alpha + near.alpha - at)
+            raise LoopsOpenError(alpha, self._block, self.nearest(alpha))
         return near.ahead(at - near.alpha)
+
+    def nearest(self, alpha: float) -> float:
+        """Return the crank angle of the nearest row [rad]."""
+        return alpha + self._near(alpha).alpha - self._within(alpha)
 
     @property
     def arc(self) -> Arc:
@@ -79,13 +83,8 @@ class BranchTable:
         middle = (self._first + self._last) / 2.0
         return alpha - TURN * round((alpha - middle) / TURN)
 
-    def _check_closure(self) -> None:
-        start, end = self._rows[0], self._rows[-1]
-        back = end.ahead(start.alpha + TURN - end.alpha)
-        apart = max(abs(wrap(a - b)) for a, b in zip(back, start.x, strict=True))
-        if apart > TRUSTED:
-            msg = (
-                f'after a whole turn of the crank the linkage is put together in another way: '
-                f'an angle is {apart:.3g} rad from where it was'
-            )
-            raise GeometryError(msg)
+    def _near(self, alpha: float) -> Row:
+        at = self._within(alpha)
+        i = bisect_left(self._rows, at, key=lambda row: row.alpha)
+        neighbours = self._rows[slice(max(0, i - 1), i + 1)]
+        return min(neighbours, key=lambda row: abs(row.alpha - at))

@@ -5,9 +5,7 @@ from dataclasses import dataclass
 from math import isfinite
 
 from klann_ros.kinematics.errors import GeometryError
-
-# Lengths of another size lose their digits in products of four.
-SMALLEST, LARGEST = 1e-60, 1e60
+from klann_ros.kinematics.validation import LARGEST, SMALLEST
 
 
 @dataclass(frozen=True)
@@ -99,20 +97,27 @@ class Description:
     def __post_init__(self) -> None:
         """Refuse what is no linkage, with the reason."""
         for point, place in self.pivots.items():
-            _must(abs(place) <= LARGEST, f'pivot {point} is at {place}: it must be finite')
+            size = max(abs(place.real), abs(place.imag))
+            _must(size <= LARGEST, f'pivot {point} is at {place}: it must be within {LARGEST:g} m')
         for body in self.bodies:
             _check_body(body)
         names = [body.angle for body in self.bodies]
         for name in names:
             _must(names.count(name) == 1, f'there are two bodies called {name}')
-            found = name in self.start and isfinite(self.start[name])
-            _must(found, f'start has no angle for {name}: it needs one for every body')
+            _must(
+                name in self.start, f'start has no angle for {name}: it needs one for every body'
+            )
+            angle = self.start[name]
+            _must(isfinite(angle), f'the start angle of {name} is {angle}: it must be finite')
         for name in self.start:
             _must(name in names, f'start has an angle for {name}, which is no body')
         _must(bool(self.bodies), 'there are no bodies: the first is the crank')
         crank = self.crank.bars[0].start
-        _must(crank in self.pivots, f'the crank starts from {crank}, which is no pivot')
-        known = ', '.join(self.points)
+        known, fixed = ', '.join(self.points), ', '.join(self.pivots)
+        turns = crank in self.pivots
+        _must(turns, f'the crank starts from {crank}, which is no pivot: these are {fixed}')
+        moves = self.foot not in self.pivots
+        _must(moves, f'the foot {self.foot} is a pivot and does not move')
         _must(self.foot in self.points, f'the foot {self.foot} is none of the points: {known}')
 
     @property
@@ -129,15 +134,16 @@ class Description:
 
 def _check_body(body: Body) -> None:
     _must(bool(body.bars), f'body {body.angle} has no bars')
-    have = [body.bars[0].start]
+    have = {body.bars[0].start}
     for bar in body.bars:
         text = f'bar {bar.start}-{bar.end} of body {body.angle}'
         length = abs(bar.vector)
         allowed = SMALLEST <= length <= LARGEST
-        _must(allowed, f'{text} is {length:g} m long: it must be finite and > 0')
+        within = f'{SMALLEST:g} .. {LARGEST:g} m'
+        _must(allowed, f'{text} is {length:g} m long: it must be within {within}')
         _must(bar.start in have, f'{text} starts from a point that the body does not have yet')
         _must(bar.end not in have, f'{text} ends at a point that the body has already')
-        have.append(bar.end)
+        have.add(bar.end)
 
 
 def _must(condition: bool, otherwise: str) -> None:

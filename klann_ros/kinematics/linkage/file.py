@@ -1,7 +1,7 @@
 """A linkage from a YAML file: the only place in the kinematics that reads files."""
 
 from cmath import rect
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from importlib import resources
 from math import radians
 from pathlib import Path
@@ -9,10 +9,10 @@ from typing import Any
 
 from klann_ros.kinematics.dyad import joint
 from klann_ros.kinematics.errors import GeometryError
-import yaml
 
 from .description import Bar, Body, chained, Description
 from .linkage import Linkage
+from .yaml_text import parse
 
 LENGTH_UNITS = {'m': 1.0, 'cm': 0.01, 'mm': 0.001}
 SHIPPED = resources.files('klann_ros') / 'linkages'
@@ -100,27 +100,12 @@ def linkage_from_text(text: str, name: str) -> Linkage:
 
     """
     try:
-        content = yaml.load(text, Loader=_Loader)  # noqa: S506 - _Loader is a SafeLoader
+        content = parse(text)
         _validate(content)
         return Linkage(_description(content))
-    except (yaml.YAMLError, GeometryError) as error:
-        # YAML's complaints have several lines.
-        msg = f'{name} holds no linkage: {" ".join(str(error).split())}'
+    except GeometryError as error:
+        msg = f'{name} holds no linkage: {error}'
         raise LinkageFileError(msg) from error
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML without surprises: a key given twice is a mistake, and 1e-3 is a number."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen = set()
-        scalars = (key for key, _ in node.value if isinstance(key, yaml.ScalarNode))
-        for key in scalars:
-            if key.value in seen:
-                problem = f'{key.value} is there twice'
-                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)
 
 
 def _validate(content: Any) -> None:

@@ -40,7 +40,8 @@ class LinkageLeg(FootedLeg[LinkagePose]):
     ValueError
         `tolerance` is not above 0 and at most 1e-3 rad, or `max_crank_step` not finite and > 0.
     GeometryError
-        Coupled loops are put together in another way after a turn.
+        Coupled loops are put together in another way after a turn, or are nearly singular at the
+        start.
     TypeError
         `linkage` is no Linkage.
 
@@ -57,7 +58,14 @@ class LinkageLeg(FootedLeg[LinkagePose]):
         self._seeds = Seeds(linkage)
         # Its tangents lead astray sooner where loops are coupled.
         most = max_crank_step if linkage.is_dyadic else min(max_crank_step, STEP)
-        super().__init__(self._refined, self._seeds.seed, tolerance=tolerance, max_crank_step=most)
+        super().__init__(
+            self._refined,
+            self._seeds.seed,
+            tolerance=tolerance,
+            max_crank_step=most,
+            # A seed costs less than two parts.
+            max_parts=1,
+        )
 
     @property
     def linkage(self) -> Linkage:

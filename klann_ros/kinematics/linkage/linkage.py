@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence, Set as AbstractSet
 from functools import cached_property
-from math import degrees, inf
+from math import degrees
 
 from klann_ros.kinematics.angles import wrap
 from klann_ros.kinematics.errors import GeometryError, NotConvergedError
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .blocks import CoupledLoops, Dyad
 from .configuration import Configuration
-from .decomposition import Block, blocks
+from .decomposition import assembly_order, Group
 from .description import Description
 from .loops import loop_equations
 
@@ -55,11 +55,12 @@ class Linkage:
     def __init__(self, description: Description) -> None:
         """Derive the equations, and find the branch."""
         self.description = description
-        self.equations = loop_equations(description)
+        groups = assembly_order(description)
+        self.equations = loop_equations(description, groups)
         self.joint_names = tuple(body.angle for body in description.bodies)
         self.senses = tuple(body.sense for body in description.bodies)
         self._i_s = 1j * np.array(self.senses)
-        self.blocks = tuple(self._solvable(blocks(description, self.equations)))
+        self.blocks = tuple(self._blocks(groups))
         self.foot = description.points.index(description.foot)
         self.foot_terms = tuple(
             (j, complex(w)) for j, w in enumerate(self.equations.q_u[self.foot]) if w != 0.0
@@ -67,6 +68,18 @@ class Linkage:
         self.foot_constant = complex(self.equations.q[self.foot])
         self.start = self._assembled()
         self.assembly = self._signs()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Linkage) and self.description == other.description
+
+    def __hash__(self) -> int:
+        return hash(self.description.name)
+
+    def __repr__(self) -> str:
+        return f'<Linkage {self.description.name!r}: {", ".join(self.joint_names)}>'
+
+    def __reduce__(self) -> tuple[type['Linkage'], tuple[Description]]:
+        return Linkage, (self.description,)
 
     @property
     def is_dyadic(self) -> bool:
@@ -122,31 +135,25 @@ class Linkage:
     def _jacobian(self, alpha: float, x: Sequence[float] | Array) -> Array:
         return _rows(self.equations.w * (self._i_s * self.unit_vectors(alpha, x)))
 
-    def _solvable(self, structure: Sequence[Block]) -> Iterator[Dyad | CoupledLoops]:
+    def _blocks(self, groups: Sequence[Group]) -> Iterator[Dyad | CoupledLoops]:
         known = {*self.description.pivots, *self.description.crank.points}
-        for number, block in enumerate(structure, start=1):
-            loops, unknowns = list(block.loops), block.unknowns
-            rows, constants = self.equations.w[loops], self.equations.c[loops]
+        for number, (group, loops) in enumerate(zip(groups, self.equations.rows, strict=True), 1):
+            rows, constants = self.equations.w[list(loops)], self.equations.c[list(loops)]
+            bodies = [self.description.bodies[j].points for j in group]
             if len(loops) > 1:
                 yield CoupledLoops(
-                    number,
-                    rows=rows,
-                    constants=constants,
-                    unknowns=unknowns,
-                    senses=self.senses,
+                    number, rows=rows, constants=constants, unknowns=group, senses=self.senses
                 )
             else:
-                pair = unknowns[0], unknowns[1]
-                a, b = (self.description.bodies[j].points for j in pair)
                 yield Dyad(
                     number,
                     row=rows[0],
                     constant=complex(constants[0]),
-                    unknowns=pair,
+                    unknowns=(group[0], group[1]),
                     senses=self.senses,
-                    names=_names(a, b, known),
+                    names=_names(bodies[0], bodies[1], known),
                 )
-            known.update(p for j in unknowns for p in self.description.bodies[j].points)
+            known.update(*bodies)
 
     def _assembled(self) -> tuple[float, ...]:
         """Return the pose that Newton-Raphson reaches from the start, the crank's angle first."""
@@ -161,9 +168,13 @@ class Linkage:
                 max_iterations=START_ITERATIONS,
             )
         except NotConvergedError as error:
+            gaps = np.abs(self.equations.w @ self.unit_vectors(alpha, guess) + self.equations.c)
+            widest = int(np.argmax(gaps))
             msg = (
                 f'it cannot be assembled near its start: Newton-Raphson finds no pose at the '
-                f'crank angle {alpha:g} rad ({degrees(alpha):g} deg), {error.reason}'
+                f'crank angle {alpha:g} rad ({degrees(alpha):g} deg); at the start angles the '
+                f'loop that closes at {self.equations.closing[widest]} is open by '
+                f'{gaps[widest]:.3g} m, check its lengths and these angles'
             )
             raise GeometryError(msg) from error
         return (alpha, *(wrap(angle) for angle in iterates[-1].tolist()))
@@ -171,7 +182,8 @@ class Linkage:
     def _signs(self) -> tuple[int, ...]:
         u = Configuration(self.senses, self.start).u
         sines = [block.sine(u) for block in self.blocks]
-        if min(map(abs, sines), default=inf) < LEAST_START_SINE:
+        pairs = zip(sines, self.blocks, strict=True)
+        if any(abs(s) <= max(LEAST_START_SINE, b.singular_sine) for s, b in pairs):
             msg = 'its start pose is singular, which leaves the branch open: give another'
             raise GeometryError(msg)
         return tuple(1 if sine > 0.0 else -1 for sine in sines)

@@ -10,13 +10,16 @@ and the points are at p = Q u + q. Their derivatives follow from du_j/dphi_j = i
 Klann leg f is SEM 104's f1 + i f2 and f3 + i f4, term by term.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
+from sys import float_info
 
-from klann_ros.kinematics.errors import GeometryError
 import numpy as np
 from numpy.typing import NDArray
 
-from .description import Description
+from .decomposition import Group
+from .description import Bar, Description
 
 Complex = NDArray[np.complex128]
 
@@ -38,6 +41,8 @@ class LoopEquations:
         The pivots' part in each point [m].
     closing : tuple of str
         The point at which each loop closes.
+    rows : tuple of tuple of int
+        Which loops belong to each group of bodies.
 
     """
 
@@ -46,6 +51,7 @@ class LoopEquations:
     q_u: Complex
     q: Complex
     closing: tuple[str, ...]
+    rows: tuple[tuple[int, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -54,65 +60,79 @@ class _Path:
 
     start: complex
     bodies: Complex
+    bars: int
 
 
-def loop_equations(description: Description) -> LoopEquations:
+def loop_equations(description: Description, groups: Sequence[Group]) -> LoopEquations:
     """
     Return the loop equations of a linkage.
 
-    Every point is reached from the pivots over as few bars as can be. A bar that leads to a point
-    which has been reached already closes a loop: the path over this bar less the point's own.
+    Every point is reached from the pivots along bars, group by group, and in a group over as few
+    bars as can be. A bar that leads to a point which has been reached already closes a loop: the
+    path over this bar less the point's own.
 
-    Raises
-    ------
-    GeometryError
-        A body is connected to nothing.
+    Parameters
+    ----------
+    description : Description
+        The linkage.
+    groups : sequence of tuple of int
+        The groups of bodies in the order in which they are placed, without the crank.
 
     """
+    n = len(description.bodies)
     paths = {
-        name: _Path(place, np.zeros(len(description.bodies), dtype=np.complex128))
+        name: _Path(place, np.zeros(n, dtype=np.complex128), 0)
         for name, place in description.pivots.items()
     }
-    rest = [(j, bar) for j, body in enumerate(description.bodies) for bar in body.bars]
-    loops: list[tuple[_Path, str]] = []
-    while rest:
-        reached = set(paths)
-        later = []
-        for j, bar in rest:
-            if bar.start in reached:
-                path, point = _along(paths[bar.start], j, bar.vector), bar.end
-            elif bar.end in reached:
-                path, point = _along(paths[bar.end], j, -bar.vector), bar.start
-            else:
-                later.append((j, bar))
-                continue
-            if point in paths:
-                loops.append((path, point))
-            else:
-                paths[point] = path
-        if len(later) == len(rest):
-            j, bar = later[0]
-            msg = (
-                f'bar {bar.start}-{bar.end} of body {description.bodies[j].angle} is connected '
-                f'to no pivot, not even by other bars'
-            )
-            raise GeometryError(msg)
-        rest = later
-    own = [paths[point] for _, point in loops]
-    n = len(description.bodies)
+    _grow(description, (0,), paths)
+    closing = [_grow(description, group, paths) for group in groups]
+    loops = [(path, point) for closed in closing for path, point in closed]
     points = [paths[point] for point in description.points]
+    w = np.array([path.bodies - paths[point].bodies for path, point in loops]).reshape(-1, n)
+    # A body there and back again leaves rounding, and no unknown.
+    w[np.abs(w) <= 8.0 * float_info.epsilon * np.abs(w).max(initial=0.0)] = 0.0
     return LoopEquations(
-        w=np.array([p.bodies - o.bodies for (p, _), o in zip(loops, own, strict=True)]).reshape(
-            -1, n
-        ),
-        c=np.array([p.start - o.start for (p, _), o in zip(loops, own, strict=True)]),
+        w=w,
+        c=np.array([path.start - paths[point].start for path, point in loops]),
         q_u=np.array([path.bodies for path in points]),
         q=np.array([path.start for path in points]),
         closing=tuple(point for _, point in loops),
+        rows=_rows([len(closed) for closed in closing]),
     )
+
+
+def _grow(
+    description: Description, group: Group, paths: dict[str, _Path]
+) -> list[tuple[_Path, str]]:
+    """Reach the points of a group; return the paths that close loops, and at which points."""
+    rest = [(j, bar) for j in group for bar in description.bodies[j].bars]
+    loops = []
+    while rest:
+        reached = [(j, bar) for j, bar in rest if bar.start in paths or bar.end in paths]
+        j, bar = min(reached, key=lambda item: _bars_away(item[1], paths))
+        rest.remove((j, bar))
+        if bar.start in paths:
+            path, point = _along(paths[bar.start], j, bar.vector), bar.end
+        else:
+            path, point = _along(paths[bar.end], j, -bar.vector), bar.start
+        if point in paths:
+            loops.append((path, point))
+        else:
+            paths[point] = path
+    return loops
+
+
+def _bars_away(bar: Bar, paths: Mapping[str, _Path]) -> int:
+    return paths[bar.start if bar.start in paths else bar.end].bars
+
+
+def _rows(counts: Sequence[int]) -> tuple[tuple[int, ...], ...]:
+    """Return the rows of each group, which follow one another."""
+    ends = list(accumulate(counts))
+    return tuple(tuple(range(end - count, end)) for count, end in zip(counts, ends, strict=True))
 
 
 def _along(path: _Path, j: int, vector: complex) -> _Path:
     bodies = path.bodies.copy()
     bodies[j] += vector
-    return _Path(path.start, bodies)
+    return _Path(path.start, bodies, path.bars + 1)

@@ -7,12 +7,13 @@ followed once, in small steps, and kept. A guess is the nearest pose in the tabl
 tangent.
 """
 
-from math import isnan
+from contextlib import suppress
+from math import isnan, pi
 from sys import float_info
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arcs import Arc, arcs_inside, normal
-from klann_ros.kinematics.errors import LoopsOpenError, UnreachableError
+from klann_ros.kinematics.errors import GeometryError, LoopsOpenError, UnreachableError
 
 from .blocks import CoupledLoops, Dyad
 from .branch_table import BranchTable, Row, TRUSTED
@@ -47,6 +48,7 @@ class Seeds:
         for place, block in enumerate(linkage.blocks):
             if isinstance(block, CoupledLoops):
                 self._tables[place] = self._followed(place)
+        self._check_seams()
 
     def seed(self, alpha: float) -> tuple[float, ...]:
         """
@@ -94,8 +96,10 @@ class Seeds:
             if isinstance(block, Dyad):
                 _put(block, block.assemble(found.u, alpha, linkage.assembly[place]), found)
             else:
-                _put(block, self._tables[place].guess(alpha), found)
-                refine_block(block, found, TOLERANCE, ITERATIONS)
+                table = self._tables[place]
+                _put(block, table.guess(alpha), found)
+                if not refine_block(block, found, TOLERANCE, ITERATIONS):
+                    raise LoopsOpenError(alpha, place + 1, table.nearest(alpha))
         return found
 
     # Coupled loops: the branch is followed from the start, both ways.
@@ -106,11 +110,29 @@ class Seeds:
         angles = tuple(linkage.start[j] for j in linkage.blocks[place].unknowns)
         first = self._row(place, start, angles)
         if first is None:
-            raise LoopsOpenError(start, place + 1, start)
-        rows = self._walk(place, first, 1.0)
-        if rows[-1].alpha - start < TURN:
-            rows = [*reversed(self._walk(place, first, -1.0)[1:]), *rows]
-        return BranchTable(place + 1, rows)
+            msg = (
+                'its coupled loops cannot be followed from the start: it is nearly singular there'
+            )
+            raise GeometryError(msg)
+        ahead = self._walk(place, first, 1.0)
+        if BranchTable.is_closed(ahead):
+            return BranchTable(place + 1, ahead)
+        back = self._walk(place, first, -1.0)
+        return BranchTable(place + 1, _one_turn([*reversed(back[1:]), *ahead], start))
+
+    def _check_seams(self) -> None:
+        """Refuse a crank that can turn on to where the linkage is put together in another way."""
+        for table in self._tables.values():
+            first, last = table.arc
+            if TURN - 2.0 * STEP <= last - first < TURN:
+                with suppress(UnreachableError, LoopsOpenError):
+                    self.assembled(first + 2.0 * STEP)
+                    self.assembled(last - 2.0 * STEP)
+                    msg = (
+                        'its coupled loops are not back where they were after a turn of the '
+                        'crank: one crank angle has two poses, and such a linkage is not solved'
+                    )
+                    raise GeometryError(msg)
 
     def _walk(self, place: int, first: Row, direction: float) -> list[Row]:
         """Return the poses from the first on, for a whole turn or until the branch ends."""
@@ -143,6 +165,14 @@ class Seeds:
         rate = rates(linkage, found.u, place + 1)
         x_1 = tuple(rate[j] for j in block.unknowns)
         return None if isnan(x_1[0]) else Row(alpha, x, x_1)
+
+
+def _one_turn(rows: list[Row], start: float) -> list[Row]:
+    """Return the rows of one turn around the start; on a longer branch an angle has two poses."""
+    if rows[-1].alpha - rows[0].alpha < TURN:
+        return rows
+    first = min(max(rows[0].alpha, start - pi), rows[-1].alpha - TURN)
+    return [row for row in rows if first <= row.alpha <= first + TURN]
 
 
 def _put(

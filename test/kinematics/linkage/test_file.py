@@ -59,28 +59,31 @@ def edited(**changes: str) -> str:
     ('old', 'new', 'reason'),
     [
         ('to: A, length: 100', 'to: A, length: -100', 'bodies.arm.bars[0].length: -100 '),
-        ('to: A, length: 100', 'to: A, lenght: 100', "'lenght' was unexpected"),
-        ('to: A, length: 100', 'to: A, length: .nan', 'it must be finite and > 0'),
-        ('to: A, length: 100', 'to: A, length: .inf', 'it must be finite and > 0'),
-        ('to: A, length: 100', "to: A, length: '100'", "'100' is not of type 'number'"),
-        ('to: A, length: 100', 'to: A, length: true', "True is not of type 'number'"),
-        ('{length: mm, ', '{length: inch, ', "units.length: 'inch' is not one of "),
+        ('to: A, length: 100', 'to: A, lenght: 100',
+         "'lenght' is unknown here: there can be from, to,"),
+        ('to: A, length: 100', 'to: A, length: .nan', 'length: nan must be a finite number'),
+        ('to: A, length: 100', 'to: A, length: .inf', 'length: inf must be a finite number'),
+        ('to: A, length: 100', "to: A, length: '100'", "'100' must be a number"),
+        ('to: A, length: 100', 'to: A, length: true', 'True must be a number'),
+        ('{length: mm, ', '{length: inch, ', "units.length: 'inch' must be one of m, cm, mm"),
         ('foot: M', 'foot: N', 'the foot N is none of the points: O, P, A, M, B'),
-        ('foot: M', 'feet: M', "'feet' was unexpected"),
-        ('foot: M\n', '', "'foot' is a required property"),
+        ('foot: M', 'feet: M', "'feet' is unknown here"),
+        ('foot: M\n', '', 'foot is missing'),
+        ('foot: M', 'foot: P', 'the foot P is a pivot and does not move'),
+        ('foot: M', 'foot: "M\\n"', r"'M\n' is no name"),
         ('crank: arm', 'crank: leg', 'the crank leg is none of the bodies: arm, link, other_arm'),
-        ('crank: arm', 'crank: link', 'the crank starts from A, which is no pivot'),
-        ('P: [200, 60]', 'P: [200]', 'pivots.P: [200] is too short'),
-        ('P: [200, 60]', 'P: [200, .inf]', 'pivot P is at'),
+        ('crank: arm', 'crank: link', 'starts from A, which is no pivot: these are O, P'),
+        ('P: [200, 60]', 'P: [200]', 'pivots.P: [200] must be [x, y]'),
+        ('P: [200, 60]', 'P: [200, .inf]', 'pivots.P[1]: inf must be a finite number'),
         ('{from: M, to: B', '{from: B, to: B', 'starts from a point that the body does not have'),
         ('{from: M, to: B', '{from: M, to: A', 'ends at a point that the body has already'),
         ('{arm: 0, link: 90', '{link: 90', 'start has no angle for arm'),
         ('{arm: 0, link: 90', '{arm: 0, link: 90, x: 1', 'start has an angle for x, which is no'),
         ('{arm: 0, link: 90', '{arm: 0, arm: 1, link: 90', 'arm is there twice'),
-        ('{arm: 0, link: 90', '{arm: .nan, link: 90', 'start has no angle for arm'),
-        ("name: Watt's", 'name: [Watt', 'while parsing a flow sequence'),
+        ('{arm: 0, link: 90', '{arm: .nan, link: 90', 'start.arm: nan must be a finite number'),
+        ("name: Watt's", 'name: [Watt', "line 3, column 6: expected ',' or ']'"),
         ('  link:', '  2 bars:', "'2 bars' is no name: letters, digits and _, a letter first"),
-        ('  link:', '  yes:', 'bodies: True is not of type'),
+        ('  link:', '  yes:', 'bodies: the name True is no text: write it in quotation marks'),
         ('to: M, length: 30}', 'to: M, length: 30, bend: 1, brace: {}}',
          'bend and brace exclude each other'),
         ('to: B, length: 30}', 'to: B, length: 30, brace: {from: O, length: 1, side: left}}',
@@ -88,7 +91,7 @@ def edited(**changes: str) -> str:
         ('to: B, length: 30}', 'to: B, length: 30, brace: {from: A, length: 99, side: left}}',
          'do not meet: M and A are 0.03 m apart'),
         ('to: B, length: 30}', 'to: B, length: 30, brace: {from: A, length: 40, side: up}}',
-         "bodies.link.bars[1].brace.side: 'up' is not one of ['left', 'right']"),
+         "bodies.link.bars[1].brace.side: 'up' must be one of left, right"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said_in_one_line(old: str, new: str, reason: str) -> None:
@@ -97,6 +100,50 @@ def test_what_is_wrong_is_said_in_one_line(old: str, new: str, reason: str) -> N
     assert str(caught.value).startswith('watt.yaml holds no linkage: ')
     assert reason in str(caught.value)
     assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    'value',
+    [
+        '9' * 400,
+        '9' * 5000,
+        '1e308',
+        '1e-200',
+        '1e999',
+        '0x_',
+        '!!int abc',
+        '!!bool abc',
+        '!!timestamp abc',
+        '2001-99-99',
+        '!!map x',
+        '[' * 5000,
+        '{a: ' * 3000,
+        '&a [*a]',
+        "'" + 'x' * 100_000 + "'",
+    ],
+    ids=lambda value: value[:20],
+)
+def test_no_value_is_more_than_a_line(value: str) -> None:
+    for place in ('to: A, length: 100', 'units: {length: mm, angle: deg}', 'O: [0, 0]'):
+        text = edited(**{place: f'{place.rpartition(": ")[0]}: {value}'})
+        with pytest.raises(LinkageFileError) as caught:
+            linkage_from_text(text, 'watt.yaml')
+        assert '\n' not in str(caught.value)
+        assert len(str(caught.value)) < 500
+
+
+def test_aliases_do_not_grow() -> None:
+    bomb = '\n'.join(
+        f'm{k + 1}: &m{k + 1} {{<<: [{", ".join([f"*m{k}"] * 9)}]}}' for k in range(9)
+    )
+    with pytest.raises(LinkageFileError, match='anchors and aliases are not taken'):
+        linkage_from_text(f'm0: &m0 {{a: 1}}\n{bomb}', 'bomb.yaml')
+
+
+def test_a_number_needs_no_dot() -> None:
+    plain = linkage_from_text(WATT, 'plain')
+    powers = linkage_from_text(edited(**{'to: A, length: 100': 'to: A, length: 1e2'}), 'powers')
+    assert powers.description == plain.description
 
 
 @pytest.mark.parametrize('text', ['', '7', '[1, 2]', '- a\n- b', 'a: b', '? [1, 2]\n: 3'])

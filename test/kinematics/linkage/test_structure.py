@@ -1,7 +1,18 @@
 """The loop equations and their blocks follow from the bodies."""
 
-from klann_ros.kinematics import GeometryError, Linkage, linkage_from_text, shipped_linkage
+from dataclasses import replace
+from itertools import pairwise
+
+from klann_ros.kinematics import (
+    GeometryError,
+    Linkage,
+    linkage_from_text,
+    LinkageLeg,
+    shipped_linkage,
+    shipped_linkages,
+)
 from klann_ros.kinematics.linkage.blocks import CoupledLoops, Dyad
+from klann_ros.kinematics.linkage.description import Bar, Body
 import numpy as np
 import pytest
 import yaml
@@ -52,6 +63,26 @@ def per_loop(linkage: Linkage) -> list:
     return [block for block in linkage.blocks for _ in range(len(block.unknowns) // 2)]
 
 
+def split(body: Body) -> Body:
+    """Return a body whose first bar has three points more on it."""
+    first, *others = body.bars
+    names = [first.start, *(f'{first.start}{k}{body.angle}' for k in range(3)), first.end]
+    parts = [Bar(p, q, first.vector / 4) for p, q in pairwise(names)]
+    return replace(body, bars=(*parts, *others))
+
+
+@pytest.mark.parametrize('name', shipped_linkages())
+def test_points_along_a_bar_change_neither_blocks_nor_arcs(name: str) -> None:
+    plain = shipped_linkage(name)
+    bodies = tuple(map(split, plain.description.bodies))
+    finer = Linkage(replace(plain.description, bodies=bodies))
+    assert unknowns(finer) == unknowns(plain)
+    assert finer.assembly == plain.assembly
+    assert LinkageLeg(finer).reachable_arcs() == LinkageLeg(plain).reachable_arcs()
+    pose, other = LinkageLeg(finer).solve(1.0), LinkageLeg(plain).solve(1.0)
+    assert pose.h == pytest.approx(other.h, abs=1e-14)
+
+
 def described(pivots: dict, bodies: dict[str, str], start: list[float]) -> dict:
     """Return a file's content; 'O-A 1, A-B 2' are a body's bars with their lengths."""
     return {
@@ -85,7 +116,7 @@ FOUR_BAR = {'a': 'O-A 1', 'b': 'A-B 3', 'c': 'P-B 3'}
             NEAR,
             {'a': 'O-A 1', 'b': 'A-B 3', 'c': 'B-C 3', 'd': 'P-C 3'},
             [0, 0, 0, 0],
-            '3 unknown angles and 2 equations in 1 loops',
+            '3 unknown angles (b, c, d) and 2 loop equations',
         ),
         (
             NEAR,
@@ -97,13 +128,13 @@ FOUR_BAR = {'a': 'O-A 1', 'b': 'A-B 3', 'c': 'P-B 3'}
             {**NEAR, 'Q': [5, 5]},
             {**FOUR_BAR, 'd': 'Q-B 3'},
             [0, 0, 0, 0],
-            'the loops that close at B cannot move: 2 equations for b alone',
+            'd: cannot move, since 2 loop equations stand against 1 unknown angle',
         ),
         (
             NEAR,
             {**FOUR_BAR, 'd': 'X-Y 3'},
             [0, 0, 0, 0],
-            'bar X-Y of body d is connected to no pivot',
+            'body d (X-Y) is connected to no pivot',
         ),
         (
             {**NEAR, 'P': [9, 0]},
