@@ -47,7 +47,7 @@ def _shown(instance: Any) -> str:
 
 def _missing(error: Any) -> str:
     names = [name for name in error.validator_value if name not in error.instance]
-    return f'{", ".join(names)} is missing'
+    return f'{", ".join(names)} {"are" if len(names) > 1 else "is"} missing'
 
 
 def _unknown(error: Any) -> str:
