@@ -1,5 +1,6 @@
 """What a message says about the crank: angle, rate, stamp; or why it says nothing."""
 
+from collections.abc import Collection
 from math import isfinite
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ class BadMessageError(KinematicsError):
 
 class Crank(NamedTuple):
     """
-    The crank at a moment.
+    A crank at a moment.
 
     Attributes
     ----------
@@ -22,41 +23,45 @@ class Crank(NamedTuple):
         Crank angle [rad].
     rate : float or None
         Its rate [rad/s]; None where it is not known.
-    stamp : builtin_interfaces.msg.Time or None
-        When it was measured; None where the message does not say.
 
     """
 
     alpha: float
     rate: float | None
-    stamp: Time | None
 
 
-def from_joint_state(message: JointState, joint: str) -> Crank:
+def cranks(message: JointState, joints: Collection[str]) -> dict[str, Crank]:
     """
-    Return what a JointState says about the joint that turns the crank.
+    Return what a JointState says about the joints that turn cranks, those that are in it.
 
-    A zero stamp says nothing, nor does a velocity that is not finite or does not belong to every
-    name.
+    A velocity that is not finite, or does not belong to every name, says nothing.
 
     Raises
     ------
     BadMessageError
-        The joint is not in it, or names and positions differ in number.
+        None of the joints is in it, or names and positions differ in number.
 
     """
     names, positions, velocities = message.name, message.position, message.velocity
     if len(names) != len(positions):
         msg = f'crank_state has {len(names)} names and {len(positions)} positions: as many of each'
         raise BadMessageError(msg)
-    if joint not in names:
-        msg = f'crank_state has no joint {joint!r} (parameter crank_joint); it has {list(names)}'
+    known = len(velocities) == len(names)
+    found = {}
+    for joint in joints:
+        if joint in names:
+            index = names.index(joint)
+            rate = velocities[index] if known else None
+            finite = rate is not None and isfinite(rate)
+            found[joint] = Crank(positions[index], rate if finite else None)
+    if not found:
+        wanted = ', '.join(map(repr, joints))
+        msg = f'crank_state has no joint {wanted} (parameter crank_joint); it has {list(names)}'
         raise BadMessageError(msg)
-    index = names.index(joint)
-    rate = velocities[index] if len(velocities) == len(names) else None
+    return found
+
+
+def stamp_of(message: JointState) -> Time | None:
+    """Return when it was measured; None for a zero stamp, which says nothing."""
     stamp = message.header.stamp
-    return Crank(
-        positions[index],
-        rate if rate is not None and isfinite(rate) else None,
-        stamp if stamp.sec or stamp.nanosec else None,
-    )
+    return stamp if stamp.sec or stamp.nanosec else None

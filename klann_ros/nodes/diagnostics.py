@@ -17,10 +17,12 @@ def status(
     *,
     lost: int,
     lost_now: int,
+    out_of_order: int,
     period: float,
     silence: float,
     min_transmission_angle: float,
     assembly: Sequence[int],
+    sources: str = '',
     note: str = '',
 ) -> DiagnosticStatus:
     """
@@ -34,6 +36,8 @@ def status(
         What happened since the last report.
     lost, lost_now : int
         Inputs lost since the start and since the last report.
+    out_of_order : int
+        Inputs older than the one before, since the start.
     period : float
         Time since the last report [s].
     silence : float
@@ -42,11 +46,13 @@ def status(
         Below this a leg is worth a warning [rad].
     assembly : sequence of int
         The leg's assembly, which every published pose has.
+    sources : str
+        Who turns the crank, where it is more than one.
     note : str
         What is always worth saying about this leg.
 
     """
-    level, message = _verdict(figures, lost_now, silence, min_transmission_angle)
+    level, message = _verdict(figures, lost_now, silence, min_transmission_angle, sources)
     if note:
         message = f'{message}; {note}'
     return DiagnosticStatus(
@@ -56,13 +62,17 @@ def status(
         hardware_id=name,
         values=[
             KeyValue(key=key, value=str(value))
-            for key, value in _values(figures, lost, period, assembly).items()
+            for key, value in _values(figures, lost, out_of_order, period, assembly).items()
         ],
     )
 
 
 def _verdict(
-    figures: SolverFigures, lost_now: int, silence: float, min_transmission_angle: float
+    figures: SolverFigures,
+    lost_now: int,
+    silence: float,
+    min_transmission_angle: float,
+    sources: str,
 ) -> tuple[bytes, str]:
     """Return the level and the most important thing to say."""
     if silence > STALE_AFTER:
@@ -71,8 +81,10 @@ def _verdict(
         return DiagnosticStatus.ERROR, figures.failure
     if figures.rejection:
         return DiagnosticStatus.WARN, figures.rejection
-    if lost_now:
-        return DiagnosticStatus.WARN, f'{lost_now} inputs were lost'
+    if lost_now or sources:
+        lost = f'{lost_now} inputs were lost' if lost_now else ''
+        turned = f'the crank is turned by more than one: {sources}' if sources else ''
+        return DiagnosticStatus.WARN, '; '.join(filter(None, (lost, turned)))
     if figures.from_singular < min_transmission_angle:
         angle = degrees(figures.from_singular)
         return (
@@ -83,7 +95,7 @@ def _verdict(
 
 
 def _values(
-    figures: SolverFigures, lost: int, period: float, assembly: Sequence[int]
+    figures: SolverFigures, lost: int, out_of_order: int, period: float, assembly: Sequence[int]
 ) -> dict[str, object]:
     angles = enumerate(figures.transmission_angles(len(assembly)), start=1)
     return {
@@ -91,7 +103,7 @@ def _values(
         'rejected': figures.rejected,
         'failed': figures.failed,
         'lost': lost,
-        'out_of_order': figures.out_of_order,
+        'out_of_order': out_of_order,
         'rate': f'{figures.inputs / period:.3f}',
         'iterations': figures.iterations,
         'residual': f'{figures.residual:.3e}',

@@ -2,7 +2,7 @@
 
 from math import nan, pi
 
-from .leg_parameters import LegPose
+from .leg_types import LegPose
 
 
 class SolverFigures:
@@ -11,9 +11,9 @@ class SolverFigures:
 
     Attributes
     ----------
-    solved, rejected, failed, out_of_order : int
-        Answers published; inputs that were no crank angle; angles that could not be solved;
-        inputs older than the one before. Since the start.
+    solved, rejected, failed : int
+        Answers published; inputs that were no crank angle; angles that could not be solved. Since
+        the start.
     failure : str
         What failed last since the last report; empty when nothing did.
     rejection : str
@@ -31,7 +31,7 @@ class SolverFigures:
 
     def __init__(self) -> None:
         """Start from nothing."""
-        self.solved = self.rejected = self.failed = self.out_of_order = 0
+        self.solved = self.rejected = self.failed = 0
         self.reported()
 
     def reported(self) -> None:

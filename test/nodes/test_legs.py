@@ -1,0 +1,199 @@
+"""Several legs in one node, each with its own crank, phase and direction; and what is seen."""
+
+import math
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PointStamped, TwistStamped
+from klann_ros.kinematics import foot_path, KlannGeometry, KlannLeg
+import numpy as np
+import pytest
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_world import World
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+from visualization_msgs.msg import Marker, MarkerArray
+
+JOINTS = ['alpha', 'gamma', 'beta', 'delta', 'theta']
+TWO = {
+    'legs': '[left, right]',
+    'left.phase': 0.5,
+    'right.direction': -1,
+    'right.l_gh': 0.5,
+}
+
+
+def test_each_leg_is_driven_by_its_direction_and_phase(ros: World) -> None:
+    poses = ros.probe.listen(JointState, 'joint_states')
+    feet = {name: ros.probe.listen(PointStamped, f'{name}/point_h') for name in ('left', 'right')}
+    ros.start('solver_node', **TWO)
+    crank = ros.probe.publisher(Float64, 'crank_angle')
+    for topic in ('joint_states', 'left/point_h', 'right/point_h'):
+        ros.probe.matched(topic)
+    crank.publish(Float64(data=1.25))
+    ros.probe.until(lambda: poses and feet['left'] and feet['right'])
+    (pose,) = poses
+    assert list(pose.name) == [f'{leg}/{joint}' for leg in ('left', 'right') for joint in JOINTS]
+    expected = {
+        'left': KlannLeg().closed_form(1.75),
+        'right': KlannLeg(KlannGeometry(l_gh=0.5)).closed_form(-1.25),
+    }
+    assert pose.position.tolist() == pytest.approx(
+        [*expected['left'].joints, *expected['right'].joints], abs=1e-12
+    )
+    for name, (foot,) in feet.items():
+        assert foot.header.frame_id == f'{name}/leg_plane'
+        assert (foot.point.x, foot.point.y) == pytest.approx(expected[name].h, abs=1e-12)
+        assert foot.header.stamp == pose.header.stamp
+
+
+def test_legs_with_cranks_of_their_own_are_answered_when_theirs_is_told(ros: World) -> None:
+    poses = ros.probe.listen(JointState, 'joint_states')
+    velocities = ros.probe.listen(TwistStamped, 'right/velocity_h')
+    ros.start('solver_node', legs='[left, right]', **{'right.crank_joint': 'other', **DIRECTION})
+    state = ros.probe.publisher(JointState, 'crank_state')
+    ros.probe.matched('joint_states')
+    ros.probe.matched('right/velocity_h')
+    state.publish(JointState(name=['other'], position=[2.0], velocity=[3.0]))
+    ros.probe.until(lambda: poses and velocities)
+    state.publish(JointState(name=['crank', 'other'], position=[1.0, 2.0]))
+    ros.probe.until(lambda: len(poses) == 2)
+    assert [name.partition('/')[0] for name in poses[0].name] == ['right'] * 5
+    leg = KlannLeg()
+    expected = leg.velocity(leg.solve(-2.0), -3.0)
+    assert poses[0].velocity.tolist() == pytest.approx(expected.joints, abs=1e-12)
+    assert velocities[0].twist.linear.x == pytest.approx(expected.h[0], abs=1e-12)
+    assert len(poses[1].name) == 10
+    assert len(poses[1].velocity) == 0
+
+
+DIRECTION = {'right.direction': -1}
+
+
+def test_one_unnamed_leg_has_an_encoders_zero_and_sign(ros: World) -> None:
+    poses = ros.probe.listen(JointState, 'joint_states')
+    ros.start('solver_node', phase=0.25, direction=-1)
+    crank = ros.probe.publisher(Float64, 'crank_angle')
+    ros.probe.matched('joint_states')
+    crank.publish(Float64(data=1.0))
+    ros.probe.until(lambda: poses)
+    assert poses[0].position.tolist() == pytest.approx(
+        KlannLeg().closed_form(-0.75).joints, abs=1e-12
+    )
+
+
+def test_every_leg_has_its_own_status_and_fails_alone(ros: World) -> None:
+    poses = ros.probe.listen(JointState, 'joint_states')
+    reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
+    short = {'right.l_bc': 0.33}
+    ros.start('solver_node', legs='[left, right]', diagnostics_period=0.3, **short)
+    crank = ros.probe.publisher(Float64, 'crank_angle')
+    ros.probe.matched('joint_states')
+    crank.publish(Float64(data=math.radians(165.6)))
+
+    def failed() -> list[Any]:
+        return [r for r in reports if any(s.level == b'\x02' for s in r.status)]
+
+    ros.probe.until(lambda: poses and failed())
+    assert [name.partition('/')[0] for name in poses[0].name] == ['left'] * 5
+    left, right = failed()[0].status
+    assert (left.name, right.name) == ('solver_node: left', 'solver_node: right')
+    assert left.level != b'\x02'
+    assert 'dyad 1 does not close, B and D are' in right.message
+
+
+def test_a_legs_length_is_changed_by_its_own_parameter(ros: World) -> None:
+    poses = ros.probe.listen(JointState, 'joint_states')
+    ros.start('solver_node', legs='[left, right]')
+    crank = ros.probe.publisher(Float64, 'crank_angle')
+    ros.probe.matched('joint_states')
+
+    def change(name: str, value: float) -> Any:
+        parameters = [Parameter(name, value=value).to_parameter_msg()]
+        request = SetParametersAtomically.Request(parameters=parameters)
+        service = 'solver_node/set_parameters_atomically'
+        return ros.probe.call(SetParametersAtomically, service, request).result
+
+    refused = change('l_ef', 0.28)
+    assert not refused.successful
+    assert refused.reason == 'l_ef: each leg has its own, which can be changed: left.l_ef'
+    assert change('right.l_ef', 0.28).successful
+    crank.publish(Float64(data=1.0))
+    ros.probe.until(lambda: poses)
+    left, right = KlannLeg(), KlannLeg(KlannGeometry(l_ef=0.28))
+    expected = [*left.closed_form(1.0).joints, *right.closed_form(1.0).joints]
+    assert poses[0].position.tolist() == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'reason'),
+    [
+        ({'legs': '[a, a]'}, "legs = ['a', 'a'] is refused"),
+        ({'legs': '["a/b"]'}, "legs = ['a/b'] is refused"),
+        ({'legs': '[a]', 'a.direction': 2}, 'a.direction = 2 is refused: it must be +1 or -1'),
+        ({'legs': '[a]', 'a.phase': '.nan'}, 'a.phase = nan is refused: it must be finite'),
+        ({'legs': '[a]', 'a.mount_xyz': '[1.0]'}, 'a.mount_xyz = [1.0] is refused: it must be '),
+        ({'legs': '[a]', 'a.l_ab': -1.0}, 'a.l_ab = -1 m is refused: a length must be > 0'),
+        ({'direction': 0}, 'direction = 0 is refused: it must be +1 or -1'),
+        ({'legs': 'a'}, 'parameter legs must be of type string_array'),
+        ({'legs': '[a]', 'a.crank_joint': 1}, 'parameter a.crank_joint must be of type string'),
+        ({'publish_markers': 1}, 'parameter publish_markers must be of type bool'),
+    ],
+)
+def test_a_refused_leg_ends_it_with_one_line(
+    ros: World, parameters: dict[str, object], reason: str
+) -> None:
+    solver = ros.start('solver_node', **parameters)
+    assert solver.wait() == 1
+    assert solver.errors.startswith(f'solver_node: {reason}')
+    assert solver.errors.count('\n') == 1
+
+
+def test_two_sources_at_once_are_told(ros: World) -> None:
+    reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
+    ros.start('solver_node', diagnostics_period=0.3)
+    angle = ros.probe.publisher(Float64, 'crank_angle')
+    state = ros.probe.publisher(JointState, 'crank_state')
+
+    def told() -> list[str]:
+        angle.publish(Float64(data=1.0))
+        state.publish(JointState(name=['crank'], position=[1.0]))
+        said = [r.status[0].message for r in reports if r.status[0].level == b'\x01']
+        return [message for message in said if 'more than one' in message]
+
+    ros.probe.until(told)
+    assert told()[0] == (
+        'the crank is turned by more than one: /crank_angle (1 publishers) and '
+        '/crank_state (1 publishers)'
+    )
+
+
+@pytest.mark.parametrize('name', ['', 'left'])
+def test_bars_end_where_the_poses_points_are(ros: World, name: str) -> None:
+    ros.start('solver_node', **({'legs': f'[{name}]'} if name else {}))
+    crank = ros.probe.publisher(Float64, 'crank_angle')
+    latched = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    arrays = ros.probe.listen(MarkerArray, 'markers', latched)
+    seen: dict[int, Marker] = {}
+
+    def all_seen() -> bool:
+        crank.publish(Float64(data=1.0))
+        seen.update({marker.id: marker for array in arrays for marker in array.markers})
+        return set(seen) == set(range(8))
+
+    ros.probe.until(all_seen)
+    leg = KlannLeg()
+    points = dict(zip('ABCDEFGH', leg.closed_form(1.0).points, strict=True))
+    bars = {3: 'AB', 4: 'BCCG', 5: 'DC', 6: 'EF', 7: 'FGGH'}
+    for number, letters in bars.items():
+        drawn = np.array([(p.x, p.y, p.z) for p in seen[number].points])
+        expected = [(*points[letter], 0.0) for letter in letters]
+        np.testing.assert_allclose(drawn, expected, rtol=0, atol=1e-12)
+        assert seen[number].type == Marker.LINE_LIST
+    path = np.array([(p.x, p.y) for p in seen[0].points])
+    np.testing.assert_allclose(path[:-1], foot_path(leg).h, rtol=0, atol=1e-12)
+    prefix = f'{name}/' if name else ''
+    assert {marker.header.frame_id for marker in seen.values()} == {f'{prefix}leg_plane'}
+    assert {marker.ns for marker in seen.values()} == {name or 'leg'}
