@@ -226,7 +226,7 @@ def four_bar() -> Figure:
 
 
 def four_bar_dead_points() -> Figure:
-    """Return the dead points of a driving crank (class II) and of a driving rocker (class I)."""
+    """Return the dead points of a crank (class II) and a rocker (class I), of both assemblies."""
     figure = Figure(figsize=(8.0, 4.2), layout='constrained')
     panels = ((TRIPLE_ROCKER, 'crank', '$L_2$'), (EXAMPLE, 'rocker', '$L_4$'))
     for axes, (lengths, driver, name) in zip(figure.subplots(1, 2), panels, strict=True):

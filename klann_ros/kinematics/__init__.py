@@ -14,9 +14,14 @@ from .errors import (
 )
 from .foot.inverse import Nearest
 from .foot.path import foot_path, FootPath, NoFootPathError
-from .foot.stance import Stance
+from .foot.stance import NoStanceError, Stance
+from .four_bar.dead_points import DeadPoint, RockerLimits
+from .four_bar.geometry import FourBarGeometry
+from .four_bar.grashof import Grashof
 from .four_bar.linkage import FourBar
+from .four_bar.motion import FourBarAcceleration, FourBarVelocity
 from .four_bar.pose import FourBarPose
+from .four_bar.transmission import TransmissionExtremes
 from .klann.acceleration import KlannAcceleration
 from .klann.geometry import KlannGeometry
 from .klann.leg import KlannLeg
@@ -39,10 +44,15 @@ from .virtual_work import ImmobileDirectionError
 
 __all__ = [
     'CrankAngleError',
+    'DeadPoint',
     'FootPath',
     'FourBar',
+    'FourBarAcceleration',
+    'FourBarGeometry',
     'FourBarPose',
+    'FourBarVelocity',
     'GeometryError',
+    'Grashof',
     'ImmobileDirectionError',
     'KinematicsError',
     'KlannAcceleration',
@@ -60,12 +70,15 @@ __all__ = [
     'Margin',
     'Nearest',
     'NoFootPathError',
+    'NoStanceError',
     'NotConvergedError',
     'PartialTurnError',
     'Reason',
+    'RockerLimits',
     'SingularPoseError',
     'Stance',
     'ToleranceStudy',
+    'TransmissionExtremes',
     'UnreachableError',
     'foot_path',
     'klann_poses',

@@ -1,6 +1,6 @@
 """Angles modulo a turn."""
 
-from math import pi, remainder
+from math import nan, pi, remainder
 from typing import SupportsFloat
 
 from .errors import CrankAngleError
@@ -38,11 +38,17 @@ def crank_angle(alpha: SupportsFloat) -> float:
         It is not finite, beyond +-1e6 rad, or no number at all.
 
     """
-    try:
-        number = float(alpha)
-    except (TypeError, ValueError, OverflowError):
-        raise CrankAngleError(alpha, MAX_CRANK_ANGLE) from None
+    # Nearly every crank angle is a float, and is not looked at twice.
+    number = alpha if type(alpha) is float else _number(alpha)
     # NaN fails every comparison.
     if not -MAX_CRANK_ANGLE <= number <= MAX_CRANK_ANGLE:
         raise CrankAngleError(alpha, MAX_CRANK_ANGLE)
     return number
+
+
+def _number(alpha: SupportsFloat) -> float:
+    """Return NaN for what is no number; float() would take text as well, such as '1_0' for 10."""
+    try:
+        return nan if isinstance(alpha, str | bytes | bytearray) else float(alpha)
+    except (TypeError, ValueError, OverflowError):
+        return nan

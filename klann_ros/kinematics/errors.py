@@ -60,7 +60,8 @@ class UnreachableError(KinematicsError):
         Which dyad, from 1. Of the Klann leg, 1: coupler BC and rocker DC, from B and D; 2: rocker
         EF and leg FG, from E and G.
     shortfall : float
-        How far the ends of the dyad are out of its reach [m], >= 0.
+        How far the ends of the dyad are out of its reach [m], >= 0; 0 where they coincide and the
+        links are equally long, so that the dyad closes in every direction.
     stretched : bool
         True when they are too far apart for the links stretched out, False when they are too
         close together for the links folded.
@@ -88,16 +89,15 @@ class UnreachableError(KinematicsError):
 
     def __str__(self) -> str:
         p, q, link_1, link_2 = self.names
+        if self.stretched:
+            why = f'{p} and {q} are {self.shortfall:.6g} m further apart than {link_1} + {link_2}'
+        elif self.shortfall:
+            near = f'closer together than |{link_1} - {link_2}|'
+            why = f'{p} and {q} are {self.shortfall:.6g} m {near}'
+        else:
+            why = f'{p} and {q} coincide, and the pose is not definite'
         where = f'crank angle {self.alpha:.6f} rad ({math.degrees(self.alpha):.3f} deg)'
-        why = (
-            f'further apart than {link_1} + {link_2}'
-            if self.stretched
-            else f'closer together than |{link_1} - {link_2}|'
-        )
-        return (
-            f'{where} cannot be reached: dyad {self.dyad} does not close, '
-            f'{p} and {q} are {self.shortfall:.6g} m {why}'
-        )
+        return f'{where} cannot be reached: dyad {self.dyad} does not close, {why}'
 
 
 class LoopsOpenError(KinematicsError):
@@ -161,7 +161,7 @@ class NotConvergedError(KinematicsError):
 
 class SingularPoseError(KinematicsError):
     """
-    A pose without a velocity: a dyad is stretched out or folded, and Phi cannot be inverted.
+    A pose without a velocity: Phi cannot be inverted, as where a dyad is stretched or folded.
 
     Attributes
     ----------
@@ -177,6 +177,6 @@ class SingularPoseError(KinematicsError):
 
     def __str__(self) -> str:
         return (
-            f'the pose at {self.alpha:.6f} rad ({math.degrees(self.alpha):.3f} deg) is singular: '
-            f'a dyad is stretched out or folded, and no velocity follows from the crank rate'
+            f'the pose at {self.alpha:.6f} rad ({math.degrees(self.alpha):.3f} deg) is singular, '
+            f'as where a dyad is stretched out or folded: no velocity follows from the crank rate'
         )

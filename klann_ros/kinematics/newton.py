@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from . import validation
 from .errors import NotConvergedError
 
 Array = NDArray[np.float64]
@@ -49,6 +50,8 @@ def newton_raphson(
     NotConvergedError
         Phi is singular at an iterate, an iterate is not finite, or `max_iterations` are used up.
         It carries the iterates.
+    ValueError
+        `max_iterations` is no whole number, or negative.
 
     References
     ----------
@@ -56,7 +59,7 @@ def newton_raphson(
 
     """
     iterates = [np.array(guess, dtype=np.float64)]
-    for _ in range(max_iterations):
+    for _ in range(validation.count('max_iterations', max_iterations, 0)):
         x = iterates[-1]
         try:
             correction = np.linalg.solve(phi(x), f(x))

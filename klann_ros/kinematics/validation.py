@@ -1,6 +1,7 @@
 """What users give, checked: the value as it is computed with, or one line that says why not."""
 
 import math
+from numbers import Integral, Real
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -58,10 +59,10 @@ def setting(name: str, value: float, most: float = math.inf) -> float:
     Raises
     ------
     ValueError
-        It is not finite, not > 0, or greater than `most`.
+        It is no number, not finite, not > 0, or greater than `most`.
 
     """
-    if not (0.0 < value <= most and value < math.inf):
+    if not (isinstance(value, Real) and 0.0 < value <= most and value < math.inf):
         limit = '' if most == math.inf else f' and at most {most:g} rad'
         msg = f'{name} = {value!r} is refused: it must be finite, > 0{limit}'
         raise ValueError(msg)
@@ -69,10 +70,30 @@ def setting(name: str, value: float, most: float = math.inf) -> float:
 
 
 def rate(name: str, value: float) -> None:
-    """Refuse a rate or an acceleration that is not finite with a ValueError."""
-    if not math.isfinite(value):
+    """Refuse a rate or an acceleration that is not a finite number with a ValueError."""
+    try:
+        finite = math.isfinite(value)
+    except (TypeError, OverflowError):
+        finite = False
+    if not finite:
         msg = f'{name} = {value!r} is refused: it must be finite'
         raise ValueError(msg)
+
+
+def count(name: str, value: int, least: int) -> int:
+    """
+    Return how many of something are wanted.
+
+    Raises
+    ------
+    ValueError
+        It is no whole number, or less than `least`.
+
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+        msg = f'{name} = {value!r} is refused: it must be a whole number, at least {least}'
+        raise ValueError(msg)
+    return int(value)
 
 
 def guess(value: 'Sequence[float] | NDArray[np.float64]', names: str) -> NDArray[np.float64]:

@@ -94,7 +94,7 @@ class LegMarkers:
     def _still(self, leg: SolvedLeg, stamp: Time) -> list[Marker]:
         """Return the path of the foot, and the pivots."""
         try:
-            path = foot_path(leg.leg)
+            path = foot_path(leg.leg)  # type: ignore[misc]  # either kind of leg
             pose = leg.leg.closed_form(float(path.alphas[0]))
         except KinematicsError:
             # A leg that hardly closes anywhere is seen where it is solved.

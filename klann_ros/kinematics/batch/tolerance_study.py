@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf, nan
+from math import inf
 from numbers import Real
 
+from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.klann.geometry import KlannGeometry, LENGTHS
 import numpy as np
@@ -112,15 +113,23 @@ def tolerance_study(
         Of every dimension within its tolerance, each by itself: 'uniform', or 'normal' with a
         third of the half-width as standard deviation, parts out of tolerance being replaced.
     seed : int
-        The same seed draws the same legs.
+        >= 0; the same seed draws the same legs.
     progress : callable, optional
         Called with (done, total) poses now and then.
 
+    Returns
+    -------
+    ToleranceStudy
+        Statistics of the legs drawn, and the derivatives of the leg as drawn.
+
     Raises
     ------
+    TypeError
+        `geometry` is no KlannGeometry.
     ValueError
-        A tolerance is not finite, negative, of no dimension, or not smaller than its length;
-        `samples` or `crank_angles` is not at least 1; there is no such distribution.
+        A tolerance is no finite number, negative, of no dimension, or not smaller than its length;
+        `samples` or `crank_angles` is no whole number, at least 1, or `seed` none at least 0;
+        there is no such distribution.
 
     Examples
     --------
@@ -129,10 +138,12 @@ def tolerance_study(
     'l_bc'
 
     """
-    for name, count in (('samples', samples), ('crank_angles', crank_angles)):
-        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-            msg = f'{name} = {count!r} is refused: it must be a whole number, at least 1'
-            raise ValueError(msg)
+    if not isinstance(geometry, KlannGeometry):
+        msg = f'geometry = {geometry!r} is refused: it must be a KlannGeometry'
+        raise TypeError(msg)
+    samples = validation.count('samples', samples, 1)
+    crank_angles = validation.count('crank_angles', crank_angles, 1)
+    seed = validation.count('seed', seed, 0)
     values, signs = numbers([geometry])
     widths = _half_widths(values[:, 0], tolerances)
     drawn = values + widths[:, None] * _draw(distribution, (len(NUMBERS), samples), seed)
@@ -162,9 +173,14 @@ def tolerance_study(
 def _half_widths(values: Array, tolerances: Mapping[str, float] | float) -> Array:
     """Return the half-width of every dimension, shape (13,) [m, rad]."""
     if not isinstance(tolerances, Mapping):
-        relative = tolerances if isinstance(tolerances, Real) else nan
+        if not (isinstance(tolerances, Real) and -inf < tolerances < inf):
+            msg = (
+                f'tolerances = {tolerances!r} is refused: '
+                'it must be finite, or a mapping of names to half-widths'
+            )
+            raise ValueError(msg)
         lengths = zip(LENGTHS, values.tolist(), strict=False)
-        tolerances = {name: float(value * relative) for name, value in lengths}
+        tolerances = {name: float(value * tolerances) for name, value in lengths}
     unknown = [str(name) for name in tolerances if name not in NUMBERS]
     if unknown:
         msg = f'tolerances of {", ".join(unknown)} are refused: the names are {", ".join(NUMBERS)}'

@@ -5,8 +5,10 @@ from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf, isfinite, nan
+from numbers import Real
 from typing import Any
 
+from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import KinematicsError
 from klann_ros.kinematics.mechanism import Leg, PoseT
@@ -18,15 +20,17 @@ from .extremes import pieces
 from .inverse import Nearest, ROUNDING
 from .quadrature import enclosed_area, path_length
 from .span import Span
-from .stance import Stance, stances
+from .stance import NoStanceError, Stance, stances
 from .track import Track
 
 # Part of the lift that the foot may be above the ground. Between their two lowest points the feet
 # of both known legs rise by a fifteenth (SEM 104) and a tenth (patent) of their lift.
 GROUND = 1.0 / 8.0
-# Below this part of the leg's size a height is rounding.
-LEAST_GROUND = 1e-12
+# Below these parts of the leg's size a height or a width is rounding: of a turn, and of other
+# arcs, at whose ends the crank angle's own last digit moves the foot.
+ROUNDING_OF_TURN, ROUNDING_OF_ARCS = 1e-12, 1e-8
 FEWEST_SAMPLES = 32
+WHAT_A_LEG_DOES = ('solve', 'velocity', 'acceleration', 'reset', 'reachable_arcs')
 
 
 class NoFootPathError(KinematicsError):
@@ -85,7 +89,11 @@ class FootPath:
 
     @cached_property
     def length(self) -> float:
-        """Return the length of the path [m]; of several arcs, their sum."""
+        """
+        Return the length of the path [m]; of several arcs, their sum.
+
+        It is NaN where a turn passes through a singular pose, and a sample is taken there.
+        """
         return sum(path_length(track) for track in self._tracks)
 
     @cached_property
@@ -93,12 +101,30 @@ class FootPath:
         """
         Return the area that the path encloses [m^2]; NaN for a path that is not closed.
 
+        It is NaN as well where a turn passes through a singular pose, as at a change point, and a
+        sample is taken there: dH/dalpha has no value then.
+
         It is positive where the foot goes round counter-clockwise for a crank that does.
         """
         return enclosed_area(self._tracks[0]) if self.full_turn else nan
 
     def stance(self, ground: float | None = None) -> Stance:
-        """Return the stance that holds the lowest point; for `ground` see `stances`."""
+        """
+        Return the stance that holds the lowest point.
+
+        Parameters
+        ----------
+        ground : float, optional
+            Height of the band [m]; see `stances`.
+
+        Raises
+        ------
+        NoStanceError
+            The foot does not move along x.
+        ValueError
+            `ground` is refused; see `stances`.
+
+        """
         return self.stances(ground)[0]
 
     def stances(self, ground: float | None = None) -> list[Stance]:
@@ -111,20 +137,26 @@ class FootPath:
         Parameters
         ----------
         ground : float, optional
-            Height of the band [m]; an eighth of the lift where it is left out.
+            Height of the band [m]; an eighth of the lift where it is left out, but not less than
+            rounding.
 
         Raises
         ------
+        NoStanceError
+            The foot does not move along x: its path's extent there is rounding.
         ValueError
-            `ground` is not finite, or not above rounding: 1e-12 of the leg's size.
+            `ground` is not finite, or not above rounding: 1e-12 of the leg's size, or 1e-8 where
+            the crank does not turn fully.
 
         """
-        least = LEAST_GROUND * self._size
+        least = (ROUNDING_OF_TURN if self.full_turn else ROUNDING_OF_ARCS) * self._size
         if ground is None:
             ground = max(GROUND * self.lift, least)
-        elif not least <= ground < inf:
+        elif not (isinstance(ground, Real) and least <= ground < inf):
             msg = f'ground = {ground!r} m is refused: it must be finite and at least {least:.3g} m'
             raise ValueError(msg)
+        if self.stride < least:
+            raise NoStanceError(self.stride)
         return stances(self._tracks, ground, ROUNDING * self._size)
 
     def crank_angles_at_x(self, x: float) -> list[float]:
@@ -132,11 +164,25 @@ class FootPath:
         Return every crank angle at which H has this x [m], in [0, 2 pi), sorted [rad].
 
         An x that the foot never has gives an empty list, the path's least or greatest x one angle.
+
+        Raises
+        ------
+        ValueError
+            `x` is not finite.
+
         """
         return self._crank_angles_at(X, 'x', x)
 
     def crank_angles_at_height(self, y: float) -> list[float]:
-        """Return every crank angle at which H has this y [m], in [0, 2 pi), sorted [rad]."""
+        """
+        Return every crank angle at which H has this y [m], in [0, 2 pi), sorted [rad].
+
+        Raises
+        ------
+        ValueError
+            `y` is not finite.
+
+        """
         return self._crank_angles_at(Y, 'y', y)
 
     def nearest_crank_angle(self, point: Sequence[float]) -> Nearest:
@@ -169,9 +215,7 @@ class FootPath:
         return min(values), max(values)
 
     def _crank_angles_at(self, s: Coordinate, name: str, value: float) -> list[float]:
-        if not isfinite(value):
-            msg = f'{name} = {value!r} is refused: it must be finite'
-            raise ValueError(msg)
+        validation.rate(name, value)
         return inverse.crank_angles_at(self._tracks, s, value, self._size)
 
 
@@ -190,17 +234,25 @@ def foot_path(leg: Leg[PoseT], *, samples: int = 720) -> FootPath:
     samples : int
         Samples for a whole turn, at least 32; an arc has its share of them, but not fewer than 32.
 
+    Returns
+    -------
+    FootPath
+        The path, with its figures and its stances.
+
     Raises
     ------
     NoFootPathError
         The leg reaches no crank angle.
+    TypeError
+        It is no leg, such as a geometry, or has no foot, such as a FourBar.
     ValueError
-        There are too few samples.
+        `samples` is no whole number, or too few.
 
     """
-    if samples < FEWEST_SAMPLES:
-        msg = f'samples = {samples!r} is refused: at least {FEWEST_SAMPLES}'
-        raise ValueError(msg)
+    samples = validation.count('samples', samples, FEWEST_SAMPLES)
+    if not all(hasattr(leg, name) for name in WHAT_A_LEG_DOES):
+        msg = f'leg = {leg!r} is refused: it must be a leg, such as a KlannLeg'
+        raise TypeError(msg)
     own = copy(leg)
     own.reset()
     spans = [Span(start, end) for start, end in own.reachable_arcs()]

@@ -12,6 +12,7 @@ from math import inf, pi
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.errors import KinematicsError
 import numpy as np
 
 from .coordinate import Along, X, Y
@@ -22,6 +23,29 @@ from .track import Track
 
 # Panels of the quadrature over a stance, 8 nodes each.
 PANELS = 24
+
+
+class NoStanceError(KinematicsError):
+    """
+    A foot that does not move along x, and so neither backwards nor forwards.
+
+    Attributes
+    ----------
+    stride : float
+        The path's extent along x, rounding and nothing else [m].
+
+    """
+
+    def __init__(self, stride: float) -> None:
+        """Keep the number."""
+        super().__init__(stride)
+        self.stride = stride
+
+    def __str__(self) -> str:
+        return (
+            f'there is no stance: the foot does not move along x, '
+            f'where its path has {self.stride:.3g} m'
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,9 +172,10 @@ def _stretches(
     seams = (-pi, 0.0, pi) if track.span.is_turn else (0.0,)
     found = []
     for t_0, t_1 in pairwise(edges):
-        if track.value(Y, (t_0 + t_1) / 2.0) <= level:
+        holds = lowest is not None and any(t_0 <= lowest + seam <= t_1 for seam in seams)
+        # What touches the lowest point is under the level, whatever rounding makes of its middle.
+        if holds or track.value(Y, (t_0 + t_1) / 2.0) <= level:
             advance = track.value(X, t_1) - track.value(X, t_0)
-            holds = lowest is not None and any(t_0 <= lowest + seam <= t_1 for seam in seams)
             found.append(_Stretch(track, t_0, t_1, 1 if advance > 0.0 else -1, holds))
     return found
 

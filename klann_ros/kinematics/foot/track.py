@@ -33,6 +33,11 @@ class Track(Generic[PoseT]):
     n : int
         How many samples are taken; one that cannot be solved is left out.
 
+    Raises
+    ------
+    TypeError
+        The leg's poses have no foot.
+
     Attributes
     ----------
     t : numpy.ndarray, shape (k,)
@@ -49,6 +54,9 @@ class Track(Generic[PoseT]):
         self.span = span
         self._leg = leg
         solved = list(self._solvable(span.samples(n)))
+        if solved and not hasattr(solved[0][1], 'h'):
+            msg = f'leg = {leg!r} is refused: it must be a leg, whose poses have a foot H'
+            raise TypeError(msg)
         self.t = np.array([t for t, _ in solved])
         self.alphas = np.array([pose.alpha for _, pose in solved])
         self.h = np.array([pose.h for _, pose in solved]).reshape(-1, 2)

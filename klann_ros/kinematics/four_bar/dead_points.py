@@ -68,8 +68,9 @@ def dead_points(geometry: FourBarGeometry, driver: str = 'crank') -> list[DeadPo
 
     Those of the crank are the ends of what it can reach, where both assemblies meet: two for each
     kind, one on each side. Those of the rocker belong to one assembly: at most one for each kind,
-    and the other assembly has it mirrored. A change point, where all links are in line and the
-    driver passes, is no dead point.
+    and the other assembly has it mirrored. So in class II crank and rocker have two each, but of
+    the rocker's one is found of each assembly. A change point, where all links are in line and
+    the driver passes, is no dead point.
 
     Parameters
     ----------

@@ -24,7 +24,8 @@ class FourBarGeometry:
     ground, crank, coupler, rocker : float
         L1, L2, L3 and L4 [m], > 0.
     assembly : int
-        The sign (+1 or -1) of sin(theta4 - theta3).
+        The sign (+1 or -1) of sin(theta4 - theta3). At a change point of class III both assemblies
+        meet: it is the sign on either side, and not the motion through it.
 
     Raises
     ------

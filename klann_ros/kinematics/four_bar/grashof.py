@@ -14,7 +14,9 @@ class Roles(NamedTuple):
     What each link does: 'fixed', 'rotates' or 'oscillates'.
 
     A link rotates if there is a motion of the linkage in which it turns fully against the fixed
-    one. That includes motions through the change points of class III, where the assembly changes.
+    one. That includes motions through the change points of class III, where the assembly changes:
+    there the two assemblies meet, and `assembly` is the sign and not the motion. So the rocker of
+    `FourBar(2, 1, 2, 1)` rotates, although the sign leads it back at 180 deg.
     """
 
     ground: str

@@ -33,7 +33,10 @@ class FourBar(TrackedLeg[FourBarPose]):
     ground, crank, coupler, rocker : float
         L1, L2, L3 and L4 [m], > 0.
     assembly : int
-        The sign (+1 or -1) of sin(theta4 - theta3); +1 is the open one.
+        The sign (+1 or -1) of sin(theta4 - theta3); +1 is the open one. At a change point of
+        class III both assemblies meet: it is the sign on either side, and not the motion through
+        it. So `FourBar(2, 1, 2, 1)` is a parallelogram up to 180 deg, and an antiparallelogram
+        from there to 360 deg.
     tolerance : float
         Largest correction of a converged pose [rad].
     max_crank_step : float
@@ -115,7 +118,7 @@ class FourBar(TrackedLeg[FourBarPose]):
         CrankAngleError
             `theta2` is not finite, or beyond +-1e6 rad.
         ValueError
-            The guess is not two finite numbers.
+            The guess is not two finite numbers, or `max_iterations` no whole number >= 0.
 
         References
         ----------
@@ -147,7 +150,24 @@ class FourBar(TrackedLeg[FourBarPose]):
         return closed_form_pose(self._geometry, theta2)
 
     def velocity(self, pose: FourBarPose, rate: float) -> motion.FourBarVelocity:
-        """Return the velocity of a pose for a crank rate [rad/s]; see `motion.velocity`."""
+        """
+        Return the velocity of a pose for a crank rate; see `motion.velocity`.
+
+        Parameters
+        ----------
+        pose : FourBarPose
+            A solved pose.
+        rate : float
+            Rate of the crank [rad/s].
+
+        Raises
+        ------
+        SingularPoseError
+            The pose has no velocity.
+        ValueError
+            The rate is not finite.
+
+        """
         return motion.velocity(pose, rate)
 
     def acceleration(
@@ -156,12 +176,42 @@ class FourBar(TrackedLeg[FourBarPose]):
         """
         Return the acceleration of a pose; see `motion.acceleration`.
 
-        `rate` [rad/s] and `acceleration` [rad/s^2] are those of the crank.
+        Parameters
+        ----------
+        pose : FourBarPose
+            A solved pose.
+        rate : float
+            Rate of the crank [rad/s].
+        acceleration : float
+            Acceleration of the crank [rad/s^2].
+
+        Raises
+        ------
+        SingularPoseError
+            The pose has no velocity, and no acceleration either.
+        ValueError
+            The rate or the acceleration is not finite.
+
         """
         return motion.acceleration(pose, rate, acceleration)
 
     def transmission_angle(self, theta2: float) -> float:
-        """Return the angle between coupler and rocker at a crank angle, in [0, pi] [rad]."""
+        """
+        Return the angle between coupler and rocker at a crank angle, in [0, pi] [rad].
+
+        Parameters
+        ----------
+        theta2 : float
+            Crank angle [rad].
+
+        Raises
+        ------
+        CrankAngleError
+            `theta2` is not finite, or beyond +-1e6 rad.
+        UnreachableError
+            Coupler and rocker do not meet at this crank angle.
+
+        """
         return transmission.transmission_angle(self._geometry, theta2)
 
     @property
@@ -173,7 +223,21 @@ class FourBar(TrackedLeg[FourBarPose]):
         """
         Return T4 / T2 = w2 / w4 at a crank angle; see `transmission.mechanical_advantage`.
 
-        inf at a limit position of the rocker, 0 where coupler and rocker are in line.
+        inf at a limit position of the rocker, 0 where coupler and rocker are in line, NaN where
+        all links are.
+
+        Parameters
+        ----------
+        theta2 : float
+            Crank angle [rad].
+
+        Raises
+        ------
+        CrankAngleError
+            `theta2` is not finite, or beyond +-1e6 rad.
+        UnreachableError
+            Coupler and rocker do not meet at this crank angle.
+
         """
         return transmission.mechanical_advantage(self._geometry, theta2)
 
@@ -183,11 +247,32 @@ class FourBar(TrackedLeg[FourBarPose]):
 
     @property
     def grashof(self) -> Grashof:
-        """Return class, type and the role of each link after Grashof, and the inversions."""
+        """
+        Return what Grashof's law says of the linkage.
+
+        Its attributes: `class_`, `margin` [m], `type_` with its parts `shape` and `motion`,
+        `roles` of the links, and `inversions`, the same with another link held.
+        """
         return Grashof(self._geometry.lengths)
 
     def dead_points(self, driver: str = 'crank') -> list[DeadPoint]:
-        """Return where a driver, 'crank' or 'rocker', stops; none where it turns fully."""
+        """
+        Return where a driver stops, by its angle; none where it turns fully.
+
+        Those of the crank belong to both assemblies. Those of the rocker are this assembly's; the
+        other assembly has them mirrored, so that a rocker of class II has one of each assembly.
+
+        Parameters
+        ----------
+        driver : str
+            'crank' or 'rocker'.
+
+        Raises
+        ------
+        ValueError
+            `driver` is neither.
+
+        """
         return dead_points(self._geometry, driver)
 
     @property

@@ -1,8 +1,8 @@
 """The acceleration of a pose: the kinematic coefficients of second order."""
 
-from math import isfinite
 from typing import NamedTuple
 
+from klann_ros.kinematics import validation
 import numpy as np
 from numpy.typing import NDArray
 
@@ -88,9 +88,7 @@ def acceleration(
 
     """
     moving = velocity(pose, alpha_rate)
-    if not isfinite(alpha_acceleration):
-        msg = f'alpha_acceleration = {alpha_acceleration!r} is refused: it must be finite'
-        raise ValueError(msg)
+    validation.rate('alpha_acceleration', alpha_acceleration)
     gamma_2, beta_2, delta_2, theta_2 = (
         second * alpha_rate * alpha_rate + first * alpha_acceleration
         for first, second in zip(pose.coefficients, second_coefficients(pose), strict=True)

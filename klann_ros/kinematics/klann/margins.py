@@ -73,7 +73,20 @@ class Margin(NamedTuple):
 
 
 def turns_fully(geometry: KlannGeometry) -> bool:
-    """Return whether both dyads close all round the crank's turn."""
+    """
+    Return whether both dyads close all round the crank's turn.
+
+    Parameters
+    ----------
+    geometry : KlannGeometry
+        The leg.
+
+    Raises
+    ------
+    TypeError
+        `geometry` is no KlannGeometry.
+
+    """
     return reachable_arcs(geometry) == [(0.0, TURN)]
 
 
@@ -99,6 +112,8 @@ def length_margins(geometry: KlannGeometry) -> dict[str, Margin]:
     ------
     PartialTurnError
         The crank does not turn fully as it is.
+    TypeError
+        `geometry` is no KlannGeometry.
 
     """
     arcs = reachable_arcs(geometry)

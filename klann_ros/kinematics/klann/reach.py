@@ -32,12 +32,22 @@ def reachable_arcs(geometry: 'KlannGeometry') -> list[Arc]:
         Start and end of each arc, start < end, start in [0, 2 pi) [rad]; `[(0, 2 pi)]` for a
         crank that turns fully, empty where nothing closes.
 
+    Raises
+    ------
+    TypeError
+        `geometry` is no KlannGeometry.
+
     """
 
     def inside(alpha: float) -> float:
         return _clearance(geometry, alpha)
 
-    first_dyad = _first_dyad_arcs(geometry)
+    try:
+        first_dyad = _first_dyad_arcs(geometry)
+    except AttributeError:
+        # The class itself is not known here: it asks whether its legs close.
+        msg = f'geometry = {geometry!r} is refused: it must be a KlannGeometry'
+        raise TypeError(msg) from None
     return normal([arc for first in first_dyad for arc in arcs_inside(inside, first)])
 
 

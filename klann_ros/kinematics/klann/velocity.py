@@ -1,8 +1,9 @@
 """The velocity of a pose: the kinematic coefficients times the crank's rate."""
 
-from math import cos, isfinite, isnan, sin
+from math import cos, isnan, sin
 from typing import NamedTuple
 
+from klann_ros.kinematics import validation
 from klann_ros.kinematics.errors import SingularPoseError
 import numpy as np
 from numpy.typing import NDArray
@@ -71,9 +72,7 @@ def velocity(pose: KlannPose, alpha_rate: float) -> KlannVelocity:
     """
     if isnan(pose.coefficients[0]):
         raise SingularPoseError(pose.alpha)
-    if not isfinite(alpha_rate):
-        msg = f'alpha_rate = {alpha_rate!r} is refused: it must be finite'
-        raise ValueError(msg)
+    validation.rate('alpha_rate', alpha_rate)
     gamma_1, beta_1, delta_1, theta_1 = (c * alpha_rate for c in pose.coefficients)
     g = pose.geometry
     bent_c, bent_g = pose.gamma - g.angle_bcg, pose.theta + g.angle_fgh

@@ -1,8 +1,9 @@
 """Velocity and acceleration of a linkage's angles and points, from the same Jacobian."""
 
-from math import isfinite, isnan
+from math import isnan
 from typing import NamedTuple
 
+from klann_ros.kinematics import validation
 from klann_ros.kinematics.errors import SingularPoseError
 import numpy as np
 from numpy.typing import NDArray
@@ -109,8 +110,6 @@ def _i_s(pose: LinkagePose) -> NDArray[np.complex128]:
 
 def _check(pose: LinkagePose, **rates: float) -> None:
     for name, rate in rates.items():
-        if not isfinite(rate):
-            msg = f'{name} = {rate!r} is refused: it must be finite'
-            raise ValueError(msg)
+        validation.rate(name, rate)
     if isnan(pose.coefficients[0]):
         raise SingularPoseError(pose.alpha)

@@ -2,6 +2,7 @@
 
 from dataclasses import fields, replace
 import math
+from typing import Any
 
 from klann_ros.kinematics import klann_poses, KlannGeometry, KlannLeg, tolerance_study
 from klann_ros.kinematics.batch.constants import NUMBERS
@@ -203,8 +204,31 @@ def test_tolerances_that_are_none_are_refused(tolerances: object, text: str) -> 
 
 @pytest.mark.parametrize(
     ('option', 'value'),
-    [('samples', 0), ('samples', 2.5), ('crank_angles', -1), ('distribution', 'flat')],
+    [
+        ('samples', 0),
+        ('samples', 2.5),
+        ('crank_angles', -1),
+        ('distribution', 'flat'),
+        ('seed', -1),
+        ('seed', 'a'),
+    ],
 )
 def test_options_that_are_none_are_refused(option: str, value: object) -> None:
     with pytest.raises(ValueError, match=f'{option} = {value!r} is refused'):
         tolerance_study(SEM104, 0.01, **{option: value})
+
+
+@pytest.mark.parametrize('tolerances', [None, 'a', math.nan, math.inf])
+def test_a_tolerance_that_is_neither_number_nor_mapping_is_named(tolerances: Any) -> None:
+    with pytest.raises(ValueError, match=r'tolerances = .* or a mapping of names'):
+        tolerance_study(SEM104, tolerances)
+
+
+def test_a_leg_is_no_geometry() -> None:
+    with pytest.raises(TypeError, match='it must be a KlannGeometry'):
+        tolerance_study(KlannLeg(), 0.01)
+
+
+def test_counts_may_be_numpys() -> None:
+    study = tolerance_study(SEM104, 0.01, samples=np.int64(3), crank_angles=np.int32(4))
+    assert study.stride.shape == (3,)

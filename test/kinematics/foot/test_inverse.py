@@ -164,12 +164,12 @@ def test_ties_are_all_told(ellipse: Callable[[float, float], Any]) -> None:
     assert path.nearest_crank_angle((3.0, -2.0)).distance == pytest.approx(1.5, abs=1e-15)
 
 
-@pytest.mark.parametrize('value', [math.nan, math.inf])
-def test_what_is_no_coordinate_is_refused(value: float) -> None:
+@pytest.mark.parametrize('value', [math.nan, math.inf, None, 'a'])
+def test_what_is_no_coordinate_is_refused(value: Any) -> None:
     path = foot_path(KlannLeg())
-    with pytest.raises(ValueError, match=f'x = {value} is refused'):
+    with pytest.raises(ValueError, match=f'x = {value!r} is refused'):
         path.crank_angles_at_x(value)
-    with pytest.raises(ValueError, match=f'y = {value} is refused'):
+    with pytest.raises(ValueError, match=f'y = {value!r} is refused'):
         path.crank_angles_at_height(value)
     with pytest.raises(ValueError, match='two finite numbers'):
         path.nearest_crank_angle((0.0, value))

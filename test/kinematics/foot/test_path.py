@@ -9,11 +9,13 @@ from hypothesis import given, settings, strategies as st
 from klann_ros.kinematics import (
     foot_path,
     FootPath,
+    FourBar,
     KlannGeometry,
     KlannLeg,
     LinkageLeg,
     NoFootPathError,
     shipped_linkage,
+    SingularPoseError,
     UnreachableError,
 )
 from klann_ros.kinematics.klann.geometry import COORDINATES, LENGTHS
@@ -227,9 +229,9 @@ def test_a_half_circle_has_its_figures_up_to_its_singular_ends(half_circle: Any)
     assert path.length == pytest.approx(math.pi / 2, rel=1e-6)
 
 
-@pytest.mark.parametrize('samples', [31, 0, -5])
-def test_too_few_samples_are_refused(samples: int) -> None:
-    with pytest.raises(ValueError, match=f'samples = {samples} is refused'):
+@pytest.mark.parametrize('samples', [31, 0, -5, 100.5, '100', None])
+def test_too_few_samples_are_refused(samples: Any) -> None:
+    with pytest.raises(ValueError, match=f'samples = {samples!r} is refused'):
         foot_path(KlannLeg(), samples=samples)
 
 
@@ -237,6 +239,30 @@ def test_a_leg_that_reaches_nothing_has_no_path(half_circle: Any) -> None:
     half_circle.reachable_arcs = list
     with pytest.raises(NoFootPathError, match='reaches no crank angle'):
         foot_path(half_circle)
+
+
+@pytest.mark.parametrize('wrong', [FourBar(2, 1, 2, 1), KlannGeometry(), None, 'jansen'])
+def test_what_has_no_foot_is_refused(wrong: Any) -> None:
+    with pytest.raises(TypeError, match=r'leg = .* is refused: it must be a leg'):
+        foot_path(wrong)
+
+
+def test_a_singular_sample_leaves_a_closed_path_without_an_area(
+    ellipse: Callable[[float, float], Any],
+) -> None:
+    leg = ellipse(0.5, 0.25)
+    velocity = leg.velocity
+
+    def velocity_but_for_a_quarter(pose: Any, rate: float) -> Any:
+        if pose.alpha == math.pi / 2:
+            raise SingularPoseError(pose.alpha)
+        return velocity(pose, rate)
+
+    leg.velocity = velocity_but_for_a_quarter
+    path = foot_path(leg)
+    assert path.full_turn
+    assert math.isnan(path.area)
+    assert math.isnan(path.length)
 
 
 def test_an_arc_that_its_leg_cannot_solve_is_no_path(half_circle: Any) -> None:

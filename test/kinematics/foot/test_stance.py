@@ -3,15 +3,84 @@
 from collections.abc import Callable
 from dataclasses import replace
 import math
+import pickle
 from typing import Any
 
 from hypothesis import given, settings, strategies as st
-from klann_ros.kinematics import foot_path, KlannGeometry, KlannLeg
+from klann_ros.kinematics import (
+    foot_path,
+    KlannGeometry,
+    KlannLeg,
+    linkage_from_text,
+    LinkageLeg,
+    NoStanceError,
+)
 import numpy as np
 import pytest
 from strategies import legs
 
 SEM104, PATENT = KlannGeometry.sem104(), KlannGeometry.patent()
+
+
+def peaucellier(turned: float) -> LinkageLeg:
+    """Return a leg whose foot D draws an exact straight line, at 90 deg to where Q is from O."""
+    q = [0.1 * math.cos(math.radians(turned)), 0.1 * math.sin(math.radians(turned))]
+    bars = {'c': 'QC', 'oa': 'OA', 'ob': 'OB', 'ac': 'AC', 'bc': 'BC', 'ad': 'AD', 'bd': 'BD'}
+    lengths = {'c': 0.1, 'oa': 0.3, 'ob': 0.3}
+    drawn = {'c': 0, 'oa': 23, 'ob': -23, 'ac': 230, 'bc': 130, 'ad': -45, 'bd': 45}
+    start = {name: angle + turned for name, angle in drawn.items()}
+    bodies = [
+        f'  {name}: {{bars: [{{from: {p}, to: {r}, length: {lengths.get(name, 0.12)}}}]}}\n'
+        for name, (p, r) in bars.items()
+    ]
+    return LinkageLeg(
+        linkage_from_text(
+            'name: Peaucellier\nunits: {length: m, angle: deg}\ncrank: c\nfoot: D\n'
+            f'pivots: {{O: [0, 0], Q: {q!r}}}\nbodies:\n{"".join(bodies)}'
+            f'start: {start!r}\n',
+            'peaucellier',
+        )
+    )
+
+
+@pytest.mark.parametrize('turned', [90.0, -90.0, 270.0])
+@pytest.mark.parametrize('ground', [None, 0.001, 0.1])
+def test_along_an_exact_straight_line_the_whole_arc_is_one_stance(
+    turned: float, ground: float | None
+) -> None:
+    path = foot_path(peaucellier(turned))
+    ((start, end),) = path.arcs
+    # What the ends of an arc are known to, and not a height.
+    assert path.lift < 1e-8
+    (stance,) = path.stances(ground)
+    assert (stance.start, stance.end) == pytest.approx((start, end), abs=1e-11)
+    assert stance.ground_covered == pytest.approx(path.stride, rel=1e-12)
+    assert stance.straightness < 1e-8
+
+
+@pytest.mark.parametrize('turned', [0.0, 180.0])
+@pytest.mark.parametrize('ground', [None, 0.001, 0.1])
+def test_a_foot_that_only_rises_and_falls_has_no_stance(
+    turned: float, ground: float | None
+) -> None:
+    path = foot_path(peaucellier(turned))
+    with pytest.raises(NoStanceError, match='the foot does not move along x') as caught:
+        path.stance(ground)
+    assert caught.value.stride == path.stride < 1e-8
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)  # noqa: S301
+
+
+def test_a_foot_that_rises_and_falls_all_round_has_no_stance(
+    ellipse: Callable[[float, float], Any],
+) -> None:
+    with pytest.raises(NoStanceError):
+        foot_path(ellipse(0.0, 0.5)).stance()
+
+
+def test_a_turn_may_have_a_lower_ground_than_an_arc() -> None:
+    assert foot_path(KlannLeg()).stance(1e-10).ground == 1e-10
+    with pytest.raises(ValueError, match=r'ground = 1e-10 m is refused: .* at least'):
+        foot_path(KlannLeg(KlannGeometry(l_bc=0.33))).stance(1e-10)
 
 
 @pytest.mark.parametrize('geometry', [SEM104, PATENT])
@@ -147,7 +216,7 @@ def test_a_mirrored_leg_walks_the_other_way(geometry: KlannGeometry) -> None:
     assert other.ground_covered == pytest.approx(one.ground_covered, abs=1e-5)
 
 
-@pytest.mark.parametrize('ground', [0.0, -0.01, 1e-15, math.nan, math.inf])
+@pytest.mark.parametrize('ground', [0.0, -0.01, 1e-15, math.nan, math.inf, 'a'])
 def test_a_band_of_no_height_is_refused(ground: float) -> None:
     with pytest.raises(ValueError, match=r'ground = .* is refused'):
         foot_path(KlannLeg()).stance(ground)

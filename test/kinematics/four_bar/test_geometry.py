@@ -4,6 +4,7 @@ from dataclasses import FrozenInstanceError
 import math
 
 from four_bars import COURSE, NAMES
+from klann_ros import kinematics
 from klann_ros.kinematics import FourBar, GeometryError
 import pytest
 
@@ -70,3 +71,20 @@ def test_the_geometry_is_frozen_and_compares_by_value() -> None:
     assert geometry == FourBar(*COURSE).geometry
     assert geometry != FourBar(*COURSE, -1).geometry
     assert hash(geometry) == hash(FourBar(*COURSE, True).geometry)
+
+
+def test_the_classes_of_all_results_are_exported() -> None:
+    bar = FourBar(0.180, 0.080, 0.200, 0.150)
+    velocity = bar.velocity(bar.solve(1.0), 1.0)
+    results = [
+        bar.geometry,
+        bar.grashof,
+        bar.rocker_limits,
+        *bar.dead_points('rocker'),
+        bar.transmission_extremes,
+        velocity,
+        bar.acceleration(velocity.pose, 1.0, 0.0),
+    ]
+    for result in results:
+        assert getattr(kinematics, type(result).__name__) is type(result)
+        assert type(result).__name__ in kinematics.__all__

@@ -147,12 +147,36 @@ def test_an_unreachable_angle_says_what_is_missing_and_leaves_the_last_pose() ->
     assert bar.last is before
 
 
+def test_a_rhombus_says_that_its_ends_coincide() -> None:
+    bar = FourBar(1.0, 1.0, 1.0, 1.0)
+    assert bar.reachable_arcs() == [(0.0, 2 * math.pi)]
+    with pytest.raises(UnreachableError) as caught:
+        bar.solve(0.0)
+    assert str(caught.value).endswith(
+        'dyad 1 does not close, A and O4 coincide, and the pose is not definite'
+    )
+
+
+def test_beyond_a_change_point_the_sign_is_kept_and_not_the_motion() -> None:
+    bar = FourBar(2.0, 1.0, 2.0, 1.0)
+    for k in range(1, 360):
+        pose = bar.solve(math.radians(k))
+        assert math.sin(pose.theta4 - pose.theta3) > -1e-7
+        # Of a parallelogram the coupler stays along the ground.
+        assert (abs(pose.theta3) < 1e-7) is (k <= 180)
+
+
+def test_it_says_what_it_is_made_of() -> None:
+    bar = FourBar(*COURSE)
+    assert repr(bar) == f'FourBar({bar.geometry!r})'
+
+
 def test_too_close_is_said_as_well() -> None:
     with pytest.raises(UnreachableError, match=r'closer together than \|L3 - L4\|'):
         FourBar(0.3, 0.25, 0.4, 0.2).solve(0.0)
 
 
-@pytest.mark.parametrize('value', [math.nan, math.inf, 1.1e6, None, 'abc', [1.0, 2.0]])
+@pytest.mark.parametrize('value', [math.nan, math.inf, 1.1e6, None, 'abc', '1', b'1', [1.0, 2.0]])
 @pytest.mark.parametrize(
     'method', ['solve', 'closed_form', 'transmission_angle', 'mechanical_advantage']
 )
@@ -206,6 +230,6 @@ def test_a_kite_keeps_its_digits_where_a_comes_close_to_o4(theta2: float) -> Non
 
 
 def test_a_kite_closes_nowhere_where_a_is_o4() -> None:
-    with pytest.raises(UnreachableError, match='A and O4 are 0 m closer') as caught:
+    with pytest.raises(UnreachableError, match='A and O4 coincide') as caught:
         FourBar(0.35, 0.35, 0.4, 0.4).solve(0.0)
     assert caught.value.shortfall == 0.0

@@ -145,7 +145,7 @@ def test_a_singular_pose_has_no_velocity(method: str) -> None:
     assert leg.solve(singular + 0.1).iterations > 0
 
 
-@pytest.mark.parametrize('rate', [math.nan, math.inf])
+@pytest.mark.parametrize('rate', [math.nan, math.inf, None, '1'])
 def test_a_rate_that_is_none_is_refused(rate: float) -> None:
     leg = KlannLeg()
     with pytest.raises(ValueError, match=r'alpha_rate = .* must be finite'):

@@ -1,13 +1,17 @@
 """Margins: each is where the full turn is lost, and the way there is free of gaps."""
 
+from collections.abc import Callable
 from dataclasses import replace
 import math
 import pickle
+from typing import Any
 
 from hypothesis import assume, given, settings, strategies as st
 from klann_ros.kinematics import (
+    FourBar,
     GeometryError,
     KlannGeometry,
+    KlannLeg,
     length_margins,
     PartialTurnError,
     reachable_arcs,
@@ -124,3 +128,10 @@ def test_a_leg_that_does_not_turn_fully_has_no_margins() -> None:
         length_margins(geometry)
     assert caught.value.arcs == reachable_arcs(geometry)
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)  # noqa: S301
+
+
+@pytest.mark.parametrize('ask', [length_margins, turns_fully, reachable_arcs])
+@pytest.mark.parametrize('wrong', [KlannLeg(), FourBar(2, 1, 2, 1).geometry, None])
+def test_what_is_no_geometry_is_refused(ask: Callable[[Any], Any], wrong: object) -> None:
+    with pytest.raises(TypeError, match=r'geometry = .* is refused: it must be a KlannGeometry'):
+        ask(wrong)

@@ -2,6 +2,7 @@
 
 import math
 import pickle
+from typing import Any
 
 from hypothesis import given, strategies as st
 from klann_ros.kinematics import (
@@ -76,3 +77,9 @@ def test_errors_survive_pickling_with_their_text(error: Exception) -> None:
 def test_newton_takes_no_angle_that_is_none() -> None:
     with pytest.raises(CrankAngleError):
         KlannLeg().newton(math.inf, GUESS)
+
+
+@pytest.mark.parametrize('count', [-1, 2.5, '3', True])
+def test_a_count_of_iterations_that_is_none_is_refused(count: Any) -> None:
+    with pytest.raises(ValueError, match=r'max_iterations = .* it must be a whole number'):
+        KlannLeg().newton(1.0, GUESS, max_iterations=count)

@@ -137,7 +137,7 @@ def test_a_huge_max_crank_step_still_stays_on_the_branch() -> None:
         assert difference(leg.solve(alpha), leg.closed_form(alpha)) <= 1e-11
 
 
-@pytest.mark.parametrize('alpha', [math.nan, math.inf, -math.inf, 1.1e6, -1e308])
+@pytest.mark.parametrize('alpha', [math.nan, math.inf, -math.inf, 1.1e6, -1e308, '1', b'1'])
 @pytest.mark.parametrize('method', ['solve', 'closed_form'])
 def test_an_angle_that_is_none_is_refused_and_changes_nothing(method: str, alpha: float) -> None:
     leg = KlannLeg()
@@ -233,8 +233,19 @@ def test_a_kite_keeps_its_digits_where_b_comes_close_to_d(alpha: float) -> None:
     assert difference(leg.solve(alpha), leg.closed_form(alpha)) <= 1e-9
 
 
+def test_it_says_what_it_is_made_of() -> None:
+    assert repr(KlannLeg(KITE)) == f'KlannLeg({KITE!r})'
+
+
+@pytest.mark.parametrize('name', ['tolerance', 'max_crank_step'])
+@pytest.mark.parametrize('value', ['a', '1e-6', None, [1e-6]])
+def test_a_setting_that_is_no_number_is_refused(name: str, value: object) -> None:
+    with pytest.raises(ValueError, match=f'{name} = .* is refused: it must be finite, > 0'):
+        KlannLeg(**{name: value})
+
+
 def test_a_kite_closes_nowhere_where_b_is_d() -> None:
-    with pytest.raises(UnreachableError, match='B and D are 0 m closer together') as caught:
+    with pytest.raises(UnreachableError, match='B and D coincide') as caught:
         KlannLeg(KITE).solve(0.0)
     assert caught.value.shortfall == 0.0
 

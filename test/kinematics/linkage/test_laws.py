@@ -97,6 +97,8 @@ def test_velocity_and_acceleration_are_differences_of_poses(
 ) -> None:
     step = 1e-5
     pose = solved(leg, alpha)
+    # Differences are off by a third derivative, which grows with a power of 1 / sine.
+    assume(min(pose.sines) > 0.2)
 
     def at(time: float) -> LinkagePose:
         return solved(leg, alpha + rate * time + spin * time**2 / 2)
