@@ -22,6 +22,8 @@ EXTRAS['test'] = [
     'pytest>=7.4',
     'rosbags',
     'scipy',
+    'xacro',
+    'yourdfpy',
 ]
 
 setup(
@@ -56,6 +58,9 @@ setup(
         (f'share/{NAME}/config', glob('config/*.yaml')),
         (f'share/{NAME}/linkages', glob(f'{NAME}/linkages/*.yaml')),
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),
+        (f'share/{NAME}/urdf', [*glob('urdf/*.xacro'), *glob('urdf/*.urdf')]),
+        (f'share/{NAME}/rviz', glob('rviz/*.rviz')),
+        (f'share/{NAME}/foxglove', glob('foxglove/*.json')),
         # `ros2 run` looks in lib/klann_ros; pip puts its scripts in bin only. colcon overwrites
         # these launchers with executables of its own.
         (f'lib/{NAME}', glob('scripts/launchers/*')),

@@ -1,12 +1,13 @@
 """
-A leg that walks: leg.launch.py, a crank that turns it, and a recorder if wanted. Ctrl-C ends it.
+A leg that walks: leg.launch.py, and a crank that turns it. Ctrl-C ends it.
 
-    ros2 launch klann_ros demo.launch.py record:=true speed:=3.0
+    ros2 launch klann_ros demo.launch.py rviz:=true record:=true speed:=3.0
+
+It takes the arguments of leg.launch.py as well: ros2 launch klann_ros demo.launch.py --show-args
 """
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
-from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
@@ -24,15 +25,11 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'use_sim_time', default_value='false', description='Take the time from /clock.'
     ),
-    DeclareLaunchArgument('record', default_value='false', description='Record the run to MCAP.'),
-    DeclareLaunchArgument(
-        'output', default_value='', description='Folder of the run; empty: runs/<UTC time>.'
-    ),
 )
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Describe the leg, its crank and its recorder."""
+    """Describe the leg and its crank."""
     namespace = LaunchConfiguration('namespace')
     use_sim_time = LaunchConfiguration('use_sim_time')
     leg = IncludeLaunchDescription(
@@ -56,18 +53,4 @@ def generate_launch_description() -> LaunchDescription:
             }
         ],
     )
-    recorder = Node(
-        package='klann_ros',
-        executable='recorder_node',
-        name='recorder_node',
-        namespace=namespace,
-        output='screen',
-        parameters=[
-            {
-                'output': ParameterValue(LaunchConfiguration('output'), value_type=str),
-                'use_sim_time': use_sim_time,
-            }
-        ],
-        condition=IfCondition(LaunchConfiguration('record')),
-    )
-    return LaunchDescription([*ARGUMENTS, leg, crank, recorder])
+    return LaunchDescription([*ARGUMENTS, leg, crank])

@@ -1,51 +1,72 @@
 """
-One leg: solver_node, and the transform that puts its plane upright.
+Solve: solver_node, and the frames of its legs; RViz, a recorder and a slider if wanted.
 
-    ros2 launch klann_ros leg.launch.py params_file:=/path/to/my_leg.yaml
+    ros2 launch klann_ros leg.launch.py params_file:=my_leg.yaml rviz:=true slider:=true
 
-In another namespace give the plane a name of its own as well: namespace:=left frame_id:=left_plane
+A second one in another namespace needs frames of its own: namespace:=left frame_prefix:=left/
+All arguments, also those of description.launch.py: ros2 launch klann_ros leg.launch.py --show-args
 """
 
+from pathlib import Path
+
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.conditions import IfCondition
+from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+SHARE = FindPackageShare('klann_ros')
 ARGUMENTS = (
     DeclareLaunchArgument(
         'params_file',
-        default_value=PathJoinSubstitution(
-            [FindPackageShare('klann_ros'), 'config', 'sem104.yaml']
-        ),
-        description='Parameter file of solver_node: the geometry of the leg.',
+        default_value=PathJoinSubstitution([SHARE, 'config', 'sem104.yaml']),
+        description='Parameter file of solver_node: the geometry of the leg, or of several legs.',
     ),
     DeclareLaunchArgument(
         'linkage',
         default_value='',
-        description="A linkage's YAML file, to be solved instead of the Klann leg.",
+        description="A linkage's YAML file, solved instead of the Klann leg; it has no URDF.",
     ),
     DeclareLaunchArgument(
         'namespace', default_value='', description='Namespace of the nodes and their topics.'
     ),
     DeclareLaunchArgument(
-        'base_frame', default_value='base_link', description='Frame that carries the leg.'
+        'frame_id', default_value='leg_plane', description='Frame of the plane of a leg.'
     ),
     DeclareLaunchArgument(
-        'frame_id', default_value='leg_plane', description='Frame of the plane of the leg.'
+        'frame_prefix',
+        default_value='',
+        description='Goes before every frame of a leg: one for each namespace, as in left/.',
     ),
     DeclareLaunchArgument(
         'use_sim_time', default_value='false', description='Take the time from /clock.'
+    ),
+    DeclareLaunchArgument('record', default_value='false', description='Record the run to MCAP.'),
+    DeclareLaunchArgument(
+        'output', default_value='', description='Folder of the run; empty: runs/<UTC time>.'
+    ),
+    DeclareLaunchArgument(
+        'slider',
+        default_value='false',
+        description='Start joint_state_publisher_gui: its slider is the crank. Not with a demo.',
     ),
 )
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Describe the solver and its frame."""
+    """Describe the solver and what goes with it."""
     namespace = LaunchConfiguration('namespace')
     use_sim_time = LaunchConfiguration('use_sim_time')
-    frame_id = LaunchConfiguration('frame_id')
+    names = ('params_file', 'linkage', 'namespace', 'frame_id', 'frame_prefix', 'use_sim_time')
+    description = IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(
+            PathJoinSubstitution([SHARE, 'launch', 'description.launch.py'])
+        ),
+        launch_arguments={name: LaunchConfiguration(name) for name in names}.items(),
+    )
     solver = Node(
         package='klann_ros',
         executable='solver_node',
@@ -53,25 +74,41 @@ def generate_launch_description() -> LaunchDescription:
         namespace=namespace,
         output='screen',
         parameters=[
-            LaunchConfiguration('params_file'),
+            PathJoinSubstitution([str(Path.cwd()), LaunchConfiguration('params_file')]),
             {
                 # Without a type an empty text would be read as YAML's null.
                 'linkage': ParameterValue(LaunchConfiguration('linkage'), value_type=str),
-                'frame_id': frame_id,
+                'frame_id': ParameterValue(
+                    [LaunchConfiguration('frame_prefix'), LaunchConfiguration('frame_id')],
+                    value_type=str,
+                ),
                 'use_sim_time': use_sim_time,
             },
         ],
     )
-    # The plane's axes are the textbook's, x right and y up; base_link has z up.
-    upright = Node(
-        package='tf2_ros',
-        executable='static_transform_publisher',
-        name='leg_plane_publisher',
+    recorder = Node(
+        package='klann_ros',
+        executable='recorder_node',
+        name='recorder_node',
         namespace=namespace,
-        arguments=[
-            *('--roll', '1.5707963267948966'),
-            *('--frame-id', LaunchConfiguration('base_frame')),
-            *('--child-frame-id', frame_id),
+        output='screen',
+        parameters=[
+            {
+                'output': ParameterValue(LaunchConfiguration('output'), value_type=str),
+                'use_sim_time': use_sim_time,
+            }
         ],
+        condition=IfCondition(LaunchConfiguration('record')),
     )
-    return LaunchDescription([*ARGUMENTS, solver, upright])
+    # It knows the crank only, so it cannot hear its own answer.
+    slider = Node(
+        package='joint_state_publisher_gui',
+        executable='joint_state_publisher_gui',
+        name='crank_slider',
+        namespace=namespace,
+        arguments=[PathJoinSubstitution([SHARE, 'urdf', 'crank.urdf'])],
+        remappings=[('joint_states', 'crank_state')],
+        parameters=[{'rate': 50, 'use_sim_time': use_sim_time}],
+        condition=IfCondition(LaunchConfiguration('slider')),
+    )
+    return LaunchDescription([*ARGUMENTS, description, solver, recorder, slider])

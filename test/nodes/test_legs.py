@@ -1,6 +1,7 @@
 """Several legs in one node, each with its own crank, phase and direction; and what is seen."""
 
 import math
+from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -15,7 +16,9 @@ from ros_world import World
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from visualization_msgs.msg import Marker, MarkerArray
+import yaml
 
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
 JOINTS = ['alpha', 'gamma', 'beta', 'delta', 'theta']
 TWO = {
     'legs': '[left, right]',
@@ -197,3 +200,21 @@ def test_bars_end_where_the_poses_points_are(ros: World, name: str) -> None:
     prefix = f'{name}/' if name else ''
     assert {marker.header.frame_id for marker in seen.values()} == {f'{prefix}leg_plane'}
     assert {marker.ns for marker in seen.values()} == {name or 'leg'}
+
+
+@pytest.mark.parametrize('walker', [4, 6])
+def test_a_shipped_walkers_feet_are_where_its_legs_put_them(ros: World, walker: int) -> None:
+    file = CONFIG / f'walker{walker}.yaml'
+    legs = yaml.safe_load(file.read_text(encoding='utf-8'))['/**']['ros__parameters']
+    feet = {name: ros.probe.listen(PointStamped, f'{name}/point_h') for name in legs['legs']}
+    ros.start('solver_node', '--ros-args', '--params-file', str(file))
+    crank = ros.probe.publisher(Float64, 'crank_angle')
+    for name in feet:
+        ros.probe.matched(f'{name}/point_h')
+    crank.publish(Float64(data=0.75))
+    ros.probe.until(lambda: all(feet.values()))
+    assert len(feet) == walker
+    for name, (foot,) in feet.items():
+        drive = legs[name]
+        expected = KlannLeg().closed_form(drive['direction'] * 0.75 + drive['phase']).h
+        assert (foot.point.x, foot.point.y) == pytest.approx(expected, abs=1e-12)

@@ -91,7 +91,9 @@ def test_a_build_of_links_works_too(tmp_path: Path) -> None:
         linked.command('review', '--version'), capture_output=True, text=True, check=True
     )
     assert done.stdout.startswith('review ')
-    assert files(base / 'klann_ros' / 'share/klann_ros/config') == {'patent.yaml', 'sem104.yaml'}
+    share = base / 'klann_ros' / 'share/klann_ros'
+    for folder in ('config', 'foxglove', 'launch', 'rviz', 'urdf'):
+        assert files(share / folder) == files(ROOT / folder)
 
 
 def test_the_ament_index_knows_the_package(

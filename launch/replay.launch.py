@@ -1,0 +1,68 @@
+"""
+Play a run back into a viewer: player_node, the frames of the run's legs, RViz if wanted.
+
+    ros2 launch klann_ros replay.launch.py log:=runs/first rviz:=true
+
+params_file must be that of the run. A replay must not meet live topics nor live frames: end the
+live nodes first. It takes the arguments of description.launch.py as well.
+"""
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+ARGUMENTS = (
+    DeclareLaunchArgument('log', description='The run: its folder, or an .mcap file.'),
+    DeclareLaunchArgument('play_rate', default_value='1.0', description='2.0 is twice as fast.'),
+    DeclareLaunchArgument(
+        'start_offset', default_value='0.0', description='Leave out so much of the start [s].'
+    ),
+    DeclareLaunchArgument(
+        'namespace', default_value='', description='Goes before every topic of the run.'
+    ),
+    DeclareLaunchArgument(
+        'loop',
+        default_value='false',
+        choices=['true', 'false'],
+        description='Play again and again. A viewer that minds old stamps stands still then.',
+    ),
+)
+
+
+def player(context: LaunchContext) -> list[Node]:
+    """Return the player; a flag is there or not, which no substitution can say."""
+
+    def value(name: str) -> str:
+        return LaunchConfiguration(name).perform(context)
+
+    # A delay that leaves RViz the time to start.
+    arguments = [value('log'), '--delay', '2.0', '--rate', value('play_rate')]
+    arguments += ['--start-offset', value('start_offset')]
+    if value('loop') == 'true':
+        arguments.append('--loop')
+    return [
+        Node(
+            package='klann_ros',
+            executable='player_node',
+            name='player_node',
+            namespace=value('namespace'),
+            output='screen',
+            arguments=arguments,
+        )
+    ]
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Describe the player and the frames."""
+    description = IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(
+            PathJoinSubstitution(
+                [FindPackageShare('klann_ros'), 'launch', 'description.launch.py']
+            )
+        ),
+        launch_arguments={'namespace': LaunchConfiguration('namespace')}.items(),
+    )
+    return LaunchDescription([*ARGUMENTS, description, OpaqueFunction(function=player)])
