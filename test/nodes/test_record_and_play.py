@@ -63,7 +63,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp('recorded')
     with own_domain() as domain, world(domain, folder) as ros:
         recorder = record(ros, folder / 'run')
-    said = f'messages of 5 topics are in {folder / "run"}; 0 were lost'
+    said = f'messages of 6 topics are in {folder / "run"}; 0 were lost'
     assert said in recorder.errors
     return folder / 'run'
 
@@ -106,6 +106,7 @@ def test_a_run_explains_itself(run: Path) -> None:
         assert losses(log.metadata['klann_ros.loss'][0]) == {
             **dict.fromkeys(TOPICS, 0),
             '/diagnostics': 0,
+            '/markers': 0,
         }
     assert record_['node'] == '/solver_node'
     parameters = json.loads(record_['parameters'])
