@@ -1,0 +1,98 @@
+"""`solver_node` under inputs that nobody means: it lives, and answers the next good one."""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from itertools import islice
+import math
+from random import Random
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PointStamped
+from klann_ros.kinematics import KlannLeg
+import pytest
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.serialization import serialize_message
+from ros_world import World
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+COUNT = 10_000
+NUMBERS = [math.nan, math.inf, -math.inf, 1e308, -1e308, 5e-324, 1e6, -1e6, 1.0000001e6, 0.0, -0.0]
+WORDS = ['', 'crank', 'Crank', 'crank' * 200, 'kurbel', '曲柄', 'alpha']
+
+
+def number(random: Random) -> float:
+    """Return a number that may be anything."""
+    kinds: list[Callable[[], float]] = [
+        lambda: random.choice(NUMBERS),
+        lambda: random.uniform(-10.0, 10.0),
+        lambda: random.uniform(-1e6, 1e6),
+        lambda: random.gauss(0.0, 1.0) * 10 ** random.uniform(-300, 300),
+    ]
+    return random.choice(kinds)()
+
+
+def state(random: Random) -> JointState:
+    """Return a JointState whose parts need not belong together."""
+    names = [random.choice(WORDS) for _ in range(random.choice([0, 1, 1, 1, 2, 30]))]
+    count = random.choice([len(names)] * 3 + [0, 1, 31])
+    message = JointState(
+        name=names,
+        position=[number(random) for _ in range(count)],
+        velocity=[number(random) for _ in range(random.choice([0, count, 3]))],
+        effort=[number(random) for _ in range(random.choice([0, count]))],
+    )
+    message.header.stamp = Time(
+        sec=random.randrange(-(2**31), 2**31), nanosec=random.randrange(2**32)
+    )
+    message.header.frame_id = random.choice(WORDS)
+    return message
+
+
+def garbled(random: Random) -> bytes:
+    """Return the bytes of a message, some of them changed or missing."""
+    data = bytearray(serialize_message(state(random)))
+    for _ in range(random.randrange(1, 20)):
+        data[random.randrange(len(data))] = random.randrange(256)
+    return bytes(data[: random.randrange(len(data) + 1)])
+
+
+def hostile(random: Random) -> Iterator[tuple[str, Any]]:
+    """Yield messages, or their bytes, each with its topic."""
+    while True:
+        yield random.choice(
+            [
+                lambda: ('crank_angle', Float64(data=number(random))),
+                lambda: ('crank_state', state(random)),
+                lambda: ('crank_state', garbled(random)),
+                lambda: ('crank_angle', garbled(random)[: random.randrange(20)]),
+            ]
+        )()
+
+
+@pytest.mark.parametrize('seed', [1, 2])
+def test_it_answers_the_next_good_input_exactly(ros: World, seed: int) -> None:
+    feet = ros.probe.listen(PointStamped, 'point_h')
+    solver = ros.start('solver_node')
+    cranks = {
+        'crank_angle': ros.probe.publisher(Float64, 'crank_angle'),
+        'crank_state': ros.probe.publisher(JointState, 'crank_state'),
+    }
+    ros.probe.matched('point_h')
+    inputs = islice(hostile(Random(seed)), COUNT // 2)  # noqa: S311 - no secret
+    for count, (topic, message) in enumerate(inputs):
+        # Some bytes are refused by the middleware already.
+        with suppress(RCLError):
+            cranks[topic].publish(message)
+        if count % 100 == 0:
+            ros.probe.spin(0.01)
+    ros.probe.spin(1.0)
+    assert solver.popen.poll() is None
+    feet.clear()
+    cranks['crank_angle'].publish(Float64(data=1.0))
+    ros.probe.until(lambda: feet)
+    expected = KlannLeg().closed_form(1.0).h
+    assert (feet[-1].point.x, feet[-1].point.y) == pytest.approx(expected, abs=1e-12)
+    assert solver.stop() == 0
+    assert 'Traceback' not in solver.errors
