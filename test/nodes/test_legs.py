@@ -218,3 +218,22 @@ def test_a_shipped_walkers_feet_are_where_its_legs_put_them(ros: World, walker: 
         drive = legs[name]
         expected = KlannLeg().closed_form(drive['direction'] * 0.75 + drive['phase']).h
         assert (foot.point.x, foot.point.y) == pytest.approx(expected, abs=1e-12)
+
+
+def test_24_legs_at_200_hz_have_their_feet_where_the_closed_form_has_them(ros: World) -> None:
+    names = [f'leg{k}' for k in range(24)]
+    phases = {f'{name}.phase': k * math.pi / 12 for k, name in enumerate(names)}
+    feet = {name: ros.probe.listen(PointStamped, f'{name}/point_h') for name in names}
+    ros.start('solver_node', legs=f'[{", ".join(names)}]', **phases)
+    for name in names:
+        ros.probe.matched(f'{name}/point_h')
+    crank = ros.start('crank_node', rate=200.0, revolutions=1, min_subscribers=1)
+    assert crank.wait() == 0
+    ros.probe.until(lambda: all(len(received) == 201 for received in feet.values()))
+    leg = KlannLeg()
+    for name in names:
+        expected = [
+            leg.closed_form(2 * math.pi * n / 200 + phases[f'{name}.phase']).h for n in range(201)
+        ]
+        found = [(foot.point.x, foot.point.y) for foot in feet[name]]
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
