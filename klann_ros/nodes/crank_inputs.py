@@ -1,20 +1,48 @@
-"""The topics that turn cranks: taken in order, stamped, counted."""
+"""The topics that turn cranks: read from the wire in order, stamped, counted."""
 
-from collections.abc import Callable, Collection, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from math import isfinite
+from typing import Any, NamedTuple, TYPE_CHECKING
 
-from builtin_interfaces.msg import Time
 from klann_ros.kinematics import KinematicsError
 from klann_ros.log.loss import LossCounter
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from .crank_input import BadMessageError, Crank, cranks, stamp_of
+from .cdr import JointReader, read_float64
+from .lean_loop import LeanCallbackGroup
 from .qos import INPUT
-from .taking import drain, forgetful, Info
+from .taking import Info
+
+if TYPE_CHECKING:
+    from rclpy.subscription import Subscription
+
+# Seconds and nanoseconds, as in a message.
+Stamp = tuple[int, int]
+
+
+class BadMessageError(KinematicsError):
+    """A message that holds no crank angle; the text says why."""
+
+
+class Crank(NamedTuple):
+    """
+    A crank at a moment.
+
+    Attributes
+    ----------
+    alpha : float
+        Crank angle [rad].
+    rate : float or None
+        Its rate [rad/s]; None where it is not known.
+
+    """
+
+    alpha: float
+    rate: float | None
 
 
 class CrankInputs:
@@ -25,7 +53,7 @@ class CrankInputs:
     ----------
     node : rclpy.node.Node
         Who listens.
-    joints : collection of str
+    joints : sequence of str
         The joints that turn cranks; crank_angle turns all of them.
     turn : callable
         Is given, for each message, the cranks by their joints, and the stamp.
@@ -42,92 +70,111 @@ class CrankInputs:
     def __init__(
         self,
         node: Node,
-        joints: Collection[str],
-        turn: Callable[[Mapping[str, Crank], Time], None],
+        joints: Sequence[str],
+        turn: Callable[[Mapping[str, Crank], Stamp], None],
         reject: Callable[[KinematicsError], None],
     ) -> None:
         """Subscribe."""
         self.out_of_order = 0
         self._clock = node.get_clock()
         self._joints, self._turn, self._reject = joints, turn, reject
+        self._readers = {joint: JointReader(joint) for joint in joints}
         self._last_stamp = (0, 0)
-        self._losses = (LossCounter(), LossCounter())
-        self._heard = [0, 0]
-        overridable = QoSOverridingOptions.with_default_policies()
-
-        def subscription(kind: type, topic: str, callback: Any, loss: LossCounter) -> Subscription:
-            return node.create_subscription(
-                kind,
-                topic,
-                callback,
-                INPUT,
-                qos_overriding_options=overridable,
-                event_callbacks=forgetful(loss),
-            )
-
-        loss_1, loss_2 = self._losses
-        self._subscriptions = (
-            subscription(Float64, 'crank_angle', self._on_crank_angle, loss_1),
-            subscription(JointState, 'crank_state', self._on_crank_state, loss_2),
-        )
+        self._angles = _Source(node, Float64, 'crank_angle', self._on_crank_angle)
+        self._states = _Source(node, JointState, 'crank_state', self._on_crank_state)
 
     @property
     def lost(self) -> int:
         """Return how many messages were lost since the start."""
-        return sum(loss.lost for loss in self._losses)
+        return self._angles.loss.lost + self._states.loss.lost
 
     def sources(self) -> str:
         """Return who turns the crank, where it is more than one; call it once a report."""
-        heard, self._heard = self._heard, [0, 0]
-        told = [
-            f'{s.topic_name} ({s.get_publisher_count()} publishers)'
-            for s, count in zip(self._subscriptions, heard, strict=True)
-            if count
-        ]
-        publishers = [
-            s.get_publisher_count()
-            for s, count in zip(self._subscriptions, heard, strict=True)
-            if count
-        ]
-        return ' and '.join(told) if sum(publishers) > 1 else ''
+        heard = [source for source in (self._angles, self._states) if source.was_heard()]
+        if sum(source.publishers for source in heard) < 2:
+            return ''
+        return ' and '.join(f'{source.topic} ({source.publishers})' for source in heard)
 
-    def _on_crank_angle(self, message: Float64, info: Info) -> None:
-        for taken, about in self._taken(0, message, info):
-            crank = Crank(taken.data, None)
-            self._answer(dict.fromkeys(self._joints, crank), None, about)
-
-    def _on_crank_state(self, message: JointState, info: Info) -> None:
-        for taken, about in self._taken(1, message, info):
-            self._answer_state(taken, about)
-
-    def _answer_state(self, message: JointState, info: Info) -> None:
+    def _on_crank_angle(self, data: bytes, info: Info) -> None:
+        self._angles.count(info)
         try:
-            found = cranks(message, self._joints)
-        except BadMessageError as error:
-            self._reject(error)
+            crank = Crank(read_float64(data), None)
+        except ValueError as error:
+            self._reject(BadMessageError(f'crank_angle: {error}'))
         else:
-            self._answer(found, stamp_of(message), info)
+            self._answer(dict.fromkeys(self._joints, crank), (0, 0), info)
 
-    def _taken(self, which: int, message: Any, info: Info) -> Any:
-        """Yield a message and all that wait behind it, and count what was lost before each."""
-        subscription, loss = self._subscriptions[which], self._losses[which]
-        publishers = subscription.get_publisher_count()
-        for taken, about in drain(subscription, message, info):
-            self._heard[which] += 1
-            loss.count(about['publication_sequence_number'], publishers)
-            yield taken, about
+    def _on_crank_state(self, data: bytes, info: Info) -> None:
+        self._states.count(info)
+        found, problem, stamp = {}, '', (0, 0)
+        for joint, reader in self._readers.items():
+            try:
+                position, velocity, *at = reader.read(data)
+            except ValueError as error:
+                problem = str(error)
+                continue
+            known = velocity is not None and isfinite(velocity)
+            found[joint] = Crank(position, velocity if known else None)
+            stamp = at[0], at[1]
+        if found:
+            self._answer(found, stamp, info)
+        else:
+            self._reject(BadMessageError(f'crank_state: {problem} (parameter crank_joint)'))
 
-    def _answer(self, found: Mapping[str, Crank], stamp: Time | None, info: Info) -> None:
-        stamp = stamp or self._stamp(info)
-        moment = (stamp.sec, stamp.nanosec)
-        if moment < self._last_stamp:
+    def _answer(self, found: Mapping[str, Crank], stamp: Stamp, info: Info) -> None:
+        if stamp == (0, 0):
+            stamp = self._now(info)
+        if stamp < self._last_stamp:
             self.out_of_order += 1
-        self._last_stamp = moment
+        self._last_stamp = stamp
         self._turn(found, stamp)
 
-    def _stamp(self, info: Info) -> Time:
+    def _now(self, info: Info) -> Stamp:
         """Return the source's time for a message without a stamp, or simulated time."""
-        if self._clock.ros_time_is_active:
-            return self._clock.now().to_msg()
-        seconds, nanoseconds = divmod(info['source_timestamp'], 10**9)
-        return Time(sec=seconds, nanosec=nanoseconds)
+        active = self._clock.ros_time_is_active
+        now = self._clock.now().nanoseconds if active else info['source_timestamp']
+        seconds, nanoseconds = divmod(int(now), 10**9)
+        return seconds, nanoseconds
+
+
+class _Source:
+    """A subscription, with what was heard and lost."""
+
+    def __init__(
+        self, node: Node, kind: type, topic: str, callback: Callable[[bytes, Info], None]
+    ) -> None:
+        self.loss = LossCounter()
+        self.publishers = 0
+        self._heard = False
+        self._subscription: Subscription = node.create_subscription(
+            kind,
+            topic,
+            callback,
+            INPUT,
+            raw=True,
+            callback_group=LeanCallbackGroup(),
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            # Each event costs at every wait. What the others tell cannot happen to an input that
+            # takes whatever is offered.
+            event_callbacks=SubscriptionEventCallbacks(
+                matched=self._on_matched, use_default_callbacks=False
+            ),
+        )
+
+    @property
+    def topic(self) -> str:
+        return str(self._subscription.topic_name)
+
+    def count(self, info: Info) -> None:
+        self._heard = True
+        self.loss.count(info['publication_sequence_number'], self.publishers)
+
+    def was_heard(self) -> bool:
+        """Return whether there was a message since the last call."""
+        heard, self._heard = self._heard, False
+        return heard
+
+    def _on_matched(self, status: Any) -> None:
+        # Whoever comes or goes: the next message may be of another publisher.
+        self.loss.forget()
+        self.publishers = status.current_count

@@ -1,26 +1,37 @@
-"""The messages that tell the poses of legs."""
+"""What legs answer, on the wire."""
 
-from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import chain
-from typing import Any
+from typing import NamedTuple
 
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PointStamped, TwistStamped
 from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 
+from .cdr_templates import JointStateTemplate, PointTemplate, TwistTemplate
+from .crank_inputs import Stamp
 from .leg_types import LegPose, LegVelocity
 from .qos import OUTPUT
 from .solved_leg import SolvedLeg
 
+# Publishes bytes as they are.
+Send = Callable[[bytes], None]
 Answer = tuple[SolvedLeg, LegPose, LegVelocity | None]
+
+
+class _Foot(NamedTuple):
+    """The publishers of a leg's foot and its velocity, with their messages."""
+
+    send_point: Send
+    point: PointTemplate
+    send_velocity: Send
+    velocity: TwistTemplate
 
 
 class LegMessages:
     """
-    Publishers of what legs answer, and their messages, made once and filled for every answer.
+    Publishers of what legs answer.
 
     Parameters
     ----------
@@ -38,48 +49,45 @@ class LegMessages:
         """Make the publishers and the messages."""
         overridable = QoSOverridingOptions.with_default_policies()
 
-        def publisher(kind: type, topic: str) -> Any:
-            return node.create_publisher(kind, topic, OUTPUT, qos_overriding_options=overridable)
+        def publisher(kind: type, topic: str) -> Send:
+            made = node.create_publisher(kind, topic, OUTPUT, qos_overriding_options=overridable)
+            # What `publish` adds to it guards against a publisher that somebody else destroys.
+            send: Send = made.handle.publish_raw
+            return send
 
-        self._joint_states = publisher(JointState, 'joint_states')
-        self._joint_state = JointState()
+        self._send_joint_state = publisher(JointState, 'joint_states')
+        # By the legs that are in it: one that cannot be solved is left out.
+        self._joint_state: dict[tuple[str, ...], JointStateTemplate] = {}
         self._feet = {}
         for leg in legs:
             prefixed = leg.mounting.prefixed
-            point, velocity = PointStamped(), TwistStamped()
-            point.header.frame_id = velocity.header.frame_id = prefixed(frame_id)
-            self._feet[leg.mounting.name] = (
+            self._feet[leg.mounting.name] = _Foot(
                 publisher(PointStamped, prefixed('point_h')),
-                point,
+                PointTemplate(prefixed(frame_id)),
                 publisher(TwistStamped, prefixed('velocity_h')),
-                velocity,
+                TwistTemplate(prefixed(frame_id)),
             )
 
-    def publish(self, answers: Sequence[Answer], stamp: Time) -> None:
+    def publish(self, answers: Sequence[Answer], stamp: Stamp) -> None:
         """
         Publish the angles of all answers in one JointState, and each leg's foot.
 
         Velocities are told where every answer has one.
         """
-        message = self._joint_state
-        message.header.stamp = stamp
-        message.name = [name for leg, _, _ in answers for name in leg.joint_names]
-        message.position = array('d', chain.from_iterable(pose.joints for _, pose, _ in answers))
-        velocities = [velocity.joints for _, _, velocity in answers if velocity is not None]
-        known = len(velocities) == len(answers)
-        message.velocity = array('d', chain.from_iterable(velocities) if known else ())
-        self._joint_states.publish(message)
+        positions = tuple(chain.from_iterable(pose.joints for _, pose, _ in answers))
+        known = [velocity.joints for _, _, velocity in answers if velocity is not None]
+        velocities = tuple(chain(*known)) if len(known) == len(answers) else ()
+        self._send_joint_state(self._template(answers).fill(*stamp, positions, velocities))
         for leg, pose, velocity in answers:
-            self._publish_foot(leg, pose, velocity, stamp)
+            foot = self._feet[leg.mounting.name]
+            foot.send_point(foot.point.fill(*stamp, *pose.h))
+            if velocity is not None:
+                foot.send_velocity(foot.velocity.fill(*stamp, *velocity.h))
 
-    def _publish_foot(
-        self, leg: SolvedLeg, pose: LegPose, velocity: LegVelocity | None, stamp: Time
-    ) -> None:
-        points, point, velocities, twist = self._feet[leg.mounting.name]
-        point.header.stamp = stamp
-        point.point.x, point.point.y = pose.h
-        points.publish(point)
-        if velocity is not None:
-            twist.header.stamp = stamp
-            twist.twist.linear.x, twist.twist.linear.y = velocity.h
-            velocities.publish(twist)
+    def _template(self, answers: Sequence[Answer]) -> JointStateTemplate:
+        legs = tuple(leg.mounting.name for leg, _, _ in answers)
+        template = self._joint_state.get(legs)
+        if template is None:
+            names = [name for leg, _, _ in answers for name in leg.joint_names]
+            template = self._joint_state[legs] = JointStateTemplate(names)
+        return template

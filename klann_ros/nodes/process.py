@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable, Sequence
+import gc
 import sys
 from typing import Protocol
 
@@ -15,6 +16,8 @@ from rclpy.node import Node
 from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+
+from .lean_loop import LeanLoop
 
 
 class StartError(Exception):
@@ -83,7 +86,12 @@ def split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def run(
-    name: str, make_node: Callable[[Finish], Node], argv: Sequence[str], stop: StopSignals
+    name: str,
+    make_node: Callable[[Finish], Node],
+    argv: Sequence[str],
+    stop: StopSignals,
+    *,
+    lean: bool = False,
 ) -> int:
     """
     Run a node until a signal stops it, or it asks for its end.
@@ -98,6 +106,8 @@ def run(
         The command line, program name first.
     stop : StopSignals
         The process's signals.
+    lean : bool
+        Whether a LeanLoop runs it: worth it where messages come in, not where timers do the work.
 
     Returns
     -------
@@ -118,27 +128,24 @@ def run(
     except START_ERRORS as error:
         return _refused(name, error)
     try:
-        return _run(name, make_node, finished, finish, stop)
+        stop.on_stop(finish)
+        return _run(name, lambda: make_node(finish), finished, lean=lean)
     finally:
         rclpy.try_shutdown()
 
 
-def _run(
-    name: str,
-    make_node: Callable[[Finish], Node],
-    finished: Future,
-    finish: Finish,
-    stop: StopSignals,
-) -> int:
-    stop.on_stop(finish)
+def _run(name: str, make_node: Callable[[], Node], finished: Future, *, lean: bool) -> int:
     executor = SingleThreadedExecutor()
     try:
-        node = make_node(finish)
+        node = make_node()
     except START_ERRORS as error:
         return _refused(name, error)
     try:
         executor.add_node(node)
-        executor.spin_until_future_complete(finished)
+        # What is there by now stays: the collector need not walk through it again and again.
+        gc.freeze()
+        spinner = LeanLoop(executor) if lean else executor
+        spinner.spin_until_future_complete(finished)
     finally:
         executor.remove_node(node)
         closed = node.close() if isinstance(node, ProcessNode) else 0

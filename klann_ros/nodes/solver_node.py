@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from math import pi
 from typing import Any
 
-from builtin_interfaces.msg import Time
 from klann_ros.kinematics import CrankAngleError, GeometryError, KinematicsError
 from klann_ros.stop_signals import StopSignals
 from rcl_interfaces.msg import SetParametersResult
@@ -12,8 +11,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from .crank_input import Crank
-from .crank_inputs import CrankInputs
+from .crank_inputs import Crank, CrankInputs, Stamp
 from .leg_markers import LegMarkers
 from .leg_messages import LegMessages
 from .leg_parameters import LegParameters
@@ -72,7 +70,7 @@ class SolverNode(Node):
 
     # Inputs: ask the legs, answer.
 
-    def _turn(self, cranks: Mapping[str, Crank], stamp: Time) -> None:
+    def _turn(self, cranks: Mapping[str, Crank], stamp: Stamp) -> None:
         answers = []
         for leg in self._legs:
             crank = cranks.get(leg.mounting.crank_joint)
@@ -133,7 +131,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         'share/klann_ros/linkages (jansen.yaml, ...): -p linkage:=FILE.',
     )
     arguments(parser, argv)
-    return run('solver_node', _make, argv, stop)
+    return run('solver_node', _make, argv, stop, lean=True)
 
 
 def _make(_: Finish) -> SolverNode:

@@ -168,8 +168,7 @@ def test_two_sources_at_once_are_told(ros: World) -> None:
 
     ros.probe.until(told)
     assert told()[0] == (
-        'the crank is turned by more than one: /crank_angle (1 publishers) and '
-        '/crank_state (1 publishers)'
+        'the crank is turned by more than one: /crank_angle (1) and /crank_state (1)'
     )
 
 

@@ -1,0 +1,59 @@
+"""
+What an answer costs: solver_node against a plain rclpy relay that computes nothing.
+
+Both publish a JointState and a PointStamped for every crank angle. They run in turn, several
+times, each as a process of its own; what counts is the ratio within a round.
+"""
+
+import os
+from statistics import median
+import sys
+
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+os.environ.setdefault('ROS_DOMAIN_ID', '90')
+
+from support.node_under_test import Figures, NodeUnderTest, RELAY, SOLVER
+
+ROUNDS, SECONDS, RATES = 7, 3.0, (200.0, 1000.0)
+# The aims: CPU a message, and latencies, as parts of the relay's.
+MOST_CPU, MOST_LATENCY = 0.5, 1.0
+
+
+def measured(command: list[str], rate: float) -> Figures:
+    """Start a node, measure it, end it."""
+    node = NodeUnderTest(command)
+    try:
+        return node.measure(rate, SECONDS)
+    finally:
+        node.stop()
+
+
+def compare(rate: float) -> bool:
+    """Print the figures at a rate; return whether the aims are met."""
+    rounds: list[tuple[Figures, Figures]] = []
+    for k in range(ROUNDS):
+        # In turn, and which is first in turn as well.
+        both = [(RELAY, 0), (SOLVER, 1)][:: 1 if k % 2 == 0 else -1]
+        figures = {which: measured(command, rate) for command, which in both}
+        rounds.append((figures[0], figures[1]))
+    print(f'{rate:g} Hz, {ROUNDS} rounds in turn of {SECONDS:g} s')
+    print(f'{"":12} {"CPU/us":>8} {"p50/us":>8} {"p99/us":>8} {"idle/%":>7} {"lost":>5}')
+    for name, which in (('relay', 0), ('solver_node', 1)):
+        cpu, p50, p99, idle = (
+            median(getattr(both[which], word) for both in rounds)
+            for word in ('cpu', 'p50', 'p99', 'idle')
+        )
+        lost = sum(both[which].lost for both in rounds)
+        print(f'{name:12} {cpu:8.1f} {p50:8.0f} {p99:8.0f} {idle:7.2f} {lost:5}')
+    met = not any(solver.lost for _, solver in rounds)
+    for word, most in (('cpu', MOST_CPU), ('p50', MOST_LATENCY), ('p99', MOST_LATENCY)):
+        ratio = median(getattr(solver, word) / getattr(relay, word) for relay, solver in rounds)
+        met &= ratio <= most
+        print(f'{word}: {ratio:.2f}, aim <= {most:g}: {"met" if ratio <= most else "MISSED"}')
+    print()
+    return met
+
+
+if __name__ == '__main__':
+    met = [compare(rate) for rate in RATES]
+    sys.exit(0 if all(met) else 1)

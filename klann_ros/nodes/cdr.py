@@ -1,0 +1,183 @@
+"""
+Reading messages as they are on the wire (CDR), by `struct` alone.
+
+To make a Python message of bytes costs more than to solve a pose. Here only the numbers that are
+wanted are unpacked, and what stays the same from message to message is read once.
+
+A message begins with four bytes, the second of which tells the byte order. What follows is
+aligned from there on: a number begins at a multiple of its size, and strings and sequences begin
+with their length. Bytes behind the end of a message are not looked at, nor does rclpy look at
+them: `serialize_message()` leaves some.
+"""
+
+import struct
+from typing import NamedTuple
+
+# The byte orders of plain CDR; all else (parameter lists, its second version) is no topic's.
+_ORDERS = {b'\0\1': '<', b'\0\0': '>'}
+_HEADER_SIZE, _STAMP_SIZE = 4, 8
+_FLOAT64 = {code: struct.Struct(f'{order}d') for code, order in _ORDERS.items()}
+
+
+class Joint(NamedTuple):
+    """
+    What a JointState says about a joint.
+
+    Attributes
+    ----------
+    position : float
+        In [rad] where the joint turns.
+    velocity : float or None
+        None where there are not as many velocities as names.
+    sec, nanosec : int
+        The stamp of the message.
+
+    """
+
+    position: float
+    velocity: float | None
+    sec: int
+    nanosec: int
+
+
+def read_float64(data: bytes) -> float:
+    """
+    Return the number in a std_msgs/Float64.
+
+    Raises
+    ------
+    ValueError
+        It is no such message.
+
+    """
+    try:
+        (value,) = _FLOAT64[data[:2]].unpack_from(data, _HEADER_SIZE)
+    except (KeyError, struct.error) as error:
+        raise ValueError(f'{len(data)} bytes are no std_msgs/msg/Float64') from error
+    return float(value)
+
+
+class JointReader:
+    """
+    Read a joint out of one sensor_msgs/JointState after the other.
+
+    Parameters
+    ----------
+    name : str
+        The name of the joint.
+
+    """
+
+    def __init__(self, name: str) -> None:
+        """Have read nothing yet."""
+        self._name = name
+        self._layout: _Layout | None = None
+
+    def read(self, data: bytes) -> Joint:
+        """
+        Return what a message says about the joint.
+
+        Raises
+        ------
+        ValueError
+            It is no such message, the joint is not in it, or names and positions differ in number.
+
+        """
+        # Most messages differ from the last one in their numbers only.
+        if self._layout is None or not self._layout.fits(data):
+            self._layout = _layout(data, self._name)
+        return self._layout.joint(data)
+
+
+class _Layout(NamedTuple):
+    """Where the numbers of a JointState are, and by which bytes to tell that they are there."""
+
+    size: int
+    fixed: tuple[bytes, ...]
+    places: tuple[int, ...]
+    numbers: struct.Struct
+
+    def fits(self, data: bytes) -> bool:
+        return len(data) == self.size and all(map(data.startswith, self.fixed, self.places))
+
+    def joint(self, data: bytes) -> Joint:
+        sec, nanosec, position, *velocity = self.numbers.unpack_from(data)
+        return Joint(position, velocity[0] if velocity else None, sec, nanosec)
+
+
+def _layout(data: bytes, joint: str) -> _Layout:
+    """Read all but the numbers of a JointState."""
+    try:
+        cursor = _Cursor(data, _HEADER_SIZE + _STAMP_SIZE)
+        cursor.string()
+        names = [cursor.string() for _ in range(cursor.length())]
+        counts, begins = zip(*(cursor.doubles() for _ in range(3)), strict=True)
+    except (KeyError, struct.error) as error:
+        raise ValueError(f'{len(data)} bytes are no sensor_msgs/msg/JointState') from error
+    if len(names) != counts[0]:
+        msg = f'{len(names)} names and {counts[0]} positions: there must be as many of each'
+        raise ValueError(msg)
+    if joint.encode() not in names:
+        known = [name.decode(errors='replace') for name in names]
+        raise ValueError(f'there is no joint {joint!r} in {known}')
+    offset = 8 * names.index(joint.encode())
+    position, velocity = begins[0] + offset, begins[1] + offset
+    numbers = f'{cursor.order}{_HEADER_SIZE}xiI{position - _HEADER_SIZE - _STAMP_SIZE}xd'
+    if counts[1] == counts[0]:
+        numbers += f'{velocity - position - 8}xd'
+    ends = [begin + 8 * count for count, begin in zip(counts, begins, strict=True)]
+    # All that is neither stamp nor position, velocity or effort.
+    spans = [
+        (0, 2),
+        (_HEADER_SIZE + _STAMP_SIZE, begins[0]),
+        (ends[0], begins[1]),
+        (ends[1], begins[2]),
+    ]
+    return _Layout(
+        len(data),
+        tuple(data[begin:end] for begin, end in spans),
+        tuple(begin for begin, _ in spans),
+        struct.Struct(numbers),
+    )
+
+
+class _Cursor:
+    """A place in a message, which moves on with all that is read."""
+
+    def __init__(self, data: bytes, at: int) -> None:
+        self.order = _ORDERS[data[:2]]
+        self._data = data
+        self._at = at
+        self._need(0)
+
+    def length(self) -> int:
+        """Read how long what follows is."""
+        self._align(4)
+        (length,) = struct.unpack_from(f'{self.order}I', self._data, self._at)
+        self._at += 4
+        return int(length)
+
+    def string(self) -> bytes:
+        """Read a string; it ends at its first zero."""
+        length = self.length()
+        self._need(length)
+        begin, end = self._at, self._at + length
+        self._at = end
+        return self._data[begin:end].partition(b'\0')[0]
+
+    def doubles(self) -> tuple[int, int]:
+        """Pass over a sequence of doubles; return how many they are, and where they begin."""
+        count = self.length()
+        if count:
+            self._align(8)
+        begin = self._at
+        self._need(8 * count)
+        self._at += 8 * count
+        return count, begin
+
+    def _align(self, size: int) -> None:
+        self._at += -(self._at - _HEADER_SIZE) % size
+
+    def _need(self, size: int) -> None:
+        if self._at + size > len(self._data):
+            raise struct.error('the message ends too early')

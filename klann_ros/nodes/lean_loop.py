@@ -1,0 +1,202 @@
+"""
+A loop that takes raw messages itself, and leaves all else to rclpy's executor.
+
+For every single message an executor builds a wait set of all that a node has, and wraps the
+callback in a coroutine and a task. That costs more than what most callbacks do. Here two threads
+share the work:
+
+- The *loop*, in the caller's thread, waits for the subscriptions of LeanCallbackGroups and for one
+  guard condition. It takes what has come and calls the callbacks.
+- The *watch* (executor_watch.py) lets the executor wait for all else: timers, services, clients,
+  simulated time, events, other subscriptions, new entities, the end. It hands what is ready to the
+  loop, and rests until that is done.
+
+So all callbacks run in the caller's thread, one after the other, as a SingleThreadedExecutor runs
+them; a message does not pay for what it does not concern; and whatever rclpy can do goes on
+working, because rclpy does it.
+
+The plain path is the executor alone, which calls the same callbacks with the same arguments: on
+request, and where rclpy lacks what is used of its inner parts.
+"""
+
+from contextlib import ExitStack, suppress
+import os
+from typing import Any
+
+from rclpy import executors
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.exceptions import InvalidHandle
+from rclpy.guard_condition import GuardCondition
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.subscription import Subscription
+from rclpy.task import Future
+
+from . import executor_watch
+from .executor_watch import ExecutorWatch
+
+# Where this environment variable is set and not empty, every loop is a plain one.
+PLAIN = 'KLANN_ROS_PLAIN_LOOP'
+# So many messages of a topic are taken before all else has its turn, that a flood starves nothing.
+BURST = 64
+
+
+class LeanCallbackGroup(MutuallyExclusiveCallbackGroup):
+    """
+    Subscriptions whose messages a LeanLoop takes, while there is one.
+
+    They are made with `raw=True` and a callback that takes bytes and info. Their events are the
+    loop's too: Fast DDS tells of both by one condition, so that whoever waits for the events wakes
+    up for every message. Put nothing else into the group.
+    """
+
+    def __init__(self) -> None:
+        """Leave all to the executor, until a loop says otherwise."""
+        super().__init__()
+        self.has_loop = False
+
+    def can_execute(self, entity: Any) -> bool:
+        """Return whether the executor may wait for it, and take what it receives."""
+        return not self.has_loop and bool(super().can_execute(entity))
+
+
+class LeanLoop:
+    """
+    Run the callbacks of an executor's nodes.
+
+    Parameters
+    ----------
+    executor : rclpy.executors.SingleThreadedExecutor
+        Has the nodes; nothing else may spin it in the meantime.
+    plain : bool
+        Whether to let the executor do all of it.
+
+    """
+
+    def __init__(self, executor: Any, *, plain: bool = False) -> None:
+        self._executor = executor
+        self._plain = plain or bool(os.environ.get(PLAIN)) or not _is_possible(executor)
+        self._lean: list[Subscription] = []
+        self._groups: set[LeanCallbackGroup] = set()
+        self._context_ended = False
+        # To ask the context at each message costs four locks; and the watch may tell too late.
+        executor.context.on_shutdown(self._end_context)
+
+    def spin_until_future_complete(self, future: Future) -> None:
+        """
+        Run callbacks until a future is done, or the executor is shut down.
+
+        What a callback raises is raised, and ExternalShutdownException when the context ends.
+        """
+        if self._plain:
+            self._executor.spin_until_future_complete(future)
+            return
+        self._ended = False
+        self._guard = GuardCondition(None, None, context=self._executor.context)
+        future.add_done_callback(self._end)
+        self._adopt()  # before the executor waits for the first time
+        try:
+            with ExecutorWatch(self._executor, self._guard.trigger, self._has_changed) as watch:
+                while not self._ended:
+                    self._take_until_ready(watch)
+                    watch.run()
+        except executors.ShutdownException:
+            pass
+        finally:
+            for group in self._groups:
+                group.has_loop = False
+            self._guard.destroy()
+
+    def _end(self, _: Future) -> None:
+        self._ended = True
+        with suppress(InvalidHandle):
+            self._guard.trigger()
+
+    def _end_context(self) -> None:
+        self._context_ended = True
+
+    def _has_changed(self) -> bool:
+        """Return whether the loop waits for the wrong ones."""
+        return self._subscriptions() != self._lean
+
+    def _subscriptions(self) -> list[Subscription]:
+        return [
+            subscription
+            for node in self._executor.get_nodes()
+            for subscription in node.subscriptions
+            if isinstance(subscription.callback_group, LeanCallbackGroup)
+        ]
+
+    def _adopt(self) -> None:
+        """Take over the subscriptions that there are."""
+        self._lean = self._subscriptions()
+        self._groups |= {subscription.callback_group for subscription in self._lean}
+        for group in self._groups:
+            group.has_loop = True
+
+    def _take_until_ready(self, watch: ExecutorWatch) -> None:
+        """Take messages until the watch has something else to do, or all ends."""
+        context, guard = self._executor.context.handle, self._guard.handle
+        with ExitStack() as held:
+            handles, events, takes = self._hold(held)
+            held.enter_context(context)
+            wait_set = rclpy_implementation.WaitSet(len(handles), 1, 0, 0, 0, len(events), context)
+            while True:
+                wait_set.clear_entities()
+                wait_set.add_guard_condition(guard)
+                for handle in handles:
+                    wait_set.add_subscription(handle)
+                for event in events:
+                    event.add_to_wait_set(wait_set)
+                wait_set.wait(-1)
+                if self._context_ended:
+                    raise executors.ExternalShutdownException
+                if not _take(takes, wait_set):
+                    self._run_events(events, wait_set)
+                # Last, so that messages have a turn between any two other callbacks.
+                if watch.is_ready or self._ended:
+                    return
+
+    def _hold(self, held: ExitStack) -> tuple[list[Any], list[Any], list[Any]]:
+        """Return the subscriptions' handles and events, and how to take; none is destroyed."""
+        self._adopt()
+        handles, events, takes = [], [], []
+        for subscription in self._lean:
+            handle = subscription.handle
+            with suppress(InvalidHandle):  # another thread has just destroyed it
+                held.enter_context(handle)
+                handles.append(handle)
+                takes.append((handle.take_message, subscription.msg_type, subscription.callback))
+                for event in subscription.event_handlers:
+                    held.enter_context(event)
+                    events.append(event)
+        return handles, events, takes
+
+    def _run_events(self, events: list[Any], wait_set: Any) -> None:
+        for event in events:
+            if event.is_ready(wait_set):
+                self._executor.create_task(event.execute, event.take_data())
+
+
+def _take(takes: list[Any], wait_set: Any) -> bool:
+    """Take what has come; return whether there was any."""
+    found = False
+    for index, (take, kind, callback) in enumerate(takes):
+        # To take nothing costs more than to ask.
+        if not wait_set.is_ready('subscription', index):
+            continue
+        for _ in range(BURST):
+            taken = take(kind, True)  # raw
+            if taken is None:
+                break
+            found = True
+            callback(*taken)
+    return found
+
+
+def _is_possible(executor: Any) -> bool:
+    """Return whether rclpy has what is used of it that is not promised to users."""
+    return (
+        executor_watch.is_possible(executor)
+        and hasattr(rclpy_implementation, 'WaitSet')
+        and hasattr(rclpy_implementation.Subscription, 'take_message')
+    )

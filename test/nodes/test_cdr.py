@@ -1,0 +1,240 @@
+"""Messages as bytes: what rclpy makes of them, and what a typed publish puts on the wire."""
+
+from collections.abc import Callable
+import struct
+from typing import Any
+
+from geometry_msgs.msg import PointStamped, TwistStamped
+from hypothesis import example, given, strategies as st
+from klann_ros.nodes import cdr, cdr_templates
+import pytest
+from rclpy._rclpy_pybind11 import RMWError
+from rclpy.serialization import deserialize_message, serialize_message
+from ros_world import World
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+NAMES = ['alpha', 'gamma', 'beta', 'delta', 'theta']
+texts = st.text(st.characters(exclude_characters='\0', codec='utf-8'), max_size=12)
+doubles = st.floats()
+secs = st.integers(-(2**31), 2**31 - 1)
+name_lists = st.lists(texts, min_size=1, max_size=7)
+nanosecs = st.integers(0, 2**32 - 1)
+
+
+@st.composite
+def joint_states(draw: Callable[[Any], Any], names: Any = name_lists) -> JointState:
+    """Make JointStates with as many positions as names; of all else there may be fewer."""
+    message = JointState(name=draw(names))
+    count = len(message.name)
+    message.position = draw(st.lists(doubles, min_size=count, max_size=count))
+    message.velocity = draw(st.lists(doubles, max_size=count))
+    message.effort = draw(st.lists(doubles, max_size=3))
+    message.header.frame_id = draw(texts)
+    message.header.stamp.sec = draw(secs)
+    message.header.stamp.nanosec = draw(nanosecs)
+    return message
+
+
+def big_endian(message: JointState) -> bytes:
+    """Write what no ROS on this machine writes."""
+    data = struct.pack('>iI', message.header.stamp.sec, message.header.stamp.nanosec)
+
+    def put(kind: str, value: float) -> None:
+        nonlocal data
+        data += bytes(-len(data) % struct.calcsize(kind)) + struct.pack(f'>{kind}', value)
+
+    def put_string(text: str) -> None:
+        nonlocal data
+        put('I', len(text.encode()) + 1)
+        data += text.encode() + b'\0'
+
+    put_string(message.header.frame_id)
+    put('I', len(message.name))
+    for name in message.name:
+        put_string(name)
+    for numbers in (message.position, message.velocity, message.effort):
+        put('I', len(numbers))
+        for number in numbers:
+            put('d', number)
+    return b'\0\0\0\0' + data
+
+
+def same(a: object, b: object) -> bool:
+    """Compare representations: nan is nan, and -0 is not 0."""
+    return repr(a) == repr(b)
+
+
+def expected(message: JointState, index: int) -> cdr.Joint:
+    names, velocities, stamp = message.name, message.velocity, message.header.stamp
+    index = list(names).index(names[index])
+    velocity = velocities[index] if len(velocities) == len(names) else None
+    return cdr.Joint(message.position[index], velocity, stamp.sec, stamp.nanosec)
+
+
+@given(doubles)
+def test_a_number_is_read_as_rclpy_reads_it(number: float) -> None:
+    data = serialize_message(Float64(data=number))
+    assert same(cdr.read_float64(data), deserialize_message(data, Float64).data)
+    assert same(cdr.read_float64(b'\0\0\0\0' + struct.pack('>d', number)), number)
+
+
+@pytest.mark.parametrize(
+    'data', [b'', b'\0\1', b'\0\1\0\0', b'\0\1\0\0' + bytes(7), b'\1\1\0\0' + bytes(8), bytes(11)]
+)
+def test_bytes_that_are_no_number_are_refused(data: bytes) -> None:
+    with pytest.raises(ValueError, match='bytes are no std_msgs/msg/Float64'):
+        cdr.read_float64(data)
+
+
+@given(st.lists(joint_states(), min_size=1, max_size=3), st.data())
+def test_joints_are_read_as_rclpy_reads_them(messages: list[JointState], data: Any) -> None:
+    index = data.draw(st.integers(0, len(messages[0].name) - 1))
+    reader = cdr.JointReader(messages[0].name[index])
+    # Each is read twice, as the first of its layout and as one of many.
+    for message in [m for m in messages for _ in range(2)]:
+        for wire in (serialize_message(message), big_endian(message)):
+            decoded = deserialize_message(wire, JointState)
+            assert same(decoded, message)
+            if messages[0].name[index] in message.name:
+                at = list(message.name).index(messages[0].name[index])
+                assert same(reader.read(wire), expected(decoded, at))
+            else:
+                with pytest.raises(ValueError, match='there is no joint'):
+                    reader.read(wire)
+
+
+@given(joint_states(st.just(['a', 'crank'])), joint_states(st.just(['a', 'crank'])))
+def test_a_layout_that_changes_is_noticed(first: JointState, second: JointState) -> None:
+    reader = cdr.JointReader('crank')
+    for message in (first, second, first):
+        assert same(reader.read(serialize_message(message)), expected(message, 1))
+
+
+@given(joint_states(st.just(['a', 'crank'])), st.data())
+def test_a_message_that_is_cut_off_is_refused(message: JointState, data: Any) -> None:
+    reader = cdr.JointReader('crank')
+    whole = big_endian(message)
+    reader.read(whole)
+    end = data.draw(st.integers(0, len(whole) - 1))
+    with pytest.raises(ValueError, match='are no sensor_msgs/msg/JointState'):
+        reader.read(whole[:end])
+    assert same(reader.read(whole), expected(message, 1))
+
+
+def test_names_and_positions_must_be_as_many() -> None:
+    data = serialize_message(JointState(name=['crank', 'a'], position=[1.0]))
+    with pytest.raises(ValueError, match='2 names and 1 positions'):
+        cdr.JointReader('crank').read(data)
+
+
+@given(joint_states(st.just(['a', 'crank'])), st.data())
+def test_a_few_wrong_bytes_are_read_as_rclpy_reads_them_or_refused(
+    message: JointState, data: Any
+) -> None:
+    reader = cdr.JointReader('crank')
+    whole = bytearray(big_endian(message))
+    reader.read(bytes(whole))
+    for _ in range(data.draw(st.integers(1, 3))):
+        at = data.draw(st.integers(0, len(whole) - 1))
+        whole[at] = data.draw(st.integers(0, 255))
+    try:
+        joint = reader.read(bytes(whole))
+    except ValueError:
+        return
+    decoded = deserialize_message(bytes(whole), JointState)
+    assert same(joint, expected(decoded, list(decoded.name).index('crank')))
+
+
+@given(st.binary(max_size=200))
+@example(b'\0\1\0\0' + b'\xff' * 100)
+@example(b'\0\0\0\0' + b'\xff' * 100)
+def test_garbage_is_refused(data: bytes) -> None:
+    with pytest.raises(ValueError, match=r'JointState|joint|names'):
+        cdr.JointReader('crank').read(data)
+    for code in (b'\0\1\0\0', b'\0\0\0\0'):
+        with pytest.raises(ValueError, match=r'JointState|joint|names'):
+            cdr.JointReader('crank').read(code + data)
+
+
+def written(
+    kind: str, stamp: tuple[int, int], frame_id: str, names: list[str], numbers: list[float]
+) -> tuple[Any, bytes]:
+    """Return a message of a kind, and what its template makes of the same."""
+    x, y = numbers[:2]
+    if kind == 'point':
+        message = PointStamped()
+        message.point.x, message.point.y = x, y
+        data = cdr_templates.PointTemplate(frame_id).fill(*stamp, x, y)
+    elif kind == 'twist':
+        message = TwistStamped()
+        message.twist.linear.x, message.twist.linear.y = x, y
+        data = cdr_templates.TwistTemplate(frame_id).fill(*stamp, x, y)
+    else:
+        count = len(names)
+        positions = numbers[:count]
+        velocities = numbers[::-1][:count] if kind == 'rates' else []
+        message = JointState(name=names, position=positions, velocity=velocities)
+        template = cdr_templates.JointStateTemplate(names, frame_id)
+        data = template.fill(*stamp, positions, velocities)
+    message.header.frame_id = frame_id
+    message.header.stamp.sec, message.header.stamp.nanosec = stamp
+    return message, data
+
+
+KINDS = ['point', 'twist', 'joints', 'rates']
+many = st.lists(doubles, min_size=8, max_size=8)
+
+
+@given(
+    *(st.sampled_from(KINDS), st.tuples(secs, nanosecs), texts),
+    *(st.lists(texts, min_size=1, max_size=8), many),
+)
+def test_what_a_template_writes_rclpy_reads(
+    kind: str, stamp: tuple[int, int], frame_id: str, names: list[str], numbers: list[float]
+) -> None:
+    message, data = written(kind, stamp, frame_id, names, numbers)
+    assert same(deserialize_message(data, type(message)), message)
+    # serialize_message() lets bytes behind the end that are not sent.
+    assert len(data) <= len(serialize_message(message)) <= len(data) + 8
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_what_a_template_writes_is_what_a_typed_publish_sends(ros: World, kind: str) -> None:
+    fields = [
+        (frame_id, names)
+        for frame_id in ('', 'a', 'ab', 'abc', 'abcd', 'leg_plane', 'ebene_ä/longer')
+        for names in (['a'], ['ab', 'c'], NAMES, [f'front_left/{name}' for name in NAMES[:3]])
+    ]
+    pairs = [
+        written(kind, (2**31 - 1 - k, 10**9 - 1 - k), frame_id, names, [-0.1 * k] * 8)
+        for k, (frame_id, names) in enumerate(fields)
+    ]
+    received: list[bytes] = []
+    node, message_type = ros.probe.node, type(pairs[0][0])
+    node.create_subscription(message_type, kind, received.append, 2000, raw=True)
+    publisher = ros.probe.publisher(message_type, kind)
+    for message, data in pairs:
+        publisher.publish(message)
+        publisher.publish(data)
+    ros.probe.until(lambda: len(received) == 2 * len(pairs))
+    for (message, data), typed, raw in zip(pairs, received[::2], received[1::2], strict=True):
+        assert raw == data
+        assert_same_bytes(typed, data, message)
+
+
+def assert_same_bytes(typed: bytes, data: bytes, value: Any) -> None:
+    """Let them differ between two fields only: a typed publish leaves there what was before."""
+    assert len(typed) == len(data)
+    for at in (at for at in range(len(data)) if typed[at] != data[at]):
+        assert data[at] == 0
+        changed = bytearray(data)
+        changed[at] = 0xFF
+        assert means(bytes(changed), value)
+
+
+def means(data: bytes, value: Any) -> bool:
+    try:
+        return same(deserialize_message(data, type(value)), value)
+    except RMWError:
+        return False

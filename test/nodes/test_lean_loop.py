@@ -1,0 +1,422 @@
+"""The lean loop over real DDS, against the plain path as its oracle."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import threading
+import time
+from typing import Any
+
+from klann_ros.nodes import lean_loop
+from klann_ros.nodes.lean_loop import LeanCallbackGroup, LeanLoop
+import pytest
+from rcl_interfaces.srv import SetParameters
+from rclpy import executors
+from rclpy.clock import Clock as RosClock, ClockType
+from rclpy.context import Context
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+from ros_world import World
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+STEADY = RosClock(clock_type=ClockType.STEADY_TIME)
+LOOPS = pytest.mark.parametrize('plain', [False, True], ids=['lean', 'plain'])
+
+
+class Echo(Node):
+    """Send back what comes, and have one of everything that an executor serves."""
+
+    def __init__(self, context: Context, **options: Any) -> None:
+        super().__init__('echo', context=context, **options)
+        self.group = LeanCallbackGroup()
+        self.taken: list[tuple[bytes, dict[str, Any]]] = []
+        self.threads: set[str] = set()
+        self.ticks = self.ros_ticks = self.matches = self.calls = 0
+        self.pause = 0.0
+        self.trouble: type[Exception] | None = None
+        self.back = self.create_publisher(Float64, 'back', 2000)
+        self.there = self.listen('there')
+        self.typed: list[float] = []
+        self.create_subscription(Float64, 'typed', lambda m: self.typed.append(m.data), 2000)
+        self.create_timer(0.02, self._tick, clock=STEADY)
+        self.create_timer(1.0, self._ros_tick)
+        self.create_service(Trigger, 'echo/call', self._call)
+        self.declare_parameter('value', 0.0)
+
+    def listen(self, topic: str) -> Any:
+        def matched(_: Any) -> None:
+            self.matches += 1
+
+        return self.create_subscription(
+            Float64,
+            topic,
+            self._take,
+            2000,
+            raw=True,
+            callback_group=self.group,
+            event_callbacks=SubscriptionEventCallbacks(matched=matched),
+        )
+
+    def _take(self, data: bytes, info: dict[str, Any]) -> None:
+        self.threads.add(threading.current_thread().name)
+        if self.trouble is not None:
+            raise self.trouble
+        time.sleep(self.pause)
+        self.taken.append((data, info))
+        self.back.publish(data)
+
+    def _tick(self) -> None:
+        self.threads.add(threading.current_thread().name)
+        self.ticks += 1
+
+    def _ros_tick(self) -> None:
+        self.ros_ticks += 1
+
+    def _call(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.threads.add(threading.current_thread().name)
+        self.calls += 1
+        response.success = True
+        return response
+
+    def numbers(self) -> list[float]:
+        return [number_in(data) for data, _ in self.taken]
+
+
+def number_in(data: bytes) -> float:
+    return float(memoryview(data)[4:12].cast('d')[0])
+
+
+class Running:
+    """An echo whose loop runs in a thread of its own."""
+
+    def __init__(self, ros: World, *, plain: bool, **options: Any) -> None:
+        self.context = Context()
+        self.context.init(domain_id=ros.domain)
+        self.echo = Echo(self.context, **options)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.echo)
+        self.done = Future()
+        self.loop = LeanLoop(self.executor, plain=plain)
+        self.error: Exception | None = None
+        self.start()
+
+    def start(self) -> None:
+        self.thread = threading.Thread(target=self._run, name='loop')
+        self.thread.start()
+
+    def _run(self) -> None:
+        try:
+            self.loop.spin_until_future_complete(self.done)
+        except Exception as error:
+            self.error = error
+
+    def ends(self) -> None:
+        """Wait for the end of the loop."""
+        self.thread.join(10.0)
+        assert not self.thread.is_alive()
+
+    def close(self) -> None:
+        if not self.done.done():
+            self.done.set_result(0)
+        self.ends()
+        self.executor.shutdown()
+        self.echo.destroy_node()
+        self.context.try_shutdown()
+
+
+@contextmanager
+def running(ros: World, *, plain: bool = False, **options: Any) -> Iterator[Running]:
+    made = Running(ros, plain=plain, **options)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+@contextmanager
+def load(ros: World, rate: float = 1000.0) -> Iterator[list[float]]:
+    """Publish number after number until the block ends; yield them."""
+    publisher = ros.probe.publisher(Float64, 'there')
+    sent: list[float] = []
+    stop = threading.Event()
+
+    def publish() -> None:
+        while not stop.wait(1.0 / rate):
+            publisher.publish(Float64(data=float(len(sent))))
+            sent.append(float(len(sent)))
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    try:
+        yield sent
+    finally:
+        stop.set()
+        thread.join()
+
+
+def set_value(ros: World, value: float) -> None:
+    parameter = Parameter('value', value=value).to_parameter_msg()
+    request = SetParameters.Request(parameters=[parameter])
+    assert ros.probe.call(SetParameters, 'echo/set_parameters', request).results[0].successful
+
+
+@LOOPS
+def test_a_burst_is_taken_in_order_with_what_is_known_about_it(ros: World, plain: bool) -> None:
+    back: list[bytes] = []
+    ros.probe.node.create_subscription(Float64, 'back', back.append, 2000, raw=True)
+    with running(ros, plain=plain) as run:
+        ros.probe.matched('back')
+        there = ros.probe.publisher(Float64, 'there')
+        numbers = [float(k) for k in range(700)]
+        before = time.time_ns()
+        for number in numbers:
+            there.publish(Float64(data=number))
+        ros.probe.until(lambda: len(back) == len(numbers))
+        assert run.echo.numbers() == numbers
+        assert [data for data, _ in run.echo.taken] == back
+        infos = [info for _, info in run.echo.taken]
+        sequences = [info['publication_sequence_number'] for info in infos]
+        assert sequences == list(range(1, len(numbers) + 1))
+        for info in infos:
+            assert before <= info['source_timestamp'] <= info['received_timestamp']
+        assert len(back[0]) == 12
+
+
+@LOOPS
+def test_all_else_goes_on_under_load_in_one_thread(ros: World, plain: bool) -> None:
+    with running(ros, plain=plain) as run, load(ros, 1000.0 if not plain else 200.0) as sent:
+        typed = ros.probe.publisher(Float64, 'typed')
+        ticks = run.echo.ticks
+        for k in range(10):
+            assert ros.probe.call(Trigger, 'echo/call', Trigger.Request()).success
+            set_value(ros, float(k))
+            typed.publish(Float64(data=float(k)))
+        ros.probe.until(lambda: run.echo.ticks > ticks and len(run.echo.typed) == 10)
+        assert run.echo.get_parameter('value').value == 9.0
+        count = len(sent)
+        ros.probe.until(lambda: len(run.echo.taken) > count)
+        assert run.echo.threads == {'loop'}
+    numbers = run.echo.numbers()
+    assert numbers == [float(k) for k in range(len(numbers))]
+
+
+@LOOPS
+def test_all_else_goes_on_without_messages(ros: World, plain: bool) -> None:
+    with running(ros, plain=plain) as run:
+        assert ros.probe.call(Trigger, 'echo/call', Trigger.Request()).success
+        set_value(ros, 1.0)
+        ticks = run.echo.ticks
+        ros.probe.until(lambda: run.echo.ticks > ticks + 3)
+
+
+@LOOPS
+def test_simulated_time_moves_clock_and_timers(ros: World, plain: bool) -> None:
+    options = {'parameter_overrides': [Parameter('use_sim_time', value=True)]}
+    with running(ros, plain=plain, **options) as run, load(ros, 100.0):
+        clock = ros.probe.publisher(Clock, '/clock', reliable=False)
+        for second in (10, 20, 30):
+            message = Clock()
+            message.clock.sec = second
+            clock.publish(message)
+            ros.probe.until(lambda s=second: run.echo.get_clock().now().nanoseconds == s * 10**9)
+        ros.probe.until(lambda: run.echo.ros_ticks >= 2)
+
+
+def test_nobody_wakes_up_without_need(ros: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    waits: list[str] = []
+
+    class Counting(lean_loop.rclpy_implementation.WaitSet):  # type: ignore[misc, name-defined]
+        """A wait set that tells who waits."""
+
+        def wait(self, timeout: int) -> None:
+            waits.append(threading.current_thread().name)
+            super().wait(timeout)
+
+    monkeypatch.setattr(lean_loop.rclpy_implementation, 'WaitSet', Counting)
+    with running(ros) as run:
+        there = ros.probe.publisher(Float64, 'there')
+        for timer in run.echo.timers:
+            timer.cancel()
+        ros.probe.spin(0.5)
+        waits.clear()
+        time.sleep(1.0)
+        assert waits == []
+        for k in range(100):
+            there.publish(Float64(data=float(k)))
+            ros.probe.spin(0.01)
+        ros.probe.until(lambda: len(run.echo.taken) == 100)
+        # One for each message; the executor's thread sleeps.
+        assert waits.count('loop') <= 110
+        assert waits.count('watch') <= 3
+
+
+@pytest.mark.parametrize('where', ['outside', 'service', 'message'])
+def test_a_subscription_that_comes_late_is_heard(ros: World, where: str) -> None:
+    late = ros.probe.publisher(Float64, 'late', subscribers=0)
+    there = ros.probe.publisher(Float64, 'there', subscribers=0)
+    with running(ros) as run:
+        if where == 'outside':
+            run.echo.listen('late')
+        elif where == 'service':
+            run.echo.create_service(
+                Trigger, 'echo/add', lambda _, response: (run.echo.listen('late'), response)[1]
+            )
+            ros.probe.call(Trigger, 'echo/add', Trigger.Request())
+        else:
+            run.echo.create_subscription(
+                Float64,
+                'there',
+                lambda _data, _info: run.echo.listen('late'),
+                2000,
+                raw=True,
+                callback_group=run.echo.group,
+            )
+            ros.probe.until(lambda: there.get_subscription_count() == 2)
+            ros.probe.spin(0.3)
+            there.publish(Float64(data=1.0))
+        ros.probe.until(lambda: late.get_subscription_count() == 1)
+        ros.probe.spin(0.3)
+        late.publish(Float64(data=2.0))
+        ros.probe.until(lambda: 2.0 in run.echo.numbers())
+
+
+def test_what_was_there_before_the_loop_is_taken(ros: World) -> None:
+    with running(ros) as run:
+        there = ros.probe.publisher(Float64, 'there')
+        run.done.set_result(0)
+        run.ends()
+        there.publish(Float64(data=1.0))
+        ros.probe.spin(0.3)
+        run.done = Future()
+        run.start()
+        ros.probe.until(lambda: run.echo.numbers() == [1.0])
+
+
+def test_a_subscription_that_goes_leaves_the_others(ros: World) -> None:
+    with running(ros) as run, load(ros):
+        other = run.echo.listen('other')
+        ros.probe.publisher(Float64, 'other')
+        ros.probe.call(Trigger, 'echo/call', Trigger.Request())
+        run.echo.destroy_subscription(other)
+        ros.probe.until(lambda: ros.probe.node.count_subscribers('other') == 0)
+        count = len(run.echo.taken)
+        ros.probe.until(lambda: len(run.echo.taken) > count + 100)
+
+
+@LOOPS
+def test_events_of_a_subscription_are_told(ros: World, plain: bool) -> None:
+    with running(ros, plain=plain) as run, load(ros, 200.0):
+        ros.probe.until(lambda: run.echo.matches == 1)
+        second = ros.probe.publisher(Float64, 'there')
+        ros.probe.until(lambda: run.echo.matches == 2)
+        ros.probe.node.destroy_publisher(second)
+        ros.probe.until(lambda: run.echo.matches == 3)
+
+
+def test_a_flood_does_not_starve_a_service(ros: World) -> None:
+    with running(ros) as run:
+        run.echo.pause = 0.005
+        with load(ros) as sent:
+            ros.probe.until(lambda: len(sent) > 300)
+            ros.probe.call(Trigger, 'echo/call', Trigger.Request())
+            # It was served although messages waited all the time.
+            assert len(run.echo.taken) < len(sent) - 100
+
+
+def test_a_busy_executor_does_not_starve_messages(ros: World) -> None:
+    with running(ros) as run:
+        run.echo.create_timer(0.0, lambda: time.sleep(0.001), clock=STEADY)
+        there = ros.probe.publisher(Float64, 'there')
+        for k in range(300):
+            there.publish(Float64(data=float(k)))
+        ros.probe.until(lambda: len(run.echo.taken) == 300)
+
+
+@LOOPS
+@pytest.mark.parametrize('rate', [0.1, 1000.0])
+def test_it_ends_when_it_is_told_to(ros: World, plain: bool, rate: float) -> None:
+    with running(ros, plain=plain) as run, load(ros, rate):
+        ros.probe.spin(0.3)
+        run.done.set_result(0)
+        run.ends()
+        assert run.error is None
+        assert threading.active_count() <= 4
+    assert not [thread for thread in threading.enumerate() if thread.name == 'watch']
+
+
+def test_a_future_that_is_done_before_is_an_end(ros: World) -> None:
+    with running(ros) as run:
+        run.done.set_result(0)
+        run.ends()
+        run.start()
+        run.ends()
+
+
+@LOOPS
+def test_the_end_of_the_context_ends_it(ros: World, plain: bool) -> None:
+    with running(ros, plain=plain) as run, load(ros):
+        ros.probe.spin(0.3)
+        run.context.shutdown()
+        run.ends()
+        assert run.error is None or isinstance(run.error, ExternalShutdownException)
+
+
+@LOOPS
+def test_the_end_of_the_executor_ends_it(ros: World, plain: bool) -> None:
+    with running(ros, plain=plain) as run:
+        ros.probe.spin(0.3)
+        run.echo.create_service(
+            Trigger, 'echo/end', lambda _, response: (run.executor.shutdown(), response)[1]
+        )
+        client = ros.probe.node.create_client(Trigger, 'echo/end')
+        ros.probe.until(client.service_is_ready)
+        client.call_async(Trigger.Request())
+        ros.probe.until(lambda: not run.thread.is_alive())
+        assert run.error is None
+
+
+@LOOPS
+def test_what_a_callback_raises_is_raised(ros: World, plain: bool) -> None:
+    with running(ros, plain=plain) as run:
+        there = ros.probe.publisher(Float64, 'there')
+        run.echo.trouble = ZeroDivisionError
+        there.publish(Float64())
+        run.ends()
+        assert isinstance(run.error, ZeroDivisionError)
+        # What is there afterwards is the executor's.
+        run.echo.trouble = None
+        there.publish(Float64(data=2.0))
+        ros.probe.spin(0.2)
+        end = time.monotonic() + 5.0
+        while not run.echo.taken and time.monotonic() < end:
+            run.executor.spin_once(timeout_sec=0.1)
+        assert run.echo.numbers() == [2.0]
+
+
+def test_what_a_timer_raises_is_raised(ros: World) -> None:
+    with running(ros) as run:
+        run.echo.create_timer(0.01, lambda: 1 // 0, clock=STEADY)
+        run.ends()
+        assert isinstance(run.error, ZeroDivisionError)
+
+
+def test_another_rclpy_gets_the_plain_path(ros: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    executor = SingleThreadedExecutor(context=ros.probe.context)
+    assert not LeanLoop(executor)._plain
+    assert LeanLoop(executor, plain=True)._plain
+    with monkeypatch.context() as patch:
+        patch.setenv(lean_loop.PLAIN, '1')
+        assert LeanLoop(executor)._plain
+    for place, name in [
+        (executors, 'ConditionReachedException'),
+        (lean_loop.rclpy_implementation, 'WaitSet'),
+        (executors.Executor, 'wait_for_ready_callbacks'),
+    ]:
+        with monkeypatch.context() as patch:
+            patch.delattr(place, name)
+            assert LeanLoop(executor)._plain
+    executor.shutdown()
