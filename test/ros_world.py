@@ -93,10 +93,12 @@ class Probe:
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
 
-    def listen(self, kind: type, topic: str, qos: QoSProfile | int = 2000) -> list[Any]:
-        """Subscribe; return the list that fills with the messages."""
+    def listen(
+        self, kind: type, topic: str, qos: QoSProfile | int = 2000, *, raw: bool = False
+    ) -> list[Any]:
+        """Subscribe; return the list that fills with the messages, or with their bytes."""
         received: list[Any] = []
-        self.node.create_subscription(kind, topic, received.append, qos)
+        self.node.create_subscription(kind, topic, received.append, qos, raw=raw)
         return received
 
     def publisher(

@@ -74,7 +74,7 @@ class CrankInputs:
         turn: Callable[[Mapping[str, Crank], Stamp], None],
         reject: Callable[[KinematicsError], None],
     ) -> None:
-        """Subscribe."""
+        """Do not listen yet."""
         self.out_of_order = 0
         self._clock = node.get_clock()
         self._joints, self._turn, self._reject = joints, turn, reject
@@ -82,6 +82,16 @@ class CrankInputs:
         self._last_stamp = (0, 0)
         self._angles = _Source(node, Float64, 'crank_angle', self._on_crank_angle)
         self._states = _Source(node, JointState, 'crank_state', self._on_crank_state)
+
+    def listen(self) -> None:
+        """Subscribe."""
+        self._angles.listen()
+        self._states.listen()
+
+    def ignore(self) -> None:
+        """Unsubscribe."""
+        self._angles.ignore()
+        self._states.ignore()
 
     @property
     def lost(self) -> int:
@@ -146,13 +156,19 @@ class _Source:
         self.loss = LossCounter()
         self.publishers = 0
         self._heard = False
-        self._subscription: Subscription = node.create_subscription(
-            kind,
-            topic,
-            callback,
-            INPUT,
+        self._node = node
+        self._arguments = (kind, topic, callback, INPUT)
+        self._group = LeanCallbackGroup()
+        self._subscription: Subscription | None = None
+        self.topic = node.resolve_topic_name(topic)
+
+    def listen(self) -> None:
+        if self._subscription is not None:
+            return
+        self._subscription = self._node.create_subscription(
+            *self._arguments,
             raw=True,
-            callback_group=LeanCallbackGroup(),
+            callback_group=self._group,
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             # Each event costs at every wait. What the others tell cannot happen to an input that
             # takes whatever is offered.
@@ -161,9 +177,12 @@ class _Source:
             ),
         )
 
-    @property
-    def topic(self) -> str:
-        return str(self._subscription.topic_name)
+    def ignore(self) -> None:
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+        self._subscription = None
+        self.publishers = 0
+        self.loss.forget()
 
     def count(self, info: Info) -> None:
         self._heard = True
