@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from klann_ros.stop_signals import StopSignals
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 
 from .process import arguments, command_line, Finish, run
@@ -26,39 +25,6 @@ class SolverNode(Node):
         """Declare, validate, and listen; `options` are those of Node."""
         super().__init__('solver_node', **options)
         Solver(self).listen()
-
-
-class ManagedSolverNode(LifecycleNode):
-    """
-    The same as a managed node: it answers while it is active.
-
-    Its parameters are validated when it starts: a leg that is none is refused at once.
-    """
-
-    def __init__(self, **options: Any) -> None:
-        """Declare and validate; `options` are those of LifecycleNode."""
-        super().__init__('solver_node', **options)
-        self._solver = Solver(self)
-
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Listen."""
-        self._solver.listen()
-        return super().on_activate(state)
-
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Listen no more."""
-        self._solver.ignore()
-        return super().on_deactivate(state)
-
-    def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Forget the warm starts."""
-        self._solver.reset()
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_shutdown(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Listen no more."""
-        self._solver.ignore()
-        return TransitionCallbackReturn.SUCCESS
 
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:
@@ -84,5 +50,8 @@ def _make(_: Finish) -> SolverNode:
     return SolverNode()
 
 
-def _make_managed(_: Finish) -> ManagedSolverNode:
+def _make_managed(_: Finish) -> Node:
+    # It takes a tenth of a second to load, which others need not wait for.
+    from .managed_solver_node import ManagedSolverNode  # noqa: PLC0415
+
     return ManagedSolverNode()

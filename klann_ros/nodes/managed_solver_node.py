@@ -1,0 +1,40 @@
+"""`solver_node --lifecycle`: the solver as a managed node."""
+
+from typing import Any
+
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+
+from .solver import Solver
+
+
+class ManagedSolverNode(LifecycleNode):
+    """
+    The same as a managed node: it answers while it is active.
+
+    Its parameters are validated when it starts: a leg that is none is refused at once.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        """Declare and validate; `options` are those of LifecycleNode."""
+        super().__init__('solver_node', **options)
+        self._solver = Solver(self)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Listen."""
+        self._solver.listen()
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Listen no more."""
+        self._solver.ignore()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Forget the warm starts."""
+        self._solver.reset()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Listen no more."""
+        self._solver.ignore()
+        return TransitionCallbackReturn.SUCCESS
