@@ -16,6 +16,10 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
+# The traffic never leaves the machine, nor meets another's.
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+os.environ.setdefault('ROS_DOMAIN_ID', '90')
+
 RELAY = [sys.executable, str(Path(__file__).with_name('relay_node.py'))]
 SOLVER = [
     sys.executable,

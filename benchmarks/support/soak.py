@@ -1,18 +1,12 @@
 """
 Let solver_node answer 1 kHz for a long time: nothing may be lost, and its memory stays flat.
 
-    python benchmarks/long/soak.py [MINUTES]
+    python benchmarks/support/soak.py [MINUTES]
 """
 
-import os
-from pathlib import Path
 import sys
 
-os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-os.environ.setdefault('ROS_DOMAIN_ID', '91')
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-from support.node_under_test import NodeUnderTest, SOLVER
+from node_under_test import NodeUnderTest, SOLVER
 
 RATE = 1000.0
 # Growth that a leak of one small object a message would exceed many times [MB].
