@@ -46,7 +46,11 @@ def load(log: Log, given: Leg | None = None) -> Recording:
         # Reading finds what an index hides, so this comes last.
         problem=log.problem,
         undecoded=decoder.undecoded(),
-        remarks=(*_others(legs, namespace), *_change(leg, since, start)),
+        remarks=(
+            *_others(legs, namespace),
+            *_several(leg.solver),
+            *_change(leg, since, start),
+        ),
         leg=leg.leg,
         leg_time=since,
         cranks=series(leg.cranks),
@@ -66,6 +70,13 @@ def _others(legs: Mapping[str, LegRows], namespace: str) -> list[str]:
     if not others:
         return []
     return [f'only the leg in {namespace or "/"} was reviewed, not what is in {", ".join(others)}']
+
+
+def _several(solver: LegSolver) -> list[str]:
+    if not solver.legs:
+        return []
+    names = ', '.join(solver.legs)
+    return [f'the run is of the legs {names}: several legs are not judged yet']
 
 
 def _change(leg: LegRows, since: int, start: int) -> list[str]:

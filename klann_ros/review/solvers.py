@@ -26,6 +26,8 @@ class LegSolver:
         Whether it stamps by a simulated clock what has no stamp.
     leg : KlannLeg, LinkageLeg or None
         What it solves at last; None where the run does not tell.
+    legs : tuple of str
+        The names of its legs; empty for one unnamed leg.
     leg_time : int
         The log time since which it has it [ns]; 0 when it never had another.
 
@@ -34,6 +36,7 @@ class LegSolver:
     crank_joint: str = CRANK_JOINT
     sim_time: bool = False
     leg: Leg | None = None
+    legs: tuple[str, ...] = ()
     leg_time: int = 0
 
 
@@ -65,8 +68,14 @@ def leg_solver(records: Sequence[SolverParameters], namespace: str) -> LegSolver
         crank_joint=str(last.get('crank_joint', CRANK_JOINT)),
         sim_time=any(record.parameters.get('use_sim_time') is True for record in own),
         leg=legs[-1],
+        legs=_names(last.get('legs')),
         leg_time=changes[-1] if changes else 0,
     )
+
+
+def _names(legs: Any) -> tuple[str, ...]:
+    """Return the names of a parameter that may be anything; an empty one stands for none."""
+    return tuple(str(name) for name in legs if name) if isinstance(legs, list) else ()
 
 
 def parent(name: str) -> str:

@@ -67,3 +67,13 @@ def test_a_leg_without_a_solver_of_its_namespace_takes_the_last(healthy, make_ru
     healthy.in_namespace('/a').namespace = '/elsewhere'
     assert main([str(make_run(healthy))]) == 0
     assert 'nothing found: every pose' in capsys.readouterr().out
+
+
+def test_several_legs_of_one_solver_are_said_not_to_be_judged(
+    make_script, make_run, capsys
+) -> None:
+    walker = make_script()
+    walker.parameters['legs'] = ['front', 'rear']
+    main([str(make_run(walker))])
+    said = capsys.readouterr().out
+    assert 'the run is of the legs front, rear: several legs are not judged yet' in said
