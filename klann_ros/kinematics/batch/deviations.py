@@ -63,7 +63,7 @@ class Deviations:
         box = np.stack([least.min(axis=0), greatest.max(axis=0)], axis=1)
         statistics = {
             'mean': _total(apart) / np.maximum(1, count)[:, None],
-            'rms': np.sqrt(_total(distance**2) / np.maximum(1, count)),
+            'rms': np.sqrt(_total(distance * distance) / np.maximum(1, count)),
             'p95': _kept(distance, count, 0.95),
             'p99': _kept(distance, count, 0.99),
             'largest': _kept(distance, count, 1.0),
@@ -86,10 +86,11 @@ class Deviations:
 
 def _total(values: Array) -> Array:
     """Return the sum over the legs that are there."""
-    return np.asarray(np.where(np.isnan(values), 0.0, values).sum(axis=0))
+    return np.asarray(np.where(np.isnan(values), 0.0, values).sum(axis=0), dtype=np.float64)
 
 
 def _kept(distance: Array, count: NDArray[np.int_], share: float) -> Array:
     """Return what a share of the legs keeps to, of distances in order: the nearest rank."""
     rank = np.maximum(0, [ceil(share * n) - 1 for n in count.tolist()])
-    return distance[rank, np.arange(distance.shape[1])]
+    kept: Array = distance[rank, np.arange(distance.shape[1])]
+    return kept

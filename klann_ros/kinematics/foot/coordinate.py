@@ -70,5 +70,4 @@ X, Y = Along(1.0, 0.0), Along(0.0, 1.0)
 
 
 def _dot(p: Array, q: Array) -> Array:
-    product: Array = p[..., 0] * q[..., 0] + p[..., 1] * q[..., 1]
-    return product
+    return np.asarray(p[..., 0] * q[..., 0] + p[..., 1] * q[..., 1], dtype=np.float64)

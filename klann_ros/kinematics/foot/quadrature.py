@@ -2,13 +2,16 @@
 
 from functools import cache
 from math import pi
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics.angles import TURN
 import numpy as np
 
 from .coordinate import Array
 from .track import Track
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 ORDER = 8
 
@@ -60,5 +63,7 @@ def enclosed_area(track: Track[Any]) -> float:
 
 @cache
 def _legendre() -> tuple[Array, Array]:
-    x, w = np.polynomial.legendre.leggauss(ORDER)
+    # Typed since NumPy 2 only.
+    leggauss: 'Callable[[int], tuple[Array, Array]]' = np.polynomial.legendre.leggauss
+    x, w = leggauss(ORDER)
     return x, w

@@ -205,7 +205,8 @@ class _Search:
             return []
 
         def clearance(shares: Array) -> Array:
-            return self._clearances(ways, shares)[np.arange(len(ways)), dyads]
+            own: Array = self._clearances(ways, shares)[np.arange(len(ways)), dyads]
+            return own
 
         left, right = shares[before], shares[before + 2]
         for _ in range(40):
