@@ -64,6 +64,6 @@ def enclosed_area(track: Track[Any]) -> float:
 @cache
 def _legendre() -> tuple[Array, Array]:
     # Typed since NumPy 2 only.
-    leggauss: 'Callable[[int], tuple[Array, Array]]' = np.polynomial.legendre.leggauss
+    leggauss: Callable[[int], tuple[Array, Array]] = np.polynomial.legendre.leggauss
     x, w = leggauss(ORDER)
     return x, w
