@@ -6,7 +6,7 @@ last pose are its arguments. The legs are what remembers the last pose.
 """
 
 from collections.abc import Callable
-from math import ceil, isnan, remainder
+from math import ceil, remainder
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -95,26 +95,28 @@ def track(
         Newton-Raphson does not confirm the seed.
 
     """
-    pose = None
     if last is not None:
-        pose = _follow(refine, alpha, last, tolerance, (max_crank_step, max_parts))
-    return _seeded(refine, seed, alpha, tolerance) if pose is None else pose
+        step = alpha - last.alpha
+        if not -max_crank_step <= step <= max_crank_step:
+            step = remainder(step, TURN)
+        if -max_crank_step <= step <= max_crank_step:
+            # Of a singular pose the tangent is NaN, and so is all that comes of it.
+            pose = refine(alpha, last.ahead(step), tolerance, MAX_ITERATIONS)
+        elif abs(step) <= max_parts * max_crank_step:
+            parts = ceil(abs(step) / max_crank_step)
+            pose = _follow(refine, alpha, last, tolerance, (step, parts))
+        else:
+            pose = None
+        if pose is not None:
+            return pose
+    return _seeded(refine, seed, alpha, tolerance)
 
 
 def _follow(
     refine: 'Refine[Pose]', alpha: float, last: Pose, tolerance: float, steps: tuple[float, int]
 ) -> Pose | None:
-    max_crank_step, max_parts = steps
-    if isnan(last.coefficients[0]):
-        return None
-    step = alpha - last.alpha
-    if not -max_crank_step <= step <= max_crank_step:
-        step = remainder(step, TURN)
-    if -max_crank_step <= step <= max_crank_step:
-        return refine(alpha, last.ahead(step), tolerance, MAX_ITERATIONS)
-    if abs(step) > max_parts * max_crank_step:
-        return None
-    parts = ceil(abs(step) / max_crank_step)
+    """Return the pose at a driving angle, a step in so many parts from the last; None if lost."""
+    step, parts = steps
     step /= parts
     spent = 0
     for remaining in range(parts - 1, 0, -1):
