@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from klann_ros.kinematics import KlannGeometry
-from klann_ros.kinematics.klann.geometry import BENDS, COORDINATES, LENGTHS
+from klann_ros.kinematics.klann.geometry import BENDS, LENGTHS, NUMBERS
 
 from .parameters import Declared
 
@@ -36,7 +36,7 @@ def declared() -> list[Declared]:
             constraint='finite, > 0' if name in LENGTHS else 'finite',
             read_only=False,
         )
-        for name in (*LENGTHS, *COORDINATES, *BENDS)
+        for name in NUMBERS
     ]
     assembly = Declared(
         'assembly',

@@ -6,6 +6,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
 from klann_ros.kinematics import foot_path, KinematicsError
+from klann_ros.kinematics.leg_types import LegPose
 from klann_ros.review.drawing import Drawn
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
@@ -14,7 +15,6 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from .leg_types import LegPose
 from .solved_leg import SolvedLeg
 
 # At most so often [s], and only while somebody looks.
@@ -52,7 +52,6 @@ class LegMarkers:
     def __init__(self, node: Node, legs: Sequence[SolvedLeg], frame_id: str) -> None:
         """Publish nothing yet."""
         self._node, self._legs, self._frame_id = node, legs, frame_id
-        self._looking = 0
         self._drawn: list[LegPose | None] = []
         self._publisher = node.create_publisher(
             MarkerArray,
@@ -67,9 +66,8 @@ class LegMarkers:
         """Draw everything anew."""
         self._drawn = []
 
-    def _on_matched(self, status: object) -> None:
-        self._looking = status.current_count  # type: ignore[attr-defined]  # rclpy is untyped
-        if self._looking:
+    def _on_matched(self, status: Any) -> None:
+        if status.current_count:
             # Who comes last has heard of nothing that stands still.
             self.legs_changed()
             self._timer.reset()

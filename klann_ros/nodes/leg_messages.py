@@ -5,13 +5,13 @@ from itertools import chain
 from typing import NamedTuple
 
 from geometry_msgs.msg import PointStamped, TwistStamped
+from klann_ros.kinematics.leg_types import LegPose, LegVelocity
 from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 
 from .cdr_templates import JointStateTemplate, PointTemplate, TwistTemplate
 from .crank_inputs import Stamp
-from .leg_types import LegPose, LegVelocity
 from .qos import OUTPUT
 from .solved_leg import SolvedLeg
 

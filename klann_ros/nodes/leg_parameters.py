@@ -6,13 +6,13 @@ import re
 from typing import Any
 
 from klann_ros.kinematics import GeometryError, KlannLeg, linkage_from_text, LinkageLeg
+from klann_ros.kinematics.leg_types import Leg
 from klann_ros.kinematics.linkage.file import linkage_text
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from . import geometry_parameters
-from .leg_types import Leg
 from .parameters import declare, declare_constant, Declared
 from .process import StartError
 from .solved_leg import Mounting, SolvedLeg

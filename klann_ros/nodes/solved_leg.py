@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from klann_ros.kinematics import CrankAngleError, KinematicsError, SingularPoseError
+from klann_ros.kinematics.leg_types import Leg, LegPose, LegVelocity
 
-from .leg_types import Leg, LegPose, LegVelocity
 from .solver_figures import SolverFigures
 
 

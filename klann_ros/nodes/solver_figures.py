@@ -2,7 +2,7 @@
 
 from math import nan, pi
 
-from .leg_types import LegPose
+from klann_ros.kinematics.leg_types import LegPose
 
 
 class SolverFigures:

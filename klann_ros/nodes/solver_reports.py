@@ -47,13 +47,12 @@ class SolverReports:
         self._lost_reported = 0
         # Silence is measured on a clock that neither jumps nor stands still.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._last_report = self._started = self._steady.now()
-        self._last_inputs = [self._started] * len(legs)
+        self._last_report = self._steady.now()
+        self._last_inputs = [self._last_report] * len(legs)
         overridable = QoSOverridingOptions.with_default_policies()
         self._publisher = node.create_publisher(
             DiagnosticArray, '/diagnostics', OUTPUT, qos_overriding_options=overridable
         )
-        self._notes = [''] * len(legs)
         self.legs_changed()
         node.create_timer(period, self._report, clock=self._steady)
 

@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 
 from klann_ros.kinematics import CrankAngleError, KinematicsError
+from klann_ros.kinematics.leg_types import Leg
 import numpy as np
 from numpy.typing import NDArray
 
 from .finding import Finding, since_start
-from .leg_file import Leg
 from .recording import Recording
 
 # Why an input has no answer, the cause at its source first.

@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from klann_ros.kinematics.klann.pose import JOINTS
+from klann_ros.kinematics.leg_types import Leg
 from klann_ros.log.records import Message, Topic
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 
-from .leg_file import Leg
 from .recording import Series, Undecoded
 from .solvers import LegSolver
 

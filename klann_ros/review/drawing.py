@@ -5,7 +5,8 @@ from itertools import chain, pairwise
 from math import hypot
 from typing import NamedTuple, TYPE_CHECKING
 
-from klann_ros.kinematics import KlannPose, LinkagePose
+from klann_ros.kinematics import KlannPose
+from klann_ros.kinematics.leg_types import LegPose
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,7 +47,7 @@ class Drawn(NamedTuple):
     bodies: list[tuple[list[tuple[str, str]], str, str]]
 
     @classmethod
-    def of(cls, pose: KlannPose | LinkagePose) -> 'Drawn':
+    def of(cls, pose: LegPose) -> 'Drawn':
         """Return what a pose is drawn from."""
         if isinstance(pose, KlannPose):
             points = dict(zip(LETTERS, pose.points, strict=True))
@@ -65,7 +66,7 @@ class Drawn(NamedTuple):
         return cls(points, list(description.pivots), bodies)
 
 
-def draw_leg(axes: 'Axes', pose: KlannPose | LinkagePose) -> None:
+def draw_leg(axes: 'Axes', pose: LegPose) -> None:
     """Draw a pose: each body in its colour, the pivots as squares, every point's name."""
     drawn = Drawn.of(pose)
     points = drawn.points

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from math import inf, nan
 
 from klann_ros.kinematics import KinematicsError
+from klann_ros.kinematics.leg_types import Leg
 import numpy as np
 from numpy.typing import NDArray
 
-from .leg_file import Leg
 from .recording import Floats, Recording, Series
 
 Rows = NDArray[np.intp]

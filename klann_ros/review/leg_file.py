@@ -11,12 +11,12 @@ from klann_ros.kinematics import (
     LinkageFileError,
     LinkageLeg,
 )
-from klann_ros.kinematics.klann.geometry import BENDS, COORDINATES, LENGTHS
+from klann_ros.kinematics.klann.geometry import NUMBERS
+from klann_ros.kinematics.leg_types import Leg
 from klann_ros.kinematics.linkage.yaml_text import parse
 from klann_ros.log.errors import LogError
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 
-Leg = KlannLeg | LinkageLeg
 # One of them is enough to tell that a file is meant to be a linkage.
 _LINKAGE_KEYS = {'pivots', 'bodies', 'crank', 'foot'}
 
@@ -64,7 +64,7 @@ def leg_from_parameters(parameters: Mapping[str, Any]) -> Leg:
     linkage = parameters.get(LINKAGE_PARAMETER)
     if isinstance(linkage, str) and linkage:
         return LinkageLeg(linkage_from_text(linkage, f'the parameter {LINKAGE_PARAMETER}'))
-    names = (*LENGTHS, *COORDINATES, *BENDS, 'assembly')
+    names = (*NUMBERS, 'assembly')
     numbers = {name: parameters[name] for name in names if name in parameters}
     if not numbers:
         msg = f'none of {", ".join(names)} is in it'

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 
+from klann_ros.kinematics.leg_types import Leg
 from klann_ros.log.reader import Log
 
 from .decoding import LegDecoder, LegRows, nanoseconds, series
-from .leg_file import Leg
 from .recording import Recording
 from .solvers import leg_solver, LegSolver, parent, solver_records
 from .topics import recorded_losses, TopicTally

@@ -2,10 +2,10 @@
 
 from math import degrees
 
-from klann_ros.kinematics import KinematicsError, KlannPose, LinkagePose
+from klann_ros.kinematics import KinematicsError
+from klann_ros.kinematics.leg_types import Leg, LegPose
 import numpy as np
 
-from .leg_file import Leg
 from .recording import Recording
 
 # matplotlib cannot scale an axis to the largest doubles.
@@ -52,7 +52,7 @@ def save_picture(recording: Recording, leg: Leg, path: str) -> None:
         raise NoPictureError(str(error)) from error
 
 
-def _last_that_closes(recording: Recording, leg: Leg) -> KlannPose | LinkagePose:
+def _last_that_closes(recording: Recording, leg: Leg) -> LegPose:
     """Return the last of the poses at which the leg can be drawn."""
     alphas = reversed(recording.poses.values[:, 0].tolist())
     poses = (_pose(leg, alpha) for alpha in alphas)
@@ -62,7 +62,7 @@ def _last_that_closes(recording: Recording, leg: Leg) -> KlannPose | LinkagePose
     return pose
 
 
-def _pose(leg: Leg, alpha: float) -> KlannPose | LinkagePose | None:
+def _pose(leg: Leg, alpha: float) -> LegPose | None:
     try:
         return leg.closed_form(alpha)
     except KinematicsError:

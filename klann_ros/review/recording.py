@@ -2,10 +2,9 @@
 
 from dataclasses import dataclass, replace
 
+from klann_ros.kinematics.leg_types import Leg
 import numpy as np
 from numpy.typing import NDArray
-
-from .leg_file import Leg
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from klann_ros.kinematics.leg_types import Leg
 from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD, SolverParameters
 
-from .leg_file import Leg, leg_from_parameters
+from .leg_file import leg_from_parameters
 
 CRANK_JOINT = 'crank'
 Metadata = Mapping[str, Sequence[Mapping[str, str]]]

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from operator import attrgetter
 from typing import NamedTuple, TYPE_CHECKING, TypeAlias
 
-from klann_ros.kinematics.klann.geometry import BENDS, COORDINATES, KlannGeometry, LENGTHS
+from klann_ros.kinematics.klann.geometry import KlannGeometry, NUMBERS
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 Array: TypeAlias = NDArray[np.float64]
 
-NUMBERS = (*LENGTHS, *COORDINATES, *BENDS)
 _numbers = attrgetter(*NUMBERS, 'assembly')
 
 

@@ -7,11 +7,12 @@ from numbers import Real
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.klann.geometry import KlannGeometry, LENGTHS
+from klann_ros.kinematics.klann.geometry import KlannGeometry, LENGTHS, NUMBERS
+from klann_ros.kinematics.klann.turn_clearance import first_clearances
 import numpy as np
 
 from .batch import fill, Progress, Results
-from .constants import Array, NUMBERS, numbers, pack
+from .constants import Array, numbers, pack
 from .deviations import Deviations
 from .kernels import choose
 
@@ -156,7 +157,7 @@ def tolerance_study(
         found.add(part, _feet(drawn, signs, alphas[part]), nominal[part])
         if progress is not None:
             progress(part.stop * samples, crank_angles * samples)
-    found.exclude(~_first_dyad_turns(drawn))
+    found.exclude(first_clearances(drawn.T) < 0.0)
     return ToleranceStudy(
         **_read_only(
             alphas=alphas,
@@ -218,17 +219,6 @@ def _feet(values: Array, signs: Array, alphas: Array) -> Array:
     results = Results(np.empty((*shape, 2)), np.empty(shape, dtype=np.uint8), None, None)
     fill(constants, alphas, results, choose(None, results.reason.size), None)
     return results.h
-
-
-def _first_dyad_turns(values: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """Return for each leg whether |BD| stays within the first dyad's reach all round."""
-    dimension = dict(zip(NUMBERS, values, strict=True))
-    l_ab, l_bc, l_dc = (dimension[name] for name in ('l_ab', 'l_bc', 'l_dc'))
-    ad = np.hypot(dimension['x_d'], dimension['y_a'])
-    turns: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = (l_ab + ad <= l_bc + l_dc) & (
-        np.abs(l_ab - ad) >= np.abs(l_bc - l_dc)
-    )
-    return turns
 
 
 def _sensitivities(values: Array, signs: Array, alphas: Array) -> Array:

@@ -86,7 +86,7 @@ def _neighbours(track: Track[Any], s: Coordinate) -> Rows:
         # At the very ends dalpha/dt is 0 and ds/dalpha, mostly, infinite.
         for end, beside in ((0, 1), (-1, -2)):
             t = ts[end] + BESIDE * (ts[beside] - ts[end])
-            rows[end] = t, track.slope(s, t) * track.span.alpha_1(t)
+            rows[end] = t, track.slope_t(s, t)
     rows = [(t, slope) for t, slope in rows if not isnan(slope) and slope != 0.0]
     if track.span.is_turn and rows:
         (t_0, slope_0), (t_1, slope_1) = rows[0], rows[-1]
@@ -95,13 +95,10 @@ def _neighbours(track: Track[Any], s: Coordinate) -> Rows:
 
 
 def _crossings(track: Track[Any], s: Coordinate, rows: Rows) -> Iterator[float]:
-    def slope_t(t: float) -> float:
-        return track.slope(s, t) * track.span.alpha_1(t)
-
     # Of a turn the last pair repeats the first.
     for left, right in pairwise(rows[:-1] if track.span.is_turn else rows):
         if left[1] * right[1] < 0.0:
-            yield root(slope_t, left, right)
+            yield root(lambda t: track.slope_t(s, t), left, right)
     for before, middle, after in zip(rows, rows[1:], rows[2:], strict=False):
         same = before[1] * middle[1] > 0.0 and middle[1] * after[1] > 0.0
         if same and abs(before[1]) >= abs(middle[1]) <= abs(after[1]):
@@ -116,7 +113,7 @@ def _hidden(
     if not bends[0][1] * bends[1][1] < 0.0:
         return
     t = root(lambda t: track.curvature_t(s, t), *bends)
-    dip = t, track.slope(s, t) * track.span.alpha_1(t)
+    dip = t, track.slope_t(s, t)
     if dip[1] * before[1] < 0.0:
         for left, right in ((before, dip), (dip, after)):
-            yield root(lambda t: track.slope(s, t) * track.span.alpha_1(t), left, right)
+            yield root(lambda t: track.slope_t(s, t), left, right)

@@ -83,6 +83,10 @@ class Track(Generic[PoseT]):
         pose = self._pose(t)
         return float(s.slope(np.array(pose.h), self._h_1(pose)))
 
+    def slope_t(self, s: Coordinate, t: float) -> float:
+        """Return ds/dt by the chain rule."""
+        return self.slope(s, t) * self.span.alpha_1(t)
+
     def slopes(self, s: Coordinate) -> Array:
         """Return ds/dalpha at the samples, shape (k,)."""
         return s.slope(self.h, self.h_1)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .geometry import FourBarGeometry
 
 Array = NDArray[np.float64]
+Vector = tuple[float, float]
 
 
 def f(geometry: 'FourBarGeometry', theta2: float, x: 'Sequence[float] | Array') -> Array:
@@ -128,3 +129,9 @@ def singular_sine(geometry: 'FourBarGeometry') -> float:
     it. Below this sine Phi is known to be small and nothing else, and no velocity follows from it.
     """
     return sqrt(rounding(geometry) / min(geometry.coupler, geometry.rocker))
+
+
+def turned(u: float, v: float, angle: float) -> Vector:
+    """Return (u, v), fixed to a body, in the linkage's plane."""
+    c, s = cos(angle), sin(angle)
+    return u * c - v * s, u * s + v * c

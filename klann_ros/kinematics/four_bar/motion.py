@@ -1,6 +1,6 @@
 """Velocity and acceleration of a pose, from the same Jacobian as its position."""
 
-from math import cos, isnan, sin
+from math import isnan
 from typing import NamedTuple
 
 from klann_ros.kinematics import validation
@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import equations
+from .equations import turned, Vector
 from .pose import FourBarPose
-
-Vector = tuple[float, float]
 
 
 class FourBarVelocity(NamedTuple):
@@ -36,15 +35,15 @@ class FourBarVelocity(NamedTuple):
     def points(self) -> NDArray[np.float64]:
         """Return the velocities of O2, A, B, O4, shape (4, 2) [m/s]; computed at each use."""
         g, pose = self.pose.geometry, self.pose
-        a = _velocity(_turned(g.crank, 0.0, pose.theta2), self.theta2)
-        b = _velocity(_turned(g.rocker, 0.0, pose.theta4), self.theta4)
+        a = _velocity(turned(g.crank, 0.0, pose.theta2), self.theta2)
+        b = _velocity(turned(g.rocker, 0.0, pose.theta4), self.theta4)
         return np.array([(0.0, 0.0), a, b, (0.0, 0.0)])
 
     def coupler_point(self, u: float, v: float) -> Vector:
         """Return the velocity (x, y) of the pose's coupler point at u, v [m/s]."""
         pose = self.pose
-        a = _velocity(_turned(pose.geometry.crank, 0.0, pose.theta2), self.theta2)
-        p = _velocity(_turned(u, v, pose.theta3), self.theta3)
+        a = _velocity(turned(pose.geometry.crank, 0.0, pose.theta2), self.theta2)
+        p = _velocity(turned(u, v, pose.theta3), self.theta3)
         return a[0] + p[0], a[1] + p[1]
 
 
@@ -71,16 +70,16 @@ class FourBarAcceleration(NamedTuple):
         """Return the accelerations of O2, A, B, O4, shape (4, 2) [m/s^2]; computed at each use."""
         w, pose = self.velocity, self.velocity.pose
         g = pose.geometry
-        a = _acceleration(_turned(g.crank, 0.0, pose.theta2), w.theta2, self.theta2)
-        b = _acceleration(_turned(g.rocker, 0.0, pose.theta4), w.theta4, self.theta4)
+        a = _acceleration(turned(g.crank, 0.0, pose.theta2), w.theta2, self.theta2)
+        b = _acceleration(turned(g.rocker, 0.0, pose.theta4), w.theta4, self.theta4)
         return np.array([(0.0, 0.0), a, b, (0.0, 0.0)])
 
     def coupler_point(self, u: float, v: float) -> Vector:
         """Return the acceleration (x, y) of the pose's coupler point at u, v [m/s^2]."""
         w, pose = self.velocity, self.velocity.pose
-        crank = _turned(pose.geometry.crank, 0.0, pose.theta2)
+        crank = turned(pose.geometry.crank, 0.0, pose.theta2)
         a = _acceleration(crank, w.theta2, self.theta2)
-        p = _acceleration(_turned(u, v, pose.theta3), w.theta3, self.theta3)
+        p = _acceleration(turned(u, v, pose.theta3), w.theta3, self.theta3)
         return a[0] + p[0], a[1] + p[1]
 
 
@@ -149,12 +148,6 @@ def acceleration(pose: FourBarPose, rate: float, acceleration: float) -> FourBar
     return FourBarAcceleration(float(acceleration), a3, a4, w)
 
 
-def _turned(u: float, v: float, angle: float) -> Vector:
-    """Return (u, v), fixed to a body, in the linkage's plane."""
-    c, s = cos(angle), sin(angle)
-    return u * c - v * s, u * s + v * c
-
-
 def _velocity(r: Vector, rate: float) -> Vector:
     """Return the velocity of the end of r, which turns about its origin."""
     return -rate * r[1], rate * r[0]
@@ -169,4 +162,4 @@ def _acceleration(r: Vector, rate: float, acceleration: float) -> Vector:
 
 
 def _e(angle: float) -> NDArray[np.float64]:
-    return np.array([cos(angle), sin(angle)])
+    return np.array(turned(1.0, 0.0, angle))

@@ -1,6 +1,6 @@
 """A solved pose of the four-bar linkage."""
 
-from math import cos, dist, hypot, nan, sin
+from math import dist, hypot, nan, sin
 from typing import NamedTuple
 
 from klann_ros.kinematics.angles import crank_angle, wrap
@@ -108,8 +108,8 @@ class FourBarPose(NamedTuple):
 
         """
         a_x, a_y = closed_form.crank_pin(self.geometry, self.theta2)
-        c, s = cos(self.theta3), sin(self.theta3)
-        return a_x + u * c - v * s, a_y + u * s + v * c
+        x, y = equations.turned(u, v, self.theta3)
+        return a_x + x, a_y + y
 
 
 def closed_form_pose(geometry: FourBarGeometry, theta2: float) -> FourBarPose:

@@ -13,6 +13,7 @@ from .reach import closes_somewhere
 LENGTHS = ('l_ab', 'l_bc', 'l_dc', 'l_cg', 'l_ef', 'l_fg', 'l_gh')
 COORDINATES = ('x_d', 'y_a', 'x_e', 'y_e')
 BENDS = ('angle_bcg', 'angle_fgh')
+NUMBERS = LENGTHS + COORDINATES + BENDS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +65,7 @@ class KlannGeometry:
 
     def __post_init__(self) -> None:
         """Refuse what is no leg, with the reason."""
-        for name in (*LENGTHS, *COORDINATES, *BENDS):
+        for name in NUMBERS:
             object.__setattr__(self, name, validation.finite(name, getattr(self, name)))
         for name in LENGTHS:
             validation.positive(name, getattr(self, name))

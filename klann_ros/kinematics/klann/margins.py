@@ -4,17 +4,16 @@ from math import hypot, inf, pi
 from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arcs import Arc
+from klann_ros.kinematics.arcs import Arc, GOLDEN
 from klann_ros.kinematics.errors import KinematicsError
 import numpy as np
 
-from .geometry import BENDS, COORDINATES, KlannGeometry, LENGTHS
+from .geometry import BENDS, COORDINATES, KlannGeometry, LENGTHS, NUMBERS
 from .reach import reachable_arcs
-from .turn_clearance import Array, Indices, NUMBERS, turn_clearances
+from .turn_clearance import Array, Indices, turn_clearances
 
 # Values between a number's own and the farthest that could close at all.
 CANDIDATES = 64
-GOLDEN = (5.0**0.5 - 1.0) / 2.0
 # Neither touches a dyad.
 FREE = ('l_gh', 'angle_fgh')
 

@@ -8,9 +8,8 @@ which need not be legs that close: so a number can be changed until its leg turn
 import numpy as np
 from numpy.typing import NDArray
 
-from .geometry import BENDS, COORDINATES, LENGTHS
+from .geometry import NUMBERS
 
-NUMBERS = LENGTHS + COORDINATES + BENDS
 # Crank angles of the search, an even number; then each round looks 8 times closer at the least.
 SAMPLES, ZOOM, ROUNDS = 360, 17, 8
 
@@ -39,10 +38,15 @@ def turn_clearances(legs: Array, assembly: tuple[int, int]) -> Array:
         first is negative the second means nothing.
 
     """
+    return np.stack([first_clearances(legs), _least_second(legs, assembly[0])], axis=1)
+
+
+def first_clearances(legs: Array) -> Array:
+    """Return the least clearance of dyad 1 of each leg over the turn, shape (n,) [m]."""
     l_ab, l_bc, l_dc, *_ = legs.T
     ad = np.hypot(legs[:, NUMBERS.index('x_d')], legs[:, NUMBERS.index('y_a')])
-    first = np.minimum(l_bc + l_dc - (l_ab + ad), abs(l_ab - ad) - abs(l_bc - l_dc))
-    return np.stack([first, _least_second(legs, assembly[0])], axis=1)
+    first: Array = np.minimum(l_bc + l_dc - (l_ab + ad), abs(l_ab - ad) - abs(l_bc - l_dc))
+    return first
 
 
 def _least_second(legs: Array, sign: int) -> Array:

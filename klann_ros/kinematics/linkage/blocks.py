@@ -27,7 +27,7 @@ Gap = Any
 
 
 def terms(row: Complex) -> Terms:
-    """Return the bodies of a loop with their constants w_j, those that are not in it left out."""
+    """Return the bodies of a loop, or of a point, with their constants, the others left out."""
     return tuple((j, complex(w)) for j, w in enumerate(row) if w != 0.0)
 
 

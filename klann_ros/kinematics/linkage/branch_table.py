@@ -63,15 +63,16 @@ class BranchTable:
             The crank angle is not on the branch.
 
         """
-        near = self._near(alpha)
         at = self._within(alpha)
+        near = self._near(at)
         if not self._first <= at <= self._last:
             raise LoopsOpenError(alpha, self._block, self.nearest(alpha))
         return near.ahead(at - near.alpha)
 
     def nearest(self, alpha: float) -> float:
         """Return the crank angle of the nearest row [rad]."""
-        return alpha + self._near(alpha).alpha - self._within(alpha)
+        at = self._within(alpha)
+        return alpha + self._near(at).alpha - at
 
     @property
     def arc(self) -> Arc:
@@ -83,8 +84,7 @@ class BranchTable:
         middle = (self._first + self._last) / 2.0
         return alpha - TURN * round((alpha - middle) / TURN)
 
-    def _near(self, alpha: float) -> Row:
-        at = self._within(alpha)
+    def _near(self, at: float) -> Row:
         i = bisect_left(self._rows, at, key=lambda row: row.alpha)
         neighbours = self._rows[slice(max(0, i - 1), i + 1)]
         return min(neighbours, key=lambda row: abs(row.alpha - at))

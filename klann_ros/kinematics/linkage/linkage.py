@@ -1,7 +1,6 @@
 """A linkage ready to be solved: its description, its equations, its blocks and its branch."""
 
 from collections.abc import Iterator, Sequence, Set as AbstractSet
-from functools import cached_property
 from math import degrees
 
 from klann_ros.kinematics.angles import wrap
@@ -10,7 +9,7 @@ from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
 from numpy.typing import NDArray
 
-from .blocks import CoupledLoops, Dyad
+from .blocks import CoupledLoops, Dyad, terms
 from .configuration import Configuration
 from .decomposition import assembly_order, Group
 from .description import Description
@@ -59,12 +58,10 @@ class Linkage:
         self.equations = loop_equations(description, groups)
         self.joint_names = tuple(body.angle for body in description.bodies)
         self.senses = tuple(body.sense for body in description.bodies)
-        self._i_s = 1j * np.array(self.senses)
+        self.i_s = 1j * np.array(self.senses)
         self.blocks = tuple(self._blocks(groups))
         self.foot = description.points.index(description.foot)
-        self.foot_terms = tuple(
-            (j, complex(w)) for j, w in enumerate(self.equations.q_u[self.foot]) if w != 0.0
-        )
+        self.foot_terms = terms(self.equations.q_u[self.foot])
         self.foot_constant = complex(self.equations.q[self.foot])
         self.start = self._assembled()
         self.assembly = self._signs()
@@ -85,11 +82,6 @@ class Linkage:
     def is_dyadic(self) -> bool:
         """Return whether every block is a dyad, so that two circles each give the pose."""
         return all(isinstance(block, Dyad) for block in self.blocks)
-
-    @cached_property
-    def rounding(self) -> float:
-        """Return what an equation can lose to rounding [m]."""
-        return max((block.rounding for block in self.blocks), default=0.0)
 
     def f(self, alpha: float, x: Sequence[float] | Array) -> Array:
         """
@@ -129,11 +121,11 @@ class Linkage:
 
     def unit_vectors(self, alpha: float, x: Sequence[float] | Array) -> NDArray[np.complex128]:
         """Return u_j = exp(i s_j phi_j) of every body, shape (n,)."""
-        u: NDArray[np.complex128] = np.exp(self._i_s * np.array([alpha, *x]))
+        u: NDArray[np.complex128] = np.exp(self.i_s * np.array([alpha, *x]))
         return u
 
     def _jacobian(self, alpha: float, x: Sequence[float] | Array) -> Array:
-        return _rows(self.equations.w * (self._i_s * self.unit_vectors(alpha, x)))
+        return _rows(self.equations.w * (self.i_s * self.unit_vectors(alpha, x)))
 
     def _blocks(self, groups: Sequence[Group]) -> Iterator[Dyad | CoupledLoops]:
         known = {*self.description.pivots, *self.description.crank.points}

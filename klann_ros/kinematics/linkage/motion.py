@@ -56,7 +56,7 @@ def velocity(pose: LinkagePose, alpha_rate: float) -> LinkageMotion:
     """
     _check(pose, alpha_rate=alpha_rate)
     rates = alpha_rate * np.array([1.0, *pose.coefficients])
-    return _motion(pose, rates, _i_s(pose) * rates * np.array(pose.unit_vectors))
+    return _motion(pose, rates, pose.linkage.i_s * rates * np.array(pose.unit_vectors))
 
 
 def acceleration(pose: LinkagePose, alpha_rate: float, alpha_acceleration: float) -> LinkageMotion:
@@ -85,7 +85,7 @@ def acceleration(pose: LinkagePose, alpha_rate: float, alpha_acceleration: float
     """
     _check(pose, alpha_rate=alpha_rate, alpha_acceleration=alpha_acceleration)
     linkage, u = pose.linkage, pose.unit_vectors
-    i_s = _i_s(pose)
+    i_s = linkage.i_s
     rates = alpha_rate * np.array([1.0, *pose.coefficients])
     accelerations = np.zeros(len(u))
     accelerations[0] = alpha_acceleration
@@ -102,10 +102,6 @@ def _motion(pose: LinkagePose, joints: Array, vectors: NDArray[np.complex128]) -
     points = pose.linkage.points_moved(vectors)
     x, y = points[pose.linkage.foot].tolist()
     return LinkageMotion(tuple(joints.tolist()), points, (x, y))
-
-
-def _i_s(pose: LinkagePose) -> NDArray[np.complex128]:
-    return 1j * np.array(pose.linkage.senses)
 
 
 def _check(pose: LinkagePose, **rates: float) -> None:

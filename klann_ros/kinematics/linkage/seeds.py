@@ -44,6 +44,7 @@ class Seeds:
     def __init__(self, linkage: Linkage) -> None:
         """Follow the branch of the coupled loops."""
         self._linkage = linkage
+        self._dyads = [block for block in linkage.blocks if isinstance(block, Dyad)]
         self._tables: dict[int, BranchTable] = {}
         for place, block in enumerate(linkage.blocks):
             if isinstance(block, CoupledLoops):
@@ -72,12 +73,10 @@ class Seeds:
         """Return the arcs of crank angles at which every block closes [rad]."""
         # Each table was followed with the blocks before it closed, so the last holds them all.
         arc = [(0.0, TURN), *(table.arc for table in self._tables.values())][-1]
-        has_dyads = len(self._tables) < len(self._linkage.blocks)
-        return normal(arcs_inside(self._clearance, arc) if has_dyads else [arc])
+        return normal(arcs_inside(self._clearance, arc) if self._dyads else [arc])
 
     def _clearance(self, alpha: float) -> float:
         """Return the clearance of the dyad that fails [m], or else the least of all dyads."""
-        dyads = [block for block in self._linkage.blocks if isinstance(block, Dyad)]
         try:
             u = self.assembled(alpha).u
         except UnreachableError as error:
@@ -85,7 +84,7 @@ class Seeds:
             return min(-error.shortfall, -float_info.min)
         except LoopsOpenError:
             return -float_info.min
-        return max(0.0, min(dyad.clearance(u) for dyad in dyads))
+        return max(0.0, min(dyad.clearance(u) for dyad in self._dyads))
 
     def _assembled(self, alpha: float, count: int) -> Configuration:
         """Return a configuration in which the first `count` blocks are closed."""
