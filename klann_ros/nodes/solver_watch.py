@@ -119,7 +119,9 @@ class SolverWatch:
         self.waiting.add(name)
 
     def _on_event(self, event: ParameterEvent) -> None:
-        changed = {p.name for p in (*event.new_parameters, *event.changed_parameters)}
+        parameters = (*event.new_parameters, *event.changed_parameters)
+        # A named leg's length has its name before it.
+        changed = {parameter.name.rpartition('.')[2] for parameter in parameters}
         if event.node in self._questions and changed & set(geometry_parameters.NAMES):
             self._want(event.node)
 

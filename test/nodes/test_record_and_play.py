@@ -287,6 +287,18 @@ def test_a_leg_that_is_set_to_what_it_is_is_no_change(ros: World, tmp_path: Path
     assert solver_lengths(folder) == [0.43, 0.5]
 
 
+def test_a_change_of_a_named_leg_is_in_the_run(ros: World, tmp_path: Path) -> None:
+    folder = tmp_path / 'run'
+    recorder = ros.start('recorder_node', output=folder)
+    ros.start('solver_node', legs='[left, right]')
+    ros.probe.until(lambda: len(solver_lengths(folder, 'right.l_gh')) == 1)
+    set_length(ros, 0.5, 'right.l_gh')
+    ros.probe.until(lambda: 0.5 in solver_lengths(folder, 'right.l_gh'))
+    assert recorder.stop() == 0
+    assert solver_lengths(folder, 'right.l_gh') == [0.43, 0.5]
+    assert solver_lengths(folder, 'left.l_gh') == [0.43, 0.43]
+
+
 def test_a_solver_whose_answer_was_lost_is_asked_again(ros: World, tmp_path: Path) -> None:
     folder = tmp_path / 'run'
     recorder = ros.start('recorder_node', output=folder)
@@ -304,22 +316,22 @@ def test_a_solver_whose_answer_was_lost_is_asked_again(ros: World, tmp_path: Pat
     solver.destroy_node()
 
 
-def set_length(ros: World, length: float) -> None:
-    """Set l_gh of the solver."""
-    parameter = Parameter('l_gh', value=length).to_parameter_msg()
+def set_length(ros: World, length: float, name: str = 'l_gh') -> None:
+    """Set a length of the solver."""
+    parameter = Parameter(name, value=length).to_parameter_msg()
     request = SetParameters.Request(parameters=[parameter])
     response = ros.probe.call(SetParameters, 'solver_node/set_parameters', request)
     assert response.results[0].successful
 
 
-def solver_lengths(folder: Path) -> list[float]:
-    """Return l_gh of each solver record in a run that may still be written."""
+def solver_lengths(folder: Path, name: str = 'l_gh') -> list[float]:
+    """Return a length of each solver record in a run that may still be written."""
     try:
         with open_log(folder) as log:
             records = log.metadata.get('klann_ros.solver', [])
     except NotALogError:
         return []
-    return [solver_parameters(record).parameters['l_gh'] for record in records]
+    return [solver_parameters(record).parameters[name] for record in records]
 
 
 def test_a_publisher_that_starts_anew_has_lost_nothing(ros: World, tmp_path: Path) -> None:
