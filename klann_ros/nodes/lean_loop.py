@@ -141,12 +141,11 @@ class LeanLoop:
             held.enter_context(context)
             wait_set = rclpy_implementation.WaitSet(len(handles), 1, 0, 0, 0, len(events), context)
             while True:
-                wait_set.clear_entities()
-                wait_set.add_guard_condition(guard)
-                for handle in handles:
-                    wait_set.add_subscription(handle)
-                for event in events:
-                    event.add_to_wait_set(wait_set)
+                try:
+                    _fill(wait_set, guard, handles, events)
+                except InvalidHandle:
+                    # Another thread has asked for the end of one of them: begin anew without it.
+                    return
                 wait_set.wait(-1)
                 if self._context_ended:
                     raise executors.ExternalShutdownException
@@ -174,7 +173,17 @@ class LeanLoop:
     def _run_events(self, events: list[Any], wait_set: Any) -> None:
         for event in events:
             if event.is_ready(wait_set):
-                self._executor.create_task(event.execute, event.take_data())
+                with suppress(InvalidHandle):  # as above
+                    self._executor.create_task(event.execute, event.take_data())
+
+
+def _fill(wait_set: Any, guard: Any, handles: list[Any], events: list[Any]) -> None:
+    wait_set.clear_entities()
+    wait_set.add_guard_condition(guard)
+    for handle in handles:
+        wait_set.add_subscription(handle)
+    for event in events:
+        event.add_to_wait_set(wait_set)
 
 
 def _take(takes: list[Any], wait_set: Any) -> bool:
