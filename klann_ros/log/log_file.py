@@ -15,20 +15,19 @@ from .container import find_footer, MAGIC, read, span_at
 from .errors import DamagedError, NotALogError
 from .parsing import parse, parse_attachment
 from .records import Message
+from .sources import Source
 from .summary import read_summary, Summary
 from .walk import Walk
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator
+    from collections.abc import Collection, Iterator
     from pathlib import Path
-    from typing import BinaryIO, TypeAlias
+    from typing import BinaryIO
 
     from mcap.records import ChunkIndex
 
     from .chunks import Content
     from .records import Attachment, Topic
-
-    Source: TypeAlias = tuple[int, Callable[[], Iterator[Message]]]
 
 
 @dataclass(frozen=True)
@@ -106,11 +105,12 @@ class LogFile:
         known.update(self.summary.channels)
         return known
 
-    def index_sources(self, topics: Collection[str] | None) -> Iterator[Source]:
-        """Yield for each chunk in the index when it starts and how to get its messages."""
+    def index_sources(self) -> Iterator[Source]:
+        """Yield each chunk in the index."""
         for chunk in self.summary.chunks:
-            if self._is_wanted(chunk, topics):
-                yield chunk.message_start_time, partial(self._chunk, chunk, topics)
+            yield Source(
+                chunk.message_start_time, chunk.message_end_time, partial(self._chunk, chunk)
+            )
 
     def walk_messages(self, topics: Collection[str] | None) -> Iterator[Message]:
         """Yield all intact messages in the order in which they stand in the file."""
@@ -229,6 +229,8 @@ class LogFile:
 
     def _chunk(self, chunk: ChunkIndex, topics: Collection[str] | None) -> Iterator[Message]:
         """Yield a chunk's messages ordered by log time; none if it is damaged."""
+        if not self._is_wanted(chunk, topics):
+            return
         offset = chunk.chunk_start_offset
         record = self._content_at(offset, Opcode.CHUNK)
         if record is None:

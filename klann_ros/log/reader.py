@@ -7,24 +7,21 @@ damaged is left out and told by :attr:`Log.problem`. An OSError comes of the dis
 
 from __future__ import annotations
 
-from collections import deque
-from functools import partial
-import heapq
 from typing import TYPE_CHECKING
 
 from .errors import NotALogError
 from .log_file import LogFile
 from .run_files import run_files
+from .sources import in_time_order, latest, Source
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
     from types import TracebackType
 
     from typing_extensions import Self
 
     from .errors import AnyPath
-    from .log_file import Source
     from .records import Attachment, Message
     from .run_files import RunFiles
 
@@ -55,6 +52,7 @@ class Log:
         self.start_time = min((start for start, _ in times), default=0)
         self.end_time = max((end for _, end in times), default=0)
         self.topics = tuple(dict.fromkeys(topic for item in overviews for topic in item.topics))
+        self._sources = list(self._make_sources())
         self.metadata: dict[str, list[dict[str, str]]] = {}
         for file, overview in self._files:
             for offset in overview.metadata:
@@ -66,7 +64,7 @@ class Log:
         found = [
             f'{file.path.name} at byte {problem.offset}: {problem.text}'
             for file, _ in self._files
-            for problem in file.problems.values()
+            for problem in list(file.problems.values())
         ]
         return (*self._problems, *found)
 
@@ -91,7 +89,13 @@ class Log:
         )
         return tuple(attachment for attachment in found if attachment is not None)
 
-    def messages(self, topics: Iterable[str] | None = None) -> Iterator[Message]:
+    def messages(
+        self,
+        topics: Iterable[str] | None = None,
+        *,
+        start: int | None = None,
+        end: int | None = None,
+    ) -> Iterator[Message]:
         """
         Yield the messages in the order of their log times.
 
@@ -102,10 +106,33 @@ class Log:
         ----------
         topics
             Names of the topics that are wanted; all by default.
+        start, end
+            The first and the last log time that is wanted [ns]; chunks before and after are not
+            unpacked, as far as an index tells of them.
 
         """
         wanted = None if topics is None else frozenset(topics)
-        return _in_time_order(self._sources(wanted))
+        if start is None and end is None:
+            return in_time_order(self._sources, wanted)
+        first = self.start_time if start is None else start
+        last = self.end_time if end is None else end
+        within = [s for s in self._sources if s.end >= first and s.start <= last]
+        found = in_time_order(within, wanted)
+        return (message for message in found if first <= message.log_time <= last)
+
+    def latest(self, counts: Mapping[str, int], before: int) -> list[Message]:
+        """
+        Return the last messages before a log time [ns], in the order of their log times.
+
+        Parameters
+        ----------
+        counts
+            How many are wanted of which topic.
+        before
+            The time before which they were received.
+
+        """
+        return latest(self._sources, counts, before)
 
     def close(self) -> None:
         """Let go of the log; what it has told stays valid. Files are open only while read."""
@@ -127,14 +154,12 @@ class Log:
             name, content = record
             self.metadata.setdefault(name, []).append(content)
 
-    def _sources(self, topics: Collection[str] | None) -> list[Source]:
-        sources: list[Source] = []
+    def _make_sources(self) -> Iterator[Source]:
         for file, overview in self._files:
             if file.summary.is_index:
-                sources.extend(file.index_sources(topics))
+                yield from file.index_sources()
             elif overview.times is not None:
-                sources.append((overview.times[0], partial(file.walk_messages, topics)))
-        return sources
+                yield Source(*overview.times, file.walk_messages)
 
 
 def open_log(path: AnyPath) -> Log:
@@ -169,26 +194,6 @@ def open_files(path: AnyPath) -> tuple[list[LogFile], RunFiles]:
         raise failures[0]
     found.missing += [str(failure) for failure in failures]
     return files, found
-
-
-def _in_time_order(sources: list[Source]) -> Iterator[Message]:
-    """
-    Merge sources by log time, each started when its time has come.
-
-    That way only chunks that overlap are unpacked at the same time.
-    """
-    waiting = deque(sorted((start, number) for number, (start, _) in enumerate(sources)))
-    started: list[tuple[int, int, Message, Iterator[Message]]] = []
-    while waiting or started:
-        if waiting and (not started or waiting[0] <= started[0][:2]):
-            _, number = waiting.popleft()
-            messages = sources[number][1]()
-        else:
-            _, number, message, messages = heapq.heappop(started)
-            yield message
-        following = next(messages, None)
-        if following is not None:
-            heapq.heappush(started, (following.log_time, number, following, messages))
 
 
 def _try(path: Path) -> LogFile | NotALogError:
