@@ -1,0 +1,84 @@
+"""Where playback is in a log, as a function of a monotonic time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf
+
+RATES = (1e-6, 1e6)
+"""The least and the greatest rate."""
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """
+    A position in a log that runs, or stands still.
+
+    Every change is a new timeline, so that no error can add up: while nothing changes, a message
+    of position p is due at ``since + (p - position) / rate``, also after hours.
+
+    Parameters
+    ----------
+    position
+        Where it is at ``since``, counted from the start of the log [s].
+    rate
+        How fast it runs: 2 is twice as fast as it was recorded.
+    since
+        The time from which it runs [s]; None while it stands still.
+    floor
+        What was told already [s]: a position never runs backwards, it waits there.
+
+    Raises
+    ------
+    ValueError
+        The rate is not within ``RATES``.
+
+    """
+
+    position: float = 0.0
+    rate: float = 1.0
+    since: float | None = None
+    floor: float = -inf
+
+    def __post_init__(self) -> None:
+        least, most = RATES
+        if not least <= self.rate <= most:
+            msg = f'rate = {self.rate} is refused: it must be within {least:g} .. {most:g}'
+            raise ValueError(msg)
+
+    def at(self, now: float) -> float:
+        """Return the position at a time [s]."""
+        return max(self.floor, self._exact(now))
+
+    def due(self, position: float) -> float:
+        """Return when a position is due [s]; infinite while the timeline stands still."""
+        if self.since is None:
+            return inf
+        return self.since + (position - self.position) / self.rate
+
+    def started(self, now: float) -> Timeline:
+        """Return it running from where it is."""
+        return replace(self, position=self._exact(now), since=now)
+
+    def stopped(self, now: float) -> Timeline:
+        """Return it standing where it is."""
+        return replace(self, position=self._exact(now), since=None)
+
+    def at_rate(self, rate: float, now: float) -> Timeline:
+        """Return it with another rate from here on."""
+        since = None if self.since is None else now
+        return replace(self, position=self._exact(now), rate=rate, since=since)
+
+    def moved(self, position: float, now: float) -> Timeline:
+        """Return it at another position, which may lie behind; it runs if it did."""
+        since = None if self.since is None else now
+        return replace(self, position=position, since=since, floor=-inf)
+
+    def held_up(self, position: float, now: float) -> Timeline:
+        """Return it as if it had come no further than a position, without running backwards."""
+        return replace(self.moved(position, now), floor=self.at(now))
+
+    def _exact(self, now: float) -> float:
+        if self.since is None:
+            return self.position
+        return self.position + max(0.0, now - self.since) * self.rate
