@@ -16,6 +16,9 @@ from .errors import MalformedQosError
 INFINITE = 2**63 - 1
 """A duration without end [ns]."""
 
+MOST_LATCHED = 2000
+"""More messages than these count for nobody who comes late."""
+
 _NS = 10**9
 
 # Each policy's words, at the place of its number in rmw.
@@ -122,6 +125,20 @@ def qos_from_yaml(text: str) -> list[Qos]:
     if not isinstance(data, list):
         raise MalformedQosError(f'a {type(data).__name__}, not a sequence of profiles')
     return [_profile(item) for item in data]
+
+
+def latched_count(profiles: Iterable[Qos]) -> int:
+    """
+    Return how many messages the publishers of a topic keep for those who come late.
+
+    Discovery does not tell a depth, so most logs do not know it; then it counts as 1.
+    """
+    counts = (
+        MOST_LATCHED if profile.history == 'keep_all' else max(1, profile.depth)
+        for profile in profiles
+        if profile.durability == 'transient_local'
+    )
+    return min(sum(counts), MOST_LATCHED)
 
 
 def qos_for_writing(text: str) -> str:

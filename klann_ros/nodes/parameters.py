@@ -63,6 +63,14 @@ class Declared:
             return bool(self.limits[0] <= value <= self.limits[1])
         return not self.choices or value in self.choices
 
+    def refusal(self, value: Any) -> str:
+        """Return why a value of the right type is refused; '' if it is not."""
+        if self.any_number and (isinstance(value, bool) or not isinstance(value, int | float)):
+            return f'parameter {self.name} must be a number'
+        if not self.allows(value):
+            return f'{self.name} = {value!r} is refused: it must be {self.allowed}'
+        return ''
+
 
 def declare(node: Node, parameters: Sequence[Declared]) -> dict[str, Any]:
     """
@@ -103,13 +111,12 @@ def _declare(node: Node, parameter: Declared) -> Any:
         hint = ' (write 1.0, not 1)' if kind == 'double' else ''
         msg = f'parameter {parameter.name} must be of type {kind}{hint}'
         raise StartError(msg) from error
-    if parameter.any_number and (isinstance(value, bool) or not isinstance(value, int | float)):
-        msg = f'parameter {parameter.name} must be a number'
-        raise StartError(msg)
     if value is None:
         msg = f'parameter {parameter.name} has no value'
         raise StartError(msg)
-    must(parameter.allows(value), parameter.name, value, parameter.allowed)
+    reason = parameter.refusal(value)
+    if reason:
+        raise StartError(reason)
     return list(value) if isinstance(parameter.default, list) else value
 
 

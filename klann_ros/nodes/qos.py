@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from klann_ros.log.qos import Qos
+from klann_ros.log.qos import latched_count, Qos
 from rclpy.duration import Duration
 from rclpy.qos import (
     DurabilityPolicy,
@@ -14,6 +14,8 @@ from rclpy.qos import (
 
 # Bursts overwrite a shallow queue before anyone can take them.
 DEPTH = 2000
+# Where a log does not tell how many messages a latched topic kept; most keep 1.
+LATCHED_DEPTH = 10
 
 INPUT = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 OUTPUT = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
@@ -52,24 +54,43 @@ def to_receive(profiles: Sequence[QoSProfile]) -> QoSProfile:
 
 def to_publish(offered: Sequence[Qos]) -> QoSProfile:
     """
-    Return the profile to publish a recorded topic with: the first publisher's.
+    Return the profile that everybody hears who heard one of the recorded publishers.
 
-    Discovery does not tell a publisher's history and depth, so a log does not know them; they
-    are as deep as this package's own.
+    It is reliable or latched where one of them was; durations and liveliness are the first's.
+    Discovery does not tell a publisher's history and depth, so most logs do not know them.
     """
     if not offered:
         return OUTPUT
     first = offered[0]
+    latched = latched_count(offered)
+    known = any(profile.depth or profile.history == 'keep_all' for profile in offered)
+    # Who comes late to a latched topic shall not hear more than there was; the others' queues
+    # are as deep as this package's own at least.
+    depth = max(latched, 0 if known else LATCHED_DEPTH) if latched else max(first.depth, DEPTH)
+    words = {
+        _policy(ReliabilityPolicy, p.reliability, ReliabilityPolicy.RELIABLE) for p in offered
+    }
+    reliable = ReliabilityPolicy.RELIABLE in words
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=max(first.depth, DEPTH),
-        reliability=_policy(ReliabilityPolicy, first.reliability, ReliabilityPolicy.RELIABLE),
-        durability=_policy(DurabilityPolicy, first.durability, DurabilityPolicy.VOLATILE),
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
         deadline=Duration(nanoseconds=first.deadline),
         lifespan=Duration(nanoseconds=first.lifespan),
         liveliness=_policy(LivelinessPolicy, first.liveliness, LivelinessPolicy.AUTOMATIC),
         liveliness_lease_duration=Duration(nanoseconds=first.liveliness_lease_duration),
         avoid_ros_namespace_conventions=first.avoid_ros_namespace_conventions,
+    )
+
+
+def plain(profile: QoSProfile) -> QoSProfile:
+    """Return a profile without durations and liveliness, for those that cannot be offered."""
+    return QoSProfile(
+        history=profile.history,
+        depth=profile.depth,
+        reliability=profile.reliability,
+        durability=profile.durability,
     )
 
 

@@ -1,0 +1,138 @@
+"""The topics of a log, published as they were recorded."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from klann_ros.log.errors import MalformedQosError
+from klann_ros.log.qos import latched_count, Qos, qos_from_yaml
+from klann_ros.log.records import Message, Topic
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.duration import Duration
+from rclpy.exceptions import NameValidationException
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import ReliabilityPolicy
+
+from .message_types import message_class, UnknownMessageTypeError
+from .qos import plain, to_publish
+
+# How often a complaint about messages is logged at most [s].
+THROTTLE = 2.0
+
+
+class PlayedTopics:
+    """
+    A publisher for each topic; why one cannot be played is logged.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Whose publishers they are. In a namespace a replay does not meet the live topics.
+    topics : iterable of Topic
+        What is played.
+    renamed : mapping of str to str
+        Full names under which topics are published instead of their own.
+
+    Attributes
+    ----------
+    latched : dict of str to int
+        How many of its last messages each latched topic keeps for those who come late.
+
+    """
+
+    def __init__(self, node: Node, topics: Iterable[Topic], renamed: Mapping[str, str]) -> None:
+        """Make the publishers."""
+        self._node = node
+        self._renamed = renamed
+        self._made: dict[Topic, Publisher] = {}
+        self.latched: dict[str, int] = {}
+        by_name: dict[str, list[Topic]] = {}
+        for topic in topics:
+            by_name.setdefault(topic.name, []).append(topic)
+        for name, channels in by_name.items():
+            self._try(name, channels)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Return the names in the log of what is played."""
+        return frozenset(topic.name for topic in self._made)
+
+    def publish(self, message: Message) -> None:
+        """Publish a message's bytes."""
+        publisher = self._made.get(message.topic)
+        if publisher is None:
+            return
+        try:
+            publisher.publish(message.data)
+        except RCLError as error:
+            self._node.get_logger().error(
+                f'a message of {message.topic.name} is left out: {_line(error)}',
+                throttle_duration_sec=THROTTLE,
+            )
+
+    def flush(self, seconds: float) -> None:
+        """Wait until what is under way has arrived, but not for ever [s]."""
+        for publisher in set(self._made.values()):
+            if publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE:
+                publisher.wait_for_all_acked(Duration(seconds=seconds))
+
+    def _try(self, name: str, channels: Sequence[Topic]) -> None:
+        try:
+            self._make(name, channels)
+        except (UnknownMessageTypeError, NameValidationException, RCLError) as error:
+            self._warn(f'{name} is not played: {_line(error)}')
+
+    def _make(self, name: str, channels: Sequence[Topic]) -> None:
+        """Make the one publisher of a topic that may have been recorded in several channels."""
+        first = channels[0]
+        kind = _kind(first)
+        alike = [topic for topic in channels if _is_alike(topic, first)]
+        for topic in channels:
+            if topic not in alike:
+                self._warn(
+                    f'{name} is not played as {topic.type} ({topic.message_encoding}): '
+                    f'in the same log it is {first.type}'
+                )
+        offered = [qos for topic in alike for qos in self._offered(topic)]
+        publisher = self._publisher(kind, name, offered)
+        self._made.update(dict.fromkeys(alike, publisher))
+        if offered and latched_count(offered):
+            self.latched[name] = latched_count(offered)
+
+    def _publisher(self, kind: type, name: str, offered: Sequence[Qos]) -> Publisher:
+        new = self._renamed.get(name, name)
+        full = f'{self._node.get_namespace().rstrip("/")}/{new.lstrip("/")}'
+        profile = to_publish(offered)
+        try:
+            return self._node.create_publisher(kind, full, profile)
+        except RCLError:
+            if plain(profile) == profile:
+                raise
+        publisher = self._node.create_publisher(kind, full, plain(profile))
+        self._warn(f'{name} is played without its recorded deadline, lifespan and liveliness')
+        return publisher
+
+    def _offered(self, topic: Topic) -> list[Qos]:
+        try:
+            return qos_from_yaml(topic.qos)
+        except MalformedQosError as error:
+            self._warn(f'{topic.name} is played reliable and volatile: {error}')
+            return []
+
+    def _warn(self, text: str) -> None:
+        self._node.get_logger().warning(text)
+
+
+def _kind(topic: Topic) -> type:
+    if topic.message_encoding != 'cdr':
+        msg = f'its messages are {topic.message_encoding or "of no encoding"}, not cdr'
+        raise UnknownMessageTypeError(msg)
+    kind: type = message_class(topic.type)
+    return kind
+
+
+def _is_alike(topic: Topic, other: Topic) -> bool:
+    return (topic.type, topic.message_encoding) == (other.type, other.message_encoding)
+
+
+def _line(error: Exception) -> str:
+    return ' '.join(str(error).split()).partition(', at /')[0]
