@@ -76,7 +76,7 @@ class PlayerNode(ProcessNode):
         self._warn(options)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(REPORT_PERIOD, self._report, clock=steady)
-        self._clock = LogClock(self, options.clock, self._time) if options.clock else None
+        self._log_clock = LogClock(self, options.clock, self._time) if options.clock else None
         self._stopped = Event()
         self._thread = Thread(target=self._play, name='player', daemon=True)
         self._thread.start()
@@ -94,8 +94,8 @@ class PlayerNode(ProcessNode):
             self._stopped.wait(self._delay)
             for messages in self._playback.passes():
                 # The messages after a jump are of the new time.
-                if self._clock is not None:
-                    self._clock.tell()
+                if self._log_clock is not None:
+                    self._log_clock.tell()
                 for message in messages:
                     self._topics.publish(message)
                 self._report()

@@ -1,0 +1,263 @@
+"""A replay is steered by services and parameters; real processes, real DDS, real signals."""
+
+from collections.abc import Iterator
+from pathlib import Path
+import signal
+from typing import Any
+
+from bags import COUNT, LENGTH, PERIOD, START, write_bag, write_split_bag
+from domain import own_domain
+from mcap.writer import CompressionType, IndexType
+import pytest
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_world import Process, World, world
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64, String
+from std_srvs.srv import Trigger
+
+# So slow that nothing but the first message is ever due, and still of the log's time.
+STILL = 1e-5
+
+
+class Steered:
+    """A player that was started paused, and all that it publishes."""
+
+    def __init__(self, ros: World, bag: Path) -> None:
+        self.ros = ros
+        self.numbers = ros.probe.listen(Float64, 'number')
+        self.texts = ros.probe.listen(String, 'robot_description')
+        self.clock = ros.probe.listen(Clock, '/clock')
+        self.process = ros.start(
+            'player_node', str(bag), '--start-paused', '--loop', '--clock', '50', '--delay', '1'
+        )
+        ros.probe.until(lambda: self.texts == [] and self.clock)
+
+    def call(self, name: str) -> Trigger.Response:
+        return self.ros.probe.call(Trigger, f'player_node/{name}', Trigger.Request())
+
+    def set(self, name: str, value: object) -> Any:
+        parameter = Parameter(name, value=value).to_parameter_msg()
+        request = SetParameters.Request(parameters=[parameter])
+        return self.ros.probe.call(SetParameters, 'player_node/set_parameters', request).results[0]
+
+    @property
+    def position(self) -> float:
+        request = GetParameters.Request(names=['position'])
+        answer = self.ros.probe.call(GetParameters, 'player_node/get_parameters', request)
+        return float(answer.values[0].double_value)
+
+    @property
+    def time(self) -> int:
+        stamp = self.clock[-1].clock
+        return int(stamp.sec * 10**9 + stamp.nanosec)
+
+    def pause_at(self, position: float) -> None:
+        """Stand at a position, and forget what came before."""
+        assert self.call('pause').success
+        assert self.set('rate', 1.0).successful
+        assert self.set('position', position).successful
+        self.ros.probe.until(lambda: self.time == START + round(position * 1e9))
+        self.ros.probe.spin(0.1)
+        for received in (self.numbers, self.texts, self.clock):
+            received.clear()
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_split_bag(tmp_path_factory.mktemp('bags') / 'split')
+
+
+@pytest.fixture(scope='module')
+def one_player(bag: Path) -> Iterator[Steered]:
+    with own_domain() as domain, world(domain, bag.parent) as ros:
+        yield Steered(ros, bag)
+
+
+@pytest.fixture
+def player(one_player: Steered) -> Steered:
+    one_player.pause_at(0.5)
+    return one_player
+
+
+def values(numbers: list[Float64]) -> list[float]:
+    return [message.data for message in numbers]
+
+
+def test_a_paused_player_publishes_nothing_but_a_clock_that_stands(player: Steered) -> None:
+    player.ros.probe.until(lambda: len(player.clock) >= 5)
+    assert player.numbers == []
+    assert {stamp.clock.nanosec for stamp in player.clock} == {500_000_000}
+
+
+def test_a_step_publishes_exactly_the_next_message(player: Steered) -> None:
+    for n in (50, 51, 52):
+        answer = player.call('step')
+        assert answer.success, answer.message
+        player.ros.probe.until(lambda n=n: values(player.numbers)[-1:] == [n])
+        assert player.position == pytest.approx(n * PERIOD / 1e9)
+    player.ros.probe.spin(0.1)
+    assert values(player.numbers) == [50, 51, 52]
+
+
+def test_a_step_is_refused_while_it_plays(player: Steered) -> None:
+    assert player.set('rate', STILL).successful
+    assert player.call('resume').success
+    answer = player.call('step')
+    assert not answer.success
+    assert answer.message == 'it is playing; pause it first'
+
+
+def test_a_resumed_player_goes_on_where_it_was(player: Steered) -> None:
+    player.ros.probe.spin(0.7)
+    assert player.call('resume').success
+    player.ros.probe.until(lambda: len(player.numbers) >= 50)
+    assert values(player.numbers)[:50] == list(range(50, 100))
+
+
+def test_a_pause_tells_where_it_is(player: Steered) -> None:
+    assert player.call('resume').success
+    player.ros.probe.until(lambda: len(player.numbers) >= 10)
+    answer = player.call('pause')
+    assert answer.message == f'paused at {player.position:.6f} s'
+    assert 0.59 <= player.position <= LENGTH
+    assert player.call('pause').success
+
+
+def test_a_rate_is_changed_while_it_plays(player: Steered) -> None:
+    assert player.set('rate', STILL).successful
+    assert player.call('resume').success
+    player.ros.probe.until(lambda: values(player.numbers) == [50])
+    player.ros.probe.spin(0.1)
+    assert player.set('rate', 2).successful
+    player.ros.probe.until(lambda: len(player.numbers) >= 50)
+    assert values(player.numbers)[:50] == list(range(50, 100))
+
+
+def test_a_jump_publishes_what_was_latched_there(player: Steered) -> None:
+    assert player.set('position', 0.005).successful
+    player.ros.probe.until(lambda: player.texts)
+    assert player.set('position', 0.99).successful
+    player.ros.probe.until(lambda: len(player.texts) >= 2)
+    assert [message.data for message in player.texts] == ['older', 'newer']
+    assert player.numbers == []
+
+
+def test_a_late_subscriber_hears_what_is_latched_once(player: Steered) -> None:
+    qos = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    heard = player.ros.probe.listen(String, 'robot_description', qos)
+    player.ros.probe.until(lambda: heard)
+    player.ros.probe.spin(0.1)
+    assert [message.data for message in heard] == ['newer']
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'reason'),
+    [
+        ('position', -1, 'position = -1 is refused: it must be within 0 .. 0.99'),
+        ('position', 1.0, 'position = 1.0 is refused: it must be within 0 .. 0.99'),
+        ('position', 'end', 'parameter position must be a number'),
+        ('rate', 0, 'rate = 0 is refused: it must be within 1e-06 .. 1e+06'),
+        ('rate', float('nan'), 'rate = nan is refused'),
+        ('rate', True, 'parameter rate must be a number'),
+    ],
+)
+def test_what_makes_no_sense_is_refused_with_the_reason(
+    player: Steered, name: str, value: object, reason: str
+) -> None:
+    result = player.set(name, value)
+    assert not result.successful
+    assert reason in result.reason
+    assert player.position == 0.5
+
+
+def test_a_loop_takes_the_clock_back(player: Steered) -> None:
+    assert player.set('position', 0.9).successful
+    assert player.call('resume').success
+    player.ros.probe.until(lambda: values(player.numbers)[:11] == [*range(90, 100), 0])
+    player.ros.probe.until(lambda: player.time < START + 5e8)
+
+
+def played(
+    ros: World, bag: Path, *arguments: str, name: str = 'number'
+) -> tuple[Process, list[float]]:
+    """Play a log to its end; return the process and the numbers that came."""
+    heard = ros.probe.listen(Float64, name)
+    process = ros.start('player_node', str(bag), '--delay', '1', *arguments)
+    assert process.wait() == 0
+    ros.probe.spin(0.2)
+    return process, values(heard)
+
+
+def test_a_split_bag_plays_through_from_an_offset_and_says_what_is_left_out(
+    ros: World, bag: Path
+) -> None:
+    process, heard = played(ros, bag, '--start-offset', '0.31', '--rate', '5')
+    assert heard == list(range(31, COUNT))
+    assert "/unknown is not played: message type 'nobody_msgs/msg/Has'" in process.errors
+    assert '/json is not played: its messages are json, not cdr' in process.errors
+
+
+def test_a_log_of_any_shape_plays_to_its_end(ros: World, tmp_path: Path) -> None:
+    shapes: dict[str, dict[str, Any]] = {
+        'zstd': {'compression': CompressionType.ZSTD},
+        'none': {'compression': CompressionType.NONE},
+        'unchunked': {'use_chunking': False},
+        'no_index': {'index_types': IndexType.NONE, 'compression': CompressionType.LZ4},
+    }
+    heard = {shape: ros.probe.listen(Float64, f'/{shape}/number') for shape in shapes}
+    # All at once: to start costs more than to play.
+    players = [
+        ros.start(
+            'player_node',
+            str(write_bag(tmp_path / f'{shape}.mcap', **options)),
+            *('--start-offset', '0.5', '--delay', '2', '--ros-args', '-r', f'__ns:=/{shape}'),
+        )
+        for shape, options in shapes.items()
+    ]
+    ros.probe.until(lambda: all(len(found) >= 50 for found in heard.values()))
+    assert [player.wait() for player in players] == [0] * len(shapes)
+    for shape, found in heard.items():
+        assert values(found) == list(range(50, COUNT)), shape
+
+
+def test_a_damaged_log_plays_what_is_intact_and_says_what_is_not(
+    ros: World, tmp_path: Path
+) -> None:
+    path = write_bag(tmp_path / 'bag.mcap', compression=CompressionType.NONE)
+    data = bytearray(path.read_bytes())
+    data[data.index((b'\0\1\0\0' + bytes(6) + b'\x49\x40')) + 4] ^= 1  # the number 50
+    path.write_bytes(data)
+    process, heard = played(ros, path, '--rate', '5')
+    assert 50 not in heard
+    assert heard == sorted(heard)
+    assert len(heard) > 80
+    assert 'the CRC of the chunk is' in process.errors
+
+
+def test_a_player_that_was_stopped_goes_on_without_a_burst(ros: World, bag: Path) -> None:
+    heard = ros.probe.listen(Float64, 'number')
+    process = ros.start('player_node', str(bag), '--delay', '1')
+    ros.probe.until(lambda: len(heard) >= 10)
+    process.popen.send_signal(signal.SIGSTOP)
+    ros.probe.spin(1.0)
+    process.popen.send_signal(signal.SIGCONT)
+    assert process.wait() == 0
+    ros.probe.spin(0.2)
+    assert values(heard) == list(range(COUNT))
+    assert 'playback was held up for ' in process.errors
+
+
+def test_a_topic_of_two_types_is_played_as_the_first(ros: World, tmp_path: Path) -> None:
+    folder = write_split_bag(tmp_path / 'bag')
+    process, heard = played(ros, folder, '--remap', 'robot_description:=number', '--rate', '9')
+    assert heard == list(range(COUNT))
+    assert '/robot_description is not played: ' in process.errors
+
+
+def test_a_paused_player_is_stopped_by_a_signal(ros: World, bag: Path) -> None:
+    process = ros.start('player_node', str(bag), '--start-paused', '--delay', '0')
+    ros.probe.until(lambda: 'player_node' in ros.probe.node.get_node_names())
+    assert process.stop(signal.SIGTERM) == 0
+    assert 'Traceback' not in process.errors
