@@ -227,7 +227,7 @@ def test_a_damaged_log_plays_what_is_intact_and_says_what_is_not(
 ) -> None:
     path = write_bag(tmp_path / 'bag.mcap', compression=CompressionType.NONE)
     data = bytearray(path.read_bytes())
-    data[data.index((b'\0\1\0\0' + bytes(6) + b'\x49\x40')) + 4] ^= 1  # the number 50
+    data[data.index(b'\0\1\0\0' + bytes(6) + b'\x49\x40') + 4] ^= 1  # the number 50
     path.write_bytes(data)
     process, heard = played(ros, path, '--rate', '5')
     assert 50 not in heard
