@@ -4,7 +4,9 @@ Play a run back into a viewer: player_node, the frames of the run's legs, RViz i
     ros2 launch klann_ros replay.launch.py log:=runs/first rviz:=true
 
 params_file must be that of the run. A replay must not meet live topics nor live frames: end the
-live nodes first. It takes the arguments of description.launch.py as well.
+live nodes first, and whatever else publishes /clock. The viewers take the time of the run: without
+it their frames are as old as the run, and a loop lets them stand still, because nothing follows
+stamps that go back. It takes the arguments of description.launch.py as well.
 """
 
 from launch import LaunchContext, LaunchDescription
@@ -14,6 +16,9 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
+# Smooth for the eye [Hz].
+CLOCK_RATE = '100.0'
+SHARED = ('namespace', 'use_sim_time')
 ARGUMENTS = (
     DeclareLaunchArgument('log', description='The run: its folder, or an .mcap file.'),
     DeclareLaunchArgument('play_rate', default_value='1.0', description='2.0 is twice as fast.'),
@@ -27,7 +32,13 @@ ARGUMENTS = (
         'loop',
         default_value='false',
         choices=['true', 'false'],
-        description='Play again and again. A viewer that minds old stamps stands still then.',
+        description='Play again and again.',
+    ),
+    DeclareLaunchArgument(
+        'use_sim_time',
+        default_value='true',
+        choices=['true', 'false'],
+        description="The run's own time is played on /clock, and the viewers follow it.",
     ),
 )
 
@@ -43,6 +54,8 @@ def player(context: LaunchContext) -> list[Node]:
     arguments += ['--start-offset', value('start_offset')]
     if value('loop') == 'true':
         arguments.append('--loop')
+    if value('use_sim_time') == 'true':
+        arguments += ['--clock', CLOCK_RATE]
     return [
         Node(
             package='klann_ros',
@@ -63,6 +76,6 @@ def generate_launch_description() -> LaunchDescription:
                 [FindPackageShare('klann_ros'), 'launch', 'description.launch.py']
             )
         ),
-        launch_arguments={'namespace': LaunchConfiguration('namespace')}.items(),
+        launch_arguments={name: LaunchConfiguration(name) for name in SHARED}.items(),
     )
     return LaunchDescription([*ARGUMENTS, description, OpaqueFunction(function=player)])

@@ -31,7 +31,7 @@ def write_bag(path: Path, numbers: range = range(COUNT), **options: Any) -> Path
     """
     Write a file with the library alone: a number every 10 ms, and at its start what is latched.
 
-    A channel is JSON's, one is of a type that nobody has, one of another type than before.
+    A channel is JSON's, one is of a type that nobody has, one of a type that its topic had not.
     """
     with path.open('wb') as file:
         writer = Writer(file, **{'chunk_size': 500, **options})
@@ -63,6 +63,7 @@ def write_split_bag(folder: Path) -> Path:
 
 CHANNELS = {
     'number': ('std_msgs/msg/Float64', '', 'cdr'),
+    'number as text': ('std_msgs/msg/String', '', 'cdr'),
     'robot_description': ('std_msgs/msg/String', LATCHED, 'cdr'),
     'clock': ('std_msgs/msg/String', '', 'cdr'),
     'unknown': ('nobody_msgs/msg/Has', '', 'cdr'),
@@ -71,6 +72,7 @@ CHANNELS = {
 FIRST = (
     ('robot_description', text('older')),
     ('clock', text('no clock')),
+    ('number as text', text('none')),
     ('unknown', number(0)),
     ('json', b'{}'),
 )
@@ -80,4 +82,5 @@ def _channel(writer: Writer, name: str, kind: str, qos: str, encoding: str) -> i
     known = kind.startswith('std_msgs')
     words = definition(kind) if known else 'float64 data'
     schema = writer.register_schema(kind, 'ros2msg', words.encode())
-    return writer.register_channel(f'/{name}', encoding, schema, {'offered_qos_profiles': qos})
+    topic = f'/{name.partition(" ")[0]}'
+    return writer.register_channel(topic, encoding, schema, {'offered_qos_profiles': qos})

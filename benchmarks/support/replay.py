@@ -147,9 +147,13 @@ class _Listener:
 
     def _take(self) -> None:
         for k, subscription in enumerate(self._subscriptions):
-            while taken := subscription.handle.take_message(self._kinds[k], True):  # noqa: FBT003, RUF100
+            while taken := _taken(subscription, self._kinds[k]):
                 self.stamps[0][k].append(taken[1]['source_timestamp'])
                 self.stamps[1][k].append(taken[1]['received_timestamp'])
+
+
+def _taken(subscription: Any, kind: type) -> Any:
+    return subscription.handle.take_message(kind, True)  # raw
 
 
 def percentile(values: Sequence[float], part: float) -> float:

@@ -29,6 +29,9 @@ SHORTEST_LOOP = 0.1
 # What is later than this puts off all that comes after it: a process that was stopped, or cannot
 # keep up, goes on from where it was, without a burst [s].
 LONGEST_CATCH_UP = 0.5
+# What is due so soon is played now: messages come in clusters, and each wait costs more than to
+# publish one [s].
+SOON = 1e-4
 # A step waits at most so long for its message to be read [s].
 LONGEST_STEP = 5.0
 # One wait; a rate can be as small that the next message is due in thousands of years [s].
@@ -164,7 +167,7 @@ class Playback:
                     self._changed.notify_all()
                     return True
                 late = self._settled() - self._timeline.due(position)
-                if late >= 0.0:
+                if late >= -SOON:
                     self.lateness.note(late)
                     return True
                 self._changed.wait(min(-late, LONGEST_WAIT))
