@@ -31,7 +31,8 @@ def write_bag(path: Path, numbers: range = range(COUNT), **options: Any) -> Path
     """
     Write a file with the library alone: a number every 10 ms, and at its start what is latched.
 
-    A channel is JSON's, one is of a type that nobody has, one of a type that its topic had not.
+    A channel is JSON's, one is of a type that nobody has, one of a type that its topic had not;
+    and one message is larger than its type can be.
     """
     with path.open('wb') as file:
         writer = Writer(file, **{'chunk_size': 500, **options})
@@ -73,6 +74,7 @@ FIRST = (
     ('robot_description', text('older')),
     ('clock', text('no clock')),
     ('number as text', text('none')),
+    ('number', bytes(100_000)),
     ('unknown', number(0)),
     ('json', b'{}'),
 )

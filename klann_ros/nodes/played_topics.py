@@ -1,6 +1,7 @@
 """The topics of a log, published as they were recorded."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from klann_ros.log.errors import MalformedQosError
 from klann_ros.log.qos import latched_count, Qos, qos_from_yaml
@@ -9,11 +10,13 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.qos import ReliabilityPolicy
 
 from .message_types import message_class, UnknownMessageTypeError
-from .qos import plain, to_publish
+from .qos import to_publish
+
+if TYPE_CHECKING:
+    from rclpy.publisher import Publisher
 
 # How often a complaint about messages is logged at most [s].
 THROTTLE = 2.0
@@ -93,23 +96,12 @@ class PlayedTopics:
                     f'in the same log it is {first.type}'
                 )
         offered = [qos for topic in alike for qos in self._offered(topic)]
-        publisher = self._publisher(kind, name, offered)
+        new = self._renamed.get(name, name)
+        full = f'{self._node.get_namespace().rstrip("/")}/{new.lstrip("/")}'
+        publisher = self._node.create_publisher(kind, full, to_publish(offered))
         self._made.update(dict.fromkeys(alike, publisher))
         if offered and latched_count(offered):
             self.latched[name] = latched_count(offered)
-
-    def _publisher(self, kind: type, name: str, offered: Sequence[Qos]) -> Publisher:
-        new = self._renamed.get(name, name)
-        full = f'{self._node.get_namespace().rstrip("/")}/{new.lstrip("/")}'
-        profile = to_publish(offered)
-        try:
-            return self._node.create_publisher(kind, full, profile)
-        except RCLError:
-            if plain(profile) == profile:
-                raise
-        publisher = self._node.create_publisher(kind, full, plain(profile))
-        self._warn(f'{name} is played without its recorded deadline, lifespan and liveliness')
-        return publisher
 
     def _offered(self, topic: Topic) -> list[Qos]:
         try:

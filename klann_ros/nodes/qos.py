@@ -14,6 +14,8 @@ from rclpy.qos import (
 
 # Bursts overwrite a shallow queue before anyone can take them.
 DEPTH = 2000
+# A log may be damaged; nobody keeps more.
+MOST_DEPTH = 100_000
 # Where a log does not tell how many messages a latched topic kept; most keep 1.
 LATCHED_DEPTH = 10
 
@@ -66,7 +68,8 @@ def to_publish(offered: Sequence[Qos]) -> QoSProfile:
     known = any(profile.depth or profile.history == 'keep_all' for profile in offered)
     # Who comes late to a latched topic shall not hear more than there was; the others' queues
     # are as deep as this package's own at least.
-    depth = max(latched, 0 if known else LATCHED_DEPTH) if latched else max(first.depth, DEPTH)
+    least = (1 if known else LATCHED_DEPTH) if latched else DEPTH
+    depth = min(max(latched or first.depth, least), MOST_DEPTH)
     words = {
         _policy(ReliabilityPolicy, p.reliability, ReliabilityPolicy.RELIABLE) for p in offered
     }
@@ -81,16 +84,6 @@ def to_publish(offered: Sequence[Qos]) -> QoSProfile:
         liveliness=_policy(LivelinessPolicy, first.liveliness, LivelinessPolicy.AUTOMATIC),
         liveliness_lease_duration=Duration(nanoseconds=first.liveliness_lease_duration),
         avoid_ros_namespace_conventions=first.avoid_ros_namespace_conventions,
-    )
-
-
-def plain(profile: QoSProfile) -> QoSProfile:
-    """Return a profile without durations and liveliness, for those that cannot be offered."""
-    return QoSProfile(
-        history=profile.history,
-        depth=profile.depth,
-        reliability=profile.reliability,
-        durability=profile.durability,
     )
 
 

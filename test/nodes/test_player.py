@@ -255,6 +255,7 @@ def test_two_topics_of_different_types_cannot_become_one(ros: World, bag: Path) 
     process, heard = played(ros, bag, '--remap', 'robot_description:=number', '--rate', '9')
     assert heard == list(range(COUNT))
     assert '/robot_description is not played: ' in process.errors
+    assert 'a message of /number is left out: Failed to publish' in process.errors
 
 
 def test_a_paused_player_is_stopped_by_a_signal(ros: World, bag: Path) -> None:
