@@ -72,7 +72,7 @@ class PlayerNode(ProcessNode):
             rate=float(values['rate']),
             paused=options.start_paused,
         )
-        PlayerSteering(self, self._playback, parameters)
+        PlayerSteering(self, self._playback.transport, parameters)
         self._warn(options)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(REPORT_PERIOD, self._report, clock=steady)
@@ -84,7 +84,7 @@ class PlayerNode(ProcessNode):
     def close(self) -> int:
         """Stop playing, and wait for what is under way."""
         self._stopped.set()
-        self._playback.stop()
+        self._playback.transport.stop()
         self._thread.join(LAST_WORDS)
         self._topics.flush(LAST_WORDS)
         return 0
@@ -126,7 +126,7 @@ class PlayerNode(ProcessNode):
 
     def _report(self) -> None:
         """Say what was late, and what reading has found to be damaged, each once."""
-        for text in (str(self._playback.lateness), self._log.problem):
+        for text in (str(self._playback.transport.lateness), self._log.problem):
             if text not in self._said:
                 self._said.add(text)
                 self.get_logger().warning(text)

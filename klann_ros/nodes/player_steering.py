@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
-from klann_ros.log.playback import Playback, PlaybackError
 from klann_ros.log.timeline import RATES
+from klann_ros.log.transport import PlaybackError, Transport
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -37,28 +37,28 @@ def declared(rate: float, position: float, length: float) -> tuple[Declared, Dec
 
 class PlayerSteering:
     """
-    Services and parameters of a node that steer a playback.
+    Services and parameters of a node that steer a transport.
 
     Parameters
     ----------
     node : rclpy.node.Node
         Whose they are; it has declared them.
-    playback : Playback
+    transport : Transport
         What they steer.
     parameters : sequence of Declared
         The parameters.
 
     """
 
-    def __init__(self, node: Node, playback: Playback, parameters: Sequence[Declared]) -> None:
+    def __init__(self, node: Node, transport: Transport, parameters: Sequence[Declared]) -> None:
         """Offer them."""
         self._node = node
-        self._playback = playback
+        self._transport = transport
         self._declared = {parameter.name: parameter for parameter in parameters}
         self._telling = False
-        self._offer('pause', playback.pause, 'paused at')
-        self._offer('resume', playback.resume, 'playing from')
-        self._offer('step', playback.step, 'one message on, at')
+        self._offer('pause', transport.pause, 'paused at')
+        self._offer('resume', transport.resume, 'playing from')
+        self._offer('step', transport.step, 'one message on, at')
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
 
@@ -77,7 +77,7 @@ class PlayerSteering:
 
     def _tell_position(self) -> float:
         """Let the parameter tell where it is, which is no wish to go there."""
-        position = self._playback.position
+        position = self._transport.position
         self._telling = True
         self._node.set_parameters([Parameter('position', value=position)])
         self._telling = False
@@ -94,6 +94,6 @@ class PlayerSteering:
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         values = {p.name: p.value for p in parameters if p.name in self._declared}
         if 'rate' in values:
-            self._playback.set_rate(float(values['rate']))
+            self._transport.set_rate(float(values['rate']))
         if 'position' in values and not self._telling:
-            self._playback.seek(float(values['position']))
+            self._transport.seek(float(values['position']))

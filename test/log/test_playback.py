@@ -5,8 +5,9 @@ from dataclasses import replace
 from threading import Thread
 import time
 
-from klann_ros.log.playback import Playback, PlaybackError, Selection
+from klann_ros.log.playback import Playback, Selection
 from klann_ros.log.reader import open_log
+from klann_ros.log.transport import PlaybackError
 import pytest
 
 NAME = '/crank_angle'
@@ -23,12 +24,13 @@ def until(condition):
 
 @contextmanager
 def playing(log, *, rate=1.0, paused=False, topics=(NAME,), **selection):
-    """Play in a thread; yield the playback and the list of passes, each a list of messages."""
+    """Play in a thread; yield what moves it and the list of passes, each a list of messages."""
     chosen = Selection(frozenset(topics), **selection)
-    playback, passes = Playback(log, chosen, rate=rate, paused=paused), []
+    made, passes = Playback(log, chosen, rate=rate, paused=paused), []
+    playback = made.transport
 
     def play():
-        for messages in playback.passes():
+        for messages in made.passes():
             passes.append([])
             for message in messages:
                 passes[-1].append(message)
@@ -173,9 +175,9 @@ def test_what_a_stall_made_late_is_put_off_and_not_played_in_a_burst(log):
             if count == 10:
                 time.sleep(0.8)
     assert count == 20
-    assert playback.lateness.held_up >= 0.5
-    assert playback.lateness.worst < 0.5
-    assert 'held up for' in str(playback.lateness)
+    assert playback.transport.lateness.held_up >= 0.5
+    assert playback.transport.lateness.worst < 0.5
+    assert 'held up for' in str(playback.transport.lateness)
 
 
 def test_messages_out_of_order_hold_nothing_up(runs, tmp_path):
