@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import nan
 import os
 from pathlib import Path
 import subprocess
@@ -125,7 +126,7 @@ class _Listener:
         )
 
     def listen(self, player: subprocess.Popen[bytes], count: int) -> float:
-        """Listen until the player has ended; return its CPU time while it played [s]."""
+        """Listen until the player ends; return its CPU time [s], NaN if messages were lost."""
         cpu = begin = 0.0
         while player.poll() is None:
             self._wait_set.clear_entities()
@@ -138,7 +139,7 @@ class _Listener:
                 begin = _cpu(player.pid)
             if not cpu and got >= count:
                 cpu = _cpu(player.pid)
-        return cpu - begin
+        return cpu - begin if cpu else nan
 
     def close(self) -> None:
         """Leave."""
