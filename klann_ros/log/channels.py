@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
+from .errors import DamagedError
 from .mcap_file import HASH_KEY, QOS_KEY
 from .parsing import parse
 from .records import Topic
@@ -15,15 +16,30 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
+_MAX_SIZE = 32 * 1024 * 1024
+# What an entry takes beside its content.
+_ENTRY = 256
+
+
 class Channels:
-    """The schemas and channels of one file, gathered from wherever the file repeats them."""
+    """
+    The schemas and channels of one file, gathered from wherever the file repeats them.
+
+    Where what it says differs, since bits of it flipped, that counts which stands under a CRC that
+    holds, and then what stands there most often.
+    """
 
     def __init__(self) -> None:
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, Channel] = {}
+        self._schemas = _Definitions(Schema)
+        self._channels = _Definitions(Channel)
         self._topics: dict[int, Topic | None] = {}
 
-    def add(self, opcode: int, content: bytes, offset: int = 0) -> None:
+    @property
+    def contradictions(self) -> list[str]:
+        """Return which schemas and channels the file describes in several ways, a line each."""
+        return self._schemas.contradictions() + self._channels.contradictions()
+
+    def add(self, opcode: int, content: bytes, offset: int = 0, *, verified: bool = False) -> None:
         """
         Take a schema or a channel record; others are ignored.
 
@@ -34,17 +50,16 @@ class Channels:
 
         """
         if opcode == Opcode.SCHEMA:
-            schema = parse(Schema, content, offset)
-            if self._schemas.get(schema.id) != schema:
-                self._schemas[schema.id] = schema
+            if self._schemas.add(content, offset, verified=verified) is not None:
                 self._topics.clear()
         elif opcode == Opcode.CHANNEL:
-            channel = parse(Channel, content, offset)
-            if self._channels.get(channel.id) != channel:
-                self._channels[channel.id] = channel
-                self._topics.pop(channel.id, None)
+            changed = self._channels.add(content, offset, verified=verified)
+            if changed is not None:
+                self._topics.pop(changed, None)
 
-    def add_all(self, definitions: Iterable[tuple[int, bytes]], offset: int = 0) -> None:
+    def add_all(
+        self, definitions: Iterable[tuple[int, bytes]], offset: int = 0, *, verified: bool = False
+    ) -> None:
         """
         Take the schemas and channels of a chunk at this offset.
 
@@ -55,7 +70,7 @@ class Channels:
 
         """
         for opcode, content in definitions:
-            self.add(opcode, content, offset)
+            self.add(opcode, content, offset, verified=verified)
 
     def update(self, other: Channels) -> None:
         """Take all that another table of the same file knows."""
@@ -71,11 +86,11 @@ class Channels:
 
     def numbers(self) -> list[int]:
         """Return the channels that are known."""
-        return list(self._channels)
+        return self._channels.numbers()
 
     def topics(self) -> list[Topic]:
         """Return the topics that are known."""
-        found = map(self.topic, self._channels)
+        found = map(self.topic, self._channels.numbers())
         return [topic for topic in found if topic is not None]
 
     def _make_topic(self, number: int) -> Topic | None:
@@ -100,3 +115,58 @@ class Channels:
             schema_encoding=schema.encoding,
             extra=tuple(extra.items()),
         )
+
+
+class _Definitions:
+    """Records of one kind by their number, each in all the versions that were met."""
+
+    def __init__(self, kind: type[Schema | Channel]) -> None:
+        self._kind = kind
+        # Under the number each version's content: whether a CRC held, and how often it was met.
+        self._versions: dict[int, dict[bytes, tuple[bool, int]]] = {}
+        self._best: dict[int, bytes] = {}
+        self._size = 0
+
+    def add(self, content: bytes, offset: int, *, verified: bool) -> int | None:
+        """Take a record; return its number if something else holds for that number now."""
+        number = int.from_bytes(content[:2], 'little')
+        versions = self._versions.setdefault(number, {})
+        if content not in versions:
+            parse(self._kind, content, offset)
+            self._size += len(content) + _ENTRY
+            if self._size > _MAX_SIZE:
+                reason = f'there are more than {_MAX_SIZE} bytes of schemas or channels'
+                raise DamagedError(reason, offset)
+        checked, count = versions.get(content, (False, 0))
+        versions[content] = (checked or verified, count + 1)
+        best = self._best.get(number)
+        if best == content or (best is not None and versions[best] >= versions[content]):
+            return None
+        self._best[number] = content
+        return number
+
+    def update(self, other: _Definitions) -> None:
+        """Take the versions of another table, as often as they were met there."""
+        for versions in other._versions.values():
+            for content, (verified, _) in versions.items():
+                self.add(content, 0, verified=verified)
+
+    def get(self, number: int) -> Any:
+        """Return the record of a number, None if there is none."""
+        content = self._best.get(number)
+        return None if content is None else parse(self._kind, content)
+
+    def numbers(self) -> list[int]:
+        """Return the numbers, in the order in which they were met."""
+        return list(self._best)
+
+    def contradictions(self) -> list[str]:
+        """Return which numbers have several versions, a line each."""
+        name = self._kind.__name__.lower()
+        return [
+            f'{name} {number} is described in {len(versions)} ways, '
+            + ('the one under a CRC' if versions[self._best[number]][0] else 'the most frequent')
+            + ' was taken'
+            for number, versions in self._versions.items()
+            if len(versions) > 1
+        ]

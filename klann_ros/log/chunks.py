@@ -1,5 +1,5 @@
 """
-Chunks: decompress them, check them, find the messages in them.
+Chunks: unpack them and check them.
 
 The size that a chunk claims is not believed: it is unpacked piece by piece up to a limit, so that
 a flipped bit does not ask for all memory, and so that its CRC has the last word.
@@ -7,8 +7,6 @@ a flipped bit does not ask for all memory, and so that its CRC has the last word
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-import struct
 from typing import TYPE_CHECKING
 import zlib
 
@@ -17,6 +15,7 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk
 import zstandard
 
+from .content import content_of
 from .errors import DamagedError
 from .parsing import parse
 
@@ -24,42 +23,22 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from typing import TypeAlias
 
-    Row: TypeAlias = tuple[int, int, int, int, int, int]
+    from .content import Content
 
-MAX_UNPACKED = 256 * 1024 * 1024
-"""A chunk that unpacks to more is taken for damaged [bytes]; usual are 1 MB."""
+    Bytes: TypeAlias = bytes | bytearray
+
+MIN_LIMIT = 40 * 1024 * 1024
+"""So much any chunk may unpack to [bytes]; usual are 1 MB."""
+
+MAX_RATIO = 8
+"""
+A chunk may unpack to more than MIN_LIMIT if it is at least an eighth of that in the file.
+
+So an image of 100 MB is read, and what a small file can ask for stays below 200 MB: writing a
+message anew takes four times its size.
+"""
 
 _PIECE = 1024 * 1024
-_RECORD = struct.Struct('<BQ')
-_MESSAGE = struct.Struct('<HIQQ')
-
-
-@dataclass(frozen=True, slots=True)
-class Content:
-    """
-    What a chunk, or a message outside of chunks, holds.
-
-    Parameters
-    ----------
-    data
-        The unpacked bytes.
-    rows
-        A message each: channel, sequence, log time [ns], publish time [ns], and where in ``data``
-        its bytes start and end.
-    definitions
-        Schemas and channels: opcode and content.
-    verified
-        Whether there was a CRC that held.
-    broken
-        Why not all of the chunk could be read; '' if all could.
-
-    """
-
-    data: bytes
-    rows: tuple[Row, ...]
-    definitions: tuple[tuple[int, bytes], ...]
-    verified: bool
-    broken: str = ''
 
 
 def chunk_content(content: bytes, offset: int) -> Content:
@@ -84,26 +63,10 @@ def chunk_content(content: bytes, offset: int) -> Content:
         reason = f'the chunk cannot be unpacked ({error})'
         raise DamagedError(reason, offset, Opcode.CHUNK) from None
     _check(chunk, data, offset)
-    return _content(data, verified=chunk.uncompressed_crc != 0)
+    return content_of(data, verified=chunk.uncompressed_crc != 0)
 
 
-def message_content(content: bytes, offset: int) -> Content:
-    """
-    Return a message record outside of chunks as what a chunk would hold.
-
-    Raises
-    ------
-    DamagedError
-        It is too short.
-
-    """
-    if len(content) < _MESSAGE.size:
-        raise DamagedError('the message is too short', offset, Opcode.MESSAGE)
-    row = (*_MESSAGE.unpack_from(content), _MESSAGE.size, len(content))
-    return Content(content, (row,), (), verified=False)
-
-
-def _check(chunk: Chunk, data: bytes, offset: int) -> None:
+def _check(chunk: Chunk, data: Bytes, offset: int) -> None:
     if chunk.uncompressed_crc:
         crc = zlib.crc32(data)
         if crc != chunk.uncompressed_crc:
@@ -114,48 +77,25 @@ def _check(chunk: Chunk, data: bytes, offset: int) -> None:
         raise DamagedError(reason, offset, Opcode.CHUNK)
 
 
-def _content(data: bytes, *, verified: bool) -> Content:
-    """Find the records in a chunk's data, up to the first that cannot be."""
-    rows: list[Row] = []
-    definitions: list[tuple[int, bytes]] = []
-    position, size, broken = 0, len(data), ''
-    while position < size:
-        start = position + _RECORD.size
-        if start > size:
-            broken = 'its last record is cut off'
-            break
-        opcode, length = _RECORD.unpack_from(data, position)
-        position = start + length
-        if position > size:
-            broken = 'a record in it is longer than the chunk'
-            break
-        if opcode == Opcode.MESSAGE:
-            if length < _MESSAGE.size:
-                broken = 'a message in it is too short'
-                break
-            rows.append((*_MESSAGE.unpack_from(data, start), start + _MESSAGE.size, position))
-        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            definitions.append((opcode, data[start:position]))
-    return Content(data, tuple(rows), tuple(definitions), verified, broken)
-
-
-def _joined(pieces: Iterator[bytes]) -> bytes:
-    unpacked: list[bytes] = []
-    size = 0
+def _joined(pieces: Iterator[bytes], packed: int) -> bytearray:
+    """Return the pieces as one; it grows in place, which takes half of what joining takes."""
+    limit = max(MIN_LIMIT, MAX_RATIO * packed)
+    unpacked = bytearray()
     for piece in pieces:
-        unpacked.append(piece)
-        size += len(piece)
-        if size > MAX_UNPACKED:
-            raise MemoryError(f'more than {MAX_UNPACKED} bytes')
-    return b''.join(unpacked)
+        unpacked += piece
+        if len(unpacked) > limit:
+            raise MemoryError(
+                f'its {packed} bytes unpack to more than {limit} bytes, which is the limit'
+            )
+    return unpacked
 
 
-def _unpack_zstd(data: bytes) -> bytes:
+def _unpack_zstd(data: bytes) -> bytearray:
     with zstandard.ZstdDecompressor().stream_reader(data) as stream:
-        return _joined(iter(lambda: stream.read(_PIECE), b''))
+        return _joined(iter(lambda: stream.read(_PIECE), b''), len(data))
 
 
-def _unpack_lz4(data: bytes) -> bytes:
+def _unpack_lz4(data: bytes) -> bytearray:
     def pieces() -> Iterator[bytes]:
         frame = LZ4FrameDecompressor()
         given = data
@@ -166,10 +106,10 @@ def _unpack_lz4(data: bytes) -> bytes:
                 raise RuntimeError('it is cut off')
             yield piece
 
-    return _joined(pieces())
+    return _joined(pieces(), len(data))
 
 
-_UNPACK: dict[str, Callable[[bytes], bytes]] = {
+_UNPACK: dict[str, Callable[[bytes], Bytes]] = {
     '': bytes,
     'zstd': _unpack_zstd,
     'lz4': _unpack_lz4,

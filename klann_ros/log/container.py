@@ -15,6 +15,7 @@ from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
 from .errors import DamagedError
+from .layout import lengths_agree
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,13 +25,13 @@ MAGIC = MCAP0_MAGIC
 """The first and the last 8 bytes of a file."""
 
 _HEAD = struct.Struct('<BQ')
-_CHUNK_HEAD = struct.Struct('<QQQII')
-_LENGTH = struct.Struct('<Q')
 _FOOTER = struct.Struct('<BQQQI')
 _PIECE = 1024 * 1024
 
 # Schemas, channels, metadata and what the summary holds are small; a longer one is a wrong length.
 _MAX_SMALL = 64 * 1024 * 1024
+_CREDIBLE = 2**40
+_KINDS = range(Opcode.HEADER, Opcode.DATA_END + 1)
 _LARGE = {Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.MESSAGE}
 
 
@@ -55,10 +56,15 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Footer:
-    """What the footer of a closed file says; its own offset, and where the summary starts or 0."""
+    """
+    What the footer of a closed file says.
+
+    Its own offset, where the summary starts, and the CRC of both; 0 for none.
+    """
 
     offset: int
     summary_start: int
+    crc: int
 
 
 def spans(file: BinaryIO, start: int, end: int) -> Iterator[Span]:
@@ -105,6 +111,22 @@ def span_at(file: BinaryIO, offset: int, end: int) -> Span:
     return Span(opcode, offset, length)
 
 
+def may_start(file: BinaryIO, offset: int, end: int) -> bool:
+    """
+    Return whether a record, or the end of the file, may be at an offset.
+
+    Also one that is cut off, and the zeros that a power cut leaves behind the last record.
+    """
+    if offset >= end:
+        return offset == end
+    file.seek(offset)
+    head = file.read(min(_HEAD.size, end - offset))
+    if not any(head):
+        return True
+    short = len(head) < _HEAD.size
+    return head[0] in _KINDS and (short or _HEAD.unpack(head)[1] < _CREDIBLE)
+
+
 def read(file: BinaryIO, span: Span) -> bytes:
     """
     Return a record's content.
@@ -115,8 +137,9 @@ def read(file: BinaryIO, span: Span) -> bytes:
         The file has become shorter, or a chunk's own lengths contradict the record's.
 
     """
-    if span.opcode == Opcode.CHUNK:
-        _check_chunk(file, span)
+    if span.opcode == Opcode.CHUNK and not lengths_agree(file, span):
+        reason = 'the lengths in the chunk contradict each other'
+        raise DamagedError(reason, span.offset, span.opcode)
     file.seek(span.start)
     content = file.read(span.length)
     if len(content) < span.length:
@@ -133,10 +156,10 @@ def find_footer(file: BinaryIO, size: int) -> Footer | None:
     tail = file.read(_FOOTER.size + len(MAGIC))
     if len(tail) < _FOOTER.size + len(MAGIC) or not tail.endswith(MAGIC):
         return None
-    opcode, length, summary_start, _, _ = _FOOTER.unpack_from(tail)
+    opcode, length, summary_start, _, crc = _FOOTER.unpack_from(tail)
     if opcode != Opcode.FOOTER or length != _FOOTER.size - _HEAD.size:
         return None
-    return Footer(offset, summary_start)
+    return Footer(offset, summary_start, crc)
 
 
 def check_summary(file: BinaryIO, footer: Footer) -> None:
@@ -159,11 +182,9 @@ def check_summary(file: BinaryIO, footer: Footer) -> None:
             raise DamagedError('the file has become shorter', footer.offset)
         crc = zlib.crc32(piece, crc)
         left -= len(piece)
-    (said,) = struct.unpack('<I', file.read(4))
-    if said not in (0, crc):
-        raise DamagedError(
-            f'the CRC of the summary is {crc:08x}, {said:08x} is recorded', footer.summary_start
-        )
+    if footer.crc not in (0, crc):
+        reason = f'the CRC of the summary is {crc:08x}, {footer.crc:08x} is recorded'
+        raise DamagedError(reason, footer.summary_start)
 
 
 def name_of(opcode: int) -> str:
@@ -172,19 +193,3 @@ def name_of(opcode: int) -> str:
         return Opcode(opcode).name.lower().replace('_', ' ')
     except ValueError:
         return f'record of unknown kind {opcode}'
-
-
-def _check_chunk(file: BinaryIO, span: Span) -> None:
-    """Compare the lengths in a chunk's head with the record's before its data are read."""
-    file.seek(span.start)
-    head = file.read(_CHUNK_HEAD.size)
-    if min(len(head), span.length) < _CHUNK_HEAD.size:
-        raise DamagedError('the chunk is too short for its head', span.offset, span.opcode)
-    name_length = _CHUNK_HEAD.unpack(head)[-1]
-    fixed = _CHUNK_HEAD.size + name_length + _LENGTH.size
-    if fixed <= span.length:
-        file.seek(name_length, 1)
-        (data_length,) = _LENGTH.unpack(file.read(_LENGTH.size))
-        if fixed + data_length == span.length:
-            return
-    raise DamagedError('the lengths in the chunk contradict each other', span.offset, span.opcode)

@@ -26,8 +26,11 @@ if TYPE_CHECKING:
 
     from mcap.records import ChunkIndex
 
-    from .chunks import Content
+    from .content import Content
     from .records import Attachment, Topic
+
+
+_NEVER = 2**64
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,7 @@ class LogFile:
         self.problems: dict[int, Problem] = {}
         self.summary = Summary()
         self.profile = ''
+        self._channels: Channels | None = None
         try:
             with path.open('rb') as file:
                 self.size = file.seek(0, 2)
@@ -100,10 +104,23 @@ class LogFile:
         self.problems.setdefault(offset, Problem(offset, text))
 
     def channels(self) -> Channels:
-        """Return a new table of channels with what the summary knows of them."""
-        known = Channels()
-        known.update(self.summary.channels)
-        return known
+        """
+        Return the channels of the whole file.
+
+        Without a summary that tells them all, the file is gone through once: what describes a
+        channel may stand behind its messages, when the first of it is rotten.
+        """
+        if self._channels is None:
+            if self.summary.is_index:
+                self._channels = self.summary.channels
+            else:
+                self.survey()
+        return self._channels or Channels()
+
+    def walk(self, file: BinaryIO, channels: Channels | None = None) -> Walk:
+        """Return a pass over the open file; it gathers into the channels, if any are given."""
+        end = self.summary.start if self.summary.is_index else self.size
+        return Walk(file, end, channels, ends=self.summary.ends())
 
     def index_sources(self) -> Iterator[Source]:
         """Yield each chunk in the index."""
@@ -114,11 +131,10 @@ class LogFile:
 
     def walk_messages(self, topics: Collection[str] | None) -> Iterator[Message]:
         """Yield all intact messages in the order in which they stand in the file."""
-        channels = self.channels()
         with self.path.open('rb') as file:
-            walk = Walk(file, self.size, channels)
+            walk = self.walk(file)
             for offset, content in walk.contents():
-                yield from self.messages(offset, content, channels, topics)
+                yield from self.messages(offset, content, topics)
             self.note_losses(walk)
 
     def overview(self) -> Overview:
@@ -133,31 +149,50 @@ class LogFile:
                 summary.metadata,
                 summary.attachments,
             )
-        return self._overview_by_walk()
+        return self.survey()
+
+    def survey(self) -> Overview:
+        """Go through the file for what it describes and where its other records are."""
+        channels = Channels()
+        channels.update(self.summary.channels)
+        first, last = _NEVER, -1
+        with self.path.open('rb') as file:
+            walk = self.walk(file, channels)
+            for _, content in walk.contents():
+                first = min(first, min(content.times, default=first))
+                last = max(last, max(content.times, default=last))
+            self.note_losses(walk)
+        self._channels = channels
+        for text in channels.contradictions:
+            self.note(self.size, text)
+        return Overview(
+            channels.topics(),
+            (first, last) if last >= 0 else None,
+            [span.offset for span in walk.metadata],
+            [span.offset for span in walk.attachments],
+        )
 
     def messages(
-        self, offset: int, content: Content, channels: Channels, topics: Collection[str] | None
+        self,
+        offset: int,
+        content: Content,
+        topics: Collection[str] | None,
+        *,
+        by_time: bool = False,
     ) -> Iterator[Message]:
         """Yield the messages of a chunk; those of unknown channels are noted as a problem."""
-        data = content.data
         known: dict[int, Topic | None] = {}
-        for channel, sequence, log_time, publish_time, start, end in content.rows:
-            if channel in known:
-                topic = known[channel]
-            else:
-                topic = channels.topic(channel)
-                if topic is None:
-                    self.note(offset, f'messages of channel {channel}, which is not known')
-                elif topics is not None and topic.name not in topics:
-                    topic = None
-                known[channel] = topic
+        for channel, sequence, log_time, publish_time, data in content.rows(by_time=by_time):
+            if channel not in known:
+                known[channel] = self._wanted_topic(channel, offset, topics)
+            topic = known[channel]
             if topic is not None:
-                yield Message(topic, data[start:end], log_time, publish_time, sequence)
+                yield Message(topic, data, log_time, publish_time, sequence)
 
     def note_losses(self, walk: Walk) -> None:
         """Note what a walk stepped over."""
         for loss in walk.losses:
-            self.note(loss.offset, loss.reason)
+            self.note(loss.offset, str(loss))
 
     def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
         """Return the name and content of a metadata record; None if it is damaged."""
@@ -178,21 +213,15 @@ class LogFile:
             self.note(offset, damage.reason)
             return None
 
-    def _overview_by_walk(self) -> Overview:
-        channels = self.channels()
-        times: list[int] = []
-        with self.path.open('rb') as file:
-            walk = Walk(file, self.size, channels)
-            for _, content in walk.contents():
-                found = [row[2] for row in content.rows]
-                times = [min([*times, *found]), max([*times, *found])] if found else times
-            self.note_losses(walk)
-        return Overview(
-            channels.topics(),
-            (times[0], times[1]) if times else None,
-            [span.offset for span in walk.metadata],
-            [span.offset for span in walk.attachments],
-        )
+    def _wanted_topic(
+        self, channel: int, offset: int, topics: Collection[str] | None
+    ) -> Topic | None:
+        topic = self.channels().topic(channel)
+        if topic is None:
+            self.note(offset, f'messages of channel {channel}, which is not known')
+        elif topics is not None and topic.name not in topics:
+            return None
+        return topic
 
     def _check_start(self, start: bytes) -> None:
         if not start:
@@ -242,6 +271,4 @@ class LogFile:
             return
         if content.broken:
             self.note(offset, content.broken)
-        messages = list(self.messages(offset, content, self.summary.channels, topics))
-        messages.sort(key=lambda message: message.log_time)
-        yield from messages
+        yield from self.messages(offset, content, topics, by_time=True)

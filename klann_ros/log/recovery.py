@@ -17,7 +17,6 @@ from .bag_metadata import RECORD_NAME
 from .errors import MalformedQosError, NotALogError, UnwritableError
 from .qos import qos_for_writing
 from .reader import open_files
-from .walk import Walk
 from .writer import RunWriter
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from .errors import AnyPath
     from .log_file import LogFile
     from .records import Message, Topic
-    from .walk import Loss
+    from .walk import Walk
 
 
 @dataclass
@@ -114,26 +113,31 @@ class _FileRecovery:
         self._writer = writer
         self._recovery = recovery
         self._topics: dict[Topic, Topic] = {}
-        self._unverified = 0
+        self._unverified = self._unknown = self._unknown_offset = 0
 
     def run(self) -> None:
         """Write what is intact, and say what is not."""
         file, recovery = self._file, self._recovery
         recovery.remarks += [f'{file.path.name}: {item.text}' for item in file.problems.values()]
         before = recovery.messages
-        channels = file.channels()
+        if not (file.summary.is_index and file.summary.verified):
+            file.survey()
+        recovery.remarks += [
+            f'{file.path.name}: {text}' for text in file.channels().contradictions
+        ]
         with file.path.open('rb') as stream:
-            walk = Walk(stream, file.size, channels)
+            walk = file.walk(stream)
             for offset, content in walk.contents():
                 self._unverified += not content.verified
-                written = self._write(file.messages(offset, content, channels, None))
-                missing = len(content.rows) - written
-                if missing:
-                    self._lose(offset, f'{missing} messages of topics whose description is lost')
+                written = self._write(file.messages(offset, content, None))
+                self._note_unknown(offset, len(content) - written)
         self._copy_attachments(walk)
         self._copy_metadata(walk)
+        if self._unknown:
+            what = f'{self._unknown} messages of topics whose description is lost'
+            self._lose(self._unknown_offset, what)
         for loss in walk.losses:
-            self._lose(loss.offset, _text(loss))
+            self._lose(loss.offset, str(loss))
         self._tell(walk, recovery.messages - before)
 
     def _write(self, messages: Iterator[Message]) -> int:
@@ -176,6 +180,11 @@ class _FileRecovery:
                 self._writer.add_metadata(*found)
                 self._recovery.metadata += 1
 
+    def _note_unknown(self, offset: int, count: int) -> None:
+        if count and not self._unknown:
+            self._unknown_offset = offset
+        self._unknown += count
+
     def _lose(self, offset: int, what: str) -> None:
         self._recovery.lost.append(f'{self._file.path.name} at byte {offset}: {what}')
 
@@ -187,11 +196,6 @@ class _FileRecovery:
                 'CRC, so whether they are intact is not known'
             )
         statistics = self._file.summary.statistics
-        if statistics is not None and statistics.message_count > written and not walk.losses:
+        if statistics is not None and statistics.message_count > written and not len(walk.losses):
             missing = statistics.message_count - written
             self._lose(self._file.size, f'{missing} of the messages that it counts are not there')
-
-
-def _text(loss: Loss) -> str:
-    held = f' with {loss.messages} messages' if loss.messages else ''
-    return f'{loss.length} bytes{held}: {loss.reason}'

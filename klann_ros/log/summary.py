@@ -21,12 +21,15 @@ _INDEX_ENTRY = 16
 
 @dataclass
 class Summary:
-    """What a summary says; offsets in [bytes]."""
+    """What a summary says, where it starts, whether its CRC held; offsets in [bytes]."""
 
+    start: int = 0
+    verified: bool = False
     channels: Channels = field(default_factory=Channels)
     chunks: list[ChunkIndex] = field(default_factory=list)
     metadata: list[int] = field(default_factory=list)
     attachments: list[int] = field(default_factory=list)
+    lengths: dict[int, int] = field(default_factory=dict)
     statistics: Statistics | None = None
 
     @property
@@ -47,6 +50,12 @@ class Summary:
             len(self.attachments),
         )
         return counts == found and self._names_all_topics() and self._messages_in_chunks(said)
+
+    def ends(self) -> dict[int, int]:
+        """Return where the chunks end and other records that it names, under where they start."""
+        ends = {chunk.chunk_start_offset: chunk.chunk_length for chunk in self.chunks}
+        ends |= self.lengths
+        return {start: start + length for start, length in ends.items()}
 
     def _names_all_topics(self) -> bool:
         channels = set(self.channels.numbers())
@@ -74,16 +83,22 @@ def read_summary(file: BinaryIO, footer: Footer) -> Summary:
     if footer.summary_start == 0:
         return summary
     check_summary(file, footer)
+    summary.start, summary.verified = footer.summary_start, footer.crc != 0
     for span in spans(file, footer.summary_start, footer.offset):
         if span.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            summary.channels.add(span.opcode, read(file, span), span.offset)
+            summary.channels.add(
+                span.opcode, read(file, span), span.offset, verified=summary.verified
+            )
         elif span.opcode == Opcode.CHUNK_INDEX:
             summary.chunks.append(parse(ChunkIndex, read(file, span), span.offset))
         elif span.opcode == Opcode.METADATA_INDEX:
-            summary.metadata.append(parse(MetadataIndex, read(file, span), span.offset).offset)
+            place = parse(MetadataIndex, read(file, span), span.offset)
+            summary.metadata.append(place.offset)
+            summary.lengths[place.offset] = place.length
         elif span.opcode == Opcode.ATTACHMENT_INDEX:
             index = parse(AttachmentIndex, read(file, span), span.offset)
             summary.attachments.append(index.offset)
+            summary.lengths[index.offset] = index.length
         elif span.opcode == Opcode.STATISTICS:
             summary.statistics = parse(Statistics, read(file, span), span.offset)
     return summary

@@ -1,64 +1,67 @@
 """
 One pass over the data of a file in the order in which they stand there, whatever their state.
 
-This is how a file without an index is read, and how a damaged one is recovered: damage that has an
-end is stepped over, and all that is left out is listed.
+This is how a file without an index is read, and how a damaged one is recovered: damage is stepped
+over, up to the next record that is sound, and all that is left out is listed.
+
+A record's length is followed only when the lengths inside of the record agree with it, or when
+another record may start where it ends.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 import struct
 from typing import TYPE_CHECKING
 
 from mcap.opcode import Opcode
 
 from .bag_metadata import RECORD_NAME
-from .chunks import chunk_content, message_content
-from .container import MAGIC, name_of, read, spans
+from .chunks import chunk_content
+from .container import MAGIC, may_start, name_of, read, span_at
+from .content import message_content
+from .damage import Loss, Losses
 from .errors import DamagedError
+from .layout import lengths_agree
+from .resync import Search
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator, Mapping
     from typing import BinaryIO
 
     from .channels import Channels
-    from .chunks import Content
     from .container import Span
+    from .content import Content
 
-_INDEX_HEAD = struct.Struct('<HI')
+_INDEX_HEAD = 6
 _INDEX_ENTRY = 16
 _CUT_INDEX = struct.Struct('<QHI')
 _CUT_HEAD = 8 + 4 + len(RECORD_NAME)
 _DATA_END_LENGTH = 4
 _PIECE = 1024 * 1024
-
-
-@dataclass
-class Loss:
-    """
-    Something in a file that cannot be used.
-
-    Parameters
-    ----------
-    offset, length
-        Where it is [bytes].
-    reason
-        What is wrong with it, in one line.
-    messages
-        How many messages it held; None if nothing says so.
-
-    """
-
-    offset: int
-    length: int
-    reason: str
-    messages: int | None = None
+_DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
+# What may follow the end of the data.
+_SUMMARY = (
+    Opcode.CHUNK_INDEX,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.METADATA_INDEX,
+    Opcode.STATISTICS,
+    Opcode.SUMMARY_OFFSET,
+    Opcode.FOOTER,
+)
 
 
 class Walk:
     """
-    A pass over the data of an open file, up to its end or to where it cannot be followed.
+    A pass over the data of an open file, up to its end.
+
+    Parameters
+    ----------
+    file, size
+        The file, and where to stop [bytes]: its size, or where a summary starts that holds.
+    channels
+        Takes the schemas and channels that are met; None if they are known already.
+    ends
+        Where records end by a summary that holds, under where they start [bytes].
 
     Attributes
     ----------
@@ -66,50 +69,67 @@ class Walk:
         Where such records stand, as far as the walk has come.
     losses
         What was stepped over so far.
-    ended
-        Whether the record was met that ends the data of a file that was closed.
 
     """
 
-    def __init__(self, file: BinaryIO, size: int, channels: Channels) -> None:
+    def __init__(
+        self,
+        file: BinaryIO,
+        size: int,
+        channels: Channels | None = None,
+        *,
+        ends: Mapping[int, int] | None = None,
+    ) -> None:
         self.metadata: list[Span] = []
         self.attachments: list[Span] = []
-        self.losses: list[Loss] = []
-        self.ended = False
+        self.losses = Losses()
         self._file = file
         self._size = size
         self._channels = channels
-        self._lost_chunk: Loss | None = None
+        self._ends = ends or {}
+        self._search = Search(file, size)
+        self._ended = self._chunked = False
+        self._next = len(MAGIC)
+        self._lost: Loss | None = None
 
     def contents(self) -> Iterator[tuple[int, Content]]:
         """Yield what each chunk and each single message holds, with its offset [bytes]."""
-        try:
-            for span in spans(self._file, len(MAGIC), self._size):
+        while self._next < self._size:
+            try:
+                span = self._span_at(self._next)
+                self._next = span.end
                 content = self._step(span)
-                if content is not None:
-                    yield span.offset, content
-                if self.ended:
-                    return
-        except DamagedError as damage:
-            self._give_up(damage)
+            except DamagedError as damage:
+                self._resume(damage)
+                continue
+            if content is not None:
+                yield span.offset, content
+
+    def _span_at(self, offset: int) -> Span:
+        """Return the record at an offset; raise if its end cannot be relied on."""
+        span = span_at(self._file, offset, self._size)
+        if may_start(self._file, span.end, self._size) or (
+            lengths_agree(self._file, span) and self._search.is_whole(span)
+        ):
+            return span
+        reason = f'the {name_of(span.opcode)} or its length is damaged'
+        raise DamagedError(reason, offset, span.opcode)
 
     def _step(self, span: Span) -> Content | None:
-        """Deal with one record; only damage whose end is not known is raised."""
+        """Deal with one record, whose damage if any ends where it ends."""
         if span.opcode == Opcode.MESSAGE_INDEX:
             self._index(span)
             return None
-        self._lost_chunk = None
+        self._lost = None
+        if span.opcode in (Opcode.CHUNK, Opcode.MESSAGE, *_DEFINITIONS):
+            return self._read(span)
         if span.opcode == Opcode.DATA_END:
-            if span.length != _DATA_END_LENGTH:
-                raise DamagedError('the end of the data is damaged', span.offset, span.opcode)
-            self.ended = True
+            self._ended = True
         elif span.opcode == Opcode.METADATA:
             self.metadata.append(span)
         elif span.opcode == Opcode.ATTACHMENT:
             self.attachments.append(span)
-        elif span.opcode in (Opcode.CHUNK, Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL):
-            return self._read(span)
-        elif span.opcode != Opcode.HEADER:
+        elif span.opcode != Opcode.HEADER and not (self._ended and span.opcode in _SUMMARY):
             self._lose(span, f'a {name_of(span.opcode)} does not belong there')
         return None
 
@@ -118,47 +138,61 @@ class Walk:
         content = None
         try:
             if span.opcode == Opcode.CHUNK:
+                self._chunked = True
                 content = chunk_content(read(self._file, span), span.offset)
-                self._channels.add_all(content.definitions, span.offset)
+                self._define(content.definitions(), span.offset, verified=content.verified)
             elif span.opcode == Opcode.MESSAGE:
                 content = message_content(read(self._file, span), span.offset)
             else:
-                self._channels.add(span.opcode, read(self._file, span), span.offset)
+                self._define([(span.opcode, read(self._file, span))], span.offset)
         except DamagedError as damage:
             loss = self._lose(span, damage.reason)
             if content is None and span.opcode == Opcode.CHUNK:
-                self._lost_chunk = loss
+                self._lost = loss
+                self._look_inside(span, loss)
         if content is not None and content.broken:
             self._lose(span, f'the chunk could be read in part only: {content.broken}')
         return content
 
+    def _define(
+        self, definitions: Iterable[tuple[int, bytes]], offset: int, *, verified: bool = False
+    ) -> None:
+        if self._channels is not None:
+            self._channels.add_all(definitions, offset, verified=verified)
+
+    def _look_inside(self, span: Span, loss: Loss) -> None:
+        """Go on with a sound chunk in a rotten one, which reaches over it if bytes are missing."""
+        found = self._search.chunk(span.start, span.end)
+        if found is not None:
+            self._next = found
+            loss.length = found - span.offset
+
     def _index(self, span: Span) -> None:
         """Count the messages that a lost chunk held: its index stands behind it."""
-        self._file.seek(span.start)
-        head = self._file.read(_INDEX_HEAD.size)
-        if min(span.length, len(head)) < _INDEX_HEAD.size:
-            raise DamagedError('the message index is too short', span.offset, span.opcode)
-        _, size = _INDEX_HEAD.unpack(head)
-        if size + _INDEX_HEAD.size != span.length:
-            # Its length is wrong, so the next record does not start where it ends.
-            raise DamagedError('the lengths in the message index differ', span.offset)
-        if self._lost_chunk is not None:
-            count = size // _INDEX_ENTRY
-            self._lost_chunk.messages = (self._lost_chunk.messages or 0) + count
+        if not lengths_agree(self._file, span):
+            self._lose(span, 'the lengths in the message index contradict each other')
+        elif self._lost is not None:
+            self._lost.messages = (self._lost.messages or 0) + span.length // _INDEX_ENTRY
 
     def _lose(self, span: Span, reason: str) -> Loss:
-        self.losses.append(Loss(span.offset, span.end - span.offset, reason))
-        return self.losses[-1]
+        return self.losses.add(span.offset, span.end - span.offset, reason)
 
-    def _give_up(self, damage: DamagedError) -> None:
-        """Note the rest of the file as lost, unless it was but an index that is cut off."""
-        left = self._size - damage.offset
-        if self._is_cut_index(damage.offset, damage.opcode, left):
+    def _resume(self, damage: DamagedError) -> None:
+        """Go on behind damage, and note what is left out unless it is made anew anyway."""
+        start = damage.offset
+        found = self._ends.get(start)
+        exact = found is not None and may_start(self._file, found, self._size)
+        if not exact:
+            found = self._search.record(start + 1, chunked=self._chunked)
+        end = self._next = self._size if found is None else found
+        remade = self._ended or self._is_cut_index(start, damage.opcode, self._size - start)
+        if found is None and remade:
             return
         reason = damage.reason
-        if damage.opcode == 0 and self._only_zeros(damage.offset):
-            reason = 'there are only zeros from here to the end'
-        self.losses.append(Loss(damage.offset, left, reason))
+        if damage.opcode == 0 and self._only_zeros(start, end):
+            reason = 'there are only zeros'
+        reason += ' from here to the end' if found is None else f'; sound again at byte {end}'
+        self._lost = self.losses.add(start, end - start, reason, exact=exact)
 
     def _is_cut_index(self, offset: int, opcode: int, left: int) -> bool:
         """Tell whether the file ends within what is made anew, as after a kill or a full disk."""
@@ -168,11 +202,13 @@ class Walk:
             if len(head) < _CUT_INDEX.size:
                 return True
             length, _, size = _CUT_INDEX.unpack_from(head)
-            return bool(length == size + _INDEX_HEAD.size and left < length + 9)
+            return bool(length == size + _INDEX_HEAD and left < length + 9)
         if opcode == Opcode.METADATA:
             return head[8:] == struct.pack('<I', len(RECORD_NAME)) + RECORD_NAME.encode()
         return opcode == Opcode.DATA_END and left < len(MAGIC) + 1 + _DATA_END_LENGTH
 
-    def _only_zeros(self, offset: int) -> bool:
-        self._file.seek(offset)
-        return not any(any(piece) for piece in iter(lambda: self._file.read(_PIECE), b''))
+    def _only_zeros(self, start: int, end: int) -> bool:
+        self._file.seek(start)
+        return not any(
+            any(self._file.read(min(_PIECE, end - offset))) for offset in range(start, end, _PIECE)
+        )

@@ -5,7 +5,7 @@ import random
 import struct
 import tracemalloc
 
-from klann_ros.log.chunks import MAX_UNPACKED
+from klann_ros.log.chunks import MIN_LIMIT
 from klann_ros.log.errors import LogError, NotALogError
 from klann_ros.log.reader import open_log
 from mcap.writer import MCAP0_MAGIC
@@ -160,7 +160,7 @@ BOMBS = {
         'lz4', b'\x04\x22\x4d\x18\x68\x40' + struct.pack('<Q', 2**40) + b'\x00\x00\x00\x00', 2**40
     ),
     'a chunk that unpacks to too much': chunk_record(
-        'zstd', zstandard.compress(bytes(MAX_UNPACKED + 2**21)), MAX_UNPACKED + 2**21
+        'zstd', zstandard.compress(bytes(MIN_LIMIT + 2**21)), MIN_LIMIT + 2**21
     ),
     'a record of 2^63 bytes': struct.pack('<BQ', CHUNK, 2**63) + b'x',
     'a schema of 2^32 bytes': struct.pack('<BQHI', 3, 6, 1, 2**32 - 1),
@@ -173,7 +173,7 @@ BOMBS = {
 def test_a_length_is_not_believed(tmp_path, bomb):
     path = tmp_path / 'x.mcap'
     path.write_bytes(HEADER + BOMBS[bomb])
-    limit = 2 * MAX_UNPACKED if 'unpacks' in bomb else 10 * 2**20
+    limit = 2 * MIN_LIMIT if 'unpacks' in bomb else 10 * 2**20
     tracemalloc.start()
     try:
         with open_log(path) as log:
