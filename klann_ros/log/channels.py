@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, TYPE_CHECKING
 
 from mcap.opcode import Opcode
@@ -9,11 +10,11 @@ from mcap.records import Channel, Schema
 
 from .errors import DamagedError
 from .mcap_file import HASH_KEY, QOS_KEY
-from .parsing import parse
+from .parsing import parse, parse_schema
 from .records import Topic
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
 
 _MAX_SIZE = 32 * 1024 * 1024
@@ -30,8 +31,8 @@ class Channels:
     """
 
     def __init__(self) -> None:
-        self._schemas = _Definitions(Schema)
-        self._channels = _Definitions(Channel)
+        self._schemas = _Definitions('schema', parse_schema)
+        self._channels = _Definitions('channel', partial(parse, Channel))
         self._topics: dict[int, Topic | None] = {}
 
     @property
@@ -120,8 +121,9 @@ class Channels:
 class _Definitions:
     """Records of one kind by their number, each in all the versions that were met."""
 
-    def __init__(self, kind: type[Schema | Channel]) -> None:
-        self._kind = kind
+    def __init__(self, name: str, parse_one: Callable[[bytes, int], Any]) -> None:
+        self._name = name
+        self._parse = parse_one
         # Under the number each version's content: whether a CRC held, and how often it was met.
         self._versions: dict[int, dict[bytes, tuple[bool, int]]] = {}
         self._best: dict[int, bytes] = {}
@@ -132,7 +134,7 @@ class _Definitions:
         number = int.from_bytes(content[:2], 'little')
         versions = self._versions.setdefault(number, {})
         if content not in versions:
-            parse(self._kind, content, offset)
+            self._parse(content, offset)
             self._size += len(content) + _ENTRY
             if self._size > _MAX_SIZE:
                 reason = f'there are more than {_MAX_SIZE} bytes of schemas or channels'
@@ -154,7 +156,7 @@ class _Definitions:
     def get(self, number: int) -> Any:
         """Return the record of a number, None if there is none."""
         content = self._best.get(number)
-        return None if content is None else parse(self._kind, content)
+        return None if content is None else self._parse(content, 0)
 
     def numbers(self) -> list[int]:
         """Return the numbers, in the order in which they were met."""
@@ -162,9 +164,8 @@ class _Definitions:
 
     def contradictions(self) -> list[str]:
         """Return which numbers have several versions, a line each."""
-        name = self._kind.__name__.lower()
         return [
-            f'{name} {number} is described in {len(versions)} ways, '
+            f'{self._name} {number} is described in {len(versions)} ways, '
             + ('the one under a CRC' if versions[self._best[number]][0] else 'the most frequent')
             + ' was taken'
             for number, versions in self._versions.items()

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 MAGIC = MCAP0_MAGIC
 """The first and the last 8 bytes of a file."""
 
+MESSAGE_HEAD = 22
+"""What a message record is at least [bytes]."""
+
 _HEAD = struct.Struct('<BQ')
 _FOOTER = struct.Struct('<BQQQI')
 _PIECE = 1024 * 1024
@@ -111,11 +114,24 @@ def span_at(file: BinaryIO, offset: int, end: int) -> Span:
     return Span(opcode, offset, length)
 
 
+def starts(file: BinaryIO, offset: int, end: int) -> bool:
+    """Return whether a record whose lengths agree, or the end, is at an offset."""
+    if offset == end:
+        return True
+    try:
+        span = span_at(file, offset, end)
+    except DamagedError:
+        return False
+    if span.opcode == Opcode.MESSAGE:
+        return span.length >= MESSAGE_HEAD
+    return lengths_agree(file, span)
+
+
 def may_start(file: BinaryIO, offset: int, end: int) -> bool:
     """
-    Return whether a record, or the end of the file, may be at an offset.
+    Return whether an offset is where a record was, or was to be.
 
-    Also one that is cut off, and the zeros that a power cut leaves behind the last record.
+    As :func:`starts`, or a record that is cut off, or the zeros that a power cut leaves.
     """
     if offset >= end:
         return offset == end

@@ -15,6 +15,9 @@ from .records import Attachment
 Parsed = TypeVar('Parsed', bound=records.McapRecord)
 
 
+_TEXTS = ('ros2msg', 'ros2idl', 'ros1msg')
+
+
 class _Content(ReadDataStream):
     """A record's content; unlike the library's stream it gives all bytes asked for, or none."""
 
@@ -45,6 +48,26 @@ def parse(kind: type[Parsed], content: bytes, offset: int = 0) -> Parsed:
         reason = f'the {kind.__name__.lower()} cannot be understood'
         raise DamagedError(reason, offset) from error
     return parsed
+
+
+def parse_schema(content: bytes, offset: int = 0) -> records.Schema:
+    """
+    Return a schema; the offset is for the error's message.
+
+    Raises
+    ------
+    DamagedError
+        The content is none of a schema, or what should be the text of a definition is no text.
+
+    """
+    schema = parse(records.Schema, content, offset)
+    if schema.encoding in _TEXTS:
+        try:
+            schema.data.decode()
+        except UnicodeDecodeError:
+            reason = f'the definition of {schema.name!r} is no text'
+            raise DamagedError(reason, offset) from None
+    return schema
 
 
 def parse_attachment(content: bytes, offset: int = 0) -> Attachment:

@@ -101,7 +101,7 @@ def _check_found(log: AnyPath, files: list[LogFile], recovery: Recovery) -> None
     found = recovery.messages or recovery.attachments or recovery.metadata
     whole = all(file.closed for file in files) and not recovery.lost
     if not found and not whole:
-        reason = recovery.lost[0] if recovery.lost else 'it ends before its first message'
+        reason = '; '.join(recovery.lost[-3:]) or 'it ends before its first message'
         raise NotALogError(log, f'nothing can be recovered: {reason}')
 
 
@@ -133,11 +133,11 @@ class _FileRecovery:
                 self._note_unknown(offset, len(content) - written)
         self._copy_attachments(walk)
         self._copy_metadata(walk)
+        for loss in walk.losses:
+            self._lose(loss.offset, str(loss))
         if self._unknown:
             what = f'{self._unknown} messages of topics whose description is lost'
             self._lose(self._unknown_offset, what)
-        for loss in walk.losses:
-            self._lose(loss.offset, str(loss))
         self._tell(walk, recovery.messages - before)
 
     def _write(self, messages: Iterator[Message]) -> int:

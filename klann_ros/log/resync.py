@@ -7,28 +7,29 @@ other record when its lengths agree and another record may follow it.
 
 from __future__ import annotations
 
+from functools import partial
 import re
 import struct
 from typing import TYPE_CHECKING
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import Channel, Metadata
 
 from .chunks import chunk_content
-from .container import may_start, read, span_at
+from .container import may_start, MESSAGE_HEAD, read, span_at
 from .errors import DamagedError
 from .layout import lengths_agree
-from .parsing import parse, parse_attachment
+from .parsing import parse, parse_attachment, parse_schema
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from typing import BinaryIO
 
     from .container import Span
 
 _PIECE = 1024 * 1024
 _LENGTH = struct.Struct('<Q')
-_INDEX_HEAD, _INDEX_ENTRY, _MESSAGE_HEAD = 6, 16, 22
+_INDEX_HEAD, _INDEX_ENTRY = 6, 16
 
 # Records that may stand anywhere; those that are found in pieces of a chunk as well, which is why
 # they count only in a file without chunks.
@@ -40,7 +41,12 @@ _ANYWHERE = (
     Opcode.DATA_END,
 )
 _OUTSIDE = (*_ANYWHERE, Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
-_PARSED = {Opcode.METADATA: Metadata, Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel}
+_PARSERS: dict[int, Callable[[bytes], object]] = {
+    Opcode.METADATA: partial(parse, Metadata),
+    Opcode.SCHEMA: parse_schema,
+    Opcode.CHANNEL: partial(parse, Channel),
+    Opcode.ATTACHMENT: parse_attachment,
+}
 # How many records in a row make a message believable, which has nothing else to be known by.
 _ROW = 3
 
@@ -63,7 +69,7 @@ class Search:
         return self._first(start, self._size, _ANYWHERE if chunked else _OUTSIDE)
 
     def chunk(self, start: int, end: int) -> int | None:
-        """Return where the first sound chunk is that lies between two offsets."""
+        """Return where the first sound chunk is that starts between two offsets."""
         return self._first(start, end, (Opcode.CHUNK,))
 
     def is_whole(self, span: Span) -> bool:
@@ -74,26 +80,27 @@ class Search:
         except DamagedError:
             return False
 
-    def _first(self, start: int, end: int, opcodes: tuple[Opcode, ...]) -> int | None:
-        places = (at for at in self._heads(start, end, opcodes) if self._holds(at, end))
+    def _first(self, start: int, stop: int, opcodes: tuple[Opcode, ...]) -> int | None:
+        places = (at for at in self._heads(start, stop, opcodes) if self._holds(at))
         return next(places, None)
 
-    def _heads(self, start: int, end: int, opcodes: tuple[Opcode, ...]) -> Iterator[int]:
+    def _heads(self, start: int, stop: int, opcodes: tuple[Opcode, ...]) -> Iterator[int]:
         """Yield where a record of these kinds, of less than 2^40 bytes, may stand."""
         pattern = re.compile(b'[' + re.escape(bytes(opcodes)) + rb'](?=[\s\S]{5}\0\0\0)')
-        for offset in range(start, end, _PIECE):
+        for offset in range(start, stop, _PIECE):
             self._file.seek(offset)
-            piece = self._file.read(min(_PIECE + _LENGTH.size, end - offset))
-            for match in pattern.finditer(piece, 0, _PIECE + 8):
-                if match.start() >= _PIECE or match.end() + _LENGTH.size > len(piece):
+            size = min(_PIECE, stop - offset)
+            piece = self._file.read(size + _LENGTH.size)
+            for match in pattern.finditer(piece):
+                if match.start() >= size or match.end() + _LENGTH.size > len(piece):
                     break
                 (length,) = _LENGTH.unpack_from(piece, match.end())
-                if offset + match.end() + _LENGTH.size + length <= end:
+                if offset + match.end() + _LENGTH.size + length <= self._size:
                     yield offset + match.start()
 
-    def _holds(self, offset: int, end: int) -> bool:
+    def _holds(self, offset: int) -> bool:
         try:
-            span = span_at(self._file, offset, end)
+            span = span_at(self._file, offset, self._size)
             if span.opcode == Opcode.MESSAGE:
                 return self._is_row(span)
             follows = span.opcode == Opcode.CHUNK or may_start(self._file, span.end, self._size)
@@ -106,10 +113,8 @@ class Search:
         if span.opcode == Opcode.CHUNK:
             found = chunk_content(content, span.offset)
             return len(found.data) > 0 and not found.broken
-        if span.opcode == Opcode.ATTACHMENT:
-            parse_attachment(content)
-        elif span.opcode in _PARSED:
-            parse(_PARSED[Opcode(span.opcode)], content)
+        if span.opcode in _PARSERS:
+            _PARSERS[span.opcode](content)
         elif span.opcode == Opcode.MESSAGE_INDEX:
             return span.length > _INDEX_HEAD and (span.length - _INDEX_HEAD) % _INDEX_ENTRY == 0
         return True
@@ -119,7 +124,7 @@ class Search:
         for _ in range(_ROW):
             if span.opcode not in _OUTSIDE or not may_start(self._file, span.end, self._size):
                 return False
-            if span.opcode == Opcode.MESSAGE and span.length < _MESSAGE_HEAD:
+            if span.opcode == Opcode.MESSAGE and span.length < MESSAGE_HEAD:
                 return False
             try:
                 span = span_at(self._file, span.end, self._size)

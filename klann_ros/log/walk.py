@@ -14,14 +14,16 @@ import struct
 from typing import TYPE_CHECKING
 
 from mcap.opcode import Opcode
+from mcap.records import Metadata
 
 from .bag_metadata import RECORD_NAME
 from .chunks import chunk_content
-from .container import MAGIC, may_start, name_of, read, span_at
+from .container import MAGIC, may_start, name_of, read, span_at, starts
 from .content import message_content
 from .damage import Loss, Losses
 from .errors import DamagedError
 from .layout import lengths_agree
+from .parsing import parse
 from .resync import Search
 
 if TYPE_CHECKING:
@@ -38,6 +40,7 @@ _CUT_INDEX = struct.Struct('<QHI')
 _CUT_HEAD = 8 + 4 + len(RECORD_NAME)
 _DATA_END_LENGTH = 4
 _PIECE = 1024 * 1024
+_CHECKED = (Opcode.CHUNK, Opcode.ATTACHMENT)
 _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
 # What may follow the end of the data.
 _SUMMARY = (
@@ -108,8 +111,14 @@ class Walk:
     def _span_at(self, offset: int) -> Span:
         """Return the record at an offset; raise if its end cannot be relied on."""
         span = span_at(self._file, offset, self._size)
-        if may_start(self._file, span.end, self._size) or (
-            lengths_agree(self._file, span) and self._search.is_whole(span)
+        if starts(self._file, span.end, self._size):
+            return span
+        holds = lengths_agree(self._file, span) and self._search.is_whole(span)
+        if holds and span.opcode in _CHECKED:
+            return span
+        # What has no CRC may be whole by its lengths, and yet reach into a chunk behind a gap.
+        if (holds or may_start(self._file, span.end, self._size)) and (
+            self._search.chunk(span.start, span.end) is None
         ):
             return span
         reason = f'the {name_of(span.opcode)} or its length is damaged'
@@ -117,6 +126,10 @@ class Walk:
 
     def _step(self, span: Span) -> Content | None:
         """Deal with one record, whose damage if any ends where it ends."""
+        if span.opcode != Opcode.MESSAGE and not lengths_agree(self._file, span):
+            name = name_of(span.opcode)
+            self._lose_record(span, f'the lengths in the {name} contradict each other')
+            return None
         if span.opcode == Opcode.MESSAGE_INDEX:
             self._index(span)
             return None
@@ -126,12 +139,25 @@ class Walk:
         if span.opcode == Opcode.DATA_END:
             self._ended = True
         elif span.opcode == Opcode.METADATA:
-            self.metadata.append(span)
+            self._take_metadata(span)
         elif span.opcode == Opcode.ATTACHMENT:
             self.attachments.append(span)
-        elif span.opcode != Opcode.HEADER and not (self._ended and span.opcode in _SUMMARY):
-            self._lose(span, f'a {name_of(span.opcode)} does not belong there')
+        elif not self._belongs(span):
+            self._lose_record(span, f'a {name_of(span.opcode)} does not belong there')
         return None
+
+    def _take_metadata(self, span: Span) -> None:
+        try:
+            parse(Metadata, read(self._file, span), span.offset)
+        except DamagedError as damage:
+            self._lose_record(span, damage.reason)
+        else:
+            self.metadata.append(span)
+
+    def _belongs(self, span: Span) -> bool:
+        if span.opcode == Opcode.HEADER:
+            return span.offset == len(MAGIC)
+        return self._ended and span.opcode in _SUMMARY
 
     def _read(self, span: Span) -> Content | None:
         """Return what a chunk or a message holds; note it as lost if it is damaged."""
@@ -146,10 +172,10 @@ class Walk:
             else:
                 self._define([(span.opcode, read(self._file, span))], span.offset)
         except DamagedError as damage:
-            loss = self._lose(span, damage.reason)
-            if content is None and span.opcode == Opcode.CHUNK:
-                self._lost = loss
-                self._look_inside(span, loss)
+            if content is None:
+                self._lose_record(span, damage.reason)
+            else:
+                self._lose(span, damage.reason)
         if content is not None and content.broken:
             self._lose(span, f'the chunk could be read in part only: {content.broken}')
         return content
@@ -160,19 +186,18 @@ class Walk:
         if self._channels is not None:
             self._channels.add_all(definitions, offset, verified=verified)
 
-    def _look_inside(self, span: Span, loss: Loss) -> None:
-        """Go on with a sound chunk in a rotten one, which reaches over it if bytes are missing."""
+    def _index(self, span: Span) -> None:
+        """Count the messages that a lost chunk held: its index stands behind it."""
+        if self._lost is not None:
+            self._lost.messages = (self._lost.messages or 0) + span.length // _INDEX_ENTRY
+
+    def _lose_record(self, span: Span, reason: str) -> None:
+        """Note a record as lost, but for a chunk in it: if bytes are missing it reaches over."""
+        self._lost = self._lose(span, reason)
         found = self._search.chunk(span.start, span.end)
         if found is not None:
             self._next = found
-            loss.length = found - span.offset
-
-    def _index(self, span: Span) -> None:
-        """Count the messages that a lost chunk held: its index stands behind it."""
-        if not lengths_agree(self._file, span):
-            self._lose(span, 'the lengths in the message index contradict each other')
-        elif self._lost is not None:
-            self._lost.messages = (self._lost.messages or 0) + span.length // _INDEX_ENTRY
+            self._lost.length = found - span.offset
 
     def _lose(self, span: Span, reason: str) -> Loss:
         return self.losses.add(span.offset, span.end - span.offset, reason)

@@ -8,7 +8,7 @@ from stop import StoppedError
 
 
 def command(name: str, arguments: list[str]) -> int:
-    """Run demo, test or benchmark; return its exit code, and leave no process behind."""
+    """Run demo, test, fuzz or benchmark; return its exit code, and leave no process behind."""
     processes.adopt_orphans()
     try:
         return _run(name, arguments)
@@ -32,6 +32,10 @@ def _run(name: str, arguments: list[str]) -> int:
         import benchmarks  # noqa: PLC0415
 
         return benchmarks.main(arguments)
+    if name == 'fuzz':
+        import fuzz  # noqa: PLC0415
+
+        return fuzz.main(arguments)
     import checks  # noqa: PLC0415
 
     return checks.main(arguments)

@@ -1,5 +1,5 @@
 """
-Run one of the commands: main.py demo | test | benchmark [ARGUMENT ...].
+Run one of the commands: main.py demo | test | fuzz | benchmark [ARGUMENT ...].
 
 Standard library only; it runs in the chosen Python, before there is any environment. start.sh is
 what starts it.

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Choose the Python for a command (demo, test or benchmark) and hand over to main.py.
+# Choose the Python for a command (demo, test, fuzz or benchmark) and hand over to main.py.
 set -u
 name=$1
 python=${PYTHON:-python3}

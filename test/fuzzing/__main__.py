@@ -1,0 +1,61 @@
+"""
+Damage runs at random and hold recover, review and the player's reading to their laws.
+
+Run by `scripts/fuzz`. Each case is made from its seed alone, so one that fails can be run again:
+`scripts/fuzz --first SEED 1`.
+"""
+
+import argparse
+from collections import Counter
+from pathlib import Path
+import signal
+import sys
+import tempfile
+import time
+
+from fuzzing.laws import check, MAX_MEMORY, memory
+from fuzzing.samples import make_samples
+
+TIMEOUT = 30
+
+
+def main():
+    """Run the cases; return 1 if any of them broke a law."""
+    parser = argparse.ArgumentParser(prog='scripts/fuzz', description=__doc__)
+    parser.add_argument('cases', nargs='?', type=int, default=5000)
+    parser.add_argument('--first', type=int, default=0, metavar='SEED')
+    options = parser.parse_args()
+    signal.signal(signal.SIGALRM, _give_up)
+    with tempfile.TemporaryDirectory() as work:
+        return _run(options, Path(work))
+
+
+def _run(options, work):
+    samples = make_samples(work)
+    failed, slowest, begin = Counter(), 0.0, time.monotonic()
+    before = memory()
+    for seed in range(options.first, options.first + options.cases):
+        sample = samples[seed % len(samples)]
+        signal.alarm(TIMEOUT)
+        start = time.monotonic()
+        try:
+            check(sample, seed, work / f'case{seed}')
+        except Exception as error:  # noqa: BLE001, RUF100 - that there is none is the law
+            failed[sample.name] += 1
+            print(f'{type(error).__name__}: {error or sample.name}, seed {seed}\n')
+        signal.alarm(0)
+        slowest = max(slowest, time.monotonic() - start)
+    used = memory() - before
+    print(
+        f'{options.cases} cases in {time.monotonic() - begin:.0f} s, the slowest {slowest:.2f} s, '
+        f'at most {used / 2**20:.0f} MB more than at the start; {failed.total()} broke a law'
+    )
+    return 1 if failed or used > MAX_MEMORY else 0
+
+
+def _give_up(*_):
+    raise TimeoutError
+
+
+if __name__ == '__main__':
+    sys.exit(main())

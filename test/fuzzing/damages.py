@@ -1,0 +1,143 @@
+"""What happens to files: cut, flipped, zeroed, overwritten, pieces missing, twice, or swapped."""
+
+import struct
+
+import yaml
+
+
+def _cut(data, chance):
+    del data[chance.randrange(len(data)) :]
+
+
+def _flip(data, chance):
+    for _ in range(chance.choice([1, 1, 1, 2, 5, 50])):
+        data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+
+
+def _zero_tail(data, chance):
+    start = chance.randrange(len(data))
+    data[start:] = bytes(len(data) - start)
+
+
+def _zero(data, chance):
+    start, end = _region(data, chance)
+    data[start:end] = bytes(end - start)
+
+
+def _overwrite(data, chance):
+    start, end = _region(data, chance)
+    data[start:end] = chance.randbytes(end - start)
+
+
+def _remove(data, chance):
+    start, end = _region(data, chance)
+    del data[start:end]
+
+
+def _insert(data, chance):
+    at = chance.randrange(len(data))
+    data[at:at] = chance.randbytes(chance.randrange(1, 300))
+
+
+def _duplicate(data, chance):
+    start, end = _region(data, chance)
+    at = chance.randrange(len(data))
+    data[at:at] = data[start:end]
+
+
+def _swap(data, chance):
+    size = chance.randrange(1, 2000)
+    if len(data) < 4 * size:
+        return
+    first = chance.randrange(8, len(data) - 2 * size)
+    second = chance.randrange(first + size, len(data) - size + 1)
+    one, other = slice(first, first + size), slice(second, second + size)
+    data[one], data[other] = data[other], data[one]
+
+
+def _wrong_length(data, chance):
+    start = _record(data, chance)
+    if start is not None:
+        wrong = chance.choice([0, 1, 2**20, 2**40, 2**63, 2**64 - 1, chance.randrange(5000)])
+        data[start + 1 : start + 9] = struct.pack('<Q', wrong)
+
+
+def _wrong_opcode(data, chance):
+    start = _record(data, chance)
+    if start is not None:
+        data[start] = chance.choice([*range(17), 128, 255])
+
+
+def _wrong_head(data, chance):
+    """Overwrite some bytes near the start of a record: its inner lengths are there."""
+    start = _record(data, chance)
+    if start is not None:
+        at = min(start + chance.randrange(70), len(data) - 1)
+        data[at] = chance.randrange(256)
+
+
+# Whether a damage can take messages away without a trace of them.
+DAMAGES = {
+    _cut: True,
+    _flip: False,
+    _zero_tail: False,
+    _zero: False,
+    _overwrite: False,
+    _remove: True,
+    _insert: False,
+    _duplicate: True,
+    _swap: True,
+    _wrong_length: False,
+    _wrong_opcode: False,
+    _wrong_head: False,
+}
+
+
+def damage(path, chance):
+    """Damage a file; return what was done, and whether it can go without a trace."""
+    data = bytearray(path.read_bytes())
+    done = chance.choices([*DAMAGES], k=chance.choice([1, 1, 1, 2, 3]))
+    for change in done:
+        if len(data) > 100:
+            change(data, chance)
+    path.write_bytes(data)
+    return [change.__name__ for change in done], any(map(DAMAGES.__getitem__, done))
+
+
+def damage_metadata(folder, chance):
+    """Take metadata.yaml away, garble it, or let it name other files; return what was done."""
+    path = folder / 'metadata.yaml'
+    done = chance.choice(['missing', 'cut', 'flipped', 'bytes', 'other', 'odd'])
+    data = bytearray(path.read_bytes() if path.exists() else b'a: 1\n')
+    if done == 'missing':
+        path.unlink(missing_ok=True)
+        return done
+    if done == 'cut':
+        del data[chance.randrange(len(data)) :]
+    elif done == 'flipped':
+        data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+    elif done == 'bytes':
+        data = bytearray(chance.randbytes(200))
+    else:
+        names = {
+            'other': ['gone_7.mcap', *(path.name for path in folder.glob('*_0.mcap'))],
+            'odd': [None, 3, ['a'], '/etc/passwd', '', '..', '.', 'x\0y'],
+        }[done]
+        metadata = {'rosbag2_bagfile_information': {'relative_file_paths': names}}
+        data = yaml.safe_dump(metadata).encode()
+    path.write_bytes(data)
+    return done
+
+
+def _region(data, chance):
+    start = chance.randrange(len(data))
+    return start, min(len(data), start + chance.choice([1, 9, 40, 300, 2000, 9000]))
+
+
+def _record(data, chance):
+    """Return where one of the records starts, as far as they can be followed."""
+    starts, offset = [], 8
+    while offset + 9 <= len(data):
+        starts.append(offset)
+        offset += 9 + struct.unpack_from('<Q', data, offset + 1)[0]
+    return chance.choice(starts) if starts else None

@@ -1,0 +1,71 @@
+"""What must come back of a file, found by brute force: all places are tried, nothing is walked."""
+
+from dataclasses import dataclass
+import struct
+import zlib
+
+import lz4.frame
+import zstandard
+
+CHUNK, ATTACHMENT, MESSAGE = 6, 9, 5
+_HEAD = struct.Struct('<BQQQQII')
+_LIMIT = 2**24
+
+
+@dataclass(frozen=True)
+class Found:
+    """A chunk whose CRC holds: where it is, and what must not change in its messages."""
+
+    start: int
+    end: int
+    messages: tuple
+
+
+def sound_chunks(data):
+    """Return the chunks in a file whose lengths agree and whose CRC holds, wherever they are."""
+    found = []
+    offset = data.find(CHUNK)
+    while offset >= 0:
+        chunk = _chunk(data, offset)
+        if chunk is not None:
+            found.append(chunk)
+        offset = data.find(CHUNK, chunk.end if chunk else offset + 1)
+    return found
+
+
+def _chunk(data, offset):
+    if offset + _HEAD.size + 8 > len(data):
+        return None
+    _, length, _, _, _, crc, name_length = _HEAD.unpack_from(data, offset)
+    end = offset + 9 + length
+    place = offset + _HEAD.size + name_length
+    if crc == 0 or name_length > 4 or end > len(data) or place + 8 > end:
+        return None
+    name = bytes(data[place - name_length : place])
+    (size,) = struct.unpack_from('<Q', data, place)
+    if place + 8 + size != end or name not in _UNPACK:
+        return None
+    try:
+        unpacked = _UNPACK[name](bytes(data[place + 8 : end]))
+    except (zstandard.ZstdError, RuntimeError, ValueError, MemoryError):
+        return None
+    if zlib.crc32(unpacked) != crc:
+        return None
+    return Found(offset, end, tuple(_messages(unpacked)))
+
+
+def _messages(data):
+    offset = 0
+    while offset + 9 <= len(data):
+        opcode, length = struct.unpack_from('<BQ', data, offset)
+        if opcode == MESSAGE:
+            _, sequence, logged, published = struct.unpack_from('<HIQQ', data, offset + 9)
+            yield data[offset + 31 : offset + 9 + length], logged, published, sequence
+        offset += 9 + length
+
+
+_UNPACK = {
+    b'': bytes,
+    b'zstd': lambda data: zstandard.ZstdDecompressor().decompress(data, max_output_size=_LIMIT),
+    b'lz4': lz4.frame.decompress,
+}

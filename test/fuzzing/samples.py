@@ -1,0 +1,151 @@
+"""Runs to damage: ours and other recorders', small, of a dozen chunks each."""
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+import shutil
+import struct
+
+from klann_ros.log.definitions import definition
+from klann_ros.log.qos import Qos, qos_to_yaml
+from klann_ros.log.records import Message, Topic
+from klann_ros.log.writer import RunWriter
+from mcap.writer import CompressionType, IndexType, Writer
+from rosbags.typesys import get_typestore, Stores
+import yaml
+
+START = 1_700_000_000_000_000_000
+CHUNKS, MESSAGES = 10, 24
+NO_INDEX = {
+    'index_types': IndexType.NONE,
+    'use_statistics': False,
+    'repeat_channels': False,
+    'repeat_schemas': False,
+    'use_summary_offsets': False,
+}
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A run's folder, and what it holds: data, log time, publish time and sequence of each."""
+
+    name: str
+    folder: Path
+    messages: frozenset
+
+
+def make_samples(place):
+    """Write all kinds of runs into a folder; return them."""
+    messages = _messages()
+    kinds = [
+        *(_ours(place, compression, messages) for compression in ('zstd', 'lz4', 'none')),
+        _killed(place, messages),
+        _split(place, messages),
+        _others(place, 'without_crc', messages, enable_crcs=False),
+        _others(place, 'unchunked', messages, use_chunking=False),
+        _others(place, 'without_index', messages, **NO_INDEX),
+        _others(place, 'plain', messages, compression=CompressionType.NONE, enable_crcs=False),
+    ]
+    found = frozenset(content(message) for message in messages)
+    return [Sample(folder.name, folder, found) for folder in kinds]
+
+
+def content(message):
+    """Return what must not change in a message."""
+    return message.data, message.log_time, message.publish_time, message.sequence
+
+
+def _messages():
+    store = get_typestore(Stores.ROS2_JAZZY)
+    topics = [
+        Topic(name, kind, definition(kind), qos_to_yaml([Qos(depth=depth)]), 'RIHS01_' + 'a' * 64)
+        for depth, (name, kind) in enumerate(
+            [
+                ('/crank_angle', 'std_msgs/msg/Float64'),
+                ('/point_h', 'geometry_msgs/msg/PointStamped'),
+            ]
+        )
+    ]
+    header = store.types['std_msgs/msg/Header']
+    time = store.types['builtin_interfaces/msg/Time'](1, 2)
+    point = store.types['geometry_msgs/msg/Point']
+    found = []
+    for n in range(CHUNKS * MESSAGES):
+        topic = topics[n % 2 if n > MESSAGES else 0]
+        if topic is topics[0]:
+            data = b'\0\1\0\0' + struct.pack('<d', 0.01 * n)
+        else:
+            made = store.types[topic.type](header(time, 'leg_plane'), point(0.1 * n, 0.2, 0.0))
+            data = bytes(store.serialize_cdr(made, topic.type))
+        found.append(Message(topic, data, START + n * 10**6, START + n * 10**6 - 1000, n + 1))
+    return found
+
+
+def _chunks(messages):
+    return [messages[slice(n, n + MESSAGES)] for n in range(0, len(messages), MESSAGES)]
+
+
+def _write(folder, messages, compression='zstd'):
+    with RunWriter(folder, compression=compression) as writer:
+        writer.attach('geometry.yaml', 'application/yaml', b'l_ab: 0.12\n' * 20, START)
+        writer.add_metadata('solver', {'tolerance': '1e-12'})
+        for number, chunk in enumerate(_chunks(messages)):
+            for message in chunk:
+                writer.write(message)
+            writer.flush()
+            if number == 3:
+                writer.attach('note.txt', 'text/plain', b'in the middle', START)
+                writer.add_metadata('note', {'where': 'in the middle'})
+    return writer.file_path
+
+
+def _ours(place, compression, messages):
+    _write(place / f'ours_{compression}', messages, compression)
+    return place / f'ours_{compression}'
+
+
+def _killed(place, messages):
+    folder = place / 'killed'
+    path = _write(folder, messages)
+    data = path.read_bytes()
+    # In the middle of the last chunk's index.
+    path.write_bytes(data[: data.rindex(b'\x0c', 0, data.rindex(b'serialized_metadata')) - 20])
+    return folder
+
+
+def _split(place, messages):
+    folder = place / 'split'
+    folder.mkdir()
+    names = []
+    for number, half in enumerate(
+        (messages[: len(messages) // 2], messages[len(messages) // 2 :])
+    ):
+        path = _write(place / f'half{number}', half)
+        names.append(f'split_{number}.mcap')
+        shutil.copy(path, folder / names[-1])
+        shutil.rmtree(path.parent)
+    metadata = {'rosbag2_bagfile_information': {'version': 9, 'relative_file_paths': names}}
+    (folder / 'metadata.yaml').write_text(yaml.safe_dump(metadata))
+    return folder
+
+
+def _others(place, name, messages, **options):
+    folder = place / name
+    folder.mkdir()
+    with ExitStack() as stack:
+        file = stack.enter_context((folder / f'{name}_0.mcap').open('wb'))
+        writer = Writer(file, chunk_size=1500, **options)
+        writer.start('ros2')
+        channels = {}
+        for message in messages:
+            topic = message.topic
+            if topic not in channels:
+                schema = writer.register_schema(topic.type, 'ros2msg', topic.definition.encode())
+                channels[topic] = writer.register_channel(topic.name, 'cdr', schema, {})
+            channel = channels[topic]
+            times = message.log_time, message.publish_time
+            writer.add_message(channel, times[0], message.data, times[1], message.sequence)
+        writer.add_attachment(1, 2, 'a', 'text/plain', b'x' * 100)
+        writer.add_metadata('m', {'k': 'v'})
+        writer.finish()
+    return folder
