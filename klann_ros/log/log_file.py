@@ -118,9 +118,9 @@ class LogFile:
         return self._channels or Channels()
 
     def walk(self, file: BinaryIO, channels: Channels | None = None) -> Walk:
-        """Return a pass over the open file; it gathers into the channels, if any are given."""
+        """Return a pass over the open file, which gathers what it meets into the channels."""
         end = self.summary.start if self.summary.is_index else self.size
-        return Walk(file, end, channels, ends=self.summary.ends())
+        return Walk(file, end, channels or Channels(), ends=self.summary.ends())
 
     def index_sources(self) -> Iterator[Source]:
         """Yield each chunk in the index."""

@@ -14,6 +14,8 @@ from .errors import NotALogError
 if TYPE_CHECKING:
     from .errors import AnyPath
 
+_MAX_NAME = 1000
+
 
 @dataclass
 class RunFiles:
@@ -40,8 +42,9 @@ def run_files(path: AnyPath) -> RunFiles:
     """
     Return which MCAP files a log consists of.
 
-    For a folder these are the files that its ``metadata.yaml`` names, or else all ``*.mcap`` in
-    natural order (2 before 10).
+    For a folder these are the files that its ``metadata.yaml`` names, and those that continue
+    their numbers, since the metadata of a recording that was killed may be a file behind; or else
+    all ``*.mcap`` in natural order (2 before 10).
 
     Raises
     ------
@@ -63,29 +66,55 @@ def run_files(path: AnyPath) -> RunFiles:
 
 
 def _folder_files(folder: Path) -> RunFiles:
-    found = sorted(folder.glob('*.mcap'), key=_natural)
+    # Hidden ones are some tool's own, such as a copy in progress.
+    visible = (path for path in folder.glob('*.mcap') if not path.name.startswith('.'))
+    found = sorted(visible, key=_natural)
     files = RunFiles()
     metadata = _metadata(folder / FILE_NAME, files.remarks)
     mode = metadata.get('compression_mode')
     if mode and str(mode).lower() != 'none':
         raise NotALogError(
-            folder, f'it was recorded with rosbag2 compression mode {mode!r}; convert it first'
+            folder,
+            f'it was recorded with rosbag2 compression mode {str(mode)[:_MAX_NAME]!r}; convert it first',
         )
     names = metadata.get('relative_file_paths')
     if isinstance(names, list) and names:
         # The last part only: older recorders put the folder's name before it.
-        named = [folder / Path(str(name)).name for name in names]
+        named = [folder / Path(str(name)[:_MAX_NAME]).name for name in names]
         there = [path for path in dict.fromkeys(named) if path.is_file()]
         files.missing = [
             f'{path.name} is missing, though {FILE_NAME} names it'
             for path in named
             if path not in there
         ]
-        found = there or found
+        if there:
+            more = _continuing(there, found)
+            files.remarks += [
+                f'{path.name} is not named in {FILE_NAME}; it continues the run, and is read'
+                for path in more
+            ]
+            files.remarks += [
+                f'{path.name} is not named in {FILE_NAME}, and is left out'
+                for path in found
+                if path not in there and path not in more
+            ]
+            found = [*there, *more]
     if not found:
         raise NotALogError(folder, 'there is no .mcap file in the folder')
     files.paths = found
     return files
+
+
+def _continuing(named: list[Path], found: list[Path]) -> list[Path]:
+    """Return the files that are not named, but numbered like those that are and behind them."""
+    series = {_series(path) for path in named}
+    last = max(map(_natural, named))
+    others = (path for path in found if path not in named)
+    return [path for path in others if _series(path) in series and _natural(path) > last]
+
+
+def _series(path: Path) -> str:
+    return path.stem.rpartition('_')[0]
 
 
 def _metadata(path: Path, remarks: list[str]) -> dict[str, Any]:
@@ -93,8 +122,8 @@ def _metadata(path: Path, remarks: list[str]) -> dict[str, Any]:
     if not path.exists():
         return {}
     try:
-        data = yaml_text.load(path.read_text('utf-8'))
-    except ValueError as error:
+        data = yaml_text.load(path.read_bytes()[: yaml_text.MAX_SIZE + 1].decode())
+    except (ValueError, OSError) as error:
         remarks.append(f'{FILE_NAME} is damaged: {error}')
         return {}
     content = data.get(ROOT_KEY) if isinstance(data, dict) else None

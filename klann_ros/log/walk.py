@@ -27,7 +27,7 @@ from .parsing import parse
 from .resync import Search
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterator, Mapping
     from typing import BinaryIO
 
     from .channels import Channels
@@ -62,7 +62,7 @@ class Walk:
     file, size
         The file, and where to stop [bytes]: its size, or where a summary starts that holds.
     channels
-        Takes the schemas and channels that are met; None if they are known already.
+        Takes the schemas and channels that are met.
     ends
         Where records end by a summary that holds, under where they start [bytes].
 
@@ -79,7 +79,7 @@ class Walk:
         self,
         file: BinaryIO,
         size: int,
-        channels: Channels | None = None,
+        channels: Channels,
         *,
         ends: Mapping[int, int] | None = None,
     ) -> None:
@@ -166,11 +166,13 @@ class Walk:
             if span.opcode == Opcode.CHUNK:
                 self._chunked = True
                 content = chunk_content(read(self._file, span), span.offset)
-                self._define(content.definitions(), span.offset, verified=content.verified)
+                self._channels.add_all(
+                    content.definitions(), span.offset, verified=content.verified
+                )
             elif span.opcode == Opcode.MESSAGE:
                 content = message_content(read(self._file, span), span.offset)
             else:
-                self._define([(span.opcode, read(self._file, span))], span.offset)
+                self._channels.add(span.opcode, read(self._file, span), span.offset)
         except DamagedError as damage:
             if content is None:
                 self._lose_record(span, damage.reason)
@@ -179,12 +181,6 @@ class Walk:
         if content is not None and content.broken:
             self._lose(span, f'the chunk could be read in part only: {content.broken}')
         return content
-
-    def _define(
-        self, definitions: Iterable[tuple[int, bytes]], offset: int, *, verified: bool = False
-    ) -> None:
-        if self._channels is not None:
-            self._channels.add_all(definitions, offset, verified=verified)
 
     def _index(self, span: Span) -> None:
         """Count the messages that a lost chunk held: its index stands behind it."""

@@ -6,7 +6,8 @@ import yaml
 
 
 def _cut(data, chance):
-    del data[chance.randrange(len(data)) :]
+    start = chance.randrange(len(data))
+    del data[start:]
 
 
 def _flip(data, chance):
@@ -59,7 +60,7 @@ def _wrong_length(data, chance):
     start = _record(data, chance)
     if start is not None:
         wrong = chance.choice([0, 1, 2**20, 2**40, 2**63, 2**64 - 1, chance.randrange(5000)])
-        data[start + 1 : start + 9] = struct.pack('<Q', wrong)
+        struct.pack_into('<Q', data, start + 1, wrong)
 
 
 def _wrong_opcode(data, chance):
@@ -113,7 +114,8 @@ def damage_metadata(folder, chance):
         path.unlink(missing_ok=True)
         return done
     if done == 'cut':
-        del data[chance.randrange(len(data)) :]
+        start = chance.randrange(len(data))
+        del data[start:]
     elif done == 'flipped':
         data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
     elif done == 'bytes':

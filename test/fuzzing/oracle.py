@@ -41,12 +41,14 @@ def _chunk(data, offset):
     place = offset + _HEAD.size + name_length
     if crc == 0 or name_length > 4 or end > len(data) or place + 8 > end:
         return None
-    name = bytes(data[place - name_length : place])
+    start = place - name_length
+    name = bytes(data[start:place])
     (size,) = struct.unpack_from('<Q', data, place)
-    if place + 8 + size != end or name not in _UNPACK:
+    place += 8
+    if place + size != end or name not in _UNPACK:
         return None
     try:
-        unpacked = _UNPACK[name](bytes(data[place + 8 : end]))
+        unpacked = _UNPACK[name](bytes(data[place:end]))
     except (zstandard.ZstdError, RuntimeError, ValueError, MemoryError):
         return None
     if zlib.crc32(unpacked) != crc:
@@ -60,7 +62,8 @@ def _messages(data):
         opcode, length = struct.unpack_from('<BQ', data, offset)
         if opcode == MESSAGE:
             _, sequence, logged, published = struct.unpack_from('<HIQQ', data, offset + 9)
-            yield data[offset + 31 : offset + 9 + length], logged, published, sequence
+            place = slice(offset + 31, offset + 9 + length)
+            yield data[place], logged, published, sequence
         offset += 9 + length
 
 

@@ -109,7 +109,8 @@ def _killed(place, messages):
     path = _write(folder, messages)
     data = path.read_bytes()
     # In the middle of the last chunk's index.
-    path.write_bytes(data[: data.rindex(b'\x0c', 0, data.rindex(b'serialized_metadata')) - 20])
+    end = data.rindex(b'\x0c', 0, data.rindex(b'serialized_metadata')) - 20
+    path.write_bytes(data[:end])
     return folder
 
 
