@@ -71,11 +71,10 @@ def _folder_files(folder: Path) -> RunFiles:
     found = sorted(visible, key=_natural)
     files = RunFiles()
     metadata = _metadata(folder / FILE_NAME, files.remarks)
-    mode = metadata.get('compression_mode')
-    if mode and str(mode).lower() != 'none':
+    mode = str(metadata.get('compression_mode') or 'none')[:_MAX_NAME]
+    if mode.lower() != 'none':
         raise NotALogError(
-            folder,
-            f'it was recorded with rosbag2 compression mode {str(mode)[:_MAX_NAME]!r}; convert it first',
+            folder, f'it was recorded with rosbag2 compression mode {mode!r}; convert it first'
         )
     names = metadata.get('relative_file_paths')
     if isinstance(names, list) and names:

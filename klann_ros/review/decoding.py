@@ -1,5 +1,6 @@
 """From a message's bytes to what it says about a leg."""
 
+from array import array
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -22,7 +23,9 @@ LAST_PARTS = {CRANK_ANGLE: 'crank_angle', FOOT: 'point_h'}
 _INT64 = np.iinfo(np.int64)
 
 Decoder = Callable[[bytes], Any]
-Row = tuple[int, int, Any]
+
+# A message of the three types is much smaller; what a small file unpacks to may be anything.
+MAX_MESSAGE = 256 * 1024
 
 
 def may_tell_a_leg(topic: Topic) -> bool:
@@ -34,6 +37,41 @@ def may_tell_a_leg(topic: Topic) -> bool:
 def nanoseconds(time: int) -> int:
     """Return a time as one that fits into an array: a log may hold any 64 bits."""
     return min(max(time, int(_INT64.min)), int(_INT64.max))
+
+
+class Rows:
+    """
+    Rows of a log time, a stamp [ns] and numbers, in arrays: there may be a million of them.
+
+    Parameters
+    ----------
+    columns : int
+        How many numbers a row has; 0 for one that is no column of a table.
+
+    """
+
+    def __init__(self, columns: int = 0) -> None:
+        self.times = array('q')
+        self._stamps = array('q')
+        self._values = array('d')
+        self._shape = (-1, columns) if columns else (-1,)
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def add(self, time: int, stamp: int, *values: float) -> None:
+        """Add a row."""
+        self.times.append(time)
+        self._stamps.append(stamp)
+        self._values.extend(values)
+
+    def series(self) -> Series:
+        """Return the rows as arrays that do not change any more."""
+        return Series(
+            np.array(self.times, dtype=np.int64),
+            np.array(self._stamps, dtype=np.int64),
+            np.array(self._values, dtype=np.float64).reshape(self._shape),
+        )
 
 
 class LegRows:
@@ -54,9 +92,9 @@ class LegRows:
         self.leg = given or solver.leg
         # A run that tells no leg may still hold the poses of a Klann leg.
         self.joint_names = self.leg.joint_names if self.leg else JOINTS
-        self.cranks: list[Row] = []
-        self.poses: list[Row] = []
-        self.feet: list[Row] = []
+        self.cranks = Rows()
+        self.poses = Rows(len(self.joint_names))
+        self.feet = Rows(2)
 
     def __len__(self) -> int:
         return len(self.cranks) + len(self.poses) + len(self.feet)
@@ -68,7 +106,7 @@ class LegRows:
             self._add_crank(message, 0, decoded.data)
         elif kind == FOOT:
             foot = (float(decoded.point.x), float(decoded.point.y))
-            self.feet.append((time, _stamp(decoded), foot))
+            self.feet.add(time, _stamp(decoded), *foot)
         else:
             self._add_joint_state(message, decoded)
 
@@ -78,7 +116,7 @@ class LegRows:
             return
         if set(self.joint_names) <= set(names):
             pose = tuple(float(positions[names.index(joint)]) for joint in self.joint_names)
-            self.poses.append((nanoseconds(message.log_time), _stamp(decoded), pose))
+            self.poses.add(nanoseconds(message.log_time), _stamp(decoded), *pose)
         elif self.solver.crank_joint in names:
             angle = positions[names.index(self.solver.crank_joint)]
             self._add_crank(message, _stamp(decoded), angle)
@@ -89,7 +127,7 @@ class LegRows:
             # Its answer has the simulated time of a moment that the run does not tell.
             return
         stamp = stamp or nanoseconds(message.publish_time)
-        self.cranks.append((nanoseconds(message.log_time), stamp, float(angle)))
+        self.cranks.add(nanoseconds(message.log_time), stamp, float(angle))
 
 
 class LegDecoder:
@@ -125,6 +163,9 @@ class LegDecoder:
         if decoder is None:
             msg = f'no decoder for {message.topic.name}'
             raise ValueError(msg)
+        if len(message.data) > MAX_MESSAGE:
+            msg = f'{len(message.data)} bytes, more than the limit of {MAX_MESSAGE}'
+            raise ValueError(msg)
         return decoder(message.data)
 
     def _decoder(self, topic: Topic, number: int) -> Decoder | None:
@@ -138,15 +179,6 @@ class LegDecoder:
             return self._factory.decoder_for(topic.message_encoding, schema)
         except Exception:  # noqa: BLE001, RUF100 - as above
             return None
-
-
-def series(rows: Sequence[Row], *shape: int) -> Series:
-    """Return rows as arrays, the values of each in a shape."""
-    return Series(
-        np.array([time for time, _, _ in rows], dtype=np.int64),
-        np.array([stamp for _, stamp, _ in rows], dtype=np.int64),
-        np.array([value for _, _, value in rows], dtype=np.float64).reshape(-1, *shape),
-    )
 
 
 def _stamp(decoded: Any) -> int:

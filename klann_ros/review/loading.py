@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from klann_ros.kinematics.leg_types import Leg
 from klann_ros.log.reader import Log
 
-from .decoding import LegDecoder, LegRows, nanoseconds, series
+from .decoding import LegDecoder, LegRows, nanoseconds
 from .recording import Recording
 from .solvers import leg_solver, LegSolver, parent, solver_records
 from .topics import recorded_losses, TopicTally
@@ -53,9 +53,9 @@ def load(log: Log, given: Leg | None = None) -> Recording:
         ),
         leg=leg.leg,
         leg_time=since,
-        cranks=series(leg.cranks),
-        poses=series(leg.poses, len(leg.joint_names)),
-        feet=series(leg.feet, 2),
+        cranks=leg.cranks.series(),
+        poses=leg.poses.series(),
+        feet=leg.feet.series(),
     )
 
 
@@ -80,7 +80,7 @@ def _several(solver: LegSolver) -> list[str]:
 
 
 def _change(leg: LegRows, since: int, start: int) -> list[str]:
-    if not any(time < since for time, _, _ in leg.poses):
+    if not any(time < since for time in leg.poses.times):
         return []
     moment = (since - start) / 1e9
     return [f'the leg changed during the run; the poses before {moment:.2f} s were not judged']

@@ -1,5 +1,6 @@
 """How the messages of each topic came: how many, how often, how late, and what is missing."""
 
+from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -17,9 +18,10 @@ from .solvers import Metadata
 
 @dataclass
 class _Seen:
-    log: list[int] = field(default_factory=list)
-    publish: list[int] = field(default_factory=list)
-    sequences: list[int] = field(default_factory=list)
+    # Arrays: a small file may hold a million messages.
+    log: 'array[int]' = field(default_factory=lambda: array('q'))
+    publish: 'array[int]' = field(default_factory=lambda: array('q'))
+    sequences: 'array[int]' = field(default_factory=lambda: array('Q'))
     publishers: int = 0
 
 
@@ -90,7 +92,7 @@ def _figures(name: str, kind: str, seen: _Seen, lost: int | None) -> TopicFigure
 def _lost(seen: _Seen) -> int | None:
     """Count by sequence numbers, where there are any and they are one publisher's."""
     # They begin at 1; 0 is what recorders write that do not know them.
-    numbers = [number for number in seen.sequences if number]
+    numbers = array('Q', filter(None, seen.sequences))
     # A publisher that starts anew goes back once, the numbers of two at a time do so for ever.
     steps_back = sum(after <= before for before, after in pairwise(numbers))
     if not numbers or steps_back > 1 or seen.publishers > 1:

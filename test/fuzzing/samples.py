@@ -117,10 +117,8 @@ def _killed(place, messages):
 def _split(place, messages):
     folder = place / 'split'
     folder.mkdir()
-    names = []
-    for number, half in enumerate(
-        (messages[: len(messages) // 2], messages[len(messages) // 2 :])
-    ):
+    names, middle = [], len(messages) // 2
+    for number, half in enumerate((messages[:middle], messages[middle:])):
         path = _write(place / f'half{number}', half)
         names.append(f'split_{number}.mcap')
         shutil.copy(path, folder / names[-1])
