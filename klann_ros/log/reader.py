@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from .errors import NotALogError
 from .log_file import LogFile
+from .repeats import attachment_key, metadata_key, Repeats
 from .run_files import run_files
 from .sources import in_time_order, latest, Source
 
@@ -39,7 +40,8 @@ class Log:
     start_time, end_time : int
         Log time of the earliest and the latest message [ns]; 0 without any.
     metadata : dict of str to list of dict
-        The contents of the metadata records under their names, which may occur several times.
+        The contents of the metadata records under their names, which may occur several times;
+        what a later file of a split run repeats is left out.
 
     """
 
@@ -54,9 +56,10 @@ class Log:
         self.topics = tuple(dict.fromkeys(topic for item in overviews for topic in item.topics))
         self._sources = list(self._make_sources())
         self.metadata: dict[str, list[dict[str, str]]] = {}
+        repeats = Repeats()
         for file, overview in self._files:
             for offset in overview.metadata:
-                self._add_metadata(file, offset)
+                self._add_metadata(file, offset, repeats)
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -81,13 +84,18 @@ class Log:
 
     @property
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the attachments, read anew; damaged ones are left out."""
+        """Return the attachments, read anew; damaged ones and repeated ones are left out."""
         found = (
-            file.attachment_at(offset)
+            (file.path, file.attachment_at(offset))
             for file, overview in self._files
             for offset in overview.attachments
         )
-        return tuple(attachment for attachment in found if attachment is not None)
+        repeats = Repeats()
+        return tuple(
+            attachment
+            for path, attachment in found
+            if attachment is not None and not repeats.is_one(path, attachment_key(attachment))
+        )
 
     def messages(
         self,
@@ -148,9 +156,9 @@ class Log:
     ) -> None:
         self.close()
 
-    def _add_metadata(self, file: LogFile, offset: int) -> None:
+    def _add_metadata(self, file: LogFile, offset: int, repeats: Repeats) -> None:
         record = file.metadata_at(offset)
-        if record is not None:
+        if record is not None and not repeats.is_one(file.path, metadata_key(*record)):
             name, content = record
             self.metadata.setdefault(name, []).append(content)
 

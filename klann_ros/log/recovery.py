@@ -17,6 +17,7 @@ from .bag_metadata import RECORD_NAME
 from .errors import MalformedQosError, NotALogError, UnwritableError
 from .qos import qos_for_writing
 from .reader import open_files
+from .repeats import attachment_key, metadata_key, Repeats
 from .writer import RunWriter
 
 if TYPE_CHECKING:
@@ -76,13 +77,14 @@ def recover(log: AnyPath, output: AnyPath) -> Recovery:
 
     """
     files, found = open_files(log)
+    repeats = Repeats()
     _check_output(log, output)
     recovery = Recovery(lost=found.missing, remarks=found.remarks)
     writer = RunWriter(output, profile=files[0].profile or 'ros2')
     try:
         with writer:
             for file in files:
-                _FileRecovery(file, writer, recovery).run()
+                _FileRecovery(file, writer, recovery, repeats).run()
         recovery.counts = writer.counts
         _check_found(log, files, recovery)
     except BaseException:
@@ -108,10 +110,13 @@ def _check_found(log: AnyPath, files: list[LogFile], recovery: Recovery) -> None
 class _FileRecovery:
     """The recovery of one file into a run."""
 
-    def __init__(self, file: LogFile, writer: RunWriter, recovery: Recovery) -> None:
+    def __init__(
+        self, file: LogFile, writer: RunWriter, recovery: Recovery, repeats: Repeats
+    ) -> None:
         self._file = file
         self._writer = writer
         self._recovery = recovery
+        self._repeats = repeats
         self._topics: dict[Topic, Topic] = {}
         self._unverified = self._unknown = self._unknown_offset = 0
 
@@ -166,6 +171,8 @@ class _FileRecovery:
             if found is None:
                 self._lose(span.offset, self._file.problems[span.offset].text)
                 continue
+            if self._repeats.is_one(self._file.path, attachment_key(found)):
+                continue
             self._writer.attach(
                 found.name, found.media_type, found.data, found.log_time, found.create_time
             )
@@ -176,7 +183,9 @@ class _FileRecovery:
             found = self._file.metadata_at(span.offset)
             if found is None:
                 self._lose(span.offset, self._file.problems[span.offset].text)
-            elif found[0] != RECORD_NAME:  # the writer makes that one anew
+            elif found[0] == RECORD_NAME:
+                pass  # the writer makes that one anew
+            elif not self._repeats.is_one(self._file.path, metadata_key(*found)):
                 self._writer.add_metadata(*found)
                 self._recovery.metadata += 1
 
