@@ -127,6 +127,13 @@ def starts(file: BinaryIO, offset: int, end: int) -> bool:
     return lengths_agree(file, span)
 
 
+def is_kind(file: BinaryIO, offset: int) -> bool:
+    """Return whether the byte at an offset is the opcode of a record."""
+    file.seek(offset)
+    head = file.read(1)
+    return len(head) == 1 and head[0] in _KINDS
+
+
 def may_start(file: BinaryIO, offset: int, end: int) -> bool:
     """
     Return whether an offset is where a record was, or was to be.

@@ -18,7 +18,7 @@ from mcap.records import Metadata
 
 from .bag_metadata import RECORD_NAME
 from .chunks import chunk_content
-from .container import MAGIC, may_start, name_of, read, span_at, starts
+from .container import is_kind, MAGIC, may_start, name_of, read, span_at, starts
 from .content import message_content
 from .damage import Loss, Losses
 from .errors import DamagedError
@@ -121,8 +121,17 @@ class Walk:
             self._search.chunk(span.start, span.end) is None
         ):
             return span
+        if span.opcode == Opcode.MESSAGE and self._is_before_damage(span):
+            return span
         reason = f'the {name_of(span.opcode)} or its length is damaged'
         raise DamagedError(reason, offset, span.opcode)
+
+    def _is_before_damage(self, span: Span) -> bool:
+        """Return whether it is the next record that is damaged, not the length of this message."""
+        if not is_kind(self._file, span.end):
+            return False
+        found = self._search.record(span.start, chunked=self._chunked)
+        return found is None or found >= span.end
 
     def _step(self, span: Span) -> Content | None:
         """Deal with one record, whose damage if any ends where it ends."""

@@ -1,0 +1,139 @@
+"""A small file, whatever is in it, does not ask for more than 200 MB, nor for ever."""
+
+import json
+from pathlib import Path
+import random
+import struct
+import subprocess
+import sys
+import zlib
+
+from klann_ros.log.chunks import MIN_LIMIT
+from klann_ros.log.definitions import definition
+from mcap.writer import MCAP0_MAGIC
+import pytest
+import zstandard
+
+MB = 2**20
+ROOT = Path(__file__).parents[2]
+
+READERS = """
+import contextlib, io, json, sys
+sys.path.insert(0, {root!r})
+import mcap_ros2.decoder
+from klann_ros.log.playback import schedule
+from klann_ros.log.reader import open_log
+from klann_ros.log.recover_command import main as recover
+from klann_ros.review.command import main as review
+
+def peak():
+    status = open('/proc/self/status').read()
+    return int(status.split('VmHWM:')[1].split()[0]) * 1024
+
+def play(arguments):
+    with open_log(arguments[0]) as log:
+        return sum(1 for _ in schedule(log))
+
+jobs = {{'play': play, 'review': review, 'recover': recover}}
+before, said = peak(), io.StringIO()
+with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+    result = jobs[{job!r}]({arguments!r})
+print(json.dumps([result, peak() - before, said.getvalue()]))
+"""
+
+
+def record(opcode, content):
+    return struct.pack('<BQ', opcode, len(content)) + content
+
+
+def text(data):
+    return struct.pack('<I', len(data)) + data
+
+
+def topic(name, kind, schema):
+    schema = struct.pack('<H', 1) + text(kind) + text(b'ros2msg') + text(schema)
+    channel = struct.pack('<HH', 1, 1) + text(name) + text(b'cdr') + text(b'')
+    return record(3, schema) + record(4, channel)
+
+
+def message(data):
+    return record(5, struct.pack('<HIQQ', 1, 1, 1, 1) + data)
+
+
+def log(data):
+    packed = zstandard.compress(data)
+    head = struct.pack('<QQQI', 0, 0, len(data), zlib.crc32(data)) + text(b'zstd')
+    chunk = record(6, head + struct.pack('<Q', len(packed)) + packed)
+    return MCAP0_MAGIC + record(1, text(b'ros2') + text(b'')) + chunk
+
+
+def crank(data):
+    kind = 'std_msgs/msg/Float64'
+    return log(topic(b'/crank_angle', kind.encode(), definition(kind).encode()) + data)
+
+
+EMPTY = b'E[] name\n' + b'=' * 80 + b'\nMSG: sensor_msgs/E\n'
+BOMBS = {
+    'one big message': lambda: crank(message(bytes(MIN_LIMIT - MB))),
+    'more than the limit': lambda: crank(message(bytes(10 * MIN_LIMIT))),
+    'a message of empty objects': lambda: log(
+        topic(b'/joint_states', b'sensor_msgs/msg/JointState', EMPTY)
+        + message(b'\0\1\0\0\xff\xff\xff\xff' + bytes(30 * MB))
+    ),
+    'many descriptions': lambda: log(
+        b''.join(
+            record(4, struct.pack('<HH', n % 65536, 0) + text(b'%d' % n) + text(b'') * 2)
+            for n in range(600_000)
+        )
+    ),
+    'heads in heads': lambda: (
+        log(b'')
+        + b'\xff' * 20
+        + b''.join(
+            struct.pack('<BQQQQII', 6, 53 * left - 9, 0, 0, 5, 1, 4)
+            + b'zstd'
+            + struct.pack('<Q', 53 * (left - 1))
+            for left in range(10_000, 0, -1)
+        )
+    ),
+}
+
+
+def run(job, path):
+    arguments = [str(path), *(['-o', f'{path}.out'] if job == 'recover' else [])]
+    code = READERS.format(root=str(ROOT), job=job, arguments=arguments)
+    done = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope='module', params=BOMBS)
+def bomb(request, tmp_path_factory):
+    path = tmp_path_factory.mktemp('bomb') / 'x.mcap'
+    path.write_bytes(BOMBS[request.param]())
+    return path
+
+
+@pytest.mark.skipif(not Path('/proc/self/status').exists(), reason='the peak is read from /proc')
+@pytest.mark.parametrize('job', ['recover', 'review', 'play'])
+def test_a_small_file_takes_less_than_200_MB(bomb, job):  # noqa: N802, RUF100 - the unit
+    _, used, _ = run(job, bomb)
+    assert used < 200 * MB
+
+
+def test_the_limit_that_was_met_is_told(tmp_path):
+    (tmp_path / 'x.mcap').write_bytes(BOMBS['more than the limit']())
+    code, _, said = run('recover', tmp_path / 'x.mcap')
+    assert code == 2
+    assert f'unpack to more than {MIN_LIMIT} bytes, which is the limit' in said
+
+
+def test_a_large_message_of_a_file_as_large_is_kept(tmp_path):
+    """An image of a real camera does not shrink a hundredfold."""
+    data = random.Random(1).randbytes(MIN_LIMIT // 4) * 5  # noqa: S311 - no secret
+    (tmp_path / 'x.mcap').write_bytes(crank(message(data)))
+    code, _, said = run('recover', tmp_path / 'x.mcap')
+    assert code == 0
+    assert 'kept: 1 messages in all' in said
