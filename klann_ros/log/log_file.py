@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -13,6 +12,7 @@ from .channels import Channels
 from .chunks import chunk_content
 from .container import find_footer, MAGIC, read, span_at
 from .errors import DamagedError, NotALogError
+from .overview import Overview, Problem
 from .parsing import parse, parse_attachment
 from .records import Message
 from .sources import Source
@@ -31,24 +31,6 @@ if TYPE_CHECKING:
 
 
 _NEVER = 2**64
-
-
-@dataclass(frozen=True)
-class Problem:
-    """Something wrong in a file: the offset [bytes], and what, in one line."""
-
-    offset: int
-    text: str
-
-
-@dataclass(frozen=True)
-class Overview:
-    """What a file holds: topics, first and last log time [ns], offsets of other records."""
-
-    topics: list[Topic]
-    times: tuple[int, int] | None
-    metadata: list[int]
-    attachments: list[int]
 
 
 class LogFile:
@@ -110,12 +92,9 @@ class LogFile:
         Without a summary that tells them all, the file is gone through once: what describes a
         channel may stand behind its messages, when the first of it is rotten.
         """
-        if self._channels is None:
-            if self.summary.is_index:
-                self._channels = self.summary.channels
-            else:
-                self.survey()
-        return self._channels or Channels()
+        if self._channels is None and not self.summary.is_index:
+            self.survey()
+        return self._channels or self.summary.channels
 
     def walk(self, file: BinaryIO, channels: Channels | None = None) -> Walk:
         """Return a pass over the open file, which gathers what it meets into the channels."""
@@ -135,7 +114,7 @@ class LogFile:
             walk = self.walk(file)
             for offset, content in walk.contents():
                 yield from self.messages(offset, content, topics)
-            self.note_losses(walk)
+            self._note_losses(walk)
 
     def overview(self) -> Overview:
         """Return what the file holds, from its index or else by going through all of it."""
@@ -161,7 +140,7 @@ class LogFile:
             for _, content in walk.contents():
                 first = min(first, min(content.times, default=first))
                 last = max(last, max(content.times, default=last))
-            self.note_losses(walk)
+            self._note_losses(walk)
         self._channels = channels
         for text in channels.contradictions:
             self.note(self.size, text)
@@ -189,11 +168,6 @@ class LogFile:
             if topic is not None:
                 yield Message(topic, data, log_time, publish_time, sequence)
 
-    def note_losses(self, walk: Walk) -> None:
-        """Note what a walk stepped over."""
-        for loss in walk.losses:
-            self.note(loss.offset, str(loss))
-
     def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
         """Return the name and content of a metadata record; None if it is damaged."""
         content = self._content_at(offset, Opcode.METADATA)
@@ -212,6 +186,10 @@ class LogFile:
         except DamagedError as damage:
             self.note(offset, damage.reason)
             return None
+
+    def _note_losses(self, walk: Walk) -> None:
+        for loss in walk.losses:
+            self.note(loss.offset, str(loss))
 
     def _wanted_topic(
         self, channel: int, offset: int, topics: Collection[str] | None
