@@ -3,7 +3,12 @@ Make a readable run out of a damaged one.
 
 The files are walked record by record (:mod:`klann_ros.log.walk`); every message, attachment and
 metadata record that is intact goes into a new run as it was: times, sequence numbers, schemas and
-channel metadata. The input is opened for reading only.
+channel metadata. The files of a split run become one. The input is opened for reading only.
+
+What no CRC covers cannot be judged: messages outside of chunks, chunks of recorders that write
+none (rosbag2 by default), metadata records and the header. A bit that flipped there is kept as it
+is, and the recovery says how much of the run has no CRC. Of schemas and channels, which have none
+either, the version in a chunk or summary whose CRC holds is taken.
 """
 
 from __future__ import annotations
