@@ -97,6 +97,9 @@ def span_at(file: BinaryIO, offset: int, end: int) -> Span:
         As :func:`spans`.
 
     """
+    if offset > end:
+        # An index may say anything, also what no file can be asked for.
+        raise DamagedError('it would be behind the end of the file', offset)
     file.seek(offset)
     head = file.read(_HEAD.size)
     left = end - offset - _HEAD.size

@@ -183,3 +183,17 @@ def test_a_length_is_not_believed(tmp_path, bomb):
         assert tracemalloc.get_traced_memory()[1] < limit
     finally:
         tracemalloc.stop()
+
+
+def test_an_index_that_points_out_of_the_file_is_told(run_file, batches, runs):
+    """Without a CRC of the summary, as other recorders leave it out, an offset may be anything."""
+    data = bytearray(run_file.read_bytes())
+    spans = runs.record_spans(data)
+    index = next(start for opcode, start, _ in spans if opcode == 0x0A)
+    struct.pack_into('<Q', data, index + 9, 2**64 - 1)
+    data[-12:-8] = bytes(4)
+    run_file.write_bytes(data)
+    with open_log(run_file) as log:
+        assert log.attachments == ()
+        assert list(log.messages()) == runs.joined(batches)
+        assert 'behind the end of the file' in log.problem
