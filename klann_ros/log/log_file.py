@@ -15,6 +15,7 @@ from .errors import DamagedError, NotALogError
 from .overview import Overview, Problem
 from .parsing import parse, parse_attachment
 from .records import Message
+from .resync import Search
 from .sources import Source
 from .summary import read_summary, Summary
 from .walk import Walk
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
 
 _NEVER = 2**64
+_START = MAGIC + bytes([Opcode.HEADER])
 
 
 class LogFile:
@@ -67,7 +69,9 @@ class LogFile:
             with path.open('rb') as file:
                 self.size = file.seek(0, 2)
                 file.seek(0)
-                self._check_start(file.read(len(MAGIC) + 1))
+                start = file.read(len(MAGIC) + 1)
+                if start != _START:
+                    self._check_start(start, file)
                 self.profile = self._read_profile(file)
                 footer = find_footer(file, self.size)
                 self.closed = footer is not None
@@ -201,17 +205,21 @@ class LogFile:
             return None
         return topic
 
-    def _check_start(self, start: bytes) -> None:
+    def _check_start(self, start: bytes, file: BinaryIO) -> None:
+        """Refuse what is no log; one whose first bytes are damaged has sound chunks in it."""
+        if Search(file, self.size).chunk(0, self.size) is not None:
+            self.note(0, 'its first bytes are not those of an MCAP file')
+            return
         if not start:
             raise NotALogError(self.path, 'the file is empty')
         if not start.startswith(MAGIC):
             raise NotALogError(self.path, 'it does not start as an MCAP file does')
-        if start != MAGIC + bytes([Opcode.HEADER]):
-            raise NotALogError(self.path, 'there is no header at its start')
+        raise NotALogError(self.path, 'there is no header at its start')
 
     def _read_profile(self, file: BinaryIO) -> str:
         try:
-            return parse(Header, read(file, span_at(file, len(MAGIC), self.size))).profile
+            span = span_at(file, len(MAGIC), self.size)
+            return parse(Header, read(file, span)).profile if span.opcode == Opcode.HEADER else ''
         except DamagedError as damage:
             self.note(len(MAGIC), f'the header is damaged: {damage.reason}')
             return ''

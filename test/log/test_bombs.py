@@ -21,7 +21,6 @@ READERS = """
 import contextlib, io, json, sys
 sys.path.insert(0, {root!r})
 import mcap_ros2.decoder
-from klann_ros.log.playback import schedule
 from klann_ros.log.reader import open_log
 from klann_ros.log.recover_command import main as recover
 from klann_ros.review.command import main as review
@@ -32,7 +31,7 @@ def peak():
 
 def play(arguments):
     with open_log(arguments[0]) as log:
-        return sum(1 for _ in schedule(log))
+        return sum(1 for _ in log.messages(start=log.start_time))
 
 jobs = {{'play': play, 'review': review, 'recover': recover}}
 before, said = peak(), io.StringIO()
