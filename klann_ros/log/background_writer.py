@@ -1,16 +1,23 @@
 """A run written by a thread of its own, behind a bounded queue."""
 
+from collections import Counter, deque
 from collections.abc import Callable
-from queue import Empty, SimpleQueue
-from threading import Thread
-from time import monotonic
+from threading import Event, Lock, Thread
+from time import monotonic, sleep, time_ns
 
 from .errors import LogError, UnwritableError
 from .records import Message
+from .split_limits import SplitLimits
 from .writer import RunWriter
 
-# A thread that waits for a slow disk may fall behind by so many messages.
-CAPACITY = 100_000
+# A thread that waits for a slow disk may fall behind by so much [bytes].
+CAPACITY = 128 * 1024 * 1024
+# What a message takes beside its data [bytes], about.
+OVERHEAD = 400
+# Messages are written in batches: to wake the thread for each one costs more than to write it [s].
+GATHER = 0.05
+# What was received before a moment has been put so much later [s].
+SETTLE = 0.1
 
 Entry = Callable[[RunWriter], None]
 
@@ -25,18 +32,20 @@ class BackgroundWriter:
     Parameters
     ----------
     writer : RunWriter
-        The run; from now on only this object's thread uses it.
+        The run; from now on only this object's thread writes to it.
     flush_period : float
         What was put is on the disk at most so much later [s].
     on_failure : callable
         Is called once, from the thread, when the disk says no.
+    limits : SplitLimits
+        When a file of the run is finished and the next one begun.
+    min_free_space : int
+        The recording ends when less is free on the disk [bytes].
     capacity : int
-        Length of the queue.
+        What the queue may hold [bytes].
 
     Attributes
     ----------
-    dropped : int
-        Messages that did not fit into the queue or into the format, or came after a failure.
     failure : Exception or None
         What ended the writing.
 
@@ -48,39 +57,86 @@ class BackgroundWriter:
         *,
         flush_period: float,
         on_failure: Callable[[], object],
+        limits: SplitLimits = SplitLimits(),  # noqa: B008 - frozen
+        min_free_space: int = 0,
         capacity: int = CAPACITY,
     ) -> None:
         """Start the thread."""
-        self.dropped = 0
         self.failure: Exception | None = None
         self._writer = writer
         self._flush_period = flush_period
+        self._gather = min(GATHER, flush_period / 2.0)
         self._on_failure = on_failure
+        self._limits = limits
+        self._min_free_space = min_free_space
         self._capacity = capacity
-        self._queue: SimpleQueue[Message | Entry | None] = SimpleQueue()
+        # Each of these is written by one thread only: what was put, and what was dealt with.
+        self._put_size = self._done_size = 0
+        self._overrun: Counter[str] = Counter()
+        self._discarded: Counter[str] = Counter()
+        self._queue: deque[Message | Entry] = deque()
+        self._filled = Event()
+        self._closing = False
+        self._split_lock = Lock()
+        self._split_wanted = False
         self._thread = Thread(target=self._run, name='writer', daemon=True)
         self._thread.start()
 
     def put(self, message: Message) -> None:
         """Queue a message."""
-        if self.failure is not None or self._queue.qsize() >= self._capacity:
-            self.dropped += 1
-        else:
-            self._queue.put(message)
+        size = len(message.data) + OVERHEAD
+        waiting = self._put_size - self._done_size
+        # An empty queue takes a message of any size.
+        if self.failure is not None or (waiting and waiting + size > self._capacity):
+            self._overrun[message.topic.name] += 1
+            return
+        self._put_size += size
+        self._queue.append(message)
+        if not self._filled.is_set():
+            self._filled.set()
 
     def put_entry(self, entry: Entry) -> None:
         """Queue a call that writes something else than a message: metadata, an attachment."""
-        self._queue.put(entry)
+        self._queue.append(entry)
+        self._filled.set()
 
-    def close(self) -> Exception | None:
-        """Write all that is queued and finish the run; return what went wrong, now or before."""
-        self._queue.put(None)
+    def split(self) -> str:
+        """Let a new file begin with what is received from now on; return its name."""
+        with self._split_lock:
+            self._split_wanted = True
+            name = self._writer.next_name
+        self._filled.set()
+        return name
+
+    def dropped(self, topic: str) -> int:
+        """Return how many messages of a topic were put and are not going to be in the run."""
+        return self._overrun[topic] + self._discarded[topic]
+
+    @property
+    def queued(self) -> int:
+        """Return how many messages and entries wait."""
+        return len(self._queue)
+
+    def close(self, last: Entry | None = None) -> Exception | None:
+        """
+        Write all that is queued and then a last entry, and finish the run.
+
+        Returns
+        -------
+        Exception or None
+            What went wrong, now or before. The run is finished nevertheless where the disk allows
+            it: see `RunWriter.closed`.
+
+        """
+        self._closing = True
+        self._filled.set()
         self._thread.join()
-        if self.failure is None:
-            try:
-                self._writer.close()
-            except (OSError, LogError) as error:
-                self.failure = error
+        try:
+            if last is not None and self._writer.failure is None and not self._writer.closed:
+                last(self._writer)
+            self._writer.close()
+        except (OSError, LogError) as error:
+            self.failure = self.failure or error
         return self.failure
 
     def _run(self) -> None:
@@ -90,33 +146,64 @@ class BackgroundWriter:
         except Exception as error:
             self.failure = error
             self._on_failure()
-            self._drop_rest()
 
     def _write_all(self) -> None:
         due = monotonic() + self._flush_period
-        while True:
-            try:
-                item = self._queue.get(timeout=max(0.0, due - monotonic()))
-            except Empty:
-                pass
-            else:
-                if item is None:
-                    return
-                self._write(item)
+        while not self._closing:
+            if self._filled.wait(max(0.0, due - monotonic())) and not self._closing:
+                sleep(self._gather)
+            self._write_queued()
             if monotonic() >= due:
                 self._writer.flush()
+                self._check_space()
                 due = monotonic() + self._flush_period
+            if self._split_wanted or self._limits.are_reached(self._writer):
+                self._split()
+        self._write_queued()
+
+    def _check_space(self) -> None:
+        problem = self._writer.space_problem(self._min_free_space)
+        if problem is not None:
+            raise problem
+
+    def _split(self) -> None:
+        """
+        Begin a new file, with what was received later than now.
+
+        Topics are taken one after the other, so what is queued is not in the order of its times;
+        the files of a run have to be, or a reader that reads one after the other goes back.
+        """
+        cut = time_ns()
+        sleep(SETTLE)
+        later = []
+        for _ in range(len(self._queue)):
+            item = self._queue.popleft()
+            if isinstance(item, Message) and item.log_time >= cut:
+                later.append(item)
+            else:
+                self._write(item)
+        with self._split_lock:
+            self._split_wanted = False
+            self._writer.split()
+        self._check_space()
+        for item in later:
+            self._write(item)
+
+    def _write_queued(self) -> None:
+        # Before the queue is looked at, so that nothing is overlooked.
+        self._filled.clear()
+        for _ in range(len(self._queue)):
+            self._write(self._queue.popleft())
+            if self._writer.is_full:
+                # What is left of the space is for the end of the run.
+                self._check_space()
 
     def _write(self, item: Message | Entry) -> None:
-        if isinstance(item, Message):
-            try:
-                self._writer.write(item)
-            except UnwritableError:
-                self.dropped += 1
-        else:
+        if not isinstance(item, Message):
             item(self._writer)
-
-    def _drop_rest(self) -> None:
-        """Count what comes after a failure until the end is asked for."""
-        while (item := self._queue.get()) is not None:
-            self.dropped += isinstance(item, Message)
+            return
+        self._done_size += len(item.data) + OVERHEAD
+        try:
+            self._writer.write(item)
+        except UnwritableError:
+            self._discarded[item.topic.name] += 1

@@ -1,8 +1,12 @@
 """Files that survive: what was synced is on the disk, and a full disk leaves no half record."""
 
 from contextlib import suppress
+import fcntl
 import os
 from pathlib import Path
+from typing import BinaryIO
+
+from .disk_reserve import DiskReserve
 
 # Where there is no fdatasync (macOS) its slower brother does the same and more.
 _sync = getattr(os, 'fdatasync', os.fsync)
@@ -17,12 +21,18 @@ class DurableFile:
     Not Python's buffered writer: that one keeps what it could not write and tries again whenever
     it is flushed, closed or collected. Here the first error is final; it is kept in ``failure``,
     raised by whatever is asked of the file afterwards, and what was written of the last piece is
-    cut off on closing, so that the file ends with a whole record.
+    cut off on closing, so that the file ends with a whole record. Full is final only where the
+    reserve does not help.
+
+    While it is open the file is locked, so that others can tell it from one that was left behind:
+    see :func:`is_being_written`.
 
     Parameters
     ----------
     path
         The file, which must not exist.
+    reserve
+        Space on the same disk that can be given up.
 
     Raises
     ------
@@ -31,13 +41,16 @@ class DurableFile:
 
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, reserve: DiskReserve | None = None) -> None:
         self.failure: OSError | None = None
+        self._reserve = reserve
         self._descriptor = -1
         self._buffer = bytearray()
         self._written = 0
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, 'O_CLOEXEC', 0)
         self._descriptor = os.open(path, flags, 0o666)
+        with suppress(OSError):  # some network disks have no locks
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
     def write(self, data: bytes) -> int:
         """Take one or more whole records; return their size [bytes]."""
@@ -61,14 +74,19 @@ class DurableFile:
         self.check()
         pending = memoryview(self._buffer)
         done = 0
-        try:
-            while done < len(pending):
-                done += os.write(self._descriptor, pending[done:])
-        except OSError as error:
-            self.failure = error
-            raise
+        while done < len(pending):
+            done += self._write(pending[done:])
         self._written += len(self._buffer)
         self._buffer = bytearray()
+
+    def _write(self, piece: memoryview) -> int:
+        try:
+            return os.write(self._descriptor, piece)
+        except OSError as error:
+            if self._reserve is not None and self._reserve.helps(error):
+                return 0
+            self.failure = error
+            raise
 
     def sync(self) -> None:
         """Hand everything to the disk: it survives a power failure."""
@@ -93,6 +111,18 @@ class DurableFile:
                 os.ftruncate(descriptor, self._written)
         with suppress(OSError):
             os.close(descriptor)
+
+
+def is_being_written(file: BinaryIO) -> bool:
+    """Return whether a DurableFile has this open file in its hands, in whatever process."""
+    try:
+        fcntl.flock(file.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    fcntl.flock(file.fileno(), fcntl.LOCK_UN)
+    return False
 
 
 def sync_folder(folder: Path) -> None:

@@ -49,6 +49,33 @@ class UnwritableError(LogError):
     """A value does not fit into the file format."""
 
 
+class DiskFullError(LogError):
+    """The disk is full; the run could be finished, with what it had kept free for that."""
+
+    def __init__(self, path: AnyPath, reason: str) -> None:
+        super().__init__(f'the disk of {path} is full: {reason}')
+
+
+class LowSpaceError(LogError):
+    """
+    Less space is free than is to be left.
+
+    Attributes
+    ----------
+    free, least
+        How much is free, and how much has to be [bytes].
+
+    """
+
+    def __init__(self, path: AnyPath, free: int, least: int) -> None:
+        super().__init__(
+            f'only {free / 1e6:.1f} MB are free on the disk of {path}, {least / 1e6:.1f} MB have '
+            'to stay free; make room, or set a smaller min_free_space [bytes]'
+        )
+        self.free = free
+        self.least = least
+
+
 class DamagedError(LogError):
     """
     Bytes of a log that do not hold what they should.

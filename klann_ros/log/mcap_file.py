@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from .disk_reserve import DiskReserve
     from .records import Attachment, Message, Topic
 
 COMPRESSIONS = {
@@ -52,6 +53,8 @@ class McapFile:
         A chunk is finished when its messages are larger [bytes].
     profile, library
         What the header says.
+    reserve
+        Space that the end of the file may take.
 
     Raises
     ------
@@ -61,13 +64,21 @@ class McapFile:
     """
 
     def __init__(
-        self, path: Path, *, compression: str, chunk_size: int, profile: str, library: str
+        self,
+        path: Path,
+        *,
+        compression: str,
+        chunk_size: int,
+        profile: str,
+        library: str,
+        reserve: DiskReserve | None = None,
     ) -> None:
         self.path = path
+        self._kept: FileSummary | None = None
         self._start_time = self._end_time = 0
         self._schemas: dict[tuple[str, str, str], int] = {}
         self._channels: dict[Topic, _Channel] = {}
-        self._file = DurableFile(path)
+        self._file = DurableFile(path, reserve)
         self._writer = Writer(
             # A file by what it can do; the library asks for write, tell and flush only.
             cast('Any', self._file),
@@ -136,6 +147,7 @@ class McapFile:
         self._file.check()
         self._writer.flush()  # type: ignore[no-untyped-call] # theirs
         self._file.sync()
+        self._kept = self.summary()
 
     def finish(self) -> None:
         """Write index, summary and footer, bring everything to the disk and close the file."""
@@ -148,9 +160,23 @@ class McapFile:
         """Close the file without finishing it."""
         self._file.close()
 
+    @property
+    def size(self) -> int:
+        """Return its size, without what is in the chunk in progress [bytes]."""
+        return self._file.tell()
+
+    @property
+    def duration(self) -> float:
+        """Return the time between its earliest and its latest message [s]."""
+        return (self._end_time - self._start_time) / 1e9
+
     def summary(self) -> FileSummary:
-        """Return what the file holds so far."""
-        counts = {topic: channel.count for topic, channel in self._channels.items()}
+        """Return what the file holds so far; after a failure, what it is known to hold."""
+        if self._file.failure is not None:
+            return self._kept or FileSummary(self.path.name)
+        # Another thread may ask, so in one go.
+        channels = list(self._channels.items())
+        counts = {topic: channel.count for topic, channel in channels}
         return FileSummary(self.path.name, counts, self._start_time, self._end_time)
 
     def _add_channel(self, message: Message) -> _Channel:

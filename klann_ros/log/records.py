@@ -42,10 +42,11 @@ class Topic:
         return hash((self.name, self.type))
 
 
-@dataclass(frozen=True, slots=True)
+# Not frozen: it is made for each message, and a frozen one takes three times as long to make.
+@dataclass(slots=True, unsafe_hash=True)
 class Message:
     """
-    A message as it was received.
+    A message as it was received; nobody changes it.
 
     Parameters
     ----------

@@ -1,15 +1,16 @@
-"""What a run says about itself in metadata records: its solvers, and what it lost."""
+"""What a run says about itself in metadata records: its solvers, its pauses, what it lost."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 import json
 from typing import Any
 
 SOLVER_RECORD = 'klann_ros.solver'
 LOSS_RECORD = 'klann_ros.loss'
+PAUSE_RECORD = 'klann_ros.pause'
+RECORDER_RECORD = 'klann_ros.recorder'
 # The solver's parameter that holds the text of its linkage's file; empty for a Klann leg.
 LINKAGE_PARAMETER = 'linkage_description'
-_UNKNOWN = 'unknown'
 
 
 @dataclass(frozen=True)
@@ -57,14 +58,69 @@ def solver_parameters(record: Mapping[str, str]) -> SolverParameters:
         raise ValueError(msg) from None
 
 
-def loss_record(lost: Mapping[str, int | None]) -> dict[str, str]:
-    """Return the metadata record of lost messages by topic; None where nobody can tell."""
-    return {name: _UNKNOWN if count is None else str(count) for name, count in lost.items()}
-
-
-def losses(record: Mapping[str, str]) -> dict[str, int | None]:
+@dataclass(frozen=True)
+class TopicCount:
     """
-    Return the lost messages by topic from a metadata record.
+    What became of a topic's messages in a recording.
+
+    Attributes
+    ----------
+    received : int
+        How many the recorder was given.
+    written : int
+        How many of them are in the run.
+    dropped : int
+        How many of them will never be.
+    left_out : int
+        How many came during a pause; that is no loss.
+    unheard : int or None
+        How many were lost before, by the numbers of a single publisher; None where nobody can
+        tell.
+
+    """
+
+    received: int
+    written: int
+    dropped: int = 0
+    left_out: int = 0
+    unheard: int | None = 0
+
+    @property
+    def lost(self) -> int | None:
+        """Return how many were lost, at least; None where nobody can tell."""
+        if self.unheard is None:
+            return self.dropped or None
+        return self.unheard + self.dropped
+
+
+@dataclass(frozen=True)
+class Pause:
+    """
+    A time in which nothing was recorded, by intention.
+
+    Attributes
+    ----------
+    begin, end : int
+        From and until when [ns since the epoch], on the clock of the log times.
+    left_out : dict
+        How many messages of each topic came meanwhile.
+
+    """
+
+    begin: int
+    end: int
+    left_out: dict[str, int]
+
+
+def pause_record(pause: Pause) -> dict[str, str]:
+    """Return the metadata record of a pause."""
+    left_out = json.dumps(pause.left_out, sort_keys=True)
+    return {'from': str(pause.begin), 'to': str(pause.end), 'left_out': left_out}
+
+
+def pause_of(record: Mapping[str, str]) -> Pause:
+    """
+    Return a pause from a metadata record.
 
     Raises
     ------
@@ -72,4 +128,56 @@ def losses(record: Mapping[str, str]) -> dict[str, int | None]:
         It is no such record.
 
     """
-    return {name: None if text == _UNKNOWN else int(text) for name, text in record.items()}
+    try:
+        left_out = {name: int(n) for name, n in json.loads(record['left_out']).items()}
+        return Pause(int(record['from']), int(record['to']), left_out)
+    except (AttributeError, KeyError, TypeError, ValueError):
+        msg = f'not a record of a pause: {dict(record)}'
+        raise ValueError(msg) from None
+
+
+def loss_record(counts: Mapping[str, TopicCount]) -> dict[str, str]:
+    """Return the metadata record of what became of each topic's messages."""
+    told = {name: {**asdict(count), 'lost': count.lost} for name, count in counts.items()}
+    return {name: json.dumps(count) for name, count in told.items()}
+
+
+def topic_counts(record: Mapping[str, str]) -> dict[str, TopicCount]:
+    """
+    Return what became of each topic's messages from a metadata record.
+
+    Raises
+    ------
+    ValueError
+        It is no such record.
+
+    """
+    try:
+        return {name: _topic_count(json.loads(text)) for name, text in record.items()}
+    except (AttributeError, KeyError, TypeError, ValueError):
+        msg = f'not a record of losses: {dict(record)}'
+        raise ValueError(msg) from None
+
+
+def losses(record: Mapping[str, str]) -> dict[str, int | None]:
+    """
+    Return the lost messages by topic from a metadata record; None where nobody can tell.
+
+    Raises
+    ------
+    ValueError
+        It is no such record.
+
+    """
+    return {name: count.lost for name, count in topic_counts(record).items()}
+
+
+def _topic_count(data: Mapping[str, Any]) -> TopicCount:
+    unheard = data['unheard']
+    return TopicCount(
+        int(data['received']),
+        int(data['written']),
+        int(data['dropped']),
+        int(data['left_out']),
+        None if unheard is None else int(unheard),
+    )

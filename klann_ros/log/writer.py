@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 import shutil
 from typing import TYPE_CHECKING
@@ -9,18 +10,32 @@ from typing import TYPE_CHECKING
 from klann_ros import __version__
 
 from .bag_metadata import bag_metadata, FILE_NAME, metadata_record, metadata_yaml, RECORD_NAME
+from .disk_reserve import DiskReserve, SIZE as RESERVE_SIZE
 from .durable_file import replace_file, sync_folder
-from .errors import AnyPath, RunClosedError, RunExistsError, UnwritableError
+from .errors import (
+    AnyPath,
+    DiskFullError,
+    LogError,
+    LowSpaceError,
+    RunClosedError,
+    RunExistsError,
+    UnwritableError,
+)
+from .free_space import check_free_space
 from .mcap_file import COMPRESSIONS, McapFile
 from .records import Attachment, Message
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from types import TracebackType
 
     from typing_extensions import Self
 
+    from .bag_metadata import FileSummary
+
 LIBRARY = f'klann_ros {__version__}'
+# What the summary of a file says of each chunk [bytes], and how small a chunk may become [bytes].
+INDEX_SIZE, SMALL_CHUNK = 200, 16 * 1024
 
 
 class RunWriter:
@@ -29,7 +44,7 @@ class RunWriter:
 
     The folder, ``<run>/<run>_0.mcap`` with its header and ``<run>/metadata.yaml`` are on the disk
     as soon as the writer is created. To be used from one thread only: the MCAP library is not
-    thread safe.
+    thread safe. What properties tell may be asked for from others.
 
     Parameters
     ----------
@@ -43,6 +58,9 @@ class RunWriter:
         The MCAP profile of the header.
     ros_distro
         The ROS distribution that metadata.yaml names.
+    reserve
+        Whether to keep a little space free on the disk, so that the run can be finished when the
+        disk is full.
 
     Raises
     ------
@@ -63,21 +81,27 @@ class RunWriter:
         chunk_size: int = 1024 * 1024,
         profile: str = 'ros2',
         ros_distro: str = 'jazzy',
+        reserve: bool = False,
     ) -> None:
         if compression not in COMPRESSIONS:
             raise UnwritableError(f'compression is {compression!r}, not one of {[*COMPRESSIONS]}')
         self._folder = Path(folder).absolute()
+        self._open = partial(
+            McapFile,
+            compression=compression,
+            chunk_size=chunk_size,
+            profile=profile,
+            library=LIBRARY,
+        )
         self._ros_distro = ros_distro
         self._closed = False
+        self._finished: list[FileSummary] = []
+        self._repeated: list[Callable[[McapFile], None]] = []
+        self._flushes = 0
         self._make_folder()
         try:
-            self._file = McapFile(
-                self._folder / f'{self._folder.name}_0.mcap',
-                compression=compression,
-                chunk_size=chunk_size,
-                profile=profile,
-                library=LIBRARY,
-            )
+            self._reserve = DiskReserve(self._folder) if reserve else None
+            self._file = self._new_file()
             self._write_metadata_yaml()
             sync_folder(self._folder.parent)
         except BaseException:
@@ -92,21 +116,52 @@ class RunWriter:
 
     @property
     def file_path(self) -> Path:
-        """Return the path of the MCAP file in it."""
+        """Return the path of the MCAP file in it that is being written."""
         return self._file.path
 
     @property
+    def file_size(self) -> int:
+        """Return the size of that file, without the chunk in progress [bytes]."""
+        return self._file.size
+
+    @property
+    def file_duration(self) -> float:
+        """Return the time between the earliest and the latest message in that file [s]."""
+        return self._file.duration
+
+    @property
+    def file_is_empty(self) -> bool:
+        """Return whether there is no message in that file yet."""
+        return not self._file.summary().counts
+
+    @property
+    def next_name(self) -> str:
+        """Return the name of the file that follows after a split."""
+        return self._name(len(self._finished) + 1)
+
+    @property
     def counts(self) -> dict[str, int]:
-        """Return how many messages were written so far, by the topic's name."""
+        """Return how many messages are in the run, by the topic's name."""
         counts: dict[str, int] = {}
-        for topic, count in self._file.summary().counts.items():
-            counts[topic.name] = counts.get(topic.name, 0) + count
+        for file in (*self._finished, self._file.summary()):
+            for topic, count in file.counts.items():
+                counts[topic.name] = counts.get(topic.name, 0) + count
         return counts
 
     @property
     def closed(self) -> bool:
         """Return whether the run is closed."""
         return self._closed
+
+    @property
+    def is_full(self) -> bool:
+        """Return whether the disk is full, so that only the end may be written any more."""
+        return self._reserve is not None and self._reserve.spent is not None
+
+    @property
+    def failure(self) -> OSError | None:
+        """Return the disk's error after which nothing can be written, not even the end."""
+        return self._file.failure
 
     def write(self, message: Message) -> None:
         """
@@ -128,7 +183,14 @@ class RunWriter:
         self._file.write(message)
 
     def attach(
-        self, name: str, media_type: str, data: bytes, log_time: int, create_time: int = 0
+        self,
+        name: str,
+        media_type: str,
+        data: bytes,
+        log_time: int,
+        create_time: int = 0,
+        *,
+        in_every_file: bool = False,
     ) -> None:
         """
         Add a file to the run; times in [ns since the epoch].
@@ -139,10 +201,12 @@ class RunWriter:
             As :meth:`write`.
 
         """
-        self._check()
-        self._file.attach(Attachment(name, media_type, data, log_time, create_time))
+        attachment = Attachment(name, media_type, data, log_time, create_time)
+        self._add(lambda file: file.attach(attachment), in_every_file=in_every_file)
 
-    def add_metadata(self, name: str, mapping: Mapping[str, str]) -> None:
+    def add_metadata(
+        self, name: str, mapping: Mapping[str, str], *, in_every_file: bool = False
+    ) -> None:
         """
         Add a metadata record of names and texts.
 
@@ -152,8 +216,8 @@ class RunWriter:
             As :meth:`write`.
 
         """
-        self._check()
-        self._file.add_metadata(name, mapping)
+        content = dict(mapping)
+        self._add(lambda file: file.add_metadata(name, content), in_every_file=in_every_file)
 
     def flush(self) -> None:
         """
@@ -167,6 +231,58 @@ class RunWriter:
         """
         self._check()
         self._file.flush()
+        self._flushes += 1
+
+    def split(self) -> None:
+        """
+        Finish the file and go on in a new one; without a message in the file there is no need.
+
+        What was added with `in_every_file` is repeated, so that every file explains itself.
+
+        Raises
+        ------
+        RunClosedError, OSError
+            As :meth:`write`.
+
+        """
+        self._check()
+        if self.file_is_empty:
+            return
+        self._finish_file()
+        try:
+            following = self._new_file(len(self._finished) + 1)
+        except OSError:
+            self._closed = True
+            self._write_metadata_yaml()
+            raise
+        self._finished.append(self._file.summary())
+        self._file = following
+        for add in self._repeated:
+            add(self._file)
+        self._write_metadata_yaml()
+
+    def space_problem(self, min_free_space: int) -> LogError | None:
+        """
+        Return what is wrong with the space on the disk, when less is free than this [bytes].
+
+        The run can be closed then, and should be.
+
+        Raises
+        ------
+        OSError
+            The disk does not tell.
+
+        """
+        if self._reserve is not None:
+            chunks = self._flushes + self._file.size // SMALL_CHUNK
+            self._reserve.hold(RESERVE_SIZE + chunks * INDEX_SIZE)
+            if self._reserve.spent is not None:
+                return DiskFullError(self._folder, str(self._reserve.spent))
+        try:
+            check_free_space(self._folder, min_free_space)
+        except LowSpaceError as problem:
+            return problem
+        return None
 
     def close(self) -> None:
         """
@@ -182,11 +298,13 @@ class RunWriter:
         if self._closed:
             return
         self._closed = True
+        if self._reserve is not None:
+            # Now is what it was kept for.
+            self._reserve.release()
         try:
             if self._file.failure is not None:
                 raise self._file.failure
-            self._file.add_metadata(RECORD_NAME, metadata_record(self._metadata()))
-            self._file.finish()
+            self._finish_file()
         finally:
             self._file.abandon()
         self._write_metadata_yaml()
@@ -218,8 +336,30 @@ class RunWriter:
         if self._closed:
             raise RunClosedError(self._folder)
 
+    def _name(self, number: int) -> str:
+        return f'{self._folder.name}_{number}.mcap'
+
+    def _new_file(self, number: int = 0) -> McapFile:
+        path = self._folder / self._name(number)
+        try:
+            return self._open(path, reserve=self._reserve)
+        except OSError:
+            # Half a header is no file.
+            path.unlink(missing_ok=True)
+            raise
+
+    def _add(self, add: Callable[[McapFile], None], *, in_every_file: bool) -> None:
+        self._check()
+        add(self._file)
+        if in_every_file:
+            self._repeated.append(add)
+
+    def _finish_file(self) -> None:
+        self._file.add_metadata(RECORD_NAME, metadata_record(self._metadata()))
+        self._file.finish()
+
     def _metadata(self) -> dict[str, object]:
-        return bag_metadata([self._file.summary()], self._ros_distro)
+        return bag_metadata([*self._finished, self._file.summary()], self._ros_distro)
 
     def _write_metadata_yaml(self) -> None:
         replace_file(self._folder / FILE_NAME, metadata_yaml(self._metadata()))

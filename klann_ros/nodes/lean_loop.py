@@ -21,6 +21,7 @@ request, and where rclpy lacks what is used of its inner parts.
 
 from contextlib import ExitStack, suppress
 import os
+from time import sleep
 from typing import Any
 
 from rclpy import executors
@@ -44,7 +45,8 @@ class LeanCallbackGroup(MutuallyExclusiveCallbackGroup):
     """
     Subscriptions whose messages a LeanLoop takes, while there is one.
 
-    They are made with `raw=True` and a callback that takes bytes and info. Their events are the
+    They are made with `raw=True` and a callback that takes bytes and info, no coroutine. Their
+    events are the
     loop's too: Fast DDS tells of both by one condition, so that whoever waits for the events wakes
     up for every message. Put nothing else into the group.
     """
@@ -69,11 +71,15 @@ class LeanLoop:
         Has the nodes; nothing else may spin it in the meantime.
     plain : bool
         Whether to let the executor do all of it.
+    rest : float
+        Time to rest after all that waited was taken [s]: one wake-up then serves all that comes
+        meanwhile. For whoever needs no answer at once, and has queues that hold so much.
 
     """
 
-    def __init__(self, executor: Any, *, plain: bool = False) -> None:
+    def __init__(self, executor: Any, *, plain: bool = False, rest: float = 0.0) -> None:
         self._executor = executor
+        self._rest = rest
         self._plain = plain or bool(os.environ.get(PLAIN)) or not _is_possible(executor)
         self._lean: list[Subscription] = []
         self._groups: set[LeanCallbackGroup] = set()
@@ -149,11 +155,22 @@ class LeanLoop:
                 wait_set.wait(-1)
                 if self._context_ended:
                     raise executors.ExternalShutdownException
-                if not _take(takes, wait_set):
-                    self._run_events(events, wait_set)
+                self._serve(takes, events, wait_set)
                 # Last, so that messages have a turn between any two other callbacks.
                 if watch.is_ready or self._ended:
                     return
+
+    def _serve(self, takes: list[Any], events: list[Any], wait_set: Any) -> None:
+        """Take what has come, and tell the events, which cost something to ask for."""
+        if not self._rest:
+            if not _take(takes, wait_set):
+                self._run_events(events, wait_set)
+            return
+        # Who publishes is to be known before its messages are; and after a rest there are always
+        # messages, for which the events must not wait.
+        self._run_events(events, wait_set)
+        if _take(takes, wait_set) < BURST:
+            sleep(self._rest)
 
     def _hold(self, held: ExitStack) -> tuple[list[Any], list[Any], list[Any]]:
         """Return the subscriptions' handles and events, and how to take; none is destroyed."""
@@ -173,8 +190,11 @@ class LeanLoop:
     def _run_events(self, events: list[Any], wait_set: Any) -> None:
         for event in events:
             if event.is_ready(wait_set):
+                told = None
                 with suppress(InvalidHandle):  # as above
-                    self._executor.create_task(event.execute, event.take_data())
+                    told = event.take_data()
+                if told is not None:
+                    event.callback(told)
 
 
 def _fill(wait_set: Any, guard: Any, handles: list[Any], events: list[Any]) -> None:
@@ -186,20 +206,19 @@ def _fill(wait_set: Any, guard: Any, handles: list[Any], events: list[Any]) -> N
         event.add_to_wait_set(wait_set)
 
 
-def _take(takes: list[Any], wait_set: Any) -> bool:
-    """Take what has come; return whether there was any."""
-    found = False
+def _take(takes: list[Any], wait_set: Any) -> int:
+    """Take what has come; return how many messages there were of the most frequent topic."""
+    most = 0
     for index, (take, kind, callback) in enumerate(takes):
         # To take nothing costs more than to ask.
         if not wait_set.is_ready('subscription', index):
             continue
-        for _ in range(BURST):
-            taken = take(kind, True)  # raw
-            if taken is None:
-                break
-            found = True
+        count = 0
+        while count < BURST and (taken := take(kind, True)) is not None:  # raw
             callback(*taken)
-    return found
+            count += 1
+        most = max(most, count)
+    return most
 
 
 def _is_possible(executor: Any) -> bool:

@@ -92,6 +92,7 @@ def run(
     stop: StopSignals,
     *,
     lean: bool = False,
+    rest: float = 0.0,
 ) -> int:
     """
     Run a node until a signal stops it, or it asks for its end.
@@ -108,6 +109,8 @@ def run(
         The process's signals.
     lean : bool
         Whether a LeanLoop runs it: worth it where messages come in, not where timers do the work.
+    rest : float
+        How long that loop rests after all that waited was taken [s].
 
     Returns
     -------
@@ -129,12 +132,14 @@ def run(
         return _refused(name, error)
     try:
         stop.on_stop(finish)
-        return _run(name, lambda: make_node(finish), finished, lean=lean)
+        return _run(name, lambda: make_node(finish), finished, lean=lean, rest=rest)
     finally:
         rclpy.try_shutdown()
 
 
-def _run(name: str, make_node: Callable[[], Node], finished: Future, *, lean: bool) -> int:
+def _run(
+    name: str, make_node: Callable[[], Node], finished: Future, *, lean: bool, rest: float
+) -> int:
     executor = SingleThreadedExecutor()
     try:
         node = make_node()
@@ -144,7 +149,7 @@ def _run(name: str, make_node: Callable[[], Node], finished: Future, *, lean: bo
         executor.add_node(node)
         # What is there by now stays: the collector need not walk through it again and again.
         gc.freeze()
-        spinner = LeanLoop(executor) if lean else executor
+        spinner = LeanLoop(executor, rest=rest) if lean else executor
         spinner.spin_until_future_complete(finished)
     finally:
         executor.remove_node(node)

@@ -1,33 +1,54 @@
-"""One topic of a recording: its subscription, its place in the run, and what was lost of it."""
+"""One topic of a recording: its subscriptions, its place in the run, and what was lost of it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import Any, TYPE_CHECKING
 
 from klann_ros.log.definitions import definition
 from klann_ros.log.loss import LossCounter
+from klann_ros.log.pauses import Pauses
 from klann_ros.log.qos import qos_to_yaml
 from klann_ros.log.records import Message, Topic
+from klann_ros.log.heard_twice import HeardTwice
+from rclpy.callback_groups import CallbackGroup
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from .message_types import message_class
 from .qos import recorded, to_receive
-from .taking import drain, forgetful, Info, waiting
+from .taking import Info, waiting
+
+if TYPE_CHECKING:
+    from rclpy.subscription import Subscription
 
 
 class RecordedTopic:
     """
     Subscribe to a topic as its publishers offer it, and hand on what it receives as raw bytes.
 
+    There is a subscription for each kind of publisher (reliable or not, latched or not): one that
+    asks for less would miss what a latched publisher sent before, one that asks for more hears
+    nothing. What two of them hear is recorded once.
+
     Parameters
     ----------
     node : rclpy.node.Node
         Who subscribes.
-    name : str
-        The topic's full name.
+    group : CallbackGroup
+        Of the subscriptions.
     publishers : sequence of TopicEndpointInfo
-        Its publishers, at least one.
+        The topic's publishers, at least one.
     put : callable
         Takes every message.
+    pauses : Pauses
+        What is left out.
+    changed : callable
+        Is called with the topic's name when publishers come or go.
+    is_own : callable, optional
+        Tells the messages of the recorder's own publisher, where it has one on this topic. It is
+        not among the publishers.
 
     Raises
     ------
@@ -39,52 +60,102 @@ class RecordedTopic:
     def __init__(
         self,
         node: Node,
+        group: CallbackGroup,
         name: str,
         publishers: Sequence[TopicEndpointInfo],
+        *,
         put: Callable[[Message], None],
+        pauses: Pauses,
+        changed: Callable[[str], object],
+        is_own: Callable[[bytes], bool] | None = None,
     ) -> None:
         """Subscribe."""
-        first, profiles = publishers[0], [publisher.qos_profile for publisher in publishers]
-        self.topic = Topic(
-            name,
-            first.topic_type,
-            definition(first.topic_type),
-            qos_to_yaml(recorded(profile) for profile in profiles),
-            str(first.topic_type_hash),
-        )
+        self.name, self.type = name, publishers[0].topic_type
         self.received = 0
-        self.loss = LossCounter()
-        self._put = put
-        self._subscription = node.create_subscription(
-            message_class(first.topic_type),
-            name,
-            self._on_message,
-            to_receive(profiles),
-            raw=True,
-            event_callbacks=forgetful(self.loss),
-        )
+        self._loss = LossCounter()
+        self._class, self._definition = message_class(self.type), definition(self.type)
+        self._node, self._group, self._put, self._pauses = node, group, put, pauses
+        self._changed, self._is_own = changed, is_own
+        self._subscriptions: dict[tuple[Any, Any], Subscription] = {}
+        self._publishers: dict[tuple[Any, Any], int] = {}
+        self._count = 0
+        self._heard_twice: HeardTwice | None = None
+        self.adapt(publishers)
 
-    def _on_message(self, data: bytes, info: Info) -> None:
-        publishers = self._subscription.get_publisher_count()
-        for taken, about in drain(self._subscription, data, info):
-            self._record(taken, about, publishers)
+    @property
+    def unheard(self) -> int | None:
+        """Return how many messages were lost before they came here; None if nobody can tell."""
+        return None if self._loss.shared else self._loss.lost
+
+    def adapt(self, publishers: Iterable[TopicEndpointInfo]) -> list[str]:
+        """
+        Listen so that all of the topic's publishers are heard.
+
+        Returns
+        -------
+        list of str
+            Message types that publishers have and that cannot be heard, as the topic's is another.
+
+        """
+        heard = [publisher for publisher in publishers if publisher.topic_type == self.type]
+        if heard and not self.received:
+            self._topic = self._describe(heard)
+        for publisher in heard:
+            self._hear(to_receive([publisher.qos_profile]))
+        return sorted({publisher.topic_type for publisher in publishers} - {self.type})
 
     def take_waiting(self) -> None:
-        """Take what no executor will take any more: the last messages before the end."""
-        publishers = self._subscription.get_publisher_count()
-        for taken, about in waiting(self._subscription):
-            self._record(taken, about, publishers)
+        """Take what waits, as before the end, when no loop will take it any more."""
+        for subscription in self._subscriptions.values():
+            for data, info in waiting(subscription):
+                self._on_message(data, info)
 
-    def _record(self, data: bytes, info: Info, publishers: int) -> None:
-        sequence = info['publication_sequence_number']
-        self.received += 1
-        self.loss.count(sequence, publishers)
-        self._put(
-            Message(
-                self.topic,
-                data,
-                info['received_timestamp'],
-                info['source_timestamp'],
-                sequence or 0,
-            )
+    def _describe(self, publishers: Sequence[TopicEndpointInfo]) -> Topic:
+        profiles = (recorded(publisher.qos_profile) for publisher in publishers)
+        type_hash = str(publishers[0].topic_type_hash)
+        return Topic(self.name, self.type, self._definition, qos_to_yaml(profiles), type_hash)
+
+    def _hear(self, profile: QoSProfile) -> None:
+        kind = (profile.reliability, profile.durability)
+        if kind in self._subscriptions:
+            return
+        if self._subscriptions and self._heard_twice is None:
+            self._heard_twice = HeardTwice()
+        self._publishers[kind] = 0
+        self._subscriptions[kind] = self._node.create_subscription(
+            self._class,
+            self.name,
+            self._on_message,
+            profile,
+            raw=True,
+            callback_group=self._group,
+            event_callbacks=SubscriptionEventCallbacks(
+                matched=partial(self._on_matched, kind),
+                # A publisher that offers less than the others: it needs a subscription of its own.
+                incompatible_qos=lambda _: self._changed(self.name),
+                use_default_callbacks=False,
+            ),
         )
+
+    def _on_matched(self, kind: tuple[Any, Any], status: Any) -> None:
+        # Whoever comes or goes: the next message may be of another publisher.
+        self._loss.forget()
+        self._publishers[kind] = status.current_count
+        self._count = max(self._publishers.values()) - (self._is_own is not None)
+        self._changed(self.name)
+
+    def _on_message(self, data: bytes, info: Info) -> None:
+        if self._is_own is not None and self._is_own(data):
+            return
+        sequence = info['publication_sequence_number']
+        publish_time, log_time = info['source_timestamp'], info['received_timestamp']
+        if self._heard_twice is None:
+            self._loss.count(sequence, self._count)
+        elif self._heard_twice.is_repeat(publish_time, sequence or 0):
+            return
+        else:
+            # The order in which two subscriptions hear something tells nothing.
+            self._loss.count(None, 2)
+        self.received += 1
+        if not self._pauses.leaves_out(self.name, log_time):
+            self._put(Message(self._topic, data, log_time, publish_time, sequence or 0))

@@ -2,35 +2,45 @@
 
 from collections.abc import Sequence
 from datetime import datetime, timezone
-from fnmatch import fnmatchcase
+from importlib.metadata import PackageNotFoundError, version
 import os
 from pathlib import Path
 import platform
-from time import monotonic
+from time import monotonic, time_ns
 from typing import Any
 
 from klann_ros import __version__
 from klann_ros.log.background_writer import BackgroundWriter
-from klann_ros.log.errors import LogError, UnknownTypeError
+from klann_ros.log.errors import LogError
+from klann_ros.log.free_space import check_free_space, free_space
 from klann_ros.log.mcap_file import COMPRESSIONS
+from klann_ros.log.pauses import Pauses
 from klann_ros.log.run_parameters import (
     LOSS_RECORD,
     loss_record,
+    PAUSE_RECORD,
+    pause_record,
+    RECORDER_RECORD,
     SOLVER_RECORD,
     solver_record,
     SolverParameters,
+    TopicCount,
 )
+from klann_ros.log.split_limits import SplitLimits
+from klann_ros.log.unfinished import unfinished_runs
 from klann_ros.log.writer import RunWriter
 from klann_ros.stop_signals import StopSignals
-from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.utilities import get_rmw_implementation_identifier
 import yaml
 
-from .message_types import UnknownMessageTypeError
 from .parameters import declare, Declared, usage
 from .process import arguments, command_line, Finish, ProcessNode, run, StartError
-from .recorded_topic import RecordedTopic
+from .recorder_services import offer, SERVICES
+from .recording_reports import RecordingReports
+from .recording_status import RecordingState
 from .solver_watch import SolverWatch
+from .topic_watch import TopicWatch
 
 TOPICS = (
     'crank_angle',
@@ -52,11 +62,33 @@ PARAMETERS = (
     Declared('all_topics', False, 'record every topic that is not hidden'),
     Declared('compression', 'zstd', 'of the chunks', choices=tuple(COMPRESSIONS)),
     Declared('flush_period', 0.5, 'a crash costs at most this much [s]', limits=(0.01, 60.0)),
+    Declared(
+        'max_file_size',
+        0,
+        'a larger file is finished, and the next one begun [bytes]; 0: no limit',
+        limits=(0, 2**62),
+    ),
+    Declared(
+        'max_file_duration',
+        0.0,
+        'a longer file is finished, and the next one begun [s]; 0: no limit',
+        limits=(0.0, 1e9),
+        any_number=True,
+    ),
+    Declared(
+        'min_free_space',
+        500_000_000,
+        'the recording ends when less is free on the disk [bytes]; 0: when it is full',
+        limits=(0, 2**62),
+    ),
 )
-# How often new topics are looked for [s].
-LOOK_PERIOD = 0.1
+# A finished chunk is what a full disk has to have room for yet [bytes].
+CHUNK_SIZE = 128 * 1024
 # How long the end waits for a solver's parameters that have been asked for [s].
 LAST_ANSWERS = 1.0
+# Nobody waits for an answer of a recorder: one wake-up for many messages [s]. The queues of its
+# subscriptions hold what comes meanwhile up to 100 kHz.
+REST = 0.02
 
 
 class RecorderNode(ProcessNode):
@@ -79,40 +111,52 @@ class RecorderNode(ProcessNode):
         """Declare, validate, open the run; `options` are those of Node."""
         super().__init__('recorder_node', **options)
         values = declare(self, PARAMETERS)
-        self._patterns = ['*'] if values['all_topics'] else self._resolved(values['topics'])
-        self._topics: dict[str, RecordedTopic] = {}
-        self._skipped: set[str] = set()
-        self._solvers = SolverWatch(self, self._on_solver)
-        self._writer = _open(values['output'] or _default_output(), values['compression'])
+        self._writer = _open(values)
+        for left in unfinished_runs(self._writer.path.parent):
+            self.get_logger().warning(f'{left} was not finished; `recover {left}` makes it whole')
         self._background = BackgroundWriter(
             self._writer,
             flush_period=values['flush_period'],
             on_failure=lambda: finish(1),
+            limits=SplitLimits(values['max_file_size'], values['max_file_duration']),
+            min_free_space=values['min_free_space'],
         )
         self._background.put_entry(_describe_recorder)
-        self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._pauses = Pauses()
+        self._solvers = SolverWatch(self, self._on_solver)
+        patterns = ['*'] if values['all_topics'] else self._resolved(values['topics'])
+        self._watch = TopicWatch(
+            self,
+            patterns,
+            put=self._background.put,
+            pauses=self._pauses,
+            solvers=self._solvers,
+            reports=RecordingReports(self, self._state),
+        )
+        offer(self, self._split, self._pause, self._resume)
         self.get_logger().info(f'recording to {self._writer.path}')
 
     def close(self) -> int:
         """Take what still waits, and finish the run."""
         self._await_answers()
-        for topic in self._topics.values():
-            topic.take_waiting()
-        self._background.put_entry(self._describe_losses)
-        failure = self._background.close()
-        received = sum(topic.received for topic in self._topics.values())
-        said = (
-            f'{received - self._background.dropped} messages of {len(self._topics)} topics are in '
-            f'{self._writer.path}'
+        self._watch.stop()
+        self._watch.take_waiting()
+        if self._pauses.paused:
+            self._resume()
+        failure = self._background.close(self._describe_losses)
+        counts = self._final_counts()
+        written = sum(count.written for count in counts.values())
+        lost = sum(count.lost or 0 for count in counts.values())
+        said = f'{written} messages of {len(counts)} topics are in {self._writer.path}'
+        if failure is None:
+            self.get_logger().info(f'{said}; {lost} were lost')
+            return 0
+        whole = self._writer.failure is None
+        how = '' if whole else f'; it was not finished, `recover {self._writer.path}` does that'
+        self.get_logger().error(
+            f'the recording stopped early: {failure}; {said}, {lost} were lost{how}'
         )
-        if failure is not None:
-            self.get_logger().error(
-                f'the recording stopped early: {failure}; about {said}, and `recover` finishes it'
-            )
-            return 1
-        lost = sum(topic.loss.lost for topic in self._topics.values())
-        self.get_logger().info(f'{said}; {lost + self._background.dropped} were lost')
-        return 0
+        return 1
 
     def _await_answers(self) -> None:
         """Let the answers come that explain a run which was stopped early."""
@@ -124,11 +168,65 @@ class RecorderNode(ProcessNode):
         executor.remove_node(self)
 
     def _describe_losses(self, writer: RunWriter) -> None:
-        lost = {
-            name: None if topic.loss.shared else topic.loss.lost
-            for name, topic in self._topics.items()
+        writer.add_metadata(LOSS_RECORD, loss_record(self._final_counts()))
+
+    def _final_counts(self) -> dict[str, TopicCount]:
+        """Return what became of every message when nothing is queued any more."""
+        written, left_out = self._writer.counts, self._pauses.left_out
+        return {
+            name: TopicCount(
+                received=topic.received,
+                written=written.get(name, 0),
+                dropped=topic.received - left_out[name] - written.get(name, 0),
+                left_out=left_out[name],
+                unheard=topic.unheard,
+            )
+            for name, topic in self._watch.topics.items()
         }
-        writer.add_metadata(LOSS_RECORD, loss_record(lost))
+
+    def _state(self) -> RecordingState:
+        written, left_out = self._writer.counts, self._pauses.left_out
+        failure = self._background.failure
+        return RecordingState(
+            counts={
+                name: TopicCount(
+                    received=topic.received,
+                    written=written.get(name, 0),
+                    dropped=self._background.dropped(name),
+                    left_out=left_out[name],
+                    unheard=topic.unheard,
+                )
+                for name, topic in self._watch.topics.items()
+            },
+            queued=self._background.queued,
+            file=str(self._writer.file_path),
+            size=self._writer.file_size,
+            free=free_space(self._writer.path),
+            paused=self._pauses.paused,
+            failure='' if failure is None else str(failure),
+        )
+
+    def _split(self) -> tuple[bool, str]:
+        if self._writer.file_is_empty:
+            return False, f'there is no message in {self._writer.file_path.name} yet'
+        return True, self._background.split()
+
+    def _pause(self) -> tuple[bool, str]:
+        if self._pauses.paused:
+            return True, 'it was paused already'
+        self._watch.take_waiting()
+        self._pauses.begin(time_ns())
+        return True, 'paused'
+
+    def _resume(self) -> tuple[bool, str]:
+        if not self._pauses.paused:
+            return True, 'it was recording already'
+        self._pauses.end(time_ns())
+        # What was received meanwhile is to be in the record of the pause.
+        self._watch.take_waiting()
+        record = pause_record(self._pauses.last())
+        self._background.put_entry(lambda writer: writer.add_metadata(PAUSE_RECORD, record))
+        return True, 'recording again'
 
     def _resolved(self, names: Sequence[str]) -> list[str]:
         """Return full names; a pattern is taken in this node's namespace, and not remapped."""
@@ -142,37 +240,13 @@ class RecorderNode(ProcessNode):
             for name in names
         ]
 
-    def _look(self) -> None:
-        """Subscribe to what has appeared."""
-        for name, _ in self.get_topic_names_and_types():
-            if name not in self._topics and name not in self._skipped and self._wanted(name):
-                self._subscribe(name)
-        for name, recorded in self._topics.items():
-            if recorded.topic.type == 'sensor_msgs/msg/JointState':
-                self._solvers.add(self.get_publishers_info_by_topic(name))
-        self._solvers.ask()
-
-    def _wanted(self, name: str) -> bool:
-        hidden = any(part.startswith('_') for part in name.split('/'))
-        return not hidden and any(fnmatchcase(name, pattern) for pattern in self._patterns)
-
-    def _subscribe(self, name: str) -> None:
-        publishers = self.get_publishers_info_by_topic(name)
-        if not publishers:
-            return
-        try:
-            self._topics[name] = RecordedTopic(self, name, publishers, self._background.put)
-        except (UnknownMessageTypeError, UnknownTypeError) as error:
-            self._skipped.add(name)
-            self.get_logger().warning(f'{name} is not recorded: {error}')
-
     def _on_solver(self, solver: SolverParameters) -> None:
         name = f'{solver.node.strip("/").replace("/", "_")}.yaml'
         file = yaml.safe_dump({solver.node: {'ros__parameters': solver.parameters}}).encode()
 
         def describe(writer: RunWriter) -> None:
-            writer.add_metadata(SOLVER_RECORD, solver_record(solver))
-            writer.attach(name, 'text/yaml', file, solver.time)
+            writer.add_metadata(SOLVER_RECORD, solver_record(solver), in_every_file=True)
+            writer.attach(name, 'text/yaml', file, solver.time, in_every_file=True)
 
         self._background.put_entry(describe)
 
@@ -181,25 +255,40 @@ def _default_output() -> str:
     return f'runs/{datetime.now(timezone.utc):%Y-%m-%dT%H-%M-%SZ}'
 
 
-def _open(output: str, compression: str) -> RunWriter:
+def _open(values: dict[str, Any]) -> RunWriter:
+    output = Path(values['output'] or _default_output()).expanduser()
     try:
-        return RunWriter(Path(output).expanduser(), compression=compression)
+        check_free_space(output, values['min_free_space'])
+        return RunWriter(
+            output, compression=values['compression'], chunk_size=CHUNK_SIZE, reserve=True
+        )
     except (LogError, OSError) as error:
         raise StartError(str(error)) from error
 
 
 def _describe_recorder(writer: RunWriter) -> None:
     writer.add_metadata(
-        'klann_ros.recorder',
+        RECORDER_RECORD,
         {
             'version': __version__,
             'host': platform.node(),
             'system': platform.platform(),
             'python': platform.python_version(),
             'ros_distro': os.environ.get('ROS_DISTRO', 'jazzy'),
+            'rclpy': _version('rclpy'),
+            'rmw': get_rmw_implementation_identifier(),
+            'mcap': _version('mcap'),
             'started': datetime.now(timezone.utc).isoformat(),
         },
+        in_every_file=True,
     )
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return 'unknown'
 
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:
@@ -207,7 +296,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     parser = command_line(
         'recorder_node',
         'Record the topics of a leg to an MCAP run that survives a crash. Ctrl-C finishes it.',
-        usage(PARAMETERS),
+        f'{usage(PARAMETERS)}\n\n{SERVICES}',
     )
     arguments(parser, argv)
-    return run('recorder_node', RecorderNode, argv, stop)
+    return run('recorder_node', RecorderNode, argv, stop, lean=True, rest=REST)

@@ -4,7 +4,7 @@ from dataclasses import replace
 import re
 
 from klann_ros.log.qos import Qos, qos_to_yaml
-from klann_ros.log.run_parameters import LOSS_RECORD
+from klann_ros.log.run_parameters import LOSS_RECORD, loss_record, TopicCount
 from klann_ros.review.command import main
 
 
@@ -15,8 +15,12 @@ def lost(output: str) -> str:
 
 def test_the_recorders_own_count_comes_first(healthy, make_run, capsys) -> None:
     del healthy.answers[50:53]
-    counted = {'/crank_angle': '7', '/joint_states': '0', '/point_h': 'unknown'}
-    healthy.metadata.append((LOSS_RECORD, counted))
+    counted = {
+        '/crank_angle': TopicCount(400, 397, dropped=3, unheard=4),
+        '/joint_states': TopicCount(500, 400, left_out=100),
+        '/point_h': TopicCount(400, 400, unheard=None),
+    }
+    healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
     assert main([str(make_run(healthy))]) == 1
     output = capsys.readouterr().out
     assert re.findall(r'FOUND lost: (.*)', output) == ['7 messages of /crank_angle were lost']
@@ -24,7 +28,9 @@ def test_the_recorders_own_count_comes_first(healthy, make_run, capsys) -> None:
 
 
 def test_a_topic_that_is_lost_altogether_is_told(healthy, make_run, capsys) -> None:
-    healthy.metadata.append((LOSS_RECORD, {'/velocity_h': '9'}))
+    healthy.metadata.append(
+        (LOSS_RECORD, loss_record({'/velocity_h': TopicCount(9, 0, dropped=9)}))
+    )
     assert main([str(make_run(healthy))]) == 1
     output = capsys.readouterr().out
     assert re.search(r'^/velocity_h +0( +-){3} +9$', output, flags=re.MULTILINE)

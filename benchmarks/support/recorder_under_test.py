@@ -1,0 +1,133 @@
+"""A recorder as a process: messages go in at a rate, and what it costs is read from outside."""
+
+from collections import Counter
+from dataclasses import dataclass
+import os
+from pathlib import Path
+import subprocess
+import sys
+import time
+
+from klann_ros.log.reader import open_log
+from klann_ros.nodes.qos import OUTPUT
+import rclpy
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+
+# The traffic never leaves the machine, nor meets another's.
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+os.environ.setdefault('ROS_DOMAIN_ID', '91')
+
+OURS = [
+    sys.executable,
+    '-c',
+    'import sys; from klann_ros.executables import recorder_node; sys.exit(recorder_node())',
+]
+STOCK = [sys.executable, str(Path(__file__).with_name('stock_recorder.py'))]
+WARM_UP = 1.0
+# How many messages are published at once: a publisher that wakes up for each has no time for it.
+BURST = 5
+
+
+@dataclass(frozen=True)
+class Cost:
+    """CPU a message [us], idle CPU [%], memory [MB], and messages that are not in the run."""
+
+    cpu: float
+    idle: float
+    memory: float
+    lost: int
+
+
+class RecorderUnderTest:
+    """
+    A recorder that is given joint states.
+
+    Parameters
+    ----------
+    ours : bool
+        Whether it is recorder_node, or else the stock recorder.
+    folder : pathlib.Path
+        Where the run goes.
+    topics : int
+        How many topics there are.
+
+    """
+
+    def __init__(self, folder: Path, *, ours: bool, topics: int) -> None:
+        """Start it, and wait until it listens."""
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context)
+        self._node = rclpy.create_node('probe', context=self._context)
+        names = [f'/load_{number}' for number in range(topics)]
+        self._publishers = [self._node.create_publisher(JointState, n, OUTPUT) for n in names]
+        self._folder = folder / 'run'
+        if ours:
+            parameters = [f'output:={self._folder}', f'topics:=[{",".join(names)}]']
+            command = [*OURS, '--ros-args', *(w for p in parameters for w in ('-p', p))]
+        else:
+            command = [*STOCK, str(self._folder), *names]
+        self._ours = ours
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        while any(p.get_subscription_count() < 1 for p in self._publishers):
+            if self._process.poll() is not None:
+                raise SystemExit('the recorder has ended')
+            time.sleep(0.05)
+        time.sleep(2.0)
+
+    def measure(self, rate: float, seconds: float) -> Cost:
+        """Publish on every topic at a rate [Hz] for some time [s], then end it."""
+        idle = self._cpu()
+        time.sleep(2.0)
+        idle = self._cpu() - idle
+        warm_up, count = round(rate * WARM_UP), round(rate * seconds)
+        self._publish(rate, warm_up)
+        before = self._cpu()
+        self._publish(rate, count)
+        spent, memory = self._cpu() - before, self._memory()
+        self._stop()
+        lost = (warm_up + count) * len(self._publishers) - self._written()
+        per_message = spent / (count * len(self._publishers))
+        return Cost(per_message * 1e6, idle / 2.0 * 100.0, memory, lost)
+
+    def _publish(self, rate: float, count: int) -> None:
+        state = JointState(name=['alpha', 'gamma', 'beta', 'delta', 'theta'], position=[0.5] * 5)
+        state.velocity = [0.25] * 5
+        data = serialize_message(state)
+        begin = time.perf_counter()
+        for k in range(count):
+            if k % BURST == 0 and (left := begin + k / rate - time.perf_counter()) > 0:
+                time.sleep(left)
+            for publisher in self._publishers:
+                publisher.publish(data)
+        # What is under way counts as well.
+        time.sleep(0.5)
+
+    def _written(self) -> int:
+        """Return how many messages are in the run, each with the number that follows."""
+        seen: Counter[str] = Counter()
+        with open_log(self._folder) as log:
+            for message in log.messages():
+                if message.topic.name.startswith('/load_'):
+                    seen[message.topic.name] += 1
+                    if message.sequence != seen[message.topic.name]:
+                        raise SystemExit(f'{message.topic.name}: a number is missing')
+        return seen.total()
+
+    def _stop(self) -> None:
+        if self._ours:
+            self._process.terminate()
+        self._process.communicate()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def _cpu(self) -> float:
+        """Return the time that all its threads have run [s]."""
+        total = 0
+        for thread in Path(f'/proc/{self._process.pid}/task').iterdir():
+            total += int((thread / 'schedstat').read_text().split()[0])
+        return total / 1e9
+
+    def _memory(self) -> float:
+        pages = int(Path(f'/proc/{self._process.pid}/statm').read_text().split()[1])
+        return pages * os.sysconf('SC_PAGE_SIZE') / 1e6

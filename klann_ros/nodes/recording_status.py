@@ -1,0 +1,91 @@
+"""What a recording says about itself: one diagnostic status a second."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from klann_ros.log.run_parameters import TopicCount
+
+
+@dataclass(frozen=True)
+class RecordingState:
+    """
+    A recording at a moment.
+
+    Attributes
+    ----------
+    counts : dict of str to TopicCount
+        What became of the messages of each topic so far.
+    queued : int
+        Messages that wait for the disk.
+    file : str
+        The file that is being written.
+    size, free : int
+        Its size, and the free space on its disk [bytes].
+    paused : bool
+        Whether messages are left out now.
+    failure : str
+        What ended the writing; empty while there is nothing.
+
+    """
+
+    counts: Mapping[str, TopicCount]
+    queued: int
+    file: str
+    size: int
+    free: int
+    paused: bool
+    failure: str = ''
+
+    @property
+    def lost(self) -> int:
+        """Return how many messages were lost, of those topics where that can be told."""
+        return sum(count.lost or 0 for count in self.counts.values())
+
+
+def status(name: str, state: RecordingState, lost_before: int) -> DiagnosticStatus:
+    """
+    Return the status of a recording.
+
+    Parameters
+    ----------
+    name : str
+        The status's name.
+    state : RecordingState
+        The recording.
+    lost_before : int
+        How many messages were lost when this was last told.
+
+    """
+    level, message = _verdict(state, state.lost - lost_before)
+    return DiagnosticStatus(
+        level=level,
+        name=name,
+        message=message,
+        hardware_id=name,
+        values=[KeyValue(key=key, value=str(value)) for key, value in _values(state).items()],
+    )
+
+
+def _verdict(state: RecordingState, lost_now: int) -> tuple[bytes, str]:
+    """Return the level and the most important thing to say."""
+    if state.failure:
+        return DiagnosticStatus.ERROR, f'the recording has ended: {state.failure}'
+    if lost_now > 0:
+        return DiagnosticStatus.WARN, f'{lost_now} messages were lost'
+    return DiagnosticStatus.OK, 'paused' if state.paused else 'recording'
+
+
+def _values(state: RecordingState) -> dict[str, object]:
+    values: dict[str, object] = {
+        'file': state.file,
+        'size': state.size,
+        'free': state.free,
+        'queued': state.queued,
+        'paused': str(state.paused).lower(),
+    }
+    for name, count in state.counts.items():
+        values[f'{name} received'] = count.received
+        values[f'{name} written'] = count.written
+        values[f'{name} lost'] = 'unknown' if count.lost is None else count.lost
+    return values

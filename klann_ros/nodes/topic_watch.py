@@ -1,0 +1,146 @@
+"""Which topics are recorded: each from when it appears, with all of its publishers."""
+
+from collections.abc import Callable, Sequence
+from fnmatch import fnmatchcase
+from time import monotonic
+
+from klann_ros.log.errors import UnknownTypeError
+from klann_ros.log.pauses import Pauses
+from klann_ros.log.records import Message
+from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from .graph_watch import GraphWatch
+from .lean_loop import LeanCallbackGroup
+from .message_types import UnknownMessageTypeError
+from .recorded_topic import RecordedTopic
+from .recording_reports import RecordingReports
+from .solver_watch import SolverWatch
+
+# Discovery tells of a publisher before it tells its node: so long is it looked at again [s].
+SETTLING = 1.0
+
+
+class TopicWatch:
+    """
+    Subscribe to topics as they appear.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Who subscribes.
+    patterns : sequence of str
+        Full names of topics; * stands for anything.
+    put : callable
+        Takes every message.
+    pauses : Pauses
+        What is left out.
+    solvers : SolverWatch
+        Is told who publishes joint states.
+    reports : RecordingReports
+        What is published by the node itself, and not recorded.
+
+    Attributes
+    ----------
+    topics : dict of str to RecordedTopic
+        Those that are recorded, by name.
+
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        patterns: Sequence[str],
+        *,
+        put: Callable[[Message], None],
+        pauses: Pauses,
+        solvers: SolverWatch,
+        reports: RecordingReports,
+    ) -> None:
+        """Look at once, and from then on."""
+        self.topics: dict[str, RecordedTopic] = {}
+        self._node, self._patterns, self._solvers = node, patterns, solvers
+        self._put, self._pauses, self._reports = put, pauses, reports
+        self._group = LeanCallbackGroup()
+        self._refused: set[tuple[str, str]] = set()
+        self._unsettled: dict[str, float] = {}
+        self._silent: set[str] = set()
+        self._graph = GraphWatch(node, self._silent.copy, self._is_due, self._look)
+
+    def stop(self) -> None:
+        """Look for new topics no more."""
+        self._graph.stop()
+
+    def take_waiting(self) -> None:
+        """Take all that was received so far."""
+        for topic in self.topics.values():
+            topic.take_waiting()
+
+    def _look(self) -> None:
+        for name, kinds in self._node.get_topic_names_and_types():
+            known = name in self.topics or all((name, kind) in self._refused for kind in kinds)
+            if not known and self._is_wanted(name):
+                self._subscribe(name)
+        now = monotonic()
+        for name, until in list(self._unsettled.items()):
+            self._look_at(name)
+            if now > until:
+                del self._unsettled[name]
+        self._solvers.ask()
+
+    def _is_due(self, is_late: bool) -> bool:
+        return bool(self._unsettled) or (is_late and bool(self._solvers.waiting))
+
+    def _is_wanted(self, name: str) -> bool:
+        hidden = any(part.startswith('_') for part in name.split('/'))
+        return not hidden and any(fnmatchcase(name, pattern) for pattern in self._patterns)
+
+    def _subscribe(self, name: str) -> None:
+        publishers = [
+            publisher
+            for publisher in self._publishers(name)
+            if (name, publisher.topic_type) not in self._refused
+        ]
+        if not publishers:
+            self._silent.add(name)
+            return
+        self._silent.discard(name)
+        try:
+            self.topics[name] = RecordedTopic(
+                self._node,
+                self._group,
+                name,
+                publishers,
+                put=self._put,
+                pauses=self._pauses,
+                changed=self._on_change,
+                is_own=self._reports.has_told if name == self._reports.topic else None,
+            )
+        except (UnknownMessageTypeError, UnknownTypeError) as error:
+            self._refuse(name, publishers[0].topic_type, str(error))
+        else:
+            self._on_change(name)
+
+    def _publishers(self, name: str) -> list[TopicEndpointInfo]:
+        """Return who publishes a topic, without this node."""
+        own = self._node.get_name(), self._node.get_namespace()
+        return [
+            publisher
+            for publisher in self._node.get_publishers_info_by_topic(name)
+            if (publisher.node_name, publisher.node_namespace) != own
+        ]
+
+    def _on_change(self, name: str) -> None:
+        self._unsettled[name] = monotonic() + SETTLING
+
+    def _look_at(self, name: str) -> None:
+        topic, publishers = self.topics[name], self._publishers(name)
+        for kind in topic.adapt(publishers):
+            self._refuse(name, kind, f'the topic is recorded as {topic.type}')
+        if topic.type == 'sensor_msgs/msg/JointState':
+            self._solvers.add(publishers)
+
+    def _refuse(self, name: str, kind: str, reason: str) -> None:
+        if (name, kind) not in self._refused:
+            self._refused.add((name, kind))
+            self._node.get_logger().warning(f'{name} of type {kind} is not recorded: {reason}')
