@@ -1,17 +1,26 @@
 """Messages that come more than once, because several subscriptions hear their publisher."""
 
 from collections import deque
+from collections.abc import Iterable
 
 # More than what can be between the two times that a message comes.
 MEMORY = 16_384
 
 
 class HeardTwice:
-    """Tells a message that came before, by its source's time and number."""
+    """
+    Tells a message that came before, by its source's time and number.
 
-    def __init__(self) -> None:
-        self._known: set[tuple[int, int]] = set()
-        self._order: deque[tuple[int, int]] = deque()
+    Parameters
+    ----------
+    before
+        The last ones that came so far.
+
+    """
+
+    def __init__(self, before: Iterable[tuple[int, int]]) -> None:
+        self._order = deque(before)
+        self._known = set(self._order)
 
     def is_repeat(self, source_time: int, sequence: int) -> bool:
         """Return whether a message came before, and remember it."""

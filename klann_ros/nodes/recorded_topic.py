@@ -1,5 +1,6 @@
 """One topic of a recording: its subscriptions, its place in the run, and what was lost of it."""
 
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any, TYPE_CHECKING
@@ -22,6 +23,9 @@ from .taking import Info, waiting
 
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription
+
+# A latched publisher sends at most so many of those again that were heard from it already.
+HEARD = 2000
 
 
 class RecordedTopic:
@@ -79,6 +83,7 @@ class RecordedTopic:
         self._subscriptions: dict[tuple[Any, Any], Subscription] = {}
         self._publishers: dict[tuple[Any, Any], int] = {}
         self._count = 0
+        self._heard: deque[tuple[int, int]] = deque(maxlen=HEARD)
         self._heard_twice: HeardTwice | None = None
         self.adapt(publishers)
 
@@ -120,7 +125,7 @@ class RecordedTopic:
         if kind in self._subscriptions:
             return
         if self._subscriptions and self._heard_twice is None:
-            self._heard_twice = HeardTwice()
+            self._heard_twice = HeardTwice(self._heard)
         self._publishers[kind] = 0
         self._subscriptions[kind] = self._node.create_subscription(
             self._class,
@@ -151,6 +156,7 @@ class RecordedTopic:
         publish_time, log_time = info['source_timestamp'], info['received_timestamp']
         if self._heard_twice is None:
             self._loss.count(sequence, self._count)
+            self._heard.append((publish_time, sequence or 0))
         elif self._heard_twice.is_repeat(publish_time, sequence or 0):
             return
         else:

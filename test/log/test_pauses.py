@@ -1,0 +1,54 @@
+"""What a pause leaves out: what was received in it, whenever it is taken."""
+
+from hypothesis import given, strategies as st
+from klann_ros.log.pauses import Pauses
+from klann_ros.log.run_parameters import Pause, pause_of, pause_record
+import pytest
+
+TIMES = st.integers(0, 100)
+
+
+def test_without_a_pause_nothing_is_left_out():
+    assert not Pauses().leaves_out('/x', 0)
+    assert not Pauses().leaves_out('/x', 2**63)
+
+
+@given(begin=TIMES, length=TIMES, received=TIMES, is_taken_late=st.booleans())
+def test_the_time_of_reception_decides(begin, length, received, is_taken_late):
+    pauses = Pauses()
+    pauses.begin(begin)
+    end = begin + length
+    if is_taken_late or received >= end:
+        pauses.end(end)
+    assert pauses.leaves_out('/x', received) == (begin <= received < end)
+
+
+def test_each_pause_has_counts_of_its_own():
+    pauses = Pauses()
+    for begin, topics in ((10, ['/x', '/x', '/y']), (30, ['/y'])):
+        pauses.begin(begin)
+        for topic in topics:
+            assert pauses.leaves_out(topic, begin + 5)
+        pauses.end(begin + 10)
+        counts = {topic: topics.count(topic) for topic in topics}
+        assert pauses.last() == Pause(begin, begin + 10, counts)
+    assert pauses.left_out == {'/x': 2, '/y': 2}
+
+
+def test_a_record_of_a_pause_comes_back():
+    pause = Pause(10, 20, {'/x': 3})
+    assert pause_of(pause_record(pause)) == pause
+
+
+@pytest.mark.parametrize('key', ['from', 'to', 'left_out'])
+@pytest.mark.parametrize('value', [None, 'much', '3'])
+def test_what_is_no_record_of_a_pause_is_a_value_error(key, value):
+    record = pause_record(Pause(10, 20, {}))
+    if value is None:
+        del record[key]
+    elif value == '3' and key != 'left_out':
+        return
+    else:
+        record[key] = value
+    with pytest.raises(ValueError, match='not a record of a pause'):
+        pause_of(record)

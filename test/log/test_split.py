@@ -1,0 +1,107 @@
+"""Runs of several files: nothing is lost, doubled or out of order between them."""
+
+from klann_ros.log.background_writer import BackgroundWriter
+from klann_ros.log.reader import open_log
+from klann_ros.log.split_limits import SplitLimits
+from klann_ros.log.writer import RunWriter
+from rosbags.highlevel import AnyReader
+import yaml
+
+
+def written_in(run, parts):
+    """Write a run with a file for each part."""
+    with RunWriter(run) as writer:
+        writer.add_metadata('solver', {'tolerance': '1e-12'}, in_every_file=True)
+        writer.attach('leg.yaml', 'text/yaml', b'l_ab: 0.12', 1, in_every_file=True)
+        for number, part in enumerate(parts):
+            if number:
+                writer.split()
+            for message in part:
+                writer.write(message)
+    return run
+
+
+def information(run):
+    return yaml.safe_load((run / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
+
+
+def test_a_run_of_several_files_is_read_as_one(tmp_path, runs, batches):
+    run = written_in(tmp_path / 'run', batches)
+    with open_log(run) as log:
+        assert [path.name for path in log.paths] == [f'run_{n}.mcap' for n in range(6)]
+        assert list(log.messages()) == runs.joined(batches)
+        assert log.complete, log.problem
+    with AnyReader([run]) as reader:
+        assert reader.message_count == 240
+
+
+def test_metadata_yaml_counts_every_file(tmp_path, batches):
+    about = information(written_in(tmp_path / 'run', batches))
+    assert about['relative_file_paths'] == [f'run_{n}.mcap' for n in range(6)]
+    assert [file['message_count'] for file in about['files']] == [40] * 6
+    assert about['message_count'] == 240
+    (topic,) = about['topics_with_message_count']
+    assert topic['message_count'] == 240
+
+
+def test_every_file_explains_itself_and_the_run_says_it_once(tmp_path, batches):
+    run = written_in(tmp_path / 'run', batches)
+    for path in (*run.glob('*.mcap'), run):
+        with open_log(path) as log:
+            assert log.metadata['solver'] == [{'tolerance': '1e-12'}]
+            assert [attachment.data for attachment in log.attachments] == [b'l_ab: 0.12']
+
+
+def test_metadata_yaml_names_every_file_while_it_is_written(tmp_path, batches):
+    with RunWriter(tmp_path / 'run') as writer:
+        writer.write(batches[0][0])
+        writer.split()
+        about = information(writer.path)
+        assert about['relative_file_paths'] == ['run_0.mcap', 'run_1.mcap']
+        assert writer.next_name == 'run_2.mcap'
+
+
+def test_a_file_without_a_message_is_not_split(tmp_path, batches):
+    with RunWriter(tmp_path / 'run') as writer:
+        writer.split()
+        writer.write(batches[0][0])
+        writer.split()
+        writer.split()
+    assert sorted(path.name for path in writer.path.glob('*.mcap')) == ['run_0.mcap', 'run_1.mcap']
+
+
+def test_limits_are_of_size_and_time():
+    class File:
+        file_size, file_duration = 1000, 2.0
+
+    assert not SplitLimits().are_reached(File)
+    assert SplitLimits(size=1000).are_reached(File)
+    assert not SplitLimits(size=1001, duration=2.1).are_reached(File)
+    assert SplitLimits(size=1001, duration=2.0).are_reached(File)
+
+
+def test_the_files_of_a_split_run_follow_each_other_in_time(tmp_path, runs):
+    from dataclasses import replace
+    from time import sleep, time_ns
+
+    # Two topics are taken one after the other, so the second one's messages come late.
+    one, two = (runs.make_messages(1, name)[0] for name in ('/one', '/two'))
+    writer = RunWriter(tmp_path / 'run')
+    background = BackgroundWriter(writer, flush_period=0.02, on_failure=lambda: None)
+    for k in range(20):
+        times = [time_ns() + n for n in range(10)]
+        for message in (one, two):
+            for time in times:
+                background.put(replace(message, log_time=time))
+        sleep(0.01)
+        if k in (7, 13):
+            assert background.split() == f'run_{1 if k == 7 else 2}.mcap'
+            sleep(0.2)
+    assert background.close() is None
+    spans = []
+    for number in range(3):
+        with open_log(writer.path / f'run_{number}.mcap') as log:
+            spans.append((log.start_time, log.end_time))
+    assert spans == sorted(spans)
+    assert all(before[1] < after[0] for before, after in zip(spans, spans[1:], strict=False))
+    assert writer.counts == {'/one': 200, '/two': 200}
