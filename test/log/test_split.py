@@ -1,5 +1,9 @@
 """Runs of several files: nothing is lost, doubled or out of order between them."""
 
+from dataclasses import replace
+from itertools import pairwise
+from time import sleep, time_ns
+
 from klann_ros.log.background_writer import BackgroundWriter
 from klann_ros.log.reader import open_log
 from klann_ros.log.split_limits import SplitLimits
@@ -81,9 +85,6 @@ def test_limits_are_of_size_and_time():
 
 
 def test_the_files_of_a_split_run_follow_each_other_in_time(tmp_path, runs):
-    from dataclasses import replace
-    from time import sleep, time_ns
-
     # Two topics are taken one after the other, so the second one's messages come late.
     one, two = (runs.make_messages(1, name)[0] for name in ('/one', '/two'))
     writer = RunWriter(tmp_path / 'run')
@@ -103,5 +104,5 @@ def test_the_files_of_a_split_run_follow_each_other_in_time(tmp_path, runs):
         with open_log(writer.path / f'run_{number}.mcap') as log:
             spans.append((log.start_time, log.end_time))
     assert spans == sorted(spans)
-    assert all(before[1] < after[0] for before, after in zip(spans, spans[1:], strict=False))
+    assert all(before[1] < after[0] for before, after in pairwise(spans))
     assert writer.counts == {'/one': 200, '/two': 200}

@@ -1,0 +1,80 @@
+"""
+Kill a recorder again and again at random moments: a crash costs at most a second.
+
+    python benchmarks/support/kill.py [TIMES]
+
+A crank of 1 kHz turns a solver; recorder_node takes all topics. For each topic is told how much
+time lies between the kill and the last message in the file, and how many are missing before it.
+"""
+
+import os
+from pathlib import Path
+import random
+import subprocess
+import sys
+import tempfile
+import time
+
+from klann_ros.log.reader import Log, open_log
+
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+os.environ.setdefault('ROS_DOMAIN_ID', '92')
+
+# What is recorded of the crank and its solver, each at its rate.
+TOPICS = ('/crank_angle', '/joint_states', '/point_h')
+MOST = 1.0
+
+
+def start(name: str, *parameters: str, output: int | None = None) -> subprocess.Popen[bytes]:
+    """Start an executable with parameters."""
+    code = f'import sys; from klann_ros.executables import {name}; sys.exit({name}())'
+    given = [word for parameter in parameters for word in ('-p', parameter)]
+    command = [sys.executable, '-c', code, *(['--ros-args', *given] if given else [])]
+    return subprocess.Popen(command, stderr=output)
+
+
+def killed(folder: Path, seconds: float) -> dict[str, tuple[float, int]]:
+    """Record for some time, kill; return for each topic what is lost [s] and what is missing."""
+    recorder = start('recorder_node', f'output:={folder}', 'all_topics:=true', output=-3)
+    while not list(folder.glob('*.mcap')):
+        time.sleep(0.01)
+    time.sleep(seconds)
+    recorder.kill()
+    end = time.time_ns()
+    recorder.wait()
+    with open_log(folder) as log:
+        return {topic: _loss(log, topic, end) for topic in TOPICS}
+
+
+def _loss(log: Log, topic: str, end: int) -> tuple[float, int]:
+    """Return the time from the last message to the end [s], and how many are missing before."""
+    messages = [(message.log_time, message.sequence) for message in log.messages([topic])]
+    if not messages:
+        return float('inf'), 0
+    (last, newest), (_, oldest) = messages[-1], messages[0]
+    return (end - last) / 1e9, newest - oldest + 1 - len(messages)
+
+
+def main(times: int) -> int:
+    """Print what each kill has cost; return 0 if it was never more than a second."""
+    crank = start('crank_node', 'rate:=1000.0', output=-3)
+    solver = start('solver_node', output=-3)
+    worst, missing = 0.0, 0
+    try:
+        with tempfile.TemporaryDirectory() as work:
+            for number in range(times):
+                losses = killed(Path(work, f'run_{number}'), random.uniform(2.0, 5.0))  # noqa: S311
+                worst = max(worst, *(seconds for seconds, _ in losses.values()))
+                missing += sum(count for _, count in losses.values())
+                said = ', '.join(f'{name} {lost:.3f} s' for name, (lost, _) in losses.items())
+                print(f'{number + 1:3}: {said}', flush=True)
+    finally:
+        for process in (crank, solver):
+            process.terminate()
+            process.wait()
+    print(f'at most {worst:.3f} s were lost, and {missing} messages before that')
+    return 0 if worst <= MOST and not missing else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 20))

@@ -1,0 +1,222 @@
+"""recorder_node from outside: its services, its status, its ends, and what it says at start."""
+
+from collections.abc import Iterator
+import json
+from pathlib import Path
+import signal
+import struct
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from domain import own_domain
+from klann_ros.log.reader import open_log
+from klann_ros.log.run_parameters import pause_of, topic_counts
+from klann_ros.nodes.lean_loop import PLAIN
+import pytest
+from ros_world import Process, World, world
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+TOPIC = '/crank_angle'
+
+
+class Recording:
+    """A recorder and the one publisher that it hears, whose numbers count up from 0."""
+
+    def __init__(self, ros: World, **parameters: Any) -> None:
+        self.ros, self.folder, self.next = ros, ros.folder / 'run', 0
+        self.statuses = ros.probe.listen(DiagnosticArray, '/diagnostics')
+        self.publisher = ros.probe.node.create_publisher(Float64, 'crank_angle', 2000)
+        self.process = ros.start('recorder_node', output=self.folder, **parameters)
+        ros.probe.until(lambda: self.publisher.get_subscription_count() >= 1)
+        ros.probe.spin(0.3)
+
+    def publish(self, count: int = 100) -> None:
+        for _ in range(count):
+            self.publisher.publish(Float64(data=float(self.next)))
+            self.next += 1
+        self.ros.probe.spin(0.2)
+
+    def call(self, name: str) -> Trigger.Response:
+        return self.ros.probe.call(Trigger, f'recorder_node/{name}', Trigger.Request())
+
+    def split(self) -> str:
+        answers: list[Trigger.Response] = []
+        # What has just been published need not be in the file yet.
+        self.ros.probe.until(lambda: answers.append(self.call('split')) or answers[-1].success)
+        return str(answers[-1].message)
+
+    def values(self) -> dict[str, str]:
+        return {value.key: value.value for value in self.statuses[-1].status[0].values}
+
+    def until_said(self, key: str, value: object) -> None:
+        self.ros.probe.until(lambda: self.statuses and self.values().get(key) == str(value))
+
+
+def numbers(path: Path) -> list[float]:
+    with open_log(path) as log:
+        data = [message.data for message in log.messages([TOPIC])]
+    return [float(struct.unpack_from('<d', item, 4)[0]) for item in data]
+
+
+def metadata(path: Path) -> dict[str, list[dict[str, str]]]:
+    with open_log(path) as log:
+        return log.metadata
+
+
+@pytest.fixture(scope='module')
+def split_and_paused(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
+    """Return what was seen of a recording that was split twice, and paused in between."""
+    with own_domain() as domain, world(domain, tmp_path_factory.mktemp('recorder')) as ros:
+        recording = Recording(ros)
+        seen: dict[str, Any] = {'folder': recording.folder, 'early split': recording.call('split')}
+        ros.start('solver_node')
+        ros.probe.until(lambda: 'klann_ros.solver' in metadata(recording.folder))
+        recording.publish()
+        seen['first'] = recording.split()
+        recording.publish()
+        seen['pauses'] = [recording.call('pause') for _ in range(2)]
+        recording.until_said('paused', 'true')
+        recording.publish(70)
+        seen['resumes'] = [recording.call('resume') for _ in range(2)]
+        recording.publish()
+        seen['second'] = recording.split()
+        recording.publish()
+        recording.until_said(f'{TOPIC} written', 400)
+        seen['status'], seen['values'] = recording.statuses[-1].status[0], recording.values()
+        seen['code'] = recording.process.stop(signal.SIGHUP)
+        seen['errors'] = recording.process.errors
+        yield seen
+
+
+def test_a_split_answers_with_the_name_of_the_file_that_follows(
+    split_and_paused: dict[str, Any],
+) -> None:
+    assert split_and_paused['first'] == 'run_1.mcap'
+    assert split_and_paused['second'] == 'run_2.mcap'
+    assert not split_and_paused['early split'].success
+    assert 'no message in run_0.mcap yet' in split_and_paused['early split'].message
+
+
+def test_no_message_is_lost_doubled_or_moved_by_a_split(split_and_paused: dict[str, Any]) -> None:
+    folder = split_and_paused['folder']
+    recorded = [*range(200), *range(270, 470)]
+    assert numbers(folder) == recorded
+    assert [number for n in range(3) for number in numbers(folder / f'run_{n}.mcap')] == recorded
+
+
+def test_every_file_of_a_split_run_tells_of_the_solver_and_the_recorder(
+    split_and_paused: dict[str, Any],
+) -> None:
+    for path in (*split_and_paused['folder'].glob('*.mcap'), split_and_paused['folder']):
+        with open_log(path) as log:
+            (recorder,) = log.metadata['klann_ros.recorder']
+            (solver,) = log.metadata['klann_ros.solver']
+            assert log.complete, log.problem
+            assert [attachment.name for attachment in log.attachments] == ['solver_node.yaml']
+        assert {'version', 'python', 'rclpy', 'rmw', 'mcap', 'host'} <= set(recorder)
+        assert json.loads(solver['parameters'])['l_gh'] == 0.43
+
+
+def test_a_pause_is_in_the_run_with_what_it_left_out(split_and_paused: dict[str, Any]) -> None:
+    assert [answer.success for answer in split_and_paused['pauses']] == [True, True]
+    assert [answer.message for answer in split_and_paused['pauses']] == [
+        'paused',
+        'it was paused already',
+    ]
+    assert [answer.message for answer in split_and_paused['resumes']] == [
+        'recording again',
+        'it was recording already',
+    ]
+    with open_log(split_and_paused['folder']) as log:
+        (record,) = log.metadata['klann_ros.pause']
+        (losses,) = log.metadata['klann_ros.loss']
+        times = [message.log_time for message in log.messages([TOPIC])]
+    pause, count = pause_of(record), topic_counts(losses)[TOPIC]
+    assert pause.left_out[TOPIC] == 70
+    assert not [time for time in times if pause.begin <= time < pause.end]
+    assert times[199] < pause.begin < pause.end <= times[200]
+    assert (count.received, count.written, count.left_out, count.lost) == (470, 400, 70, 0)
+
+
+def test_the_status_tells_how_the_recording_stands(split_and_paused: dict[str, Any]) -> None:
+    status, values = split_and_paused['status'], split_and_paused['values']
+    assert status.name == 'recorder_node: recording'
+    assert (status.level, status.message) == (DiagnosticStatus.OK, 'recording')
+    assert values[f'{TOPIC} received'] == '470'
+    assert values[f'{TOPIC} lost'] == '0'
+    assert values['file'] == str(split_and_paused['folder'] / 'run_2.mcap')
+    assert int(values['size']) > 0
+    assert int(values['free']) > 0
+    assert values['paused'] == 'false'
+    assert int(values['queued']) >= 0
+
+
+def test_a_hangup_finishes_the_run(split_and_paused: dict[str, Any]) -> None:
+    assert split_and_paused['code'] == 0
+    assert 'Traceback' not in split_and_paused['errors']
+
+
+@pytest.mark.parametrize('limit', [{'max_file_size': 20_000}, {'max_file_duration': 0.3}])
+def test_a_file_that_has_reached_its_limit_is_followed_by_another(
+    ros: World, limit: dict[str, Any]
+) -> None:
+    recording = Recording(ros, compression='none', flush_period=0.05, **limit)
+    for _ in range(8):
+        recording.publish()
+    assert recording.process.stop(signal.SIGTERM) == 0
+    assert len(list(recording.folder.glob('*.mcap'))) >= 3
+    assert numbers(recording.folder) == list(range(800))
+
+
+def test_it_does_not_start_with_less_free_space_than_is_to_stay(ros: World) -> None:
+    recorder = ros.start('recorder_node', output=ros.folder / 'run', min_free_space=10**18)
+    assert recorder.wait() == 1
+    assert recorder.errors.startswith('recorder_node: only ')
+    assert '1000000000000.0 MB have to stay free' in recorder.errors
+    assert 'min_free_space' in recorder.errors
+    assert recorder.errors.count('\n') == 1
+    assert not (ros.folder / 'run').exists()
+
+
+def test_a_lost_message_is_a_warning_and_in_the_run(ros: World) -> None:
+    recording = Recording(ros)
+    recording.publish(10)
+    # Nobody can take what a shallow queue has overwritten.
+    recording.process.popen.send_signal(signal.SIGSTOP)
+    recording.publish(5000)
+    recording.process.popen.send_signal(signal.SIGCONT)
+    recording.publish(10)
+    recording.ros.probe.until(
+        lambda: any(said.status[0].level == DiagnosticStatus.WARN for said in recording.statuses)
+    )
+    assert recording.process.stop() == 0
+    with open_log(recording.folder) as log:
+        count = topic_counts(log.metadata['klann_ros.loss'][0])[TOPIC]
+    found = numbers(recording.folder)
+    assert found == sorted(set(found))
+    assert count.written == len(found)
+    assert count.lost == recording.next - len(found) > 0
+
+
+def test_an_unfinished_run_beside_it_is_named_at_start(ros: World) -> None:
+    first: Process = ros.start('recorder_node', output=ros.folder / 'left')
+    ros.probe.until(lambda: 'recording to' in first.errors)
+    second = ros.start('recorder_node', output=ros.folder / 'second')
+    ros.probe.until(lambda: 'recording to' in second.errors)
+    # As long as it is in hand it is not unfinished.
+    assert 'was not finished' not in second.errors
+    first.kill()
+    third = ros.start('recorder_node', output=ros.folder / 'third')
+    ros.probe.until(lambda: 'recording to' in third.errors)
+    left = ros.folder / 'left'
+    assert f'{left} was not finished; `recover {left}` makes it whole' in third.errors
+    assert third.errors.count('was not finished') == 1
+
+
+def test_the_plain_path_records_the_same(ros: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(PLAIN, '1')
+    recording = Recording(ros)
+    recording.publish(300)
+    assert recording.process.stop() == 0
+    assert numbers(recording.folder) == list(range(300))
