@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 
+from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import Log, open_log
 
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -34,16 +35,25 @@ def start(name: str, *parameters: str, output: int | None = None) -> subprocess.
 
 
 def killed(folder: Path, seconds: float) -> dict[str, tuple[float, int]]:
-    """Record for some time, kill; return for each topic what is lost [s] and what is missing."""
+    """Record all topics for some time, kill; return for each topic what is lost [s] and what is missing."""
     recorder = start('recorder_node', f'output:={folder}', 'all_topics:=true', output=-3)
-    while not list(folder.glob('*.mcap')):
-        time.sleep(0.01)
+    while not _heard(folder):
+        time.sleep(0.1)
     time.sleep(seconds)
     recorder.kill()
     end = time.time_ns()
     recorder.wait()
     with open_log(folder) as log:
         return {topic: _loss(log, topic, end) for topic in TOPICS}
+
+
+def _heard(folder: Path) -> bool:
+    """Return whether there is something of every topic in the file."""
+    try:
+        with open_log(folder) as log:
+            return set(TOPICS) <= {topic.name for topic in log.topics}
+    except NotALogError:
+        return False
 
 
 def _loss(log: Log, topic: str, end: int) -> tuple[float, int]:
@@ -63,10 +73,10 @@ def main(times: int) -> int:
     try:
         with tempfile.TemporaryDirectory() as work:
             for number in range(times):
-                losses = killed(Path(work, f'run_{number}'), random.uniform(2.0, 5.0))  # noqa: S311
+                losses = killed(Path(work, f'run_{number}'), random.uniform(0.5, 3.0))  # noqa: S311
                 worst = max(worst, *(seconds for seconds, _ in losses.values()))
                 missing += sum(count for _, count in losses.values())
-                said = ', '.join(f'{name} {lost:.3f} s' for name, (lost, _) in losses.items())
+                said = ', '.join(f'{name} {lost:.3f} s, {n}' for name, (lost, n) in losses.items())
                 print(f'{number + 1:3}: {said}', flush=True)
     finally:
         for process in (crank, solver):

@@ -2,43 +2,28 @@
 
 from collections.abc import Sequence
 from datetime import datetime, timezone
-from importlib.metadata import PackageNotFoundError, version
-import os
+from functools import partial
 from pathlib import Path
-import platform
 from time import monotonic, time_ns
 from typing import Any
 
-from klann_ros import __version__
 from klann_ros.log.background_writer import BackgroundWriter
 from klann_ros.log.errors import LogError
-from klann_ros.log.free_space import check_free_space, free_space
+from klann_ros.log.free_space import check_free_space
 from klann_ros.log.mcap_file import COMPRESSIONS
 from klann_ros.log.pauses import Pauses
-from klann_ros.log.run_parameters import (
-    LOSS_RECORD,
-    loss_record,
-    PAUSE_RECORD,
-    pause_record,
-    RECORDER_RECORD,
-    SOLVER_RECORD,
-    solver_record,
-    SolverParameters,
-    TopicCount,
-)
+from klann_ros.log.recording import Recording
 from klann_ros.log.split_limits import SplitLimits
 from klann_ros.log.unfinished import unfinished_runs
 from klann_ros.log.writer import RunWriter
 from klann_ros.stop_signals import StopSignals
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.utilities import get_rmw_implementation_identifier
-import yaml
 
 from .parameters import declare, Declared, usage
 from .process import arguments, command_line, Finish, ProcessNode, run, StartError
 from .recorder_services import offer, SERVICES
 from .recording_reports import RecordingReports
-from .recording_status import RecordingState
+from .run_descriptions import describe_recorder, describe_solver
 from .solver_watch import SolverWatch
 from .topic_watch import TopicWatch
 
@@ -121,19 +106,25 @@ class RecorderNode(ProcessNode):
             limits=SplitLimits(values['max_file_size'], values['max_file_duration']),
             min_free_space=values['min_free_space'],
         )
-        self._background.put_entry(_describe_recorder)
+        self._background.put_entry(describe_recorder)
         self._pauses = Pauses()
-        self._solvers = SolverWatch(self, self._on_solver)
-        patterns = ['*'] if values['all_topics'] else self._resolved(values['topics'])
+        self._solvers = SolverWatch(
+            self, lambda solver: self._background.put_entry(partial(describe_solver, solver))
+        )
+        reports = RecordingReports(self)
         self._watch = TopicWatch(
             self,
-            patterns,
+            ['*'] if values['all_topics'] else self._resolved(values['topics']),
             put=self._background.put,
             pauses=self._pauses,
             solvers=self._solvers,
-            reports=RecordingReports(self, self._state),
+            reports=reports,
         )
-        offer(self, self._split, self._pause, self._resume)
+        self._recording = Recording(
+            self._writer, self._background, self._watch.topics, self._pauses
+        )
+        reports.start(self._recording.state)
+        offer(self, self._recording.split, self._pause, self._resume)
         self.get_logger().info(f'recording to {self._writer.path}')
 
     def close(self) -> int:
@@ -143,20 +134,12 @@ class RecorderNode(ProcessNode):
         self._watch.take_waiting()
         if self._pauses.paused:
             self._resume()
-        failure = self._background.close(self._describe_losses)
-        counts = self._final_counts()
-        written = sum(count.written for count in counts.values())
-        lost = sum(count.lost or 0 for count in counts.values())
-        said = f'{written} messages of {len(counts)} topics are in {self._writer.path}'
-        if failure is None:
-            self.get_logger().info(f'{said}; {lost} were lost')
-            return 0
-        whole = self._writer.failure is None
-        how = '' if whole else f'; it was not finished, `recover {self._writer.path}` does that'
-        self.get_logger().error(
-            f'the recording stopped early: {failure}; {said}, {lost} were lost{how}'
-        )
-        return 1
+        is_well, said = self._recording.finish()
+        if is_well:
+            self.get_logger().info(said)
+        else:
+            self.get_logger().error(said)
+        return 0 if is_well else 1
 
     def _await_answers(self) -> None:
         """Let the answers come that explain a run which was stopped early."""
@@ -166,50 +149,6 @@ class RecorderNode(ProcessNode):
         while self._solvers.waiting and monotonic() < end:
             executor.spin_once(timeout_sec=0.02)
         executor.remove_node(self)
-
-    def _describe_losses(self, writer: RunWriter) -> None:
-        writer.add_metadata(LOSS_RECORD, loss_record(self._final_counts()))
-
-    def _final_counts(self) -> dict[str, TopicCount]:
-        """Return what became of every message when nothing is queued any more."""
-        written, left_out = self._writer.counts, self._pauses.left_out
-        return {
-            name: TopicCount(
-                received=topic.received,
-                written=written.get(name, 0),
-                dropped=topic.received - left_out[name] - written.get(name, 0),
-                left_out=left_out[name],
-                unheard=topic.unheard,
-            )
-            for name, topic in self._watch.topics.items()
-        }
-
-    def _state(self) -> RecordingState:
-        written, left_out = self._writer.counts, self._pauses.left_out
-        failure = self._background.failure
-        return RecordingState(
-            counts={
-                name: TopicCount(
-                    received=topic.received,
-                    written=written.get(name, 0),
-                    dropped=self._background.dropped(name),
-                    left_out=left_out[name],
-                    unheard=topic.unheard,
-                )
-                for name, topic in self._watch.topics.items()
-            },
-            queued=self._background.queued,
-            file=str(self._writer.file_path),
-            size=self._writer.file_size,
-            free=free_space(self._writer.path),
-            paused=self._pauses.paused,
-            failure='' if failure is None else str(failure),
-        )
-
-    def _split(self) -> tuple[bool, str]:
-        if self._writer.file_is_empty:
-            return False, f'there is no message in {self._writer.file_path.name} yet'
-        return True, self._background.split()
 
     def _pause(self) -> tuple[bool, str]:
         if self._pauses.paused:
@@ -224,8 +163,7 @@ class RecorderNode(ProcessNode):
         self._pauses.end(time_ns())
         # What was received meanwhile is to be in the record of the pause.
         self._watch.take_waiting()
-        record = pause_record(self._pauses.last())
-        self._background.put_entry(lambda writer: writer.add_metadata(PAUSE_RECORD, record))
+        self._recording.describe_pause()
         return True, 'recording again'
 
     def _resolved(self, names: Sequence[str]) -> list[str]:
@@ -239,16 +177,6 @@ class RecorderNode(ProcessNode):
             else self.resolve_topic_name(name)
             for name in names
         ]
-
-    def _on_solver(self, solver: SolverParameters) -> None:
-        name = f'{solver.node.strip("/").replace("/", "_")}.yaml'
-        file = yaml.safe_dump({solver.node: {'ros__parameters': solver.parameters}}).encode()
-
-        def describe(writer: RunWriter) -> None:
-            writer.add_metadata(SOLVER_RECORD, solver_record(solver), in_every_file=True)
-            writer.attach(name, 'text/yaml', file, solver.time, in_every_file=True)
-
-        self._background.put_entry(describe)
 
 
 def _default_output() -> str:
@@ -264,31 +192,6 @@ def _open(values: dict[str, Any]) -> RunWriter:
         )
     except (LogError, OSError) as error:
         raise StartError(str(error)) from error
-
-
-def _describe_recorder(writer: RunWriter) -> None:
-    writer.add_metadata(
-        RECORDER_RECORD,
-        {
-            'version': __version__,
-            'host': platform.node(),
-            'system': platform.platform(),
-            'python': platform.python_version(),
-            'ros_distro': os.environ.get('ROS_DISTRO', 'jazzy'),
-            'rclpy': _version('rclpy'),
-            'rmw': get_rmw_implementation_identifier(),
-            'mcap': _version('mcap'),
-            'started': datetime.now(timezone.utc).isoformat(),
-        },
-        in_every_file=True,
-    )
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return 'unknown'
 
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:

@@ -4,13 +4,14 @@ from collections import deque
 from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray
+from klann_ros.log.recording import RecordingState
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import serialize_message
 
 from .qos import OUTPUT
-from .recording_status import RecordingState, status
+from .recording_status import status
 
 PERIOD = 1.0
 
@@ -23,8 +24,6 @@ class RecordingReports:
     ----------
     node : rclpy.node.Node
         Who publishes.
-    state : callable
-        Returns how the recording stands.
 
     Attributes
     ----------
@@ -33,9 +32,9 @@ class RecordingReports:
 
     """
 
-    def __init__(self, node: Node, state: Callable[[], RecordingState]) -> None:
-        """Start the timer."""
-        self._node, self._state = node, state
+    def __init__(self, node: Node) -> None:
+        """Publish nothing yet."""
+        self._node = node
         self._lost = 0
         self._told: deque[bytes] = deque(maxlen=10)
         overridable = QoSOverridingOptions.with_default_policies()
@@ -43,11 +42,13 @@ class RecordingReports:
             DiagnosticArray, '/diagnostics', OUTPUT, qos_overriding_options=overridable
         )
         self.topic = self._publisher.topic_name
-        node.create_timer(PERIOD, self.report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def report(self) -> None:
-        """Publish a status."""
-        state = self._state()
+    def start(self, state: Callable[[], RecordingState]) -> None:
+        """Tell once a second what is returned here."""
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._node.create_timer(PERIOD, lambda: self._report(state()), clock=clock)
+
+    def _report(self, state: RecordingState) -> None:
         array = DiagnosticArray()
         array.header.stamp = self._node.get_clock().now().to_msg()
         array.status.append(status(f'{self._node.get_name()}: recording', state, self._lost))

@@ -1,46 +1,7 @@
 """What a recording says about itself: one diagnostic status a second."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from klann_ros.log.run_parameters import TopicCount
-
-
-@dataclass(frozen=True)
-class RecordingState:
-    """
-    A recording at a moment.
-
-    Attributes
-    ----------
-    counts : dict of str to TopicCount
-        What became of the messages of each topic so far.
-    queued : int
-        Messages that wait for the disk.
-    file : str
-        The file that is being written.
-    size, free : int
-        Its size, and the free space on its disk [bytes].
-    paused : bool
-        Whether messages are left out now.
-    failure : str
-        What ended the writing; empty while there is nothing.
-
-    """
-
-    counts: Mapping[str, TopicCount]
-    queued: int
-    file: str
-    size: int
-    free: int
-    paused: bool
-    failure: str = ''
-
-    @property
-    def lost(self) -> int:
-        """Return how many messages were lost, of those topics where that can be told."""
-        return sum(count.lost or 0 for count in self.counts.values())
+from klann_ros.log.recording import RecordingState
 
 
 def status(name: str, state: RecordingState, lost_before: int) -> DiagnosticStatus:
