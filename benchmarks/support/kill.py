@@ -35,7 +35,7 @@ def start(name: str, *parameters: str, output: int | None = None) -> subprocess.
 
 
 def killed(folder: Path, seconds: float) -> dict[str, tuple[float, int]]:
-    """Record all topics for some time, kill; return for each topic what is lost [s] and what is missing."""
+    """Record for some time, kill; return by topic what is lost [s], and missing before."""
     recorder = start('recorder_node', f'output:={folder}', 'all_topics:=true', output=-3)
     while not _heard(folder):
         time.sleep(0.1)
@@ -76,7 +76,8 @@ def main(times: int) -> int:
                 losses = killed(Path(work, f'run_{number}'), random.uniform(0.5, 3.0))  # noqa: S311
                 worst = max(worst, *(seconds for seconds, _ in losses.values()))
                 missing += sum(count for _, count in losses.values())
-                said = ', '.join(f'{name} {lost:.3f} s, {n}' for name, (lost, n) in losses.items())
+                told = losses.items()
+                said = ', '.join(f'{name} {lost:.3f} s, {gone}' for name, (lost, gone) in told)
                 print(f'{number + 1:3}: {said}', flush=True)
     finally:
         for process in (crank, solver):

@@ -4,26 +4,15 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-import shutil
 from typing import TYPE_CHECKING
 
 from klann_ros import __version__
 
-from .bag_metadata import bag_metadata, FILE_NAME, metadata_record, metadata_yaml, RECORD_NAME
-from .disk_reserve import DiskReserve, SIZE as RESERVE_SIZE
-from .durable_file import replace_file, sync_folder
-from .errors import (
-    AnyPath,
-    DiskFullError,
-    LogError,
-    LowSpaceError,
-    RunClosedError,
-    RunExistsError,
-    UnwritableError,
-)
-from .free_space import check_free_space
+from .bag_metadata import metadata_record, RECORD_NAME
+from .errors import AnyPath, RunClosedError, UnwritableError
 from .mcap_file import COMPRESSIONS, McapFile
 from .records import Attachment, Message
+from .run_folder import RunFolder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -32,6 +21,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from .bag_metadata import FileSummary
+    from .errors import LogError
 
 LIBRARY = f'klann_ros {__version__}'
 # What the summary of a file says of each chunk [bytes], and how small a chunk may become [bytes].
@@ -85,7 +75,6 @@ class RunWriter:
     ) -> None:
         if compression not in COMPRESSIONS:
             raise UnwritableError(f'compression is {compression!r}, not one of {[*COMPRESSIONS]}')
-        self._folder = Path(folder).absolute()
         self._open = partial(
             McapFile,
             compression=compression,
@@ -93,26 +82,24 @@ class RunWriter:
             profile=profile,
             library=LIBRARY,
         )
-        self._ros_distro = ros_distro
         self._closed = False
         self._finished: list[FileSummary] = []
         self._repeated: list[Callable[[McapFile], None]] = []
         self._flushes = 0
-        self._make_folder()
+        self._folder = RunFolder(Path(folder), ros_distro, reserve=reserve)
         try:
-            self._reserve = DiskReserve(self._folder) if reserve else None
-            self._file = self._new_file()
+            self._file = self._new_file(0)
             self._write_metadata_yaml()
-            sync_folder(self._folder.parent)
+            self._folder.sync()
         except BaseException:
             # Nothing is in it yet, and what is left would stand in the way of a second try.
-            shutil.rmtree(self._folder, ignore_errors=True)
+            self._folder.remove()
             raise
 
     @property
     def path(self) -> Path:
         """Return the run's folder."""
-        return self._folder
+        return self._folder.path
 
     @property
     def file_path(self) -> Path:
@@ -137,13 +124,13 @@ class RunWriter:
     @property
     def next_name(self) -> str:
         """Return the name of the file that follows after a split."""
-        return self._name(len(self._finished) + 1)
+        return self._folder.name(len(self._finished) + 1)
 
     @property
     def counts(self) -> dict[str, int]:
         """Return how many messages are in the run, by the topic's name."""
         counts: dict[str, int] = {}
-        for file in (*self._finished, self._file.summary()):
+        for file in self._files:
             for topic, count in file.counts.items():
                 counts[topic.name] = counts.get(topic.name, 0) + count
         return counts
@@ -156,7 +143,7 @@ class RunWriter:
     @property
     def is_full(self) -> bool:
         """Return whether the disk is full, so that only the end may be written any more."""
-        return self._reserve is not None and self._reserve.spent is not None
+        return self._folder.is_full
 
     @property
     def failure(self) -> OSError | None:
@@ -273,16 +260,8 @@ class RunWriter:
             The disk does not tell.
 
         """
-        if self._reserve is not None:
-            chunks = self._flushes + self._file.size // SMALL_CHUNK
-            self._reserve.hold(RESERVE_SIZE + chunks * INDEX_SIZE)
-            if self._reserve.spent is not None:
-                return DiskFullError(self._folder, str(self._reserve.spent))
-        try:
-            check_free_space(self._folder, min_free_space)
-        except LowSpaceError as problem:
-            return problem
-        return None
+        chunks = self._flushes + self._file.size // SMALL_CHUNK
+        return self._folder.space_problem(min_free_space, chunks * INDEX_SIZE)
 
     def close(self) -> None:
         """
@@ -298,9 +277,7 @@ class RunWriter:
         if self._closed:
             return
         self._closed = True
-        if self._reserve is not None:
-            # Now is what it was kept for.
-            self._reserve.release()
+        self._folder.release()
         try:
             if self._file.failure is not None:
                 raise self._file.failure
@@ -325,24 +302,14 @@ class RunWriter:
             if failure is not error:
                 raise failure from error
 
-    def _make_folder(self) -> None:
-        self._folder.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            self._folder.mkdir()
-        except FileExistsError:
-            raise RunExistsError(self._folder) from None
-
     def _check(self) -> None:
         if self._closed:
-            raise RunClosedError(self._folder)
+            raise RunClosedError(self._folder.path)
 
-    def _name(self, number: int) -> str:
-        return f'{self._folder.name}_{number}.mcap'
-
-    def _new_file(self, number: int = 0) -> McapFile:
-        path = self._folder / self._name(number)
+    def _new_file(self, number: int) -> McapFile:
+        path = self._folder.path / self._folder.name(number)
         try:
-            return self._open(path, reserve=self._reserve)
+            return self._open(path, reserve=self._folder.reserve)
         except OSError:
             # Half a header is no file.
             path.unlink(missing_ok=True)
@@ -355,11 +322,13 @@ class RunWriter:
             self._repeated.append(add)
 
     def _finish_file(self) -> None:
-        self._file.add_metadata(RECORD_NAME, metadata_record(self._metadata()))
+        metadata = self._folder.metadata(self._files)
+        self._file.add_metadata(RECORD_NAME, metadata_record(metadata))
         self._file.finish()
 
-    def _metadata(self) -> dict[str, object]:
-        return bag_metadata([*self._finished, self._file.summary()], self._ros_distro)
+    @property
+    def _files(self) -> list[FileSummary]:
+        return [*self._finished, self._file.summary()]
 
     def _write_metadata_yaml(self) -> None:
-        replace_file(self._folder / FILE_NAME, metadata_yaml(self._metadata()))
+        self._folder.write_metadata_yaml(self._files)

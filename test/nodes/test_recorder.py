@@ -5,10 +5,12 @@ import json
 from pathlib import Path
 import signal
 import struct
+import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from domain import own_domain
+from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import pause_of, topic_counts
 from klann_ros.nodes.lean_loop import PLAIN
@@ -212,6 +214,35 @@ def test_an_unfinished_run_beside_it_is_named_at_start(ros: World) -> None:
     left = ros.folder / 'left'
     assert f'{left} was not finished; `recover {left}` makes it whole' in third.errors
     assert third.errors.count('was not finished') == 1
+
+
+def test_a_killed_recorder_leaves_all_but_its_last_second(ros: World) -> None:
+    ros.start('crank_node', rate=1000.0)
+    ros.start('solver_node')
+    topics = {'/crank_angle', '/joint_states', '/point_h'}
+    for number, moment in enumerate((0.1, 0.45, 0.8)):
+        folder = ros.folder / f'run_{number}'
+        recorder = ros.start('recorder_node', output=folder, all_topics='true')
+        ros.probe.until(lambda folder=folder: topics <= topics_in(folder))
+        ros.probe.spin(moment)
+        recorder.kill()
+        end = time.time_ns()
+        with open_log(folder) as log:
+            assert not log.complete
+            for topic in topics:
+                messages = list(log.messages([topic]))
+                assert end - messages[-1].log_time < 10**9
+                found = [message.sequence for message in messages]
+                assert found == list(range(found[0], found[-1] + 1))
+
+
+def topics_in(folder: Path) -> set[str]:
+    """Return the topics in a run that is being written."""
+    try:
+        with open_log(folder) as log:
+            return {topic.name for topic in log.topics}
+    except NotALogError:
+        return set()
 
 
 def test_the_plain_path_records_the_same(ros: World, monkeypatch: pytest.MonkeyPatch) -> None:
