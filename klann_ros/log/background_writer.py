@@ -192,9 +192,9 @@ class BackgroundWriter:
     def _write_queued(self) -> None:
         # Before the queue is looked at, so that nothing is overlooked.
         self._filled.clear()
-        for _ in range(len(self._queue)):
+        for number in range(len(self._queue)):
             self._write(self._queue.popleft())
-            if self._writer.is_full:
+            if number % 16 == 0 and self._writer.is_full:
                 # What is left of the space is for the end of the run.
                 self._check_space()
 

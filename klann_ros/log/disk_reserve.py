@@ -61,7 +61,7 @@ class DiskReserve:
             os.posix_fallocate(self._descriptor, self._size, size - self._size)
         except OSError as error:
             if self.helps(error):
-                raise
+                raise OSError(error.errno, error.strerror, str(self._path.parent)) from None
         else:
             self._size = size
 

@@ -78,6 +78,8 @@ class McapFile:
         self._start_time = self._end_time = 0
         self._schemas: dict[tuple[str, str, str], int] = {}
         self._channels: dict[Topic, _Channel] = {}
+        self._last_topic: Topic | None = None
+        self._last_channel = _Channel(0)
         self._file = DurableFile(path, reserve)
         self._writer = Writer(
             # A file by what it can do; the library asks for write, tell and flush only.
@@ -112,7 +114,12 @@ class McapFile:
                 f'{message.topic.name}: the times {log_time} ns and {message.publish_time} ns '
                 'must be within 0 and 2^64 - 1 ns'
             )
-        channel = self._channels.get(message.topic) or self._add_channel(message)
+        topic = message.topic
+        if topic is not self._last_topic:
+            # To find a topic costs as much as to write it; mostly it is the one before.
+            self._last_channel = self._channels.get(topic) or self._add_channel(message)
+            self._last_topic = topic
+        channel = self._last_channel
         sequence = message.sequence & _SEQUENCE_MASK
         self._writer.add_message(
             channel.number, log_time, message.data, message.publish_time, sequence

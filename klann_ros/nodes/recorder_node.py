@@ -111,19 +111,19 @@ class RecorderNode(ProcessNode):
         self._solvers = SolverWatch(
             self, lambda solver: self._background.put_entry(partial(describe_solver, solver))
         )
-        reports = RecordingReports(self)
+        self._reports = RecordingReports(self)
         self._watch = TopicWatch(
             self,
             ['*'] if values['all_topics'] else self._resolved(values['topics']),
             put=self._background.put,
             pauses=self._pauses,
             solvers=self._solvers,
-            reports=reports,
+            reports=self._reports,
         )
         self._recording = Recording(
             self._writer, self._background, self._watch.topics, self._pauses
         )
-        reports.start(self._recording.state)
+        self._reports.start(self._recording.state)
         offer(self, self._recording.split, self._pause, self._resume)
         self.get_logger().info(f'recording to {self._writer.path}')
 
@@ -138,6 +138,7 @@ class RecorderNode(ProcessNode):
         if is_well:
             self.get_logger().info(said)
         else:
+            self._reports.report(self._recording.state())
             self.get_logger().error(said)
         return 0 if is_well else 1
 

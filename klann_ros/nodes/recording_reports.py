@@ -46,9 +46,10 @@ class RecordingReports:
     def start(self, state: Callable[[], RecordingState]) -> None:
         """Tell once a second what is returned here."""
         clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._node.create_timer(PERIOD, lambda: self._report(state()), clock=clock)
+        self._node.create_timer(PERIOD, lambda: self.report(state()), clock=clock)
 
-    def _report(self, state: RecordingState) -> None:
+    def report(self, state: RecordingState) -> None:
+        """Tell how a recording stands."""
         array = DiagnosticArray()
         array.header.stamp = self._node.get_clock().now().to_msg()
         array.status.append(status(f'{self._node.get_name()}: recording', state, self._lost))

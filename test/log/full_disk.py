@@ -1,7 +1,7 @@
 """
 Fill a small disk; to be run in a user namespace of its own.
 
-    unshare -rm python test/log/full_disk.py FOLDER SIZE TEST_LOG_FOLDER COMPRESSION
+    unshare -rm python test/log/full_disk.py FOLDER SIZE TEST_LOG_FOLDER COMPRESSION MIN_FREE_SPACE
 
 Mounts a tmpfs of SIZE bytes on FOLDER, records there until it is full, and prints as JSON what the
 recorder says; what was written is copied beside FOLDER, for the mount goes with this process.
@@ -19,7 +19,7 @@ from klann_ros.log.run_parameters import LOSS_RECORD, loss_record, TopicCount
 from klann_ros.log.writer import RunWriter
 
 
-def main(folder, size, tests, compression):
+def main(folder, size, tests, compression, least):
     sys.path.insert(0, tests)
     from conftest import make_messages
 
@@ -29,7 +29,9 @@ def main(folder, size, tests, compression):
         Path(folder, 'run'), compression=compression, chunk_size=128 * 1024, reserve=True
     )
     full = Event()
-    background = BackgroundWriter(writer, flush_period=0.05, on_failure=full.set)
+    background = BackgroundWriter(
+        writer, flush_period=0.05, on_failure=full.set, min_free_space=int(least)
+    )
     put = 0
     messages = make_messages(200_000)
     while not full.is_set():

@@ -27,14 +27,26 @@ def can_mount(folder):
         return False
 
 
-@pytest.mark.parametrize('compression', ['zstd', 'none'])
-def test_a_disk_filled_to_the_brim_leaves_a_run_that_is_whole(tmp_path, compression):
+@pytest.mark.parametrize(
+    ('compression', 'least', 'reason'),
+    [
+        ('zstd', 0, 'is full: [Errno 28] No space left on device'),
+        ('none', 0, 'is full: [Errno 28] No space left on device'),
+        ('none', 300_000, '0.3 MB have to stay free'),
+    ],
+)
+def test_a_disk_filled_to_the_brim_leaves_a_run_that_is_whole(
+    tmp_path, compression, least, reason
+):
     disk = tmp_path / 'disk'
     disk.mkdir()
     if not can_mount(disk):
         pytest.skip('this machine lets nobody mount a tmpfs in a user namespace')
     done = subprocess.run(
-        [*UNSHARE, sys.executable, HERE / 'full_disk.py', disk, '1000000', HERE, compression],
+        [
+            *(*UNSHARE, sys.executable, HERE / 'full_disk.py'),
+            *(disk, '1000000', HERE, compression, str(least)),
+        ],
         capture_output=True,
         text=True,
         check=False,
@@ -44,7 +56,7 @@ def test_a_disk_filled_to_the_brim_leaves_a_run_that_is_whole(tmp_path, compress
     assert done.stderr == ''
     put, counted, failure, whole = json.loads(done.stdout)
     assert whole
-    assert 'is full: [Errno 28] No space left on device' in failure
+    assert reason in failure
     run = tmp_path / 'copy'
     with open_log(run) as log:
         assert log.complete, log.problem

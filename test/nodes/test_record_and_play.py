@@ -7,6 +7,7 @@ import signal
 import struct
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from domain import own_domain
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.log.errors import NotALogError
@@ -341,6 +342,7 @@ def test_a_publisher_that_starts_anew_has_lost_nothing(ros: World, tmp_path: Pat
 
 def test_a_full_disk_ends_the_recording_with_a_readable_run(ros: World, tmp_path: Path) -> None:
     folder = tmp_path / 'run'
+    statuses = ros.probe.listen(DiagnosticArray, '/diagnostics')
     # No file of this process may grow beyond 200 kB.
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, before[1]))
@@ -351,9 +353,14 @@ def test_a_full_disk_ends_the_recording_with_a_readable_run(ros: World, tmp_path
     ros.start('crank_node', rate=2000.0)
     assert recorder.wait() == 1
     assert 'the recording stopped early: [Errno 27] File too large' in recorder.errors
+    assert f'`recover {folder}` finishes the run' in recorder.errors
     assert 'Traceback' not in recorder.errors
+    ros.probe.until(lambda: statuses and statuses[-1].status[0].level == DiagnosticStatus.ERROR)
+    assert 'File too large' in statuses[-1].status[0].message
     with open_log(folder) as log:
-        assert len(list(log.messages())) > 1000
+        written = len(list(log.messages()))
+    assert written > 1000
+    assert f'{written} messages of 1 topics are in {folder}' in recorder.errors
 
 
 @pytest.mark.parametrize(
