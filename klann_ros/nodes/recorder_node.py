@@ -138,8 +138,9 @@ class RecorderNode(ProcessNode):
         if is_well:
             self.get_logger().info(said)
         else:
-            self._reports.report(self._recording.state())
             self.get_logger().error(said)
+            self._reports.report(self._recording.state())
+            self._reports.flush()
         return 0 if is_well else 1
 
     def _await_answers(self) -> None:

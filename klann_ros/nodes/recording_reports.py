@@ -6,6 +6,7 @@ from collections.abc import Callable
 from diagnostic_msgs.msg import DiagnosticArray
 from klann_ros.log.recording import RecordingState
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import serialize_message
@@ -14,6 +15,8 @@ from .qos import OUTPUT
 from .recording_status import status
 
 PERIOD = 1.0
+# What is under way at the end is waited for at most so long [s].
+LAST_WORDS = 1.0
 
 
 class RecordingReports:
@@ -57,6 +60,10 @@ class RecordingReports:
         self._told.append(data)
         self._publisher.publish(data)
         self._lost = state.lost
+
+    def flush(self) -> None:
+        """Wait until the last report has arrived, but not for ever."""
+        self._publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
 
     def has_told(self, data: bytes) -> bool:
         """Return whether a message is one of these."""
