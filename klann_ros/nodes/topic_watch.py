@@ -78,8 +78,12 @@ class TopicWatch:
 
     def _look(self) -> None:
         for name, kinds in self._node.get_topic_names_and_types():
-            known = name in self.topics or all((name, kind) in self._refused for kind in kinds)
-            if not known and self._is_wanted(name):
+            if all(self._is_known(name, kind) for kind in kinds):
+                continue
+            if name in self.topics:
+                # Of another type: no subscription hears of its publisher.
+                self._on_change(name)
+            elif self._is_wanted(name):
                 self._subscribe(name)
         now = monotonic()
         for name, until in list(self._unsettled.items()):
@@ -90,6 +94,10 @@ class TopicWatch:
 
     def _is_due(self, is_late: bool) -> bool:
         return bool(self._unsettled) or (is_late and bool(self._solvers.waiting))
+
+    def _is_known(self, name: str, kind: str) -> bool:
+        recorded = self.topics.get(name)
+        return (name, kind) in self._refused or (recorded is not None and recorded.type == kind)
 
     def _is_wanted(self, name: str) -> bool:
         hidden = any(part.startswith('_') for part in name.split('/'))
