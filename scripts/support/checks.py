@@ -26,7 +26,7 @@ PYTHON_FILES = (
     'docs',
 )
 # A check that hangs is ended, so that CI still gets to see its output.
-TIMEOUT = 660.0
+TIMEOUT = 840.0
 SUMMARY = re.compile(r'\bin \d+\.\d+s')
 
 
