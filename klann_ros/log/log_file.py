@@ -103,7 +103,7 @@ class LogFile:
     def walk(self, file: BinaryIO, channels: Channels | None = None) -> Walk:
         """Return a pass over the open file, which gathers what it meets into the channels."""
         end = self.summary.start if self.summary.is_index else self.size
-        return Walk(file, end, channels or Channels(), ends=self.summary.ends())
+        return Walk(file, end, channels or Channels(), summary=self.summary)
 
     def index_sources(self) -> Iterator[Source]:
         """Yield each chunk in the index."""

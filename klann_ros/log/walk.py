@@ -10,35 +10,31 @@ another record may start where it ends.
 
 from __future__ import annotations
 
-import struct
 from typing import TYPE_CHECKING
 
 from mcap.opcode import Opcode
 from mcap.records import Metadata
 
-from .bag_metadata import RECORD_NAME
 from .chunks import chunk_content
 from .container import is_kind, MAGIC, may_start, name_of, read, span_at, starts
 from .content import message_content
+from .cut_off import is_made_anew
 from .damage import Loss, Losses
 from .errors import DamagedError
 from .layout import lengths_agree
 from .parsing import parse
 from .resync import Search
+from .summary import Summary
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
     from typing import BinaryIO
 
     from .channels import Channels
     from .container import Span
     from .content import Content
 
-_INDEX_HEAD = 6
 _INDEX_ENTRY = 16
-_CUT_INDEX = struct.Struct('<QHI')
-_CUT_HEAD = 8 + 4 + len(RECORD_NAME)
-_DATA_END_LENGTH = 4
 _PIECE = 1024 * 1024
 _CHECKED = (Opcode.CHUNK, Opcode.ATTACHMENT)
 _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
@@ -63,8 +59,8 @@ class Walk:
         The file, and where to stop [bytes]: its size, or where a summary starts that holds.
     channels
         Takes the schemas and channels that are met.
-    ends
-        Where records end by a summary that holds, under where they start [bytes].
+    summary
+        A summary that holds; it says where records end whose own length is damaged.
 
     Attributes
     ----------
@@ -81,7 +77,7 @@ class Walk:
         size: int,
         channels: Channels,
         *,
-        ends: Mapping[int, int] | None = None,
+        summary: Summary | None = None,
     ) -> None:
         self.metadata: list[Span] = []
         self.attachments: list[Span] = []
@@ -89,7 +85,8 @@ class Walk:
         self._file = file
         self._size = size
         self._channels = channels
-        self._ends = ends or {}
+        self._summary = summary or Summary()
+        self._ends = self._summary.ends()
         self._search = Search(file, size)
         self._ended = self._chunked = False
         self._next = len(MAGIC)
@@ -210,12 +207,9 @@ class Walk:
     def _resume(self, damage: DamagedError) -> None:
         """Go on behind damage, and note what is left out unless it is made anew anyway."""
         start = damage.offset
-        found = self._ends.get(start)
-        exact = found is not None and may_start(self._file, found, self._size)
-        if not exact:
-            found = self._search.record(start + 1, chunked=self._chunked)
+        found, exact = self._sound_behind(start)
         end = self._next = self._size if found is None else found
-        remade = self._ended or self._is_cut_index(start, damage.opcode, self._size - start)
+        remade = self._ended or is_made_anew(self._file, start, damage.opcode, self._size - start)
         if found is None and remade:
             return
         reason = damage.reason
@@ -224,18 +218,16 @@ class Walk:
         reason += ' from here to the end' if found is None else f'; sound again at byte {end}'
         self._lost = self.losses.add(start, end - start, reason, exact=exact)
 
-    def _is_cut_index(self, offset: int, opcode: int, left: int) -> bool:
-        """Tell whether the file ends within what is made anew, as after a kill or a full disk."""
-        self._file.seek(offset + 1)
-        head = self._file.read(_CUT_HEAD)
-        if opcode == Opcode.MESSAGE_INDEX:
-            if len(head) < _CUT_INDEX.size:
-                return True
-            length, _, size = _CUT_INDEX.unpack_from(head)
-            return bool(length == size + _INDEX_HEAD and left < length + 9)
-        if opcode == Opcode.METADATA:
-            return head[8:] == struct.pack('<I', len(RECORD_NAME)) + RECORD_NAME.encode()
-        return opcode == Opcode.DATA_END and left < len(MAGIC) + 1 + _DATA_END_LENGTH
+    def _sound_behind(self, start: int) -> tuple[int | None, bool]:
+        """Return where to go on behind a damaged record, and whether that is where it ends."""
+        end = self._ends.get(start)
+        if end is None or not may_start(self._file, end, self._size):
+            return self._search.record(start + 1, chunked=self._chunked), False
+        if start in self._summary.attachments:
+            # What is in there may be a log, but not this one.
+            return end, True
+        moved = self._search.chunk(start + 1, end)
+        return (end, True) if moved is None else (moved, False)
 
     def _only_zeros(self, start: int, end: int) -> bool:
         self._file.seek(start)

@@ -73,6 +73,19 @@ def test_missing_bytes_cost_one_chunk_though_it_reaches_over_the_next(damaged, b
     assert messages == runs.all_but(batches, 2)
 
 
+def test_a_chunk_that_was_moved_onto_another_costs_that_one_only(damaged, batches, runs):
+    def change(data, spans):
+        start, end = chunk(spans, 3)
+        moved, data[start:end] = data[start:end], bytes(end - start)
+        place = chunk(spans, 1)[0] + 20
+        data[slice(place, place + len(moved))] = moved
+        struct.pack_into('<Q', data, chunk(spans, 1)[0] + 1, 2**40)
+
+    messages, recovery = damaged(change)
+    assert sorted(messages, key=lambda message: message.log_time) == runs.all_but(batches, 1)
+    assert recovery.lost
+
+
 def test_what_stands_behind_the_damage_is_more_than_chunks(runs, tmp_path, batches):
     with RunWriter(tmp_path / 'walk') as writer:
         for message in batches[0]:
@@ -111,6 +124,21 @@ def test_a_log_in_an_attachment_is_not_read_as_messages_of_the_run(
     assert (recovery.messages, recovery.attachments) == (0, 1)
     with open_log(tmp_path / 'again') as log:
         assert log.attachments[0].data == inner
+
+
+def test_a_log_in_an_attachment_of_a_wrong_length_is_not_read_as_the_run(
+    run_file, runs, tmp_path, batches
+):
+    with RunWriter(tmp_path / 'outer') as writer:
+        writer.attach('inner.mcap', 'application/mcap', run_file.read_bytes(), 1)
+        for message in batches[1]:
+            writer.write(message)
+    data = bytearray(writer.file_path.read_bytes())
+    start = next(start for opcode, start, _ in runs.record_spans(data) if opcode == ATTACHMENT)
+    struct.pack_into('<Q', data, start + 1, 2**40)
+    writer.file_path.write_bytes(data)
+    recovery = recover(tmp_path / 'outer', tmp_path / 'again')
+    assert (recovery.messages, recovery.attachments) == (len(batches[1]), 0)
 
 
 def test_messages_come_back_though_their_topic_is_described_only_behind_them(
