@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from .errors import AnyPath
 
 _MAX_NAME = 1000
+# How rosbag2 compresses itself, other than chunk by chunk.
+_COMPRESSED = ('file', 'message')
 
 
 @dataclass
@@ -72,10 +74,12 @@ def _folder_files(folder: Path) -> RunFiles:
     files = RunFiles()
     metadata = _metadata(folder / FILE_NAME, files.remarks)
     mode = str(metadata.get('compression_mode') or 'none')[:_MAX_NAME]
-    if mode.lower() != 'none':
+    if mode.lower() in _COMPRESSED:
         raise NotALogError(
             folder, f'it was recorded with rosbag2 compression mode {mode!r}; convert it first'
         )
+    if mode.lower() != 'none':
+        files.remarks.append(f'{FILE_NAME} is damaged: there is no compression mode {mode!r}')
     names = metadata.get('relative_file_paths')
     if isinstance(names, list) and names:
         # The last part only: older recorders put the folder's name before it.

@@ -3,6 +3,7 @@
 import random
 import shutil
 
+from klann_ros.log.bag_metadata import ROOT_KEY
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from mcap.writer import CompressionType, IndexType, Writer
@@ -163,10 +164,12 @@ def test_an_empty_file_of_a_split_run_is_told_and_the_others_are_read(split_run)
         assert list(log.messages()) == messages[:200]
 
 
-@pytest.mark.parametrize('text', ['}{', '[]', '', '1', 'rosbag2_bagfile_information: 3'])
-def test_a_damaged_metadata_yaml_is_told_and_the_files_are_read(split_run, text):
+@pytest.mark.parametrize(
+    'content', ['}{', '[]', '', '1', f'{ROOT_KEY}: 3', f'{ROOT_KEY}: {{compression_mode: flie}}']
+)
+def test_a_damaged_metadata_yaml_is_told_and_the_files_are_read(split_run, content):
     folder, messages = split_run
-    (folder / 'metadata.yaml').write_text(text)
+    (folder / 'metadata.yaml').write_text(content)
     with open_log(folder) as log:
         assert 'metadata.yaml is damaged' in log.problem
         assert list(log.messages()) == messages
