@@ -68,9 +68,14 @@ class Search:
         """Return where the next sound record is, from an offset on; None if there is none."""
         return self._first(start, self._size, _ANYWHERE if chunked else _OUTSIDE)
 
-    def chunk(self, start: int, end: int) -> int | None:
-        """Return where the first sound chunk is that starts between two offsets."""
-        return self._first(start, end, (Opcode.CHUNK,))
+    def chunk(self, start: int, end: int, *, over: int = 0) -> int | None:
+        """
+        Return where the first sound chunk is that starts between two offsets.
+
+        One that ends behind the offset ``over``, where the record around it may hold a log of its
+        own, such as an attachment.
+        """
+        return self._first(start, end, (Opcode.CHUNK,), over)
 
     def is_whole(self, span: Span) -> bool:
         """Return whether a record whose lengths agree holds what it should."""
@@ -80,8 +85,10 @@ class Search:
         except DamagedError:
             return False
 
-    def _first(self, start: int, stop: int, opcodes: tuple[Opcode, ...]) -> int | None:
-        places = (at for at in self._heads(start, stop, opcodes) if self._holds(at))
+    def _first(
+        self, start: int, stop: int, opcodes: tuple[Opcode, ...], over: int = 0
+    ) -> int | None:
+        places = (at for at in self._heads(start, stop, opcodes) if self._holds(at, over))
         return next(places, None)
 
     def _heads(self, start: int, stop: int, opcodes: tuple[Opcode, ...]) -> Iterator[int]:
@@ -98,9 +105,11 @@ class Search:
                 if offset + match.end() + _LENGTH.size + length <= self._size:
                     yield offset + match.start()
 
-    def _holds(self, offset: int) -> bool:
+    def _holds(self, offset: int, over: int) -> bool:
         try:
             span = span_at(self._file, offset, self._size)
+            if span.end <= over:
+                return False
             if span.opcode == Opcode.MESSAGE:
                 return self._is_row(span)
             follows = span.opcode == Opcode.CHUNK or may_start(self._file, span.end, self._size)

@@ -111,13 +111,11 @@ class Walk:
         if starts(self._file, span.end, self._size):
             return span
         holds = lengths_agree(self._file, span) and self._search.is_whole(span)
-        if holds and span.opcode in _CHECKED:
-            return span
-        # What has no CRC may be whole by its lengths, and yet reach into a chunk behind a gap.
-        if (holds or may_start(self._file, span.end, self._size)) and (
-            self._search.chunk(span.start, span.end) is None
-        ):
-            return span
+        if holds or may_start(self._file, span.end, self._size):
+            # What has no CRC may be whole by its lengths, and yet reach into a chunk behind a gap.
+            over = span.end if holds and span.opcode in _CHECKED else 0
+            if self._search.chunk(span.start, span.end, over=over) is None:
+                return span
         if span.opcode == Opcode.MESSAGE and self._is_before_damage(span):
             return span
         reason = f'the {name_of(span.opcode)} or its length is damaged'
@@ -223,10 +221,8 @@ class Walk:
         end = self._ends.get(start)
         if end is None or not may_start(self._file, end, self._size):
             return self._search.record(start + 1, chunked=self._chunked), False
-        if start in self._summary.attachments:
-            # What is in there may be a log, but not this one.
-            return end, True
-        moved = self._search.chunk(start + 1, end)
+        over = end if start in self._summary.attachments else 0
+        moved = self._search.chunk(start + 1, end, over=over)
         return (end, True) if moved is None else (moved, False)
 
     def _only_zeros(self, start: int, end: int) -> bool:

@@ -86,6 +86,20 @@ def test_a_chunk_that_was_moved_onto_another_costs_that_one_only(damaged, batche
     assert recovery.lost
 
 
+def test_a_chunk_that_lies_across_the_end_of_an_attachment_comes_back(
+    run_file, runs, tmp_path, batches
+):
+    data = run_file.read_bytes()
+    spans = runs.record_spans(data)
+    end = next(end for opcode, _, end in spans if opcode == ATTACHMENT)
+    last = slice(*chunk(spans, 5))
+    # The zeros in the chunk's length are now where the attachment's CRC was: it has none.
+    run_file.write_bytes(data[: end - 7] + data[last] + data[slice(end, last.start)])
+    recover(run_file, tmp_path / 'again')
+    with open_log(tmp_path / 'again') as log:
+        assert list(log.messages()) == runs.joined(batches)
+
+
 def test_what_stands_behind_the_damage_is_more_than_chunks(runs, tmp_path, batches):
     with RunWriter(tmp_path / 'walk') as writer:
         for message in batches[0]:
