@@ -2,33 +2,25 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING
 
 from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
 
 from .channels import Channels
-from .chunks import chunk_content
 from .container import find_footer, MAGIC, read, span_at
 from .errors import DamagedError, NotALogError
 from .overview import Overview, Problem
 from .parsing import parse, parse_attachment
-from .records import Message
 from .resync import Search
-from .sources import Source
 from .summary import read_summary, Summary
 from .walk import Walk
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
     from pathlib import Path
     from typing import BinaryIO
 
-    from mcap.records import ChunkIndex
-
-    from .content import Content
-    from .records import Attachment, Topic
+    from .records import Attachment
 
 
 _NEVER = 2**64
@@ -89,6 +81,11 @@ class LogFile:
         """Remember that something is wrong at an offset [bytes]."""
         self.problems.setdefault(offset, Problem(offset, text))
 
+    def note_losses(self, walk: Walk) -> None:
+        """Remember what a walk stepped over."""
+        for loss in walk.losses:
+            self.note(loss.offset, str(loss))
+
     def channels(self) -> Channels:
         """
         Return the channels of the whole file.
@@ -104,21 +101,6 @@ class LogFile:
         """Return a pass over the open file, which gathers what it meets into the channels."""
         end = self.summary.start if self.summary.is_index else self.size
         return Walk(file, end, channels or Channels(), summary=self.summary)
-
-    def index_sources(self) -> Iterator[Source]:
-        """Yield each chunk in the index."""
-        for chunk in self.summary.chunks:
-            yield Source(
-                chunk.message_start_time, chunk.message_end_time, partial(self._chunk, chunk)
-            )
-
-    def walk_messages(self, topics: Collection[str] | None) -> Iterator[Message]:
-        """Yield all intact messages in the order in which they stand in the file."""
-        with self.path.open('rb') as file:
-            walk = self.walk(file)
-            for offset, content in walk.contents():
-                yield from self.messages(offset, content, topics)
-            self._note_losses(walk)
 
     def overview(self) -> Overview:
         """Return what the file holds, from its index or else by going through all of it."""
@@ -144,7 +126,7 @@ class LogFile:
             for _, content in walk.contents():
                 first = min(first, min(content.times, default=first))
                 last = max(last, max(content.times, default=last))
-            self._note_losses(walk)
+            self.note_losses(walk)
         self._channels = channels
         for text in channels.contradictions:
             self.note(self.size, text)
@@ -155,26 +137,21 @@ class LogFile:
             [span.offset for span in walk.attachments],
         )
 
-    def messages(
-        self,
-        offset: int,
-        content: Content,
-        topics: Collection[str] | None,
-        *,
-        by_time: bool = False,
-    ) -> Iterator[Message]:
-        """Yield the messages of a chunk; those of unknown channels are noted as a problem."""
-        known: dict[int, Topic | None] = {}
-        for channel, sequence, log_time, publish_time, data in content.rows(by_time=by_time):
-            if channel not in known:
-                known[channel] = self._wanted_topic(channel, offset, topics)
-            topic = known[channel]
-            if topic is not None:
-                yield Message(topic, data, log_time, publish_time, sequence)
+    def content_at(self, offset: int, opcode: Opcode) -> bytes | None:
+        """Return the content of a record of this kind; None, and a problem, if it is not there."""
+        try:
+            with self.path.open('rb') as file:
+                span = span_at(file, offset, self.size)
+                if span.opcode == opcode:
+                    return read(file, span)
+                self.note(offset, f'the index is wrong: no {opcode.name.lower()} stands there')
+        except DamagedError as damage:
+            self.note(offset, damage.reason)
+        return None
 
     def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
         """Return the name and content of a metadata record; None if it is damaged."""
-        content = self._content_at(offset, Opcode.METADATA)
+        content = self.content_at(offset, Opcode.METADATA)
         try:
             record = None if content is None else parse(Metadata, content, offset)
         except DamagedError as damage:
@@ -184,26 +161,12 @@ class LogFile:
 
     def attachment_at(self, offset: int) -> Attachment | None:
         """Return an attachment; None if it is damaged."""
-        content = self._content_at(offset, Opcode.ATTACHMENT)
+        content = self.content_at(offset, Opcode.ATTACHMENT)
         try:
             return None if content is None else parse_attachment(content, offset)
         except DamagedError as damage:
             self.note(offset, damage.reason)
             return None
-
-    def _note_losses(self, walk: Walk) -> None:
-        for loss in walk.losses:
-            self.note(loss.offset, str(loss))
-
-    def _wanted_topic(
-        self, channel: int, offset: int, topics: Collection[str] | None
-    ) -> Topic | None:
-        topic = self.channels().topic(channel)
-        if topic is None:
-            self.note(offset, f'messages of channel {channel}, which is not known')
-        elif topics is not None and topic.name not in topics:
-            return None
-        return topic
 
     def _check_start(self, start: bytes, file: BinaryIO) -> None:
         """Refuse what is no log; one whose first bytes are damaged has sound chunks in it."""
@@ -223,38 +186,3 @@ class LogFile:
         except DamagedError as damage:
             self.note(len(MAGIC), f'the header is damaged: {damage.reason}')
             return ''
-
-    def _content_at(self, offset: int, opcode: Opcode) -> bytes | None:
-        try:
-            with self.path.open('rb') as file:
-                span = span_at(file, offset, self.size)
-                if span.opcode == opcode:
-                    return read(file, span)
-                self.note(offset, f'the index is wrong: no {opcode.name.lower()} stands there')
-        except DamagedError as damage:
-            self.note(offset, damage.reason)
-        return None
-
-    def _is_wanted(self, chunk: ChunkIndex, topics: Collection[str] | None) -> bool:
-        numbers = chunk.message_index_offsets
-        if topics is None or not numbers:
-            return True
-        found = map(self.summary.channels.topic, numbers)
-        return any(topic is not None and topic.name in topics for topic in found)
-
-    def _chunk(self, chunk: ChunkIndex, topics: Collection[str] | None) -> Iterator[Message]:
-        """Yield a chunk's messages ordered by log time; none if it is damaged."""
-        if not self._is_wanted(chunk, topics):
-            return
-        offset = chunk.chunk_start_offset
-        record = self._content_at(offset, Opcode.CHUNK)
-        if record is None:
-            return
-        try:
-            content = chunk_content(record, offset)
-        except DamagedError as damage:
-            self.note(offset, damage.reason)
-            return
-        if content.broken:
-            self.note(offset, content.broken)
-        yield from self.messages(offset, content, topics, by_time=True)

@@ -10,10 +10,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .errors import NotALogError
+from .file_messages import sources_of
 from .log_file import LogFile
 from .repeats import attachment_key, metadata_key, Repeats
 from .run_files import run_files
-from .sources import in_time_order, latest, Source
+from .sources import in_time_order, latest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -54,7 +55,9 @@ class Log:
         self.start_time = min((start for start, _ in times), default=0)
         self.end_time = max((end for _, end in times), default=0)
         self.topics = tuple(dict.fromkeys(topic for item in overviews for topic in item.topics))
-        self._sources = list(self._make_sources())
+        self._sources = [
+            source for file, overview in self._files for source in sources_of(file, overview)
+        ]
         self.metadata: dict[str, list[dict[str, str]]] = {}
         repeats = Repeats()
         for file, overview in self._files:
@@ -161,13 +164,6 @@ class Log:
         if record is not None and not repeats.is_one(file.path, metadata_key(*record)):
             name, content = record
             self.metadata.setdefault(name, []).append(content)
-
-    def _make_sources(self) -> Iterator[Source]:
-        for file, overview in self._files:
-            if file.summary.is_index:
-                yield from file.index_sources()
-            elif overview.times is not None:
-                yield Source(*overview.times, file.walk_messages)
 
 
 def open_log(path: AnyPath) -> Log:

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 from .bag_metadata import RECORD_NAME
 from .errors import MalformedQosError, NotALogError, UnwritableError
+from .file_messages import messages_in
 from .qos import qos_for_writing
 from .reader import open_files
 from .repeats import attachment_key, metadata_key, Repeats
@@ -139,7 +140,7 @@ class _FileRecovery:
             walk = file.walk(stream)
             for offset, content in walk.contents():
                 self._unverified += not content.verified
-                written = self._write(file.messages(offset, content, None))
+                written = self._write(messages_in(file, offset, content, None))
                 self._note_unknown(offset, len(content) - written)
         self._copy_attachments(walk)
         self._copy_metadata(walk)
