@@ -13,7 +13,11 @@ def closed_and_not(runs, tmp_path, batches):
     return files
 
 
-@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None,
+    max_examples=20,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(first=st.integers(-10, 250), count=st.integers(0, 250))
 def test_a_part_is_what_lies_within_its_times(closed_and_not, batches, runs, first, count):
     messages = runs.joined(batches)
@@ -26,7 +30,11 @@ def test_a_part_is_what_lies_within_its_times(closed_and_not, batches, runs, fir
             assert list(log.messages(start=start)) == [m for m in messages if m.log_time >= start]
 
 
-@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None,
+    max_examples=20,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(before=st.integers(-10, 250), count=st.integers(1, 100))
 def test_the_latest_messages_are_the_last_before_a_time(
     closed_and_not, batches, runs, before, count
