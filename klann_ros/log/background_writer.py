@@ -194,8 +194,9 @@ class BackgroundWriter:
         self._filled.clear()
         for number in range(len(self._queue)):
             self._write(self._queue.popleft())
-            if number % 16 == 0 and self._writer.is_full:
-                # What is left of the space is for the end of the run.
+            # Often, for a writer that was held up has much to write; and when the disk is full,
+            # what is left of the space is for the end of the run.
+            if number % 256 == 255 or (number % 16 == 0 and self._writer.is_full):
                 self._check_space()
 
     def _write(self, item: Message | Entry) -> None:

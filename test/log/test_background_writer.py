@@ -79,7 +79,7 @@ def test_a_slow_file_costs_what_does_not_fit_and_that_is_counted(tmp_path, runs,
         assert background.dropped(name) > 1000
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(capacity=st.integers(1, 100), counts=st.lists(st.integers(0, 60), min_size=1, max_size=8))
 def test_nothing_that_is_put_is_neither_written_nor_counted(
     tmp_path_factory, runs, capacity, counts

@@ -2,7 +2,7 @@
 
 from contextlib import suppress
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from klann_ros.log.errors import MalformedQosError
 from klann_ros.log.qos import INFINITE, POLICIES, Qos, qos_for_writing, qos_from_yaml, qos_to_yaml
 import pytest
@@ -33,13 +33,11 @@ NUMBERED = """\
 """
 
 
-@settings(deadline=None)
 @given(st.lists(profiles, max_size=4))
 def test_profiles_read_back_are_equal(offered):
     assert qos_from_yaml(qos_to_yaml(offered)) == offered
 
 
-@settings(deadline=None)
 @given(st.lists(profiles, min_size=1, max_size=3))
 def test_rosbags_reads_the_same_words(offered):
     for ours, theirs in zip(offered, parse_qos(qos_to_yaml(offered)), strict=True):
@@ -111,7 +109,6 @@ def test_malformed_text_is_an_error_of_one_line(text, reason):
     assert '\n' not in str(caught.value)
 
 
-@settings(deadline=None)
 @given(st.text())
 def test_any_text_is_read_or_is_a_malformed_qos_error(text):
     with suppress(MalformedQosError):

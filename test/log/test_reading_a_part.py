@@ -14,7 +14,6 @@ def closed_and_not(runs, tmp_path, batches):
 
 
 @settings(
-    deadline=None,
     max_examples=20,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
@@ -31,7 +30,6 @@ def test_a_part_is_what_lies_within_its_times(closed_and_not, batches, runs, fir
 
 
 @settings(
-    deadline=None,
     max_examples=20,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

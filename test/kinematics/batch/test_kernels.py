@@ -6,7 +6,7 @@ import shutil
 import subprocess
 import sys
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from klann_ros import kinematics
 from klann_ros.kinematics import klann_poses, KlannGeometry
 import numpy as np
@@ -41,7 +41,6 @@ def run(script: str, folder: Path, **variables: str) -> subprocess.CompletedProc
     )
 
 
-@settings(deadline=None)
 @given(
     geometries=st.lists(legs(), min_size=1, max_size=4),
     alphas=st.lists(crank_angles, max_size=9),

@@ -4,7 +4,7 @@ from dataclasses import replace
 import math
 import tracemalloc
 
-from hypothesis import assume, given, settings, strategies as st
+from hypothesis import assume, given, strategies as st
 from klann_ros.kinematics import (
     CrankAngleError,
     klann_poses,
@@ -38,7 +38,6 @@ def reason_of(geometry: KlannGeometry, alpha: float) -> Reason:
     return Reason.SOLVED
 
 
-@settings(deadline=None)
 @given(geometry=legs(), alphas=st.lists(crank_angles, max_size=5), kernel=st.sampled_from(KERNELS))
 def test_a_batch_is_the_closed_form(
     geometry: KlannGeometry, alphas: list[float], kernel: str
@@ -60,7 +59,6 @@ def test_a_batch_is_the_closed_form(
         np.testing.assert_allclose(turned, 0.0, atol=tolerance)
 
 
-@settings(deadline=None)
 @given(geometry=legs(), alpha=crank_angles, kernel=st.sampled_from(KERNELS))
 def test_the_angles_are_in_half_a_turn_each_way(
     geometry: KlannGeometry, alpha: float, kernel: str

@@ -28,7 +28,7 @@ def apart(alpha: float, beta: float) -> float:
     return abs(math.remainder(alpha - beta, TURN))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(geometry=legs(), where=fractions, axis=st.sampled_from([0, 1]))
 def test_the_angles_of_a_foots_coordinate_hold_its_own(
     geometry: KlannGeometry, where: float, axis: int
@@ -50,7 +50,7 @@ def test_the_angles_of_a_foots_coordinate_hold_its_own(
         assert there.h[axis] == pytest.approx(pose.h[axis], abs=limit)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(geometry=legs(change=0.05), where=fractions, axis=st.sampled_from([0, 1]))
 def test_there_are_as_many_angles_as_fine_samples_cross_the_value(
     geometry: KlannGeometry, where: float, axis: int
@@ -130,7 +130,7 @@ def test_a_singular_end_is_solved_to_the_last_digits(half_circle: Any) -> None:
         assert path.crank_angles_at_height(y) == pytest.approx(expected, abs=1e-12)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(geometry=legs(), where=fractions)
 def test_the_nearest_angle_of_a_foot_is_its_own(geometry: KlannGeometry, where: float) -> None:
     leg = KlannLeg(geometry)
@@ -143,7 +143,7 @@ def test_the_nearest_angle_of_a_foot_is_its_own(geometry: KlannGeometry, where: 
     assert nearest.alpha == nearest.ties[0]
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(geometry=legs(), x=st.floats(-2.0, 2.0), y=st.floats(-2.0, 2.0))
 def test_no_sample_is_nearer_than_the_nearest(geometry: KlannGeometry, x: float, y: float) -> None:
     leg = KlannLeg(geometry)

@@ -108,7 +108,7 @@ def test_a_path_is_frozen() -> None:
     assert path != path_of(KlannGeometry())
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(geometry=legs(), factor=st.sampled_from([0.001, 3.0, 1000.0]))
 def test_scaled_lengths_scale_the_path(geometry: KlannGeometry, factor: float) -> None:
     numbers = {name: factor * getattr(geometry, name) for name in LENGTHS + COORDINATES}
@@ -119,7 +119,7 @@ def test_scaled_lengths_scale_the_path(geometry: KlannGeometry, factor: float) -
     assert scaled.lift == pytest.approx(factor * path.lift, rel=near, abs=near * factor)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(geometry=legs(change=0.1))
 def test_a_mirrored_leg_has_a_mirrored_path(geometry: KlannGeometry) -> None:
     mirrored = replace(

@@ -178,7 +178,7 @@ def test_at_a_singular_end_the_foots_speed_is_infinite(half_circle: Any) -> None
     assert stance.speed_greatest == math.inf
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(geometry=legs(), share=st.floats(0.01, 1.0))
 def test_every_leg_has_stances(geometry: KlannGeometry, share: float) -> None:
     leg = KlannLeg(geometry)
@@ -198,7 +198,7 @@ def test_every_leg_has_stances(geometry: KlannGeometry, share: float) -> None:
         assert middle.h[1] <= path.y_range[0] + ground + 1e-6
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(geometry=legs(change=0.1))
 def test_a_mirrored_leg_walks_the_other_way(geometry: KlannGeometry) -> None:
     mirrored = replace(

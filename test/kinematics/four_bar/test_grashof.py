@@ -57,7 +57,7 @@ def test_each_kind_has_its_name(
     assert grashof.inversions['ground'] == grashof
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(bar=four_bars())
 @example(bar_of(3, 1, 3, 1))
 @example(bar_of(1, 3, 1, 3))

@@ -42,7 +42,7 @@ def test_the_iterates_are_those_of_the_courses_newton() -> None:
     np.testing.assert_allclose(pose.x, iterates[-1], rtol=0, atol=1e-15)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(bar=four_bars(), angles=st.lists(crank_angles, min_size=2, max_size=12))
 def test_after_jumps_of_any_size_the_pose_is_the_closed_forms(
     bar: FourBar, angles: list[float]

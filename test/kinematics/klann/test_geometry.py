@@ -110,7 +110,7 @@ def closes(geometry: KlannGeometry, alpha: float) -> bool:
     return True
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(geometry=legs(change=0.5), offset=st.floats(0.0, 0.01))
 def test_the_arcs_are_where_the_closed_form_closes(geometry: KlannGeometry, offset: float) -> None:
     arcs = reachable_arcs(geometry)

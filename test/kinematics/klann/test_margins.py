@@ -83,7 +83,7 @@ def test_a_number_that_is_0_has_no_relative_change() -> None:
     assert margin.relative == (-math.inf, math.inf)
 
 
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=12)
 @given(geometry=legs(change=0.15), name=st.sampled_from(NUMBERS), share=shares)
 def test_between_the_margins_the_crank_turns_fully(
     geometry: KlannGeometry, name: str, share: float
@@ -98,7 +98,7 @@ def test_between_the_margins_the_crank_turns_fully(
     check_the_ends(geometry, name, (least, greatest))
 
 
-@settings(deadline=None, max_examples=3)
+@settings(max_examples=3)
 @given(geometry=legs(change=0.1), factor=st.sampled_from([0.001, 1000.0]))
 def test_scaled_lengths_scale_the_margins(geometry: KlannGeometry, factor: float) -> None:
     assume(turns_fully(geometry))

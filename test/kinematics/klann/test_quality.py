@@ -52,7 +52,7 @@ def test_a_solved_pose_has_no_negative_clearance(geometry: KlannGeometry, alpha:
     assert pose.distance_to_singularity >= -1e-12
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(geometry=legs(change=0.5))
 def test_the_singularity_is_at_the_ends_of_the_arcs(geometry: KlannGeometry) -> None:
     leg = KlannLeg(geometry)
