@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from .reader import Log, open_log
     from .records import Attachment, Message, Topic
     from .recovery import recover, Recovery
-    from .writer import RunWriter
+    from .writing.writer import RunWriter
 
 __all__ = [
     'Attachment',
@@ -79,7 +79,7 @@ _PLACES = {
     'Log': 'reader',
     'Message': 'records',
     'Recovery': 'recovery',
-    'RunWriter': 'writer',
+    'RunWriter': 'writing.writer',
     'Topic': 'records',
     'open_log': 'reader',
     'recover': 'recovery',

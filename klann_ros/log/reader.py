@@ -10,11 +10,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .errors import NotALogError
-from .file_messages import sources_of
-from .log_file import LogFile
-from .repeats import attachment_key, metadata_key, Repeats
-from .run_files import run_files
-from .sources import in_time_order, latest
+from .reading.file_messages import sources_of
+from .reading.log_file import LogFile
+from .reading.repeats import attachment_key, metadata_key, Repeats
+from .reading.run_files import run_files
+from .reading.sources import in_time_order, latest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from .errors import AnyPath
+    from .reading.run_files import RunFiles
     from .records import Attachment, Message
-    from .run_files import RunFiles
 
 
 class Log:

@@ -1,9 +1,10 @@
 """
 Make a readable run out of a damaged one.
 
-The files are walked record by record (:mod:`klann_ros.log.walk`); every message, attachment and
-metadata record that is intact goes into a new run as it was: times, sequence numbers, schemas and
-channel metadata. The files of a split run become one. The input is opened for reading only.
+The files are walked record by record (:mod:`klann_ros.log.reading.walk`); every message,
+attachment and metadata record that is intact goes into a new run as it was: times, sequence
+numbers, schemas and channel metadata. The files of a split run become one. The input is opened for
+reading only.
 
 What no CRC covers cannot be judged: messages outside of chunks, chunks of recorders that write
 none (rosbag2 by default), metadata records and the header. A bit that flipped there is kept as it
@@ -20,19 +21,19 @@ from typing import TYPE_CHECKING
 
 from .bag_metadata import RECORD_NAME
 from .errors import MalformedQosError, NotALogError, UnwritableError
-from .file_messages import messages_in
 from .qos import qos_for_writing
 from .reader import open_files
-from .repeats import attachment_key, metadata_key, Repeats
-from .writer import RunWriter
+from .reading.file_messages import messages_in
+from .reading.repeats import attachment_key, metadata_key, Repeats
+from .writing.writer import RunWriter
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from .errors import AnyPath
-    from .log_file import LogFile
+    from .reading.log_file import LogFile
+    from .reading.walk import Walk
     from .records import Message, Topic
-    from .walk import Walk
 
 
 @dataclass

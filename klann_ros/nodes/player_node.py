@@ -7,7 +7,7 @@ import sys
 from threading import Event, Thread
 
 from klann_ros.log.errors import LogError
-from klann_ros.log.playback import length, Playback, Selection
+from klann_ros.log.playing.playback import length, Playback, Selection
 from klann_ros.log.reader import Log, open_log
 from klann_ros.log.records import Topic
 from klann_ros.stop_signals import StopSignals

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from math import inf, nan
 
-from klann_ros.log.timeline import RATES
+from klann_ros.log.playing.timeline import RATES
 
 from .process import arguments, command_line
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
-from klann_ros.log.timeline import RATES
-from klann_ros.log.transport import PlaybackError, Transport
+from klann_ros.log.playing.timeline import RATES
+from klann_ros.log.playing.transport import PlaybackError, Transport
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter

@@ -6,11 +6,11 @@ from functools import partial
 from typing import Any, TYPE_CHECKING
 
 from klann_ros.log.definitions import definition
-from klann_ros.log.heard_twice import HeardTwice
 from klann_ros.log.loss import LossCounter
-from klann_ros.log.pauses import Pauses
 from klann_ros.log.qos import qos_to_yaml
 from klann_ros.log.records import Message, Topic
+from klann_ros.log.writing.heard_twice import HeardTwice
+from klann_ros.log.writing.pauses import Pauses
 from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node

@@ -7,15 +7,15 @@ from pathlib import Path
 from time import monotonic, time_ns
 from typing import Any
 
-from klann_ros.log.background_writer import BackgroundWriter
 from klann_ros.log.errors import LogError
-from klann_ros.log.free_space import check_free_space
-from klann_ros.log.mcap_file import COMPRESSIONS
-from klann_ros.log.pauses import Pauses
-from klann_ros.log.recording import Recording
-from klann_ros.log.split_limits import SplitLimits
-from klann_ros.log.unfinished import unfinished_runs
-from klann_ros.log.writer import RunWriter
+from klann_ros.log.writing.background_writer import BackgroundWriter
+from klann_ros.log.writing.free_space import check_free_space
+from klann_ros.log.writing.mcap_file import COMPRESSIONS
+from klann_ros.log.writing.pauses import Pauses
+from klann_ros.log.writing.recording import Recording
+from klann_ros.log.writing.split_limits import SplitLimits
+from klann_ros.log.writing.unfinished import unfinished_runs
+from klann_ros.log.writing.writer import RunWriter
 from klann_ros.stop_signals import StopSignals
 from rclpy.executors import SingleThreadedExecutor
 

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray
-from klann_ros.log.recording import RecordingState
+from klann_ros.log.writing.recording import RecordingState
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node

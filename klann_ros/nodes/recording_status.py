@@ -1,7 +1,7 @@
 """What a recording says about itself: one diagnostic status a second."""
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from klann_ros.log.recording import RecordingState
+from klann_ros.log.writing.recording import RecordingState
 
 
 def status(name: str, state: RecordingState, lost_before: int) -> DiagnosticStatus:

@@ -12,7 +12,7 @@ from klann_ros.log.run_parameters import (
     solver_record,
     SolverParameters,
 )
-from klann_ros.log.writer import RunWriter
+from klann_ros.log.writing.writer import RunWriter
 from rclpy.utilities import get_rmw_implementation_identifier
 import yaml
 

@@ -5,8 +5,8 @@ from fnmatch import fnmatchcase
 from time import monotonic
 
 from klann_ros.log.errors import UnknownTypeError
-from klann_ros.log.pauses import Pauses
 from klann_ros.log.records import Message
+from klann_ros.log.writing.pauses import Pauses
 from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 

@@ -9,7 +9,7 @@ import struct
 from klann_ros.log.definitions import definition
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.writer import RunWriter
+from klann_ros.log.writing.writer import RunWriter
 from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.typesys import get_typestore, Stores
 import yaml

@@ -14,9 +14,9 @@ import subprocess
 import sys
 from threading import Event
 
-from klann_ros.log.background_writer import BackgroundWriter
 from klann_ros.log.run_parameters import LOSS_RECORD, loss_record, TopicCount
-from klann_ros.log.writer import RunWriter
+from klann_ros.log.writing.background_writer import BackgroundWriter
+from klann_ros.log.writing.writer import RunWriter
 
 
 def main(folder, size, tests, compression, least):

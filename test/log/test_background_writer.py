@@ -6,10 +6,10 @@ from pathlib import Path
 import threading
 
 from hypothesis import given, settings, strategies as st
-from klann_ros.log.background_writer import BackgroundWriter, OVERHEAD
 from klann_ros.log.reader import open_log
-from klann_ros.log.unfinished import unfinished_runs
-from klann_ros.log.writer import RunWriter
+from klann_ros.log.writing.background_writer import BackgroundWriter, OVERHEAD
+from klann_ros.log.writing.unfinished import unfinished_runs
+from klann_ros.log.writing.writer import RunWriter
 
 
 class SlowFile:
@@ -48,7 +48,7 @@ def slow_run(folder, monkeypatch):
 
     monkeypatch.setattr(os, 'open', open_slowly)
     # A pipe cannot be synced.
-    monkeypatch.setattr('klann_ros.log.durable_file._sync', lambda _: None)
+    monkeypatch.setattr('klann_ros.log.writing.durable_file._sync', lambda _: None)
     writer = RunWriter(folder, compression='none')
     monkeypatch.setattr(os, 'open', opened)
     return writer, slow[0]
@@ -134,7 +134,7 @@ def test_what_is_said_to_be_written_before_a_failure_is_in_the_file(tmp_path, ru
     def refuse(*_):
         raise OSError(5, 'Input/output error')
 
-    monkeypatch.setattr('klann_ros.log.durable_file.os.write', refuse)
+    monkeypatch.setattr('klann_ros.log.writing.durable_file.os.write', refuse)
     for message in runs.make_messages(300):
         background.put(message)
     assert failed.wait(5.0)

@@ -9,8 +9,8 @@ import subprocess
 import sys
 import zlib
 
-from klann_ros.log.chunks import MIN_LIMIT
 from klann_ros.log.definitions import definition
+from klann_ros.log.reading.chunks import MIN_LIMIT
 from mcap.writer import MCAP0_MAGIC
 import pytest
 import zstandard

@@ -6,12 +6,12 @@ from pathlib import Path
 import subprocess
 import sys
 
-from klann_ros.log.disk_reserve import DiskReserve, NAME
 from klann_ros.log.errors import LowSpaceError
-from klann_ros.log.free_space import check_free_space, free_space
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import LOSS_RECORD, topic_counts
-from klann_ros.log.writer import RunWriter
+from klann_ros.log.writing.disk_reserve import DiskReserve, NAME
+from klann_ros.log.writing.free_space import check_free_space, free_space
+from klann_ros.log.writing.writer import RunWriter
 import pytest
 from rosbags.highlevel import AnyReader
 

@@ -1,8 +1,8 @@
 """What a pause leaves out: what was received in it, whenever it is taken."""
 
 from hypothesis import given, strategies as st
-from klann_ros.log.pauses import Pauses
 from klann_ros.log.run_parameters import Pause, pause_of, pause_record
+from klann_ros.log.writing.pauses import Pauses
 import pytest
 
 TIMES = st.integers(0, 100)

@@ -5,9 +5,9 @@ from dataclasses import replace
 from threading import Thread
 import time
 
-from klann_ros.log.playback import Playback, Selection
+from klann_ros.log.playing.playback import Playback, Selection
+from klann_ros.log.playing.transport import PlaybackError
 from klann_ros.log.reader import open_log
-from klann_ros.log.transport import PlaybackError
 import pytest
 
 NAME = '/crank_angle'

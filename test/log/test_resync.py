@@ -5,7 +5,7 @@ import struct
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.recovery import recover
-from klann_ros.log.writer import RunWriter
+from klann_ros.log.writing.writer import RunWriter
 from mcap.writer import Writer
 import pytest
 

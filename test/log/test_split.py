@@ -4,10 +4,10 @@ from dataclasses import replace
 from itertools import pairwise
 from time import sleep, time_ns
 
-from klann_ros.log.background_writer import BackgroundWriter
 from klann_ros.log.reader import open_log
-from klann_ros.log.split_limits import SplitLimits
-from klann_ros.log.writer import RunWriter
+from klann_ros.log.writing.background_writer import BackgroundWriter
+from klann_ros.log.writing.split_limits import SplitLimits
+from klann_ros.log.writing.writer import RunWriter
 from rosbags.highlevel import AnyReader
 import yaml
 

@@ -3,7 +3,7 @@
 from math import inf
 
 from hypothesis import given, strategies as st
-from klann_ros.log.timeline import RATES, Timeline
+from klann_ros.log.playing.timeline import RATES, Timeline
 import pytest
 
 positions = st.floats(0.0, 1e5)

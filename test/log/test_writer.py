@@ -16,7 +16,7 @@ from klann_ros.log.errors import (
     UnwritableError,
 )
 from klann_ros.log.reader import open_log
-from klann_ros.log.writer import RunWriter
+from klann_ros.log.writing.writer import RunWriter
 import pytest
 import yaml
 
@@ -134,7 +134,7 @@ FULL = """
 import os, resource, signal, sys
 sys.path[:0] = {paths!r}
 from conftest import make_messages
-from klann_ros.log.writer import RunWriter
+from klann_ros.log.writing.writer import RunWriter
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 writer = RunWriter({folder!r}, compression='none')
 messages = make_messages(100_000)

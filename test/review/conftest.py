@@ -11,7 +11,7 @@ from klann_ros.kinematics.klann.pose import JOINTS
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
-from klann_ros.log.writer import RunWriter
+from klann_ros.log.writing.writer import RunWriter
 import numpy as np
 import pytest
 from rosbags.typesys import get_typestore, Stores

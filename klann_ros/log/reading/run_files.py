@@ -7,12 +7,12 @@ from pathlib import Path
 import re
 from typing import Any, TYPE_CHECKING
 
-from . import yaml_text
-from .bag_metadata import FILE_NAME, ROOT_KEY
-from .errors import NotALogError
+from klann_ros.log import yaml_text
+from klann_ros.log.bag_metadata import FILE_NAME, ROOT_KEY
+from klann_ros.log.errors import NotALogError
 
 if TYPE_CHECKING:
-    from .errors import AnyPath
+    from klann_ros.log.errors import AnyPath
 
 _MAX_NAME = 1000
 # How rosbag2 compresses itself, other than chunk by chunk.

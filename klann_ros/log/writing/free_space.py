@@ -3,7 +3,7 @@
 from pathlib import Path
 import shutil
 
-from .errors import LowSpaceError
+from klann_ros.log.errors import LowSpaceError
 
 
 def free_space(folder: Path) -> int:

@@ -5,21 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, cast, TYPE_CHECKING
 
+from klann_ros.log.bag_metadata import FileSummary
+from klann_ros.log.errors import UnwritableError
+from klann_ros.log.qos import qos_for_writing
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, IndexType, Writer
 
-from .bag_metadata import FileSummary
 from .durable_file import DurableFile
-from .errors import UnwritableError
-from .qos import qos_for_writing
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from klann_ros.log.records import Attachment, Message, Topic
+
     from .disk_reserve import DiskReserve
-    from .records import Attachment, Message, Topic
 
 COMPRESSIONS = {
     'zstd': CompressionType.ZSTD,
@@ -105,7 +106,7 @@ class McapFile:
         return self._file.failure
 
     def write(self, message: Message) -> None:
-        """Add a message; see :meth:`klann_ros.log.writer.RunWriter.write`."""
+        """Add a message; see :meth:`klann_ros.log.writing.writer.RunWriter.write`."""
         self._file.check()
         log_time = message.log_time
         # The library would notice only after it had put half of the record into the chunk.

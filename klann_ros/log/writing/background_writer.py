@@ -5,8 +5,9 @@ from collections.abc import Callable
 from threading import Event, Lock, Thread
 from time import monotonic, sleep, time_ns
 
-from .errors import LogError, UnwritableError
-from .records import Message
+from klann_ros.log.errors import LogError, UnwritableError
+from klann_ros.log.records import Message
+
 from .split_limits import SplitLimits
 from .writer import RunWriter
 

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Hashable, Mapping
     from pathlib import Path
 
-    from .records import Attachment
+    from klann_ros.log.records import Attachment
 
 
 class Repeats:

@@ -11,10 +11,10 @@ import struct
 from typing import TYPE_CHECKING
 import zlib
 
+from klann_ros.log.errors import DamagedError
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
-from .errors import DamagedError
 from .layout import lengths_agree
 
 if TYPE_CHECKING:

@@ -12,12 +12,12 @@ import re
 import struct
 from typing import TYPE_CHECKING
 
+from klann_ros.log.errors import DamagedError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata
 
 from .chunks import chunk_content
 from .container import may_start, MESSAGE_HEAD, read, span_at
-from .errors import DamagedError
 from .layout import lengths_agree
 from .parsing import parse, parse_attachment, parse_schema
 

@@ -7,21 +7,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from klann_ros import __version__
+from klann_ros.log.bag_metadata import metadata_record, RECORD_NAME
+from klann_ros.log.errors import AnyPath, RunClosedError, UnwritableError
+from klann_ros.log.records import Attachment, Message
 
-from .bag_metadata import metadata_record, RECORD_NAME
-from .errors import AnyPath, RunClosedError, UnwritableError
 from .mcap_file import COMPRESSIONS, McapFile
-from .records import Attachment, Message
 from .run_folder import RunFolder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from types import TracebackType
 
+    from klann_ros.log.bag_metadata import FileSummary
+    from klann_ros.log.errors import LogError
     from typing_extensions import Self
-
-    from .bag_metadata import FileSummary
-    from .errors import LogError
 
 LIBRARY = f'klann_ros {__version__}'
 # What the summary of a file says of each chunk [bytes], and how small a chunk may become [bytes].

@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import partial
 from typing import Any, TYPE_CHECKING
 
+from klann_ros.log.errors import DamagedError
+from klann_ros.log.records import Topic
+from klann_ros.log.writing.mcap_file import HASH_KEY, QOS_KEY
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
-from .errors import DamagedError
-from .mcap_file import HASH_KEY, QOS_KEY
 from .parsing import parse, parse_schema
-from .records import Topic
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
     from typing import TypeAlias
 
-    from .records import Message
+    from klann_ros.log.records import Message
 
     Topics: TypeAlias = Collection[str] | None
 

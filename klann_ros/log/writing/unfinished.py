@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from .container import find_footer, MAGIC
+from klann_ros.log.reading.container import find_footer, MAGIC
+
 from .durable_file import is_being_written
 
 

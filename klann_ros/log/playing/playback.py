@@ -16,8 +16,8 @@ from .transport import Transport
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from .reader import Log
-    from .records import Message
+    from klann_ros.log.reader import Log
+    from klann_ros.log.records import Message
 
 NS = 1e9
 

@@ -2,7 +2,7 @@
 
 from collections import Counter
 
-from .run_parameters import Pause
+from klann_ros.log.run_parameters import Pause
 
 
 class Pauses:

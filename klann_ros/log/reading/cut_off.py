@@ -5,9 +5,9 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
+from klann_ros.log.bag_metadata import RECORD_NAME
 from mcap.opcode import Opcode
 
-from .bag_metadata import RECORD_NAME
 from .container import MAGIC
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from klann_ros.log.errors import DamagedError
 from mcap.opcode import Opcode
 from mcap.records import Metadata
 
@@ -20,7 +21,6 @@ from .container import is_kind, MAGIC, may_start, name_of, read, span_at, starts
 from .content import message_content
 from .cut_off import is_made_anew
 from .damage import Loss, Losses
-from .errors import DamagedError
 from .layout import lengths_agree
 from .parsing import parse
 from .resync import Search

@@ -6,7 +6,8 @@ from threading import Condition
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from .errors import LogError
+from klann_ros.log.errors import LogError
+
 from .lateness import Lateness
 from .timeline import Timeline
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from klann_ros.log.errors import DamagedError, NotALogError
 from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
 
 from .channels import Channels
 from .container import find_footer, MAGIC, read, span_at
-from .errors import DamagedError, NotALogError
 from .overview import Overview, Problem
 from .parsing import parse, parse_attachment
 from .resync import Search
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import BinaryIO
 
-    from .records import Attachment
+    from klann_ros.log.records import Attachment
 
 
 _NEVER = 2**64

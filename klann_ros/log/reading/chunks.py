@@ -10,13 +10,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 import zlib
 
+from klann_ros.log.errors import DamagedError
 from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped] # lz4 has no types
 from mcap.opcode import Opcode
 from mcap.records import Chunk
 import zstandard
 
 from .content import content_of
-from .errors import DamagedError
 from .parsing import parse
 
 if TYPE_CHECKING:

@@ -5,18 +5,19 @@ from __future__ import annotations
 import shutil
 from typing import TYPE_CHECKING
 
-from .bag_metadata import bag_metadata, FILE_NAME, metadata_yaml
+from klann_ros.log.bag_metadata import bag_metadata, FILE_NAME, metadata_yaml
+from klann_ros.log.errors import DiskFullError, LowSpaceError, RunExistsError
+
 from .disk_reserve import DiskReserve, SIZE
 from .durable_file import replace_file, sync_folder
-from .errors import DiskFullError, LowSpaceError, RunExistsError
 from .free_space import check_free_space
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from .bag_metadata import FileSummary
-    from .errors import LogError
+    from klann_ros.log.bag_metadata import FileSummary
+    from klann_ros.log.errors import LogError
 
 
 class RunFolder:

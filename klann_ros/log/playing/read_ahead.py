@@ -10,9 +10,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from types import TracebackType
 
+    from klann_ros.log.records import Message
     from typing_extensions import Self
-
-    from .records import Message
 
 # What is handed over at once at most: messages, and their size [bytes].
 BATCH, BATCH_SIZE = 200, 1_000_000

@@ -4,10 +4,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from klann_ros.log.run_parameters import (
+    LOSS_RECORD,
+    loss_record,
+    PAUSE_RECORD,
+    pause_record,
+    TopicCount,
+)
+
 from .background_writer import BackgroundWriter
 from .free_space import free_space
 from .pauses import Pauses
-from .run_parameters import LOSS_RECORD, loss_record, PAUSE_RECORD, pause_record, TopicCount
 from .writer import RunWriter
 
 

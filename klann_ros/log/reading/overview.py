@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .records import Topic
+    from klann_ros.log.records import Topic
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,11 @@ import struct
 from typing import Any, cast, TypeVar
 import zlib
 
+from klann_ros.log.errors import DamagedError
+from klann_ros.log.records import Attachment
 from mcap import records
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
-
-from .errors import DamagedError
-from .records import Attachment
 
 Parsed = TypeVar('Parsed', bound=records.McapRecord)
 

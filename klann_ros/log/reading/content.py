@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import struct
 from typing import TYPE_CHECKING
 
+from klann_ros.log.errors import DamagedError
 from mcap.opcode import Opcode
-
-from .errors import DamagedError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -5,22 +5,22 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+from klann_ros.log.errors import DamagedError
+from klann_ros.log.records import Message
 from mcap.opcode import Opcode
 
 from .chunks import chunk_content
-from .errors import DamagedError
-from .records import Message
 from .sources import Source
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from klann_ros.log.records import Topic
     from mcap.records import ChunkIndex
 
     from .content import Content
     from .log_file import LogFile
     from .overview import Overview
-    from .records import Topic
     from .sources import Topics
 
 

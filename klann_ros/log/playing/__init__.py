@@ -1,0 +1,1 @@
+"""When what is played: a timeline, what moves it, and what reads ahead."""

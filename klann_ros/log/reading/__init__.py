@@ -1,0 +1,1 @@
+"""Reading MCAP files of any recorder and in any state: bytes, records, chunks, files."""

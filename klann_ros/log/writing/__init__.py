@@ -1,0 +1,1 @@
+"""Writing runs that survive: files, folders, a thread of its own, and what becomes of messages."""
