@@ -124,6 +124,9 @@ def test_its_run_explains_itself_and_is_reviewed(
     file = LINKAGES / f'{name}.yaml'
     ros.start('solver_node', linkage=file)
     recorder = ros.start('recorder_node', output=tmp_path / 'run')
+    # The recorder has to listen to the solver, too, before the crank turns.
+    for topic in ('joint_states', 'point_h'):
+        ros.probe.until(lambda: ros.probe.node.count_subscribers(topic) >= 1)  # noqa: B023
     crank = ros.start('crank_node', rate=100.0, revolutions=1, min_subscribers=2)
     assert crank.wait() == 0
     ros.probe.spin(1.0)

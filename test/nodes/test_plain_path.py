@@ -11,6 +11,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 OUTPUTS = {'joint_states': JointState, 'point_h': PointStamped, 'velocity_h': TwistStamped}
+# Of the five states one is no crank angle, and two have a velocity.
+COUNTS = {'joint_states': 4, 'point_h': 4, 'velocity_h': 2}
 STATES = [
     JointState(name=['crank'], position=[1.0], velocity=[2.0]),
     JointState(name=['other', 'crank'], position=[0.0, -7.5]),
@@ -30,8 +32,8 @@ def answers(ros: World) -> dict[str, list[bytes]]:
     for number, state in enumerate(STATES, start=1):
         state.header.stamp = Time(sec=number, nanosec=number)
         crank.publish(state)
-    ros.probe.until(lambda: len(received['joint_states']) == len(STATES) - 1)
-    ros.probe.until(lambda: len(received['velocity_h']) == 2)
+    for topic, count in COUNTS.items():
+        ros.probe.until(lambda: len(received[topic]) >= count)  # noqa: B023 - called at once
     assert solver.stop() == 0
     return {topic: list(messages) for topic, messages in received.items()}
 
@@ -43,11 +45,7 @@ def test_what_is_published_is_equal_byte_for_byte(
     monkeypatch.setenv(PLAIN, '1')
     plain = answers(ros)
     assert lean == plain
-    assert {topic: len(messages) for topic, messages in lean.items()} == {
-        'joint_states': 4,
-        'point_h': 4,
-        'velocity_h': 2,
-    }
+    assert {topic: len(messages) for topic, messages in lean.items()} == COUNTS
 
 
 def test_the_plain_path_answers_a_burst_too(ros: World, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,4 +56,4 @@ def test_the_plain_path_answers_a_burst_too(ros: World, monkeypatch: pytest.Monk
     crank = ros.probe.publisher(Float64, 'crank_angle')
     for n in range(300):
         crank.publish(Float64(data=0.01 * n))
-    ros.probe.until(lambda: len(feet) == 300)
+    ros.probe.until(lambda: len(feet) >= 300)
