@@ -20,6 +20,7 @@ EXTRAS['all'] = sorted({name for names in EXTRAS.values() for name in names})
 EXTRAS['test'] = [
     'hypothesis',
     'pytest>=7.4',
+    'pytest-xdist',
     'rosbags',
     'scipy',
     'xacro',

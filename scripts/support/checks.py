@@ -25,6 +25,8 @@ PYTHON_FILES = (
     'examples',
     'docs',
 )
+# Tests that compute beside those that wait for processes; see test/conftest.py.
+WORKERS = ('-n', '2', '--dist', 'loadgroup')
 # A check that hangs is ended, so that CI still gets to see its output.
 TIMEOUT = 840.0
 SUMMARY = re.compile(r'\bin \d+\.\d+s')
@@ -82,7 +84,7 @@ def _checks(env: Environment, work: Path, pytest_arguments: list[str]) -> list[C
         Check('ament_pep257', [env.python, '-m', 'ament_pep257.main', *files]),
         Check('mypy', env.tool('mypy')),
         Check('colcon', [env.python, '-m', 'colcon', *colcon]),
-        Check('pytest', [*env.tool('pytest'), *pytest_arguments]),
+        Check('pytest', [*env.tool('pytest'), *WORKERS, *pytest_arguments]),
     ]
 
 
