@@ -7,9 +7,11 @@ damaged is left out and told by :attr:`Log.problem`. An OSError comes of the dis
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .errors import NotALogError
+from .reading.file_blocks import blocks_of
 from .reading.file_messages import sources_of
 from .reading.log_file import LogFile
 from .reading.repeats import attachment_key, metadata_key, Repeats
@@ -17,13 +19,13 @@ from .reading.run_files import run_files
 from .reading.sources import in_time_order, latest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-    from pathlib import Path
+    from collections.abc import Callable, Iterable, Iterator, Mapping
     from types import TracebackType
 
     from typing_extensions import Self
 
     from .errors import AnyPath
+    from .reading.block import Block
     from .reading.run_files import RunFiles
     from .records import Attachment, Message
 
@@ -34,6 +36,8 @@ class Log:
 
     Attributes
     ----------
+    path : pathlib.Path
+        Where it is.
     paths : tuple of pathlib.Path
         The files it consists of.
     topics : tuple of Topic
@@ -46,7 +50,8 @@ class Log:
 
     """
 
-    def __init__(self, files: list[LogFile], problems: list[str]) -> None:
+    def __init__(self, path: Path, files: list[LogFile], problems: list[str]) -> None:
+        self.path = path
         self._files = [(file, file.overview()) for file in files]
         self._problems = problems
         self.paths = tuple(file.path for file in files)
@@ -79,6 +84,11 @@ class Log:
         """Return the first problem and how many there are beside it; '' without any."""
         first, *more = self.problems or ('',)
         return f'{first} (and {len(more)} more)' if more else first
+
+    @property
+    def holes(self) -> tuple[tuple[int, int], ...]:
+        """Return the log times [ns] of what is damaged, from and to; reading may find more."""
+        return tuple(hole for file, _ in self._files for hole in file.holes)
 
     @property
     def complete(self) -> bool:
@@ -145,6 +155,25 @@ class Log:
         """
         return latest(self._sources, counts, before)
 
+    def blocks(self, progress: Callable[[float], object] | None = None) -> Iterator[Block]:
+        """
+        Yield the messages in large pieces, as they stand in the files.
+
+        Parameters
+        ----------
+        progress
+            Is called for each with how much of the log was read before it, from 0 to 1.
+
+        """
+        whole = sum(file.size for file, _ in self._files) or 1
+        before = 0
+        for file, _ in self._files:
+            for offset, block in blocks_of(file):
+                if progress is not None:
+                    progress((before + offset) / whole)
+                yield block
+            before += file.size
+
     def close(self) -> None:
         """Let go of the log; what it has told stays valid. Files are open only while read."""
 
@@ -177,7 +206,7 @@ def open_log(path: AnyPath) -> Log:
 
     """
     files, found = open_files(path)
-    return Log(files, found.missing + found.remarks)
+    return Log(Path(path), files, found.missing + found.remarks)
 
 
 def open_files(path: AnyPath) -> tuple[list[LogFile], RunFiles]:

@@ -13,10 +13,10 @@ them: `serialize_message()` leaves some.
 import struct
 from typing import NamedTuple
 
-# The byte orders of plain CDR; all else (parameter lists, its second version) is no topic's.
-_ORDERS = {b'\0\1': '<', b'\0\0': '>'}
-_HEADER_SIZE, _STAMP_SIZE = 4, 8
-_FLOAT64 = {code: struct.Struct(f'{order}d') for code, order in _ORDERS.items()}
+from klann_ros.log.cdr_cursor import CdrCursor, HEADER_SIZE, ORDERS
+
+_STAMP_SIZE = 8
+_FLOAT64 = {code: struct.Struct(f'{order}d') for code, order in ORDERS.items()}
 
 
 class Joint(NamedTuple):
@@ -51,7 +51,7 @@ def read_float64(data: bytes) -> float:
 
     """
     try:
-        (value,) = _FLOAT64[data[:2]].unpack_from(data, _HEADER_SIZE)
+        (value,) = _FLOAT64[data[:2]].unpack_from(data, HEADER_SIZE)
     except (KeyError, struct.error) as error:
         raise ValueError(f'{len(data)} bytes are no std_msgs/msg/Float64') from error
     return float(value)
@@ -108,11 +108,11 @@ class _Layout(NamedTuple):
 def _layout(data: bytes, joint: str) -> _Layout:
     """Read all but the numbers of a JointState."""
     try:
-        cursor = _Cursor(data, _HEADER_SIZE + _STAMP_SIZE)
+        cursor = CdrCursor(data, HEADER_SIZE + _STAMP_SIZE)
         cursor.string()
-        names = [cursor.string() for _ in range(cursor.length())]
-        counts, begins = zip(*(cursor.doubles() for _ in range(3)), strict=True)
-    except (KeyError, struct.error) as error:
+        names = cursor.strings()
+        begins, counts = zip(*(cursor.doubles() for _ in range(3)), strict=True)
+    except ValueError as error:
         raise ValueError(f'{len(data)} bytes are no sensor_msgs/msg/JointState') from error
     if len(names) != counts[0]:
         msg = f'{len(names)} names and {counts[0]} positions: there must be as many of each'
@@ -122,14 +122,14 @@ def _layout(data: bytes, joint: str) -> _Layout:
         raise ValueError(f'there is no joint {joint!r} in {known}')
     offset = 8 * names.index(joint.encode())
     position, velocity = begins[0] + offset, begins[1] + offset
-    numbers = f'{cursor.order}{_HEADER_SIZE}xiI{position - _HEADER_SIZE - _STAMP_SIZE}xd'
+    numbers = f'{cursor.order}{HEADER_SIZE}xiI{position - HEADER_SIZE - _STAMP_SIZE}xd'
     if counts[1] == counts[0]:
         numbers += f'{velocity - position - 8}xd'
     ends = [begin + 8 * count for count, begin in zip(counts, begins, strict=True)]
     # All that is neither stamp nor position, velocity or effort.
     spans = [
         (0, 2),
-        (_HEADER_SIZE + _STAMP_SIZE, begins[0]),
+        (HEADER_SIZE + _STAMP_SIZE, begins[0]),
         (ends[0], begins[1]),
         (ends[1], begins[2]),
     ]
@@ -139,45 +139,3 @@ def _layout(data: bytes, joint: str) -> _Layout:
         tuple(begin for begin, _ in spans),
         struct.Struct(numbers),
     )
-
-
-class _Cursor:
-    """A place in a message, which moves on with all that is read."""
-
-    def __init__(self, data: bytes, at: int) -> None:
-        self.order = _ORDERS[data[:2]]
-        self._data = data
-        self._at = at
-        self._need(0)
-
-    def length(self) -> int:
-        """Read how long what follows is."""
-        self._align(4)
-        (length,) = struct.unpack_from(f'{self.order}I', self._data, self._at)
-        self._at += 4
-        return int(length)
-
-    def string(self) -> bytes:
-        """Read a string; it ends at its first zero."""
-        length = self.length()
-        self._need(length)
-        begin, end = self._at, self._at + length
-        self._at = end
-        return self._data[begin:end].partition(b'\0')[0]
-
-    def doubles(self) -> tuple[int, int]:
-        """Pass over a sequence of doubles; return how many they are, and where they begin."""
-        count = self.length()
-        if count:
-            self._align(8)
-        begin = self._at
-        self._need(8 * count)
-        self._at += 8 * count
-        return count, begin
-
-    def _align(self, size: int) -> None:
-        self._at += -(self._at - _HEADER_SIZE) % size
-
-    def _need(self, size: int) -> None:
-        if self._at + size > len(self._data):
-            raise struct.error('the message ends too early')

@@ -10,6 +10,7 @@ from mcap.records import Header, Metadata
 
 from .channels import Channels
 from .container import find_footer, MAGIC, read, span_at
+from .holes import holes
 from .overview import Overview, Problem
 from .parsing import parse, parse_attachment
 from .resync import Search
@@ -43,6 +44,8 @@ class LogFile:
         What its summary says; empty if it has none that holds.
     problems
         What was found to be wrong so far, by offset; it grows while the file is read.
+    holes
+        From when to when messages stood in what is damaged [ns], as far as that is known.
 
     Raises
     ------
@@ -54,6 +57,7 @@ class LogFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.problems: dict[int, Problem] = {}
+        self.holes: set[tuple[int, int]] = set()
         self.summary = Summary()
         self.profile = ''
         self._channels: Channels | None = None
@@ -85,6 +89,8 @@ class LogFile:
         """Remember what a walk stepped over."""
         for loss in walk.losses:
             self.note(loss.offset, str(loss))
+        with self.path.open('rb') as file:
+            self.holes.update(holes(file, walk.losses, self.summary.chunks))
 
     def channels(self) -> Channels:
         """

@@ -1,0 +1,85 @@
+"""The messages of a chunk as arrays, for whoever has millions of them to look at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from klann_ros.log.records import Topic
+    from numpy.typing import NDArray
+
+    from .content import Content
+
+HEAD = np.dtype(
+    [
+        ('opcode', 'u1'),
+        ('length', '<u8'),
+        ('channel', '<u2'),
+        ('sequence', '<u4'),
+        ('log_time', '<u8'),
+        ('publish_time', '<u8'),
+    ]
+)
+"""What stands before the bytes of a message."""
+
+_RECORD = 9
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """
+    Messages that stand together in a log, in the order in which they stand there.
+
+    Parameters
+    ----------
+    data
+        The bytes in which they stand.
+    heads
+        A row of type HEAD each: its channel, sequence, log time and publish time [ns].
+    starts
+        Where in ``data`` the bytes of each begin; shape (n,).
+    topics
+        What their channels stand for, as far as that is known.
+
+    """
+
+    data: memoryview
+    heads: NDArray[np.void]
+    starts: NDArray[np.int64]
+    topics: Mapping[int, Topic]
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    @property
+    def sizes(self) -> NDArray[np.int64]:
+        """Return how many bytes each message has, shape (n,)."""
+        return self.heads['length'].astype(np.int64) + (_RECORD - HEAD.itemsize)
+
+    def message(self, row: int) -> bytes:
+        """Return the bytes of one message."""
+        begin = int(self.starts[row])
+        end = begin + int(self.heads['length'][row]) + (_RECORD - HEAD.itemsize)
+        return self.data[begin:end].tobytes()
+
+    def rows(self, which: NDArray[np.bool_] | NDArray[np.intp], size: int) -> NDArray[np.uint8]:
+        """Return the bytes of some messages of the same size, shape (number, size)."""
+        windows = sliding_window_view(np.frombuffer(self.data, np.uint8), size)
+        found: NDArray[np.uint8] = windows[self.starts[which]]
+        return found
+
+
+def block_of(content: Content, topics: Mapping[int, Topic]) -> Block:
+    """Return the messages of a chunk, or of a message outside of chunks, as arrays."""
+    if not len(content):
+        nothing = np.empty(0, dtype=np.int64)
+        return Block(content.data, np.empty(0, HEAD), nothing, topics)
+    at = np.frombuffer(content.starts, dtype=np.uint64).astype(np.int64)
+    rows = sliding_window_view(np.frombuffer(content.data, np.uint8), HEAD.itemsize)[at]
+    return Block(content.data, rows.view(HEAD)[:, 0], at + HEAD.itemsize, topics)
