@@ -7,7 +7,7 @@ is still starting without a traceback; and a machine without ROS gets one line, 
 
 from contextlib import redirect_stdout
 from importlib import import_module
-from io import StringIO
+from io import StringIO, TextIOWrapper
 import os
 import signal
 import sys
@@ -71,6 +71,9 @@ def _tool(name: str, module: str, untold: int) -> int:
     the exit code is `untold`.
     """
     report = StringIO()
+    if isinstance(sys.stdout, TextIOWrapper):
+        # A terminal without a letter that is in a log shows its number.
+        sys.stdout.reconfigure(errors='backslashreplace')
     try:
         try:
             with redirect_stdout(report):

@@ -1,8 +1,15 @@
 """Something that is wrong with a run."""
 
 from dataclasses import dataclass
+from enum import IntEnum
 
-from .recording import Recording
+
+class Severity(IntEnum):
+    """How grave it is."""
+
+    NOTE = 0  # worth knowing, and no fault
+    WARNING = 1  # the run is not what it should be
+    ERROR = 2  # what the run says is wrong
 
 
 @dataclass(frozen=True)
@@ -14,19 +21,28 @@ class Finding:
     ----------
     check : str
         Which check found it.
+    severity : Severity
+        How grave it is.
     text : str
-        What it is and what it means.
+        What it is.
+    meaning : str
+        What it means for whoever reads it.
     time : float or None
         When it was first seen, from the start of the run by the clock of the log [s]; None for
         the run as a whole.
+    leg : str
+        Of which leg it is; '' for the only one, or the run as a whole.
 
     """
 
     check: str
+    severity: Severity
     text: str
+    meaning: str
     time: float | None = None
+    leg: str = ''
 
-
-def since_start(recording: Recording, log_time: int) -> float:
-    """Return a log time from the start of the run [s]."""
-    return (int(log_time) - recording.start) / 1e9
+    @property
+    def is_fault(self) -> bool:
+        """Return whether it counts for the exit code."""
+        return self.severity > Severity.NOTE

@@ -6,7 +6,8 @@ from klann_ros.kinematics import KinematicsError
 from klann_ros.kinematics.leg_types import Leg, LegPose
 import numpy as np
 
-from .recording import Recording
+from .recording import LegRecording
+from .reviewed import Review
 
 # matplotlib cannot scale an axis to the largest doubles.
 LARGEST = 1e60
@@ -16,9 +17,11 @@ class NoPictureError(Exception):
     """A picture that cannot be made; the text says why."""
 
 
-def save_picture(recording: Recording, leg: Leg, path: str) -> None:
+def save_picture(review: Review, path: str) -> None:
     """
-    Save a picture; its format follows from the path's ending, such as .png or .svg.
+    Save a picture of a run's first leg.
+
+    Its format follows from the path's ending, such as .png or .svg.
 
     Raises
     ------
@@ -29,7 +32,12 @@ def save_picture(recording: Recording, leg: Leg, path: str) -> None:
         The file cannot be written.
 
     """
-    pose = _last_that_closes(recording, leg)
+    if not review.legs:
+        raise NoPictureError('there is no leg in the run')
+    recording = review.legs[0].judged
+    if recording.solver.leg is None:
+        raise NoPictureError('a picture needs a geometry, and the run tells none: --geometry FILE')
+    pose = _last_that_closes(recording, recording.solver.leg)
     try:
         from matplotlib.figure import Figure  # noqa: PLC0415 - optional, and slow to import
     except ModuleNotFoundError:
@@ -52,7 +60,7 @@ def save_picture(recording: Recording, leg: Leg, path: str) -> None:
         raise NoPictureError(str(error)) from error
 
 
-def _last_that_closes(recording: Recording, leg: Leg) -> LegPose:
+def _last_that_closes(recording: LegRecording, leg: Leg) -> LegPose:
     """Return the last of the poses at which the leg can be drawn."""
     alphas = reversed(recording.poses.values[:, 0].tolist())
     poses = (_pose(leg, alpha) for alpha in alphas)

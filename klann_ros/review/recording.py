@@ -1,44 +1,52 @@
 """What a run holds, decoded to arrays: the model that everything else of a review works on."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
 
-from klann_ros.kinematics.leg_types import Leg
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Times = NDArray[np.int64]
+from .loading.layouts import Floats, Times
+from .loading.solvers import LegSolver
 
 
-@dataclass(frozen=True)
-class TopicFigures:
+@dataclass(frozen=True, eq=False)
+class TopicRecording:
     """
-    A topic in a run, by its messages' times.
+    How the messages of a topic came.
 
     Attributes
     ----------
     name, type : str
-        The topic and its message type.
-    count : int
-        Messages in the run.
-    rate : float
-        Mean rate of the log times [Hz]; NaN for less than two messages.
-    longest_gap : float
-        Longest time between two messages [s]; NaN for less than two messages.
-    latency : float
-        Median time from publishing to receiving [s]; NaN without any message.
+        The topic and its message type; the type is '' if nothing of it is in the run.
+    times : numpy.ndarray, shape (n,)
+        Log times, sorted [ns].
+    latencies : numpy.ndarray of float32, shape (n,)
+        Times from publishing to receiving [s].
     lost : int or None
         Messages lost on the way into the run; None where nobody can tell.
+    missing : numpy.ndarray, shape (k, 3)
+        Where sequence numbers are missing: the log times before and after [ns], and how many.
+    backwards : int
+        How many messages are logged earlier than the one before them in the file.
+    backwards_at : int or None
+        Log time of the first of them [ns].
 
     """
 
     name: str
     type: str  # noqa: A003, RUF100 - as all tools call it; ruff lets it be
-    count: int
-    rate: float
-    longest_gap: float
-    latency: float
+    times: Times
+    latencies: NDArray[np.float32]
     lost: int | None
+    missing: Times = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
+    backwards: int = 0
+    backwards_at: int | None = None
+
+    @property
+    def lost_at(self) -> int | None:
+        """Return the log time of the first message behind a gap in the numbers [ns]."""
+        return int(self.missing[0, 1]) if len(self.missing) else None
 
 
 @dataclass(frozen=True)
@@ -65,7 +73,7 @@ class Undecoded:
 @dataclass(frozen=True, eq=False)
 class Series:
     """
-    What messages of one kind say, in the order of the log.
+    What messages of one kind say, in the order of their log times.
 
     Attributes
     ----------
@@ -74,7 +82,7 @@ class Series:
     stamps : numpy.ndarray, shape (n,)
         Header stamps, or what stands for them [ns]: they tell which answer belongs to which
         input, and may be of another clock than the log times.
-    values : numpy.ndarray, shape (n,) or (n, k)
+    values : numpy.ndarray, shape (n, k)
         What they say.
 
     """
@@ -93,8 +101,71 @@ class Series:
 
     def since(self, time: int) -> 'Series':
         """Return what was logged at a time or later."""
-        late = self.times >= time
-        return Series(self.times[late], self.stamps[late], self.values[late])
+        first = int(np.searchsorted(self.times, time))
+        return Series(self.times[first:], self.stamps[first:], self.values[first:])
+
+
+def no_series(width: int) -> Series:
+    """Return a series without any row."""
+    nothing = np.empty(0, dtype=np.int64)
+    return Series(nothing, nothing.copy(), np.empty((0, width)))
+
+
+@dataclass(frozen=True, eq=False)
+class LegRecording:
+    """
+    What a run says of a leg.
+
+    Attributes
+    ----------
+    namespace, name : str
+        Where it publishes, and its name; '' for the root, and for the unnamed leg.
+    solver : LegSolver
+        What the run tells of its solver, or what it is held against.
+    pose_topics : frozenset of str
+        Where its poses come from.
+    cranks : Series
+        Crank inputs, before direction and phase [rad], values of shape (k, 1).
+    poses : Series
+        The leg's angles, the crank's first [rad], values of shape (n, number of angles).
+    rates : numpy.ndarray, shape (n, number of angles) or (0, 0)
+        The velocities of the poses [rad/s], NaN where not told; only if they were asked for, and
+        in floats of half the size where that will do.
+    iterations : Series
+        The most Newton iterations since the report before, values of shape (k, 1).
+    feet : Series
+        H (x, y) [m], values of shape (m, 2).
+
+    """
+
+    namespace: str
+    name: str
+    solver: LegSolver
+    pose_topics: frozenset[str]
+    cranks: Series
+    poses: Series
+    feet: Series
+    rates: Floats = field(default_factory=lambda: np.empty((0, 0)))
+    iterations: Series = field(default_factory=lambda: no_series(1))
+
+    @property
+    def title(self) -> str:
+        """Return how to call it: '' for the unnamed leg in the root namespace."""
+        return '/'.join(part for part in (self.namespace.lstrip('/'), self.name) if part)
+
+    def judged(self) -> 'LegRecording':
+        """Return the part of the run that its leg holds for."""
+        since = self.solver.leg_time
+        if not since:
+            return self
+        first = len(self.poses) - len(self.poses.since(since))
+        return replace(
+            self,
+            cranks=self.cranks.since(since),
+            poses=self.poses.since(since),
+            feet=self.feet.since(since),
+            rates=self.rates[first:],
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,53 +177,42 @@ class Recording:
     ----------
     path : str
         Where it is.
+    files : tuple of (str, int)
+        Its files, and their sizes [bytes].
     start, end : int
         First and last log time [ns].
-    topics : tuple of TopicFigures
+    topics : tuple of TopicRecording
         All topics.
-    problem : str
-        What is wrong with the container, in one line; empty when nothing is.
+    problems : tuple of str
+        What is wrong with the container, one line each.
     undecoded : tuple of Undecoded
         What concerns a leg by its topic, and cannot be decoded.
-    remarks : tuple of str
-        What a reader must know and is no fault of the run.
-    leg : KlannLeg, LinkageLeg or None
-        What the solver solved, as the run tells it at last, or as it was given.
-    leg_time : int
-        The log time since which it was this leg [ns]; 0 for the whole run.
-    cranks : Series
-        Crank inputs [rad], values of shape (k,).
-    poses : Series
-        The leg's angles, the crank's first [rad], values of shape (n, number of angles).
-    feet : Series
-        H (x, y) [m], values of shape (m, 2).
+    holes : tuple of (int, int), in the order of time
+        Where the log has nothing for reasons of its own, a pause or damage: log times [ns].
+    legs : tuple of LegRecording
+        The legs.
 
     """
 
     path: str
+    files: tuple[tuple[str, int], ...]
     start: int
     end: int
-    topics: tuple[TopicFigures, ...]
-    problem: str
+    topics: tuple[TopicRecording, ...]
+    problems: tuple[str, ...]
     undecoded: tuple[Undecoded, ...]
-    remarks: tuple[str, ...]
-    leg: Leg | None
-    leg_time: int
-    cranks: Series
-    poses: Series
-    feet: Series
+    holes: tuple[tuple[int, int], ...]
+    legs: tuple[LegRecording, ...]
 
     @property
     def duration(self) -> float:
         """Return the time between the first and the last message [s]."""
         return (self.end - self.start) / 1e9
 
-    def judged(self) -> 'Recording':
-        """Return the part of the run that its leg holds for."""
-        since = self.leg_time
-        return replace(
-            self,
-            cranks=self.cranks.since(since),
-            poses=self.poses.since(since),
-            feet=self.feet.since(since),
-        )
+    def since_start(self, log_time: int) -> float:
+        """Return a log time from the start of the run [s]."""
+        return (int(log_time) - self.start) / 1e9
+
+    def lost_on(self, names: Collection[str]) -> int:
+        """Return how many messages of some topics were lost, as far as is known."""
+        return sum(topic.lost or 0 for topic in self.topics if topic.name in names)

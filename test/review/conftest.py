@@ -1,6 +1,6 @@
 """Runs made by the real solver and the real writer, without ROS: a message is its CDR bytes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 import math
 from pathlib import Path
@@ -9,6 +9,7 @@ from typing import Any
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.kinematics.klann.pose import JOINTS
 from klann_ros.log.definitions import definition
+from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
 from klann_ros.log.writing.writer import RunWriter
@@ -64,12 +65,26 @@ class Script:
     messages: list[Message] = field(default_factory=list)
     others: list['Script'] = field(default_factory=list)
     namespace: str = ''
+    prefix: str = ''
+    rates: list[float] = field(default_factory=list)
+    latency: int = 200_000
     crank: Topic = CRANK
     poses: Topic = POSES
     feet: Topic = FEET
 
     def change(self, index: int, **fields: Any) -> None:
         self.answers[index] = replace(self.answers[index], **fields)
+
+    def ask_unstamped(self, index: int) -> None:
+        """Add an input without a stamp, logged behind an answered one."""
+        asked = self.answers[index]
+        content = crank(self.crank, 0, asked.alpha)
+        self.messages.append(message(self.crank, asked.stamp + 1000, 0, content))
+
+    def ask(self, index: int, later: int = 1000) -> None:
+        """Add an input that nobody answers, as far behind an answered one as is said [ns]."""
+        asked = self.answers[index]
+        self.unanswered.append((asked.stamp + later, asked.alpha))
 
     def add_solver(self, time: int, geometry: KlannGeometry, node: str = '/solver_node') -> None:
         record = solver_record(SolverParameters(node, time, geometry.as_dict()))
@@ -102,26 +117,31 @@ def script(geometry: KlannGeometry | None = None, turns: float = 2.0, count: int
 
 def write(script: Script, folder: Path) -> Path:
     with RunWriter(folder) as run:
-        write_script(run, script)
+        for name, content in metadata(script):
+            run.add_metadata(name, content)
+        for each in sorted(messages(script), key=lambda message: message.log_time):
+            run.write(each)
     return folder
 
 
-def write_script(run: RunWriter, script: Script) -> None:
+def metadata(script: Script) -> Iterator[tuple[str, dict[str, str]]]:
     if script.geometry is not None:
         parameters = {**script.geometry.as_dict(), **script.parameters}
         node = f'{script.namespace}/solver_node'
-        record = solver_record(SolverParameters(node, START, parameters))
-        run.add_metadata(SOLVER_RECORD, record)
-    for name, content in script.metadata:
-        run.add_metadata(name, content)
-    for stamp, alpha in script.unanswered:
-        run.write(message(script.crank, stamp, 0, crank(script.crank, stamp, alpha)))
-    for answer in script.answers:
-        _write_answer(run, script, answer)
-    for extra in script.messages:
-        run.write(extra)
+        yield SOLVER_RECORD, solver_record(SolverParameters(node, START, parameters))
+    yield from script.metadata
     for other in script.others:
-        write_script(run, other)
+        yield from metadata(other)
+
+
+def messages(script: Script) -> Iterator[Message]:
+    for stamp, alpha in script.unanswered:
+        yield message(script.crank, stamp, 0, crank(script.crank, stamp, alpha))
+    for answer in script.answers:
+        yield from _answer(script, answer)
+    yield from script.messages
+    for other in script.others:
+        yield from messages(other)
 
 
 def crank(topic: Topic, stamp: int, alpha: float) -> Any:
@@ -130,38 +150,43 @@ def crank(topic: Topic, stamp: int, alpha: float) -> Any:
     return joint_state(stamp, ['crank'], [alpha])
 
 
-def joint_state(stamp: int, names: list[str], angles: list[float]) -> Any:
+def joint_state(
+    stamp: int, names: list[str], angles: list[float], rates: Sequence[float] = ()
+) -> Any:
     return make(
         POSES.type,
         header=header(stamp, ''),
         name=names,
         position=np.array(angles, dtype=float),
-        velocity=np.array([]),
+        velocity=np.array(rates, dtype=float),
         effort=np.array([]),
     )
 
 
-def _write_answer(run: RunWriter, script: Script, answer: Answer) -> None:
+def _answer(script: Script, answer: Answer) -> Iterator[Message]:
     time, number = answer.stamp, answer.sequence
     stamp = time if answer.header_stamp is None else answer.header_stamp
-    asked = crank(script.crank, stamp, answer.alpha)
-    run.write(message(script.crank, time, number, asked))
-    state = joint_state(stamp, list(JOINTS), answer.pose)
-    run.write(message(script.poses, time, number, state))
+    names = [script.prefix + joint for joint in JOINTS]
     point = make('geometry_msgs/msg/Point', x=answer.foot[0], y=answer.foot[1], z=0.0)
     of_foot = header(stamp if answer.foot_stamp is None else answer.foot_stamp, 'leg_plane')
-    foot = make(FEET.type, header=of_foot, point=point)
-    run.write(message(script.feet, time, number, foot))
+    for topic, content in (
+        (script.crank, crank(script.crank, stamp, answer.alpha)),
+        (script.poses, joint_state(stamp, names, answer.pose, script.rates)),
+        (script.feet, make(FEET.type, header=of_foot, point=point)),
+    ):
+        yield message(topic, time, number, content, script.latency)
 
 
-def message(topic: Topic, time: int, sequence: int, content: Any) -> Message:
+def message(
+    topic: Topic, time: int, sequence: int, content: Any, latency: int = 200_000
+) -> Message:
     data = bytes(STORE.serialize_cdr(content, topic.type))
-    return Message(topic, data, time + 200_000, time, sequence)
+    return Message(topic, data, time + latency, time, sequence)
 
 
 @pytest.fixture
-def make_run(tmp_path: Path) -> Callable[[Script], Path]:
-    return lambda script: write(script, tmp_path / 'run')
+def make_run(tmp_path: Path) -> Callable[..., Path]:
+    return lambda script, name='run': write(script, tmp_path / name)
 
 
 @pytest.fixture
@@ -172,3 +197,49 @@ def healthy() -> Script:
 @pytest.fixture
 def make_script() -> Callable[..., Script]:
     return script
+
+
+class Rewriter:
+    """Writes runs from the messages of others, with the log library."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._count = 0
+
+    @staticmethod
+    def read(run: Path) -> list[Message]:
+        with open_log(run) as log:
+            return list(log.messages())
+
+    def __call__(self, run: Path, changed: list[Message], **options: Any) -> Path:
+        """Write messages in this order, with the metadata of a run; return the new run."""
+        self._count += 1
+        folder = self._folder / f'{run.name}_{self._count}'
+        with open_log(run) as log, RunWriter(folder, **options) as made:
+            for name, records in log.metadata.items():
+                for record in records if name.startswith('klann_ros.') else ():
+                    made.add_metadata(name, record)
+            for each in changed:
+                made.write(each)
+        return folder
+
+
+@pytest.fixture
+def write_messages(tmp_path: Path) -> Rewriter:
+    return Rewriter(tmp_path)
+
+
+@pytest.fixture
+def without(write_messages: Rewriter) -> Callable[..., Path]:
+    """Return what writes a run anew without some messages, or received later by so much [ns]."""
+
+    def changed(run: Path, which: Any = lambda _: False, late: Any = 0) -> Path:
+        by = late if callable(late) else lambda _: late
+        kept = [
+            replace(m, log_time=m.log_time + by(m))
+            for m in write_messages.read(run)
+            if not which(m)
+        ]
+        return write_messages(run, sorted(kept, key=lambda m: m.log_time))
+
+    return changed

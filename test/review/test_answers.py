@@ -1,72 +1,131 @@
 """What was asked and what was answered."""
 
+from dataclasses import replace
 import math
-import re
 
-from klann_ros.kinematics import KlannGeometry, KlannLeg
-from klann_ros.review.command import main
+from findings import checks, found, moments
+from klann_ros.kinematics import KinematicsError, KlannGeometry, KlannLeg
+from klann_ros.log.run_parameters import LOSS_RECORD, loss_record, TopicCount
+from klann_ros.review.reviewing import review_run
 import pytest
 
 
-def found(run, capsys) -> list[str]:
-    """Return the findings of a run."""
-    main([str(run)])
-    return re.findall(r'^FOUND (.*)', capsys.readouterr().out, flags=re.MULTILINE)
-
-
-def test_a_pose_for_another_crank_angle_is_found(healthy, make_run, capsys) -> None:
+def test_a_pose_for_another_crank_angle_is_found(healthy, make_run) -> None:
     # A right pose, one bit beside the angle that was asked.
-    asked = healthy.answers[100].alpha
-    pose = KlannLeg().solve(math.nextafter(asked, 9.0))
+    pose = KlannLeg().solve(math.nextafter(healthy.answers[100].alpha, 9.0))
     healthy.change(100, pose=list(pose[:5]), foot=pose.h)
-    text = '1 of 400 poses are not for the crank angle that was asked (first at 0.500 s)'
-    assert found(make_run(healthy), capsys) == [f'alpha: {text}']
+    review = review_run(make_run(healthy))
+    assert moments(review) == [('alpha', 0.5)]
+    (finding,) = review.findings
+    assert finding.text == '1 of 400 poses are not for the crank angle that was asked'
 
 
-def test_a_stamp_that_two_inputs_share_tells_no_angle(healthy, make_run, capsys) -> None:
-    pose = KlannLeg().solve(1.0)
+@pytest.mark.parametrize('parameters', [{'phase': 0.5}, {'direction': -1}])
+def test_another_phase_or_direction_than_told_is_found(healthy, make_run, parameters) -> None:
+    healthy.parameters.update(parameters)
+    assert checks(review_run(make_run(healthy))) == ['alpha']
+
+
+def test_a_stamp_that_two_inputs_share_tells_no_angle(healthy, make_run) -> None:
+    alpha = healthy.answers[100].alpha + 1e-3
+    pose = KlannLeg().solve(alpha)
     healthy.change(100, pose=list(pose[:5]), foot=pose.h)
-    healthy.unanswered = [(healthy.answers[100].stamp, 1.0)]
-    assert found(make_run(healthy), capsys) == []
+    healthy.unanswered = [(healthy.answers[100].stamp, alpha)]
+    assert found(make_run(healthy)) == []
 
 
 @pytest.mark.parametrize('alpha', [math.nan, math.inf, -math.inf, 1.1e6, -1e300])
-def test_what_is_no_crank_angle_is_found_as_such(healthy, make_run, capsys, alpha) -> None:
-    stamp = healthy.answers[100].stamp
-    healthy.unanswered = [(stamp + 1000, alpha), (stamp + 2000, 1e6)]
-    assert found(make_run(healthy), capsys) == [
-        'rejected: 1 crank angles were none: not finite, or beyond 1e6 rad (first at 0.500 s)',
-        'answers: 1 of 402 crank angles were not answered (first at 0.500 s)',
+def test_what_is_no_crank_angle_is_found_as_such(healthy, make_run, alpha) -> None:
+    healthy.unanswered = [(healthy.answers[100].stamp + 1000, alpha)]
+    assert found(make_run(healthy)) == [
+        'rejected: 1 crank angles were none: not finite, or beyond 1e6 rad',
     ]
+
+
+def test_an_unanswered_angle_is_found_but_not_at_the_edges(healthy, make_run) -> None:
+    for index, later in ((0, -1000), (30, 1000), (399, 1000)):
+        healthy.ask(index, later)
+    review = review_run(make_run(healthy))
+    assert moments(review) == [('answers', 0.15)]
+    assert review.findings[0].text == '1 of 401 crank angles were not answered'
+
+
+def test_answers_that_were_lost_are_not_said_to_be_missing(healthy, make_run) -> None:
+    healthy.ask(30)
+    counted = {'/joint_states': TopicCount(400, 400, unheard=1)}
+    healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
+    assert found(make_run(healthy)) == ['lost: 1 messages of /joint_states were lost']
 
 
 @pytest.fixture
 def rocking(make_script):
-    """Return a run of a leg that cannot turn fully, with one input out of its reach."""
-    leg = KlannGeometry(l_dc=0.12)
-    run = make_script(turns=0.0, count=10)
-    run.geometry = leg
-    solver = KlannLeg(leg)
-    for n in range(10):
-        pose = solver.closed_form(-0.1 + 0.01 * n)
-        run.change(n, alpha=pose.alpha, pose=list(pose[:5]), foot=pose.h)
-    run.unanswered = [(run.answers[5].stamp + 1000, math.pi)]
+    """Return a run of a leg that cannot turn fully, of which ten angles are out of its reach."""
+    geometry = KlannGeometry(l_dc=0.12)
+    run = make_script(turns=0.0, count=60)
+    run.geometry = geometry
+    solver = KlannLeg(geometry)
+    for n in range(60):
+        # There and back; it reaches 2.3847 rad.
+        alpha = 2.394 - 0.003 * abs(n - 30)
+        if alpha > 2.3845:
+            run.unanswered.append((run.answers[n].stamp, alpha))
+            run.answers[n] = None
+        else:
+            pose = solver.closed_form(alpha)
+            run.change(n, alpha=pose.alpha, pose=list(pose[:5]), foot=pose.h)
+    run.answers = [
+        replace(answer, sequence=n + 1) for n, answer in enumerate(filter(None, run.answers))
+    ]
     return run
 
 
-def test_an_angle_out_of_reach_is_found_as_such(rocking, make_run, capsys) -> None:
-    text = '1 of 11 crank angles cannot be reached by this leg (first at 0.025 s)'
-    assert found(make_run(rocking), capsys) == [f'reach: {text}']
+def test_an_angle_out_of_reach_is_found_as_such(rocking, make_run) -> None:
+    out = len(rocking.unanswered)
+    assert found(make_run(rocking)) == [
+        f'reach: {out} of 60 crank angles cannot be reached by this leg'
+    ]
 
 
-def test_without_a_geometry_nobody_knows_why(rocking, make_run, capsys) -> None:
+def test_a_silence_where_nothing_can_be_answered_is_no_gap(make_script, make_run) -> None:
+    geometry = KlannGeometry(l_dc=0.12)
+    run, solver = make_script(turns=2.0), KlannLeg(geometry)
+    run.geometry, asked, run.answers = geometry, run.answers, []
+    for answer in asked:
+        try:
+            pose = solver.closed_form(answer.alpha)
+        except KinematicsError:
+            run.unanswered.append((answer.stamp, answer.alpha))
+        else:
+            sequence = len(run.answers) + 1
+            of_pose = {'pose': list(pose[:5]), 'foot': pose.h, 'sequence': sequence}
+            run.answers.append(replace(answer, **of_pose))
+    # About a sixth of each turn, of a second.
+    review = review_run(make_run(run))
+    assert checks(review) == ['reach']
+    lengths = [topic.longest_gap for topic in review.topics if topic.name == '/joint_states']
+    assert lengths[0] > 0.1
+
+
+def test_a_solver_that_stood_still_is_a_gap_of_its_answers(healthy, make_run) -> None:
+    silent, healthy.answers[100:150] = healthy.answers[100:150], []
+    healthy.unanswered = [(answer.stamp, answer.alpha) for answer in silent]
+    for n, answer in enumerate(healthy.answers):
+        healthy.answers[n] = replace(answer, sequence=n + 1)
+    review = review_run(make_run(healthy))
+    assert moments(review) == [('gap', 0.495)]
+    assert 'crank' not in review.findings[0].text
+
+
+def test_without_a_geometry_nobody_knows_why(rocking, make_run) -> None:
     rocking.geometry = None
-    rocking.unanswered.append((rocking.answers[5].stamp + 2000, math.nan))
-    _, answers = found(make_run(rocking), capsys)
-    assert answers == 'answers: 2 of 12 crank angles were not answered (first at 0.025 s)'
+    out = len(rocking.unanswered)
+    _, answers = found(make_run(rocking))
+    assert answers == f'answers: {out} of 60 crank angles were not answered'
 
 
-def test_the_edges_are_no_finding_whatever_was_asked(rocking, make_run, capsys) -> None:
-    before, after = rocking.answers[0].stamp - 1000, rocking.answers[-1].stamp + 1000
-    rocking.unanswered = [(before, math.nan), (after, math.pi)]
-    assert found(make_run(rocking), capsys) == []
+def test_poses_that_end_before_the_crank_does_are_stale(healthy, make_run) -> None:
+    last = healthy.answers[-1]
+    healthy.unanswered = [(last.stamp + n * 5_000_000, last.alpha + n / 100) for n in range(500)]
+    review = review_run(make_run(healthy))
+    assert moments(review) == [('stale', 1.995)]
+    assert review.findings[0].text == 'the poses ended 2.5 s before the crank did'

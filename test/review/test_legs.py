@@ -1,40 +1,40 @@
-"""Which topics are a leg's, and which leg is reviewed."""
+"""Which topics are a leg's, and whose; all legs of a run are reviewed."""
 
 from dataclasses import replace
+import struct
 
+from findings import checks, found
 from klann_ros.kinematics import KlannGeometry
 from klann_ros.log.records import Message
-from klann_ros.review.command import main
+from klann_ros.review.reviewing import review_run
 import pytest
 
 
-def test_renamed_joint_states_are_poses_all_the_same(healthy, make_run, capsys) -> None:
+def test_renamed_joint_states_are_poses_all_the_same(healthy, make_run) -> None:
     healthy.poses = replace(healthy.poses, name='/leg_states')
     healthy.answers[7].pose[1] += 1e-3
-    assert main([str(make_run(healthy))]) == 1
-    assert 'FOUND resolve: 1 of 400 poses' in capsys.readouterr().out
+    assert checks(review_run(make_run(healthy))) == ['closure']
 
 
-def test_a_renamed_crank_state_is_an_input_all_the_same(healthy, make_run, capsys) -> None:
+def test_a_renamed_crank_state_is_an_input_all_the_same(healthy, make_run) -> None:
     healthy.crank = replace(healthy.poses, name='/motor')
-    healthy.unanswered = [(healthy.answers[7].stamp + 1000, 1.0)]
-    assert main([str(make_run(healthy))]) == 1
-    assert 'FOUND answers: 1 of 401' in capsys.readouterr().out
+    healthy.ask(7)
+    assert checks(review_run(make_run(healthy))) == ['answers']
 
 
-def test_points_of_another_name_are_not_the_foot(healthy, make_run, capsys) -> None:
+def test_points_of_another_name_are_not_the_foot(healthy, make_run) -> None:
     healthy.feet = replace(healthy.feet, name='/clicked_point')
     healthy.change(7, foot=(9.0, 9.0))
-    assert main([str(make_run(healthy))]) == 0
-    assert 'worst foot, solved again            - m off' in capsys.readouterr().out
+    review = review_run(make_run(healthy))
+    assert checks(review) == []
+    assert len(review.legs[0].recording.feet) == 0
 
 
-def test_numbers_of_another_name_are_not_the_crank(healthy, make_run, capsys) -> None:
+def test_numbers_of_another_name_are_not_the_crank(healthy, make_run) -> None:
     time = healthy.answers[7].stamp + 1000
     other = replace(healthy.crank, name='/battery')
-    healthy.messages = [Message(other, b'\0\1\0\0' + b'\0' * 8, time, time, 0)]
-    assert main([str(make_run(healthy))]) == 0
-    capsys.readouterr()
+    healthy.messages = [Message(other, struct.pack('<4sd', b'\0\1\0\0', 7.0), time, time, 0)]
+    assert checks(review_run(make_run(healthy))) == []
 
 
 @pytest.fixture
@@ -46,34 +46,52 @@ def two_legs(make_script):
     return second
 
 
-def test_of_several_legs_the_first_is_reviewed(two_legs, make_run, capsys) -> None:
-    assert main([str(make_run(two_legs))]) == 0
-    output = capsys.readouterr().out
-    assert 'only the leg in /a was reviewed, not what is in /b\n' in output
-    assert '400 poses' not in output
+def test_legs_in_several_namespaces_are_all_judged(two_legs, make_run) -> None:
+    review = review_run(make_run(two_legs))
+    assert checks(review) == []
+    judged = {leg.recording.title: len(leg.judged.poses) for leg in review.legs}
+    assert judged == {'a': 400, 'b': 400}
+    assert review.legs[1].recording.solver.leg.geometry == KlannGeometry.patent()
 
 
-def test_a_namespace_without_poses_is_passed_over(two_legs, make_run, capsys) -> None:
+def test_a_wrong_pose_is_found_in_its_own_leg(two_legs, make_run) -> None:
+    two_legs.answers[7].pose[1] += 1e-3
+    (finding,) = review_run(make_run(two_legs)).findings
+    assert (finding.check, finding.leg) == ('closure', 'b')
+
+
+def test_a_namespace_without_poses_is_no_leg(two_legs, make_run) -> None:
     (first,) = two_legs.others
     first.poses = replace(first.poses, name='/c/joint_states')
-    two_legs.answers[7].pose[1] += 1e-3
-    assert main([str(make_run(two_legs))]) == 1
-    output = capsys.readouterr().out
-    assert 'only the leg in /b was reviewed, not what is in /a, /c\n' in output
-    assert 'FOUND resolve: 1 of 400 poses' in output
+    # Those of a are taken for the leg of the last solver, which is that in a.
+    assert [leg.recording.title for leg in review_run(make_run(two_legs)).legs] == ['b', 'c']
 
 
-def test_a_leg_without_a_solver_of_its_namespace_takes_the_last(healthy, make_run, capsys) -> None:
+def test_a_leg_without_a_solver_of_its_namespace_takes_the_last(healthy, make_run) -> None:
     healthy.in_namespace('/a').namespace = '/elsewhere'
-    assert main([str(make_run(healthy))]) == 0
-    assert 'nothing found: every pose' in capsys.readouterr().out
+    review = review_run(make_run(healthy))
+    assert checks(review) == []
+    assert review.legs[0].resolved is not None
 
 
-def test_several_legs_of_one_solver_are_said_not_to_be_judged(
-    make_script, make_run, capsys
-) -> None:
-    walker = make_script()
-    walker.parameters['legs'] = ['front', 'rear']
-    main([str(make_run(walker))])
-    said = capsys.readouterr().out
-    assert 'the run is of the legs front, rear: several legs are not judged yet' in said
+@pytest.fixture
+def walker(make_script):
+    """Return a run of a walker of which one leg only was driven."""
+    made = make_script()
+    made.parameters['legs'] = ['front', 'rear']
+    made.prefix = 'front/'
+    made.feet = replace(made.feet, name='/front/point_h')
+    return made
+
+
+def test_a_leg_that_was_not_driven_is_said_and_no_fault(walker, make_run) -> None:
+    review = review_run(make_run(walker))
+    assert review.is_healthy
+    ((check, leg),) = [(finding.check, finding.leg) for finding in review.findings]
+    assert (check, leg) == ('poses', 'rear')
+
+
+def test_poses_of_other_legs_than_those_told_are_none(walker, make_run) -> None:
+    walker.parameters['legs'] = ['left', 'right']
+    (said,) = found(make_run(walker))
+    assert said.startswith('poses: there is no pose in the run')

@@ -6,6 +6,7 @@ import re
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.run_parameters import LOSS_RECORD, loss_record, TopicCount
 from klann_ros.review.command import main
+import pytest
 
 
 def lost(output: str) -> str:
@@ -23,22 +24,23 @@ def test_the_recorders_own_count_comes_first(healthy, make_run, capsys) -> None:
     healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
     assert main([str(make_run(healthy))]) == 1
     output = capsys.readouterr().out
-    assert re.findall(r'FOUND lost: (.*)', output) == ['7 messages of /crank_angle were lost']
+    said = '7 messages of /crank_angle were lost (first at 0.265 s)'
+    assert re.findall(r'WARNING lost: (.*)', output) == [said]
     assert re.search(r'/point_h .* \?\n', output)
 
 
 def test_a_topic_that_is_lost_altogether_is_told(healthy, make_run, capsys) -> None:
-    healthy.metadata.append(
-        (LOSS_RECORD, loss_record({'/velocity_h': TopicCount(9, 0, dropped=9)}))
-    )
+    counted = {'/velocity_h': TopicCount(9, 0, dropped=9)}
+    healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
     assert main([str(make_run(healthy))]) == 1
     output = capsys.readouterr().out
-    assert re.search(r'^/velocity_h +0( +-){3} +9$', output, flags=re.MULTILINE)
-    assert 'FOUND lost: 9 messages of /velocity_h were lost' in output
+    assert re.search(r'^/velocity_h +0( +-){4} +9$', output, flags=re.MULTILINE)
+    assert 'WARNING lost: 9 messages of /velocity_h were lost' in output
 
 
-def test_a_garbled_count_is_no_count(healthy, make_run, capsys) -> None:
-    healthy.metadata.append((LOSS_RECORD, {'/crank_angle': 'many'}))
+@pytest.mark.parametrize('count', ['many', '-7', ''])
+def test_a_garbled_count_is_no_count(healthy, make_run, capsys, count) -> None:
+    healthy.metadata.append((LOSS_RECORD, {'/crank_angle': count}))
     assert main([str(make_run(healthy))]) == 0
     assert lost(capsys.readouterr().out) == '0'
 
@@ -56,6 +58,13 @@ def test_one_step_back_is_a_publisher_that_started_anew(healthy, make_run, capsy
     del healthy.answers[250:254]
     assert main([str(make_run(healthy))]) == 1
     assert lost(capsys.readouterr().out) == '4'
+
+
+def test_numbers_out_of_order_tell_nothing(healthy, make_run, capsys) -> None:
+    healthy.change(100, sequence=102)
+    healthy.change(101, sequence=101)
+    assert main([str(make_run(healthy))]) == 0
+    assert lost(capsys.readouterr().out) == '?'
 
 
 def test_profiles_of_two_publishers_tell_nothing(healthy, make_run, capsys) -> None:

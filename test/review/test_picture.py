@@ -1,4 +1,4 @@
-"""The picture of a run whose last pose cannot be drawn."""
+"""The picture of a run, also of one whose last pose cannot be drawn."""
 
 import math
 
@@ -37,3 +37,21 @@ def test_a_run_without_poses_has_no_picture(healthy, make_run, tmp_path, capsys)
     healthy.unanswered = [(1000, 1.0)]
     assert main([str(make_run(healthy)), '--picture', str(tmp_path / 'leg.png')]) == 2
     assert capsys.readouterr().err.count('\n') == 1
+
+
+@pytest.mark.parametrize('ending', ['png', 'svg'])
+def test_a_picture_shows_the_run(healthy, make_run, capsys, tmp_path, ending: str) -> None:
+    picture = tmp_path / f'leg.{ending}'
+    assert main([str(make_run(healthy)), '--picture', str(picture)]) == 0
+    capsys.readouterr()
+    start = {'png': b'\x89PNG', 'svg': b'<?xml'}[ending]
+    assert picture.read_bytes().startswith(start)
+    assert len(picture.read_bytes()) > 5000
+
+
+@pytest.mark.parametrize('path', ['leg.nothing', '/not/there/leg.png'])
+def test_a_picture_that_cannot_be_made_is_one_line(healthy, make_run, capsys, path: str) -> None:
+    assert main([str(make_run(healthy)), '--picture', path]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith('review: ')
+    assert error.count('\n') == 1

@@ -18,7 +18,7 @@ def simulated(healthy):
 
 def test_a_healthy_simulated_run_has_no_finding(simulated, make_run, capsys) -> None:
     code = main([str(make_run(simulated))])
-    assert (code, 'FOUND' in capsys.readouterr().out) == (0, False)
+    assert (code, 'WARNING' in capsys.readouterr().out) == (0, False)
 
 
 def test_the_foot_of_a_pose_is_found_among_those_of_its_stamp(simulated, make_run, capsys) -> None:
@@ -26,8 +26,8 @@ def test_the_foot_of_a_pose_is_found_among_those_of_its_stamp(simulated, make_ru
     assert main([str(make_run(simulated))]) == 1
     output = capsys.readouterr().out
     # By the clock of the log, which began at 1.7e18 ns and not at 0.
-    assert output.count('FOUND') == 1
-    assert 'FOUND foot: 1 feet (point_h)' in output
+    assert output.count('ERROR ') == 1
+    assert 'ERROR foot: 1 of 400 feet (point_h)' in output
     assert '(first at 0.520 s)' in output
 
 
@@ -43,14 +43,14 @@ def test_feet_are_not_judged_where_one_of_their_stamp_is_missing(
 def test_an_input_with_a_stamp_of_its_own_is_matched(simulated, make_run, capsys) -> None:
     simulated.by_crank_state()
     inside = simulated.answers[200]
-    simulated.unanswered = [(inside.header_stamp + 7, 1.0)]
+    simulated.unanswered = [(inside.header_stamp + 7, inside.alpha)]
     assert main([str(make_run(simulated))]) == 1
-    assert 'FOUND answers: 1 of 401 crank angles' in capsys.readouterr().out
+    assert 'WARNING answers: 1 of 401 crank angles' in capsys.readouterr().out
 
 
 def test_an_input_with_a_zero_stamp_is_not_matched(simulated, make_run, capsys) -> None:
     simulated.by_crank_state()
-    simulated.unanswered = [(0, 1.0)]
+    simulated.ask_unstamped(200)
     for n in range(len(simulated.answers)):
         simulated.change(n, header_stamp=simulated.answers[n].header_stamp - TICK)
     assert main([str(make_run(simulated))]) == 0

@@ -1,0 +1,82 @@
+"""Silence: topics that paused, and topics that ended before the run did."""
+
+from collections.abc import Iterator
+
+from klann_ros.review.finding import Finding, Severity
+from klann_ros.review.loading.holes import Hole, joined
+from klann_ros.review.recording import Recording
+from klann_ros.review.reviewed import Review
+
+from .silences import Silence, silences
+from .unanswered import refused, unanswered
+
+# What a solver publishes beside the poses.
+_ANSWERS = ('point_h', 'velocity_h')
+
+
+def check(review: Review) -> Iterator[Finding]:
+    """Yield silences inside the run, and topics that went silent for good."""
+    recording = review.recording
+    holes = _holes(review)
+    found = [
+        silence
+        for topic in recording.topics
+        for silence in silences(topic, holes.get(topic.name, recording.holes), review.limits)
+    ]
+    if found:
+        yield _gap(recording, _together(found))
+    yield from _ended(review)
+
+
+def _holes(review: Review) -> dict[str, tuple[Hole, ...]]:
+    """Return by topic when the solver could say nothing, or the log has holes."""
+    found: dict[str, list[Hole]] = {}
+    for leg in review.legs:
+        of_leg = refused(leg.judged, unanswered(leg.judged))
+        place = f'{leg.recording.namespace}/{leg.recording.name}'.rstrip('/')
+        for topic in (*leg.recording.pose_topics, *(f'{place}/{name}' for name in _ANSWERS)):
+            found.setdefault(topic, list(review.recording.holes)).extend(of_leg)
+    return {topic: joined(holes) for topic, holes in found.items()}
+
+
+def _together(silences: list[Silence]) -> list[Silence]:
+    """Join silences of several topics that overlap: they have one cause."""
+    joined: list[Silence] = []
+    for silence in sorted(silences):
+        last = joined[-1] if joined else None
+        if last is not None and silence.begin < last.end:
+            topics = tuple(dict.fromkeys((*last.topics, *silence.topics)))
+            joined[-1] = Silence(last.begin, max(last.end, silence.end), topics)
+        else:
+            joined.append(silence)
+    return joined
+
+
+def _gap(recording: Recording, silences: list[Silence]) -> Finding:
+    longest = max(silences, key=lambda silence: silence.length)
+    what = f'nothing on {", ".join(longest.topics)} for {longest.length:.3f} s'
+    if len(silences) > 1:
+        at = recording.since_start(longest.begin)
+        what = f'{len(silences)} gaps; the longest: {what} at {at:.3f} s'
+    meaning = 'whoever publishes stood still, or the way into the run was blocked'
+    time = recording.since_start(silences[0].begin)
+    return Finding('gap', Severity.WARNING, what, meaning, time)
+
+
+def _ended(review: Review) -> Iterator[Finding]:
+    """Yield answers that ended while their questions went on; whoever else ends may do so."""
+    recording = review.recording
+    for leg in review.legs:
+        poses, cranks = leg.judged.poses, leg.judged.cranks
+        if not (len(poses) and len(cranks)):
+            continue
+        silent = (int(cranks.times[-1]) - int(poses.times[-1])) / 1e9
+        if silent > review.limits.stale_time:
+            yield Finding(
+                'stale',
+                Severity.WARNING,
+                f'the poses ended {silent:.1f} s before the crank did',
+                'the solver stopped, or every angle after that was refused',
+                recording.since_start(poses.times[-1]),
+                leg.recording.title,
+            )

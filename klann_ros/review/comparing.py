@@ -1,0 +1,193 @@
+"""Two runs side by side: what differs, and by how much."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from math import inf, isfinite
+from typing import Any
+
+from klann_ros.kinematics.batch.given_angles import feet
+from klann_ros.kinematics.leg_types import Leg
+import numpy as np
+
+from .dimensions import Dimension, dimensions
+from .limits import Limits
+from .loading.layouts import Floats
+from .pairing import pairs
+from .resolved import solved_again, wrapped
+from .reviewed import Review, ReviewedLeg
+
+_BLOCK = 65536
+
+
+@dataclass(frozen=True)
+class Difference:
+    """
+    Something in which two runs differ by more than the limit.
+
+    Attributes
+    ----------
+    what : str
+        What differs.
+    text : str
+        How, in words.
+    size : float
+        By how much, second minus first where it has a sign; infinite where there is no number.
+    unit : str
+        Of the size.
+    leg : str
+        Of which leg; '' for the only one, or the run as a whole.
+
+    """
+
+    what: str
+    text: str
+    size: float
+    unit: str
+    leg: str = ''
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """
+    Two runs side by side.
+
+    Attributes
+    ----------
+    paths : tuple of str
+        Where the runs are.
+    differences : tuple of Difference
+        What differs; nothing for a run and itself.
+    remarks : tuple of str
+        What could not be compared, and why.
+
+    """
+
+    paths: tuple[str, str]
+    differences: tuple[Difference, ...]
+    remarks: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return asdict(self)
+
+
+def compare(first: Review, second: Review) -> Comparison:
+    """Return in what two runs differ: their legs' dimensions, and their motion at equal cranks."""
+    ones, others = (
+        {leg.recording.title: leg for leg in review.legs} for review in (first, second)
+    )
+    pairs_ = [(ones[title], others[title]) for title in ones if title in others]
+    return Comparison(
+        (first.recording.path, second.recording.path),
+        (
+            *_lonely(ones, others),
+            *(found for pair in pairs_ for found in _differences(first.limits, *pair)),
+        ),
+        tuple(remark for pair in pairs_ for remark in _remarks(*pair)),
+    )
+
+
+def _lonely(
+    ones: Mapping[str, ReviewedLeg], others: Mapping[str, ReviewedLeg]
+) -> Iterator[Difference]:
+    """Yield the legs that are in one run only."""
+    for which, own, foreign in (('first', ones, others), ('second', others, ones)):
+        for title in own:
+            if title not in foreign:
+                text = f'the leg {title or "without a name"} is in the {which} run only'
+                yield Difference('legs', text, inf, '', title)
+
+
+def _differences(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterator[Difference]:
+    # A leg that is not told is no other leg.
+    if _both_told(one, other):
+        yield from _dimensions(limits, one, other)
+    yield from _motion(limits, one, other)
+
+
+def _dimensions(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterator[Difference]:
+    title = one.recording.title
+    before, after = dimensions(one.recording.solver), dimensions(other.recording.solver)
+    if before.keys() != after.keys():
+        kinds = f'{before["linkage"]} in the first run, {after["linkage"]} in the second'
+        yield Difference('linkage', f'the leg has other bars: {kinds}', inf, '', title)
+        return
+    for name, a in before.items():
+        b = after[name]
+        text = f'{name} is {a} in the first run, {b} in the second'
+        if not (isinstance(a, Dimension) and isinstance(b, Dimension)):
+            if a != b:
+                yield Difference(name, text, inf, '', title)
+        elif abs(b.value - a.value) > limits.compare_length:
+            by = b.value - a.value
+            share = f', {by / a.value:+.3%}' if a.value else ''
+            yield Difference(name, text + share, by, a.unit, title)
+
+
+def _both_told(one: ReviewedLeg, other: ReviewedLeg) -> bool:
+    return None not in (one.recording.solver.leg, other.recording.solver.leg)
+
+
+def _remarks(one: ReviewedLeg, other: ReviewedLeg) -> Iterator[str]:
+    """Yield what of a leg could not be compared."""
+    of = f'{one.recording.title}: ' if one.recording.title else ''
+    untold = [
+        which
+        for which, leg in (('first', one), ('second', other))
+        if leg.recording.solver.leg is None
+    ]
+    if len(untold) == 2:
+        yield f'{of}neither run tells the geometry, so no motion was compared (--geometry FILE)'
+    elif untold:
+        yield f'{of}the {untold[0]} run does not tell its geometry, so no lengths were compared'
+
+
+def _motion(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterator[Difference]:
+    """Yield how far the motion of one run is from what the leg of the other does at its cranks."""
+    leg, title = one.recording.solver.leg, one.recording.title
+    moved = other
+    if leg is None:
+        leg, moved = other.recording.solver.leg, one
+    if leg is None or moved.judged.poses.values.shape[1] != len(leg.joint_names):
+        return
+    angle, path = _distances(moved, leg, limits)
+    if angle > limits.compare_angle:
+        text = f'the angles differ by up to {angle:.3g} rad at the same crank angle'
+        yield Difference('angles', text, angle, 'rad', title)
+    if path > limits.compare_path:
+        text = f'the feet are up to {path:.3g} m apart at the same crank angle'
+        yield Difference('path', text, path, 'm', title)
+
+
+def _distances(moved: ReviewedLeg, leg: Leg, limits: Limits) -> tuple[float, float]:
+    """
+    Return the largest differences of a run from a leg: angles [rad], feet [m].
+
+    What is wrong by the run's own geometry is a finding in that run, and no difference.
+    """
+    poses, feet_ = moved.judged.poses, moved.judged.feet
+    sound = np.ones(len(poses), dtype=bool)
+    if moved.resolved is not None:
+        sound = moved.resolved.angle_errors <= limits.compare_angle
+    worst_angle = worst_foot = 0.0
+    of_feet, of_poses = pairs(feet_.stamps, poses.stamps)
+    if moved.resolved is not None:
+        right = moved.resolved.foot_errors[of_feet] <= limits.compare_path
+        of_feet, of_poses = of_feet[right & sound[of_poses]], of_poses[right & sound[of_poses]]
+    for begin in range(0, len(poses), _BLOCK):
+        end = min(begin + _BLOCK, len(poses))
+        angles = poses.values[slice(begin, end)]
+        expected, _ = solved_again(leg, angles[:, 0])
+        apart = np.abs(wrapped(angles[:, 1:] - expected))[sound[slice(begin, end)]]
+        worst_angle = max(worst_angle, _worst(apart))
+        paired = slice(*np.searchsorted(of_poses, [begin, end]))
+        h = feet(leg, np.column_stack([angles[:, 0], expected])[of_poses[paired] - begin])
+        with np.errstate(over='ignore'):
+            distances = np.hypot(*(feet_.values[of_feet[paired]] - h).T)
+        worst_foot = max(worst_foot, _worst(distances))
+    return worst_angle, worst_foot
+
+
+def _worst(values: Floats) -> float:
+    worst = float(np.fmax.reduce(values, axis=None, initial=0.0))
+    return worst if isfinite(worst) else inf

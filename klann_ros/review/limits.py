@@ -1,0 +1,110 @@
+"""What is still all right: the limits of the checks, and a file to change them."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from math import inf
+from pathlib import Path
+import sys
+from typing import Any
+
+from klann_ros.kinematics.linkage.yaml_text import parse
+from klann_ros.log.errors import LogError
+
+
+class LimitsFileError(LogError):
+    """A file that holds no limits; the text says why."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """
+    The limits of the checks; each is the greatest value that is no finding.
+
+    Attributes
+    ----------
+    gap_periods, gap_time : float
+        A silence on a topic is a gap if it is longer than so many periods, and than this [s].
+    stale_time : float
+        A topic is stale if it ends so long before the run does [s].
+    latency : float
+        Time from publishing to receiving that one message in a hundred may exceed [s].
+    clock_offset : float
+        Difference of a stamp from the time of publishing, in the median [s].
+    closure : float
+        By how much the loops of a recorded pose may not close [m].
+    angle : float
+        Difference of an angle from the one solved again [rad], for a dyad that is not singular.
+    foot : float
+        Distance of point_h from the foot of its pose [m].
+    crank_jump : float
+        Change of the crank angle from one input to the next [rad].
+    path_drift : float
+        Distance between the foot's paths in the first and the last part of the run [m].
+    compare_path, compare_angle : float
+        Differences of two runs at the same crank angle: of the feet [m], of the angles [rad].
+    compare_length : float
+        Difference of two geometries, in each of their lengths [m] and angles [rad].
+
+    """
+
+    gap_periods: float = 5.0
+    gap_time: float = 0.05
+    stale_time: float = 2.0
+    latency: float = 0.1
+    clock_offset: float = 0.5
+    closure: float = 1e-9
+    angle: float = 1e-9
+    foot: float = 1e-9
+    crank_jump: float = 0.35
+    path_drift: float = 1e-3
+    compare_path: float = 1e-6
+    compare_angle: float = 1e-6
+    compare_length: float = 0.0
+
+    def as_dict(self) -> dict[str, float]:
+        """Return the limits by name."""
+        return asdict(self)
+
+
+# YAML knows integers that are larger.
+_LARGEST = sys.float_info.max
+NAMES = tuple(field.name for field in fields(Limits))
+
+
+def limits_from_file(path: str) -> Limits:
+    """
+    Return the limits in a YAML file: a mapping of those that are to be others.
+
+    Raises
+    ------
+    LimitsFileError
+        The file cannot be read, or holds no limits.
+
+    """
+    try:
+        content = parse(Path(path).read_text(encoding='utf-8'))
+        return limits_from(content)
+    except (OSError, ValueError) as error:
+        raise LimitsFileError(f'{path} holds no limits: {" ".join(str(error).split())}') from error
+
+
+def limits_from(content: Any) -> Limits:
+    """
+    Return the limits in a mapping.
+
+    Raises
+    ------
+    ValueError
+        It is no mapping of limits to numbers >= 0.
+
+    """
+    if not isinstance(content, Mapping):
+        raise ValueError('it must be a mapping, such as "gap_time: 0.2"')  # noqa: TRY004 - as all
+    unknown = sorted(map(str, content.keys() - set(NAMES)))
+    if unknown:
+        raise ValueError(f'{", ".join(unknown)}: no such limit; there are {", ".join(NAMES)}')
+    for name, value in content.items():
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (number and 0 <= value < inf):
+            raise ValueError(f'{name} = {value!r} is refused: it must be a number >= 0')
+    return Limits(**{name: float(min(value, _LARGEST)) for name, value in content.items()})

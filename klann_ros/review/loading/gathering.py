@@ -1,0 +1,192 @@
+"""Which numbers of a run are whose: cranks, poses and feet by leg."""
+
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import ClassVar
+
+from klann_ros.kinematics.leg_types import Leg
+from klann_ros.log.reading.block import Block
+from klann_ros.log.records import Topic
+from klann_ros.log.run_parameters import SolverParameters
+from klann_ros.review.recording import Undecoded
+import numpy as np
+
+from .columns import Columns, prefixes
+from .layouts import CRANK_ANGLE, FOOT, JOINT_STATE, LAYOUTS, Times
+from .pieces import nanoseconds, Piece, Rows, TopicReader
+from .solvers import leg_solvers, LegSolver, parent
+
+# A JointState tells by its joints what it is; of numbers and points there are many others.
+LAST_PARTS = {CRANK_ANGLE: 'crank_angle', FOOT: 'point_h'}
+# The name under which crank_angle, which turns all legs, stands among the joints.
+ALL_JOINTS = ''
+
+Place = tuple[str, str]
+
+
+def may_tell_a_leg(topic: Topic) -> bool:
+    """Return whether a topic's messages may say something about a leg."""
+    if topic.type not in LAYOUTS:
+        return False
+    return topic.type == JOINT_STATE or topic.name.rpartition('/')[2] == LAST_PARTS[topic.type]
+
+
+class Gathering:
+    """
+    Gathers what blocks say about legs.
+
+    Parameters
+    ----------
+    records : sequence of SolverParameters
+        What the run tells of its solvers.
+    given : KlannLeg or LinkageLeg, optional
+        The leg that the run is held against, instead of its own.
+    rates : str
+        Whether the velocities of the joints are wanted: 'f8' as they are, 'f4' in half the memory,
+        '' not at all.
+
+    Attributes
+    ----------
+    poses, rates : dict of Columns
+        By namespace and name of the leg.
+    pose_topics : dict of set
+        By namespace and name of the leg, where its poses come from.
+    feet : dict of Columns
+        By the namespace of their topic.
+    cranks : dict of Columns
+        By namespace and joint.
+
+    """
+
+    def __init__(
+        self,
+        records: Sequence[SolverParameters],
+        given: Leg | None = None,
+        *,
+        rates: str = '',
+    ) -> None:
+        self.poses: dict[Place, Columns] = {}
+        self.rates: dict[Place, Columns] = {}
+        self.feet: dict[str, Columns] = defaultdict(partial(Columns, 2))
+        self.cranks: dict[Place, Columns] = defaultdict(partial(Columns, 1))
+        self.pose_topics: dict[Place, set[str]] = defaultdict(set)
+        self._records = records
+        self._given = given
+        self._unknown = LegSolver(leg=given)
+        self._kind_of_rates = rates
+        self._solvers: dict[str, dict[str, LegSolver]] = {}
+        self._readers: dict[Topic, TopicReader | None] = {}
+
+    def solver(self, namespace: str, name: str) -> LegSolver:
+        """Return the solver of a leg; one that knows nothing where the run does not tell."""
+        return self._in(namespace).get(name, self._unknown)
+
+    def places(self) -> list[Place]:
+        """Return the legs that have poses, and those that the same solvers have beside them."""
+        told = {(space, name) for space, _ in self.poses for name in self._in(space)}
+        return sorted(told | self.poses.keys())
+
+    def add(self, topic: Topic, block: Block, rows: Rows) -> None:
+        """Add what a topic's messages in a block say."""
+        reader = self._reader(topic)
+        if reader is None:
+            return
+        for piece in reader.read(block, rows):
+            if self._is_torn(parent(topic.name), piece):
+                reader.refuse(_log_times(block, piece))
+            else:
+                self._add[topic.type](self, topic.name, block, piece)
+
+    def undecoded(self) -> tuple[Undecoded, ...]:
+        """Return what could not be decoded so far."""
+        found = ((topic, reader) for topic, reader in self._readers.items() if reader)
+        return tuple(
+            Undecoded(topic.name, reader.failed, reader.failed_at)
+            for topic, reader in found
+            if reader.failed
+        )
+
+    def _is_torn(self, namespace: str, piece: Piece) -> bool:
+        """Return whether joints of a leg have no positions: another robot's may do without."""
+        if len(piece.names) in (0, piece.values.shape[1]):
+            return False
+        solvers = self._crank_solvers(namespace)
+        joints = {joint for solver in solvers for joint in solver.joint_names}
+        joints.update(solver.crank_joint for solver in solvers)
+        names = {*piece.names, *(name.rpartition('/')[2] for name in piece.names)}
+        return not joints.isdisjoint(names)
+
+    def _in(self, namespace: str) -> dict[str, LegSolver]:
+        if namespace not in self._solvers:
+            self._solvers[namespace] = leg_solvers(self._records, namespace, self._given)
+        return self._solvers[namespace]
+
+    def _reader(self, topic: Topic) -> TopicReader | None:
+        if topic not in self._readers:
+            number = len(self._readers) + 1
+            wanted = may_tell_a_leg(topic)
+            self._readers[topic] = TopicReader(topic, number) if wanted else None
+        return self._readers[topic]
+
+    def _add_crank_angle(self, topic: str, block: Block, piece: Piece) -> None:
+        self._add_crank(parent(topic), ALL_JOINTS, block, piece, 0)
+
+    def _add_foot(self, topic: str, block: Block, piece: Piece) -> None:
+        self.feet[parent(topic)].add(_log_times(block, piece), piece.stamps, piece.values[:, :2])
+
+    def _add_joint_state(self, topic: str, block: Block, piece: Piece) -> None:
+        namespace, names = parent(topic), piece.names
+        legs = self._in(namespace) or dict.fromkeys(
+            prefixes(names, self._unknown.joint_names), self._unknown
+        )
+        found = False
+        for name, solver in legs.items():
+            joints = [f'{name}/{joint}' if name else joint for joint in solver.joint_names]
+            if set(joints) <= set(names):
+                found = True
+                self.pose_topics[namespace, name].add(topic)
+                self._add_pose((namespace, name), [names.index(j) for j in joints], block, piece)
+        if not found:
+            for joint in {solver.crank_joint for solver in self._crank_solvers(namespace)}:
+                if joint in names:
+                    self._add_crank(namespace, joint, block, piece, names.index(joint))
+
+    def _crank_solvers(self, namespace: str) -> Sequence[LegSolver]:
+        return tuple(self._in(namespace).values()) or (self._unknown,)
+
+    def _add_pose(self, place: Place, columns: list[int], block: Block, piece: Piece) -> None:
+        times = _log_times(block, piece)
+        poses = self.poses.setdefault(place, Columns(len(columns)))
+        poses.add(times, piece.stamps, piece.values[:, columns])
+        if self._kind_of_rates:
+            known = piece.velocities.shape[1] == len(piece.names)
+            rates = self.rates.setdefault(place, Columns(len(columns), self._kind_of_rates))
+            missing = np.full((len(times), len(columns)), np.nan)
+            with np.errstate(over='ignore'):
+                rates.add(times, piece.stamps, piece.velocities[:, columns] if known else missing)
+
+    def _add_crank(
+        self, namespace: str, joint: str, block: Block, piece: Piece, column: int
+    ) -> None:
+        """Add crank inputs; the solver takes the source time for a stamp that is zero."""
+        stamps, values = piece.stamps, piece.values[:, slice(column, column + 1)]
+        times = _log_times(block, piece)
+        unstamped = stamps == 0
+        if any(solver.sim_time for solver in self._crank_solvers(namespace)):
+            # Their answers have the simulated time of a moment that the run does not tell.
+            stamps, values, times = (a[~unstamped] for a in (stamps, values, times))
+        else:
+            sources = nanoseconds(block.heads['publish_time'][piece.rows])
+            stamps = np.where(unstamped, sources, stamps)
+        self.cranks[namespace, joint].add(times, stamps, values)
+
+    _add: ClassVar[Mapping[str, Callable[..., None]]] = {
+        CRANK_ANGLE: _add_crank_angle,
+        FOOT: _add_foot,
+        JOINT_STATE: _add_joint_state,
+    }
+
+
+def _log_times(block: Block, piece: Piece) -> Times:
+    return nanoseconds(block.heads['log_time'][piece.rows])

@@ -1,0 +1,123 @@
+"""
+Where the numbers stand in messages of the few types that tell a leg.
+
+Messages of a topic differ from each other in their numbers only, as a rule. So where the numbers
+stand is found in one of them, and read from all that are like it at once.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from klann_ros.log.cdr_cursor import CdrCursor, HEADER_SIZE
+import numpy as np
+from numpy.typing import NDArray
+
+CRANK_ANGLE = 'std_msgs/msg/Float64'
+FOOT = 'geometry_msgs/msg/PointStamped'
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+_STAMP_SIZE = 8
+
+Bytes = NDArray[np.uint8]
+Floats = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+
+class Numbers(NamedTuple):
+    """Where a stretch of doubles begins in a message [bytes], and how many they are."""
+
+    begin: int
+    size: int
+
+    @property
+    def end(self) -> int:
+        """Return where it ends [bytes]."""
+        return self.begin + 8 * self.size
+
+
+class Layout(NamedTuple):
+    """
+    Where the numbers stand in a message, and in all that are like it.
+
+    Attributes
+    ----------
+    data : bytes
+        The message in which they were found.
+    order : str
+        The byte order of its numbers, as NumPy writes it.
+    is_stamped : bool
+        Whether it begins with a header, and so with a stamp.
+    names : tuple of str
+        The joints in a JointState.
+    numbers : tuple of Numbers
+        The number of a Float64; x, y and z of a point; positions, velocities and efforts.
+    fixed : numpy.ndarray
+        Which bytes are in all messages that are like it: byte order, lengths and texts. What
+        stands between them for alignment may be anything.
+
+    """
+
+    data: bytes
+    order: str
+    is_stamped: bool
+    names: tuple[str, ...]
+    numbers: tuple[Numbers, ...]
+    fixed: NDArray[np.intp]
+
+    def alike(self, rows: Bytes) -> NDArray[np.bool_]:
+        """Return which messages of this size, shape (n, size), differ in nothing but numbers."""
+        own = np.frombuffer(self.data, np.uint8)[self.fixed]
+        alike: NDArray[np.bool_] = (rows[:, self.fixed] == own).all(axis=1)
+        return alike
+
+    def doubles(self, rows: Bytes, which: int) -> Floats:
+        """Return a stretch of doubles from messages that are alike, shape (n, count)."""
+        begin, end = self.numbers[which].begin, self.numbers[which].end
+        columns = np.ascontiguousarray(rows[:, slice(begin, end)])
+        return columns.view(f'{self.order}f8').astype(np.float64)
+
+    def stamps(self, rows: Bytes) -> Times:
+        """Return the stamps of messages that are alike, shape (n,) [ns]."""
+        columns = np.ascontiguousarray(rows[:, slice(HEADER_SIZE, HEADER_SIZE + _STAMP_SIZE)])
+        seconds = columns[:, :4].copy().view(f'{self.order}i4')[:, 0].astype(np.int64)
+        stamps: Times = seconds * 10**9 + columns[:, 4:].copy().view(f'{self.order}u4')[:, 0]
+        return stamps
+
+
+def _crank_angle(data: bytes) -> Layout:
+    cursor = CdrCursor(data)
+    return _layout(cursor, data, (), Numbers(cursor.skip(8), 1), is_stamped=False)
+
+
+def _foot(data: bytes) -> Layout:
+    cursor = CdrCursor(data)
+    cursor.skip(_STAMP_SIZE)
+    cursor.string()
+    cursor.align(8)
+    return _layout(cursor, data, (), Numbers(cursor.skip(24), 3))
+
+
+def _joint_state(data: bytes) -> Layout:
+    cursor = CdrCursor(data)
+    cursor.skip(_STAMP_SIZE)
+    cursor.string()
+    names = tuple(name.decode(errors='replace') for name in cursor.strings())
+    return _layout(cursor, data, names, *(Numbers(*cursor.doubles()) for _ in range(3)))
+
+
+def _layout(
+    cursor: CdrCursor,
+    data: bytes,
+    names: tuple[str, ...],
+    *numbers: Numbers,
+    is_stamped: bool = True,
+) -> Layout:
+    told = [np.arange(2), *(np.arange(part.start, part.stop) for part in cursor.told)]
+    return Layout(data, cursor.order, is_stamped, names, numbers, np.concatenate(told))
+
+
+LAYOUTS: Mapping[str, Callable[[bytes], Layout]] = {
+    CRANK_ANGLE: _crank_angle,
+    FOOT: _foot,
+    JOINT_STATE: _joint_state,
+}
+"""How to find a message's layout, by its type; a ValueError says that it is no such message."""

@@ -1,0 +1,117 @@
+"""From a log to a recording: what concerns legs decoded, all the rest counted."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+from klann_ros.kinematics.leg_types import Leg
+from klann_ros.log.reader import Log
+from klann_ros.log.reading.block import Block
+from klann_ros.log.records import Topic
+from klann_ros.log.run_parameters import PAUSE_RECORD
+from klann_ros.review.recording import LegRecording, no_series, Recording, Series
+import numpy as np
+
+from .gathering import ALL_JOINTS, Gathering
+from .holes import joined, pauses
+from .iterations import Iterations
+from .pieces import LAST_TIME, Rows
+from .shared import Shared
+from .solvers import solver_records
+from .topics import recorded_losses, TopicTally
+
+# Is given how much of the log was read, from 0 to 1.
+Progress = Callable[[float], object]
+
+
+def load(
+    log: Log,
+    given: Leg | None = None,
+    *,
+    rates: str = '',
+    progress: Progress | None = None,
+) -> Recording:
+    """
+    Decode a log.
+
+    Parameters
+    ----------
+    log : Log
+        An open log.
+    given : KlannLeg or LinkageLeg, optional
+        What to hold the run against, instead of the legs in it.
+    rates : str
+        Whether the velocities of the joints are wanted: 'f8' as they are, 'f4' in half the memory,
+        '' not at all.
+    progress : callable, optional
+        Is called now and then with how much of it was read, from 0 to 1.
+
+    """
+    gathering = Gathering(solver_records(log.metadata), given, rates=rates)
+    tally, iterations = TopicTally(), Iterations()
+    for block in log.blocks(progress):
+        for topic, rows in by_topic(block):
+            tally.add(topic, block, rows)
+            gathering.add(topic, block, rows)
+            iterations.add(topic, block, rows)
+    # Reading finds what an index hides, so this comes last.
+    holes = joined([*pauses(log.metadata.get(PAUSE_RECORD, ())), *log.holes])
+    shared = Shared()
+    topics = tally.topics(recorded_losses(log.metadata), holes)
+    return Recording(
+        path=str(log.path),
+        files=tuple((path.name, path.stat().st_size) for path in log.paths),
+        start=min(log.start_time, LAST_TIME),
+        end=min(log.end_time, LAST_TIME),
+        topics=tuple(replace(topic, times=shared.one(topic.times)) for topic in topics),
+        problems=log.problems,
+        undecoded=gathering.undecoded(),
+        holes=holes,
+        legs=tuple(_legs(gathering, iterations, shared)),
+    )
+
+
+def by_topic(block: Block) -> Iterator[tuple[Topic, Rows]]:
+    """Yield the topics in a block that are known, and which messages are theirs."""
+    channels = block.heads['channel']
+    order = np.argsort(channels, kind='stable')
+    found, begins = np.unique(channels[order], return_index=True)
+    for channel, rows in zip(found.tolist(), np.split(order, begins[1:]), strict=False):
+        topic = block.topics.get(channel)
+        if topic is not None:
+            yield topic, rows
+
+
+def _legs(gathering: Gathering, iterations: Iterations, shared: Shared) -> Iterator[LegRecording]:
+    """Yield the legs of solvers with poses; where there is none at all, what else is of a leg."""
+    feet = {namespace: columns.series(shared) for namespace, columns in gathering.feet.items()}
+    cranks = {place: columns.series(shared) for place, columns in gathering.cranks.items()}
+    places = gathering.places() or sorted({(namespace, '') for namespace, _ in cranks})
+    for namespace, name in places or [(path, '') for path in sorted(feet)]:
+        solver = gathering.solver(namespace, name)
+        poses = gathering.poses.get((namespace, name))
+        rates = gathering.rates.get((namespace, name))
+        inputs = [cranks.get((namespace, joint)) for joint in (ALL_JOINTS, solver.crank_joint)]
+        yield LegRecording(
+            namespace,
+            name,
+            solver,
+            frozenset(gathering.pose_topics.get((namespace, name), ())),
+            cranks=_merged([series for series in inputs if series is not None]),
+            poses=poses.series(shared) if poses else no_series(len(solver.joint_names)),
+            iterations=iterations.series(name),
+            feet=feet.get(f'{namespace}/{name}' if name else namespace, no_series(2)),
+            **({'rates': rates.series(shared).values} if rates else {}),
+        )
+
+
+def _merged(inputs: list[Series]) -> Series:
+    """Return the inputs of several topics by their log times."""
+    if len(inputs) == 1:
+        return inputs[0]
+    if not inputs:
+        return no_series(1)
+    times = np.concatenate([series.times for series in inputs])
+    order = np.argsort(times, kind='stable')
+    stamps = np.concatenate([series.stamps for series in inputs])
+    values = np.concatenate([series.values for series in inputs])
+    return Series(times[order], stamps[order], values[order])

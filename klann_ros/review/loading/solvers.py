@@ -1,0 +1,145 @@
+"""What a run tells of the solver that made its poses."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+import sys
+from typing import Any
+
+from klann_ros.kinematics.klann.pose import JOINTS
+from klann_ros.kinematics.leg_types import Leg
+from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD, SolverParameters
+from klann_ros.review.leg_file import leg_from_parameters
+
+CRANK_JOINT = 'crank'
+Metadata = Mapping[str, Sequence[Mapping[str, str]]]
+
+
+@dataclass(frozen=True)
+class LegSolver:
+    """
+    The solver of a leg.
+
+    Attributes
+    ----------
+    crank_joint : str
+        The joint that turns its crank.
+    sim_time : bool
+        Whether it stamps by a simulated clock what has no stamp.
+    leg : KlannLeg, LinkageLeg or None
+        What it solves at last; None where the run does not tell.
+    leg_time : int
+        The log time since which it has it [ns]; 0 when it never had another.
+    direction, phase : float
+        The leg's crank angle is direction * crank + phase [rad].
+
+    """
+
+    crank_joint: str = CRANK_JOINT
+    sim_time: bool = False
+    leg: Leg | None = None
+    leg_time: int = 0
+    direction: float = 1
+    phase: float = 0.0
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Return the names of its angles, the crank's first; a Klann leg's where nobody tells."""
+        return JOINTS if self.leg is None else self.leg.joint_names
+
+
+def solver_records(metadata: Metadata) -> list[SolverParameters]:
+    """Return what the records of a run say about solvers, in the order of time."""
+    found = []
+    for record in metadata.get(SOLVER_RECORD, ()):
+        solver = _parameters(record)
+        if solver is not None:
+            found.append(solver)
+    return sorted(found, key=lambda solver: solver.time)
+
+
+def leg_solvers(
+    records: Sequence[SolverParameters], namespace: str, given: Leg | None = None
+) -> dict[str, LegSolver]:
+    """
+    Return the solvers of the legs in a namespace by their names, '' for the unnamed one.
+
+    Where there is none in it, the last one of the run is meant; where the run tells none at all,
+    nothing is returned.
+
+    Parameters
+    ----------
+    records : sequence of SolverParameters
+        What the run says, in the order of time.
+    namespace : str
+        Where the legs publish.
+    given : KlannLeg or LinkageLeg, optional
+        The leg that they are to be, instead of those in the run.
+
+    """
+    own = [record for record in records if parent(record.node) == namespace]
+    own = own or [record for record in records if record.node == records[-1].node]
+    if not own:
+        return {}
+    return {name: _solver(own, name, given) for name in _names(own[-1].parameters.get('legs'))}
+
+
+def _solver(own: Sequence[SolverParameters], name: str, given: Leg | None) -> LegSolver:
+    told = [_of_leg(record.parameters, name) for record in own]
+    legs = [given] if given else [_leg(parameters) for parameters in told]
+    geometries = [leg and leg.geometry for leg in legs]
+    changes = [
+        record.time
+        for record, (before, after) in zip(own[1:], pairwise(geometries), strict=False)
+        if before != after
+    ]
+    last = told[-1]
+    return LegSolver(
+        crank_joint=str(last.get('crank_joint') or CRANK_JOINT),
+        sim_time=any(record.parameters.get('use_sim_time') is True for record in own),
+        leg=legs[-1],
+        leg_time=changes[-1] if changes else 0,
+        direction=_number(last.get('direction'), 1),
+        phase=_number(last.get('phase'), 0.0),
+    )
+
+
+def _of_leg(parameters: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """Return the parameters of a leg: its own before those of all."""
+    prefix = f'{name}.'
+    own = {
+        key.removeprefix(prefix): value
+        for key, value in parameters.items()
+        if name and key.startswith(prefix) and value != ''
+    }
+    return {**parameters, **own}
+
+
+def _names(legs: Any) -> tuple[str, ...]:
+    """Return the names of a parameter that may be anything; '' stands for the unnamed leg."""
+    names = [str(name) for name in legs if name] if isinstance(legs, list) else []
+    return tuple(names) or ('',)
+
+
+def _number(value: Any, otherwise: float) -> float:
+    number = isinstance(value, int | float) and abs(value) <= sys.float_info.max
+    return value if number else otherwise
+
+
+def parent(name: str) -> str:
+    """Return the namespace of a full name; '' for the root."""
+    return name.rpartition('/')[0]
+
+
+def _parameters(record: Mapping[str, str]) -> SolverParameters | None:
+    try:
+        return solver_parameters(record)
+    except ValueError:
+        return None
+
+
+def _leg(parameters: Mapping[str, Any]) -> Leg | None:
+    try:
+        return leg_from_parameters(parameters)
+    except (TypeError, ValueError):
+        return None

@@ -1,0 +1,157 @@
+"""Runs of any legs by the real solver and the real writer, without ROS: messages as CDR."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+import math
+from pathlib import Path
+from typing import Any
+
+from klann_ros.kinematics import KlannLeg
+from klann_ros.kinematics.leg_types import Leg
+from klann_ros.log.definitions import definition
+from klann_ros.log.records import Message, Topic
+from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
+from klann_ros.log.writing.writer import RunWriter
+import numpy as np
+from rosbags.typesys import get_typestore, Stores
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+START = 1_700_000_000_000_000_000
+STATE, POINT = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/PointStamped'
+REPORT = 'diagnostic_msgs/msg/DiagnosticArray'
+
+
+@dataclass
+class LegRun:
+    """
+    A run of legs: its crank turns evenly.
+
+    Attributes
+    ----------
+    legs : mapping of str to Leg
+        By their names; '' is the unnamed one.
+    phases : mapping of str to float
+        Of named legs, from the crank's angle [rad].
+    parameters : mapping
+        The solver's, or None for a run that does not tell.
+    later : (int, mapping) or None
+        The solver's parameters since the n-th message.
+    turns, period, count
+        Turns of the crank, time between messages [s], how many there are.
+    rates, poses, iterations
+        Whether velocities, poses and reports of the solver are in it.
+    pause : (int, float) or None
+        Before which message nothing comes for so long [s].
+    garbled : mapping of int to float
+        What stands in a message in place of all its numbers.
+
+    """
+
+    legs: Mapping[str, Leg] = field(default_factory=lambda: {'': KlannLeg()})
+    phases: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, Any] | None = None
+    later: tuple[int, Mapping[str, Any]] | None = None
+    turns: float = 2.0
+    period: float = 0.005
+    count: int = 400
+    rates: bool = True
+    poses: bool = True
+    iterations: bool = True
+    pause: tuple[int, float] | None = None
+    garbled: Mapping[int, float] = field(default_factory=dict)
+
+    def write(self, folder: Path) -> Path:
+        with RunWriter(folder) as run:
+            for time, parameters in self._told():
+                record = SolverParameters('/solver_node', time, dict(parameters))
+                run.add_metadata(SOLVER_RECORD, solver_record(record))
+            for number in range(self.count):
+                for message in self._messages(number):
+                    run.write(message)
+        return folder
+
+    def alpha(self, number: int, name: str = '') -> float:
+        """Return a leg's crank angle in the n-th message [rad]."""
+        turned = math.tau * self.turns * number / (self.count - 1)
+        return turned + self.phases.get(name, 0.0)
+
+    def _told(self) -> Iterator[tuple[int, Mapping[str, Any]]]:
+        if self.parameters is not None:
+            yield START, self.parameters
+        if self.later is not None:
+            number, parameters = self.later
+            yield START + round(number * self.period * 1e9), parameters
+
+    def _messages(self, number: int) -> list[Message]:
+        time = START + round(number * self.period * 1e9)
+        if self.pause is not None and number >= self.pause[0]:
+            time += round(self.pause[1] * 1e9)
+        rate = math.tau * self.turns / (self.period * (self.count - 1))
+        names, positions, velocities, found = [], [], [], []
+        for name, leg in self.legs.items():
+            pose, foot = leg.solve(self.alpha(number, name)), self.garbled.get(number)
+            h = pose.h if foot is None else (foot, foot)
+            names += [f'{name}/{joint}' if name else joint for joint in leg.joint_names]
+            positions += pose.joints
+            velocities += [rate, *(rate * x for x in pose.coefficients)]
+            place = f'/{name}' if name else ''
+            found.append(
+                self._message(f'{place}/point_h', POINT, time, number, self._point(h, time))
+            )
+        if number in self.garbled:
+            positions = velocities = [self.garbled[number]] * len(positions)
+        if self.poses:
+            state = self._state(names, positions, velocities if self.rates else [], time)
+            found.append(self._message('/joint_states', STATE, time, number, state))
+        if self.iterations and number % 40 == 0:
+            found.append(
+                self._message(
+                    '/diagnostics', REPORT, time, number // 40, self._report(time, number)
+                )
+            )
+        return found
+
+    def _message(self, name: str, kind: str, time: int, number: int, content: Any) -> Message:
+        data = bytes(STORE.serialize_cdr(content, kind))
+        late = 150_000 + 20_000 * (number % 7)
+        return Message(Topic(name, kind, definition(kind)), data, time + late, time, number + 1)
+
+    def _header(self, time: int) -> Any:
+        stamp = make('builtin_interfaces/msg/Time', sec=time // 10**9, nanosec=time % 10**9)
+        return make('std_msgs/msg/Header', stamp=stamp, frame_id='leg_plane')
+
+    def _point(self, h: tuple[float, float], time: int) -> Any:
+        point = make('geometry_msgs/msg/Point', x=h[0], y=h[1], z=0.0)
+        return make(POINT, header=self._header(time), point=point)
+
+    def _state(self, names: Any, positions: Any, velocities: Any, time: int) -> Any:
+        return make(
+            STATE,
+            header=self._header(time),
+            name=names,
+            position=np.array(positions, dtype=float),
+            velocity=np.array(velocities, dtype=float),
+            effort=np.array([]),
+        )
+
+    def _report(self, time: int, number: int) -> Any:
+        status = [
+            make(
+                'diagnostic_msgs/msg/DiagnosticStatus',
+                level=0,
+                name=f'solver_node: {name or "leg"}',
+                message='solving',
+                hardware_id='',
+                values=[
+                    make(
+                        'diagnostic_msgs/msg/KeyValue', key='iterations', value=str(3 + number % 3)
+                    )
+                ],
+            )
+            for name in self.legs
+        ]
+        return make(REPORT, header=self._header(time), status=status)
+
+
+def make(kind: str, **fields: Any) -> Any:
+    return STORE.types[kind](**fields)

@@ -1,0 +1,152 @@
+"""The CSV of a run: a row a pose, which pandas reads back bit for bit."""
+
+from dataclasses import replace
+import math
+
+from klann_ros.kinematics.klann.pose import JOINTS
+from klann_ros.log.reader import open_log
+from klann_ros.review.command import main
+from mcap_ros2.decoder import DecoderFactory
+import numpy as np
+import pandas as pd
+import pytest
+
+# Before its third version pandas rounded as it read, unless it was told not to.
+EXACT = {} if int(pd.__version__.partition('.')[0]) > 2 else {'float_precision': 'round_trip'}
+ANGLES = [f'{joint} [rad]' for joint in JOINTS]
+RATES = [f'{joint}_rate [rad/s]' for joint in JOINTS]
+COLUMNS = [
+    'log_time [s]',
+    'stamp [s]',
+    *ANGLES,
+    *RATES,
+    'h_x [m]',
+    'h_y [m]',
+    'residual [m]',
+    'angle_error [rad]',
+]
+
+
+@pytest.fixture
+def table(tmp_path, capsys):
+    """Return what reviews a run and reads its CSV."""
+
+    def read(run, **options):
+        file = tmp_path / 'run.csv'
+        assert main([str(run), '--csv', str(file)]) in (0, 1)
+        capsys.readouterr()
+        return pd.read_csv(file, **EXACT, **options)
+
+    return read
+
+
+def decoded(run, topic):
+    """Return the messages of a topic, read by the libraries alone."""
+    with open_log(run) as log:
+        found = list(log.messages([topic]))
+    number = DecoderFactory()
+    schema = SimpleSchema(found[0].topic)
+    return [(m.log_time, number.decoder_for('cdr', schema)(m.data)) for m in found]
+
+
+class SimpleSchema:
+    """What mcap-ros2-support wants to know of a topic."""
+
+    def __init__(self, topic) -> None:
+        self.id, self.name, self.encoding = 1, topic.type, topic.schema_encoding
+        self.data = topic.definition.encode()
+
+
+def ns(stamp) -> int:
+    return stamp.sec * 10**9 + stamp.nanosec
+
+
+def test_what_pandas_reads_equals_the_messages(healthy, make_run, table) -> None:
+    healthy.rates = [0.1, -0.2, math.pi, 1e-300, -0.0]
+    run = make_run(healthy)
+    found = table(run, dtype={'log_time [s]': str, 'stamp [s]': str})
+    assert list(found.columns) == COLUMNS
+    poses, feet = decoded(run, '/joint_states'), decoded(run, '/point_h')
+    assert len(found) == len(poses) == 400
+    angles = np.array([list(message.position) for _, message in poses])
+    rates = np.array([list(message.velocity) for _, message in poses])
+    h = np.array([(message.point.x, message.point.y) for _, message in feet])
+    # Bit for bit: -0.0 is not 0.0.
+    assert found[ANGLES].to_numpy().tobytes() == angles.tobytes()
+    assert found[RATES].to_numpy().tobytes() == rates.tobytes()
+    assert found[['h_x [m]', 'h_y [m]']].to_numpy().tobytes() == h.tobytes()
+    times = [int(text.replace('.', '')) for text in found['log_time [s]']]
+    stamps = [int(text.replace('.', '')) for text in found['stamp [s]']]
+    assert times == [time for time, _ in poses]
+    assert stamps == [ns(message.header.stamp) for _, message in poses]
+    assert found['residual [m]'].max() < 1e-12
+    assert found['angle_error [rad]'].max() < 1e-12
+
+
+def test_a_run_without_velocities_has_empty_fields(healthy, make_run, table) -> None:
+    found = table(make_run(healthy))
+    assert list(found.columns) == COLUMNS
+    assert found[RATES].isna().all(axis=None)
+    assert not found[ANGLES].isna().any(axis=None)
+
+
+def test_what_is_not_told_is_an_empty_field(healthy, make_run, table, without) -> None:
+    healthy.geometry = None
+    lone = ('/point_h', 8)
+    found = table(without(make_run(healthy), lambda m: (m.topic.name, m.sequence) == lone))
+    assert found['h_x [m]'].isna().to_numpy().nonzero()[0].tolist() == [7]
+    assert found[['residual [m]', 'angle_error [rad]']].isna().all(axis=None)
+
+
+def test_only_judged_poses_have_a_judgement(healthy, make_run, table) -> None:
+    changed = replace(healthy.geometry, l_gh=0.5)
+    healthy.add_solver(healthy.answers[250].stamp + 200_000, changed)
+    found = table(make_run(healthy))
+    assert found['residual [m]'].isna().sum() == 250
+    assert found['residual [m]'][250:].notna().all()
+
+
+def test_times_before_1970_are_right(healthy, make_run, table) -> None:
+    healthy.by_crank_state()
+    healthy.change(0, header_stamp=-1_500_000_000)
+    found = table(make_run(healthy), dtype={'stamp [s]': str})
+    assert found['stamp [s]'][0] == '-1.500000000'
+
+
+def test_numbers_that_are_not_finite_survive(healthy, make_run, table) -> None:
+    healthy.answers[3].pose[2] = math.inf
+    healthy.answers[4].pose[3] = -math.inf
+    healthy.answers[5].pose[4] = math.nan
+    found = table(make_run(healthy))
+    assert found['beta [rad]'][3] == math.inf
+    assert found['delta [rad]'][4] == -math.inf
+    assert math.isnan(found['theta [rad]'][5])
+
+
+def test_several_legs_are_told_apart(make_script, make_run, table) -> None:
+    first, second = make_script().in_namespace('/a'), make_script().in_namespace('/b')
+    first.others = [second]
+    second.change(7, foot=(1.25, -2.5))
+    run = make_run(first)
+    found = table(run)
+    assert list(found.columns) == ['leg', *COLUMNS]
+    assert found['leg'].value_counts().to_dict() == {'a': 400, 'b': 400}
+    for leg, rows in found.groupby('leg'):
+        poses = decoded(run, f'/{leg}/joint_states')
+        angles = np.array([list(message.position) for _, message in poses])
+        assert rows[ANGLES].to_numpy().tobytes() == angles.tobytes()
+    of_b = found[found['leg'] == 'b'].reset_index(drop=True)
+    assert (of_b['h_x [m]'][7], of_b['h_y [m]'][7]) == (1.25, -2.5)
+
+
+def test_a_run_without_poses_has_a_header_only(healthy, make_run, table) -> None:
+    healthy.answers = []
+    healthy.unanswered = [(1000, 1.0)]
+    assert list(table(make_run(healthy)).columns) == COLUMNS
+
+
+def test_a_file_that_cannot_be_written_is_one_line(healthy, make_run, capsys) -> None:
+    assert main([str(make_run(healthy)), '--csv', '/not/there/run.csv']) == 2
+    error = capsys.readouterr().err
+    assert error.startswith('review: ')
+    assert error.count('\n') == 1

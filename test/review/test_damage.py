@@ -1,0 +1,85 @@
+"""Damaged logs: the container is what is wrong, and nothing is missing where it is damaged."""
+
+import struct
+
+from findings import checks, moments
+from klann_ros.review.reviewing import review_run
+from mcap.opcode import Opcode
+import pytest
+
+
+def records(data):
+    """Yield (opcode, offset, length of the content) of each record between the magics."""
+    offset = 8
+    while offset + 9 <= len(data) - 8:
+        opcode, length = struct.unpack_from('<BQ', data, offset)
+        yield opcode, offset, length
+        offset += 9 + length
+
+
+def of_kind(data, kind):
+    return [(offset + 9, length) for opcode, offset, length in records(data) if opcode == kind]
+
+
+@pytest.fixture
+def chunked(healthy, make_run, write_messages):
+    """Return a healthy run in many chunks, and the path of its file."""
+    run = make_run(healthy)
+    run = write_messages(run, write_messages.read(run), chunk_size=8192)
+    (path,) = run.glob('*.mcap')
+    assert len(of_kind(path.read_bytes(), Opcode.CHUNK)) > 10
+    return run, path
+
+
+@pytest.mark.parametrize('is_closed', [True, False])
+@pytest.mark.parametrize('which', [0, 3, -1])
+def test_a_rotten_chunk_is_its_own_finding_and_no_other(chunked, which, is_closed) -> None:
+    run, path = chunked
+    data = bytearray(path.read_bytes())
+    begin, length = of_kind(data, Opcode.CHUNK)[which]
+    data[begin + length // 2] ^= 4
+    path.write_bytes(data if is_closed else data[:-8])
+    review = review_run(run)
+    assert checks(review) == ['container']
+    assert 'chunk' in review.findings[0].text
+    lost, ((start, end),) = struct.unpack_from('<QQ', data, begin), review.recording.holes
+    assert (start, end) == lost
+    assert review.legs[0].recording.poses.times.size < 400
+
+
+@pytest.mark.parametrize('part', [0.5, 0.7, 0.93])
+def test_a_run_that_is_cut_off_is_damaged_and_nothing_else(chunked, part) -> None:
+    _, path = chunked
+    data = path.read_bytes()
+    path.write_bytes(data[: int(part * len(data))])
+    assert moments(review_run(path)) == [('container', None)]
+
+
+def without_summary_crc(data: bytearray) -> bytearray:
+    ((footer, _),) = of_kind(data, Opcode.FOOTER)
+    struct.pack_into('<I', data, footer + 16, 0)
+    return data
+
+
+def test_statistics_of_other_messages_are_found(chunked) -> None:
+    run, path = chunked
+    data = without_summary_crc(bytearray(path.read_bytes()))
+    ((statistics, _),) = of_kind(data, Opcode.STATISTICS)
+    struct.pack_into('<Q', data, statistics, 1201)
+    path.write_bytes(data)
+    review = review_run(run)
+    assert checks(review) == ['container']
+    said = 'the statistics count 1201 messages, there are 1200'
+    assert any(said in problem for problem in review.recording.problems)
+
+
+def test_an_index_with_other_times_is_found(chunked) -> None:
+    run, path = chunked
+    data = without_summary_crc(bytearray(path.read_bytes()))
+    index, _ = of_kind(data, Opcode.CHUNK_INDEX)[2]
+    (start,) = struct.unpack_from('<Q', data, index)
+    struct.pack_into('<Q', data, index, start + 1)
+    path.write_bytes(data)
+    review = review_run(run)
+    assert checks(review) == ['container']
+    assert 'the index is wrong about 1 chunks' in review.findings[0].text

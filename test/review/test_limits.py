@@ -1,0 +1,147 @@
+"""Each limit changes its check, and a file that holds none is one line."""
+
+from dataclasses import fields
+
+from findings import checks
+from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.review.command import main
+from klann_ros.review.comparing import compare
+from klann_ros.review.limits import Limits, limits_from_file, LimitsFileError
+from klann_ros.review.reviewing import review_run
+import pytest
+
+MS = 1_000_000
+
+
+def silent(run, count: int = 100, by: int = 300) -> None:
+    for n in range(400 - count, 400):
+        run.change(n, stamp=run.answers[n].stamp + by * MS)
+
+
+def late(run) -> None:
+    run.latency = 120 * MS
+
+
+def stamped(run) -> None:
+    run.by_crank_state()
+    for n in range(400):
+        run.change(n, header_stamp=run.answers[n].stamp - 600 * MS)
+
+
+def ended(run) -> None:
+    last = run.answers[-1]
+    run.unanswered = [(last.stamp + n * 5 * MS, last.alpha + n / 100) for n in range(420)]
+
+
+def open_loops(run) -> None:
+    run.geometry = KlannGeometry(l_ef=0.27 + 1e-6)
+
+
+def turned(run) -> None:
+    for n in range(400):
+        # Both cranks of the first dyad by so little that its loop is closed within the limit.
+        run.answers[n].pose[2] += 4e-9
+
+
+def shifted(run) -> None:
+    x, y = run.answers[9].foot
+    run.change(9, foot=(x + 1e-6, y))
+
+
+def jumped(run) -> None:
+    leg = KlannLeg()
+    for n in range(200, 400):
+        pose = leg.solve(run.answers[n].alpha + 1.0)
+        run.change(n, alpha=pose.alpha, pose=list(pose[:5]), foot=pose.h)
+
+
+def drifted(run) -> None:
+    run.geometry = None
+    for n in range(300, 400):
+        x, y = run.answers[n].foot
+        run.change(n, foot=(x, y + 2e-3))
+
+
+# What is done to a run, the check that finds it, and the limits that let it pass.
+CASES = {
+    'gap_periods': (silent, 'gap', {'gap_periods': 70.0}),
+    'gap_time': (silent, 'gap', {'gap_time': 0.4}),
+    'stale_time': (ended, 'stale', {'stale_time': 2.2}),
+    'latency': (late, 'latency', {'latency': 0.13}),
+    'clock_offset': (stamped, 'clock', {'clock_offset': 0.7}),
+    'closure': (open_loops, 'closure', {'closure': 1e-5, 'angle': 1e-4}),
+    'angle': (turned, 'branch', {'angle': 1e-7}),
+    'foot': (shifted, 'foot', {'foot': 1e-5}),
+    'crank_jump': (jumped, 'jump', {'crank_jump': 1.2}),
+    'path_drift': (drifted, 'drift', {'path_drift': 5e-3}),
+}
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_each_limit_changes_its_check(make_script, make_run, tmp_path, name) -> None:
+    change, check, limits = CASES[name]
+    script = make_script(turns=8.0)
+    change(script)
+    run = make_run(script)
+    assert check in checks(review_run(run))
+    file = tmp_path / 'limits.yaml'
+    file.write_text(''.join(f'{key}: {value}\n' for key, value in limits.items()))
+    assert check not in checks(review_run(run, limits=limits_from_file(str(file))))
+
+
+@pytest.mark.parametrize(
+    ('name', 'what'),
+    [('compare_path', 'path'), ('compare_angle', 'angles'), ('compare_length', 'l_bc')],
+)
+def test_each_limit_of_a_comparison_changes_it(make_script, make_run, name, what) -> None:
+    one = make_run(make_script())
+    other = make_run(make_script(KlannGeometry(l_bc=0.351)), 'other')
+    found = compare(review_run(one), review_run(other)).differences
+    assert what in [difference.what for difference in found]
+    limits = Limits(**{name: 0.1})
+    found = compare(review_run(one, limits=limits), review_run(other)).differences
+    assert what not in [difference.what for difference in found]
+
+
+def test_every_limit_has_its_test() -> None:
+    tested = {*CASES, 'compare_path', 'compare_angle', 'compare_length'}
+    assert tested == {field.name for field in fields(Limits)}
+
+
+@pytest.mark.parametrize(
+    ('content', 'why'),
+    [
+        ('', 'it must be a mapping'),
+        ('[1, 2]', 'it must be a mapping'),
+        ('gap: 1', 'gap: no such limit; there are gap_periods, gap_time'),
+        ('gap_time: -1', 'gap_time = -1 is refused: it must be a number >= 0'),
+        ('gap_time: .nan', 'gap_time: nan'),
+        ('gap_time: .inf', 'gap_time: inf'),
+        ('gap_time: yes', 'it must be a number >= 0'),
+        ('gap_time: soon', "gap_time = 'soon' is refused"),
+        ('gap_time: {a: 1}', 'it must be a number >= 0'),
+        (': :', ''),
+        ('a: &a [*a]', ''),
+    ],
+)
+def test_a_file_without_limits_is_one_line(
+    healthy, make_run, tmp_path, capsys, content, *, why
+) -> None:
+    file = tmp_path / 'limits.yaml'
+    file.write_text(content)
+    assert main([str(make_run(healthy)), '--limits', str(file)]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f'review: {file} holds no limits: ')
+    assert why in error
+    assert error.count('\n') == 1
+
+
+def test_a_file_that_is_not_there_is_one_line(tmp_path) -> None:
+    with pytest.raises(LimitsFileError, match='holds no limits'):
+        limits_from_file(str(tmp_path / 'no.yaml'))
+
+
+def test_a_number_beyond_all_is_a_limit(tmp_path) -> None:
+    file = tmp_path / 'limits.yaml'
+    file.write_text(f'gap_time: 1{"0" * 400}\n')
+    assert limits_from_file(str(file)).gap_time > 1e300

@@ -1,0 +1,129 @@
+"""Runs that the real nodes made: a healthy one has no finding, a node that stood still is one."""
+
+from pathlib import Path
+import signal
+from typing import Any
+
+from domain import own_domain
+from findings import checks
+from klann_ros.review.limits import Limits
+from klann_ros.review.reviewed import Review
+from klann_ros.review.reviewing import review_run
+import pytest
+from ros_world import Process, World, world
+from sensor_msgs.msg import JointState
+
+ROOT = Path(__file__).resolve().parents[2]
+WALKER = ROOT / 'config' / 'walker4.yaml'
+# This machine may hold anything up for a moment, but for no second; a node is stopped for longer.
+LIMITS = Limits(gap_time=1.0, latency=1.0)
+STOPPED = 1.3
+LEGS = ('front_left', 'front_right', 'rear_left', 'rear_right')
+TOPICS = [
+    '/crank_state',
+    '/joint_states',
+    '/point_h',
+    '/velocity_h',
+    '/walker/crank_angle',
+    '/walker/joint_states',
+    *(f'/walker/{leg}/point_h' for leg in LEGS),
+]
+
+
+class Scene:
+    """A leg and a walker in one world, and runs of them one after the other."""
+
+    def __init__(self, ros: World, folder: Path) -> None:
+        self._ros = ros
+        self._folder = folder
+        namespaced = ('--ros-args', '-r', '__ns:=/walker')
+        self.solver = ros.start('solver_node')
+        ros.start('solver_node', *namespaced, '--params-file', str(WALKER))
+        self.poses = ros.probe.listen(JointState, 'joint_states')
+        self.others = ros.probe.listen(JointState, '/walker/joint_states')
+        options = {'rate': 50.0, 'min_subscribers': 1}
+        self.crank = ros.start('crank_node', output='crank_state', **options)
+        ros.start('crank_node', *namespaced, **options)
+        ros.probe.until(lambda: self.poses and self.others)
+
+    def record(self, name: str, stopped: Process | None = None) -> Path:
+        """Record a second, or two with a process that stands still between them."""
+        run, probe = self._folder / name, self._ros.probe
+        listeners = {topic: probe.node.count_subscribers(topic) for topic in TOPICS}
+        recorder = self._ros.start('recorder_node', output=run, topics=f'[{", ".join(TOPICS)}]')
+        probe.until(lambda: all(probe.node.count_subscribers(t) > n for t, n in listeners.items()))
+        # Whom the publishers know of they still have to find, and what came before is no matter.
+        probe.spin(0.3)
+        self.see_poses(40)
+        if stopped is not None:
+            stopped.popen.send_signal(signal.SIGSTOP)
+            probe.spin(STOPPED)
+            stopped.popen.send_signal(signal.SIGCONT)
+            self.see_poses(40)
+        assert recorder.stop() == 0
+        return run
+
+    def see_poses(self, count: int) -> None:
+        """Wait until so many poses more have come, of either solver."""
+        first, second = len(self.poses) + count, len(self.others) + count
+        self._ros.probe.until(lambda: len(self.poses) >= first and len(self.others) >= second)
+
+
+@pytest.fixture(scope='module')
+def reviews(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Review]:
+    """Return the reviews of what the real nodes made."""
+    folder = tmp_path_factory.mktemp('real')
+    with own_domain() as domain, world(domain, folder) as ros:
+        scene = Scene(ros, folder)
+        runs = {
+            'healthy': scene.record('healthy'),
+            'stalled crank': scene.record('stalled_crank', scene.crank),
+            'stalled solver': scene.record('stalled_solver', scene.solver),
+        }
+    return {name: review_run(run, limits=LIMITS) for name, run in runs.items()}
+
+
+def said(review: Review) -> list[Any]:
+    return [(finding.check, finding.text) for finding in review.findings]
+
+
+def test_a_real_run_is_healthy(reviews) -> None:
+    review = reviews['healthy']
+    assert said(review) == []
+    legs = {leg.recording.title: len(leg.judged.poses) for leg in review.legs}
+    walker = {f'walker/{leg}' for leg in LEGS}
+    assert legs.keys() == {'', *walker}
+    assert min(legs.values()) >= 30
+    for leg in review.legs:
+        assert leg.resolved is not None
+        assert leg.figures.worst_angle_error < 1e-9
+        assert leg.figures.worst_foot_error < 1e-9
+
+
+def test_every_pose_of_a_real_run_is_matched_with_its_input(reviews) -> None:
+    for leg in reviews['healthy'].legs:
+        asked = set(leg.judged.cranks.stamps.tolist())
+        # What was asked before the recorder listened is not in the run, nor what came at its end.
+        inside = [s for s in leg.judged.poses.stamps.tolist() if min(asked) <= s <= max(asked)]
+        assert len(inside) >= 30
+        assert asked.issuperset(inside)
+
+
+def test_a_crank_that_stood_still_is_one_gap(reviews) -> None:
+    review = reviews['stalled crank']
+    assert checks(review) == ['gap']
+    (finding,) = review.findings
+    # What follows from the crank has the same gap; the walker has one of its own and none.
+    for topic in ('/crank_state', '/joint_states', '/point_h', '/velocity_h'):
+        assert topic in finding.text
+    assert 'walker' not in finding.text
+    assert finding.time is not None
+    assert 0 < finding.time < review.recording.duration - STOPPED + 0.5
+
+
+def test_a_solver_that_stood_still_is_one_gap_of_its_answers(reviews) -> None:
+    review = reviews['stalled solver']
+    assert checks(review) == ['gap']
+    (finding,) = review.findings
+    assert '/joint_states' in finding.text
+    assert '/crank_state' not in finding.text
