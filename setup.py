@@ -18,7 +18,10 @@ EXTRAS = {
 }
 EXTRAS['all'] = sorted({name for names in EXTRAS.values() for name in names})
 EXTRAS['test'] = [
+    'axe-playwright-python',
     'hypothesis',
+    'pandas',
+    'playwright',
     'pytest>=7.4',
     'pytest-xdist',
     'rosbags',
@@ -40,6 +43,7 @@ setup(
     package_data={
         NAME: ['py.typed', 'linkages/*.yaml'],
         f'{NAME}.kinematics.linkage': ['schema.json'],
+        f'{NAME}.review.report.html_page': ['static/*', 'static/uplot/*'],
     },
     python_requires='>=3.10',
     install_requires=[
@@ -49,6 +53,7 @@ setup(
         'mcap-ros2-support',
         'numpy',
         'PyYAML',
+        'tqdm',
         'zstandard',
     ],
     extras_require=EXTRAS,

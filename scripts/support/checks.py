@@ -9,6 +9,7 @@ import re
 import tempfile
 import time
 
+import browser
 from domain import own_domain
 from environment import Environment, environment
 import processes
@@ -57,6 +58,8 @@ def main(arguments: list[str]) -> int:
         if 'colcon' in names:
             # Without it the tests build the package themselves.
             variables['KLANN_ROS_COLCON_PREFIX'] = f'{work}/install'
+        if 'pytest' in names:
+            browser.provide(Path(work))
         for check in _checks(env, Path(work), pytest_arguments):
             if check.name not in names:
                 continue

@@ -1,0 +1,48 @@
+"""What each chart of a leg shows, in a sentence: for those who cannot see it, or have no time."""
+
+from collections.abc import Iterable, Iterator
+from math import degrees
+
+from klann_ros.review.loading.layouts import Floats
+from klann_ros.review.reviewed import ReviewedLeg
+import numpy as np
+
+
+def chart_texts(leg: ReviewedLeg) -> dict[str, str]:
+    """Return a sentence for each chart."""
+    recording, figures = leg.recording, leg.figures
+    names = recording.solver.joint_names
+    texts = {
+        'path': f'The recorded foot covers {_metres(np.ptp(recording.feet.values, axis=0))}'
+        if len(recording.feet)
+        else 'No foot is recorded',
+        'angles': _ranges(names[1:], np.degrees(recording.poses.values.T[1:]), 'deg'),
+        'rates': _ranges(names, recording.rates.T, 'rad/s'),
+        'iterations': _iterations(recording.iterations.values),
+    }
+    if leg.resolved is not None:
+        mu = degrees(figures.worst_transmission_angle)
+        texts['residuals'] = f'The worst residual is {figures.worst_residual:.1e} m'
+        texts['transmission'] = f'The worst is {mu:.1f} deg from in line; 20 deg is the limit'
+    return {name: f'{text}.' for name, text in texts.items()}
+
+
+def _iterations(most: Floats) -> str:
+    known = most[np.isfinite(most)]
+    return f'No pose took more than {known.max():.0f}' if known.size else 'Nothing is recorded'
+
+
+def _metres(size: Floats) -> str:
+    return f'{size[0]:.4f} m in x and {size[1]:.4f} m in y'
+
+
+def _ranges(names: Iterable[str], rows: Iterable[Floats], unit: str) -> str:
+    found = list(_found(names, rows, unit))
+    return '; '.join(found) if found else 'Nothing is recorded'
+
+
+def _found(names: Iterable[str], rows: Iterable[Floats], unit: str) -> Iterator[str]:
+    for name, values in zip(names, rows, strict=False):
+        known = values[np.isfinite(values)]
+        if known.size:
+            yield f'{name} from {known.min():.4g} to {known.max():.4g} {unit}'

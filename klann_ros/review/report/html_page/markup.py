@@ -1,0 +1,52 @@
+"""HTML elements whose texts are escaped by how they are made: a log may hold any text."""
+
+from collections.abc import Iterable
+from html import escape
+
+# What stands for a number that nobody knows.
+NOT_TOLD = '\N{EN DASH}'
+# Elements without content, and without an end.
+_VOID = frozenset({'input', 'meta', 'br'})
+
+
+class Markup(str):
+    """Text that is HTML already."""
+
+    __slots__ = ()
+
+
+def element(name: str, *content: str, **attributes: str | float | bool) -> Markup:
+    """
+    Return an element.
+
+    Parameters
+    ----------
+    name : str
+        Such as 'p'.
+    *content : str
+        What is in it; whatever is no Markup is text.
+    **attributes : str, number or bool
+        An underscore stands for a hyphen and ends a name that Python keeps for itself; False
+        leaves the attribute out.
+
+    """
+    told = ''.join(_attribute(key, value) for key, value in attributes.items())
+    if name in _VOID:
+        return Markup(f'<{name}{told}>')
+    return Markup(f'<{name}{told}>{joined(content)}</{name}>')
+
+
+def joined(content: Iterable[str]) -> Markup:
+    """Return markup and texts, one after the other, as markup."""
+    return Markup(''.join(map(_escaped, content)))
+
+
+def _escaped(text: str) -> str:
+    return text if isinstance(text, Markup) else escape(text)
+
+
+def _attribute(key: str, value: str | float | bool) -> str:
+    if value is False:
+        return ''
+    name = key.rstrip('_').replace('_', '-')
+    return f' {name}' if value is True else f' {name}="{escape(str(value))}"'

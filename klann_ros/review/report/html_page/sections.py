@@ -1,0 +1,154 @@
+"""The parts of a page that need no script: what the run is, its figures, findings and topics."""
+
+from collections.abc import Sequence
+from datetime import datetime, timezone
+from math import isnan
+from pathlib import Path
+
+from klann_ros.review.comparing import Comparison
+from klann_ros.review.finding import Finding, Severity
+from klann_ros.review.reviewed import Review
+from klann_ros.review.topic_figures import TopicFigures
+
+from .markup import element, joined, Markup, NOT_TOLD
+from .tables import scrolling_table
+
+_TOPIC_HEADS = (
+    'Topic',
+    'Messages',
+    'Rate / Hz',
+    'Longest gap / ms',
+    'Latency p50 / ms',
+    'p99 / ms',
+    'Lost',
+)
+# A mark beside the colour: some see none.
+_MARKS = {Severity.ERROR: '✕', Severity.WARNING: '!', Severity.NOTE: 'i'}
+
+
+def header(reviews: Sequence[Review], comparison: Comparison | None) -> Markup:
+    """Return what the page is about, and whether all is well."""
+    runs = joined(_run(review, n) for n, review in enumerate(reviews))
+    faults = sum(finding.is_fault for review in reviews for finding in review.findings)
+    verdicts = [_verdict(faults, 'finding', 'Healthy', 'nothing found')]
+    if comparison is not None:
+        count = len(comparison.differences)
+        verdicts.append(_verdict(count, 'difference', 'Alike', 'no difference'))
+    title = ' and '.join(Path(review.recording.path).name for review in reviews)
+    return element('header', element('div', element('h1', title), runs), *verdicts)
+
+
+def findings(reviews: Sequence[Review]) -> Markup:
+    """Return the findings, the gravest first; those with a time are buttons that lead there."""
+    return joined(
+        element(
+            'section',
+            element('h2', _name('Findings', '', n, len(reviews))),
+            element('ul', *map(_finding, review.findings), class_='findings'),
+        )
+        for n, review in enumerate(reviews)
+        if review.findings
+    )
+
+
+def differences(comparison: Comparison | None) -> Markup:
+    """Return in what two runs differ."""
+    if comparison is None:
+        return Markup()
+    items = [
+        element(
+            'li',
+            element('strong', found.what),
+            ' ',
+            element('span', f'{_of(found.leg)}{found.text}'),
+            class_='warning',
+        )
+        for found in comparison.differences
+    ]
+    content = (
+        element('ul', *items, class_='findings')
+        if items
+        else element('p', 'The two runs do not differ.', class_='quiet')
+    )
+    return element('section', element('h2', 'Differences'), content)
+
+
+def topics(reviews: Sequence[Review]) -> Markup:
+    """Return a table of the topics."""
+    return joined(
+        element(
+            'section',
+            element('h2', _name('Topics', '', n, len(reviews))),
+            scrolling_table(
+                _name('Topics', '', n, len(reviews)), _TOPIC_HEADS, map(_topic, review.topics)
+            ),
+        )
+        for n, review in enumerate(reviews)
+    )
+
+
+def _run(review: Review, number: int) -> Markup:
+    recording = review.recording
+    began = datetime.fromtimestamp(recording.start / 1e9, timezone.utc)
+    size = sum(size for _, size in recording.files) / 1e6
+    about = f'{began:%Y-%m-%d %H:%M:%S} UTC · {recording.duration:.2f} s · {size:.1f} MB'
+    key = element('span', class_=f'key key-{number}', aria_hidden='true')
+    return element(
+        'p', key, element('strong', recording.path, class_='path'), ' ', element('span', about)
+    )
+
+
+def _verdict(count: int, what: str, none: str, meaning: str) -> Markup:
+    """Return the verdict: so many of what there should be none of."""
+    if not count:
+        return element(
+            'p', element('strong', f'✓ {none}'), element('span', meaning), class_='verdict good'
+        )
+    counted = f'{count} {what}{"s" if count > 1 else ""}'
+    return element(
+        'p', element('strong', f'! {counted}'), element('span', 'see below'), class_='verdict bad'
+    )
+
+
+def _finding(finding: Finding) -> Markup:
+    kind = finding.severity.name.lower()
+    mark = element('span', _MARKS[finding.severity], class_='mark', aria_hidden='true')
+    parts = [
+        element('strong', f'{finding.severity.name.capitalize()}: {finding.check}'),
+        ' ',
+        element('span', f'{_of(finding.leg)}{finding.text}'),
+        element('em', finding.meaning),
+    ]
+    if finding.time is None:
+        return element('li', mark, element('div', *parts), class_=kind)
+    when = element('span', f'at {finding.time:.3f} s →', class_='when')
+    button = element(
+        'button', *parts, when, type='button', data_time=repr(finding.time), data_leg=finding.leg
+    )
+    return element('li', mark, button, class_=kind)
+
+
+def _topic(topic: TopicFigures) -> Sequence[str]:
+    return (
+        topic.name,
+        str(topic.count),
+        _number(topic.rate, 1.0, 1),
+        _number(topic.longest_gap, 1e3, 1),
+        _number(topic.latency_p50, 1e3, 2),
+        _number(topic.latency_p99, 1e3, 2),
+        'unknown' if topic.lost is None else str(topic.lost),
+    )
+
+
+def _number(value: float, factor: float, digits: int) -> str:
+    return NOT_TOLD if isnan(value) else f'{factor * value:.{digits}f}'
+
+
+def _name(what: str, title: str, number: int, of: int) -> str:
+    run = f' of run {"AB"[number]}' if of > 1 else ''
+    leg = f', leg {title}' if title else ''
+    return f'{what}{run}{leg}'
+
+
+def _of(title: str) -> str:
+    return f'{title}: ' if title else ''

@@ -1,0 +1,69 @@
+'use strict';
+/* The names of a chart's lines, with their values at the pointer or at the moment. */
+
+/** The names of a chart's lines, with their values; buttons that hide them. */
+class Legend {
+  constructor(settings, onToggle) {
+    this.settings = settings;
+    this.node = document.createElement('div');
+    this.node.className = 'legend';
+    this.values = settings.lines.map((line, i) => this.entry(line, i, onToggle));
+  }
+
+  entry(line, i, onToggle) {
+    const button = document.createElement('button');
+    button.type = 'button';
+    button.setAttribute('aria-pressed', String(!line.isHidden));
+    const value = document.createElement('span');
+    value.className = 'value';
+    button.append(swatch(line), document.createTextNode(line.name), value);
+    button.addEventListener('click', () => {
+      const isShown = button.getAttribute('aria-pressed') !== 'true';
+      button.setAttribute('aria-pressed', String(isShown));
+      onToggle(i, isShown);
+    });
+    this.node.append(button);
+    return value;
+  }
+
+  /** Show the values under the pointer, or else at the moment. */
+  showAt(plot, x) {
+    const under = plot.cursor && plot.cursor.left >= 0 ? plot.cursor.idx : null;
+    const index = under === null || under === undefined ? nearestIn(plot.data[0], x) : under;
+    this.values.forEach((node, i) => {
+      node.textContent = this.text(plot.data, i, index);
+    });
+  }
+
+  text(data, line, index) {
+    if (index < 0 || !this.settings.data[0].length) return '';
+    if (!this.settings.isBand) return number(nearby(data[line + 1], index), this.settings);
+    const [low, high] = [data[2 * line + 1][index], data[2 * line + 2][index]];
+    const [first, last] = [number(low, this.settings), number(high, this.settings)];
+    return first === last ? first : `${first} … ${last}`;
+  }
+}
+
+/** Return the value at an index; of two runs' columns, whose times differ, the one before. */
+function nearby(column, index) {
+  let at = index;
+  while (at > 0 && column[at] === undefined) at -= 1;
+  return column[at];
+}
+
+function number(value, settings) {
+  if (!Number.isFinite(value)) return '–';
+  return settings.isLog ? value.toExponential(1) : value.toFixed(settings.digits);
+}
+
+function swatch(line) {
+  const svg = document.createElementNS(SVG, 'svg');
+  const path = document.createElementNS(SVG, 'path');
+  svg.setAttribute('viewBox', '0 0 26 8');
+  svg.setAttribute('aria-hidden', 'true');
+  path.setAttribute('d', 'M1 4H25');
+  path.setAttribute('class', `colour-${line.colour % BODY_COLOURS}`);
+  path.setAttribute('stroke-dasharray', line.dash.join(' '));
+  svg.append(path);
+  return svg;
+}

@@ -1,0 +1,20 @@
+'use strict';
+/* Columns of numbers, as packed.py writes them. */
+
+// What stands for a number that there is none of.
+const NONE = -(2 ** 31);
+
+/** Return a column as numbers; NaN where there is none. */
+function unpacked(column) {
+  const bytes = decoded(column.data);
+  if (column.kind === 'f32') return new Float32Array(bytes.buffer);
+  const counts = new Int32Array(bytes.buffer);
+  return Float64Array.from(counts, (count) => (count === NONE ? NaN : count * column.scale));
+}
+
+function decoded(base64) {
+  const text = atob(base64);
+  const bytes = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i += 1) bytes[i] = text.charCodeAt(i);
+  return bytes;
+}

@@ -1,0 +1,21 @@
+'use strict';
+/* Colours come from the style sheet, so that charts follow the page into the dark and onto paper. */
+
+const BODY_COLOURS = 7;
+// Beside the colour, a line of its own: some see none.
+const DASHES = [[], [8, 3], [2, 3], [10, 3, 2, 3], [5, 2], [1, 2], [12, 3]];
+
+function themeColour(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+}
+
+function bodyColour(index) {
+  return themeColour(`body-${index % BODY_COLOURS}`);
+}
+
+/** Have a function called when all must be drawn in other colours: at night, or for paper. */
+function onThemeChange(redraw) {
+  for (const query of ['(prefers-color-scheme: dark)', 'print']) {
+    matchMedia(query).addEventListener('change', redraw);
+  }
+}

@@ -1,0 +1,42 @@
+"""review --html, as one calls it."""
+
+from dataclasses import replace
+import os
+from pathlib import Path
+
+from klann_ros.review.command import main
+from klann_ros.review.report.html_page import page
+from klann_ros.review.reviewing import review_run
+import pytest
+
+
+@pytest.fixture
+def run(runs, tmp_path: Path) -> Path:
+    return replace(runs['klann'], count=50).write(tmp_path / 'run')
+
+
+def test_one_file_is_written(run: Path, tmp_path: Path) -> None:
+    assert main([str(run), '--html', str(tmp_path / 'page.html')]) == 0
+    written = (tmp_path / 'page.html').read_text(encoding='utf-8')
+    assert written.startswith('<!doctype html>')
+    assert 'The MIT License' in written
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['page.html', 'run']
+
+
+def test_two_runs_are_in_one_page(run: Path, tmp_path: Path) -> None:
+    assert main([str(run), str(run), '--html', str(tmp_path / 'page.html')]) == 0
+    written = (tmp_path / 'page.html').read_text(encoding='utf-8')
+    assert 'The two runs do not differ.' in written
+
+
+def test_a_page_that_cannot_be_written_is_said_in_a_line(run: Path, capsys) -> None:
+    assert main([str(run), '--html', '/nowhere/page.html']) == 2
+    said = capsys.readouterr().err
+    assert said.startswith('review: ')
+    assert '/nowhere/page.html' in said
+
+
+def test_a_path_need_not_be_a_text(run: Path, tmp_path: Path) -> None:
+    named = run.rename(tmp_path / os.fsdecode(b'run\xff'))
+    page.save([review_run(named)], None, str(tmp_path / 'page.html'))
+    assert 'run?' in (tmp_path / 'page.html').read_text(encoding='utf-8')
