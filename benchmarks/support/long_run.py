@@ -1,0 +1,59 @@
+"""A long run of a leg that turns once a second, as the three nodes would make it, but at once."""
+
+from math import pi
+from pathlib import Path
+import struct
+
+from klann_ros.kinematics import klann_poses, KlannGeometry
+from klann_ros.log.definitions import definition
+from klann_ros.log.records import Message, Topic
+from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
+from klann_ros.log.writing.writer import RunWriter
+from klann_ros.nodes.cdr_templates import JointStateTemplate, PointTemplate
+import numpy as np
+
+START = 1_700_000_000_000_000_000
+JOINTS = ['alpha', 'gamma', 'beta', 'delta', 'theta']
+# So many poses are solved at once.
+_BLOCK = 10_000
+
+
+def _topic(name: str, kind: str) -> Topic:
+    return Topic(name, kind, definition(kind))
+
+
+CRANK = _topic('/crank_angle', 'std_msgs/msg/Float64')
+POSES = _topic('/joint_states', 'sensor_msgs/msg/JointState')
+FEET = _topic('/point_h', 'geometry_msgs/msg/PointStamped')
+
+
+def write_long_run(folder: Path, seconds: float, rate: float) -> None:
+    """Write a run of so many seconds with so many crank messages a second."""
+    geometry, count = KlannGeometry(), round(seconds * rate)
+    told = SolverParameters('/solver_node', START, geometry.as_dict())
+    with RunWriter(folder) as run:
+        run.add_metadata(SOLVER_RECORD, solver_record(told))
+        for begin in range(0, count, _BLOCK):
+            _write_block(run, geometry, np.arange(begin, min(begin + _BLOCK, count)), rate)
+
+
+def _write_block(
+    run: RunWriter, geometry: KlannGeometry, numbers: np.ndarray, rate: float
+) -> None:
+    state, point = JointStateTemplate(JOINTS), PointTemplate('leg_plane')
+    alphas = 2 * pi * numbers / rate
+    poses = klann_poses(geometry, alphas, angles=True)
+    angles = np.column_stack([alphas, poses.angles])
+    rates = np.gradient(angles, 1 / rate, axis=0) if len(numbers) > 1 else np.zeros_like(angles)
+    late = np.random.default_rng(int(numbers[0])).integers(200_000, 500_000, len(numbers))
+    times = START + (numbers * (1e9 / rate)).astype(np.int64)
+    columns = (each.tolist() for each in (numbers, times, late, angles, rates, poses.h))
+    for n, time, delay, x, v, h in zip(*columns, strict=True):
+        stamp = divmod(time, 10**9)
+        crank = struct.pack('<4sd', b'\0\1\0\0', x[0])
+        run.write(Message(CRANK, crank, time + delay, time, n + 1))
+        data = state.fill(*stamp, tuple(x), tuple(v))
+        run.write(Message(POSES, data, time + delay + 100_000, time + 50_000, n + 1))
+        run.write(
+            Message(FEET, point.fill(*stamp, *h), time + delay + 150_000, time + 60_000, n + 1)
+        )
