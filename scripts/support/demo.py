@@ -71,13 +71,15 @@ class Stage:
         if code:
             raise self._died(name, code)
 
-    def review(self, run: Path, picture: Path) -> str:
-        """Return what `review` says about the run; it draws the picture, too."""
+    def review(self, run: Path, picture: Path, page: Path) -> str:
+        """Return what `review` says about the run; it draws the picture and the page, too."""
         output = self._output('review')
-        command: list[str | Path] = [self._bin / 'review', run, '--picture', picture]
+        command: list[str | Path] = [self._bin / 'review', run]
+        command += ['--picture', picture, '--html', page]
         code = processes.run(command, output, self._variables, ROOT, TIMEOUT)
-        if code != 0 or not picture.is_file():
-            what = f'review found fault with the run (exit code {code})'
+        # A finding, such as a gap on a machine that is busy, is told as any other.
+        if code not in (0, 1) or not (picture.is_file() and page.is_file()):
+            what = f'review came to nothing (exit code {code})'
             raise CommandError(what + self._said('review'))
         return output.read_text(encoding='utf-8').strip()
 
@@ -127,7 +129,7 @@ def main(arguments: list[str]) -> int:
             stop.pause(0.5)
             stage.finish('recorder_node')
             stage.finish('solver_node')
-            said = stage.review(run, run / 'leg.png')
+            said = stage.review(run, run / 'leg.png', run / 'review.html')
         _report(env, run, said)
     return 0
 
@@ -150,6 +152,7 @@ def _report(env: Environment, run: Path, said: str) -> None:
 {said}
 
 The leg walked {TURNS} turns. What there is now:
+  {folder}/review.html    open it in a browser: the leg, animated, and its charts
   {folder}/leg.png    a picture: the leg and the path of its foot
   {folder}    the recorded run (MCAP; also for Foxglove and ros2 bag)
 Play it back:      {programs}/player_node {folder}
