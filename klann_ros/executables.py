@@ -5,7 +5,8 @@ Nothing heavy is imported before the signals are in hand, so that Ctrl-C ends ev
 is still starting without a traceback; and a machine without ROS gets one line, not a traceback.
 """
 
-from contextlib import redirect_stdout
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
 from importlib import import_module
 from io import StringIO, TextIOWrapper
 import os
@@ -92,7 +93,9 @@ def _tool(name: str, module: str, untold: int) -> int:
 
 def _exit_code(module: str) -> int:
     try:
-        code = int(import_module(module).main())
+        with _uninterrupted():
+            command = import_module(module)
+        code = int(command.main())
     except SystemExit as end:
         # argparse: --help, --version, and what it refuses.
         return int(end.code or 0)
@@ -100,6 +103,16 @@ def _exit_code(module: str) -> int:
         # It has put things in order by itself; the rest is as for any other interrupt.
         raise KeyboardInterrupt
     return code
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C wait: what is written in C makes a traceback of it while it is imported."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 def _tell(name: str, report: str) -> bool:

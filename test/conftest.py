@@ -11,6 +11,7 @@ settings.load_profile('untimed')
 ONE_BY_ONE = ('/test/nodes/', '/test/packaging/', '/test_real_run.py')
 
 
+@pytest.hookimpl(tryfirst=True)  # before the workers look at the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Let one worker have all tests that run one by one, where there are several."""
     for item in items:

@@ -11,6 +11,7 @@ from klann_ros.nodes.lean_loop import LeanCallbackGroup, LeanLoop
 import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy import executors
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock as RosClock, ClockType
 from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -362,7 +363,8 @@ def test_the_end_of_the_context_ends_it(ros: World, plain: bool) -> None:
         ros.probe.spin(0.3)
         run.context.shutdown()
         run.ends()
-        assert run.error is None or isinstance(run.error, ExternalShutdownException)
+        # The callback may have been about to publish, which is its own affair.
+        assert run.error is None or isinstance(run.error, ExternalShutdownException | RCLError)
 
 
 @LOOPS

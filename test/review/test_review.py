@@ -6,6 +6,8 @@ import re
 
 from findings import checks, moments
 from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.log.definitions import definition
+from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import LOSS_RECORD, Pause, PAUSE_RECORD, pause_record
 from klann_ros.review.command import main
 from klann_ros.review.reviewing import review_run
@@ -99,6 +101,15 @@ def test_a_silence_of_the_publisher_is_one_gap(healthy, make_run) -> None:
     assert moments(review) == [('gap', 0.495)]
     silent = 'nothing on /crank_angle, /joint_states, /point_h for 0.305 s'
     assert review.findings[0].text == silent
+
+
+def test_pictures_for_viewers_may_come_when_they_like(healthy, make_run) -> None:
+    kind = 'visualization_msgs/msg/MarkerArray'
+    markers = Topic('/markers', kind, definition(kind))
+    start = healthy.answers[0].stamp
+    times = [start + n * MS for n in (0, *range(1000, 2000, 50))]
+    healthy.messages = [Message(markers, bytes(8), time, time, 0) for time in times]
+    assert checks(review_run(make_run(healthy))) == []
 
 
 def test_a_silence_in_a_pause_is_no_finding(healthy, make_run) -> None:

@@ -9,6 +9,8 @@ from klann_ros.review.recording import TopicRecording
 from klann_ros.review.topic_figures import intervals
 import numpy as np
 
+# What is for viewers is published when there is something to see, and somebody who looks.
+_PICTURES = 'visualization_msgs/'
 # Fewer messages tell no period.
 _LEAST = 10
 # Of a periodic topic so many intervals in a hundred are no longer than the limit.
@@ -32,7 +34,7 @@ class Silence(NamedTuple):
 
 def silences(topic: TopicRecording, holes: Sequence[Hole], limits: Limits) -> list[Silence]:
     """Return the silences of a topic, but for those in holes, where there is nothing to say."""
-    if len(topic.times) < _LEAST:
+    if len(topic.times) < _LEAST or topic.type.startswith(_PICTURES):
         return []
     steps = intervals(topic.times)
     period = float(np.median(steps))
