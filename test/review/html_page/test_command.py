@@ -29,6 +29,14 @@ def test_two_runs_are_in_one_page(run: Path, tmp_path: Path) -> None:
     assert 'The two runs do not differ.' in written
 
 
+def test_what_could_not_be_compared_is_in_the_page(run: Path, runs, tmp_path: Path) -> None:
+    untold = replace(runs['klann'], count=50, parameters=None).write(tmp_path / 'untold')
+    main([str(run), str(untold), '--html', str(tmp_path / 'page.html')])
+    written = (tmp_path / 'page.html').read_text(encoding='utf-8')
+    assert 'The two runs do not differ, as far as they can be compared.' in written
+    assert 'the second run does not tell its geometry' in written
+
+
 def test_a_page_that_cannot_be_written_is_said_in_a_line(run: Path, capsys) -> None:
     assert main([str(run), '--html', '/nowhere/page.html']) == 2
     said = capsys.readouterr().err

@@ -52,7 +52,7 @@ def findings(reviews: Sequence[Review]) -> Markup:
 
 
 def differences(comparison: Comparison | None) -> Markup:
-    """Return in what two runs differ."""
+    """Return in what two runs differ, and what could not be compared."""
     if comparison is None:
         return Markup()
     items = [
@@ -68,9 +68,15 @@ def differences(comparison: Comparison | None) -> Markup:
     content = (
         element('ul', *items, class_='findings')
         if items
-        else element('p', 'The two runs do not differ.', class_='quiet')
+        else element('p', _alike(comparison), class_='quiet')
     )
-    return element('section', element('h2', 'Differences'), content)
+    remarks = (element('p', remark, class_='quiet') for remark in comparison.remarks)
+    return element('section', element('h2', 'Differences'), content, *remarks)
+
+
+def _alike(comparison: Comparison) -> str:
+    as_far = ', as far as they can be compared' if comparison.remarks else ''
+    return f'The two runs do not differ{as_far}.'
 
 
 def topics(reviews: Sequence[Review]) -> Markup:
