@@ -146,7 +146,7 @@ def test_its_run_explains_itself_and_is_reviewed(
     other.write_text(text.replace(*foot[name]), encoding='utf-8')
     code, output = reviewed(capsys, [tmp_path / 'run', '--geometry', other])
     assert code == 1
-    assert 'feet (point_h) are not those of their poses' in output
+    assert 'feet (point_h) are not where the angles of their poses put them' in output
 
 
 def reviewed(capsys: pytest.CaptureFixture[str], arguments: Sequence[object]) -> tuple[int, str]:
