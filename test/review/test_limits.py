@@ -141,6 +141,13 @@ def test_a_file_that_is_not_there_is_one_line(tmp_path) -> None:
         limits_from_file(str(tmp_path / 'no.yaml'))
 
 
+def test_a_limit_that_half_of_the_intervals_exceed_is_still_one(healthy, make_run) -> None:
+    for n in range(0, 400, 2):
+        healthy.change(n, stamp=healthy.answers[n].stamp + MS)
+    found = review_run(make_run(healthy), limits=Limits(gap_periods=1.1, gap_time=0.0))
+    assert checks(found) == ['gap']
+
+
 def test_a_number_beyond_all_is_a_limit(tmp_path) -> None:
     file = tmp_path / 'limits.yaml'
     file.write_text(f'gap_time: 1{"0" * 400}\n')

@@ -13,8 +13,9 @@ import numpy as np
 _PICTURES = 'visualization_msgs/'
 # Fewer messages tell no period.
 _LEAST = 10
-# Of a periodic topic so many intervals in a hundred are no longer than the limit.
+# Of a periodic topic so many intervals in a hundred are no longer than usual, whatever is allowed.
 _REGULAR = 90.0
+_USUAL = Limits()
 # A silence is a loss if so many of the messages that it could have held are known to be missing.
 _MOSTLY = 0.5
 
@@ -38,9 +39,9 @@ def silences(topic: TopicRecording, holes: Sequence[Hole], limits: Limits) -> li
         return []
     steps = intervals(topic.times)
     period = float(np.median(steps))
-    limit = max(limits.gap_periods * period, limits.gap_time)
-    if float(np.percentile(steps, _REGULAR)) > limit:
+    if float(np.percentile(steps, _REGULAR)) > _longest(period, _USUAL):
         return []
+    limit = _longest(period, limits)
     rows = np.flatnonzero(steps > limit)
     begins, ends = topic.times[rows], topic.times[rows + 1]
     rows = rows[steps[rows] - covered(begins, ends, holes) / 1e9 > limit]
@@ -52,3 +53,8 @@ def silences(topic: TopicRecording, holes: Sequence[Hole], limits: Limits) -> li
         for silence in found
         if lost.get(silence.begin, 0) * period < _MOSTLY * silence.length
     ]
+
+
+def _longest(period: float, limits: Limits) -> float:
+    """Return the longest interval that is no silence [s]."""
+    return max(limits.gap_periods * period, limits.gap_time)
