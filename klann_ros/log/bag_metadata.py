@@ -17,6 +17,9 @@ ROOT_KEY = 'rosbag2_bagfile_information'
 RECORD_NAME = 'rosbag2'
 RECORD_KEY = 'serialized_metadata'
 FILE_NAME = 'metadata.yaml'
+# What a channel's own metadata holds.
+QOS_KEY = 'offered_qos_profiles'
+HASH_KEY = 'topic_type_hash'
 
 
 @dataclass

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 
 from .message_types import message_class, UnknownMessageTypeError
+from .process import one_line
 from .qos import to_publish
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ class PlayedTopics:
             publisher.publish(message.data)
         except RCLError as error:
             self._node.get_logger().error(
-                f'a message of {message.topic.name} is left out: {_line(error)}',
+                f'a message of {message.topic.name} is left out: {one_line(error)}',
                 throttle_duration_sec=THROTTLE,
             )
 
@@ -82,7 +83,7 @@ class PlayedTopics:
         try:
             self._make(name, channels)
         except (UnknownMessageTypeError, NameValidationException, RCLError) as error:
-            self._warn(f'{name} is not played: {_line(error)}')
+            self._warn(f'{name} is not played: {one_line(error)}')
 
     def _make(self, name: str, channels: Sequence[Topic]) -> None:
         """Make the one publisher of a topic that may have been recorded in several channels."""
@@ -124,7 +125,3 @@ def _kind(topic: Topic) -> type:
 
 def _is_alike(topic: Topic, other: Topic) -> bool:
     return (topic.type, topic.message_encoding) == (other.type, other.message_encoding)
-
-
-def _line(error: Exception) -> str:
-    return ' '.join(str(error).split()).partition(', at /')[0]

@@ -160,10 +160,10 @@ def _run(
 
 
 def _refused(name: str, error: Exception) -> int:
-    print(f'{name}: {_line(error)}', file=sys.stderr)
+    print(f'{name}: {one_line(error)}', file=sys.stderr)
     return 1
 
 
-def _line(error: Exception) -> str:
+def one_line(error: Exception) -> str:
     """Return an error's text on one line, without the places in ROS's C sources."""
     return ' '.join(str(error).split()).partition(', at /')[0]

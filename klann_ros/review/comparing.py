@@ -66,6 +66,12 @@ class Comparison:
     differences: tuple[Difference, ...]
     remarks: tuple[str, ...] = ()
 
+    @property
+    def alike(self) -> str:
+        """Return what it means that there is no difference: no more than could be compared."""
+        as_far = ', as far as they can be compared' if self.remarks else ''
+        return f'the two runs do not differ{as_far}'
+
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
         return asdict(self)

@@ -28,7 +28,8 @@ HEAD = np.dtype(
 )
 """What stands before the bytes of a message."""
 
-_RECORD = 9
+# So much of it counts for the length of the record; opcode and length do not [bytes].
+_COUNTED = HEAD.itemsize - 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,12 +61,12 @@ class Block:
     @property
     def sizes(self) -> NDArray[np.int64]:
         """Return how many bytes each message has, shape (n,)."""
-        return self.heads['length'].astype(np.int64) + (_RECORD - HEAD.itemsize)
+        return self.heads['length'].astype(np.int64) - _COUNTED
 
     def message(self, row: int) -> bytes:
         """Return the bytes of one message."""
         begin = int(self.starts[row])
-        end = begin + int(self.heads['length'][row]) + (_RECORD - HEAD.itemsize)
+        end = begin + int(self.heads['length'][row]) - _COUNTED
         return self.data[begin:end].tobytes()
 
     def rows(self, which: NDArray[np.bool_] | NDArray[np.intp], size: int) -> NDArray[np.uint8]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import partial
 from typing import Any, TYPE_CHECKING
 
+from klann_ros.log.bag_metadata import HASH_KEY, QOS_KEY
 from klann_ros.log.errors import DamagedError
 from klann_ros.log.records import Topic
-from klann_ros.log.writing.mcap_file import HASH_KEY, QOS_KEY
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, cast, TYPE_CHECKING
 
-from klann_ros.log.bag_metadata import FileSummary
+from klann_ros.log.bag_metadata import FileSummary, HASH_KEY, QOS_KEY
 from klann_ros.log.errors import UnwritableError
 from klann_ros.log.qos import qos_for_writing
 from mcap.data_stream import RecordBuilder
@@ -27,8 +27,6 @@ COMPRESSIONS = {
     'lz4': CompressionType.LZ4,
     'none': CompressionType.NONE,
 }
-QOS_KEY = 'offered_qos_profiles'
-HASH_KEY = 'topic_type_hash'
 
 _TIME_END = 2**64
 _SEQUENCE_MASK = 2**32 - 1

@@ -49,8 +49,7 @@ def differences(comparison: Comparison, *, colour: bool = False) -> str:
         for found in comparison.differences
     ]
     if not lines:
-        as_far = ', as far as they can be compared' if comparison.remarks else ''
-        lines = [paint(f'the two runs do not differ{as_far}', _GOOD)]
+        lines = [paint(comparison.alike, _GOOD)]
     return '\n'.join((*lines, *map(_shown, comparison.remarks)))
 
 

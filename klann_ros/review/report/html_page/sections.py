@@ -68,15 +68,10 @@ def differences(comparison: Comparison | None) -> Markup:
     content = (
         element('ul', *items, class_='findings')
         if items
-        else element('p', _alike(comparison), class_='quiet')
+        else element('p', f'{comparison.alike.capitalize()}.', class_='quiet')
     )
     remarks = (element('p', remark, class_='quiet') for remark in comparison.remarks)
     return element('section', element('h2', 'Differences'), content, *remarks)
-
-
-def _alike(comparison: Comparison) -> str:
-    as_far = ', as far as they can be compared' if comparison.remarks else ''
-    return f'The two runs do not differ{as_far}.'
 
 
 def topics(reviews: Sequence[Review]) -> Markup:
