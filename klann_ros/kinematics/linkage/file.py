@@ -1,18 +1,18 @@
 """A linkage from a YAML file: the only place in the kinematics that reads files."""
 
-from cmath import rect
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
 from math import radians
 from pathlib import Path
 from typing import Any
 
-from klann_ros.kinematics.dyad import joint
 from klann_ros.kinematics.errors import GeometryError
+from klann_ros.untrusted.files import read_plain
+from klann_ros.untrusted.text import printable, printable_line
+from klann_ros.untrusted.yaml_text import LONGEST, parse, YamlError
 
-from .description import Bar, Body, chained, Description
 from .linkage import Linkage
-from .yaml_text import parse
+from .structure import Bar, Body, Brace, Structure
 
 LENGTH_UNITS = {'m': 1.0, 'cm': 0.01, 'mm': 0.001}
 SHIPPED = resources.files('klann_ros') / 'linkages'
@@ -74,11 +74,11 @@ def linkage_text(path: str | Path) -> str:
 
     """
     try:
-        return Path(path).read_text(encoding='utf-8')
+        return read_plain(path, LONGEST)
     except (OSError, ValueError) as error:
         # What is no UTF-8, and a path that is none, are ValueErrors.
         reason = getattr(error, 'strerror', None) or error
-        msg = f'{path} cannot be read: {reason}'
+        msg = f'{printable(path)} cannot be read: {printable(reason)}'
         raise LinkageFileError(msg) from error
 
 
@@ -102,9 +102,9 @@ def linkage_from_text(text: str, name: str) -> Linkage:
     try:
         content = parse(text)
         _validate(content)
-        return Linkage(_description(content))
-    except GeometryError as error:
-        msg = f'{name} holds no linkage: {error}'
+        return _linkage(content)
+    except (GeometryError, YamlError) as error:
+        msg = f'{printable(name)} holds no linkage: {printable_line(error)}'
         raise LinkageFileError(msg) from error
 
 
@@ -117,59 +117,56 @@ def _validate(content: Any) -> None:
         raise GeometryError(wrong)
 
 
-def _description(content: Mapping[str, Any]) -> Description:
+def _linkage(content: Mapping[str, Any]) -> Linkage:
     units = content.get('units', {})
     metre = LENGTH_UNITS[units.get('length', 'm')]
-    in_degrees = units.get('angle', 'rad') == 'deg'
-
-    def angle(value: float) -> float:
-        return radians(value) if in_degrees else float(value)
-
-    crank = content['crank']
-    if crank not in content['bodies']:
-        msg = f'the crank {crank} is none of the bodies: {", ".join(content["bodies"])}'
+    turn = radians if units.get('angle', 'rad') == 'deg' else float
+    crank, bodies, start = content['crank'], content['bodies'], content['start']
+    if crank not in bodies:
+        msg = f'the crank {crank} is none of the bodies: {", ".join(bodies)}'
         raise GeometryError(msg)
-    order = [crank, *(name for name in content['bodies'] if name != crank)]
-    return Description(
+    order = [crank, *(name for name in bodies if name != crank)]
+    _check_start(start, order)
+    structure = Structure(
+        tuple(content['pivots']),
+        tuple(_body(name, bodies[name]) for name in order),
+        content['foot'],
+    )
+    bars = [bar for name in order for bar in bodies[name]['bars']]
+    given: dict[str, Callable[[int], float]] = {
+        'length': lambda place: metre * bars[place]['length'],
+        'brace': lambda place: metre * bars[place]['brace']['length'],
+        'bend': lambda place: turn(bars[place].get('bend', 0.0)),
+        'x': lambda place: metre * content['pivots'][structure.pivots[place]][0],
+        'y': lambda place: metre * content['pivots'][structure.pivots[place]][1],
+    }
+    return Linkage(
+        structure,
+        [given[dimension.kind](dimension.place) for dimension in structure.dimensions],
+        start=[turn(start[name]) for name in order],
         name=content['name'],
         source=content.get('source', ''),
-        pivots={name: metre * complex(x, y) for name, (x, y) in content['pivots'].items()},
-        bodies=tuple(_body(name, content['bodies'][name], metre, angle) for name in order),
-        foot=content['foot'],
-        start={name: angle(value) for name, value in content['start'].items()},
     )
 
 
-def _body(name: str, content: Mapping[str, Any], metre: float, angle: Any) -> Body:
-    bars: list[Bar] = []
-    for bar in content['bars']:
-        length = metre * bar['length']
-        if 'brace' in bar:
-            vector = _braced(name, bar, length, metre * bar['brace']['length'], bars)
-        else:
-            vector = rect(length, angle(bar.get('bend', 0.0)))
-        bars.append(Bar(bar['from'], bar['to'], vector))
+def _body(name: str, content: Mapping[str, Any]) -> Body:
+    bars = [
+        Bar(bar['from'], bar['to'], _brace(bar['brace']) if 'brace' in bar else None)
+        for bar in content['bars']
+    ]
     return Body(name, tuple(bars), content.get('clockwise', False))
 
 
-def _braced(
-    body: str, bar: Mapping[str, Any], length: float, brace: float, bars: list[Bar]
-) -> complex:
-    """Return the vector of a bar whose new point a brace holds, by the triangle of both."""
-    places = chained(bars)
-    ends = bar['from'], bar['brace']['from']
-    for end in ends:
-        if end not in places:
-            msg = f'bodies.{body}: {end} is no point of it yet, so nothing can be braced from it'
+def _brace(brace: Mapping[str, Any]) -> Brace:
+    return Brace(brace['from'], brace['side'])
+
+
+def _check_start(start: Mapping[str, float], bodies: Sequence[str]) -> None:
+    for name in bodies:
+        if name not in start:
+            msg = f'start has no angle for {name}: it needs one for every body'
             raise GeometryError(msg)
-    p, q = (places[end] for end in ends)
-    side = 1 if bar['brace']['side'] == 'left' else -1
-    found = joint((p.real, p.imag), (q.real, q.imag), length, brace, side)
-    if found is None:
-        msg = (
-            f'bodies.{body}: {bar["from"]}-{bar["to"]} ({length:g} m) and the brace '
-            f'{ends[1]}-{bar["to"]} ({brace:g} m) do not meet: {ends[0]} and {ends[1]} are '
-            f'{abs(q - p):g} m apart'
-        )
-        raise GeometryError(msg)
-    return complex(*found) - p
+    for name in start:
+        if name not in bodies:
+            msg = f'start has an angle for {name}, which is no body'
+            raise GeometryError(msg)

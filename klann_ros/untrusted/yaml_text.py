@@ -5,7 +5,6 @@ from math import isfinite
 import re
 from typing import Any
 
-from klann_ros.kinematics.errors import GeometryError
 import yaml
 
 # No file that is meant is deeper, or longer.
@@ -13,7 +12,7 @@ DEEPEST = 20
 LONGEST = 1_000_000
 
 
-class YamlError(GeometryError):
+class YamlError(ValueError):
     """A text that is no YAML, or none that is taken."""
 
 

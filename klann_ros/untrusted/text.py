@@ -1,0 +1,62 @@
+"""Texts of others as they may be shown: on a terminal, in a log line, in a report."""
+
+from collections.abc import Iterable
+
+LONGEST = 300
+"""Whoever reads a line reads no more than so many characters of one name."""
+
+LONGEST_LINE = 3000
+"""Nor more of a whole line; it has room for ten such names."""
+
+
+def printable(text: object, longest: int = LONGEST) -> str:
+    r"""
+    Return a text of somebody else's as one line that moves nothing but the reader.
+
+    Control characters (C0, C1, ESC), line and paragraph separators, bidi marks and whatever else
+    is invisible are written as Python writes them, such as ``\x1b`` and ``\u202e``; what is longer
+    than may be shown is cut, and says how long it is.
+
+    Parameters
+    ----------
+    text
+        A text, or what `str` makes one of, such as a path or an error.
+    longest
+        How many characters may be shown.
+
+    """
+    shown = str(text)
+    size = len(shown)
+    if size > longest:
+        shown = shown[:longest]
+    if not shown.isprintable():
+        shown = ''.join(c if c.isprintable() else _escaped(c) for c in shown)
+    return shown if size <= longest else f'{shown}... ({size} characters)'
+
+
+def listed(names: Iterable[object], most: int = 20) -> str:
+    """
+    Return names of others one after the other; of more than may be shown, how many there are.
+
+    So that what stands behind them in the same line can be read, each is cut at a third of what
+    one alone may have.
+    """
+    found = list(names)
+    shown = [printable(name, LONGEST // 3) for name in found[:most]]
+    more = len(found) - most
+    return ', '.join(shown) + (f' and {more} more' if more > 0 else '')
+
+
+def printable_line(text: object) -> str:
+    """
+    Return a whole line of text that may hold texts of others, such as an error's.
+
+    White space becomes a blank, line breaks included: libraries explain in several lines. Who puts
+    names into a line makes each of them `printable`, so that one that is long does not cut off
+    what stands behind it; this is the last door, for what was overlooked.
+    """
+    return printable(' '.join(str(text).split()), LONGEST_LINE)
+
+
+def _escaped(character: str) -> str:
+    return character.encode('unicode_escape').decode('ascii')
