@@ -15,18 +15,10 @@ Arc = tuple[float, float]
 
 def arcs_inside(clearance: Callable[[float], float], arc: Arc = (0.0, TURN)) -> list[Arc]:
     """
-    Return the parts of an arc at which a clearance is not negative.
+    Return the parts of an arc (start, end) [rad] at which a clearance is not negative.
 
-    It is sampled, its peaks and dips between samples are searched, and its zeros are bisected to
-    1e-13 of the angle.
-
-    Parameters
-    ----------
-    clearance : callable
-        Of an angle [rad], how far inside it is; negative outside.
-    arc : tuple of float
-        Start and end [rad]; a whole turn where left out.
-
+    It is a function of the angle; sampled, its peaks and dips between samples are searched, and
+    its zeros are bisected to 1e-13 of the angle.
     """
     samples = _with_extrema(clearance, _samples(arc))
     arcs: list[Arc] = []

@@ -10,9 +10,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-# The ends and the links of the Klann leg's dyads.
-_KLANN = {1: ('B', 'D', 'BC', 'DC'), 2: ('E', 'G', 'EF', 'FG')}
-
 
 class KinematicsError(Exception):
     """Base of every error that the kinematics raises."""
@@ -57,8 +54,8 @@ class UnreachableError(KinematicsError):
     alpha : float
         Crank angle [rad].
     dyad : int
-        Which dyad, from 1. Of the Klann leg, 1: coupler BC and rocker DC, from B and D; 2: rocker
-        EF and leg FG, from E and G.
+        Which block of the linkage it is, from 1. Of the Klann leg, 1: coupler BC and rocker DC,
+        from B and D; 2: rocker EF and leg FG, from E and G.
     shortfall : float
         How far the ends of the dyad are out of its reach [m], >= 0; 0 where they coincide and the
         links are equally long, so that the dyad closes in every direction.
@@ -66,7 +63,7 @@ class UnreachableError(KinematicsError):
         True when they are too far apart for the links stretched out, False when they are too
         close together for the links folded.
     names : tuple of str
-        What the dyad's two ends and its two links are called; the Klann leg's where left out.
+        What the dyad's two ends and its two links are called.
 
     """
 
@@ -76,10 +73,9 @@ class UnreachableError(KinematicsError):
         dyad: int,
         shortfall: float,
         stretched: bool,
-        names: tuple[str, str, str, str] | None = None,
+        names: tuple[str, str, str, str],
     ) -> None:
         """Keep the numbers."""
-        names = names or _KLANN[dyad]
         super().__init__(alpha, dyad, shortfall, stretched, names)
         self.alpha = alpha
         self.dyad = dyad
@@ -179,4 +175,31 @@ class SingularPoseError(KinematicsError):
         return (
             f'the pose at {self.alpha:.6f} rad ({math.degrees(self.alpha):.3f} deg) is singular, '
             f'as where a dyad is stretched out or folded: no velocity follows from the crank rate'
+        )
+
+
+class ImmobileDirectionError(KinematicsError):
+    """
+    A direction in which the foot does not move, so that any force along it is balanced.
+
+    Attributes
+    ----------
+    h_1 : tuple of float
+        dH/dalpha (x, y) [m/rad].
+    direction : tuple of float
+        The direction (x, y), of length 1.
+
+    """
+
+    def __init__(self, h_1: tuple[float, float], direction: tuple[float, float]) -> None:
+        """Keep the numbers."""
+        super().__init__(h_1, direction)
+        self.h_1 = h_1
+        self.direction = direction
+
+    def __str__(self) -> str:
+        (x_1, y_1), (u, v) = self.h_1, self.direction
+        return (
+            f'the foot does not move along ({u:.6g}, {v:.6g}), since '
+            f'dH/dalpha = ({x_1:.6g}, {y_1:.6g}) m/rad: any force along it is balanced'
         )

@@ -115,3 +115,27 @@ def guess(value: 'Sequence[float] | NDArray[np.float64]', names: str) -> NDArray
         msg = f'guess = {value!r} is refused: {names}, {_WORDS.get(count, count)} finite numbers'
         raise ValueError(msg)
     return x_1
+
+
+def vector(name: str, values: 'Sequence[float]') -> tuple[float, float]:
+    """Return two finite numbers as floats; a ValueError for anything else."""
+    try:
+        x, y = (float(value) for value in values)
+    except (TypeError, ValueError):
+        x = y = math.nan
+    if not (math.isfinite(x) and math.isfinite(y)):
+        msg = f'{name} = {values!r} is refused: it must be two finite numbers'
+        raise ValueError(msg)
+    return x, y
+
+
+def unit(name: str, values: 'Sequence[float]') -> tuple[float, float]:
+    """Return a direction (x, y) of length 1; a ValueError where it has none."""
+    x, y = vector(name, values)
+    largest = max(abs(x), abs(y))
+    if largest == 0.0:
+        msg = f'{name} = {values!r} is refused: it has no length'
+        raise ValueError(msg)
+    # Made about 1 long first, so that no square is too large or too small for a float.
+    x, y = x / largest, y / largest
+    return x / math.hypot(x, y), y / math.hypot(x, y)

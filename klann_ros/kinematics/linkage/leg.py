@@ -1,34 +1,50 @@
 """A linkage as an object that is solved: it remembers the last good pose, and nothing else."""
 
 from collections.abc import Sequence
+from math import hypot, isnan
+from sys import float_info
+from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
 
 from klann_ros.kinematics import validation
-from klann_ros.kinematics.angles import crank_angle, wrap
+from klann_ros.kinematics.angles import crank_angle, MAX_CRANK_ANGLE
 from klann_ros.kinematics.arcs import Arc
+from klann_ros.kinematics.errors import ImmobileDirectionError, SingularPoseError
 from klann_ros.kinematics.newton import newton_raphson
-from klann_ros.kinematics.tracked_leg import FootedLeg
+from klann_ros.kinematics.tracking import (
+    COARSE_TOLERANCE,
+    MAX_ITERATIONS,
+    MAX_PARTS,
+    Settings,
+    track,
+)
 import numpy as np
 from numpy.typing import NDArray
 
-from .branch_table import TRUSTED
-from .description import Description
+from .branch import STEP
+from .circles import placed, seed
 from .linkage import Linkage
-from .motion import acceleration, LinkageMotion, velocity
-from .pose import LinkagePose, made_pose
-from .refinement import refine
-from .seeds import Seeds, STEP
+from .pose import closed_pose, LinkageMotion, LinkagePose
+from .reach import reachable_arcs
+from .step import step
 
 Array = NDArray[np.float64]
+# Below this part of |dH/dalpha| the component along a direction is rounding.
+ROUNDING = 8.0 * float_info.epsilon
+PoseT = TypeVar('PoseT', bound=LinkagePose)
+MotionT = TypeVar('MotionT', bound=LinkageMotion)
 
 
-class LinkageLeg(FootedLeg[LinkagePose]):
+class Leg(Generic[PoseT, MotionT]):
     """
-    A linkage that is solved for one crank angle after the other, as `KlannLeg` is.
+    A linkage that is solved for one crank angle after the other.
+
+    `LinkageLeg` is one of any linkage; `KlannLeg` and `FourBar` differ from it in what their
+    angles are called, and in what they are made from.
 
     Parameters
     ----------
     linkage : Linkage
-        The linkage.
+        What it solves.
     tolerance : float
         Largest correction of a converged pose [rad].
     max_crank_step : float
@@ -47,6 +63,9 @@ class LinkageLeg(FootedLeg[LinkagePose]):
 
     """
 
+    pose_class: ClassVar[type[LinkagePose]] = LinkagePose
+    motion_class: ClassVar[type[LinkageMotion]] = LinkageMotion
+
     def __init__(
         self, linkage: Linkage, *, tolerance: float = 1e-12, max_crank_step: float = 0.35
     ) -> None:
@@ -55,27 +74,38 @@ class LinkageLeg(FootedLeg[LinkagePose]):
             msg = f'linkage = {linkage!r} is refused: it must be a Linkage'
             raise TypeError(msg)
         self._linkage = linkage
-        self._seeds = Seeds(linkage)
-        # Its tangents lead astray sooner where loops are coupled.
-        most = max_crank_step if linkage.is_dyadic else min(max_crank_step, STEP)
-        super().__init__(
-            self._refined,
-            self._seeds.seed,
-            tolerance=tolerance,
-            max_crank_step=most,
-            # A seed costs less than two parts.
-            max_parts=1,
-        )
+        tolerance = validation.setting('tolerance', tolerance, COARSE_TOLERANCE)
+        largest = validation.setting('max_crank_step', max_crank_step)
+        if not linkage.is_dyadic:
+            # Its tangents lead astray sooner where loops are coupled; and it is followed once.
+            largest = min(largest, STEP)
+            _ = linkage.branch
+        # A seed of coupled loops costs less than two parts.
+        self._settings = Settings(tolerance, largest, MAX_PARTS if linkage.is_dyadic else 1)
+        self._last: PoseT | None = None
+        self._make()
+
+    def _make(self) -> None:
+        functions = step(self._linkage, self.pose_class)
+        self._refine, self._ahead = functions.refine, functions.ahead
+
+    def __repr__(self) -> str:
+        return f'{type(self).__name__}({self._linkage!r})'
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the functions, which are made anew."""
+        made = ('_refine', '_ahead')
+        return {name: value for name, value in self.__dict__.items() if name not in made}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the functions again."""
+        self.__dict__.update(state)
+        self._make()
 
     @property
     def linkage(self) -> Linkage:
         """Return what it solves."""
         return self._linkage
-
-    @property
-    def geometry(self) -> Description:
-        """Return its description."""
-        return self._linkage.description
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -84,14 +114,65 @@ class LinkageLeg(FootedLeg[LinkagePose]):
 
     @property
     def assembly(self) -> tuple[int, ...]:
-        """Return the sign of each dyad's sine: how it is put together."""
+        """Return the sign of each block's sine: how it is put together."""
         return self._linkage.assembly
+
+    @property
+    def last(self) -> PoseT | None:
+        """Return the last good pose: the warm start of the next `solve`."""
+        return self._last
+
+    def reset(self) -> None:
+        """Forget the last pose, so that the next `solve` starts from nothing."""
+        self._last = None
+
+    def solve(self, alpha: float) -> PoseT:
+        """
+        Return the pose at a crank angle by Newton-Raphson, warm started from the last pose.
+
+        A large step of the crank is split; the pose is always on the assembly branch. A solve
+        that fails leaves the last good pose as it was.
+
+        Parameters
+        ----------
+        alpha : float
+            Crank angle, any number of turns [rad].
+
+        Raises
+        ------
+        CrankAngleError
+            `alpha` is not finite, or beyond +-1e6 rad.
+        UnreachableError
+            A dyad does not close at this crank angle.
+        LoopsOpenError
+            Coupled loops do not close at this crank angle on their branch.
+        NotConvergedError
+            Newton-Raphson does not confirm what it was seeded with.
+
+        """
+        last, settings = self._last, self._settings
+        # What comes a thousand times a second: a small step from a pose that is not singular.
+        if last is not None and type(alpha) is float and abs(alpha) <= MAX_CRANK_ANGLE:
+            by, largest = alpha - last[0], settings[1]
+            if -largest <= by <= largest:
+                pose = self._ahead(alpha, by, last[1], last[5], settings[0], MAX_ITERATIONS)
+                # The derivatives of a singular pose are NaN, which is not itself.
+                if pose is not None and pose[5][0] == pose[5][0]:
+                    self._last = pose
+                    return pose  # type: ignore[no-any-return]  # of its class
+        functions = self._refine, self._ahead, self._seed
+        pose = track(*functions, crank_angle(alpha), last, settings)
+        self._last = pose
+        return pose  # type: ignore[no-any-return]  # as above
+
+    def _seed(self, alpha: float) -> tuple[float, ...]:
+        return seed(self._linkage, alpha)
 
     def newton(
         self, alpha: float, guess: Sequence[float] | Array, *, max_iterations: int = 50
     ) -> Array:
         """
-        Return the iterates of Newton-Raphson for all loops at once, on whichever branch they end.
+        Return the iterates of the textbook's Newton-Raphson, on whichever branch they end.
 
         Parameters
         ----------
@@ -114,7 +195,7 @@ class LinkageLeg(FootedLeg[LinkagePose]):
         CrankAngleError
             `alpha` is not finite, or beyond +-1e6 rad.
         ValueError
-            The guess is not as many finite numbers.
+            The guess is not as many finite numbers, or `max_iterations` no whole number >= 0.
 
         """
         alpha = crank_angle(alpha)
@@ -124,16 +205,15 @@ class LinkageLeg(FootedLeg[LinkagePose]):
             lambda x: linkage.phi(alpha, x),
             validation.guess(guess, ', '.join(linkage.joint_names[1:])),
             alpha=alpha,
-            tolerance=self._tolerance,
+            tolerance=self._settings.tolerance,
             max_iterations=max_iterations,
         )
 
-    def closed_form(self, alpha: float) -> LinkagePose:
+    def closed_form(self, alpha: float) -> PoseT:
         """
-        Return the pose at a crank angle from nothing; it neither reads nor sets `last`.
+        Return the pose at a crank angle by the geometric method; it neither reads nor sets `last`.
 
-        Dyads are placed by the geometric method alone. Coupled loops have no closed form: theirs
-        is the nearest pose of their branch, refined.
+        Coupled loops have no closed form: theirs is the nearest pose of their branch, refined.
 
         Raises
         ------
@@ -145,7 +225,9 @@ class LinkageLeg(FootedLeg[LinkagePose]):
             Coupled loops do not close at this crank angle on their branch.
 
         """
-        return made_pose(self._linkage, self._seeds.assembled(crank_angle(alpha)), 0)
+        alpha = crank_angle(alpha)
+        found = closed_pose(self._linkage, placed(self._linkage, alpha), alpha)
+        return self.pose_class(*found)  # type: ignore[return-value]  # of its class
 
     def residual(self, alpha: float, x: Sequence[float]) -> float:
         """Return the norm of f at a crank angle and the other angles [m]."""
@@ -162,24 +244,118 @@ class LinkageLeg(FootedLeg[LinkagePose]):
             crank that turns fully.
 
         """
-        return self._seeds.arcs()
+        return reachable_arcs(self._linkage)
 
-    def velocity(self, pose: LinkagePose, alpha_rate: float) -> LinkageMotion:
-        """Return the velocity of a pose for a crank rate [rad/s]: see `motion.velocity`."""
-        return velocity(pose, alpha_rate)
+    def velocity(self, pose: PoseT, alpha_rate: float) -> MotionT:
+        """
+        Return the velocity of a pose for a crank rate: dx/dt = dx/dalpha alpha_rate.
 
-    def acceleration(
-        self, pose: LinkagePose, alpha_rate: float, alpha_acceleration: float
-    ) -> LinkageMotion:
-        """Return the acceleration of a pose: see `motion.acceleration`."""
-        return acceleration(pose, alpha_rate, alpha_acceleration)
+        Parameters
+        ----------
+        pose : LinkagePose
+            A solved pose.
+        alpha_rate : float
+            Rate of the crank [rad/s].
 
-    def _refined(
-        self, alpha: float, guess: tuple[float, ...], tolerance: float, max_iterations: int
-    ) -> LinkagePose | None:
-        pose = refine(self._linkage, alpha, guess, tolerance, max_iterations)
-        if pose is None or self._linkage.is_dyadic:
-            return pose
-        # The signs alone do not tell the branches of coupled loops apart.
-        astray = max(abs(wrap(a - b)) for a, b in zip(pose.x, guess, strict=True))
-        return pose if astray <= TRUSTED else None
+        Raises
+        ------
+        SingularPoseError
+            The pose has no velocity.
+        ValueError
+            The rate is not finite.
+
+        """
+        if isnan(pose.coefficients[0]):
+            raise SingularPoseError(pose.alpha)
+        validation.rate('alpha_rate', alpha_rate)
+        found = pose.linkage.step.velocity(pose.alpha, pose.x, pose.coefficients, alpha_rate)
+        moving: Any = self.motion_class._make((*found, pose, None))
+        return moving  # type: ignore[no-any-return]  # its own
+
+    def acceleration(self, pose: PoseT, alpha_rate: float, alpha_acceleration: float) -> MotionT:
+        """
+        Return the acceleration of a pose for a crank rate and its change.
+
+        The loops stay closed, W d2u/dt2 = 0: the same linear step as for the velocity, block by
+        block.
+
+        Parameters
+        ----------
+        pose : LinkagePose
+            A solved pose.
+        alpha_rate : float
+            Rate of the crank [rad/s].
+        alpha_acceleration : float
+            Change of the crank's rate [rad/s^2].
+
+        Raises
+        ------
+        SingularPoseError
+            The pose has no velocity.
+        ValueError
+            The rate or its change is not finite.
+
+        """
+        moving = self.velocity(pose, alpha_rate)
+        validation.rate('alpha_acceleration', alpha_acceleration)
+        state = pose.alpha, pose.x, pose.coefficients, alpha_rate, alpha_acceleration
+        found = pose.linkage.step.acceleration(*state)
+        changing: Any = self.motion_class._make((*found, pose, moving))
+        return changing  # type: ignore[no-any-return]  # its own
+
+    def crank_torque(self, pose: PoseT, force: Sequence[float]) -> float:
+        """
+        Return the torque at the crank that balances a force (x, y) [N] on the foot H [N m].
+
+        With no friction and no weight the linkage is in equilibrium where no small motion does
+        work, T dalpha + F . dH = 0, so T = -F . dH/dalpha, counter-clockwise positive.
+
+        Raises
+        ------
+        SingularPoseError
+            The pose has no velocity.
+        ValueError
+            The force is not two finite numbers.
+
+        References
+        ----------
+        J. J. Uicker, G. R. Pennock, J. E. Shigley, Theory of Machines and Mechanisms, the chapter
+        on static force analysis.
+
+        """
+        x_1, y_1 = self.velocity(pose, 1.0).h
+        f_x, f_y = validation.vector('force', force)
+        # From 0.0, so that no force takes a torque of 0.0 and not of -0.0.
+        return 0.0 - (f_x * x_1 + f_y * y_1)
+
+    def foot_force(self, pose: PoseT, torque: float, direction: Sequence[float]) -> float:
+        """
+        Return the force on the foot along a direction (x, y) that a crank torque balances [N].
+
+        With the direction's unit vector u: F = -T / (u . dH/dalpha), the inverse of
+        `crank_torque`; negative where it acts against the direction.
+
+        Raises
+        ------
+        ImmobileDirectionError
+            The foot does not move along the direction, and any force is balanced.
+        SingularPoseError
+            The pose has no velocity.
+        ValueError
+            The torque is not finite, or the direction not two finite numbers, or without length.
+
+        """
+        h_1 = self.velocity(pose, 1.0).h
+        validation.rate('torque', torque)
+        u, v = validation.unit('direction', direction)
+        along = u * h_1[0] + v * h_1[1]
+        if abs(along) <= ROUNDING * hypot(*h_1):
+            raise ImmobileDirectionError(h_1, (u, v))
+        return -torque / along
+
+
+class LinkageLeg(Leg[LinkagePose, LinkageMotion]):
+    """Any linkage, such as one from a file; see `Leg`."""
+
+
+AnyLeg: TypeAlias = Leg[Any, Any]

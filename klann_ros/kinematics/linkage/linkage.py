@@ -1,26 +1,31 @@
-"""A linkage ready to be solved: its description, its equations, its blocks and its branch."""
+"""A linkage ready to be solved: its structure, its numbers, its branch."""
 
-from collections.abc import Iterator, Sequence, Set as AbstractSet
+from cmath import rect
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from math import degrees
+from typing import Any
 
+from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import wrap
 from klann_ros.kinematics.errors import GeometryError, NotConvergedError
 from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
 from numpy.typing import NDArray
 
-from .blocks import CoupledLoops, Dyad, terms
-from .configuration import Configuration
-from .decomposition import assembly_order, Group
-from .description import Description
-from .loops import loop_equations
+from . import shape
+from .blocks import Block
+from .branch import Branch
+from .pose import LinkagePose
+from .step import Step, step
+from .structure import by_name, Structure
 
 Array = NDArray[np.float64]
-DyadNames = tuple[str, str, str, str]
 # The start is a guess of a pose at which the linkage closes: nothing a few corrections do not do.
 START_ITERATIONS = 50
 # Of |sin| between two links, at the start: nearer to in line it does not say which branch.
 LEAST_START_SINE = 1e-6
+NO_TRIANGLE = 'this brace and its bar do not meet'
 
 
 class Linkage:
@@ -29,59 +34,219 @@ class Linkage:
 
     Parameters
     ----------
-    description : Description
-        The linkage as data.
-
-    Attributes
-    ----------
-    description : Description
-        As given.
-    blocks : tuple of Dyad or CoupledLoops
-        What is solved, in this order.
-    assembly : tuple of int
-        The sign (+1 or -1) of each block's sine: how it is put together. The textbook's for the
-        Klann leg.
-    joint_names : tuple of str
-        The names of the angles, the crank's first.
+    structure : Structure
+        What is joined to what.
+    numbers : sequence of float
+        Its dimensions, in the structure's order [m, rad].
+    assembly : sequence of int, optional
+        The sign (+1 or -1) of each block's sine: how it is put together.
+    start : sequence of float, optional
+        An angle for every body, the crank's first [rad]: at the crank's, Newton-Raphson starts
+        from the others. Where it leads to is the assembly, if none is given; and coupled loops
+        are on the branch that goes on from there.
+    name, source : str
+        What it is called, and where its numbers are from.
 
     Raises
     ------
     GeometryError
-        The crank does not move it in one definite way, or it cannot be assembled near its start.
+        A number is none, a length is not positive or beyond all measure, the crank does not move
+        it in one definite way, or it cannot be assembled near its start.
 
     """
 
-    def __init__(self, description: Description) -> None:
-        """Derive the equations, and find the branch."""
-        self.description = description
-        groups = assembly_order(description)
-        self.equations = loop_equations(description, groups)
-        self.joint_names = tuple(body.angle for body in description.bodies)
-        self.senses = tuple(body.sense for body in description.bodies)
-        self.i_s = 1j * np.array(self.senses)
-        self.blocks = tuple(self._blocks(groups))
-        self.foot = description.points.index(description.foot)
-        self.foot_terms = terms(self.equations.q_u[self.foot])
-        self.foot_constant = complex(self.equations.q[self.foot])
-        self.start = self._assembled()
-        self.assembly = self._signs()
+    def __init__(
+        self,
+        structure: Structure,
+        numbers: Sequence[float],
+        *,
+        assembly: Sequence[int] | None = None,
+        start: Sequence[float] | None = None,
+        name: str = '',
+        source: str = '',
+    ) -> None:
+        """Check the numbers, and find the branch."""
+        self.structure = structure
+        self.numbers = _checked(structure, numbers)
+        self.name, self.source = name, source
+        self.pivots, self.bars = shape.vectors(structure, self.numbers)
+        for d in structure.dimensions:
+            if d.kind == 'brace' and np.isnan(self.bars[d.place]):
+                msg = f'{d.name} = {self.dimensions[d.name]:g} m is refused: {NO_TRIANGLE}'
+                raise GeometryError(msg)
+        self.given_start = None if start is None else tuple(map(float, start))
+        self.assembly = self._signs() if assembly is None else tuple(assembly)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Linkage) and self.description == other.description
+        return isinstance(other, Linkage) and self._key == other._key
 
     def __hash__(self) -> int:
-        return hash(self.description.name)
+        return hash((self.structure, self.numbers))
 
     def __repr__(self) -> str:
-        return f'<Linkage {self.description.name!r}: {", ".join(self.joint_names)}>'
+        return f'<Linkage {self.name!r}: {", ".join(self.joint_names)}>'
 
-    def __reduce__(self) -> tuple[type['Linkage'], tuple[Description]]:
-        return Linkage, (self.description,)
+    def __reduce__(self) -> tuple[Any, ...]:
+        branch, names = (self.assembly, self.given_start), (self.name, self.source)
+        return _made, (self.structure, self.numbers, *branch, *names)
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        """Return what its motion depends on: the start matters where loops are coupled."""
+        start = None if self.is_dyadic else self.given_start
+        return self.structure, self.numbers, self.assembly, start
+
+    # What it consists of.
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Return the names of the angles, the crank's first."""
+        return self.structure.angles
+
+    @property
+    def dimensions(self) -> dict[str, float]:
+        """Return its numbers by name [m, rad]."""
+        names = (dimension.name for dimension in self.structure.dimensions)
+        return dict(zip(names, self.numbers, strict=True))
+
+    def varied(self, changes: Mapping[str, float]) -> 'Linkage':
+        """
+        Return the linkage with some of its numbers replaced [m, rad].
+
+        Raises
+        ------
+        GeometryError
+            It is no linkage any more, or there is no such number.
+
+        """
+        numbers, places = list(self.numbers), by_name(self.structure.dimensions, changes)
+        for name, value in changes.items():
+            numbers[places[name]] = value
+        # The signs say how it is put together; only coupled loops need a start beside them.
+        start = None if self.is_dyadic else self.start
+        assembly = self.assembly if self.is_dyadic else None
+        return _made(self.structure, numbers, assembly, start, self.name, self.source)
+
+    def scaled(self, factor: float) -> 'Linkage':
+        """
+        Return the linkage so many times as large.
+
+        Raises
+        ------
+        GeometryError
+            The factor is not positive, or the linkage is beyond all measure then.
+
+        """
+        lengths = [d.name for d in self.structure.dimensions if d.unit == 'm']
+        if not factor > 0.0:
+            raise GeometryError(f'factor = {factor!r} is refused: it must be > 0')
+        return self.varied({name: factor * self.dimensions[name] for name in lengths})
+
+    def mirrored(self) -> 'Linkage':
+        """Return the linkage mirrored in the x axis: every angle has the other sign."""
+        turned = {'y': -1.0, 'bend': -1.0}
+        pairs = zip(self.structure.dimensions, self.numbers, strict=True)
+        numbers = [turned.get(dimension.kind, 1.0) * number for dimension, number in pairs]
+        # Only coupled loops need a start; what its signs are then follows from it.
+        start = None if self.is_dyadic else [-angle for angle in self.start]
+        signs = tuple(-sign for sign in self.assembly) if self.is_dyadic else None
+        made = self.structure.mirrored()
+        return _made(made, numbers, signs, start, self.name, self.source)
+
+    @cached_property
+    def blocks(self) -> tuple[Block, ...]:
+        """Return what is solved, in this order."""
+        structure = self.structure
+        made = zip(structure.groups, structure.paths.rows, structure.dyad_names, strict=True)
+        return tuple(
+            Block(
+                number,
+                tuple(self.rows[k] for k in loops),
+                group,
+                structure.senses,
+                names,
+                number in structure.outside,
+            )
+            for number, (group, loops, names) in enumerate(made, 1)
+        )
 
     @property
     def is_dyadic(self) -> bool:
         """Return whether every block is a dyad, so that two circles each give the pose."""
-        return all(isinstance(block, Dyad) for block in self.blocks)
+        return all(len(rows) == 1 for rows in self.structure.paths.rows)
+
+    @cached_property
+    def rows(self) -> tuple[tuple[dict[int, complex], complex], ...]:
+        """Return of each loop what the bodies add to it, and what the pivots do [m]."""
+        paths = self.structure.paths.loops
+        return tuple(shape.row(self.structure, p, self.pivots, self.bars) for p in paths)
+
+    @cached_property
+    def point_rows(self) -> tuple[tuple[dict[int, complex], complex], ...]:
+        """Return of each point what the bodies add to it, and what its pivot does [m]."""
+        paths = self.structure.paths.points
+        return tuple(shape.row(self.structure, p, self.pivots, self.bars) for p in paths)
+
+    @property
+    def foot(self) -> int:
+        """Return which of the points is the foot."""
+        return self.structure.points.index(self.structure.foot)
+
+    @cached_property
+    def start(self) -> tuple[float, ...]:
+        """Return the pose that Newton-Raphson reaches from the start, the crank's angle first."""
+        return self._assembled()
+
+    @cached_property
+    def step(self) -> Step:
+        """Return its Newton-Raphson and its derivatives as functions made for it."""
+        return step(self, LinkagePose)
+
+    # Coupled loops.
+
+    @cached_property
+    def head_bodies(self) -> tuple[int, ...]:
+        """Return the bodies that are placed up to the last coupled loops, the crank first."""
+        coupled = [k for k, rows in enumerate(self.structure.paths.rows) if len(rows) > 1]
+        placed = self.structure.groups[: coupled[-1] + 1] if coupled else ()
+        return tuple(sorted({0, *(j for group in placed for j in group)}))
+
+    @cached_property
+    def branch(self) -> Branch:
+        """Return the branch of its coupled loops; it takes some 10 ms to be followed."""
+        number = max(block.number for block in self.blocks if not block.is_dyad)
+        return Branch(self._head(number), number)
+
+    def _head(self, count: int) -> 'Linkage':
+        """Return the linkage of the first so many blocks, in which all else is left out."""
+        if count == len(self.blocks):
+            return self
+        structure = self.structure.head(count)
+        given = dict(zip(self.structure.slots, self.numbers, strict=True))
+        bars = [n for n, (body, _) in enumerate(self.structure.bars) if body in self.head_bodies]
+        numbers = [
+            given.get((d.kind, d.place if d.kind in ('x', 'y') else bars[d.place]), 0.0)
+            for d in structure.dimensions
+        ]
+        start = [self.start[j] for j in self.head_bodies]
+        return Linkage(structure, numbers, assembly=self.assembly[:count], start=start)
+
+    # Its equations, as matrices.
+
+    @cached_property
+    def equations(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return W, shape (m, n), and c, shape (m,), of f = W u + c [m]."""
+        return shape.matrix(self.rows, len(self.structure.bodies))
+
+    @cached_property
+    def point_equations(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return Q, shape (p, n), and q, shape (p,), of p = Q u + q [m]."""
+        return shape.matrix(self.point_rows, len(self.structure.bodies))
+
+    @cached_property
+    def i_s(self) -> NDArray[np.complex128]:
+        """Return i s_j of every body: u_j = exp(i s_j phi_j), du_j/dphi_j = i s_j u_j."""
+        return 1j * np.array(self.structure.senses)
 
     def f(self, alpha: float, x: Sequence[float] | Array) -> Array:
         """
@@ -100,7 +265,8 @@ class Linkage:
             Of each loop its x equation, then its y equation [m].
 
         """
-        return _rows(self.equations.w @ self.unit_vectors(alpha, x) + self.equations.c)
+        w, c = self.equations
+        return _real_rows(w @ self.unit_vectors(alpha, x) + c)
 
     def phi(self, alpha: float, x: Sequence[float] | Array) -> Array:
         """Return the Jacobian df/dx, shape (n - 1, n - 1) [m/rad]; parameters as in `f`."""
@@ -112,44 +278,31 @@ class Linkage:
         return column
 
     def points(self, alpha: float, x: Sequence[float] | Array) -> Array:
-        """Return the points, shape (p, 2), in the order of `description.points` [m]."""
-        return _plane(self.equations.q_u @ self.unit_vectors(alpha, x) + self.equations.q)
+        """Return the points, shape (p, 2), in the order of the structure's [m]."""
+        q_u, q = self.point_equations
+        return _plane(q_u @ self.unit_vectors(alpha, x) + q)
 
     def points_moved(self, vectors: NDArray[np.complex128]) -> Array:
         """Return the points' derivative, shape (p, 2), from that of the bodies' unit vectors."""
-        return _plane(self.equations.q_u @ vectors)
+        return _plane(self.point_equations[0] @ vectors)
 
-    def unit_vectors(self, alpha: float, x: Sequence[float] | Array) -> NDArray[np.complex128]:
+    def unit_vectors(self, alpha: Any, x: Any) -> NDArray[np.complex128]:
         """Return u_j = exp(i s_j phi_j) of every body, shape (n,)."""
         u: NDArray[np.complex128] = np.exp(self.i_s * np.array([alpha, *x]))
         return u
 
-    def _jacobian(self, alpha: float, x: Sequence[float] | Array) -> Array:
-        return _rows(self.equations.w * (self.i_s * self.unit_vectors(alpha, x)))
+    def directions(self, angles: Sequence[float]) -> list[complex]:
+        """Return u_j of every body, for its angles, as plain numbers."""
+        pairs = zip(self.structure.senses, angles, strict=True)
+        return [rect(1.0, sense * angle) for sense, angle in pairs]
 
-    def _blocks(self, groups: Sequence[Group]) -> Iterator[Dyad | CoupledLoops]:
-        known = {*self.description.pivots, *self.description.crank.points}
-        for number, (group, loops) in enumerate(zip(groups, self.equations.rows, strict=True), 1):
-            rows, constants = self.equations.w[list(loops)], self.equations.c[list(loops)]
-            bodies = [self.description.bodies[j].points for j in group]
-            if len(loops) > 1:
-                yield CoupledLoops(
-                    number, rows=rows, constants=constants, unknowns=group, senses=self.senses
-                )
-            else:
-                yield Dyad(
-                    number,
-                    row=rows[0],
-                    constant=complex(constants[0]),
-                    unknowns=(group[0], group[1]),
-                    senses=self.senses,
-                    names=_names(bodies[0], bodies[1], known),
-                )
-            known.update(*bodies)
+    def _jacobian(self, alpha: float, x: Sequence[float] | Array) -> Array:
+        return _real_rows(self.equations[0] * (self.i_s * self.unit_vectors(alpha, x)))
 
     def _assembled(self) -> tuple[float, ...]:
-        """Return the pose that Newton-Raphson reaches from the start, the crank's angle first."""
-        alpha, *guess = (self.description.start[name] for name in self.joint_names)
+        if self.given_start is None:
+            raise GeometryError('it has no start, which its coupled loops need')
+        alpha, *guess = self.given_start
         try:
             iterates = newton_raphson(
                 lambda x: self.f(alpha, x),
@@ -160,19 +313,20 @@ class Linkage:
                 max_iterations=START_ITERATIONS,
             )
         except NotConvergedError as error:
-            gaps = np.abs(self.equations.w @ self.unit_vectors(alpha, guess) + self.equations.c)
+            w, c = self.equations
+            gaps = np.abs(w @ self.unit_vectors(alpha, guess) + c)
             widest = int(np.argmax(gaps))
             msg = (
                 f'it cannot be assembled near its start: Newton-Raphson finds no pose at the '
                 f'crank angle {alpha:g} rad ({degrees(alpha):g} deg); at the start angles the '
-                f'loop that closes at {self.equations.closing[widest]} is open by '
+                f'loop that closes at {self.structure.paths.closing[widest]} is open by '
                 f'{gaps[widest]:.3g} m, check its lengths and these angles'
             )
             raise GeometryError(msg) from error
         return (alpha, *(wrap(angle) for angle in iterates[-1].tolist()))
 
     def _signs(self) -> tuple[int, ...]:
-        u = Configuration(self.senses, self.start).u
+        u = self.directions(self.start)
         sines = [block.sine(u) for block in self.blocks]
         pairs = zip(sines, self.blocks, strict=True)
         if any(abs(s) <= max(LEAST_START_SINE, b.singular_sine) for s, b in pairs):
@@ -181,16 +335,52 @@ class Linkage:
         return tuple(1 if sine > 0.0 else -1 for sine in sines)
 
 
-def _names(
-    a: Sequence[str], b: Sequence[str], known: AbstractSet[str]
-) -> tuple[str, str, str, str]:
-    """Return what the ends and the links of a dyad are called, by the points that they join."""
-    joint = next((point for point in a if point in b and point not in known), '')
-    p, q = (next((point for point in body if point in known), '?') for body in (a, b))
-    return p, q, p + joint, q + joint
+def as_linkage(given: Any) -> Linkage:
+    """
+    Return the linkage that is meant: itself, or that of a geometry or a leg.
+
+    Raises
+    ------
+    TypeError
+        It is none of these.
+
+    """
+    linkage = given if isinstance(given, Linkage) else getattr(given, 'linkage', None)
+    if not isinstance(linkage, Linkage):
+        msg = f'{given!r} is refused: it must be a Linkage, a KlannGeometry or a leg'
+        raise TypeError(msg)
+    return linkage
 
 
-def _rows(values: NDArray[np.complex128]) -> Array:
+def _made(  # noqa: PLR0917 - what a pickle holds, in its order
+    structure: Structure,
+    numbers: Sequence[float],
+    assembly: Sequence[int] | None,
+    start: Sequence[float] | None,
+    name: str,
+    source: str,
+) -> Linkage:
+    return Linkage(structure, numbers, assembly=assembly, start=start, name=name, source=source)
+
+
+def _checked(structure: Structure, numbers: Sequence[float]) -> tuple[float, ...]:
+    """Return the numbers as floats, if they are numbers of a linkage."""
+    checked = []
+    for dimension, number in zip(structure.dimensions, numbers, strict=True):
+        # Nearly every number is one that nothing is wrong with.
+        if type(number) is float and validation.SMALLEST <= number <= validation.LARGEST:
+            checked.append(number)
+            continue
+        value = validation.finite(dimension.name, number)
+        if dimension.is_length:
+            validation.positive(dimension.name, value)
+        if dimension.unit == 'm':
+            validation.representable(dimension.name, value)
+        checked.append(value)
+    return tuple(checked)
+
+
+def _real_rows(values: NDArray[np.complex128]) -> Array:
     """Return complex equations as real ones: of each its x, then its y."""
     return np.stack([values.real, values.imag], axis=1).reshape(-1, *values.shape[1:])
 

@@ -1,22 +1,37 @@
-"""A solved pose of a linkage."""
+"""A solved pose of a linkage, and how it moves."""
 
-from math import hypot
-from typing import NamedTuple
+from cmath import phase
+from math import nan
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics.angles import wrap
 import numpy as np
 from numpy.typing import NDArray
 
-from .configuration import Configuration
-from .linkage import Linkage
-from .rates import rates
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from .linkage import Linkage
 
 Array = NDArray[np.float64]
+Vector = tuple[float, float]
+
+
+class Entry:
+    """A name for one number of a pose or a motion: which of `x` or `joints` it is."""
+
+    def __init__(self, field: str, place: int) -> None:
+        """Keep the place."""
+        self._field, self._place = field, place
+
+    def __get__(self, owner: Any, _: Any = None) -> float:
+        number: float = getattr(owner, self._field)[self._place]
+        return number
 
 
 class LinkagePose(NamedTuple):
     """
-    A solved pose: immutable.
+    A solved pose: immutable, and cheap enough to be made a thousand times a second.
 
     Attributes
     ----------
@@ -27,11 +42,14 @@ class LinkagePose(NamedTuple):
     h : tuple of float
         The foot (x, y) [m].
     iterations : int
-        The most Newton iterations that a block took, the last of which only confirms.
+        Newton iterations spent, the last of which only confirms; 0 for the closed form.
     residual : float
         Euclidean norm of f at this pose [m]: by how much the loops do not close.
     coefficients : tuple of float
         Kinematic coefficients dx/dalpha; NaN at a singular pose.
+    sines : tuple of float
+        |sin| of each dyad's transmission angle: 1 transmits best, 0 is singular. Of coupled loops
+        what stands for it: see `Block`.
     linkage : Linkage
         What it is a pose of.
 
@@ -39,11 +57,12 @@ class LinkagePose(NamedTuple):
 
     alpha: float
     x: tuple[float, ...]
-    h: tuple[float, float]
+    h: Vector
     iterations: int
     residual: float
     coefficients: tuple[float, ...]
-    linkage: Linkage
+    sines: tuple[float, ...]
+    linkage: 'Linkage'
 
     @property
     def joints(self) -> tuple[float, ...]:
@@ -52,44 +71,38 @@ class LinkagePose(NamedTuple):
 
     @property
     def points(self) -> Array:
-        """Return the points in the order of the description's, shape (p, 2) [m]."""
+        """Return the points in the structure's order, shape (p, 2) [m]; made at each use."""
         return self.linkage.points(self.alpha, self.x)
 
     @property
     def unit_vectors(self) -> list[complex]:
         """Return u_j = exp(i s_j phi_j) of every body."""
-        return Configuration(self.linkage.senses, self.joints).u
-
-    @property
-    def sines(self) -> tuple[float, ...]:
-        """Return |sin| of the angle between the links of each dyad; 0 is singular."""
-        u = self.unit_vectors
-        return tuple(abs(block.sine(u)) for block in self.linkage.blocks)
+        return self.linkage.directions(self.joints)
 
     @property
     def transmission_angles(self) -> tuple[float, ...]:
         """
-        Return the angle between the links of each dyad at their joint, in [0, pi] [rad].
+        Return the angle between the links of each dyad, in [0, pi] [rad].
 
         pi/2 transmits best; at 0 and pi the dyad is folded or stretched out, and singular. Of
         coupled loops it is the angle whose sine is theirs.
         """
         u = self.unit_vectors
-        return tuple(block.transmission_angle(u) for block in self.linkage.blocks)
+        return tuple(float(block.transmission_angle(u)) for block in self.linkage.blocks)
 
     @property
     def clearances(self) -> tuple[float, ...]:
         """
         Return how far each dyad's ends are inside its reach [m].
 
-        Of coupled loops it is the least singular value of their block [m/rad].
+        Of coupled loops it is the least singular value of their part of Phi [m/rad].
         """
         u = self.unit_vectors
         return tuple(block.clearance(u) for block in self.linkage.blocks)
 
     @property
     def distance_to_singularity(self) -> float:
-        """Return the least clearance [m]."""
+        """Return the least of the clearances: how much a pivot may be off before it jams [m]."""
         return min(self.clearances)
 
     @property
@@ -97,24 +110,64 @@ class LinkagePose(NamedTuple):
         """Condition number of Phi in the 2-norm: how much Newton amplifies a residual."""
         return float(np.linalg.cond(self.linkage.phi(self.alpha, self.x)))
 
-    def ahead(self, step: float) -> tuple[float, ...]:
-        """Return the angles x a step of the crank [rad] further on, to first order."""
-        return tuple(x + step * x_1 for x, x_1 in zip(self.x, self.coefficients, strict=True))
+
+class LinkageMotion(NamedTuple):
+    """
+    The velocity, or the acceleration, of a pose.
+
+    Attributes
+    ----------
+    joints : tuple of float
+        Of every angle, the crank's first [rad/s] or [rad/s^2].
+    h : tuple of float
+        Of the foot (x, y) [m/s] or [m/s^2].
+    pose : LinkagePose
+        What moves.
+    velocity : LinkageMotion or None
+        The velocity that goes with an acceleration.
+
+    """
+
+    joints: tuple[float, ...]
+    h: Vector
+    pose: LinkagePose
+    velocity: 'LinkageMotion | None' = None
+
+    @property
+    def vectors(self) -> NDArray[np.complex128]:
+        """
+        Return that of the bodies' unit vectors, shape (n,), complex.
+
+        du_j/dt = i s_j phi_j' u_j, and d2u_j/dt2 = (i s_j phi_j'' - phi_j'^2) u_j.
+        """
+        factors = self.pose.linkage.i_s * np.array(self.joints)
+        if self.velocity is not None:
+            factors = factors - np.array(self.velocity.joints) ** 2
+        vectors: NDArray[np.complex128] = factors * np.array(self.pose.unit_vectors)
+        return vectors
+
+    @property
+    def points(self) -> Array:
+        """Return that of every point, shape (p, 2) [m/s] or [m/s^2]; made at each use."""
+        return self.pose.linkage.points_moved(self.vectors)
 
 
-def made_pose(linkage: Linkage, configuration: Configuration, iterations: int) -> LinkagePose:
-    """Return the pose of a configuration that is solved."""
-    angles, u = configuration.angles, configuration.u
-    foot = linkage.foot_constant
-    for j, w in linkage.foot_terms:
-        foot += w * u[j]
-    gaps = [abs(gap) for block in linkage.blocks for gap in np.atleast_1d(block.gap(u)).tolist()]
-    return LinkagePose(
-        angles[0],
-        tuple(map(wrap, angles[1:])),
-        (foot.real, foot.imag),
-        iterations,
-        hypot(*gaps),
-        tuple(rates(linkage, u)[1:]),
-        linkage,
-    )
+def closed_pose(linkage: 'Linkage', u: 'Sequence[complex]', alpha: float) -> LinkagePose:
+    """Return the pose whose bodies have these unit vectors, by circles and not by iteration."""
+    x = tuple(wrap(s * phase(v)) for s, v in zip(linkage.structure.senses, u, strict=True))[1:]
+    rows, constant = linkage.point_rows[linkage.foot]
+    foot = sum((w * u[j] for j, w in rows.items()), constant)
+    sines = tuple(abs(block.sine(u)) for block in linkage.blocks)
+    residual = float(np.hypot.reduce([block.gap(u) for block in linkage.blocks]))
+    rates = _coefficients(linkage, alpha, x, u)
+    return LinkagePose(alpha, x, (foot.real, foot.imag), 0, residual, rates, sines, linkage)
+
+
+def _coefficients(
+    linkage: 'Linkage', alpha: float, x: 'Sequence[float]', u: 'Sequence[complex]'
+) -> tuple[float, ...]:
+    """Solve Phi dx/dalpha = -df/dalpha; NaN where Phi is singular but for rounding."""
+    if any(abs(block.sine(u)) <= block.singular_sine for block in linkage.blocks):
+        return (nan,) * len(x)
+    rates = np.linalg.solve(linkage.phi(alpha, x), -linkage.f_alpha(alpha, x))
+    return tuple(rates.tolist())

@@ -8,12 +8,11 @@ dyad, more are coupled loops (Assur groups of a higher class). One group after t
 makes the Jacobian block lower triangular.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import combinations
+from typing import NamedTuple
 
 from klann_ros.kinematics.errors import GeometryError
-
-from .description import Description
 
 # All subsets of the bodies are tried.
 MOST_BODIES = 25
@@ -21,36 +20,35 @@ MOST_BODIES = 25
 Group = tuple[int, ...]
 
 
-def assembly_order(description: Description) -> list[Group]:
+class _Graph(NamedTuple):
+    """The fixed points, the points of each body, and the bodies' names."""
+
+    pivots: Sequence[str]
+    bodies: Sequence[Sequence[str]]
+    names: Sequence[str]
+
+
+def assembly_order(
+    pivots: Sequence[str], bodies: Sequence[Sequence[str]], names: Sequence[str]
+) -> list[Group]:
     """
     Return the groups of bodies in the order in which they are placed; the crank is body 0.
 
-    Parameters
-    ----------
-    description : Description
-        The linkage.
-
-    Returns
-    -------
-    list of tuple of int
-        The bodies of each group: two for a dyad, four or more for coupled loops.
-
-    Raises
-    ------
-    GeometryError
-        The crank does not move the linkage in one definite way: the loops have fewer or more
-        equations than unknown angles, as a whole or in a part.
-
+    Two bodies are a dyad, four or more coupled loops. A GeometryError says why the crank does not
+    move the linkage in one definite way: the loops have fewer or more equations than unknown
+    angles, as a whole or in a part. Bodies are given by their points, and by their names in
+    errors.
     """
-    _check_connected(description)
-    if _loops(description, (0,)):
-        msg = f'the crank {description.crank.angle} holds two pivots and cannot turn'
+    graph = _Graph(pivots, bodies, names)
+    _check_connected(graph)
+    if _loops(graph, (0,)):
+        msg = f'the crank {names[0]} holds two pivots and cannot turn'
         raise GeometryError(msg)
     known: Group = (0,)
-    rest = tuple(range(1, len(description.bodies)))
+    rest = tuple(range(1, len(bodies)))
     groups = []
     while rest:
-        group = _next_group(description, known, rest)
+        group = _next_group(graph, known, rest)
         groups.append(group)
         known += group
         rest = tuple(j for j in rest if j not in group)
@@ -60,14 +58,14 @@ def assembly_order(description: Description) -> list[Group]:
     return groups
 
 
-def _next_group(description: Description, known: Group, rest: Group) -> Group:
+def _next_group(graph: _Graph, known: Group, rest: Group) -> Group:
     """Return the fewest bodies that close a loop for every two of them."""
-    before = _loops(description, known)
+    before = _loops(graph, known)
     for size in range(1, len(rest) + 1):
         for group in combinations(rest, size):
-            closed = _loops(description, known + group) - before
+            closed = _loops(graph, known + group) - before
             if 2 * closed > size:
-                names = ', '.join(description.bodies[j].angle for j in group)
+                names = ', '.join(graph.names[j] for j in group)
                 msg = (
                     f'{names}: cannot move, since {2 * closed} loop equations stand against '
                     f'{size} unknown angle{"s" if size > 1 else ""}'
@@ -75,9 +73,9 @@ def _next_group(description: Description, known: Group, rest: Group) -> Group:
                 raise GeometryError(msg)
             if 2 * closed == size:
                 return group
-    closed = _loops(description, known + rest) - before
-    loose = [j for j in rest if _loops(description, set(known + rest) - {j}) - before == closed]
-    names = ', '.join(description.bodies[j].angle for j in loose or rest)
+    closed = _loops(graph, known + rest) - before
+    loose = [j for j in rest if _loops(graph, set(known + rest) - {j}) - before == closed]
+    names = ', '.join(graph.names[j] for j in loose or rest)
     if loose:
         msg = f'{names}: turns freely, since no loop closes over it'
     else:
@@ -88,7 +86,7 @@ def _next_group(description: Description, known: Group, rest: Group) -> Group:
     raise GeometryError(msg)
 
 
-def _loops(description: Description, bodies: Iterable[int]) -> int:
+def _loops(graph: _Graph, bodies: Iterable[int]) -> int:
     """Return how many independent loops some bodies and the ground close."""
     parent: dict[str, str] = {}
 
@@ -98,7 +96,7 @@ def _loops(description: Description, bodies: Iterable[int]) -> int:
         return node
 
     loops = 0
-    joined = [description.pivots, *(description.bodies[j].points for j in bodies)]
+    joined = [graph.pivots, *(graph.bodies[j] for j in bodies)]
     for number, points in enumerate(joined):
         for point in points:
             # The space keeps a body's node apart from every point's name.
@@ -108,19 +106,18 @@ def _loops(description: Description, bodies: Iterable[int]) -> int:
     return loops
 
 
-def _check_connected(description: Description) -> None:
-    if len(description.bodies) > MOST_BODIES:
-        msg = f'there are {len(description.bodies)} bodies: more than {MOST_BODIES} are not solved'
+def _check_connected(graph: _Graph) -> None:
+    if len(graph.bodies) > MOST_BODIES:
+        msg = f'there are {len(graph.bodies)} bodies: more than {MOST_BODIES} are not solved'
         raise GeometryError(msg)
-    reached, rest = set(description.pivots), list(description.bodies)
+    reached, rest = set(graph.pivots), list(range(len(graph.bodies)))
     while rest:
-        joined = [body for body in rest if not reached.isdisjoint(body.points)]
+        joined = [j for j in rest if not reached.isdisjoint(graph.bodies[j])]
         if not joined:
-            body = rest[0]
             msg = (
-                f'body {body.angle} ({"-".join(body.points)}) is connected to no pivot, not even '
-                f'by other bodies: the pivots are {", ".join(description.pivots)}'
+                f'body {graph.names[rest[0]]} ({"-".join(graph.bodies[rest[0]])}) is connected to '
+                f'no pivot, not even by other bodies: the pivots are {", ".join(graph.pivots)}'
             )
             raise GeometryError(msg)
-        reached.update(*(body.points for body in joined))
-        rest = [body for body in rest if body not in joined]
+        reached.update(*(graph.bodies[j] for j in joined))
+        rest = [j for j in rest if j not in joined]

@@ -1,0 +1,176 @@
+"""
+The branch of coupled loops: what a linkage reaches from its start when the crank is turned.
+
+There is no closed form for coupled loops. Their branch is followed once, in small steps, without
+passing a singular pose, and kept as a table. A guess at any crank angle is the nearest pose in it,
+led on along its tangent.
+"""
+
+from bisect import bisect_left
+from collections.abc import Sequence
+from math import isnan, pi
+from typing import NamedTuple, TYPE_CHECKING
+
+from klann_ros.kinematics.angles import TURN, wrap
+from klann_ros.kinematics.arcs import Arc
+from klann_ros.kinematics.errors import GeometryError, LoopsOpenError
+import numpy as np
+from numpy.typing import NDArray
+
+from .step import TRUSTED
+
+if TYPE_CHECKING:
+    from .linkage import Linkage
+
+Array = NDArray[np.float64]
+# Between the table's poses [rad]: an eighth of what a tangent of the Klann leg may lead astray.
+STEP = 0.05
+# Where steps smaller than this fail the branch ends [rad].
+SHORTEST = 1e-9
+TOLERANCE, ITERATIONS = 1e-9, 6
+
+
+class Row(NamedTuple):
+    """A pose: crank angle, the other angles and their derivatives [rad]."""
+
+    alpha: float
+    x: tuple[float, ...]
+    x_1: tuple[float, ...]
+
+    def ahead(self, step: float) -> tuple[float, ...]:
+        """Return the angles a step of the crank further on, to first order."""
+        return tuple(x + step * x_1 for x, x_1 in zip(self.x, self.x_1, strict=True))
+
+
+class Branch:
+    """
+    The poses of a linkage along its branch, over a whole turn or an arc.
+
+    Parameters
+    ----------
+    linkage : Linkage
+        One that ends with coupled loops.
+    block : int
+        Which block these are, from 1.
+
+    Raises
+    ------
+    GeometryError
+        It is nearly singular at its start, or not back there after a turn.
+
+    """
+
+    def __init__(self, linkage: 'Linkage', block: int) -> None:
+        """Follow it both ways."""
+        self._linkage, self._block = linkage, block
+        start, *x = linkage.start
+        first = self._row(start, tuple(x))
+        if first is None:
+            msg = (
+                'its coupled loops cannot be followed from the start: it is nearly singular there'
+            )
+            raise GeometryError(msg)
+        rows = self._walk(first, 1.0)
+        if not _is_closed(rows):
+            rows = _one_turn([*reversed(self._walk(first, -1.0)[1:]), *rows], start)
+        self._rows = rows
+        self._first, self._last = rows[0].alpha, rows[-1].alpha
+        self._is_turn = _is_closed(rows)
+        self._check_seam()
+
+    @property
+    def arc(self) -> Arc:
+        """Return the crank angles of its ends [rad]; (0, 2 pi) for a whole turn."""
+        return (0.0, TURN) if self._is_turn else (self._first, self._last)
+
+    def x(self, alpha: float) -> tuple[float, ...]:
+        """
+        Return the angles at a crank angle [rad].
+
+        Raises
+        ------
+        LoopsOpenError
+            The crank angle is not on the branch.
+
+        """
+        at = self._within(alpha)
+        near = self._near(at)
+        if self._first <= at <= self._last:
+            guess = near.ahead(at - near.alpha)
+            found = self._linkage.step.refine(alpha, guess, TOLERANCE, ITERATIONS)
+            if found is not None:
+                return found.x  # type: ignore[no-any-return]  # of a pose
+        raise LoopsOpenError(alpha, self._block, alpha + near.alpha - at)
+
+    def guesses(self, alphas: Array) -> Array:
+        """Return guesses of the angles at many crank angles, shape (n - 1, k); NaN beyond it."""
+        rows = [np.array(column) for column in zip(*self._rows, strict=True)]
+        at = self._first + np.remainder(alphas - self._first, TURN)
+        right = np.searchsorted(rows[0], at).clip(1, len(self._rows) - 1)
+        near = right - (at - rows[0][right - 1] < rows[0][right] - at)
+        found = rows[1][near] + (at - rows[0][near])[:, None] * rows[2][near]
+        found[at > self._last] = np.nan
+        angles: Array = found.T
+        return angles
+
+    def _row(self, alpha: float, guess: tuple[float, ...]) -> Row | None:
+        """Return the pose at a crank angle; None where the guess does not lead to it safely."""
+        found = self._linkage.step.refine(alpha, guess, TOLERANCE, ITERATIONS)
+        if found is None or isnan(found.coefficients[0]):
+            return None
+        return Row(alpha, found.x, found.coefficients)
+
+    def _walk(self, first: Row, direction: float) -> list[Row]:
+        """Return the poses from the first on, for a whole turn or until the branch ends."""
+        rows, step = [first], STEP
+        while abs(rows[-1].alpha - first.alpha) < TURN and step > SHORTEST:
+            guess = rows[-1].ahead(direction * step)
+            row = self._row(rows[-1].alpha + direction * step, guess)
+            if row is None:
+                step /= 2.0
+            else:
+                rows.append(row)
+                step = min(STEP, 2.0 * step)
+        return rows
+
+    def _check_seam(self) -> None:
+        """Refuse a crank that can turn on to where the linkage is put together in another way."""
+        if self._is_turn or self._last - self._first < TURN - 2.0 * STEP:
+            return
+        try:
+            self.x(self._first + 2.0 * STEP)
+            self.x(self._last - 2.0 * STEP)
+        except LoopsOpenError:
+            return
+        msg = (
+            'its coupled loops are not back where they were after a turn of the crank: one crank '
+            'angle has two poses, and such a linkage is not solved'
+        )
+        raise GeometryError(msg)
+
+    def _within(self, alpha: float) -> float:
+        """Return the crank angle, less whole turns, on the branch or nearest to it."""
+        middle = (self._first + self._last) / 2.0
+        return alpha - TURN * round((alpha - middle) / TURN)
+
+    def _near(self, at: float) -> Row:
+        i = bisect_left(self._rows, at, key=lambda row: row.alpha)
+        neighbours = self._rows[slice(max(0, i - 1), i + 1)]
+        return min(neighbours, key=lambda row: abs(row.alpha - at))
+
+
+def _is_closed(rows: Sequence[Row]) -> bool:
+    """Return whether rows are a whole turn, after which the loops are back where they were."""
+    start, end = rows[0], rows[-1]
+    if end.alpha - start.alpha < TURN:
+        return False
+    back = end.ahead(start.alpha + TURN - end.alpha)
+    return max(abs(wrap(a - b)) for a, b in zip(back, start.x, strict=True)) <= TRUSTED
+
+
+def _one_turn(rows: list[Row], start: float) -> list[Row]:
+    """Return the rows of one turn around the start; on a longer branch an angle has two poses."""
+    if rows[-1].alpha - rows[0].alpha < TURN:
+        return rows
+    first = min(max(rows[0].alpha, start - pi), rows[-1].alpha - TURN)
+    return [row for row in rows if first <= row.alpha <= first + TURN]

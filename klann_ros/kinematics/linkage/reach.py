@@ -1,0 +1,157 @@
+"""Where a linkage's crank can be: the arcs of crank angles at which every loop closes."""
+
+from cmath import phase
+from math import atan2, pi, sqrt
+from sys import float_info
+from typing import Any, TYPE_CHECKING
+
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arcs import Arc, arcs_inside, normal
+from klann_ros.kinematics.errors import LoopsOpenError, UnreachableError
+
+from .circles import placed
+from .linkage import as_linkage, Linkage
+
+if TYPE_CHECKING:
+    from .blocks import Block
+
+Lengths = tuple[float, float, float, float]
+
+
+def reachable_arcs(linkage: Any) -> list[Arc]:
+    """
+    Return the arcs of crank angles at which every loop closes in the linkage's assembly.
+
+    Of a dyad that the crank alone drives they follow in closed form, less 1e-12 of their length,
+    since rounding decides what closes at their very ends; within them the others' clearance is
+    searched for its zeros, and these are bisected to 1e-12 rad.
+
+    Parameters
+    ----------
+    linkage : Linkage, KlannGeometry, FourBarGeometry or leg
+        The linkage.
+
+    Returns
+    -------
+    list of (float, float)
+        Start and end of each arc, start < end, start in [0, 2 pi) [rad]; `[(0, 2 pi)]` for a
+        crank that turns fully, empty where nothing closes.
+
+    Raises
+    ------
+    TypeError
+        `linkage` is none of these.
+
+    """
+    linkage = as_linkage(linkage)
+    first, rest = linkage.blocks[0], linkage.blocks[1:]
+    if not linkage.is_dyadic:
+        arcs = [linkage.branch.arc]
+        rest = tuple(block for block in linkage.blocks if block.is_dyad)
+    elif is_driven(first):
+        arcs = driven_arcs(first)
+    else:
+        arcs, rest = [(0.0, TURN)], linkage.blocks
+    if not rest:
+        return normal([_cut(arc) for arc in arcs] if linkage.is_dyadic else arcs)
+
+    def clearance(alpha: float) -> float:
+        """Return the clearance of the dyad that fails [m], or else the least of the others."""
+        try:
+            u = placed(linkage, alpha)
+        except UnreachableError as error:
+            # Where the ends of a dyad coincide nothing closes, although nothing is short.
+            return min(-error.shortfall, -float_info.min)
+        except LoopsOpenError:
+            return -float_info.min
+        return float(max(0.0, min(block.clearance(u) for block in rest)))
+
+    return normal([found for arc in arcs for found in arcs_inside(clearance, arc)])
+
+
+def closes_somewhere(linkage: Linkage) -> bool:
+    """Return whether there is a crank angle at all at which every loop closes."""
+    # Nearly every linkage closes at one of a few angles; only the others are searched.
+    return any(_closes(linkage, k * TURN / 8.0) for k in range(8)) or bool(reachable_arcs(linkage))
+
+
+def is_driven(block: 'Block') -> bool:
+    """Return whether a block is a dyad whose ends are moved by the crank alone."""
+    (terms, _), *others = block.rows
+    return not others and {0, *block.unknowns} == terms.keys()
+
+
+def driven_arcs(block: 'Block') -> list[Arc]:
+    """Return the arcs at which a dyad closes that the crank alone drives [rad]."""
+    terms, constant = block.rows[0]
+    lengths = abs(constant), abs(terms[0]), *block.radii
+    if not closes(lengths):
+        return []
+    least, greatest = limits(lengths) if constant else (0.0, pi)
+    # Where the crank points to the fixed end.
+    toward = block.senses[0] * phase(-constant / terms[0])
+    if least == 0.0 and greatest == pi:
+        return [(0.0, TURN)]
+    if least == 0.0:
+        return [(toward - greatest, toward + greatest)]
+    if greatest == pi:
+        return [(toward + least, toward + TURN - least)]
+    return [(toward + least, toward + greatest), (toward - greatest, toward - least)]
+
+
+def closes(lengths: Lengths) -> bool:
+    """Return whether a four-bar closes at any crank angle at all, but for rounding."""
+    l_1, l_2, l_3, l_4 = lengths
+    rounding = tie(lengths)
+    return l_1 + l_2 >= abs(l_3 - l_4) - rounding and abs(l_1 - l_2) <= l_3 + l_4 + rounding
+
+
+def limits(lengths: Lengths) -> tuple[float, float]:
+    """
+    Return the least and the greatest angle from the ground at which a four-bar's crank closes it.
+
+    Both are in [0, pi] [rad]. |A O4| grows with the angle, so the least is where coupler and
+    rocker are folded, |A O4| = |L3 - L4|, and the greatest where they are stretched out, |A O4| =
+    L3 + L4; 0 and pi where the crank passes without such a limit. Where they only touch it, at a
+    change point, it passes. Of the reversed linkage, L1, L4, L3, L2, it is pi - theta4 that is
+    limited.
+    """
+    l_1, l_2, l_3, l_4 = lengths
+    folded, stretched, rounding = abs(l_3 - l_4), l_3 + l_4, tie(lengths)
+    passes_folded = abs(l_1 - l_2) >= folded - rounding
+    passes_stretched = l_1 + l_2 <= stretched + rounding
+    least = 0.0 if passes_folded else opening(l_1, l_2, folded)
+    greatest = pi if passes_stretched else opening(l_1, l_2, stretched)
+    return least, greatest
+
+
+def tie(lengths: Lengths) -> float:
+    """Return the difference of two sums of two lengths that is rounding and no difference [m]."""
+    return 4.0 * float_info.epsilon * max(lengths)
+
+
+def _closes(linkage: Linkage, alpha: float) -> bool:
+    try:
+        placed(linkage, alpha)
+    except (UnreachableError, LoopsOpenError):
+        return False
+    return True
+
+
+def _cut(arc: Arc) -> Arc:
+    """Return an arc without its very ends."""
+    start, end = arc
+    cut = 0.0 if end - start >= TURN else 5e-13 * (end - start)
+    return start + cut, end - cut
+
+
+def opening(p: float, q: float, opposite: float) -> float:
+    """
+    Return the angle between two sides of a triangle, in [0, pi] [rad].
+
+    From tan(angle / 2)^2 = (o - (p - q)) (o + (p - q)) / ((p + q - o) (p + q + o)), which keeps
+    its digits near 0 and pi; the law of cosines loses half of them there.
+    """
+    near = (opposite - (p - q)) * (opposite + (p - q))
+    far = (p + q - opposite) * (p + q + opposite)
+    return 2.0 * atan2(sqrt(max(0.0, near)), sqrt(max(0.0, far)))

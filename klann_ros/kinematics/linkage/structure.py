@@ -1,0 +1,329 @@
+"""What a linkage is made of, without a number: bodies of bars, pivots, the crank, the foot."""
+
+from collections.abc import Iterable, Sequence, Set as AbstractSet
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
+
+from klann_ros.kinematics.errors import GeometryError
+
+from .assembly import assembly_order, Group
+from .paths import loop_paths, Path
+
+UNITS = {'length': 'm', 'brace': 'm', 'x': 'm', 'y': 'm', 'bend': 'rad'}
+
+
+class Brace(NamedTuple):
+    """A second bar to a bar's end, from another point of the body; its side is 'left', 'right'."""
+
+    start: str
+    side: str
+
+
+class Bar(NamedTuple):
+    """
+    A bar of a body, from one of its points to a new one.
+
+    The first bar's direction is the body's angle; another's is bent from it, or follows from the
+    triangle with a brace.
+    """
+
+    start: str
+    end: str
+    brace: Brace | None = None
+
+
+class Body(NamedTuple):
+    """
+    A rigid body: bars that turn by one angle.
+
+    Attributes
+    ----------
+    angle : str
+        The name of its angle, under which it is published.
+    bars : tuple of Bar
+        The first leads from a point of another body, or from a pivot; each of the others from a
+        point that this body has already.
+    clockwise : bool
+        Whether its angle is measured clockwise.
+    label : str
+        What people call it; its angle's name where left out.
+
+    """
+
+    angle: str
+    bars: tuple[Bar, ...]
+    clockwise: bool = False
+    label: str = ''
+
+    @property
+    def sense(self) -> int:
+        """Return +1 for a counter-clockwise angle, -1 for a clockwise one."""
+        return -1 if self.clockwise else 1
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Return its points, the one that it starts from first."""
+        return (self.bars[0].start, *(bar.end for bar in self.bars))
+
+
+class Dimension(NamedTuple):
+    """
+    A number of a linkage.
+
+    Attributes
+    ----------
+    name : str
+        Such as `l_bc`, `B-C` or `D.x`.
+    kind : str
+        'length' of a bar, its 'bend' or its 'brace'; 'x' or 'y' of a pivot.
+    place : int
+        Which bar, through all bodies, or which pivot.
+    sense : int
+        -1 for a bend that is measured clockwise.
+
+    """
+
+    name: str
+    kind: str
+    place: int
+    sense: int = 1
+
+    @property
+    def unit(self) -> str:
+        """Return its unit."""
+        return UNITS[self.kind]
+
+    @property
+    def is_length(self) -> bool:
+        """Return whether it must be > 0."""
+        return self.kind in ('length', 'brace')
+
+
+@dataclass(frozen=True)
+class Structure:
+    """
+    A linkage without its numbers: what is joined to what.
+
+    Attributes
+    ----------
+    pivots : tuple of str
+        The fixed points.
+    bodies : tuple of Body
+        The moving bodies, the crank first.
+    foot : str
+        The point that is published.
+    points : tuple of str
+        Every point, in the order in which they are told; the pivots first where left out.
+    dimensions : tuple of Dimension
+        The numbers by the names that users know, in their order; what is not among them is 0. All
+        of them, named by their points, where left out.
+    outside : tuple of int
+        The blocks, from 1, whose transmission angle is measured outside of the joint.
+
+    Raises
+    ------
+    GeometryError
+        It is no linkage; the text says why.
+
+    """
+
+    pivots: tuple[str, ...]
+    bodies: tuple[Body, ...]
+    foot: str
+    points: tuple[str, ...] = ()
+    dimensions: tuple[Dimension, ...] = ()
+    outside: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse what is no linkage, and fill in what was left out."""
+        _must(bool(self.bodies), 'there are no bodies: the first is the crank')
+        for body in self.bodies:
+            _check_body(body)
+        names = self.angles
+        for name in names:
+            _must(names.count(name) == 1, f'there are two bodies called {name}')
+        moving = (point for body in self.bodies for point in body.points)
+        points = tuple(dict.fromkeys([*self.pivots, *moving]))
+        crank, known, fixed = self.crank.points[0], ', '.join(points), ', '.join(self.pivots)
+        turns = crank in self.pivots
+        _must(turns, f'the crank starts from {crank}, which is no pivot: these are {fixed}')
+        _must(self.foot not in self.pivots, f'the foot {self.foot} is a pivot and does not move')
+        _must(self.foot in points, f'the foot {self.foot} is none of the points: {known}')
+        object.__setattr__(self, 'points', self.points or points)
+        object.__setattr__(self, 'dimensions', self.dimensions or tuple(_dimensions(self)))
+        object.__setattr__(self, '_hash', hash((self.pivots, self.bodies, self.foot)))
+
+    def __hash__(self) -> int:
+        """Return what was computed once: a structure is looked up for each of its linkages."""
+        return self._hash  # type: ignore[attr-defined, no-any-return]  # set above
+
+    def __reduce__(self) -> tuple[type['Structure'], tuple[object, ...]]:
+        """Leave out what other processes compute for themselves, and hash otherwise."""
+        named = (self.foot, self.points, self.dimensions, self.outside)
+        return Structure, (self.pivots, self.bodies, *named)
+
+    @property
+    def crank(self) -> Body:
+        """Return the body whose angle is given."""
+        return self.bodies[0]
+
+    @property
+    def angles(self) -> tuple[str, ...]:
+        """Return the names of the angles, the crank's first."""
+        return tuple(body.angle for body in self.bodies)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Return what people call the bodies."""
+        return tuple(body.label or body.angle for body in self.bodies)
+
+    @property
+    def slots(self) -> tuple[tuple[str, int], ...]:
+        """Return of each dimension its kind and its place."""
+        return tuple((dimension.kind, dimension.place) for dimension in self.dimensions)
+
+    @cached_property
+    def senses(self) -> tuple[int, ...]:
+        """Return +1 or -1 for each body's angle."""
+        return tuple(body.sense for body in self.bodies)
+
+    @cached_property
+    def bars(self) -> tuple[tuple[int, Bar], ...]:
+        """Return all bars, each with its body."""
+        return tuple((j, bar) for j, body in enumerate(self.bodies) for bar in body.bars)
+
+    @cached_property
+    def straight(self) -> frozenset[int]:
+        """Return the bars that lie along their bodies' angles: the first of each."""
+        firsts = {body: number for number, (body, _) in reversed([*enumerate(self.bars)])}
+        return frozenset(firsts.values())
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """Return the bodies that are placed together, in the order in which they are placed."""
+        return tuple(
+            assembly_order(self.pivots, [body.points for body in self.bodies], self.angles)
+        )
+
+    @cached_property
+    def paths(self) -> 'Paths':
+        """Return the loops and the ways to the points, along bars."""
+        bars = [(body, bar.start, bar.end) for body, bar in self.bars]
+        loops, points = loop_paths(self.pivots, bars, [(0,), *self.groups])
+        closing = [[(name, path) for name, path in group] for group in loops[1:]]
+        ends = [sum(map(len, closing[:k])) for k in range(len(closing) + 1)]
+        return Paths(
+            loops=tuple(path for group in closing for _, path in group),
+            closing=tuple(name for group in closing for name, _ in group),
+            rows=tuple(tuple(range(a, b)) for a, b in pairwise(ends)),
+            points=tuple(points[name] for name in self.points),
+        )
+
+    @cached_property
+    def dyad_names(self) -> tuple[tuple[str, str, str, str], ...]:
+        """Return what the ends and the links of each block are called, by their points."""
+        placed = {*self.pivots, *self.crank.points}
+        found = []
+        for group in self.groups:
+            bodies = [self.bodies[j].points for j in group]
+            found.append(_names(bodies[0], bodies[1], placed))
+            placed.update(*bodies)
+        return tuple(found)
+
+    def mirrored(self) -> 'Structure':
+        """Return it with every brace on the other side of its bar."""
+        turned = (
+            [bar._replace(brace=_other_side(bar.brace)) for bar in b.bars] for b in self.bodies
+        )
+        pairs = zip(self.bodies, turned, strict=True)
+        return replace(self, bodies=tuple(body._replace(bars=tuple(bars)) for body, bars in pairs))
+
+    def head(self, blocks: int) -> 'Structure':
+        """Return the part of it that the first so many blocks place."""
+        kept = (0, *(j for group in self.groups[:blocks] for j in group))
+        bodies = tuple(body for j, body in enumerate(self.bodies) if j in kept)
+        return Structure(self.pivots, bodies, bodies[0].points[-1])
+
+
+class Paths(NamedTuple):
+    """
+    The loops of a structure, and the ways to its points.
+
+    Attributes
+    ----------
+    loops : tuple of Path
+        Each closes at a point: the way over its last bar less the point's own.
+    closing : tuple of str
+        At which point.
+    rows : tuple of tuple of int
+        Which loops each group of bodies closes.
+    points : tuple of Path
+        From a pivot to each point.
+
+    """
+
+    loops: tuple[Path, ...]
+    closing: tuple[str, ...]
+    rows: tuple[tuple[int, ...], ...]
+    points: tuple[Path, ...]
+
+
+def _dimensions(structure: Structure) -> list[Dimension]:
+    """Return all numbers of a structure, named by points; bodies part what has the same name."""
+    found = []
+    for number, (body, bar) in enumerate(structure.bars):
+        angle = structure.bodies[body].angle
+        found.append((f'{bar.start}-{bar.end}', angle, 'length', number))
+        if bar.brace is not None:
+            found.append((f'{bar.brace.start}-{bar.end}', angle, 'brace', number))
+        elif number not in structure.straight:
+            found.append((f'bend of {bar.start}-{bar.end}', angle, 'bend', number))
+    names = [name for name, *_ in found]
+    dimensions = [
+        Dimension(name if names.count(name) == 1 else f'{name} of {angle}', kind, number)
+        for name, angle, kind, number in found
+    ]
+    for place, name in enumerate(structure.pivots):
+        dimensions += [Dimension(f'{name}.x', 'x', place), Dimension(f'{name}.y', 'y', place)]
+    return dimensions
+
+
+def _names(
+    a: Sequence[str], b: Sequence[str], placed: AbstractSet[str]
+) -> tuple[str, str, str, str]:
+    joint = next((point for point in a if point in b and point not in placed), '')
+    p, q = (next((point for point in body if point in placed), '?') for body in (a, b))
+    one, other = (''.join(name for name in body if name in (p, q, joint)) for body in (a, b))
+    return p, q, one, other
+
+
+def _other_side(brace: Brace | None) -> Brace | None:
+    return brace and brace._replace(side='left' if brace.side == 'right' else 'right')
+
+
+def _check_body(body: Body) -> None:
+    _must(bool(body.bars), f'body {body.angle} has no bars')
+    have = [body.bars[0].start]
+    for bar in body.bars:
+        text = f'bar {bar.start}-{bar.end} of body {body.angle}'
+        _must(bar.start in have, f'{text} starts from a point that the body does not have yet')
+        _must(bar.end not in have, f'{text} ends at a point that the body has already')
+        if bar.brace is not None:
+            missing = f'bodies.{body.angle}: {bar.brace.start} is no point of it yet'
+            _must(bar.brace.start in have, f'{missing}, so nothing can be braced from it')
+        have.append(bar.end)
+
+
+def _must(condition: bool, otherwise: str) -> None:
+    if not condition:
+        raise GeometryError(otherwise)
+
+
+def by_name(dimensions: Sequence[Dimension], wanted: Iterable[str] = ()) -> dict[str, int]:
+    """Return the place of each dimension under its name; a GeometryError where one is wanting."""
+    places = {dimension.name: number for number, dimension in enumerate(dimensions)}
+    unknown = [name for name in wanted if name not in places]
+    _must(not unknown, f'{", ".join(unknown)}: no such dimension; there are {", ".join(places)}')
+    return places

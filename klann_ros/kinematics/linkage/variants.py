@@ -1,0 +1,179 @@
+"""Many linkages of one structure as arrays of their numbers."""
+
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from typing import Any
+
+from klann_ros.kinematics.errors import GeometryError
+from klann_ros.kinematics.validation import LARGEST, SMALLEST
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import shape
+from .linkage import Linkage, NO_TRIANGLE
+from .structure import by_name
+
+Array = NDArray[np.float64]
+# Why a variant is refused: the texts of `Variants.reason`.
+NOT_FINITE, NOT_POSITIVE, BEYOND_MEASURE, OPEN = 1, 2, 3, 4
+_WHY = {
+    NOT_FINITE: 'it must be a finite number',
+    NOT_POSITIVE: 'a length must be > 0',
+    BEYOND_MEASURE: f'it must be within {SMALLEST:g} .. {LARGEST:g} m',
+    OPEN: NO_TRIANGLE,
+}
+
+
+class Variants:
+    """
+    Linkages that differ in their numbers alone: thousands a millisecond.
+
+    All are checked at once, as one linkage is when it is made; but whether a crank angle exists at
+    all at which they close is left to who solves them.
+
+    Parameters
+    ----------
+    base : Linkage
+        Whose structure, assembly and other numbers they have.
+    changes : mapping of str to array-like of float
+        The numbers that differ, by their names in `Linkage.dimensions`, as arrays of one shape, or
+        of shapes that NumPy broadcasts to one, of one axis [m, rad].
+    assembly : array-like of int, shape (number of blocks, n), optional
+        An assembly for each; the base's where left out.
+
+    Attributes
+    ----------
+    numbers : numpy.ndarray, shape (number of dimensions, n)
+        Their numbers [m, rad].
+    refused : numpy.ndarray of uint8, shape (n,)
+        0 for a linkage, else why it is none: see `reason`.
+    culprits : numpy.ndarray of int, shape (n,)
+        Which of its numbers is wrong.
+
+    Raises
+    ------
+    GeometryError
+        There is no such number, or the arrays do not fit together.
+
+    Examples
+    --------
+    >>> from klann_ros.kinematics import KlannGeometry
+    >>> variants = Variants(KlannGeometry.sem104().linkage, {'l_bc': [0.34, 0.35, -1.0]})
+    >>> len(variants), variants.refused.tolist(), variants.reason(2)
+    (3, [0, 0, 2], 'l_bc = -1.0 is refused: a length must be > 0')
+
+    """
+
+    def __init__(
+        self,
+        base: Linkage,
+        changes: Mapping[str, ArrayLike],
+        *,
+        assembly: ArrayLike | None = None,
+    ) -> None:
+        """Check them all."""
+        self.base = base
+        places = by_name(base.structure.dimensions, changes)
+        try:
+            arrays = [np.asarray(values, dtype=np.float64) for values in changes.values()]
+            given = np.broadcast_arrays(*arrays) if arrays else []
+        except (TypeError, ValueError) as error:
+            msg = f'the dimensions {", ".join(changes)} are no arrays of one shape: {error}'
+            raise GeometryError(msg) from None
+        count = np.broadcast_shapes((1,), *(array.shape for array in given))
+        if len(count) != 1:
+            raise GeometryError(f'the dimensions have {len(count)} axes, not one')
+        self.numbers = np.repeat(np.array(base.numbers)[:, None], count[0], axis=1)
+        for name, values in zip(changes, given, strict=True):
+            self.numbers[places[name]] = values
+        signs = base.assembly if assembly is None else assembly
+        table = np.asarray(signs, dtype=np.float64)
+        self.signs = np.repeat(table[:, None], count[0], axis=1) if table.ndim == 1 else table
+        self.refused, self.culprits = self._check()
+
+    @classmethod
+    def of(cls, linkages: Iterable[Linkage]) -> 'Variants':
+        """
+        Return linkages of one structure as variants of the first.
+
+        Raises
+        ------
+        GeometryError
+            There are none, or they are of several structures.
+
+        """
+        every = list(linkages)
+        if not every:
+            raise GeometryError('there are no linkages')
+        first = every[0]
+        known = first.structure
+        if any(one.structure is not known and one.structure != known for one in every):
+            raise GeometryError('the linkages are of several structures: give them one by one')
+        made = cls.__new__(cls)
+        made.base = first
+        made.numbers = np.array([one.numbers for one in every]).T
+        made.signs = np.array([one.assembly for one in every], dtype=np.float64).T
+        # Each was checked when it was made.
+        made.refused = np.zeros(len(every), dtype=np.uint8)
+        made.culprits = np.zeros(len(every), dtype=np.intp)
+        return made
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return int(self.numbers.shape[1])
+
+    def __getitem__(self, i: int) -> Linkage:
+        """
+        Return one of them.
+
+        Raises
+        ------
+        GeometryError
+            It is none.
+
+        """
+        changes = dict(zip(self.base.dimensions, self.numbers[:, i].tolist(), strict=True))
+        return self.base.varied(changes)
+
+    def reason(self, i: int) -> str:
+        """Return why one of them is refused; empty for a linkage."""
+        code = int(self.refused[i])
+        if not code:
+            return ''
+        dimension = self.base.structure.dimensions[self.culprits[i]]
+        value = float(self.numbers[self.culprits[i], i])
+        return f'{dimension.name} = {value!r} is refused: {_WHY[code]}'
+
+    @cached_property
+    def vectors(self) -> tuple[list[Any], list[Any]]:
+        """Return their pivots and bars: see `shape.vectors`; NaN for those that are refused."""
+        numbers = (
+            np.where(self.refused, np.nan, self.numbers) if self.refused.any() else self.numbers
+        )
+        return shape.vectors(self.base.structure, [*numbers])
+
+    def _check(self) -> tuple[NDArray[np.uint8], NDArray[np.intp]]:
+        """Return why each is refused, and for which of its numbers."""
+        refused = np.zeros(len(self), dtype=np.uint8)
+        which = np.zeros(len(self), dtype=np.intp)
+        structure = self.base.structure
+
+        def refuse(place: int, wrong: NDArray[np.bool_], code: int) -> None:
+            new = wrong & (refused == 0)
+            refused[new], which[new] = code, place
+
+        for place, dimension in enumerate(structure.dimensions):
+            values = self.numbers[place]
+            refuse(place, ~np.isfinite(values), NOT_FINITE)
+            if dimension.is_length:
+                refuse(place, ~(values > 0.0), NOT_POSITIVE)
+            if dimension.unit == 'm':
+                size = np.abs(values)
+                within = (values == 0.0) | ((size >= SMALLEST) & (size <= LARGEST))
+                refuse(place, ~within, BEYOND_MEASURE)
+        with np.errstate(all='ignore'):
+            _, bars = shape.vectors(structure, [*self.numbers])
+        for place, dimension in enumerate(structure.dimensions):
+            if dimension.kind == 'brace':
+                refuse(place, np.isnan(bars[dimension.place]), OPEN)
+        return refused, which
