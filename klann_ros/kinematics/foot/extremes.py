@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from itertools import pairwise
 from math import inf, isnan, pi
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from .coordinate import Coordinate
 from .roots import root
@@ -24,7 +24,7 @@ class Piece(NamedTuple):
     value_1: float
 
 
-def turning_points(track: Track[Any], s: Coordinate) -> list[float]:
+def turning_points(track: Track, s: Coordinate) -> list[float]:
     """
     Return the parameters t at which ds/dt crosses 0, sorted; of a turn, in [0, pi).
 
@@ -39,7 +39,7 @@ def turning_points(track: Track[Any], s: Coordinate) -> list[float]:
     return sorted(found)
 
 
-def pieces(track: Track[Any], s: Coordinate) -> list[Piece]:
+def pieces(track: Track, s: Coordinate) -> list[Piece]:
     """Return the monotone pieces of a track, in its order; of a turn, the last one closes it."""
     turns = turning_points(track, s)
     if not track.span.is_turn:
@@ -55,7 +55,7 @@ def pieces(track: Track[Any], s: Coordinate) -> list[Piece]:
     return [Piece(a, b, *v) for (a, b), v in zip(pairwise(ends), pairwise(values), strict=True)]
 
 
-def slope_range(track: Track[Any], s: Coordinate, t_0: float, t_1: float) -> tuple[float, float]:
+def slope_range(track: Track, s: Coordinate, t_0: float, t_1: float) -> tuple[float, float]:
     """Return the least and the greatest |ds/dalpha| from t_0 to t_1; inf at the end of an arc."""
     candidates = [t_0, t_1, *(t for t in _steepest(track, s, t_0, t_1) if t_0 < t < t_1)]
     # At the end of an arc a dyad is in line; how large a slope is found there is chance.
@@ -64,7 +64,7 @@ def slope_range(track: Track[Any], s: Coordinate, t_0: float, t_1: float) -> tup
     return min(steepness), max(steepness)
 
 
-def _steepest(track: Track[Any], s: Coordinate, t_0: float, t_1: float) -> Iterator[float]:
+def _steepest(track: Track, s: Coordinate, t_0: float, t_1: float) -> Iterator[float]:
     """Yield the t near t_0 .. t_1 at which ds/dalpha itself turns."""
     rows = list(zip(track.t.tolist(), track.slopes(s).tolist(), strict=True))
     if track.span.is_turn:
@@ -77,7 +77,7 @@ def _steepest(track: Track[Any], s: Coordinate, t_0: float, t_1: float) -> Itera
             yield root(lambda t: track.curvature(s, t), *bends) if hidden else t
 
 
-def _neighbours(track: Track[Any], s: Coordinate) -> Rows:
+def _neighbours(track: Track, s: Coordinate) -> Rows:
     """Return t and ds/dt where it is not 0; a turn goes on at both ends with its own samples."""
     ts = track.t.tolist()
     speeds = [track.span.alpha_1(t) for t in ts]
@@ -94,7 +94,7 @@ def _neighbours(track: Track[Any], s: Coordinate) -> Rows:
     return rows
 
 
-def _crossings(track: Track[Any], s: Coordinate, rows: Rows) -> Iterator[float]:
+def _crossings(track: Track, s: Coordinate, rows: Rows) -> Iterator[float]:
     # Of a turn the last pair repeats the first.
     for left, right in pairwise(rows[:-1] if track.span.is_turn else rows):
         if left[1] * right[1] < 0.0:
@@ -106,7 +106,7 @@ def _crossings(track: Track[Any], s: Coordinate, rows: Rows) -> Iterator[float]:
 
 
 def _hidden(
-    track: Track[Any], s: Coordinate, before: tuple[float, float], after: tuple[float, float]
+    track: Track, s: Coordinate, before: tuple[float, float], after: tuple[float, float]
 ) -> Iterator[float]:
     """Yield the two crossings of ds/dt, if any, between two samples of the same sign."""
     bends = [(t, track.curvature_t(s, t)) for t, _ in (before, after)]

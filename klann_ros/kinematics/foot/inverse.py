@@ -3,11 +3,11 @@
 from collections.abc import Iterable
 from math import hypot
 from sys import float_info
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN
 
-from .coordinate import Coordinate, SquareDistance
+from .coordinate import Coordinate
 from .extremes import pieces, turning_points
 from .roots import root
 from .track import Track
@@ -40,7 +40,7 @@ class Nearest(NamedTuple):
     ties: tuple[float, ...]
 
 
-def parameters_at(track: Track[Any], s: Coordinate, value: float, rounding: float) -> list[float]:
+def parameters_at(track: Track, s: Coordinate, value: float, rounding: float) -> list[float]:
     """
     Return the parameters t at which a coordinate has a value, in the track's order.
 
@@ -58,7 +58,7 @@ def parameters_at(track: Track[Any], s: Coordinate, value: float, rounding: floa
 
 
 def crank_angles_at(
-    tracks: Iterable[Track[Any]], s: Coordinate, value: float, size: float
+    tracks: Iterable[Track], s: Coordinate, value: float, size: float
 ) -> list[float]:
     """Return all crank angles in [0, 2 pi) at which a coordinate has a value, sorted [rad]."""
     return distinct(
@@ -68,10 +68,10 @@ def crank_angles_at(
     )
 
 
-def nearest(tracks: Iterable[Track[Any]], point: tuple[float, float], size: float) -> Nearest:
+def nearest(tracks: Iterable[Track], point: tuple[float, float], size: float) -> Nearest:
     """Return the crank angle at which the foot is nearest to a point (x, y) [m]."""
     x, y = point
-    s = SquareDistance(x, y)
+    s = Coordinate(point=point, k=1.0)
     candidates = []
     for track in tracks:
         for t in (*turning_points(track, s), float(track.t[0]), float(track.t[-1])):

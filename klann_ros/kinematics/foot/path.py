@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import inf, isfinite, nan
+from math import inf, nan
 from numbers import Real
 from typing import Any
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import KinematicsError
-from klann_ros.kinematics.mechanism import Leg, PoseT
 import numpy as np
 
 from . import inverse
@@ -60,7 +59,7 @@ class FootPath:
     h: Array
     h_1: Array
     arcs: tuple[tuple[float, float], ...]
-    _tracks: tuple[Track[Any], ...] = field(repr=False)
+    _tracks: tuple[Track, ...] = field(repr=False)
 
     @property
     def full_turn(self) -> bool:
@@ -195,14 +194,7 @@ class FootPath:
             The point is not two finite numbers.
 
         """
-        try:
-            x, y = (float(value) for value in point)
-        except (TypeError, ValueError):
-            x = y = nan
-        if not (isfinite(x) and isfinite(y)):
-            msg = f'point = {point!r} is refused: it must be two finite numbers'
-            raise ValueError(msg)
-        return inverse.nearest(self._tracks, (x, y), self._size)
+        return inverse.nearest(self._tracks, validation.vector('point', point), self._size)
 
     @cached_property
     def _size(self) -> float:
@@ -219,7 +211,7 @@ class FootPath:
         return inverse.crank_angles_at(self._tracks, s, value, self._size)
 
 
-def foot_path(leg: Leg[PoseT], *, samples: int = 720) -> FootPath:
+def foot_path(leg: Any, *, samples: int = 720) -> FootPath:
     """
     Return the path of a leg's foot over all crank angles that it can reach.
 

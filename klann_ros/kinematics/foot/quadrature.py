@@ -2,7 +2,7 @@
 
 from functools import cache
 from math import pi
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics.angles import TURN
 import numpy as np
@@ -24,7 +24,7 @@ class Nodes(NamedTuple):
     weights: Array
 
 
-def nodes(track: Track[Any], t_0: float, t_1: float, panels: int) -> Nodes:
+def nodes(track: Track, t_0: float, t_1: float, panels: int) -> Nodes:
     """Return the nodes of Gauss and Legendre, 8 on each of so many equal panels of t."""
     x, w = _legendre()
     edges = np.linspace(t_0, t_1, panels + 1)
@@ -35,7 +35,7 @@ def nodes(track: Track[Any], t_0: float, t_1: float, panels: int) -> Nodes:
     return Nodes(h, h_t, np.tile(half * w, panels))
 
 
-def path_length(track: Track[Any]) -> float:
+def path_length(track: Track) -> float:
     """
     Return the length of the foot's path over a track [m].
 
@@ -48,7 +48,7 @@ def path_length(track: Track[Any]) -> float:
     return float(np.hypot(*h_t.T) @ weights)
 
 
-def enclosed_area(track: Track[Any]) -> float:
+def enclosed_area(track: Track) -> float:
     """
     Return the area that a turn's path encloses [m^2], 1/2 int (x dy - y dx).
 

@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, pi
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import KinematicsError
 import numpy as np
 
-from .coordinate import Along, X, Y
+from .coordinate import Coordinate, X, Y
 from .extremes import pieces, slope_range, turning_points
 from .inverse import parameters_at
 from .quadrature import nodes
@@ -116,26 +116,18 @@ class Stance:
 class _Stretch(NamedTuple):
     """A stretch of a track within the band on which x is monotone."""
 
-    track: Track[Any]
+    track: Track
     t_0: float
     t_1: float
     sign: int
     holds_lowest: bool
 
 
-def stances(tracks: Sequence[Track[Any]], ground: float, rounding: float) -> list[Stance]:
+def stances(tracks: Sequence[Track], ground: float, rounding: float) -> list[Stance]:
     """
     Return the stances, that with the lowest point first, then the others as the crank turns.
 
-    Parameters
-    ----------
-    tracks : sequence of Track
-        The foot's path.
-    ground : float
-        Height of the band above the lowest point, well above rounding [m].
-    rounding : float
-        What a coordinate can lose to rounding [m].
-
+    The band is `ground` above the lowest point, well above rounding [m].
     """
     lowest, track, t = min(
         (value, k, t)
@@ -160,7 +152,7 @@ def stances(tracks: Sequence[Track[Any]], ground: float, rounding: float) -> lis
 
 
 def _stretches(
-    track: Track[Any], level: float, rounding: float, lowest: float | None
+    track: Track, level: float, rounding: float, lowest: float | None
 ) -> list[_Stretch]:
     ends = {*turning_points(track, X), *parameters_at(track, Y, level, rounding)}
     if track.span.is_turn:
@@ -223,13 +215,13 @@ def _stance(stretch: _Stretch, ground: float) -> Stance:
     )
 
 
-def _deviation(track: Track[Any], t_0: float, t_1: float) -> float:
+def _deviation(track: Track, t_0: float, t_1: float) -> float:
     """Return the greatest distance from the line through the centre along the main axis [m]."""
     h, h_t, weights = nodes(track, t_0, t_1, PANELS)
     metres = np.hypot(*h_t.T) * weights
     centre = metres @ h / metres.sum()
     _, axes = np.linalg.eigh(((h - centre).T * metres) @ (h - centre))
-    normal = Along(*axes[:, 0].tolist())
+    normal = Coordinate((float(axes[0, 0]), float(axes[1, 0])))
     turns = [t + k * pi for t in turning_points(track, normal) for k in (0, 1)]
     inside = [t for t in turns if t_0 < t < t_1]
     offsets = [track.value(normal, t) - float(normal.value(centre)) for t in (t_0, t_1, *inside)]

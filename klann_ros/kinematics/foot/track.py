@@ -3,53 +3,30 @@
 from collections.abc import Iterator
 from contextlib import suppress
 from math import nan, pi
-from typing import Generic, TypeVar
+from typing import Any
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import KinematicsError, SingularPoseError
-from klann_ros.kinematics.mechanism import Leg, LegPose
 import numpy as np
 
 from .coordinate import Array, Coordinate
 from .span import Span
-
-PoseT = TypeVar('PoseT', bound=LegPose)
 
 # At the very end of an arc rounding decides whether a pose can be solved; how far before it the
 # foot is looked for then [rad].
 BACK_OFF = (0.0, *(2.0**k for k in range(-52, -19)))
 
 
-class Track(Generic[PoseT]):
+class Track:
     """
-    The foot of a leg over a span of crank angles.
+    The foot of a leg over a span of crank angles, at n samples; those without a pose are left out.
 
-    Parameters
-    ----------
-    leg : Leg
-        A leg that nobody else solves.
-    span : Span
-        The arc.
-    n : int
-        How many samples are taken; one that cannot be solved is left out.
-
-    Raises
-    ------
-    TypeError
-        The leg's poses have no foot.
-
-    Attributes
-    ----------
-    t : numpy.ndarray, shape (k,)
-        The span's parameter at the samples.
-    alphas : numpy.ndarray, shape (k,)
-        Crank angles, start to end [rad].
-    h, h_1 : numpy.ndarray, shape (k, 2)
-        H [m] and dH/dalpha [m/rad], which is NaN at a singular pose.
-
+    t, alphas, h and h_1 are the span's parameter, the crank angles [rad], H [m] and dH/dalpha
+    [m/rad] at the samples; dH/dalpha is NaN at a singular pose. Nobody else may solve the leg. A
+    TypeError says that its poses have no foot.
     """
 
-    def __init__(self, leg: Leg[PoseT], span: Span, n: int) -> None:
+    def __init__(self, leg: Any, span: Span, n: int) -> None:
         """Take the samples."""
         self.span = span
         self._leg = leg
@@ -72,7 +49,7 @@ class Track(Generic[PoseT]):
 
     def crank_angle(self, t: float) -> float:
         """Return the crank angle in [0, 2 pi), one that can be solved [rad]."""
-        return self._pose(t, wrapped=True).alpha
+        return float(self._pose(t, wrapped=True).alpha)
 
     def value(self, s: Coordinate, t: float) -> float:
         """Return a coordinate of the foot."""
@@ -102,7 +79,7 @@ class Track(Generic[PoseT]):
         alpha_1, alpha_2 = self.span.alpha_1(t), self.span.alpha_2(t)
         return self.curvature(s, t) * alpha_1**2 + self.slope(s, t) * alpha_2
 
-    def _solvable(self, ts: list[float]) -> Iterator[tuple[float, PoseT]]:
+    def _solvable(self, ts: list[float]) -> Iterator[tuple[float, Any]]:
         for t in ts:
             pose = None
             with suppress(KinematicsError):
@@ -110,7 +87,7 @@ class Track(Generic[PoseT]):
             if pose is not None:
                 yield t, pose
 
-    def _pose(self, t: float, *, wrapped: bool = False) -> PoseT:
+    def _pose(self, t: float, *, wrapped: bool = False) -> Any:
         alpha = self.span.alpha(t)
         inward = 1.0 if t < pi / 2.0 else -1.0
         for back_off in BACK_OFF:
@@ -123,17 +100,18 @@ class Track(Generic[PoseT]):
                     break
         raise error
 
-    def _h_1(self, pose: PoseT) -> Array:
+    def _h_1(self, pose: Any) -> Array:
         try:
             return np.array(self._leg.velocity(pose, 1.0).h)
         except SingularPoseError:
             return np.array((nan, nan))
 
-    def _acceleration(self, pose: PoseT) -> tuple[float, float]:
+    def _acceleration(self, pose: Any) -> tuple[float, float]:
         try:
-            return self._leg.acceleration(pose, 1.0, 0.0).h
+            x, y = self._leg.acceleration(pose, 1.0, 0.0).h
         except SingularPoseError:
             return nan, nan
+        return x, y
 
 
 def _wrapped(alpha: float) -> float:

@@ -4,10 +4,9 @@ from math import atan2, cos, nan, pi, sin
 from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN, wrap
+from klann_ros.kinematics.linkage.reach import limits
 
-from .closed_form import crank_pin, in_line
 from .geometry import FourBarGeometry
-from .reach import limits
 
 STRETCHED, FOLDED = 'stretched', 'folded'
 DRIVERS = ('crank', 'rocker')
@@ -72,18 +71,6 @@ def dead_points(geometry: FourBarGeometry, driver: str = 'crank') -> list[DeadPo
     the rocker's one is found of each assembly. A change point, where all links are in line and
     the driver passes, is no dead point.
 
-    Parameters
-    ----------
-    geometry : FourBarGeometry
-        The linkage.
-    driver : str
-        'crank' or 'rocker'.
-
-    Raises
-    ------
-    ValueError
-        `driver` is neither.
-
     References
     ----------
     "Mecanismos e Vibracao de Maquinas", Grashof e mecanismos simples, "Posicoes de ponto morto".
@@ -97,17 +84,7 @@ def dead_points(geometry: FourBarGeometry, driver: str = 'crank') -> list[DeadPo
 
 
 def rocker_limits(geometry: FourBarGeometry, motion: str) -> RockerLimits:
-    """
-    Return the limit positions of the rocker, its swing and its time ratio.
-
-    Parameters
-    ----------
-    geometry : FourBarGeometry
-        The linkage.
-    motion : str
-        Grashof's word for its motion; only a 'crank-rocker' has a time ratio.
-
-    """
+    """Return the limits of the rocker; only a motion of 'crank-rocker' has a time ratio."""
     points = {point.kind: point for point in _of_rocker(geometry)}
     stretched, folded = points.get(STRETCHED), points.get(FOLDED)
     near, far = limits(_reversed(geometry))
@@ -125,7 +102,7 @@ def _of_crank(geometry: FourBarGeometry) -> list[DeadPoint]:
     found = []
     for angle, kind, exists in ((near, FOLDED, near > 0.0), (far, STRETCHED, far < pi)):
         for theta2 in (-angle, angle) if exists else ():
-            x = in_line(geometry, crank_pin(geometry, theta2), kind == STRETCHED)
+            x = _in_line(geometry, theta2, kind)
             found.append(DeadPoint('crank', theta2, kind, theta2, wrap(x[0]), wrap(x[1])))
     return found
 
@@ -148,6 +125,15 @@ def _of_rocker(geometry: FourBarGeometry) -> list[DeadPoint]:
         out = _direction_of_b(geometry, theta4)
         found.append(DeadPoint('rocker', theta4, STRETCHED, out, out, theta4))
     return found
+
+
+def _in_line(geometry: FourBarGeometry, theta2: float, kind: str) -> tuple[float, float]:
+    """Return theta3 and theta4 where coupler and rocker are stretched out or folded [rad]."""
+    x, y = geometry.crank_pin(theta2)
+    toward, away = atan2(-y, geometry.ground - x), atan2(y, x - geometry.ground)
+    if kind == STRETCHED:
+        return toward, away
+    return (toward, toward) if geometry.coupler > geometry.rocker else (away, away)
 
 
 def _reversed(geometry: FourBarGeometry) -> tuple[float, float, float, float]:

@@ -1,15 +1,14 @@
 """
 The four-bar linkage as the course writes it: loop equations f, Jacobian Phi, and the points.
 
-This is the readable form, with the state vector x = (theta3, theta4) and the course's letters;
-`refinement` holds the same equations written out for speed, and the tests hold the two together.
-All angles are counter-clockwise from the ground, which lies along x.
+This is the readable form, with the state vector x = (theta3, theta4) and the course's letters.
+What solves it is the linkage that `FourBarGeometry` is; the tests hold the two together. All
+angles are counter-clockwise from the ground, which lies along x.
 
 Source: "Mecanismos e Vibracao de Maquinas", Grashof e mecanismos simples, example 2.
 """
 
-from math import cos, sin, sqrt
-from sys import float_info
+from math import cos, sin
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from .geometry import FourBarGeometry
 
 Array = NDArray[np.float64]
-Vector = tuple[float, float]
 
 
 def f(geometry: 'FourBarGeometry', theta2: float, x: 'Sequence[float] | Array') -> Array:
@@ -58,20 +56,9 @@ def f(geometry: 'FourBarGeometry', theta2: float, x: 'Sequence[float] | Array') 
 
 def phi(geometry: 'FourBarGeometry', x: 'Sequence[float] | Array') -> Array:
     """
-    Return the Jacobian Phi = df/dx.
+    Return the Jacobian Phi = df/dx, shape (2, 2) [m/rad]; parameters as in `f`.
 
-    Parameters
-    ----------
-    geometry : FourBarGeometry
-        The linkage.
-    x : sequence of float, shape (2,)
-        theta3, theta4 [rad].
-
-    Returns
-    -------
-    numpy.ndarray, shape (2, 2)
-        Phi [m/rad]; its determinant is -L3 L4 sin(theta4 - theta3).
-
+    Its determinant is -L3 L4 sin(theta4 - theta3).
     """
     theta3, theta4 = x
     l_3, l_4 = geometry.coupler, geometry.rocker
@@ -83,55 +70,14 @@ def phi(geometry: 'FourBarGeometry', x: 'Sequence[float] | Array') -> Array:
     )
 
 
-def f_theta2(geometry: 'FourBarGeometry', theta2: float) -> Array:
-    """Return df/dtheta2, shape (2,) [m/rad]."""
-    return np.array([geometry.crank * sin(theta2), -geometry.crank * cos(theta2)])
-
-
 def points(geometry: 'FourBarGeometry', theta2: float, x: 'Sequence[float] | Array') -> Array:
     """
-    Return the points O2, A, B and O4 of a pose.
+    Return the points O2, A, B and O4 of a pose, shape (4, 2) [m]; parameters as in `f`.
 
         A = L2 (cos theta2, sin theta2)        B = O4 + L4 (cos theta4, sin theta4)
-
-    Parameters
-    ----------
-    geometry : FourBarGeometry
-        The linkage.
-    theta2 : float
-        Crank angle [rad].
-    x : sequence of float, shape (2,)
-        theta3, theta4 [rad].
-
-    Returns
-    -------
-    numpy.ndarray, shape (4, 2)
-        Rows O2, A, B, O4 [m].
-
     """
     l_1, l_2, _, l_4 = geometry.lengths
     _, theta4 = x
     a = [l_2 * cos(theta2), l_2 * sin(theta2)]
     b = [l_1 + l_4 * cos(theta4), l_4 * sin(theta4)]
     return np.array([[0.0, 0.0], a, b, [l_1, 0.0]])
-
-
-def rounding(geometry: 'FourBarGeometry') -> float:
-    """Return what f1 and f2 can lose to rounding [m]."""
-    return 8.0 * float_info.epsilon * max(geometry.lengths)
-
-
-def singular_sine(geometry: 'FourBarGeometry') -> float:
-    """
-    Return the |sin(theta4 - theta3)| that rounding alone can make.
-
-    Near the reach of coupler and rocker the sine's square is proportional to the distance from
-    it. Below this sine Phi is known to be small and nothing else, and no velocity follows from it.
-    """
-    return sqrt(rounding(geometry) / min(geometry.coupler, geometry.rocker))
-
-
-def turned(u: float, v: float, angle: float) -> Vector:
-    """Return (u, v), fixed to a body, in the linkage's plane."""
-    c, s = cos(angle), sin(angle)
-    return u * c - v * s, u * s + v * c

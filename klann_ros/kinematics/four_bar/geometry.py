@@ -1,14 +1,33 @@
 """The dimensions of a four-bar linkage."""
 
 from dataclasses import dataclass
+from functools import cached_property
+from math import cos, sin
 from typing import Any
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.errors import GeometryError
-
-from .grashof import tie
+from klann_ros.kinematics.linkage.linkage import Linkage
+from klann_ros.kinematics.linkage.reach import tie
+from klann_ros.kinematics.linkage.structure import Bar, Body, Dimension, Structure
 
 LENGTHS = ('ground', 'crank', 'coupler', 'rocker')
+STRUCTURE = Structure(
+    pivots=('O2', 'O4'),
+    bodies=(
+        Body('theta2', (Bar('O2', 'A'),), label='crank'),
+        Body('theta3', (Bar('A', 'B'),), label='coupler'),
+        Body('theta4', (Bar('O4', 'B'),), label='rocker'),
+    ),
+    foot='B',
+    points=('O2', 'A', 'B', 'O4'),
+    dimensions=(
+        Dimension('ground', 'x', 1),
+        Dimension('crank', 'length', 0),
+        Dimension('coupler', 'length', 1),
+        Dimension('rocker', 'length', 2),
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -63,6 +82,19 @@ class FourBarGeometry:
     def lengths(self) -> tuple[float, float, float, float]:
         """Return L1 to L4: ground, crank, coupler, rocker [m]."""
         return self.ground, self.crank, self.coupler, self.rocker
+
+    @cached_property
+    def linkage(self) -> Linkage:
+        """Return it as a linkage, which is what solves it."""
+        return Linkage(STRUCTURE, self.lengths, assembly=(self.assembly,), name='Four-bar')
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the linkage, which is made anew."""
+        return {**dict(zip(LENGTHS, self.lengths, strict=True)), 'assembly': self.assembly}
+
+    def crank_pin(self, theta2: float) -> tuple[float, float]:
+        """Return A (x, y) at a crank angle [rad] [m]."""
+        return self.crank * cos(theta2), self.crank * sin(theta2)
 
 
 def _sign(assembly: Any) -> int:

@@ -1,8 +1,9 @@
 """Grashof's law: which links of a four-bar linkage turn fully."""
 
 from dataclasses import dataclass
-from sys import float_info
 from typing import NamedTuple
+
+from klann_ros.kinematics.linkage.reach import tie
 
 Lengths = tuple[float, float, float, float]
 
@@ -133,8 +134,3 @@ class Grashof:
     def inversions(self) -> 'dict[str, Grashof]':
         """Return the same with each of the four links fixed, by its name."""
         return {name: Grashof(self.lengths, name) for name in Roles._fields}
-
-
-def tie(lengths: Lengths) -> float:
-    """Return the difference of two sums of two lengths that is rounding and no difference [m]."""
-    return 4.0 * float_info.epsilon * max(lengths)

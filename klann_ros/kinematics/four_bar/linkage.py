@@ -1,32 +1,95 @@
-"""The four-bar linkage as an object: it remembers the last good pose, and nothing else."""
+"""The four-bar linkage: its angles by the course's names, and the course's questions."""
 
-from collections.abc import Sequence
-from functools import partial
+from math import dist
 
-from klann_ros.kinematics import validation
-from klann_ros.kinematics.angles import crank_angle
-from klann_ros.kinematics.errors import KinematicsError
-from klann_ros.kinematics.newton import newton_raphson
-from klann_ros.kinematics.tracked_leg import TrackedLeg
-import numpy as np
-from numpy.typing import NDArray
+from klann_ros.kinematics.linkage.leg import Leg
+from klann_ros.kinematics.linkage.pose import Entry, LinkageMotion, LinkagePose
 
-from . import closed_form, equations, motion, reach, transmission
+from . import transmission
 from .dead_points import dead_points, DeadPoint, rocker_limits, RockerLimits
 from .geometry import FourBarGeometry
 from .grashof import Grashof
-from .pose import closed_form_pose, FourBarPose, NO_COEFFICIENTS
-from .refinement import constants, refine
 
-Array = NDArray[np.float64]
+Vector = tuple[float, float]
 
 
-class FourBar(TrackedLeg[FourBarPose]):
+class FourBarPose(LinkagePose):
+    """
+    A solved pose of a four-bar: `x` are theta3, theta4; `points` O2, A, B, O4; `h` is B.
+
+    theta2, theta3 and theta4 are the angles of crank, coupler and rocker, counter-clockwise from
+    the ground; all but theta2 in (-pi, pi] [rad].
+    """
+
+    __slots__ = ()
+
+    theta2 = Entry('joints', 0)
+    theta3 = Entry('x', 0)
+    theta4 = Entry('x', 1)
+
+    @property
+    def transmission_angle(self) -> float:
+        """
+        Return the angle between coupler and rocker, in [0, pi] [rad].
+
+        pi/2 transmits best; at 0 and pi they are folded or stretched out, and it is singular.
+        """
+        return self.transmission_angles[0]
+
+    @property
+    def z(self) -> float:
+        """Return the course's Z, the length of the diagonal A O4 [m]."""
+        _, a, _, o_4 = self.points.tolist()
+        return dist(a, o_4)
+
+    @property
+    def clearance(self) -> float:
+        """Return the distance of Z from | L3 - L4 | and L3 + L4, where it is singular [m]."""
+        return self.clearances[0]
+
+    def coupler_point(self, u: float, v: float) -> Vector:
+        """
+        Return a point that is fixed to the coupler.
+
+        Parameters
+        ----------
+        u, v : float
+            Its place on the coupler [m]: u from A along AB, v to the left of it.
+
+        Returns
+        -------
+        tuple of float
+            (x, y) [m].
+
+        """
+        x, y = self.points[1].tolist()
+        along = complex(u, v) * self.unit_vectors[1]
+        return x + along.real, y + along.imag
+
+
+class FourBarMotion(LinkageMotion):
+    """The velocity or the acceleration of a pose, by the course's names [rad/s, rad/s^2]."""
+
+    __slots__ = ()
+
+    theta2 = Entry('joints', 0)
+    theta3 = Entry('joints', 1)
+    theta4 = Entry('joints', 2)
+
+    def coupler_point(self, u: float, v: float) -> Vector:
+        """Return that of the pose's coupler point at u, v (x, y) [m/s] or [m/s^2]."""
+        x, y = self.points[1].tolist()
+        along = self.vectors[1] * complex(u, v)
+        return x + along.real, y + along.imag
+
+
+class FourBar(Leg[FourBarPose, FourBarMotion]):
     """
     A four-bar linkage that is solved for one crank angle after the other.
 
     The loop is L2 e^(i theta2) + L3 e^(i theta3) = L1 + L4 e^(i theta4), all angles
-    counter-clockwise from the ground.
+    counter-clockwise from the ground. `newton` makes the iterates of the course, from
+    (theta3, theta4).
 
     Parameters
     ----------
@@ -37,19 +100,18 @@ class FourBar(TrackedLeg[FourBarPose]):
         class III both assemblies meet: it is the sign on either side, and not the motion through
         it. So `FourBar(2, 1, 2, 1)` is a parallelogram up to 180 deg, and an antiparallelogram
         from there to 360 deg.
-    tolerance : float
-        Largest correction of a converged pose [rad].
-    max_crank_step : float
-        Larger steps of the crank are split into parts of at most this [rad].
+    tolerance, max_crank_step : float
+        As for every `Leg` [rad].
 
     Raises
     ------
     GeometryError
         The lengths or the assembly are no linkage; the text says why.
-    ValueError
-        `tolerance` is not above 0 and at most 1e-3 rad, or `max_crank_step` not finite and > 0.
 
     """
+
+    pose_class = FourBarPose
+    motion_class = FourBarMotion
 
     def __init__(
         self,
@@ -58,142 +120,19 @@ class FourBar(TrackedLeg[FourBarPose]):
         coupler: float,
         rocker: float,
         assembly: int = 1,
-        *,
-        tolerance: float = 1e-12,
-        max_crank_step: float = 0.35,
+        **settings: float,
     ) -> None:
         """Start without a pose."""
         self._geometry = FourBarGeometry(ground, crank, coupler, rocker, assembly)
-        super().__init__(
-            partial(refine, constants(self._geometry)),
-            partial(closed_form.angles, self._geometry),
-            tolerance=tolerance,
-            max_crank_step=max_crank_step,
-        )
+        super().__init__(self._geometry.linkage, **settings)
+
+    def __repr__(self) -> str:
+        return f'FourBar({self._geometry!r})'
 
     @property
     def geometry(self) -> FourBarGeometry:
         """Return the linkage's lengths and assembly."""
         return self._geometry
-
-    def solve(self, theta2: float) -> FourBarPose:
-        """Return the pose at a crank angle theta2 [rad]: see `TrackedLeg.solve`."""
-        last = self._last
-        pose = super().solve(theta2)
-        if last is not None and pose.coefficients is NO_COEFFICIENTS:
-            # The sign that tells the assemblies apart is rounding here, and where A is next to O4
-            # they are half a turn apart: only the closed form knows.
-            self.reset()
-            try:
-                pose = super().solve(theta2)
-            except KinematicsError:
-                self._last = last
-                raise
-        return pose
-
-    def newton(
-        self, theta2: float, guess: Sequence[float] | Array, *, max_iterations: int = 50
-    ) -> Array:
-        """
-        Return the iterates of the course's Newton-Raphson, on whichever assembly they end.
-
-        Parameters
-        ----------
-        theta2 : float
-            Crank angle [rad].
-        guess : sequence of float, shape (2,)
-            theta3, theta4 of the first iterate [rad].
-        max_iterations : int
-            How many corrections it may make.
-
-        Returns
-        -------
-        numpy.ndarray, shape (k, 2)
-            The iterates [rad], neither rounded nor wrapped; row 0 is the guess.
-
-        Raises
-        ------
-        NotConvergedError
-            It carries the iterates.
-        CrankAngleError
-            `theta2` is not finite, or beyond +-1e6 rad.
-        ValueError
-            The guess is not two finite numbers, or `max_iterations` no whole number >= 0.
-
-        References
-        ----------
-        "Mecanismos e Vibracao de Maquinas", Grashof e mecanismos simples, example 2.
-
-        """
-        theta2 = crank_angle(theta2)
-        return newton_raphson(
-            lambda x: equations.f(self._geometry, theta2, x),
-            lambda x: equations.phi(self._geometry, x),
-            validation.guess(guess, 'theta3, theta4'),
-            alpha=theta2,
-            tolerance=self._tolerance,
-            max_iterations=max_iterations,
-        )
-
-    def closed_form(self, theta2: float) -> FourBarPose:
-        """
-        Return the pose at a crank angle by the geometric method; it neither reads nor sets `last`.
-
-        Raises
-        ------
-        CrankAngleError
-            `theta2` is not finite, or beyond +-1e6 rad.
-        UnreachableError
-            Coupler and rocker do not meet at this crank angle.
-
-        """
-        return closed_form_pose(self._geometry, theta2)
-
-    def velocity(self, pose: FourBarPose, rate: float) -> motion.FourBarVelocity:
-        """
-        Return the velocity of a pose for a crank rate; see `motion.velocity`.
-
-        Parameters
-        ----------
-        pose : FourBarPose
-            A solved pose.
-        rate : float
-            Rate of the crank [rad/s].
-
-        Raises
-        ------
-        SingularPoseError
-            The pose has no velocity.
-        ValueError
-            The rate is not finite.
-
-        """
-        return motion.velocity(pose, rate)
-
-    def acceleration(
-        self, pose: FourBarPose, rate: float, acceleration: float
-    ) -> motion.FourBarAcceleration:
-        """
-        Return the acceleration of a pose; see `motion.acceleration`.
-
-        Parameters
-        ----------
-        pose : FourBarPose
-            A solved pose.
-        rate : float
-            Rate of the crank [rad/s].
-        acceleration : float
-            Acceleration of the crank [rad/s^2].
-
-        Raises
-        ------
-        SingularPoseError
-            The pose has no velocity, and no acceleration either.
-        ValueError
-            The rate or the acceleration is not finite.
-
-        """
-        return motion.acceleration(pose, rate, acceleration)
 
     def transmission_angle(self, theta2: float) -> float:
         """
@@ -240,10 +179,6 @@ class FourBar(TrackedLeg[FourBarPose]):
 
         """
         return transmission.mechanical_advantage(self._geometry, theta2)
-
-    def reachable_arcs(self) -> list[reach.Arc]:
-        """Return start and end of each arc of crank angles at which the linkage closes [rad]."""
-        return reach.reachable_arcs(self._geometry.lengths)
 
     @property
     def grashof(self) -> Grashof:

@@ -1,13 +1,12 @@
 """How well a four-bar transmits: the transmission angle and the mechanical advantage."""
 
-from math import atan2, dist, inf, isnan, nan, pi, radians, sin, sqrt
+from math import inf, nan, pi, radians, sin, sqrt
 from typing import NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics.angles import crank_angle
-
-from . import closed_form, equations
-from .pose import closed_form_pose
-from .reach import limits
+from klann_ros.kinematics.linkage.blocks import TOUCHES
+from klann_ros.kinematics.linkage.circles import placed, seed
+from klann_ros.kinematics.linkage.reach import limits, opening
 
 if TYPE_CHECKING:
     from .geometry import FourBarGeometry
@@ -43,26 +42,11 @@ class TransmissionExtremes(NamedTuple):
 
 def transmission_angle(geometry: 'FourBarGeometry', theta2: float) -> float:
     """
-    Return the angle mu between coupler and rocker, in [0, pi] [rad].
+    Return the angle mu between coupler and rocker, in [0, pi] [rad]; raises as FourBar's.
 
         cos mu = (L3^2 + L4^2 - L1^2 - L2^2 + 2 L1 L2 cos theta2) / (2 L3 L4)
 
-    computed as tan(mu / 2)^2 = (Z^2 - (L3 - L4)^2) / ((L3 + L4)^2 - Z^2) in factors, with Z =
-    |A O4|: that keeps its digits near 0 and pi. Both assemblies have the same.
-
-    Parameters
-    ----------
-    geometry : FourBarGeometry
-        The linkage.
-    theta2 : float
-        Crank angle [rad].
-
-    Raises
-    ------
-    CrankAngleError
-        `theta2` is not finite, or beyond +-1e6 rad.
-    UnreachableError
-        Coupler and rocker do not meet at this crank angle.
+    computed as the angle opposite Z = |A O4|. Both assemblies have the same.
 
     References
     ----------
@@ -70,13 +54,12 @@ def transmission_angle(geometry: 'FourBarGeometry', theta2: float) -> float:
 
     """
     theta2 = crank_angle(theta2)
-    if not closed_form.missed_by_rounding(geometry, theta2):
-        raise closed_form.unreachable(geometry, theta2)
+    (dyad,) = geometry.linkage.blocks
+    a = complex(*geometry.crank_pin(theta2))
+    if dyad.misses(geometry.ground - a) > TOUCHES * dyad.rounding:
+        placed(geometry.linkage, theta2)  # which says by how much they do not meet
     l_3, l_4 = geometry.coupler, geometry.rocker
-    z = dist(closed_form.crank_pin(geometry, theta2), (geometry.ground, 0.0))
-    near = (z - (l_3 - l_4)) * (z + (l_3 - l_4))
-    far = (l_3 + l_4 - z) * (l_3 + l_4 + z)
-    return 2.0 * atan2(sqrt(max(0.0, near)), sqrt(max(0.0, far)))
+    return opening(l_3, l_4, abs(geometry.ground - a))
 
 
 def transmission_extremes(geometry: 'FourBarGeometry') -> TransmissionExtremes:
@@ -95,36 +78,22 @@ def transmission_extremes(geometry: 'FourBarGeometry') -> TransmissionExtremes:
 
 def mechanical_advantage(geometry: 'FourBarGeometry', theta2: float) -> float:
     """
-    Return the mechanical advantage T4 / T2 = w2 / w4 at a crank angle.
+    Return the mechanical advantage T4 / T2 = w2 / w4 at a crank angle; raises as FourBar's.
 
         T4 / T2 = L4 sin(theta4 - theta3) / (L2 sin(theta2 - theta3))
 
     It is negative where rocker and crank turn in opposite directions; inf, without a sign since
     it changes there, where crank and coupler are in line (a limit position of the rocker); 0
     where coupler and rocker are in line; NaN where all links are, at a change point.
-
-    Parameters
-    ----------
-    geometry : FourBarGeometry
-        The linkage.
-    theta2 : float
-        Crank angle [rad].
-
-    Raises
-    ------
-    CrankAngleError
-        `theta2` is not finite, or beyond +-1e6 rad.
-    UnreachableError
-        Coupler and rocker do not meet at this crank angle.
-
     """
-    pose = closed_form_pose(geometry, theta2)
-    sine = sin(pose.theta2 - pose.theta3)
+    theta2 = crank_angle(theta2)
+    theta3, theta4 = seed(geometry.linkage, theta2)
+    sine, across = sin(theta2 - theta3), sin(theta4 - theta3)
+    (dyad,) = geometry.linkage.blocks
     # What rounding makes of theta3 grows as coupler and rocker come in line.
-    rounding = equations.rounding(geometry) / min(geometry.crank, geometry.coupler)
-    if isnan(pose.coefficients[0]):
+    rounding = dyad.rounding / min(geometry.crank, geometry.coupler)
+    if abs(across) <= dyad.singular_sine:
         return nan if abs(sine) <= sqrt(rounding) else 0.0
-    across = abs(sin(pose.theta4 - pose.theta3))
-    if abs(sine) * across <= rounding:
+    if abs(sine * across) <= rounding:
         return inf
-    return 1.0 / pose.coefficients[1]
+    return geometry.rocker * across / (geometry.crank * sine)

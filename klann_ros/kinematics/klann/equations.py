@@ -2,14 +2,13 @@
 The Klann leg as SEM 104 writes it: loop equations f, Jacobian Phi, and the points A to H.
 
 This is the readable form, with the state vector x = (gamma, beta, delta, theta) and the
-textbook's letters; `refinement` holds the same equations written out for speed, and the tests hold
-the two together. gamma and theta are measured clockwise, all other angles counter-clockwise.
+textbook's letters. What solves it is the linkage that `KlannGeometry` is; the tests hold the two
+together. gamma and theta are measured clockwise, all other angles counter-clockwise.
 
 Source: R. Nicoletti, SEM 104 Mecanismos, lecture 7, "Mecanismo de N barras".
 """
 
-from math import cos, sin, sqrt
-from sys import float_info
+from math import cos, sin
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -65,22 +64,9 @@ def f(geometry: 'KlannGeometry', alpha: float, x: 'Sequence[float] | Array') -> 
 
 def phi(geometry: 'KlannGeometry', x: 'Sequence[float] | Array') -> Array:
     """
-    Return the Jacobian Phi = df/dx.
+    Return the Jacobian Phi = df/dx, shape (4, 4) [m/rad]; parameters as in `f`.
 
     It is block lower triangular: the first two rows, the loop A-B-C-D, do not know delta, theta.
-
-    Parameters
-    ----------
-    geometry : KlannGeometry
-        The leg.
-    x : sequence of float, shape (4,)
-        gamma, beta, delta, theta [rad].
-
-    Returns
-    -------
-    numpy.ndarray, shape (4, 4)
-        Phi [m/rad].
-
     """
     g = geometry
     gamma, beta, delta, theta = x
@@ -95,25 +81,6 @@ def phi(geometry: 'KlannGeometry', x: 'Sequence[float] | Array') -> Array:
     )
 
 
-def rounding(geometry: 'KlannGeometry') -> tuple[float, float]:
-    """Return what f1 and f2, and what f3 and f4, can lose to rounding [m]."""
-    g = geometry
-    loop_1 = max(g.l_ab, g.l_bc, g.l_dc, abs(g.x_d), abs(g.y_a))
-    loop_2 = max(g.l_cg, g.l_ef, g.l_fg, g.l_dc, abs(g.x_d), abs(g.x_e), abs(g.y_e))
-    return 8.0 * float_info.epsilon * loop_1, 8.0 * float_info.epsilon * loop_2
-
-
-def singular_sines(geometry: 'KlannGeometry') -> tuple[float, float]:
-    """
-    Return the |sin(gamma + beta)| and |sin(delta + theta)| that rounding alone can make.
-
-    Near the reach of a dyad the sine's square is proportional to the distance from it. Below these
-    sines Phi is known to be small and nothing else, and no velocity follows from it.
-    """
-    rounding_1, rounding_2 = rounding(geometry)
-    return sqrt(rounding_1 / geometry.l_dc), sqrt(rounding_2 / geometry.l_fg)
-
-
 def f_alpha(geometry: 'KlannGeometry', alpha: float) -> Array:
     """Return df/dalpha, shape (4,) [m/rad]: only the loop A-B-C-D holds the crank."""
     return np.array([-geometry.l_ab * sin(alpha), geometry.l_ab * cos(alpha), 0.0, 0.0])
@@ -126,24 +93,9 @@ def f_2(
     x_1: 'Sequence[float] | Array',
 ) -> Array:
     """
-    Return the part of d2f/dalpha2 that does not hold the second derivatives of x.
+    Return the part of d2f/dalpha2 without second derivatives of x, shape (4,) [m/rad^2].
 
-    Every cosine and sine of f becomes -(dphi/dalpha)^2 times itself.
-
-    Parameters
-    ----------
-    geometry : KlannGeometry
-        The leg.
-    alpha : float
-        Crank angle [rad].
-    x, x_1 : sequence of float, shape (4,)
-        gamma, beta, delta, theta [rad] and their derivatives after alpha.
-
-    Returns
-    -------
-    numpy.ndarray, shape (4,)
-        [m/rad^2].
-
+    Every cosine and sine of f becomes -(dphi/dalpha)^2 times itself; `x_1` is dx/dalpha.
     """
     g = geometry
     gamma, beta, delta, theta = x
@@ -162,27 +114,12 @@ def f_2(
 
 def points(geometry: 'KlannGeometry', alpha: float, x: 'Sequence[float] | Array') -> Array:
     """
-    Return the points A to H of a pose.
+    Return the points A to H of a pose, shape (8, 2) [m]; parameters as in `f`.
 
         B = A + L_AB (cos alpha, sin alpha)             C = D + L_DC (cos beta, sin beta)
         F = E + L_EF (cos delta, sin delta)
         G = C + L_CG (cos(gamma - bend_C), -sin(gamma - bend_C))
         H = G + L_GH (cos(theta + bend_G), -sin(theta + bend_G))
-
-    Parameters
-    ----------
-    geometry : KlannGeometry
-        The leg.
-    alpha : float
-        Crank angle [rad].
-    x : sequence of float, shape (4,)
-        gamma, beta, delta, theta [rad].
-
-    Returns
-    -------
-    numpy.ndarray, shape (8, 2)
-        Rows A, B, C, D, E, F, G, H [m], x right, y up.
-
     """
     g = geometry
     gamma, beta, delta, theta = x

@@ -1,19 +1,53 @@
-"""The dimensions of a Klann leg, with the two legs of the literature."""
+"""The dimensions of a Klann leg, with the two legs of the literature, and their linkage."""
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 import math
 from typing import Any
 
-from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import wrap
 from klann_ros.kinematics.errors import GeometryError
-
-from .reach import closes_somewhere
+from klann_ros.kinematics.linkage.linkage import Linkage
+from klann_ros.kinematics.linkage.reach import closes_somewhere
+from klann_ros.kinematics.linkage.structure import Bar, Body, Dimension, Structure
+from klann_ros.untrusted.text import printable
 
 LENGTHS = ('l_ab', 'l_bc', 'l_dc', 'l_cg', 'l_ef', 'l_fg', 'l_gh')
 COORDINATES = ('x_d', 'y_a', 'x_e', 'y_e')
 BENDS = ('angle_bcg', 'angle_fgh')
 NUMBERS = LENGTHS + COORDINATES + BENDS
+
+# The course's letters; its angles gamma and theta are clockwise, and it measures delta + theta
+# outside of the joint F.
+STRUCTURE = Structure(
+    pivots=('A', 'D', 'E'),
+    bodies=(
+        Body('alpha', (Bar('A', 'B'),), label='crank'),
+        Body('gamma', (Bar('B', 'C'), Bar('C', 'G')), clockwise=True, label='coupler'),
+        Body('beta', (Bar('D', 'C'),), label='lower rocker'),
+        Body('delta', (Bar('E', 'F'),), label='upper rocker'),
+        Body('theta', (Bar('F', 'G'), Bar('G', 'H')), clockwise=True, label='leg'),
+    ),
+    foot='H',
+    points=tuple('ABCDEFGH'),
+    dimensions=(
+        Dimension('l_ab', 'length', 0),
+        Dimension('l_bc', 'length', 1),
+        Dimension('l_dc', 'length', 3),
+        Dimension('l_cg', 'length', 2),
+        Dimension('l_ef', 'length', 4),
+        Dimension('l_fg', 'length', 5),
+        Dimension('l_gh', 'length', 6),
+        Dimension('x_d', 'x', 1),
+        Dimension('y_a', 'y', 0),
+        Dimension('x_e', 'x', 2),
+        Dimension('y_e', 'y', 2),
+        Dimension('angle_bcg', 'bend', 2),
+        # Of the leg the course bends the other way.
+        Dimension('angle_fgh', 'bend', 6, -1),
+    ),
+    outside=(2,),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,14 +99,10 @@ class KlannGeometry:
 
     def __post_init__(self) -> None:
         """Refuse what is no leg, with the reason."""
-        for name in NUMBERS:
-            object.__setattr__(self, name, validation.finite(name, getattr(self, name)))
-        for name in LENGTHS:
-            validation.positive(name, getattr(self, name))
-        for name in (*LENGTHS, *COORDINATES):
-            validation.representable(name, getattr(self, name))
         object.__setattr__(self, 'assembly', _signs(self.assembly))
-        if not closes_somewhere(self):
+        for name, number in zip(NUMBERS, self.linkage.numbers, strict=True):
+            object.__setattr__(self, name, number)
+        if not closes_somewhere(self.linkage):
             msg = (
                 f'these lengths are refused: at no crank angle do both dyads close in the '
                 f'assembly {self.assembly}'
@@ -114,6 +144,16 @@ class KlannGeometry:
             assembly=(-1, -1),
         )
 
+    @cached_property
+    def linkage(self) -> Linkage:
+        """Return the leg as a linkage, which is what solves it."""
+        numbers = [getattr(self, name) for name in NUMBERS]
+        return Linkage(STRUCTURE, numbers, assembly=self.assembly, name='Klann leg')
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the linkage, which is made anew."""
+        return self.as_dict()
+
     def as_dict(self) -> dict[str, Any]:
         """Return the fields by name, ready for a file: lengths [m], bends [rad], assembly."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
@@ -127,8 +167,8 @@ def _signs(assembly: Any) -> tuple[int, int]:
     except (TypeError, ValueError, LookupError):
         signs = []
     if len(signs) != 2 or len(assembly) != 2:
-        msg = f'assembly = {assembly!r} is refused: it must be two signs, each +1 or -1'
-        raise GeometryError(msg)
+        shown = printable(repr(assembly), 100)
+        raise GeometryError(f'assembly = {shown} is refused: it must be two signs, each +1 or -1')
     return signs[0], signs[1]
 
 
