@@ -1,11 +1,14 @@
 """Kinematics of leg linkages: geometry in, poses out; knows nothing of ROS."""
 
-from .batch.poses import klann_poses, KlannPoses
+from .batch.batch import LinkagePoses
+from .batch.margins import length_margins, Margin, PartialTurnError, turns_fully
+from .batch.poses import klann_poses, linkage_poses
 from .batch.reason import Reason
 from .batch.tolerance_study import tolerance_study, ToleranceStudy
 from .errors import (
     CrankAngleError,
     GeometryError,
+    ImmobileDirectionError,
     KinematicsError,
     LoopsOpenError,
     NotConvergedError,
@@ -18,17 +21,10 @@ from .foot.stance import NoStanceError, Stance
 from .four_bar.dead_points import DeadPoint, RockerLimits
 from .four_bar.geometry import FourBarGeometry
 from .four_bar.grashof import Grashof
-from .four_bar.linkage import FourBar
-from .four_bar.motion import FourBarAcceleration, FourBarVelocity
-from .four_bar.pose import FourBarPose
+from .four_bar.linkage import FourBar, FourBarMotion, FourBarPose
 from .four_bar.transmission import TransmissionExtremes
-from .klann.acceleration import KlannAcceleration
 from .klann.geometry import KlannGeometry
-from .klann.leg import KlannLeg
-from .klann.margins import length_margins, Margin, PartialTurnError, turns_fully
-from .klann.pose import KlannPose
-from .klann.reach import reachable_arcs
-from .klann.velocity import KlannVelocity
+from .klann.leg import KlannLeg, KlannMotion, KlannPose
 from .linkage.file import (
     linkage_from_file,
     linkage_from_text,
@@ -36,36 +32,36 @@ from .linkage.file import (
     shipped_linkage,
     shipped_linkages,
 )
-from .linkage.leg import LinkageLeg
+from .linkage.leg import AnyLeg, Leg, LinkageLeg
 from .linkage.linkage import Linkage
-from .linkage.motion import LinkageMotion
-from .linkage.pose import LinkagePose
-from .virtual_work import ImmobileDirectionError
+from .linkage.pose import LinkageMotion, LinkagePose
+from .linkage.reach import reachable_arcs
+from .linkage.variants import Variants
 
 __all__ = [
+    'AnyLeg',
     'CrankAngleError',
     'DeadPoint',
     'FootPath',
     'FourBar',
-    'FourBarAcceleration',
     'FourBarGeometry',
+    'FourBarMotion',
     'FourBarPose',
-    'FourBarVelocity',
     'GeometryError',
     'Grashof',
     'ImmobileDirectionError',
     'KinematicsError',
-    'KlannAcceleration',
     'KlannGeometry',
     'KlannLeg',
+    'KlannMotion',
     'KlannPose',
-    'KlannPoses',
-    'KlannVelocity',
+    'Leg',
     'Linkage',
     'LinkageFileError',
     'LinkageLeg',
     'LinkageMotion',
     'LinkagePose',
+    'LinkagePoses',
     'LoopsOpenError',
     'Margin',
     'Nearest',
@@ -80,11 +76,13 @@ __all__ = [
     'ToleranceStudy',
     'TransmissionExtremes',
     'UnreachableError',
+    'Variants',
     'foot_path',
     'klann_poses',
     'length_margins',
     'linkage_from_file',
     'linkage_from_text',
+    'linkage_poses',
     'reachable_arcs',
     'shipped_linkage',
     'shipped_linkages',

@@ -5,21 +5,11 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from .constants import Array
+from .program import Array
 
 
 class Deviations:
-    """
-    Statistics of many legs against one, taken up some crank angles at a time.
-
-    Parameters
-    ----------
-    legs : int
-        How many legs.
-    angles : int
-        How many crank angles.
-
-    """
+    """Statistics of many legs against one, taken up some crank angles at a time."""
 
     def __init__(self, legs: int, angles: int) -> None:
         """Start without a crank angle."""
@@ -39,17 +29,9 @@ class Deviations:
 
     def add(self, part: slice, h: Array, nominal: Array) -> None:
         """
-        Take up some crank angles.
+        Take up the feet at some crank angles, shape (legs, k, 2), and where they should be.
 
-        Parameters
-        ----------
-        part : slice
-            Which ones.
-        h : numpy.ndarray, shape (legs, k, 2)
-            The feet [m], NaN where there is none.
-        nominal : numpy.ndarray, shape (k, 2)
-            Where they should be [m].
-
+        A foot that is not there is NaN.
         """
         there = ~np.isnan(h[..., 0])
         self._turns &= there.all(axis=1)

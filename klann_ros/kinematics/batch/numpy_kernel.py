@@ -1,98 +1,112 @@
-"""The kernel in NumPy: the geometric method on a block of poses, next to no temporary arrays."""
+"""The kernel in NumPy: a program's operations on blocks of poses, in few buffers."""
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 import numpy as np
 
-from .block import Block, Codes, Rows
-from .constants import Array, Constants, Dyad, legs_of
-from .reason import Reason
+from .program import Array, Program
 
-Vector = tuple[Array, Array]
+_FUNCTIONS: dict[str, Any] = {
+    '+': np.add,
+    '-': np.subtract,
+    '*': np.multiply,
+    '/': np.divide,
+    'sqrt': np.sqrt,
+}
 
 
-def turn(alphas: Array, cos: Array, sin: Array) -> None:
-    """Fill in cosines and sines of crank angles, shape (k,) each; NaN for those refused."""
-    np.cos(alphas, out=cos)
-    np.sin(alphas, out=sin)
+class _Schedule(NamedTuple):
+    """Operations by the places of what they read and write; the results stay where they are."""
+
+    steps: tuple[tuple[Any, int, int, int], ...]
+    buffers: int
+    results: tuple[int, ...]
+
+
+def turn(alphas: Array) -> tuple[Array, Array]:
+    """Return cosines and sines of crank angles, shape (k,) each; NaN for those refused."""
+    cos, sin = np.cos(alphas), np.sin(alphas)
     # NaN fails every comparison.
     cos[~(np.abs(alphas) <= MAX_CRANK_ANGLE)] = np.nan
+    return cos, sin
 
 
-def place(constants: Array, block: Block, *, keep: bool) -> None:  # noqa: ARG001 - numba's saves
-    """
-    Fill in a block's rows and reasons.
+class NumpyKernel:
+    """Runs a program, as far as its results are wanted, on blocks of at most `size` poses."""
 
-    Parameters
-    ----------
-    constants : numpy.ndarray, shape (27, n)
-        All legs; see `constants.pack`.
-    block : Block
-        Which of them, at which crank angles, and where the results go.
-    keep : bool
-        Whether more than h_x, h_y is wanted; here it is made anyway.
+    def __init__(self, program: Program, results: Sequence[str], size: int) -> None:
+        """Take the memory."""
+        self._schedule = _schedule(program, tuple(results))
+        self._memory = np.empty((self._schedule.buffers, size))
 
-    """
-    c, r = legs_of(constants, block), Rows(*block.rows)
-    axis = 1 if block.across else 0
-    m, u, factor = (r.m_x, r.m_y), (r.u_x, r.u_y), (r.f_x, r.f_y)
-    np.multiply(c.l_ab, np.expand_dims(block.cos, axis), out=r.m_x)
-    np.multiply(c.l_ab, np.expand_dims(block.sin, axis), out=r.m_y)
-    r.m_x[...] -= c.x_d
-    r.m_y[...] += c.y_a
-    _close(c.dyad_1, m, (r.d_1, r.w_1, r.r_1), factor)
-    _add_product((c.ed_x, c.ed_y), m, factor, u, r.h_x)
-    _close(c.dyad_2, u, (r.d_2, r.w_2, r.r_2), factor)
-    _add_product((c.x_e, c.y_e), u, factor, (r.h_x, r.h_y), r.f_x)
-    _explain(c, r, block.reason)
+    def run(
+        self, constants: Array, legs: slice, crank: tuple[Array, Array]
+    ) -> tuple[list[Array], bool]:
+        """
+        Return the results of a block, and whether some are missing; the next one overwrites them.
 
-
-def _close(dyad: Dyad, v: Vector, kept: tuple[Array, Array, Array], factor: Vector) -> None:
-    """Fill in d^2, w and r of a dyad, and the factor that it turns and stretches v by."""
-    (v_x, v_y), (d, w, r), (f_x, f_y) = v, kept, factor
-    np.multiply(v_x, v_x, out=d)
-    np.multiply(v_y, v_y, out=w)
-    d += w
-    np.divide(0.5, d, out=w)
-    np.subtract(dyad.stretched, d, out=r)
-    np.subtract(d, dyad.folded, out=f_x)
-    r *= f_x
-    np.sqrt(r, out=r)
-    for part, f0, f1, f2 in (
-        (f_x, dyad.f0_x, dyad.f1_x, dyad.f2_x),
-        (f_y, dyad.f0_y, dyad.f1_y, dyad.f2_y),
-    ):
-        np.multiply(f2, r, out=part)
-        np.add(part, f1, out=part)
-        np.multiply(part, w, out=part)
-        np.add(part, f0, out=part)
+        `constants` are those of all linkages, of which `legs` are in the block; `crank` the
+        cosines and sines of its k crank angles, shape (k,), or of those of each leg, (number of
+        legs, k). Results have the shape (number of legs, k), NaN where there is no pose; missing
+        is what is so in the first.
+        """
+        cos, sin = crank
+        own = constants[:, legs]
+        count, angles = own.shape[1], cos.shape[-1]
+        # The longer side along the rows.
+        across = count > angles and cos.ndim == 1
+        shape = (angles, count) if across else (count, angles)
+        given = np.expand_dims(own, 1 if across else 2)
+        turned = (each[:, None] if across else each for each in (cos, sin))
+        memory = self._memory[:, : count * angles].reshape(-1, *shape)
+        slots = [*turned, *given, *memory]
+        for function, one, other, out in self._schedule.steps:
+            if other < 0:
+                function(slots[one], out=slots[out])
+            else:
+                function(slots[one], slots[other], out=slots[out])
+        found = [slots[place] for place in self._schedule.results]
+        missing = bool(np.isnan(found[0]).any())
+        return [array.T for array in found] if across else found, missing
 
 
-def _add_product(o: Vector, v: Vector, f: Vector, out: Vector, spare: Array) -> None:
-    """
-    Fill in o + v f, all of them complex.
+@cache
+def _schedule(program: Program, results: tuple[str, ...]) -> _Schedule:
+    """Give every number a place; that of one which is not read any more goes to the next."""
+    places = {'cos': 0, 'sin': 1}
+    places |= {f'k{k}': 2 + k for k in range(len(program.constants))}
+    first = len(places)
+    needed = _needed(program, results)
+    last_use = {name: at for at, step in enumerate(needed) for name in (step.one, step.other)}
+    last_use |= dict.fromkeys(results, len(needed))
+    free: list[int] = []
+    count = 0
+    steps = []
+    for at, step in enumerate(needed):
+        read = [places[name] for name in (step.one, step.other) if name]
+        last = [n for n in dict.fromkeys((step.one, step.other)) if n and last_use[n] == at]
+        # What is not read any more may be written over at once.
+        free += [places[name] for name in last if places[name] >= first]
+        if not free:
+            free.append(first + count)
+            count += 1
+        places[step.name] = free.pop()
+        other = read[1] if len(read) > 1 else -1
+        steps.append((_FUNCTIONS[step.operator], read[0], other, places[step.name]))
+    return _Schedule(tuple(steps), count, tuple(places[name] for name in results))
 
-    `spare` may be the first part of f; then it is gone.
-    """
-    (o_x, o_y), (v_x, v_y), (f_x, f_y), (out_x, out_y) = o, v, f, out
-    np.multiply(v_x, f_x, out=out_x)
-    np.multiply(v_y, f_x, out=out_y)
-    np.multiply(v_y, f_y, out=spare)
-    out_x -= spare
-    np.multiply(v_x, f_y, out=spare)
-    out_y += spare
-    out_x += o_x
-    out_y += o_y
+
+def _needed(program: Program, results: Sequence[str]) -> list[Any]:
+    """Return the operations that lead to the results."""
+    wanted, found = {*results}, []
+    for step in reversed(program.operations):
+        if step.name in wanted:
+            wanted |= {step.one, step.other}
+            found.append(step)
+    return found[::-1]
 
 
-def _explain(c: Constants, r: Rows, reason: Codes) -> None:
-    """Say for each pose whether it is there, and why not; whatever failed has left NaN behind."""
-    missing = np.isnan(r.h_x)
-    reason[...] = Reason.SOLVED
-    if not missing.any():
-        return
-    reason[missing] = Reason.DYAD_2_TOO_CLOSE
-    reason[missing & (r.d_2 > c.dyad_2.stretched)] = Reason.DYAD_2_TOO_FAR
-    missing = np.isnan(r.d_2)
-    reason[missing] = Reason.DYAD_1_TOO_CLOSE
-    reason[missing & (r.d_1 > c.dyad_1.stretched)] = Reason.DYAD_1_TOO_FAR
-    reason[np.isnan(r.d_1)] = Reason.CRANK_ANGLE
+Kernel = NumpyKernel

@@ -1,47 +1,27 @@
-"""Poses by the million: `klann_poses`."""
+"""Poses by the million: `linkage_poses`, and `klann_poses`, which is a face of it."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from functools import cache
 from math import prod
+from typing import Any
 
 from klann_ros.kinematics.klann.geometry import KlannGeometry
+from klann_ros.kinematics.linkage.linkage import as_linkage
+from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .batch import fill, Progress, Results
-from .block import Codes
-from .constants import Array, numbers, pack
-from .kernels import choose
+from . import numpy_kernel
+from .batch import fill, LinkagePoses, Progress
+from .program import Array
+
+# Loading numba and its machine code takes as long as NumPy takes for millions of poses; a batch
+# as large as this is unlikely to be the only one.
+WORTH_COMPILING = 100_000
 
 
-@dataclass(frozen=True, eq=False)
-class KlannPoses:
-    """
-    Many poses; where one was not solved, all its numbers are NaN.
-
-    The arrays are read-only, except an `h` that the caller has provided.
-
-    Attributes
-    ----------
-    h : numpy.ndarray, shape (..., 2)
-        The foot H [m].
-    reason : numpy.ndarray of uint8, shape (...)
-        0 where the pose was solved, else a `Reason`.
-    angles : numpy.ndarray, shape (..., 4), or None
-        gamma, beta, delta, theta in (-pi, pi] [rad], if asked for.
-    points : numpy.ndarray, shape (..., 8, 2), or None
-        The points A to H [m], if asked for.
-
-    """
-
-    h: Array
-    reason: Codes
-    angles: Array | None = None
-    points: Array | None = None
-
-
-def klann_poses(
-    geometries: KlannGeometry | Iterable[KlannGeometry],
+def linkage_poses(
+    linkages: Any,
     alphas: ArrayLike,
     *,
     angles: bool = False,
@@ -49,45 +29,102 @@ def klann_poses(
     out: Array | None = None,
     progress: Progress | None = None,
     kernel: str | None = None,
-) -> KlannPoses:
+) -> LinkagePoses:
     """
-    Return the poses of one leg or of many, each at all crank angles, by the geometric method.
+    Return the poses of one linkage, or of many of one structure, at many crank angles.
 
-    Nothing is iterated, and a pose that cannot be reached is NaN with its reason, never a wrong
-    number. Beyond the results it takes one megabyte, and one kilobyte a leg, however many
-    poses there are; `alphas` is copied only if it is no array, or one that cannot be flattened.
+    The geometric method in the linkages' assemblies, on whole arrays: an angle that cannot be
+    reached gives NaN and a reason, never a wrong number. Coupled loops are solved by Newton-
+    Raphson along their branch. Beyond the results it takes some megabytes, and a kilobyte a
+    linkage, however many poses there are; `alphas` is copied only if it is no array, or one that
+    cannot be flattened.
 
     Parameters
     ----------
-    geometries : KlannGeometry or iterable of KlannGeometry
-        One leg, or n of them.
+    linkages : Linkage, KlannGeometry, leg, Variants, or iterable of them
+        One linkage, or n of them. Variants are arrays of numbers: much quicker than objects.
     alphas : array-like of real numbers
         Crank angles, of any shape and any number of turns [rad].
     angles, points : bool
         Whether the angles and the points are wanted, too.
     out : numpy.ndarray of float64, optional
-        Where H goes, in exactly its shape; no other array of H is made. It may be a view, as long
-        as its axes of crank angles can be flattened into one without a copy.
+        Where the feet go, in exactly their shape; no other array of them is made. It may be a
+        view, as long as its axes of crank angles can be flattened into one without a copy.
     progress : callable, optional
         Called with (done, total) poses after each few thousand. With tqdm:
         `progress=lambda done, total: bar.update(done - bar.n)`.
     kernel : str, optional
-        'numpy', or 'numba' (the extra "fast"), which is three to four times as fast for many legs
-        once it is loaded, and 1.3 to 2 times for one. By itself a batch of 100 000 poses or more
-        takes numba where it can be had. They agree to rounding.
+        'numpy', or 'numba' (the extra "fast"), which is three to four times as fast for many
+        linkages once it is loaded, and 1.3 to 2 times for one. By itself a batch of 100 000 poses
+        or more takes numba where it can be had. They agree to rounding. Coupled loops have NumPy's
+        alone.
 
     Returns
     -------
-    KlannPoses
-        The leading shape (...) of its arrays is that of `alphas` for one leg, (n, *alphas.shape)
-        for n of them.
+    LinkagePoses
+        The leading shape (...) of its arrays is that of `alphas` for one linkage, (n,
+        *alphas.shape) for n of them.
+
+    Raises
+    ------
+    TypeError
+        `linkages` is none of the above.
+    GeometryError
+        They are of several structures.
+    ValueError
+        `alphas` is no array of real numbers, `out` does not fit, or the kernel cannot be had.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from klann_ros.kinematics import shipped_linkage
+    >>> poses = linkage_poses(shipped_linkage('jansen'), np.linspace(0.0, 2.0 * np.pi, 1000))
+    >>> poses.h.shape, int(np.count_nonzero(poses.reason))
+    ((1000, 2), 0)
+
+    """
+    one, variants = _variants(linkages)
+    flat = _alphas(alphas)
+    count = 0 if variants is None else len(variants)
+    shape = flat.shape if one else (count, *flat.shape)
+    structure = None if variants is None else variants.base.structure
+    bodies = 0 if structure is None else len(structure.bodies) - 1
+    made = LinkagePoses(
+        np.empty((*shape, 2)) if out is None else out,
+        np.empty(shape, dtype=np.uint8),
+        np.empty((*shape, bodies)) if angles else None,
+        np.empty((*shape, len(structure.points) if structure else 0, 2)) if points else None,
+    )
+    table = (count, flat.size)
+    h = made.h.reshape(*table, 2) if out is None else _checked(out, shape, table)
+    chosen = _kernel(kernel, prod(shape))
+    if np.may_share_memory(h, flat):
+        # Else the first results would overwrite crank angles that are still to come.
+        flat = flat.copy()
+    if variants is not None:
+        results = LinkagePoses(
+            h,
+            made.reason.reshape(table),
+            None if made.angles is None else made.angles.reshape(*table, bodies),
+            None if made.points is None else made.points.reshape(*table, *made.points.shape[-2:]),
+        )
+        fill(variants, flat.reshape(-1), results, chosen, progress)
+    for array in (made.reason, made.angles, made.points, None if made.h is out else made.h):
+        if array is not None:
+            array.setflags(write=False)
+    return made
+
+
+def klann_poses(geometries: Any, alphas: ArrayLike, **options: Any) -> LinkagePoses:
+    """
+    Return the poses of Klann legs: `linkage_poses` of their geometries.
+
+    `angles` are gamma, beta, delta, theta, and `points` A to H.
 
     Raises
     ------
     TypeError
         `geometries` is neither a KlannGeometry nor an iterable of them.
-    ValueError
-        `alphas` is no array of real numbers, `out` does not fit, or the kernel cannot be had.
 
     Examples
     --------
@@ -97,47 +134,30 @@ def klann_poses(
     ((1000000, 2), 0)
 
     """
-    legs, flat = _legs(geometries), _alphas(alphas)
-    shape = flat.shape if isinstance(geometries, KlannGeometry) else (len(legs), *flat.shape)
-    constants = pack(*numbers(legs))
-    chosen = choose(kernel, prod(shape))
-    made = KlannPoses(
-        np.empty((*shape, 2)) if out is None else out,
-        np.empty(shape, dtype=np.uint8),
-        np.empty((*shape, 4)) if angles else None,
-        np.empty((*shape, 8, 2)) if points else None,
-    )
-    table = (len(legs), flat.size)
-    h = made.h.reshape(*table, 2) if out is None else _checked(out, shape, table)
-    if np.may_share_memory(h, flat):
-        # Else the first results would overwrite crank angles that are still to come.
-        flat = flat.copy()
-    results = Results(
-        h,
-        made.reason.reshape(table),
-        None if made.angles is None else made.angles.reshape(*table, 4),
-        None if made.points is None else made.points.reshape(*table, 8, 2),
-    )
-    fill(constants, flat.reshape(-1), results, chosen, progress)
-    for array in (made.reason, made.angles, made.points, None if made.h is out else made.h):
-        if array is not None:
-            array.setflags(write=False)
-    return made
-
-
-def _legs(geometries: object) -> list[KlannGeometry]:
     if isinstance(geometries, KlannGeometry):
-        return [geometries]
-    legs = []
-    for leg in geometries if isinstance(geometries, Iterable) else [geometries]:
+        return linkage_poses(geometries, alphas, **options)
+    legs = list(geometries) if isinstance(geometries, Iterable) else [geometries]
+    for leg in legs:
         if not isinstance(leg, KlannGeometry):
             msg = f'geometries: {leg!r} is refused: it must be a KlannGeometry'
             raise TypeError(msg)
-        legs.append(leg)
-    return legs
+    if not legs:
+        # None at all have a Klann leg's angles and points all the same.
+        return linkage_poses(Variants(KlannGeometry().linkage, {'l_ab': []}), alphas, **options)
+    return linkage_poses(legs, alphas, **options)
 
 
-def _alphas(alphas: ArrayLike) -> NDArray[np.generic]:
+def _variants(linkages: Any) -> tuple[bool, Variants | None]:
+    """Return whether one linkage is meant, and all as variants; None for none at all."""
+    if isinstance(linkages, Variants):
+        return False, linkages
+    if not isinstance(linkages, Iterable):
+        return True, Variants.of([as_linkage(linkages)])
+    every = list(linkages)
+    return False, Variants.of(map(as_linkage, every)) if every else None
+
+
+def _alphas(alphas: ArrayLike) -> NDArray[Any]:
     try:
         array = np.asarray(alphas)
         if array.dtype.kind == 'O':
@@ -152,7 +172,7 @@ def _alphas(alphas: ArrayLike) -> NDArray[np.generic]:
 
 
 def _checked(out: object, shape: tuple[int, ...], table: tuple[int, int]) -> Array:
-    """Return `out` as a table of n legs at k crank angles, shape (n, k, 2)."""
+    """Return `out` as a table of n linkages at k crank angles, shape (n, k, 2)."""
     if not isinstance(out, np.ndarray) or out.dtype != np.float64:
         kind = out.dtype if isinstance(out, np.ndarray) else type(out).__name__
         msg = f'out is refused: it must be an array of float64, not {kind}'
@@ -168,3 +188,26 @@ def _checked(out: object, shape: tuple[int, ...], table: tuple[int, int]) -> Arr
         msg = f'out is refused: its strides {out.strides} do not let it be filled without a copy'
         raise ValueError(msg)
     return view
+
+
+def _kernel(name: str | None, poses: int) -> Any:
+    """Return the module of a kernel."""
+    if name not in (None, 'numpy', 'numba'):
+        msg = f"kernel = {name!r} is refused: it must be 'numpy', 'numba' or None"
+        raise ValueError(msg)
+    if name == 'numpy' or (name is None and poses < WORTH_COMPILING):
+        return numpy_kernel
+    module, problem = _numba()
+    if module is None and name == 'numba':
+        msg = f"kernel = 'numba' is refused: numba cannot be used here ({problem})"
+        raise ValueError(msg)
+    return module or numpy_kernel
+
+
+@cache
+def _numba() -> tuple[Any, str]:
+    try:
+        from . import numba_kernel  # noqa: PLC0415 - numba takes long to load
+    except Exception as error:  # noqa: BLE001, RUF100 - a numba that does not fit breaks anyhow
+        return None, f'{type(error).__name__}: {error}'
+    return numba_kernel, ''

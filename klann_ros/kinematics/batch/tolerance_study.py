@@ -4,17 +4,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 from numbers import Real
+from typing import Any
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.klann.geometry import KlannGeometry, LENGTHS, NUMBERS
-from klann_ros.kinematics.klann.turn_clearance import first_clearances
+from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
+from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 
-from .batch import fill, Progress, Results
-from .constants import Array, numbers, pack
+from .batch import Progress
 from .deviations import Deviations
-from .kernels import choose
+from .poses import linkage_poses
+from .program import Array
+from .turn_clearance import driven_clearances
 
 DISTRIBUTIONS = ('uniform', 'normal')
 # Crank angles are taken in turns, so that no more poses than this are held at once.
@@ -38,8 +40,8 @@ class ToleranceStudy:
     nominal : numpy.ndarray, shape (k, 2)
         Foot path of the leg as drawn [m].
     stuck : float
-        Share of the legs that do not turn fully: a dyad does not close at one of `alphas`, or
-        the first dyad between them.
+        Share of the legs that do not turn fully: a loop does not close at one of `alphas`, or a
+        dyad that the crank alone drives between them.
     mean : numpy.ndarray, shape (k, 2)
         Mean of H - H_nominal [m].
     rms, p95, p99, largest : numpy.ndarray, shape (k,)
@@ -50,9 +52,9 @@ class ToleranceStudy:
         Extent of each leg's foot path in x and in y [m]; NaN for a leg that does not turn fully.
     names : tuple of str
         Dimensions, in the order of `tolerances` and `sensitivities`.
-    tolerances : numpy.ndarray, shape (13,)
+    tolerances : numpy.ndarray, shape (number of dimensions,)
         The half-widths [m, rad].
-    sensitivities : numpy.ndarray, shape (k, 13, 2)
+    sensitivities : numpy.ndarray, shape (k, number of dimensions, 2)
         Derivatives of H by each dimension, of the leg as drawn [m/m, m/rad].
 
     """
@@ -87,7 +89,7 @@ class ToleranceStudy:
 
 
 def tolerance_study(
-    geometry: KlannGeometry,
+    linkage: Any,
     tolerances: Mapping[str, float] | float,
     *,
     samples: int = 1000,
@@ -97,15 +99,15 @@ def tolerance_study(
     progress: Progress | None = None,
 ) -> ToleranceStudy:
     """
-    Return what manufacturing errors do to a leg's foot path.
+    Return what manufacturing errors do to a foot's path.
 
     Parameters
     ----------
-    geometry : KlannGeometry
+    linkage : Linkage, KlannGeometry, FourBarGeometry or leg
         The leg as drawn.
     tolerances : mapping of str to float, or float
-        Half-width of each dimension's tolerance, by its name in KlannGeometry [m, rad]; those
-        left out are exact. A number is the relative half-width of the seven lengths.
+        Half-width of each dimension's tolerance, by its name [m, rad]; those left out are exact. A
+        number is the relative half-width of all lengths.
     samples : int
         How many legs are drawn.
     crank_angles : int
@@ -126,7 +128,7 @@ def tolerance_study(
     Raises
     ------
     TypeError
-        `geometry` is no KlannGeometry.
+        `linkage` is none of these.
     ValueError
         A tolerance is no finite number, negative, of no dimension, or not smaller than its length;
         `samples` or `crank_angles` is no whole number, at least 1, or `seed` none at least 0;
@@ -134,45 +136,51 @@ def tolerance_study(
 
     Examples
     --------
+    >>> from klann_ros.kinematics import KlannGeometry
     >>> study = tolerance_study(KlannGeometry.sem104(), {'l_bc': 0.0005, 'angle_bcg': 0.002})
     >>> study.ranking[0][0]
     'l_bc'
 
     """
-    if not isinstance(geometry, KlannGeometry):
-        msg = f'geometry = {geometry!r} is refused: it must be a KlannGeometry'
-        raise TypeError(msg)
+    drawn_as = as_linkage(linkage)
     samples = validation.count('samples', samples, 1)
     crank_angles = validation.count('crank_angles', crank_angles, 1)
     seed = validation.count('seed', seed, 0)
-    values, signs = numbers([geometry])
-    widths = _half_widths(values[:, 0], tolerances)
-    drawn = values + widths[:, None] * _draw(distribution, (len(NUMBERS), samples), seed)
+    values = np.array(drawn_as.numbers)
+    widths = _half_widths(drawn_as, tolerances)
+    errors = _draw(distribution, (len(values), samples), seed)
+    drawn = _variants(drawn_as, values[:, None] + widths[:, None] * errors)
     alphas = np.arange(crank_angles, dtype=np.float64) * (TURN / crank_angles)
-    nominal = _feet(values, signs, alphas)[0]
+    nominal = linkage_poses(drawn_as, alphas).h
     found = Deviations(samples, crank_angles)
     step = max(1, POSES_HELD // samples)
     for first in range(0, crank_angles, step):
         part = slice(first, min(first + step, crank_angles))
-        found.add(part, _feet(drawn, signs, alphas[part]), nominal[part])
+        found.add(part, linkage_poses(drawn, alphas[part]).h, nominal[part])
         if progress is not None:
             progress(part.stop * samples, crank_angles * samples)
-    found.exclude(first_clearances(drawn.T) < 0.0)
+    found.exclude(driven_clearances(drawn) < 0.0)
     return ToleranceStudy(
         **_read_only(
             alphas=alphas,
             nominal=nominal,
             **found.statistics(),
             tolerances=widths,
-            sensitivities=_sensitivities(values[:, 0], signs, alphas),
+            sensitivities=_sensitivities(drawn_as, alphas),
         ),
         stuck=found.stuck,
-        names=NUMBERS,
+        names=tuple(drawn_as.dimensions),
     )
 
 
-def _half_widths(values: Array, tolerances: Mapping[str, float] | float) -> Array:
-    """Return the half-width of every dimension, shape (13,) [m, rad]."""
+def _variants(linkage: Linkage, numbers: Array) -> Variants:
+    return Variants(linkage, dict(zip(linkage.dimensions, numbers, strict=True)))
+
+
+def _half_widths(linkage: Linkage, tolerances: Mapping[str, float] | float) -> Array:
+    """Return the half-width of every dimension [m, rad]."""
+    numbers, dimensions = linkage.dimensions, linkage.structure.dimensions
+    lengths = {d.name: numbers[d.name] for d in dimensions if d.is_length}
     if not isinstance(tolerances, Mapping):
         if not (isinstance(tolerances, Real) and -inf < tolerances < inf):
             msg = (
@@ -180,22 +188,20 @@ def _half_widths(values: Array, tolerances: Mapping[str, float] | float) -> Arra
                 'it must be finite, or a mapping of names to half-widths'
             )
             raise ValueError(msg)
-        lengths = zip(LENGTHS, values.tolist(), strict=False)
-        tolerances = {name: float(value * tolerances) for name, value in lengths}
-    unknown = [str(name) for name in tolerances if name not in NUMBERS]
+        tolerances = {name: float(value * tolerances) for name, value in lengths.items()}
+    unknown = [str(name) for name in tolerances if name not in numbers]
     if unknown:
-        msg = f'tolerances of {", ".join(unknown)} are refused: the names are {", ".join(NUMBERS)}'
+        msg = f'tolerances of {", ".join(unknown)} are refused: the names are {", ".join(numbers)}'
         raise ValueError(msg)
     for name, width in tolerances.items():
-        limit = values[NUMBERS.index(name)] if name in LENGTHS else inf
         # NaN fails every comparison.
-        if not (isinstance(width, Real) and 0.0 <= width < limit):
+        if not (isinstance(width, Real) and 0.0 <= width < lengths.get(name, inf)):
             msg = (
                 f'tolerance of {name} = {width!r} is refused: '
                 'it must be finite, not negative, and smaller than the length'
             )
             raise ValueError(msg)
-    return np.array([float(tolerances.get(name, 0.0)) for name in NUMBERS])
+    return np.array([float(tolerances.get(name, 0.0)) for name in numbers])
 
 
 def _draw(distribution: str, shape: tuple[int, int], seed: int) -> Array:
@@ -212,22 +218,19 @@ def _draw(distribution: str, shape: tuple[int, int], seed: int) -> Array:
     return errors
 
 
-def _feet(values: Array, signs: Array, alphas: Array) -> Array:
-    """Return H of n legs at k crank angles, shape (n, k, 2) [m]."""
-    constants = pack(values, signs)
-    shape = (constants.shape[1], alphas.size)
-    results = Results(np.empty((*shape, 2)), np.empty(shape, dtype=np.uint8), None, None)
-    fill(constants, alphas, results, choose(None, results.reason.size), None)
-    return results.h
-
-
-def _sensitivities(values: Array, signs: Array, alphas: Array) -> Array:
-    """Return dH/d(dimension) by central differences, shape (k, 13, 2)."""
+def _sensitivities(linkage: Linkage, alphas: Array) -> Array:
+    """Return dH/d(dimension) by central differences, shape (k, number of dimensions, 2)."""
+    values, dimensions = np.array(linkage.numbers), linkage.structure.dimensions
+    largest = max(v for v, d in zip(linkage.numbers, dimensions, strict=True) if d.is_length)
     # A pivot coordinate may be 0, and a bend has its own measure.
-    scale = [values[k] if name in LENGTHS else values[:7].max() for k, name in enumerate(NUMBERS)]
-    steps = STEP * np.array([*scale[:-2], 1.0, 1.0])
-    shifted = values[:, None] + np.hstack([np.diag(steps), np.diag(-steps)])
-    up, down = _feet(shifted, signs, alphas).reshape(2, len(NUMBERS), -1, 2)
+    scale = [
+        value if d.is_length else largest if d.unit == 'm' else 1.0
+        for value, d in zip(linkage.numbers, dimensions, strict=True)
+    ]
+    steps = np.diag(STEP * np.array(scale))
+    shifted = values[:, None] + np.hstack([steps, -steps])
+    feet = linkage_poses(_variants(linkage, shifted), alphas).h
+    up, down = feet.reshape(2, len(values), -1, 2)
     # The steps as they were rounded.
     made = np.subtract(*(half.diagonal() for half in np.hsplit(shifted, 2)))
     slopes: Array = (up - down) / made[:, None, None]

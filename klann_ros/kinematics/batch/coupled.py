@@ -1,0 +1,130 @@
+"""Coupled loops in bulk: Newton-Raphson for many crank angles at once, along the branch."""
+
+from typing import Any, TYPE_CHECKING
+
+from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
+from klann_ros.kinematics.errors import GeometryError
+from klann_ros.kinematics.linkage.blocks import Block
+from klann_ros.kinematics.linkage.linkage import Linkage
+from klann_ros.kinematics.linkage.step import TRUSTED
+from klann_ros.kinematics.linkage.variants import Variants
+import numpy as np
+from numpy.typing import NDArray
+
+from .program import Array
+from .reason import open_loops, Reason, unreachable
+
+if TYPE_CHECKING:
+    from .batch import LinkagePoses
+
+Complex = NDArray[np.complex128]
+ITERATIONS = 10
+TOLERANCE = 1e-12
+
+
+def place(variants: Variants, i: int, alphas: NDArray[Any], results: 'LinkagePoses') -> None:
+    """Compute and store the poses of one of the variants, in results of one row."""
+    try:
+        linkage = variants[i] if len(variants) > 1 else variants.base
+        branch = linkage.branch if not variants.refused[i] else None
+    except GeometryError:
+        branch = None
+    if branch is None:
+        _store_nothing(results)
+        return
+    _Solution(linkage, np.asarray(alphas, dtype=np.float64)).store(results)
+
+
+def _store_nothing(results: 'LinkagePoses') -> None:
+    results.reason[...] = Reason.REFUSED
+    for array in (results.h, results.angles, results.points):
+        if array is not None:
+            array[...] = np.nan
+
+
+class _Solution:
+    """The unit vectors of all bodies at many crank angles, block by block."""
+
+    def __init__(self, linkage: Linkage, alphas: Array) -> None:
+        self._linkage, self._alphas = linkage, alphas
+        senses = linkage.structure.senses
+        self._u: Complex = np.full((len(senses), alphas.size), np.nan + 0j)
+        self._u[0] = np.exp(1j * senses[0] * alphas)
+        self._reason = np.zeros(alphas.size, dtype=np.uint8)
+        self._reason[~(np.abs(alphas) <= MAX_CRANK_ANGLE)] = Reason.CRANK_ANGLE
+        guesses: Array | None = None
+        for block, sign in zip(linkage.blocks, linkage.assembly, strict=True):
+            if block.is_dyad:
+                self._place_dyad(block, sign)
+                continue
+            if guesses is None:
+                guesses = linkage.branch.guesses(alphas)
+            heads = [linkage.head_bodies.index(j) - 1 for j in block.unknowns]
+            self._place_loops(block, guesses[heads])
+
+    def store(self, results: 'LinkagePoses') -> None:
+        """Store what is wanted."""
+        linkage, u = self._linkage, self._u
+        u[:, self._reason != 0] = np.nan
+        results.reason[0] = self._reason
+        q_u, q = linkage.point_equations
+        foot = q_u[linkage.foot] @ u + q[linkage.foot]
+        results.h[0, :, 0], results.h[0, :, 1] = foot.real, foot.imag
+        if results.angles is not None:
+            senses = np.array(linkage.structure.senses[1:])
+            angles = np.angle(u[1:]).T * senses
+            angles[angles == -np.pi] = np.pi
+            results.angles[0] = angles
+        if results.points is not None:
+            points = (q_u @ u).T + q
+            results.points[0] = np.stack([points.real, points.imag], axis=-1)
+
+    def _open(self, block: Block) -> Complex:
+        """Return by how much each loop of a block is open, its own bodies left out."""
+        others = (
+            sum((w * self._u[j] for j, w in terms.items() if j not in block.unknowns), constant)
+            for terms, constant in block.rows
+        )
+        return np.array([each + np.zeros(self._alphas.size) for each in others])
+
+    def _place_dyad(self, block: Block, sign: int) -> None:
+        (terms, _), (a, b) = block.rows[0], block.unknowns
+        way, (r_a, r_b) = -self._open(block)[0], block.radii
+        d = way.real**2 + way.imag**2
+        heron = ((r_a + r_b) ** 2 - d) * (d - (r_a - r_b) ** 2)
+        joint = way * (0.5 + ((r_a - r_b) * (r_a + r_b) + 1j * sign * np.sqrt(heron)) / (2.0 * d))
+        self._fail(np.isnan(joint), np.where(d > (r_a + r_b) ** 2, *_out_of_reach(block.number)))
+        self._u[a], self._u[b] = joint / terms[a], (way - joint) / terms[b]
+
+    def _place_loops(self, block: Block, guesses: Array) -> None:
+        """Refine guesses of the angles, shape (number of unknowns, k)."""
+        linkage, own = self._linkage, list(block.unknowns)
+        s = np.array([linkage.structure.senses[j] for j in own])[:, None]
+        w = np.array([[terms.get(j, 0.0) for j in own] for terms, _ in block.rows])
+        others, x = self._open(block), guesses.copy()
+        settled = np.zeros(self._alphas.size, dtype=bool)
+        for _ in range(ITERATIONS):
+            u = np.exp(1j * s * x)
+            gaps = w @ u + others
+            settled |= np.abs(gaps).max(axis=0) <= block.rounding
+            if (settled | np.isnan(x).any(axis=0)).all():
+                break
+            columns = np.moveaxis(1j * s * u, 1, 0)[:, None, :] * w
+            matrix = np.concatenate([columns.real, columns.imag], axis=1)
+            matrix[settled | ~np.isfinite(matrix).all(axis=(1, 2))] = np.eye(len(own))
+            right = np.concatenate([gaps.real, gaps.imag]).T[..., None]
+            turns = np.linalg.solve(matrix, -right)[..., 0].T
+            x = np.where(settled, x, x + turns)
+            settled |= np.abs(turns).max(axis=0) <= TOLERANCE
+        lost = ~(settled & (np.abs(x - guesses).max(axis=0) <= TRUSTED))
+        self._fail(lost, open_loops(block.number))
+        self._u[own] = np.exp(1j * s * x)
+
+    def _fail(self, which: NDArray[np.bool_], reason: Any) -> None:
+        """Note why the poses are not there that were not given up before."""
+        new = which & (self._reason == 0)
+        self._reason[new] = np.broadcast_to(reason, new.shape)[new]
+
+
+def _out_of_reach(number: int) -> tuple[int, int]:
+    return unreachable(number, far=True), unreachable(number, far=False)
