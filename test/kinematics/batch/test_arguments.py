@@ -4,7 +4,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from klann_ros.kinematics import klann_poses, KlannGeometry, KlannLeg
-from klann_ros.kinematics.batch.block import SIZE
+from klann_ros.kinematics.batch.batch import SIZE
 import numpy as np
 import pytest
 

@@ -13,7 +13,7 @@ from klann_ros.kinematics import (
     Reason,
     UnreachableError,
 )
-from klann_ros.kinematics.batch.block import SIZE
+from klann_ros.kinematics.batch.batch import SIZE
 import numpy as np
 import pytest
 from strategies import crank_angles, legs

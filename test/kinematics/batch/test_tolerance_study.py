@@ -5,8 +5,8 @@ import math
 from typing import Any
 
 from klann_ros.kinematics import klann_poses, KlannGeometry, KlannLeg, tolerance_study
-from klann_ros.kinematics.batch.constants import NUMBERS
 from klann_ros.kinematics.klann import equations
+from klann_ros.kinematics.klann.geometry import NUMBERS
 import numpy as np
 import pytest
 
@@ -224,9 +224,9 @@ def test_a_tolerance_that_is_neither_number_nor_mapping_is_named(tolerances: Any
         tolerance_study(SEM104, tolerances)
 
 
-def test_a_leg_is_no_geometry() -> None:
-    with pytest.raises(TypeError, match='it must be a KlannGeometry'):
-        tolerance_study(KlannLeg(), 0.01)
+def test_a_name_is_no_geometry() -> None:
+    with pytest.raises(TypeError, match='it must be a Linkage, a KlannGeometry or a leg'):
+        tolerance_study('sem104', 0.01)
 
 
 def test_counts_may_be_numpys() -> None:

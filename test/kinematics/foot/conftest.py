@@ -32,7 +32,7 @@ class CurveLeg:
         whole = self._arcs == [(0.0, math.tau)]
         turns = (alpha, alpha + math.tau)
         if not whole and not any(a <= turn <= b for a, b in self._arcs for turn in turns):
-            raise UnreachableError(alpha, 1, 0.0, True)
+            raise UnreachableError(alpha, 1, 0.0, True, ('P', 'Q', 'PJ', 'QJ'))
         return CurvePose(alpha, self._curves[0](alpha))
 
     def velocity(self, pose: CurvePose, rate: float) -> CurveMotion:

@@ -65,7 +65,7 @@ def test_a_guess_that_is_none_is_refused(guess: list[float]) -> None:
     'error',
     [
         CrankAngleError(math.inf, 1e6),
-        UnreachableError(1.0, 2, 0.01, False),
+        UnreachableError(1.0, 2, 0.01, False, ('E', 'G', 'EF', 'FG')),
         NotConvergedError(1.0, np.zeros((1, 4)), 'because'),
         SingularPoseError(1.0),
     ],

@@ -16,7 +16,7 @@ def places(leg: LinkageLeg, alpha: float) -> dict[str, complex]:
     """Return the points by name."""
     points = leg.solve(alpha).points
     return {
-        name: complex(*p) for name, p in zip(leg.linkage.description.points, points, strict=True)
+        name: complex(*p) for name, p in zip(leg.linkage.structure.points, points, strict=True)
     }
 
 
@@ -63,8 +63,7 @@ def test_fsolve_finds_the_same_stephenson_over_a_turn() -> None:
     bars += [('C', 'D', 80), ('C', 'G', 75), ('D', 'G', 70)]
     leg = LinkageLeg(shipped_linkage('stephenson'))
     guess = (
-        1000
-        * leg.solve(0.0).points[[leg.linkage.description.points.index(name) for name in 'GCD']]
+        1000 * leg.solve(0.0).points[[leg.linkage.structure.points.index(name) for name in 'GCD']]
     )
 
     def misfits(coordinates: np.ndarray, alpha: float) -> list[float]:
@@ -88,7 +87,7 @@ def test_the_klann_file_is_the_klann_leg(direction: int) -> None:
     general, special = LinkageLeg(shipped_linkage('klann')), KlannLeg()
     assert general.linkage.joint_names == ('alpha', 'gamma', 'beta', 'delta', 'theta')
     assert general.linkage.assembly == special.geometry.assembly
-    order = [general.linkage.description.points.index(letter) for letter in 'ABCDEFGH']
+    order = [general.linkage.structure.points.index(letter) for letter in 'ABCDEFGH']
     for k in range(3600):
         alpha = math.radians(direction * k / 10)
         one, other = general.solve(alpha), special.solve(alpha)

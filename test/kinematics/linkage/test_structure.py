@@ -1,6 +1,5 @@
 """The loop equations and their blocks follow from the bodies."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 from klann_ros.kinematics import (
@@ -11,8 +10,7 @@ from klann_ros.kinematics import (
     shipped_linkage,
     shipped_linkages,
 )
-from klann_ros.kinematics.linkage.blocks import CoupledLoops, Dyad
-from klann_ros.kinematics.linkage.description import Bar, Body
+from klann_ros.kinematics.linkage.structure import Bar, Body, Structure
 import numpy as np
 import pytest
 import yaml
@@ -28,7 +26,7 @@ def test_the_klann_leg_is_two_dyads_one_after_the_other() -> None:
     assert unknowns(linkage) == [['gamma', 'beta'], ['delta', 'theta']]
     assert [block.names for block in linkage.blocks] == [
         ('B', 'D', 'BC', 'DC'),
-        ('E', 'G', 'EF', 'GF'),
+        ('E', 'G', 'EF', 'FG'),
     ]
     assert linkage.is_dyadic
 
@@ -36,13 +34,13 @@ def test_the_klann_leg_is_two_dyads_one_after_the_other() -> None:
 def test_jansens_leg_is_three_dyads() -> None:
     linkage = shipped_linkage('jansen')
     assert unknowns(linkage) == [['j', 'b'], ['k', 'c'], ['f', 'g']]
-    assert all(isinstance(block, Dyad) for block in linkage.blocks)
+    assert all(block.is_dyad for block in linkage.blocks)
 
 
 def test_stephensons_loops_are_coupled() -> None:
     linkage = shipped_linkage('stephenson')
     (block,) = linkage.blocks
-    assert isinstance(block, CoupledLoops)
+    assert not block.is_dyad
     assert len(block.unknowns) == 4
     assert not linkage.is_dyadic
 
@@ -67,15 +65,31 @@ def split(body: Body) -> Body:
     """Return a body whose first bar has three points more on it."""
     first, *others = body.bars
     names = [first.start, *(f'{first.start}{k}{body.angle}' for k in range(3)), first.end]
-    parts = [Bar(p, q, first.vector / 4) for p, q in pairwise(names)]
-    return replace(body, bars=(*parts, *others))
+    parts = [Bar(p, q) for p, q in pairwise(names)]
+    return body._replace(bars=(*parts, *others))
 
 
 @pytest.mark.parametrize('name', shipped_linkages())
 def test_points_along_a_bar_change_neither_blocks_nor_arcs(name: str) -> None:
     plain = shipped_linkage(name)
-    bodies = tuple(map(split, plain.description.bodies))
-    finer = Linkage(replace(plain.description, bodies=bodies))
+    structure = plain.structure
+    finer_structure = Structure(
+        structure.pivots, tuple(map(split, structure.bodies)), structure.foot
+    )
+    numbers = []
+    given = {
+        (d.kind, d.place): v for d, v in zip(structure.dimensions, plain.numbers, strict=True)
+    }
+    # Each body's first bar has become four, of a quarter of its length.
+    old = [
+        n for n, _ in enumerate(structure.bars) for _ in range(4 if n in structure.straight else 1)
+    ]
+    for dimension in finer_structure.dimensions:
+        kind, place = dimension.kind, dimension.place
+        of = place if kind in ('x', 'y') else old[place]
+        quarter = kind == 'length' and of in structure.straight
+        numbers.append(given.get((kind, of), 0.0) / (4 if quarter else 1))
+    finer = Linkage(finer_structure, numbers, start=plain.given_start)
     assert unknowns(finer) == unknowns(plain)
     assert finer.assembly == plain.assembly
     assert LinkageLeg(finer).reachable_arcs() == LinkageLeg(plain).reachable_arcs()

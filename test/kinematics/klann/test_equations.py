@@ -1,0 +1,94 @@
+"""The textbook's equations of the Klann leg, and the linkage that it is: one and the same."""
+
+import cmath
+import math
+
+from hypothesis import assume, given, strategies as st
+from klann_ros.kinematics import KlannGeometry, KlannLeg, UnreachableError
+from klann_ros.kinematics.klann import equations
+from klann_ros.kinematics.klann.geometry import LENGTHS
+import numpy as np
+import pytest
+from strategies import crank_angles, legs
+
+states = st.tuples(*[st.floats(-math.pi, math.pi)] * 4)
+
+
+@given(geometry=legs(), alpha=crank_angles, x=states)
+def test_phi_is_the_central_difference_of_f(
+    geometry: KlannGeometry, alpha: float, x: tuple[float, ...]
+) -> None:
+    step = 1e-6
+    columns = [
+        (equations.f(geometry, alpha, x + step * e) - equations.f(geometry, alpha, x - step * e))
+        / (2 * step)
+        for e in np.eye(4)
+    ]
+    np.testing.assert_allclose(
+        equations.phi(geometry, x), np.transpose(columns), rtol=0, atol=1e-9
+    )
+
+
+@given(geometry=legs(), alpha=crank_angles, x=states)
+def test_the_linkage_has_the_textbooks_equations_and_points(
+    geometry: KlannGeometry, alpha: float, x: tuple[float, ...]
+) -> None:
+    linkage = geometry.linkage
+    for found, expected in (
+        (linkage.f(alpha, x), equations.f(geometry, alpha, x)),
+        (linkage.phi(alpha, x), equations.phi(geometry, x)),
+        (linkage.f_alpha(alpha, x), equations.f_alpha(geometry, alpha)),
+        (linkage.points(alpha, x), equations.points(geometry, alpha, x)),
+    ):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=4e-15)
+
+
+@given(geometry=legs(), alpha=crank_angles)
+def test_the_acceleration_solves_the_loops_differentiated_twice(
+    geometry: KlannGeometry, alpha: float
+) -> None:
+    leg = KlannLeg(geometry)
+    try:
+        pose = leg.solve(alpha)
+    except UnreachableError:
+        assume(False)
+    assume(min(pose.sines) > 0.1)
+    phi = equations.phi(geometry, pose.x)
+    f_2 = equations.f_2(geometry, alpha, pose.x, pose.coefficients)
+    second = leg.acceleration(pose, 1.0, 0.0).joints[1:]
+    scale = 1e-13 * (1.0 + abs(f_2).max())
+    np.testing.assert_allclose(phi @ second, -f_2, rtol=1e-10, atol=scale)
+
+
+@given(geometry=legs(), alpha=crank_angles, x=states)
+def test_the_points_have_every_bend(
+    geometry: KlannGeometry, alpha: float, x: tuple[float, ...]
+) -> None:
+    a, b, c, d, e, f, g, h = equations.points(geometry, alpha, x)
+    # Where the loops are open, BC and FG are not where their bodies are.
+    lengths = [math.dist(p, q) for p, q in [(a, b), (d, c), (c, g), (e, f), (g, h)]]
+    expected = [getattr(geometry, name) for name in LENGTHS if name not in ('l_bc', 'l_fg')]
+    np.testing.assert_allclose(lengths, expected, rtol=0, atol=1e-13)
+    directions = [complex(*(g - c)), complex(*(h - g))]
+    turned = [geometry.angle_bcg - x[0], -x[3] - geometry.angle_fgh]
+    for direction, angle in zip(directions, turned, strict=True):
+        assert math.sin(cmath.phase(direction) - angle) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_every_name_of_the_textbook_is_there() -> None:
+    leg = KlannLeg()
+    pose = leg.solve(1.0)
+    assert pose.joints == (pose.alpha, pose.gamma, pose.beta, pose.delta, pose.theta)
+    motion = leg.velocity(pose, 2.0)
+    names = (motion.alpha, motion.gamma, motion.beta, motion.delta, motion.theta)
+    assert motion.joints == names
+    assert leg.joint_names == ('alpha', 'gamma', 'beta', 'delta', 'theta')
+
+
+@pytest.mark.parametrize('kind', [int, np.float32, np.float64, np.int64, np.array])
+def test_any_kind_of_number_is_an_angle(kind: type) -> None:
+    leg = KlannLeg()
+    leg.solve(1.9)
+    pose = leg.solve(kind(2))
+    np.testing.assert_allclose(pose.x, leg.closed_form(2.0).x, rtol=0, atol=1e-15)
+    assert {type(value) for value in pose.joints} == {float}

@@ -1,0 +1,396 @@
+"""Laws that every linkage obeys: the two courses', those of files, dyadic or coupled."""
+
+from collections.abc import Callable
+from dataclasses import replace
+import math
+import pickle
+from typing import Any
+
+from hypothesis import assume, given, settings, strategies as st
+from klann_ros.kinematics import (
+    KinematicsError,
+    KlannGeometry,
+    Leg,
+    Linkage,
+    linkage_poses,
+    SingularPoseError,
+    Variants,
+)
+from mechanisms import allowed, alphas, difference, fresh, KNOWN, leg_of, legs, NAMES, solved
+import numpy as np
+import pytest
+
+AnyLeg = Leg[Any, Any]
+rates = st.floats(-5.0, 5.0)
+STEP = 1e-5
+
+
+# Equations.
+
+
+@given(leg=legs(), alpha=alphas, data=st.data())
+def test_phi_is_the_central_difference_of_f(leg: AnyLeg, alpha: float, data: Any) -> None:
+    linkage, step = leg.linkage, 1e-6
+    n = len(linkage.joint_names) - 1
+    x = np.array(data.draw(st.lists(st.floats(-3.0, 3.0), min_size=n, max_size=n)))
+    columns = [
+        (linkage.f(alpha, x + step * e) - linkage.f(alpha, x - step * e)) / (2 * step)
+        for e in np.eye(n)
+    ]
+    np.testing.assert_allclose(linkage.phi(alpha, x), np.transpose(columns), rtol=0, atol=1e-9)
+    by_alpha = (linkage.f(alpha + step, x) - linkage.f(alpha - step, x)) / (2 * step)
+    np.testing.assert_allclose(linkage.f_alpha(alpha, x), by_alpha, rtol=0, atol=1e-9)
+
+
+@given(leg=legs(), alpha=alphas)
+def test_a_solved_pose_closes_and_keeps_every_bar(leg: AnyLeg, alpha: float) -> None:
+    pose, linkage = solved(leg, alpha), leg.linkage
+    assert pose.residual <= 1e-14
+    assert np.abs(linkage.f(alpha, pose.x)).max() <= 1e-14
+    structure = linkage.structure
+    points = dict(zip(structure.points, pose.points, strict=True))
+    for name, place in zip(structure.pivots, linkage.pivots, strict=True):
+        assert complex(*points[name]) == place
+    for (_, bar), vector in zip(structure.bars, linkage.bars, strict=True):
+        length = math.dist(points[bar.start], points[bar.end])
+        assert length == pytest.approx(abs(vector), abs=1e-13)
+    np.testing.assert_allclose(points[structure.foot], pose.h, rtol=0, atol=1e-14)
+
+
+@given(leg=legs(), alpha=alphas)
+def test_both_methods_give_the_same_pose(leg: AnyLeg, alpha: float) -> None:
+    pose = solved(leg, alpha)
+    other = leg.closed_form(alpha)
+    assert difference(pose, other) <= allowed(pose)
+    np.testing.assert_allclose(pose.points, other.points, rtol=0, atol=allowed(pose))
+    np.testing.assert_allclose(pose.coefficients, other.coefficients, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(pose.sines, other.sines, rtol=0, atol=1e-9)
+
+
+@given(leg=legs(), alpha=alphas)
+def test_the_assembly_holds(leg: AnyLeg, alpha: float) -> None:
+    u = solved(leg, alpha).unit_vectors
+    for block, sign in zip(leg.linkage.blocks, leg.assembly, strict=True):
+        assert block.sine(u) * sign > 0
+
+
+@given(leg=legs(), alpha=alphas)
+def test_the_quality_of_a_pose_is_its_transmission_angles(leg: AnyLeg, alpha: float) -> None:
+    pose = solved(leg, alpha)
+    np.testing.assert_allclose(pose.sines, np.sin(pose.transmission_angles), atol=1e-14)
+    assert pose.distance_to_singularity == min(pose.clearances) > 0.0
+    assert pose.condition >= 1.0
+
+
+@given(leg=legs(), alpha=alphas, changes=st.lists(st.floats(-0.02, 0.02), min_size=3, max_size=3))
+def test_many_at_once_are_the_same_as_one_by_one(
+    leg: AnyLeg, alpha: float, changes: list[float]
+) -> None:
+    first = next(iter(leg.linkage.dimensions))
+    value = leg.linkage.dimensions[first]
+    variants = Variants(leg.linkage, {first: [value * (1 + change) for change in changes]})
+    at = np.array([alpha, alpha + 1.0])
+    for kernel in ('numpy', 'numba'):
+        poses = linkage_poses(variants, at, angles=True, points=True, kernel=kernel)
+        for i, j in np.ndindex(*poses.reason.shape):
+            if variants.refused[i]:
+                continue
+            try:
+                pose = leg_of(variants[i]).closed_form(at[j])
+            except KinematicsError:
+                continue
+            # A branch may end between the two ways to it.
+            assume(min(pose.sines) > 1e-3)
+            assert poses.reason[i, j] == 0
+            limit = allowed(pose)
+            np.testing.assert_allclose(poses.h[i, j], pose.h, rtol=0, atol=limit)
+            np.testing.assert_allclose(poses.points[i, j], pose.points, rtol=0, atol=limit)
+            assert np.abs(np.sin(poses.angles[i, j] - pose.x)).max() <= limit
+
+
+# Motion.
+
+
+@given(leg=legs(), alpha=alphas)
+def test_the_coefficients_are_those_of_the_whole_jacobian(leg: AnyLeg, alpha: float) -> None:
+    pose, linkage = solved(leg, alpha), leg.linkage
+    expected = np.linalg.solve(linkage.phi(alpha, pose.x), -linkage.f_alpha(alpha, pose.x))
+    np.testing.assert_allclose(pose.coefficients, expected, rtol=1e-9, atol=1e-10)
+
+
+@given(leg=legs(), alpha=alphas, rate=rates, spin=rates)
+def test_velocity_and_acceleration_are_differences_of_poses(
+    leg: AnyLeg, alpha: float, rate: float, spin: float
+) -> None:
+    # Differences are off by a third derivative, which grows with a power of 1 / sine.
+    pose = solved(leg, alpha, 0.2)
+
+    def at(time: float) -> Any:
+        return solved(leg, alpha + rate * time + spin * time**2 / 2, 0.2)
+
+    before, after = at(-STEP), at(STEP)
+    velocity, acceleration = leg.velocity(pose, rate), leg.acceleration(pose, rate, spin)
+    scale = max(1.0, *map(abs, pose.coefficients)) ** 5
+    np.testing.assert_allclose(
+        velocity.points, (after.points - before.points) / (2 * STEP), rtol=0, atol=1e-7 * scale
+    )
+    first, last = leg.velocity(before, rate - spin * STEP), leg.velocity(after, rate + spin * STEP)
+    for part in ('points', 'joints', 'h'):
+        change = np.subtract(getattr(last, part), getattr(first, part)) / (2 * STEP)
+        found = getattr(acceleration, part)
+        np.testing.assert_allclose(found, change, rtol=1e-6, atol=1e-6 * scale)
+    assert velocity.joints[0] == rate
+    assert acceleration.joints[0] == spin
+
+
+@given(leg=legs(), alpha=alphas, rate=rates, change=rates)
+def test_the_foot_is_one_of_the_points_and_the_pivots_rest(
+    leg: AnyLeg, alpha: float, rate: float, change: float
+) -> None:
+    pose, structure = solved(leg, alpha), leg.linkage.structure
+    still = [structure.points.index(name) for name in structure.pivots]
+    for moving in (leg.velocity(pose, rate), leg.acceleration(pose, rate, change)):
+        points = moving.points
+        limit = 1e-13 * (1.0 + np.abs(points).max())
+        np.testing.assert_allclose(points[leg.linkage.foot], moving.h, rtol=0, atol=limit)
+        assert not points[still].any()
+
+
+@given(leg=legs(), alpha=alphas, rate=rates, change=rates)
+def test_no_bar_changes_its_length(leg: AnyLeg, alpha: float, rate: float, change: float) -> None:
+    pose, structure = solved(leg, alpha), leg.linkage.structure
+    acceleration = leg.acceleration(pose, rate, change)
+    p, v, a = pose.points, acceleration.velocity.points, acceleration.points
+    scale = 1e-12 * (1.0 + abs(v).max() ** 2 + abs(a).max())
+    for _, bar in structure.bars:
+        i, j = structure.points.index(bar.start), structure.points.index(bar.end)
+        link, turning, changing = p[j] - p[i], v[j] - v[i], a[j] - a[i]
+        assert link @ turning == pytest.approx(0.0, abs=scale)
+        assert link @ changing + turning @ turning == pytest.approx(0.0, abs=scale)
+
+
+@given(leg=legs(), alpha=alphas, rate=rates, change=rates)
+def test_in_reverse_the_velocity_flips_and_the_acceleration_stays(
+    leg: AnyLeg, alpha: float, rate: float, change: float
+) -> None:
+    pose = solved(leg, alpha)
+    there, back = leg.velocity(pose, rate), leg.velocity(pose, -rate)
+    assert there.joints == tuple(-value for value in back.joints)
+    assert there.points.tolist() == (-back.points).tolist()
+    there, back = leg.acceleration(pose, rate, change), leg.acceleration(pose, -rate, change)
+    assert (there.joints, there.h) == (back.joints, back.h)
+
+
+@given(leg=legs(), alpha=alphas, rate=rates, change=rates)
+def test_both_parts_of_an_acceleration_add_up(
+    leg: AnyLeg, alpha: float, rate: float, change: float
+) -> None:
+    pose = solved(leg, alpha)
+    steady, driven = leg.acceleration(pose, rate, 0.0), leg.velocity(pose, change)
+    total, limit = leg.acceleration(pose, rate, change).points, 1e-10
+    limit *= 1.0 + np.abs(total).max() + np.abs(steady.points).max()
+    np.testing.assert_allclose(total, steady.points + driven.points, rtol=0, atol=limit)
+
+
+@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('value', [math.nan, math.inf, None, '1'])
+def test_a_rate_that_is_none_is_refused_by_its_name(name: str, value: Any) -> None:
+    leg = fresh(name)
+    pose = leg.closed_form(leg.reachable_arcs()[0][0] + 1.0)
+    with pytest.raises(ValueError, match=r'alpha_rate = .* must be finite'):
+        leg.velocity(pose, value)
+    with pytest.raises(ValueError, match=r'alpha_rate = .* must be finite'):
+        leg.acceleration(pose, value, 0.0)
+    with pytest.raises(ValueError, match=r'alpha_acceleration = .* must be finite'):
+        leg.acceleration(pose, 0.0, value)
+
+
+# Forces.
+
+
+@given(leg=legs(), alpha=alphas, force=st.tuples(*[st.floats(-100.0, 100.0)] * 2), rate=rates)
+def test_the_crank_does_the_work_that_the_foot_takes(
+    leg: AnyLeg, alpha: float, force: tuple[float, float], rate: float
+) -> None:
+    pose = solved(leg, alpha)
+    velocity = leg.velocity(pose, rate).h
+    power = leg.crank_torque(pose, force) * rate + np.dot(force, velocity)
+    scale = 1e-12 * (1.0 + np.linalg.norm(force) * np.linalg.norm(velocity))
+    assert power == pytest.approx(0.0, abs=scale)
+
+
+@given(leg=legs(), alpha=alphas, force=st.floats(-1e3, 1e3), direction=st.floats(-3.2, 3.2))
+def test_the_force_that_a_torque_balances_takes_that_torque(
+    leg: AnyLeg, alpha: float, force: float, direction: float
+) -> None:
+    pose = solved(leg, alpha)
+    u = math.cos(direction), math.sin(direction)
+    h_1 = leg.velocity(pose, 1.0).h
+    assume(abs(np.dot(u, h_1)) > 1e-3 * np.linalg.norm(h_1))
+    torque = leg.crank_torque(pose, (force * u[0], force * u[1]))
+    back = leg.foot_force(pose, torque, (-7 * u[0], -7 * u[1]))
+    assert back == pytest.approx(-force, rel=1e-9, abs=1e-9)
+
+
+# Similarity.
+
+
+def turned_about(linkage: Linkage) -> Linkage:
+    """Return it with every angle but the crank's measured the other way round."""
+    crank, *others = linkage.structure.bodies
+    bodies = (crank, *(body._replace(clockwise=not body.clockwise) for body in others))
+    structure = replace(linkage.structure, bodies=bodies)
+    start = None
+    if linkage.given_start is not None:
+        start = [linkage.given_start[0], *(-angle for angle in linkage.given_start[1:])]
+    return Linkage(structure, linkage.numbers, assembly=linkage.assembly, start=start)
+
+
+@pytest.mark.parametrize(
+    ('change', 'crank', 'points'),
+    [
+        (lambda linkage: linkage.scaled(0.001), 1, (0.001, 0.001)),
+        (lambda linkage: linkage.scaled(1000.0), 1, (1000.0, 1000.0)),
+        (Linkage.mirrored, -1, (1.0, -1.0)),
+        (turned_about, 1, (1.0, 1.0)),
+        (lambda linkage: linkage.varied({}), 1, (1.0, 1.0)),
+    ],
+    ids=['small', 'large', 'mirrored', 'clockwise', 'the same'],
+)
+@settings(max_examples=40)
+@given(leg=legs(), alpha=alphas)
+def test_a_similar_linkage_moves_alike(
+    change: Callable[[Linkage], Linkage],
+    crank: int,
+    points: tuple[float, float],
+    leg: AnyLeg,
+    alpha: float,
+) -> None:
+    pose = solved(leg, alpha, 0.1)
+    other = leg_of(change(leg.linkage))
+    like = solved(other, crank * alpha, 0.09)
+    motion = leg.acceleration(pose, 2.0, 3.0)
+    alike = other.acceleration(like, crank * 2.0, crank * 3.0)
+    factor = max(map(abs, points))
+    for one, two, digits in (
+        (pose.points, like.points, 1e-12),
+        (motion.velocity.points, alike.velocity.points, 1e-9),
+        (motion.points, alike.points, 1e-8),
+    ):
+        limit = digits * factor * (1.0 + np.abs(one).max())
+        np.testing.assert_allclose(two, one * points, rtol=0, atol=limit)
+    if leg.linkage.is_dyadic:
+        expected = np.multiply(pose.clearances, factor)
+        np.testing.assert_allclose(like.clearances, expected, rtol=1e-9, atol=1e-11 * factor)
+
+
+# Where it has been, and where it can be.
+
+
+@settings(max_examples=200)
+@given(leg=legs(0.3), steps=st.lists(alphas, min_size=2, max_size=10))
+def test_after_jumps_of_any_size_the_pose_is_the_closed_forms(
+    leg: AnyLeg, steps: list[float]
+) -> None:
+    for alpha in steps:
+        try:
+            expected = leg.closed_form(alpha)
+        except KinematicsError as error:
+            assume(getattr(error, 'shortfall', 1.0) > 1e-12)
+            before = leg.last
+            with pytest.raises(type(error)) as caught:
+                leg.solve(alpha)
+            assert caught.value.args == error.args
+            assert leg.last is before
+        else:
+            # With the ends of a dyad together but for rounding, its links point anywhere.
+            assume(min(expected.sines) > 1e-6 or min(expected.clearances) < 1e-9)
+            pose = leg.solve(alpha)
+            assert difference(pose, expected) <= allowed(expected)
+            assert pose.alpha == alpha
+
+
+@given(leg=legs(0.1), start=alphas, step=st.floats(-0.3, 0.3))
+def test_forward_then_back_is_the_same_pose(leg: AnyLeg, start: float, step: float) -> None:
+    first = solved(leg, start, 1e-3)
+    solved(leg, start + step, 1e-3)
+    assert difference(leg.solve(start), first) <= allowed(first)
+
+
+@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('turns', [1, -3, 1000])
+def test_whole_turns_close(name: str, turns: int) -> None:
+    leg = fresh(name)
+    (start, end), *_ = leg.reachable_arcs()
+    alpha = (start + end) / 2
+    first = leg.solve(alpha)
+    again = leg.solve(alpha + turns * 2 * math.pi)
+    assert difference(first, again) <= 1e-11
+    assert again.alpha == alpha + turns * 2 * math.pi
+
+
+@given(leg=legs(0.3))
+def test_it_is_solved_where_its_arcs_say_and_nowhere_else(leg: AnyLeg) -> None:
+    arcs, turn = leg.reachable_arcs(), 2 * math.pi
+    edges = [edge for arc in arcs for edge in arc]
+    for alpha in np.linspace(0.0, turn, 73).tolist():
+        inside = any(a <= alpha <= b or a <= alpha + turn <= b for a, b in arcs)
+        near = any(abs(math.remainder(alpha - edge, turn)) < 1e-6 for edge in edges)
+        if near and arcs != [(0.0, turn)]:
+            continue
+        try:
+            leg.solve(alpha)
+        except KinematicsError:
+            assert not inside
+        else:
+            assert inside
+
+
+@settings(max_examples=60)
+@given(leg=legs(0.3))
+def test_the_singularity_is_at_the_ends_of_the_arcs(leg: AnyLeg) -> None:
+    arcs = leg.reachable_arcs()
+    assume(leg.linkage.is_dyadic and arcs not in ([(0.0, 2 * math.pi)], []))
+    for start, end in arcs:
+        # The very end may be rounded out of reach.
+        inside = min(1e-11, (end - start) / 4)
+        for alpha in (start + inside, end - inside):
+            assert abs(leg.closed_form(alpha).distance_to_singularity) <= 1e-9
+
+
+@pytest.mark.parametrize('method', ['solve', 'closed_form'])
+def test_a_singular_pose_has_no_motion_and_transmits_nothing_known(method: str) -> None:
+    # |BD| reaches its greatest length just where BC and DC are in line.
+    stretched = KlannGeometry(l_bc=0.12 + math.hypot(0.35, 0.09) - 0.14 + 1e-16).linkage
+    for leg, at in (
+        (leg_of(stretched), math.atan2(-0.09, 0.35) + math.pi + 1e-9),
+        (leg_of(KNOWN['crank-rocker'].linkage.varied({'coupler': 0.18, 'rocker': 0.08})), 0.0),
+    ):
+        pose = getattr(leg, method)(at)
+        for motion, arguments in (
+            (leg.velocity, (1.0,)),
+            (leg.acceleration, (1.0, 0.0)),
+            (leg.crank_torque, ((1.0, 0.0),)),
+            (leg.foot_force, (1.0, (1.0, 0.0))),
+        ):
+            with pytest.raises(SingularPoseError, match='is singular'):
+                motion(pose, *arguments)
+        # The next solve does without its tangent.
+        assert leg.solve(at + 0.1).iterations > 0
+
+
+# Objects.
+
+
+@given(leg=legs(), alpha=alphas)
+def test_what_is_pickled_comes_back_equal(leg: AnyLeg, alpha: float) -> None:
+    pose = solved(leg, alpha)
+    again = pickle.loads(pickle.dumps(pose))  # noqa: S301 - our own
+    assert again == pose
+    assert pickle.loads(pickle.dumps(leg)).solve(alpha).h == pytest.approx(pose.h)  # noqa: S301
+
+
+def test_the_points_are_a_copy() -> None:
+    pose = fresh('sem104').solve(1.0)
+    pose.points[7] = 0.0
+    assert pose.points[7].tolist() == pytest.approx(pose.h)
