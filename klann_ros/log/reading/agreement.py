@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
+from klann_ros.log.wording import counted, verb
 import numpy as np
 
 if TYPE_CHECKING:
@@ -39,7 +40,8 @@ class Count:
         if said is not None:
             total = self._messages.total()
             if said.message_count != total:
-                yield f'the statistics count {said.message_count} messages, there are {total}'
+                count = counted(said.message_count, 'message')
+                yield f'the statistics count {count}, there {verb(total, "is", "are")} {total}'
             elif said.channel_message_counts and +Counter(said.channel_message_counts) != +(
                 self._messages
             ):
@@ -51,9 +53,9 @@ class Count:
         wrong = sum(self._is_wrong(offset, times) for offset, times in index.items())
         missing = sum(self._chunks[offset][0] for offset in self._chunks.keys() - index.keys())
         if wrong:
-            yield f'the index is wrong about {wrong} chunks'
+            yield f'the index is wrong about {counted(wrong, "chunk")}'
         if index and missing:
-            yield f'the index leaves out {missing} messages'
+            yield f'the index leaves out {counted(missing, "message")}'
 
     def _is_wrong(self, offset: int, times: tuple[int, int]) -> bool:
         held = self._chunks.get(offset)

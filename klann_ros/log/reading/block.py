@@ -9,7 +9,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from klann_ros.log.records import Topic
     from numpy.typing import NDArray
@@ -84,3 +84,12 @@ def block_of(content: Content, topics: Mapping[int, Topic]) -> Block:
     at = np.frombuffer(content.starts, dtype=np.uint64).astype(np.int64)
     rows = sliding_window_view(np.frombuffer(content.data, np.uint8), HEAD.itemsize)[at]
     return Block(content.data, rows.view(HEAD)[:, 0], at + HEAD.itemsize, topics)
+
+
+def block_of_messages(
+    heads: NDArray[np.void], messages: Sequence[bytes], topics: Mapping[int, Topic]
+) -> Block:
+    """Return messages that do not stand in one piece as a block; the heads get their lengths."""
+    sizes = np.fromiter(map(len, messages), dtype=np.int64, count=len(messages))
+    heads['length'] = sizes + _COUNTED
+    return Block(memoryview(b''.join(messages)), heads, np.cumsum(sizes) - sizes, topics)

@@ -51,6 +51,9 @@ class Channels:
 
         """
         if opcode == Opcode.SCHEMA:
+            # One with the number 0, which stands for none, is to be ignored.
+            if content[:2] == bytes(2):
+                return
             if self._schemas.add(content, offset, verified=verified) is not None:
                 self._topics.clear()
         elif opcode == Opcode.CHANNEL:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import zlib
 
 from klann_ros.log.errors import DamagedError
+from klann_ros.untrusted.text import printable
 from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped] # lz4 has no types
 from mcap.opcode import Opcode
 from mcap.records import Chunk
@@ -24,8 +25,10 @@ if TYPE_CHECKING:
     from typing import TypeAlias
 
     from .content import Content
+    from .patience import Patience
 
     Bytes: TypeAlias = bytes | bytearray
+    Unpack: TypeAlias = Callable[[bytes, int], Iterator[bytes]]
 
 MIN_LIMIT = 40 * 1024 * 1024
 """So much any chunk may unpack to [bytes]; usual are 1 MB."""
@@ -41,9 +44,18 @@ message anew takes four times its size.
 _PIECE = 1024 * 1024
 
 
-def chunk_content(content: bytes, offset: int) -> Content:
+def chunk_content(record: bytes, offset: int, patience: Patience) -> Content:
     """
-    Return what is in a chunk record; the offset is for the error's message.
+    Return what is in a chunk record.
+
+    Parameters
+    ----------
+    record
+        Its content.
+    offset
+        Where it stands, for the error's message.
+    patience
+        What it unpacks to in vain is noted there.
 
     Raises
     ------
@@ -51,19 +63,30 @@ def chunk_content(content: bytes, offset: int) -> Content:
         The chunk cannot be unpacked or its CRC is another one.
 
     """
-    chunk = parse(Chunk, content, offset)
+    chunk = parse(Chunk, record, offset)
     try:
         unpack = _UNPACK[chunk.compression]
     except KeyError:
-        reason = f'the compression {chunk.compression!r} is not known'
+        reason = f"the compression '{printable(chunk.compression)}' is not known"
         raise DamagedError(reason, offset, Opcode.CHUNK) from None
+    packed = len(chunk.data)
+    allowed = patience.allowed(packed)
+    data: Bytes = chunk.data
     try:
-        data = unpack(chunk.data)
+        if unpack is not None:
+            data = unpacked = bytearray()
+            _fill(unpacked, unpack, chunk.data, allowed)
+        _check(chunk, data, offset)
     except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
+        patience.spend(len(data), packed)
         reason = f'the chunk cannot be unpacked ({error})'
         raise DamagedError(reason, offset, Opcode.CHUNK) from None
-    _check(chunk, data, offset)
-    return content_of(data, verified=chunk.uncompressed_crc != 0)
+    except DamagedError:
+        patience.spend(len(data), packed)
+        raise
+    content = content_of(data, verified=chunk.uncompressed_crc != 0, allowed=allowed)
+    patience.spend(content.wasted, packed)
+    return content
 
 
 def _check(chunk: Chunk, data: Bytes, offset: int) -> None:
@@ -77,40 +100,42 @@ def _check(chunk: Chunk, data: Bytes, offset: int) -> None:
         raise DamagedError(reason, offset, Opcode.CHUNK)
 
 
-def _joined(pieces: Iterator[bytes], packed: int) -> bytearray:
-    """Return the pieces as one; it grows in place, which takes half of what joining takes."""
-    limit = max(MIN_LIMIT, MAX_RATIO * packed)
-    unpacked = bytearray()
-    for piece in pieces:
-        unpacked += piece
-        if len(unpacked) > limit:
+def _fill(data: bytearray, unpack: Unpack, packed: bytes, allowed: int) -> None:
+    """Unpack into what is given: it grows in place, which takes half of what joining takes."""
+    limit = max(MIN_LIMIT, MAX_RATIO * len(packed))
+    reason = 'which is the limit'
+    if allowed < limit:
+        limit, reason = allowed, 'which is the limit behind so much that is of no use'
+    for piece in unpack(packed, min(limit + 1, _PIECE)):
+        data += piece
+        if len(data) > limit:
             raise MemoryError(
-                f'its {packed} bytes unpack to more than {limit} bytes, which is the limit'
+                f'its {len(packed)} bytes unpack to more than {limit} bytes, {reason}'
             )
-    return unpacked
 
 
-def _unpack_zstd(data: bytes) -> bytearray:
+def _unpack_zstd(data: bytes, size: int) -> Iterator[bytes]:
+    """Yield pieces of at most a size."""
     with zstandard.ZstdDecompressor().stream_reader(data) as stream:
-        return _joined(iter(lambda: stream.read(_PIECE), b''), len(data))
+        yield from iter(lambda: stream.read(size), b'')
 
 
-def _unpack_lz4(data: bytes) -> bytearray:
-    def pieces() -> Iterator[bytes]:
-        frame = LZ4FrameDecompressor()
-        given = data
-        while not frame.eof:
-            piece = frame.decompress(given, max_length=_PIECE)
-            given = b''
-            if not piece and frame.needs_input:
-                raise RuntimeError('it is cut off')
-            yield piece
-
-    return _joined(pieces(), len(data))
+def _unpack_lz4(data: bytes, size: int) -> Iterator[bytes]:
+    """Yield pieces of at most a size."""
+    frame, given = LZ4FrameDecompressor(), data
+    while not frame.eof:
+        piece = frame.decompress(given, max_length=size)
+        given = b''
+        if not piece and frame.needs_input:
+            raise RuntimeError('it is cut off')
+        yield piece
 
 
-_UNPACK: dict[str, Callable[[bytes], Bytes]] = {
-    '': bytes,
+_UNPACK: dict[str, Unpack | None] = {
+    '': None,
     'zstd': _unpack_zstd,
     'lz4': _unpack_lz4,
 }
+
+COMPRESSIONS = tuple(name.encode() for name in _UNPACK)
+"""The names of those that are known, as they stand in a file."""

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 import zlib
 
 from klann_ros.log.errors import DamagedError
+from klann_ros.untrusted.files import is_hollow
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
-from .layout import lengths_agree
+from .layout import fields_end, is_known
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,18 +25,13 @@ if TYPE_CHECKING:
 MAGIC = MCAP0_MAGIC
 """The first and the last 8 bytes of a file."""
 
-MESSAGE_HEAD = 22
-"""What a message record is at least [bytes]."""
-
 _HEAD = struct.Struct('<BQ')
 _FOOTER = struct.Struct('<BQQQI')
 _PIECE = 1024 * 1024
 
-# Schemas, channels, metadata and what the summary holds are small; a longer one is a wrong length.
-_MAX_SMALL = 64 * 1024 * 1024
-_CREDIBLE = 2**40
-_KINDS = range(Opcode.HEADER, Opcode.DATA_END + 1)
+# Only these are read though they be longer than that.
 _LARGE = {Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.MESSAGE}
+_MAX_SMALL = 64 * 1024 * 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,66 +107,38 @@ def span_at(file: BinaryIO, offset: int, end: int) -> Span:
     if length > left:
         reason = f'the {name_of(opcode)} should be {length} bytes long, {left} are left'
         raise DamagedError(reason, offset, opcode)
-    if length > _MAX_SMALL and opcode not in _LARGE:
-        reason = f'a {name_of(opcode)} of {length} bytes cannot be'
-        raise DamagedError(reason, offset, opcode)
     return Span(opcode, offset, length)
-
-
-def starts(file: BinaryIO, offset: int, end: int) -> bool:
-    """Return whether a record whose lengths agree, or the end, is at an offset."""
-    if offset == end:
-        return True
-    try:
-        span = span_at(file, offset, end)
-    except DamagedError:
-        return False
-    if span.opcode == Opcode.MESSAGE:
-        return span.length >= MESSAGE_HEAD
-    return lengths_agree(file, span)
-
-
-def is_kind(file: BinaryIO, offset: int) -> bool:
-    """Return whether the byte at an offset is the opcode of a record."""
-    file.seek(offset)
-    head = file.read(1)
-    return len(head) == 1 and head[0] in _KINDS
-
-
-def may_start(file: BinaryIO, offset: int, end: int) -> bool:
-    """
-    Return whether an offset is where a record was, or was to be.
-
-    As :func:`starts`, or a record that is cut off, or the zeros that a power cut leaves.
-    """
-    if offset >= end:
-        return offset == end
-    file.seek(offset)
-    head = file.read(min(_HEAD.size, end - offset))
-    if not any(head):
-        return True
-    short = len(head) < _HEAD.size
-    return head[0] in _KINDS and (short or _HEAD.unpack(head)[1] < _CREDIBLE)
 
 
 def read(file: BinaryIO, span: Span) -> bytes:
     """
-    Return a record's content.
+    Return a record's content, as far as its fields are known.
 
     Raises
     ------
     DamagedError
-        The file has become shorter, or a chunk's own lengths contradict the record's.
+        They do not fit into the record, it is too large to be one of its kind, or the file has
+        become shorter.
 
     """
-    if span.opcode == Opcode.CHUNK and not lengths_agree(file, span):
-        reason = 'the lengths in the chunk contradict each other'
+    name, end = name_of(span.opcode), fields_end(file, span)
+    if end is None:
+        raise DamagedError(contradiction(span), span.offset, span.opcode)
+    size = end - span.start
+    if size > _MAX_SMALL and span.opcode not in _LARGE:
+        reason = f'the {name} is {size} bytes long, the limit for one is {_MAX_SMALL}'
         raise DamagedError(reason, span.offset, span.opcode)
+    check_written(file, span.start, span.end, name_of(span.opcode))
     file.seek(span.start)
-    content = file.read(span.length)
-    if len(content) < span.length:
+    content = file.read(size)
+    if len(content) < size:
         raise DamagedError('the file has become shorter', span.offset, span.opcode)
     return content
+
+
+def contradiction(span: Span) -> str:
+    """Return how to say that the fields of a record do not fit into it."""
+    return f'the lengths in the {name_of(span.opcode)} contradict each other'
 
 
 def find_footer(file: BinaryIO, size: int) -> Footer | None:
@@ -200,22 +168,58 @@ def check_summary(file: BinaryIO, footer: Footer) -> None:
     """
     if not len(MAGIC) <= footer.summary_start <= footer.offset:
         raise DamagedError('the summary would start outside of the file', footer.offset)
-    file.seek(footer.summary_start)
-    crc, left = 0, footer.offset + _FOOTER.size - 4 - footer.summary_start
+    check_written(file, footer.summary_start, footer.offset, 'summary')
+    if footer.crc:
+        end = footer.offset + _FOOTER.size - 4
+        _check_crc(file, footer.summary_start, end, footer.crc, 'summary')
+
+
+def check_data(file: BinaryIO, end: Span) -> bool:
+    """
+    Check the CRC of all that is before the record at the end of the data; return whether it has.
+
+    Raises
+    ------
+    DamagedError
+        The CRC is another one.
+
+    """
+    crc = int.from_bytes(read(file, end), 'little')
+    if crc:
+        check_written(file, 0, end.offset, 'data')
+        _check_crc(file, 0, end.offset, crc, 'data')
+    return crc != 0
+
+
+def _check_crc(file: BinaryIO, start: int, end: int, said: int, name: str) -> None:
+    file.seek(start)
+    crc, left = 0, end - start
     while left > 0:
         piece = file.read(min(left, _PIECE))
         if not piece:
-            raise DamagedError('the file has become shorter', footer.offset)
+            raise DamagedError('the file has become shorter', start)
         crc = zlib.crc32(piece, crc)
         left -= len(piece)
-    if footer.crc not in (0, crc):
-        reason = f'the CRC of the summary is {crc:08x}, {footer.crc:08x} is recorded'
-        raise DamagedError(reason, footer.summary_start)
+    if crc != said:
+        raise DamagedError(f'the CRC of the {name} is {crc:08x}, {said:08x} is recorded', start)
+
+
+def check_written(file: BinaryIO, start: int, end: int, name: str) -> None:
+    """
+    Let a large stretch be read only if most of it was ever written.
+
+    Raises
+    ------
+    DamagedError
+        It is a hole in the file, which may be as long as one likes.
+
+    """
+    if end - start > _MAX_SMALL and is_hollow(file, start, end):
+        raise DamagedError(f'the {name} of {end - start} bytes was never written', start)
 
 
 def name_of(opcode: int) -> str:
     """Return how to call a record in a message to people."""
-    try:
-        return Opcode(opcode).name.lower().replace('_', ' ')
-    except ValueError:
+    if not is_known(opcode):
         return f'record of unknown kind {opcode}'
+    return Opcode(opcode).name.lower().replace('_', ' ')

@@ -5,10 +5,14 @@ from __future__ import annotations
 from array import array
 from dataclasses import dataclass
 import struct
+import sys
 from typing import TYPE_CHECKING
 
 from klann_ros.log.errors import DamagedError
 from mcap.opcode import Opcode
+
+from .layout import without_more
+from .patience import DEFINITION, MESSAGE, RECORD
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -42,6 +46,10 @@ class Content:
         Whether there was a CRC that held.
     broken
         Why not all of the bytes could be read; '' if all could.
+    wasted
+        How much was looked at that is of no message (see :mod:`klann_ros.log.reading.patience`).
+    unknown
+        How many records are of kinds that are private or of a later version.
 
     """
 
@@ -51,6 +59,8 @@ class Content:
     definition_starts: array[int]
     verified: bool
     broken: str = ''
+    wasted: int = 0
+    unknown: int = 0
 
     def __len__(self) -> int:
         """Return how many messages there are."""
@@ -66,12 +76,12 @@ class Content:
             yield channel, sequence, logged, published, data[start:end].tobytes()
 
     def definitions(self) -> Iterator[tuple[int, bytes]]:
-        """Yield of each schema and channel: opcode and content."""
+        """Yield of each schema and channel: opcode and content, without unknown fields."""
         for position in self.definition_starts:
             opcode, length = _HEAD.unpack_from(self.data, position)
             start = position + _HEAD.size
             end = start + length
-            yield opcode, self.data[start:end].tobytes()
+            yield opcode, without_more(opcode, self.data[start:end].tobytes())
 
     def _by_time(self) -> Iterable[int]:
         times = self.times
@@ -80,10 +90,20 @@ class Content:
         return (self.starts[n] for n in sorted(range(len(times)), key=times.__getitem__))
 
 
-def content_of(data: bytes | bytearray, *, verified: bool) -> Content:
-    """Find the records in a chunk's data, up to the first that cannot be."""
+def content_of(data: bytes | bytearray, *, verified: bool, allowed: int = sys.maxsize) -> Content:
+    """
+    Find the records in a chunk's data, up to the first that cannot be.
+
+    Parameters
+    ----------
+    data, verified
+        The unpacked bytes, and whether there was a CRC that held.
+    allowed
+        How much of them may be of no message, as :class:`Patience` counts.
+
+    """
     starts, times, definitions = array('Q'), array('Q'), array('Q')
-    position, size, broken = 0, len(data), ''
+    position, size, broken, others, unknown = 0, len(data), '', 0, 0
     while position < size:
         start = position + _HEAD.size
         if start > size:
@@ -100,10 +120,22 @@ def content_of(data: bytes | bytearray, *, verified: bool) -> Content:
                 break
             starts.append(position)
             times.append(_LOG_TIME.unpack_from(data, start)[0])
-        elif opcode in _DEFINITIONS:
-            definitions.append(position)
+        elif not opcode:
+            broken = 'what stands in it is no record'
+            break
+        else:
+            others += length + (DEFINITION if opcode in _DEFINITIONS else RECORD)
+            if others > allowed + MESSAGE * len(starts):
+                broken = 'there are more records in it that are no messages than a file may have'
+                break
+            if opcode in _DEFINITIONS:
+                definitions.append(position)
+            else:
+                unknown += 1
         position = end
-    return Content(memoryview(data), starts, times, definitions, verified, broken)
+    wasted = max(0, others - MESSAGE * len(starts)) + size - position
+    places = starts, times, definitions
+    return Content(memoryview(data), *places, verified, broken, wasted, unknown)
 
 
 def message_content(content: bytes, offset: int) -> Content:

@@ -27,7 +27,7 @@ def is_made_anew(file: BinaryIO, offset: int, opcode: int, left: int) -> bool:
         if len(head) < _CUT_INDEX.size:
             return True
         length, _, size = _CUT_INDEX.unpack_from(head)
-        return bool(length == size + _INDEX_HEAD and left < length + 9)
+        return bool(length >= size + _INDEX_HEAD > left - 9)
     if opcode == Opcode.METADATA:
         return head[8:] == struct.pack('<I', len(RECORD_NAME)) + RECORD_NAME.encode()
     return opcode == Opcode.DATA_END and left < len(MAGIC) + 1 + _DATA_END_LENGTH

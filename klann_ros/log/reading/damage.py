@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from klann_ros.log.wording import counted
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -38,8 +40,8 @@ class Loss:
     def __str__(self) -> str:
         """Return it in one line, without the place."""
         least = '' if self.exact else 'at least '
-        held = f' with {least}{self.messages} messages' if self.messages else ''
-        return f'{self.length} bytes{held}: {self.reason}'
+        held = f' with {least}{counted(self.messages, "message")}' if self.messages else ''
+        return f'{counted(self.length, "byte")}{held}: {self.reason}'
 
 
 class Losses:

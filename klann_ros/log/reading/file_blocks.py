@@ -19,7 +19,7 @@ def blocks_of(file: LogFile) -> Iterator[tuple[int, Block]]:
     channels, count = file.channels(), Count()
     topics = {number: channels.topic(number) for number in channels.numbers()}
     known = {number: topic for number, topic in topics.items() if topic is not None}
-    with file.path.open('rb') as stream:
+    with file.open() as stream:
         walk = file.walk(stream)
         for offset, content in walk.contents():
             block = block_of(content, known)

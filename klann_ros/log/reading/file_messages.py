@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from functools import partial
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
-from klann_ros.log.errors import DamagedError
 from klann_ros.log.records import Message
-from mcap.opcode import Opcode
 
-from .chunks import chunk_content
+from .chunks import MAX_RATIO, MIN_LIMIT
 from .sources import Source
 
 if TYPE_CHECKING:
@@ -24,9 +23,14 @@ if TYPE_CHECKING:
     from .sources import Topics
 
 
+# So much may be unpacked at once to put messages in the order of time [bytes].
+_MOST_AT_ONCE = 2 * MIN_LIMIT
+_SMALL = 1024 * 1024
+
+
 def sources_of(file: LogFile, overview: Overview) -> Iterator[Source]:
     """Yield what can be read by itself: each chunk in the index, or all messages as one."""
-    if file.summary.is_index:
+    if file.summary.is_index and _can_be_merged(file):
         for chunk in file.summary.chunks:
             read = partial(_of_chunk, file, chunk)
             yield Source(chunk.message_start_time, chunk.message_end_time, read)
@@ -49,7 +53,7 @@ def messages_in(
 
 def _of_all(file: LogFile, topics: Topics) -> Iterator[Message]:
     """Yield all intact messages in the order in which they stand in the file."""
-    with file.path.open('rb') as stream:
+    with file.open() as stream:
         walk = file.walk(stream)
         for offset, content in walk.contents():
             yield from messages_in(file, offset, content, topics)
@@ -61,17 +65,38 @@ def _of_chunk(file: LogFile, chunk: ChunkIndex, topics: Topics) -> Iterator[Mess
     if not _may_hold(file, chunk, topics):
         return
     offset = chunk.chunk_start_offset
-    record = file.content_at(offset, Opcode.CHUNK)
-    if record is None:
-        return
-    try:
-        content = chunk_content(record, offset)
-    except DamagedError as damage:
-        file.note(offset, damage.reason)
+    content = file.chunk_at(offset)
+    if content is None or not _is_as_said(file, chunk, content):
         return
     if content.broken:
         file.note(offset, content.broken)
     yield from messages_in(file, offset, content, topics, by_time=True)
+
+
+def _can_be_merged(file: LogFile) -> bool:
+    """
+    Return whether the chunks that overlap in time are no more than can be unpacked at once.
+
+    Those of a recorder follow each other, or it has as many bytes in the file.
+    """
+    begins = [(chunk.message_start_time, chunk.uncompressed_size) for chunk in file.summary.chunks]
+    ends = [
+        (chunk.message_end_time + 1, -chunk.uncompressed_size) for chunk in file.summary.chunks
+    ]
+    unpacked = accumulate(size for _, size in sorted(begins + ends))
+    return max(unpacked, default=0) <= max(_MOST_AT_ONCE, MAX_RATIO * file.size)
+
+
+def _is_as_said(file: LogFile, chunk: ChunkIndex, content: Content) -> bool:
+    """Return whether a chunk may be merged with others: it is as its index says, or is small."""
+    said = chunk.message_start_time, chunk.message_end_time, chunk.uncompressed_size
+    size, times = len(content.data), content.times
+    if (min(times, default=said[0]), max(times, default=said[1]), size) == said:
+        return True
+    is_small = size <= max(_SMALL, MAX_RATIO * chunk.chunk_length)
+    text = 'the index is wrong about this chunk'
+    file.note(chunk.chunk_start_offset, text if is_small else f'{text}, which is left out')
+    return is_small
 
 
 def _may_hold(file: LogFile, chunk: ChunkIndex, topics: Topics) -> bool:

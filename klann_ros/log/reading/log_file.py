@@ -5,14 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from klann_ros.log.errors import DamagedError, NotALogError
+from klann_ros.untrusted.files import open_plain
+from klann_ros.untrusted.text import printable
 from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
 
 from .channels import Channels
+from .chunks import chunk_content
 from .container import find_footer, MAGIC, read, span_at
+from .evidence import Evidence
 from .holes import holes
-from .overview import Overview, Problem
+from .overview import Overview, Problems
 from .parsing import parse, parse_attachment
+from .patience import Patience
 from .resync import Search
 from .summary import read_summary, Summary
 from .walk import Walk
@@ -23,6 +28,9 @@ if TYPE_CHECKING:
 
     from klann_ros.log.records import Attachment
 
+    from .content import Content
+    from .unpacking.temporary import TemporaryFile
+
 
 _NEVER = 2**64
 _START = MAGIC + bytes([Opcode.HEADER])
@@ -32,10 +40,19 @@ class LogFile:
     """
     A file of a log.
 
+    Parameters
+    ----------
+    path
+        The file.
+    unpacked
+        What was in it, if it is compressed as a whole.
+
     Attributes
     ----------
     path, size
-        The file and its size [bytes].
+        The file, and the size of what was in it [bytes].
+    name
+        How to call it in a line to people.
     profile
         What the header says, such as ``ros2``; '' if it is damaged.
     closed
@@ -54,15 +71,19 @@ class LogFile:
 
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, unpacked: TemporaryFile | None = None) -> None:
         self.path = path
-        self.problems: dict[int, Problem] = {}
+        self.name = printable(path.name) + (' (unpacked)' if unpacked else '')
+        self._unpacked = unpacked
+        self.problems = Problems()
         self.holes: set[tuple[int, int]] = set()
         self.summary = Summary()
         self.profile = ''
         self._channels: Channels | None = None
+        self._patience = Patience()
+        self._rotten: set[int] = set()
         try:
-            with path.open('rb') as file:
+            with self.open() as file:
                 self.size = file.seek(0, 2)
                 file.seek(0)
                 start = file.read(len(MAGIC) + 1)
@@ -71,25 +92,41 @@ class LogFile:
                 self.profile = self._read_profile(file)
                 footer = find_footer(file, self.size)
                 self.closed = footer is not None
+                self._end = self.size if footer is None else footer.offset
                 if footer is None:
                     self.note(self.size, 'it was not closed: there is no footer at its end')
                 else:
                     self.summary = read_summary(file, footer)
+                    if not self.summary.is_sound:
+                        text = 'the index is wrong: what it names is not one behind the other'
+                        self.note(self.summary.start, text)
+                        self.summary.forget_places()
         except OSError as error:
             raise NotALogError(path, error.strerror or str(error)) from None
         except DamagedError as damage:
             self.note(damage.offset, f'the summary is damaged: {damage.reason}')
             self.summary = Summary()
 
+    def open(self) -> BinaryIO:  # noqa: A003, RUF100 - as a path calls it; ruff lets it be
+        """Open the file, or what was unpacked from it."""
+        return open_plain(self._unpacked.path if self._unpacked else self.path)
+
+    def close(self) -> None:
+        """Let go of what was unpacked."""
+        if self._unpacked is not None:
+            self._unpacked.close()
+
     def note(self, offset: int, text: str) -> None:
         """Remember that something is wrong at an offset [bytes]."""
-        self.problems.setdefault(offset, Problem(offset, text))
+        self.problems.note(offset, text)
 
     def note_losses(self, walk: Walk) -> None:
         """Remember what a walk stepped over."""
         for loss in walk.losses:
             self.note(loss.offset, str(loss))
-        with self.path.open('rb') as file:
+        for problem in walk.wrong:
+            self.note(problem.offset, problem.text)
+        with self.open() as file:
             self.holes.update(holes(file, walk.losses, self.summary.chunks))
 
     def channels(self) -> Channels:
@@ -105,7 +142,7 @@ class LogFile:
 
     def walk(self, file: BinaryIO, channels: Channels | None = None) -> Walk:
         """Return a pass over the open file, which gathers what it meets into the channels."""
-        end = self.summary.start if self.summary.is_index else self.size
+        end = self.summary.start if self.summary.is_index else self._end
         return Walk(file, end, channels or Channels(), summary=self.summary)
 
     def overview(self) -> Overview:
@@ -127,7 +164,7 @@ class LogFile:
         channels = Channels()
         channels.update(self.summary.channels)
         first, last = _NEVER, -1
-        with self.path.open('rb') as file:
+        with self.open() as file:
             walk = self.walk(file, channels)
             for _, content in walk.contents():
                 first = min(first, min(content.times, default=first))
@@ -146,14 +183,28 @@ class LogFile:
     def content_at(self, offset: int, opcode: Opcode) -> bytes | None:
         """Return the content of a record of this kind; None, and a problem, if it is not there."""
         try:
-            with self.path.open('rb') as file:
-                span = span_at(file, offset, self.size)
+            with self.open() as file:
+                end = self.summary.end_of(offset) or self._end
+                span = span_at(file, offset, min(end, self._end))
                 if span.opcode == opcode:
                     return read(file, span)
                 self.note(offset, f'the index is wrong: no {opcode.name.lower()} stands there')
         except DamagedError as damage:
             self.note(offset, damage.reason)
         return None
+
+    def chunk_at(self, offset: int) -> Content | None:
+        """Return what is in a chunk of the index; None, and a problem, if it is damaged."""
+        # One that was found to be rotten is not unpacked again.
+        record = None if offset in self._rotten else self.content_at(offset, Opcode.CHUNK)
+        if record is None:
+            return None
+        try:
+            return chunk_content(record, offset, self._patience)
+        except DamagedError as damage:
+            self._rotten.add(offset)
+            self.note(offset, damage.reason)
+            return None
 
     def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
         """Return the name and content of a metadata record; None if it is damaged."""
@@ -176,7 +227,8 @@ class LogFile:
 
     def _check_start(self, start: bytes, file: BinaryIO) -> None:
         """Refuse what is no log; one whose first bytes are damaged has sound chunks in it."""
-        if Search(file, self.size).chunk(0, self.size) is not None:
+        evidence = Evidence(file, self.size, self._patience)
+        if Search(evidence).chunk(0, self.size) is not None:
             self.note(0, 'its first bytes are not those of an MCAP file')
             return
         if not start:

@@ -7,6 +7,7 @@ import zlib
 
 from klann_ros.log.errors import DamagedError
 from klann_ros.log.records import Attachment
+from klann_ros.untrusted.text import printable
 from mcap import records
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
@@ -64,7 +65,7 @@ def parse_schema(content: bytes, offset: int = 0) -> records.Schema:
         try:
             schema.data.decode()
         except UnicodeDecodeError:
-            reason = f'the definition of {schema.name!r} is no text'
+            reason = f"the definition of '{printable(schema.name)}' is no text"
             raise DamagedError(reason, offset) from None
     return schema
 
@@ -80,9 +81,15 @@ def parse_attachment(content: bytes, offset: int = 0) -> Attachment:
 
     """
     record = parse(records.Attachment, content, offset)
-    (said,) = struct.unpack('<I', content[-4:])
+    said = crc_of_attachment(content)
     if said not in (0, zlib.crc32(content[:-4])):
-        raise DamagedError(f'the CRC of the attachment {record.name!r} is wrong', offset)
+        reason = f"the CRC of the attachment '{printable(record.name)}' is wrong"
+        raise DamagedError(reason, offset)
     return Attachment(
         record.name, record.media_type, record.data, record.log_time, record.create_time
     )
+
+
+def crc_of_attachment(content: bytes) -> int:
+    """Return the CRC that an attachment says it has, 0 for none."""
+    return int.from_bytes(content[-4:], 'little')

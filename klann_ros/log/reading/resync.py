@@ -1,35 +1,42 @@
 """
 Find the next sound record behind damage whose end is not known.
 
-A place is believed when what stands there is whole: a chunk when it unpacks and its CRC holds, any
-other record when its lengths agree and another record may follow it.
+Any byte may be its opcode. Where one is, and a length behind it that ends in the file, what stands
+there is believed as the table below says; a message, which has nothing to be known by, when it is
+one of several records in a row.
 """
 
 from __future__ import annotations
 
-from functools import partial
+from bisect import bisect_left
+from functools import cache
+from operator import attrgetter
 import re
 import struct
 from typing import TYPE_CHECKING
 
 from klann_ros.log.errors import DamagedError
+from klann_ros.untrusted.files import next_data
 from mcap.opcode import Opcode
-from mcap.records import Channel, Metadata
 
-from .chunks import chunk_content
-from .container import may_start, MESSAGE_HEAD, read, span_at
-from .layout import lengths_agree
-from .parsing import parse, parse_attachment, parse_schema
+from .chunks import COMPRESSIONS
+from .container import Span, span_at
+from .evidence import Behind, Content
+from .layout import is_known, least
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from typing import BinaryIO
+    from collections.abc import Iterator
 
-    from .container import Span
+    from .evidence import Evidence
 
-_PIECE = 1024 * 1024
-_LENGTH = struct.Struct('<Q')
-_INDEX_HEAD, _INDEX_ENTRY = 6, 16
+# What must stand behind a record that is found, at least; nothing makes up for no content.
+_BELIEVED = {
+    Content.FITTING: Behind.RECORD,
+    Content.EXACT: Behind.PERHAPS,
+    Content.PROVEN: Behind.NOTHING,
+}
+# How many records in a row make a message believable.
+_ROW = 3
 
 # Records that may stand anywhere; those that are found in pieces of a chunk as well, which is why
 # they count only in a file without chunks.
@@ -41,103 +48,132 @@ _ANYWHERE = (
     Opcode.DATA_END,
 )
 _OUTSIDE = (*_ANYWHERE, Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
-_PARSERS: dict[int, Callable[[bytes], object]] = {
-    Opcode.METADATA: partial(parse, Metadata),
-    Opcode.SCHEMA: parse_schema,
-    Opcode.CHANNEL: partial(parse, Channel),
-    Opcode.ATTACHMENT: parse_attachment,
-}
-# How many records in a row make a message believable, which has nothing else to be known by.
-_ROW = 3
+
+_LENGTH = struct.Struct('<Q')
+# A length of less than 2^40 bytes.
+_LENGTH_PATTERN = rb'[\s\S]{5}\0\0\0'
+# Of a chunk: its length, times, size and CRC, its compression, and the length of its data.
+_NAMES = b'|'.join(re.escape(struct.pack('<I', len(name)) + name) for name in COMPRESSIONS)
+_CHUNK_PATTERN = _LENGTH_PATTERN + rb'[\s\S]{28}(?:' + _NAMES + rb')' + _LENGTH_PATTERN
+_LONGEST_PATTERN = 64
+_FIRST_PIECE, _PIECE = 4096, 1024 * 1024
+
+
+@cache
+def _heads_pattern(opcodes: tuple[Opcode, ...]) -> re.Pattern[bytes]:
+    """Return what the head of a record of these kinds looks like, with a chunk among them."""
+    others = bytes(opcode for opcode in opcodes if opcode != Opcode.CHUNK)
+    patterns = [b'%c(?=%s)' % (Opcode.CHUNK, _CHUNK_PATTERN)]
+    if others:
+        patterns.append(rb'[%s](?=%s)' % (re.escape(others), _LENGTH_PATTERN))
+    return re.compile(b'|'.join(patterns))
 
 
 class Search:
-    """
-    Looks for sound records in an open file of a size [bytes].
+    """Looks for sound records in an open file."""
 
-    What it reads in vain is limited by the size, so that heads laid one into the other, each of
-    which claims the rest of the file, do not make it read the file again for each.
-    """
-
-    def __init__(self, file: BinaryIO, size: int) -> None:
-        self._file = file
-        self._size = size
-        self._patience = 4 * size
+    def __init__(self, evidence: Evidence) -> None:
+        self._evidence = evidence
+        self._file, self._size = evidence.file, evidence.size
+        self._chunks = _Chunks(self)
 
     def record(self, start: int, *, chunked: bool) -> int | None:
         """Return where the next sound record is, from an offset on; None if there is none."""
-        return self._first(start, self._size, _ANYWHERE if chunked else _OUTSIDE)
+        kinds = _ANYWHERE if chunked else _OUTSIDE
+        span = next(self.sound(start, self._size, kinds), None)
+        return None if span is None else span.offset
 
-    def chunk(self, start: int, end: int, *, over: int = 0) -> int | None:
+    def chunk(self, start: int, stop: int, *, over: int = 0) -> int | None:
         """
         Return where the first sound chunk is that starts between two offsets.
 
         One that ends behind the offset ``over``, where the record around it may hold a log of its
         own, such as an attachment.
         """
-        return self._first(start, end, (Opcode.CHUNK,), over)
+        return self._chunks.first(start, stop, over)
 
-    def is_whole(self, span: Span) -> bool:
-        """Return whether a record whose lengths agree holds what it should."""
-        self._patience -= span.length
-        try:
-            return self._patience > 0 and self._is_whole(span)
-        except DamagedError:
-            return False
+    def sound(self, start: int, stop: int, opcodes: tuple[Opcode, ...]) -> Iterator[Span]:
+        """Yield the sound records of these kinds that start between two offsets."""
+        return filter(self._is_sound, self._heads(start, stop, opcodes))
 
-    def _first(
-        self, start: int, stop: int, opcodes: tuple[Opcode, ...], over: int = 0
-    ) -> int | None:
-        places = (at for at in self._heads(start, stop, opcodes) if self._holds(at, over))
-        return next(places, None)
-
-    def _heads(self, start: int, stop: int, opcodes: tuple[Opcode, ...]) -> Iterator[int]:
-        """Yield where a record of these kinds, of less than 2^40 bytes, may stand."""
-        pattern = re.compile(b'[' + re.escape(bytes(opcodes)) + rb'](?=[\s\S]{5}\0\0\0)')
-        for offset in range(start, stop, _PIECE):
+    def _heads(self, start: int, stop: int, opcodes: tuple[Opcode, ...]) -> Iterator[Span]:
+        """Yield what may be a record of these kinds, and ends in the file."""
+        pattern = _heads_pattern(opcodes)
+        # No record begins where nothing was ever written.
+        offset, size = next_data(self._file, start), _FIRST_PIECE
+        while offset < stop:
+            size = min(size, stop - offset)
             self._file.seek(offset)
-            size = min(_PIECE, stop - offset)
-            piece = self._file.read(size + _LENGTH.size)
+            piece = self._file.read(size + _LONGEST_PATTERN)
             for match in pattern.finditer(piece):
-                if match.start() >= size or match.end() + _LENGTH.size > len(piece):
+                if match.start() >= size:
                     break
                 (length,) = _LENGTH.unpack_from(piece, match.end())
-                if offset + match.end() + _LENGTH.size + length <= self._size:
-                    yield offset + match.start()
+                span = Span(piece[match.start()], offset + match.start(), length)
+                if span.end <= self._size and length >= least(span.opcode):
+                    yield span
+            offset = next_data(self._file, offset + size)
+            size = min(2 * size, _PIECE)
 
-    def _holds(self, offset: int, over: int) -> bool:
-        try:
-            span = span_at(self._file, offset, self._size)
-            if span.end <= over:
-                return False
-            if span.opcode == Opcode.MESSAGE:
-                return self._is_row(span)
-            follows = span.opcode == Opcode.CHUNK or may_start(self._file, span.end, self._size)
-            return follows and lengths_agree(self._file, span) and self.is_whole(span)
-        except DamagedError:
-            return False
+    def _is_sound(self, span: Span) -> bool:
+        if span.opcode == Opcode.MESSAGE:
+            return self._is_row(span.offset)
+        content = self._evidence.content(span)
+        return content in _BELIEVED and self._evidence.behind(span.end) >= _BELIEVED[content]
 
-    def _is_whole(self, span: Span) -> bool:
-        content = read(self._file, span)
-        if span.opcode == Opcode.CHUNK:
-            found = chunk_content(content, span.offset)
-            return len(found.data) > 0 and not found.broken
-        if span.opcode in _PARSERS:
-            _PARSERS[span.opcode](content)
-        elif span.opcode == Opcode.MESSAGE_INDEX:
-            return span.length > _INDEX_HEAD and (span.length - _INDEX_HEAD) % _INDEX_ENTRY == 0
-        return True
-
-    def _is_row(self, span: Span) -> bool:
+    def _is_row(self, offset: int) -> bool:
         """Return whether a message is followed by more records, up to the end if that is near."""
         for _ in range(_ROW):
-            if span.opcode not in _OUTSIDE or not may_start(self._file, span.end, self._size):
-                return False
-            if span.opcode == Opcode.MESSAGE and span.length < MESSAGE_HEAD:
-                return False
             try:
-                span = span_at(self._file, span.end, self._size)
+                span = span_at(self._file, offset, self._size)
             except DamagedError:
                 # The end, or a record that is cut off.
                 return True
+            if is_known(span.opcode) and span.opcode not in _OUTSIDE:
+                return False
+            if span.opcode == Opcode.MESSAGE and self._evidence.content(span) == Content.NONE:
+                return False
+            if self._evidence.behind(span.end) == Behind.NOTHING:
+                return False
+            offset = span.end
+        return True
+
+
+class _Chunks:
+    """
+    The sound chunks in a stretch of a file, each looked for once.
+
+    Records that each claim the rest of the file ask for the same ones again and again.
+    """
+
+    def __init__(self, search: Search) -> None:
+        self._search = search
+        self._begin = self._until = 0
+        self._spans: list[Span] = []
+
+    def first(self, start: int, stop: int, over: int) -> int | None:
+        """Return where the first chunk starts between two offsets that ends behind a third."""
+        if not self._begin <= start <= self._until:
+            self._begin = self._until = start
+            self._spans.clear()
+        number = bisect_left(self._spans, start, key=attrgetter('offset'))
+        while number < len(self._spans) or self._find(stop):
+            span = self._spans[number]
+            if span.offset >= stop:
+                return None
+            if span.end > over:
+                return span.offset
+            number += 1
+        return None
+
+    def _find(self, stop: int) -> bool:
+        """Look for one more, up to an offset; return whether there is one."""
+        if self._until >= stop:
+            return False
+        span = next(self._search.sound(self._until, stop, (Opcode.CHUNK,)), None)
+        if span is None:
+            self._until = stop
+            return False
+        self._until = span.offset + 1
+        self._spans.append(span)
         return True

@@ -10,13 +10,27 @@ from typing import Any, TYPE_CHECKING
 from klann_ros.log import yaml_text
 from klann_ros.log.bag_metadata import FILE_NAME, ROOT_KEY
 from klann_ros.log.errors import NotALogError
+from klann_ros.untrusted.files import is_plain, open_plain, read_plain
+from klann_ros.untrusted.text import printable
+
+from .rosbag2_convert import convert_command
+from .unpacking.whole_file import SUFFIXES as PACKED
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from klann_ros.log.errors import AnyPath
 
+SUFFIXES = ('.mcap', '.db3')
+"""How the files of a bag are called, before they are packed; the first is the usual one."""
+
+LOG_HELP = 'a run folder, a rosbag2 bag, or an .mcap or .db3 file'
+"""What may be given where a log is asked for."""
+
 _MAX_NAME = 1000
-# How rosbag2 compresses itself, other than chunk by chunk.
-_COMPRESSED = ('file', 'message')
+_PLUGINS = ('mcap', 'sqlite3', '')
+_MODES = ('file', 'message', 'none')
+_FORMATS = ('zstd', '')
 
 
 @dataclass
@@ -27,7 +41,10 @@ class RunFiles:
     Attributes
     ----------
     paths
-        The MCAP files that are there.
+        The files that are there.
+    packed
+        Of some of them the same file as it was packed, in case that what was unpacked from it is
+        not all.
     missing
         Files that should be there, one line each.
     remarks
@@ -36,88 +53,173 @@ class RunFiles:
     """
 
     paths: list[Path] = field(default_factory=list)
+    packed: dict[Path, Path] = field(default_factory=dict)
     missing: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
 
 def run_files(path: AnyPath) -> RunFiles:
     """
-    Return which MCAP files a log consists of.
+    Return which files a log consists of.
 
     For a folder these are the files that its ``metadata.yaml`` names, and those that continue
     their numbers, since the metadata of a recording that was killed may be a file behind; or else
-    all ``*.mcap`` in natural order (2 before 10).
+    all of the usual names in natural order (2 before 10). A file that was packed by rosbag2 may
+    be unpacked by now, or the other way round; where it is there both ways it counts once.
 
     Raises
     ------
     NotALogError
-        There is nothing at the path, or a folder without MCAP file, or one that rosbag2 compressed
-        as a whole or message by message.
+        There is nothing at the path, or a folder without a file of a bag, or one that rosbag2
+        stored in a way of which nothing is known here.
 
     """
     place = Path(path)
     try:
         if place.is_dir():
             return _folder_files(place)
-        if place.is_file():
+        # What is no file either says so when it is opened.
+        if place.exists():
             return RunFiles([place])
-        exists = place.exists()
     except (OSError, ValueError) as error:  # ValueError: a path with a null byte
         raise NotALogError(path, str(error)) from None
-    raise NotALogError(path, 'neither a file nor a folder' if exists else 'there is no such path')
+    raise NotALogError(path, 'there is no such path')
 
 
 def _folder_files(folder: Path) -> RunFiles:
-    # Hidden ones are some tool's own, such as a copy in progress.
-    visible = (path for path in folder.glob('*.mcap') if not path.name.startswith('.'))
-    found = sorted(visible, key=_natural)
     files = RunFiles()
     metadata = _metadata(folder / FILE_NAME, files.remarks)
-    mode = str(metadata.get('compression_mode') or 'none')[:_MAX_NAME]
-    if mode.lower() in _COMPRESSED:
-        raise NotALogError(
-            folder, f'it was recorded with rosbag2 compression mode {mode!r}; convert it first'
-        )
-    if mode.lower() != 'none':
-        files.remarks.append(f'{FILE_NAME} is damaged: there is no compression mode {mode!r}')
+    found = _once(folder.iterdir(), files.packed)
     names = metadata.get('relative_file_paths')
-    if isinstance(names, list) and names:
-        # The last part only: older recorders put the folder's name before it.
-        named = [folder / Path(str(name)[:_MAX_NAME]).name for name in names]
-        there = [path for path in dict.fromkeys(named) if path.is_file()]
-        files.missing = [
-            f'{path.name} is missing, though {FILE_NAME} names it'
-            for path in named
-            if path not in there
-        ]
-        if there:
-            more = _continuing(there, found)
-            files.remarks += [
-                f'{path.name} is not named in {FILE_NAME}; it continues the run, and is read'
-                for path in more
-            ]
-            files.remarks += [
-                f'{path.name} is not named in {FILE_NAME}, and is left out'
-                for path in found
-                if path not in there and path not in more
-            ]
-            found = [*there, *more]
+    named = _named(folder, names) if isinstance(names, list) else []
+    _check_storage(folder, metadata, files.remarks, readable=any(map(_is_log, [*named, *found])))
+    if named:
+        # By their names when unpacked: somebody may have unpacked, or packed, them since.
+        by_name = {_unpacked(path): path for path in found}
+        named = list(dict.fromkeys(by_name.get(_unpacked(path), path) for path in named))
+        there = [path for path in named if is_plain(path)]
+        files.missing = [_missing(path) for path in named if path not in there]
+        found = _with_those_named(there, found, files.remarks) if there else found
+    else:
+        found = _of_one_storage(found, files.remarks)
     if not found:
-        raise NotALogError(folder, 'there is no .mcap file in the folder')
+        nothing = f'there is no {" or ".join(SUFFIXES)} file in the folder'
+        raise NotALogError(folder, '; '.join([nothing, *files.missing[:1]]))
     files.paths = found
     return files
+
+
+def _missing(path: Path) -> str:
+    """Return what is wrong with a file that is named and cannot be read."""
+    name = printable(path.name)
+    try:
+        open_plain(path).close()
+    except (FileNotFoundError, ValueError):
+        return f'{name} is missing, though {FILE_NAME} names it'
+    except OSError as error:
+        return f'{name} is left out, though {FILE_NAME} names it: {error.strerror}'
+    return f'{name} is left out: it was not there when it was looked for'
+
+
+def _unnamed(path: Path, what_then: str) -> str:
+    return f'{printable(path.name)} is not named in {FILE_NAME}{what_then}'
+
+
+def _once(paths: Iterable[Path], packed: dict[Path, Path]) -> list[Path]:
+    """Return the files of a bag in natural order, unpacked rather than packed."""
+    found: dict[str, Path] = {}
+    # Hidden ones are some tool's own, such as a copy in progress.
+    visible = (path for path in paths if _is_log(path) and not path.name.startswith('.'))
+    for path in sorted(visible, key=_natural):
+        first = found.setdefault(_unpacked(path), path)
+        if first != path and is_plain(first):
+            packed[first] = path
+        else:
+            found[_unpacked(path)] = path
+    return list(found.values())
+
+
+def _named(folder: Path, names: list[object]) -> list[Path]:
+    # The last part only: older recorders put the folder's name before it.
+    return [folder / Path(str(name)[:_MAX_NAME]).name for name in names]
+
+
+def _with_those_named(there: list[Path], found: list[Path], remarks: list[str]) -> list[Path]:
+    """Return the files that are named and those that continue them; remark on the others."""
+    more = _continuing(there, found)
+    remarks += [_unnamed(path, '; it continues the run, and is read') for path in more]
+    remarks += [
+        _unnamed(path, ', and is left out')
+        for path in found
+        if path not in there and path not in more
+    ]
+    return [*there, *more]
 
 
 def _continuing(named: list[Path], found: list[Path]) -> list[Path]:
     """Return the files that are not named, but numbered like those that are and behind them."""
     series = {_series(path) for path in named}
     last = max(map(_natural, named))
-    others = (path for path in found if path not in named)
+    others = (path for path in found if path not in named and re.search(r'_\d+\.', path.name))
     return [path for path in others if _series(path) in series and _natural(path) > last]
 
 
-def _series(path: Path) -> str:
-    return path.stem.rpartition('_')[0]
+def _of_one_storage(found: list[Path], remarks: list[str]) -> list[Path]:
+    """Return the files of the kind that comes first: where there are two, one is a copy."""
+    kinds = {kind: [path for path in found if _kind(path) == kind] for kind in SUFFIXES}
+    chosen = next((paths for paths in kinds.values() if paths), [])
+    remarks += [
+        f'{printable(path.name)} is left out: {printable(chosen[0].name)} beside it is of another '
+        'storage'
+        for path in found
+        if path not in chosen
+    ]
+    return chosen
+
+
+def _check_storage(
+    folder: Path, metadata: dict[str, Any], remarks: list[str], *, readable: bool
+) -> None:
+    """Refuse what only rosbag2's own plugins can read, as far as the metadata tell."""
+    plugin, mode, form = (
+        str(metadata.get(key) or '')[:_MAX_NAME]
+        for key in ('storage_identifier', 'compression_mode', 'compression_format')
+    )
+    if plugin not in _PLUGINS and not readable:
+        raise NotALogError(
+            folder, f"rosbag2 stored it by '{printable(plugin)}'; {convert_command(folder)}"
+        )
+    if (mode.lower() or 'none') not in _MODES:
+        shown = f"'{printable(mode)}'"
+        remarks.append(f'{FILE_NAME} is damaged: there is no compression mode {shown}')
+    elif mode.lower() == 'message' and form not in _FORMATS:
+        raise NotALogError(
+            folder,
+            f"rosbag2 compressed its messages by '{printable(form)}'; {convert_command(folder)}",
+        )
+
+
+def run_name(path: Path) -> str:
+    """Return how a file of a run is called, without what tells how it is stored."""
+    name = Path(_unpacked(path))
+    return name.stem if name.suffix in SUFFIXES else name.name
+
+
+def _is_log(path: Path) -> bool:
+    return _kind(path) in SUFFIXES
+
+
+def _kind(path: Path) -> str:
+    return Path(_unpacked(path)).suffix
+
+
+def _series(path: Path) -> tuple[str, str]:
+    return Path(_unpacked(path)).stem.rpartition('_')[0], _kind(path)
+
+
+def _unpacked(path: Path) -> str:
+    """Return the name of a file when it is unpacked."""
+    return path.stem if path.suffix in PACKED else path.name
 
 
 def _metadata(path: Path, remarks: list[str]) -> dict[str, Any]:
@@ -125,8 +227,11 @@ def _metadata(path: Path, remarks: list[str]) -> dict[str, Any]:
     if not path.exists():
         return {}
     try:
-        data = yaml_text.load(path.read_bytes()[: yaml_text.MAX_SIZE + 1].decode())
-    except (ValueError, OSError) as error:
+        data = yaml_text.load(read_plain(path, yaml_text.MAX_SIZE))
+    except OSError as error:
+        remarks.append(f'{FILE_NAME} cannot be read: {error.strerror}')
+        return {}
+    except ValueError as error:
         remarks.append(f'{FILE_NAME} is damaged: {error}')
         return {}
     content = data.get(ROOT_KEY) if isinstance(data, dict) else None

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from functools import cached_property
+from operator import le
+from typing import NamedTuple, TYPE_CHECKING
 
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, ChunkIndex, MetadataIndex, Statistics
@@ -19,20 +22,69 @@ _INDEX_HEAD = 15
 _INDEX_ENTRY = 16
 
 
+class Place(NamedTuple):
+    """Of a record its opcode, its end, and how much it holds [bytes], if that is said."""
+
+    opcode: int
+    end: int
+    size: int | None = None
+
+
 @dataclass
 class Summary:
-    """What a summary says, where it starts, whether its CRC held; offsets in [bytes]."""
+    """
+    What a summary says.
 
+    Parameters
+    ----------
+    closed
+        Whether the file has an end that holds, with a summary or without.
+    start
+        Where it starts [bytes]; 0 without any.
+    verified
+        Whether it has a CRC that held.
+    channels, chunks, statistics
+        What it says of these.
+    metadata, attachments
+        Where such records start [bytes].
+    places
+        Which records it says where, under where they start [bytes].
+
+    """
+
+    closed: bool = False
     start: int = 0
     verified: bool = False
     channels: Channels = field(default_factory=Channels)
     chunks: list[ChunkIndex] = field(default_factory=list)
     metadata: list[int] = field(default_factory=list)
     attachments: list[int] = field(default_factory=list)
-    lengths: dict[int, int] = field(default_factory=dict)
+    places: dict[int, Place] = field(default_factory=dict)
     statistics: Statistics | None = None
 
-    @property
+    @cached_property
+    def is_sound(self) -> bool:
+        """
+        Return whether the records that it names lie one behind the other, before it.
+
+        One that is named often, or that lies in another, could be asked for often.
+        """
+        named = len(self.chunks) + len(self.metadata) + len(self.attachments)
+        ends = [self.places[start].end for start in self._starts]
+        following = [*self._starts, self.start][1:]
+        return named == len(self.places) and all(map(le, ends, following))
+
+    @cached_property
+    def names_all(self) -> bool:
+        """Return whether it says where each chunk, attachment and metadata record is."""
+        said = self.statistics
+        if said is None:
+            return False
+        counts = said.chunk_count, said.metadata_count, said.attachment_count
+        found = len(self.chunks), len(self.metadata), len(self.attachments)
+        return counts == found and self.is_sound
+
+    @cached_property
     def is_index(self) -> bool:
         """
         Return whether everything in the file can be found by it.
@@ -40,22 +92,47 @@ class Summary:
         Recorders may leave out any part, and may put messages outside of chunks.
         """
         said = self.statistics
-        if said is None or not self.chunks:
-            return False
-        counts = (said.chunk_count, said.channel_count, said.metadata_count, said.attachment_count)
-        found = (
-            len(self.chunks),
-            len(self.channels.numbers()),
-            len(self.metadata),
-            len(self.attachments),
+        return (
+            said is not None
+            and len(self.chunks) > 0
+            and said.channel_count == len(self.channels.numbers())
+            and self.names_all
+            and self._names_all_topics()
+            and self._messages_in_chunks(said)
         )
-        return counts == found and self._names_all_topics() and self._messages_in_chunks(said)
 
-    def ends(self) -> dict[int, int]:
-        """Return where the chunks end and other records that it names, under where they start."""
-        ends = {chunk.chunk_start_offset: chunk.chunk_length for chunk in self.chunks}
-        ends |= self.lengths
-        return {start: start + length for start, length in ends.items()}
+    def note(self, start: int, place: Place) -> None:
+        """Take up where a record is."""
+        self.places[start] = place
+
+    def forget_places(self) -> None:
+        """Let nobody ask where records are."""
+        self.places.clear()
+        self._starts.clear()
+
+    def kind_at(self, offset: int) -> int | None:
+        """Return of which kind it says the record at an offset is; None if it says nothing."""
+        place = self.places.get(offset)
+        return None if place is None else place.opcode
+
+    def end_of(self, offset: int) -> int | None:
+        """Return where it says that the record at an offset ends; None if it says nothing."""
+        place = self.places.get(offset)
+        return None if place is None else place.end
+
+    def size_at(self, offset: int) -> int | None:
+        """Return how much it says that a record holds [bytes]; None if it says nothing."""
+        place = self.places.get(offset)
+        return None if place is None else place.size
+
+    def first_from(self, offset: int) -> int | None:
+        """Return where the first of the records that it names starts, from an offset on."""
+        number = bisect_left(self._starts, offset)
+        return self._starts[number] if number < len(self._starts) else None
+
+    @cached_property
+    def _starts(self) -> list[int]:
+        return sorted(self.places)
 
     def _names_all_topics(self) -> bool:
         channels = set(self.channels.numbers())
@@ -79,7 +156,7 @@ def read_summary(file: BinaryIO, footer: Footer) -> Summary:
         Its CRC does not hold, or what stands there is no summary.
 
     """
-    summary = Summary()
+    summary = Summary(closed=True)
     if footer.summary_start == 0:
         return summary
     check_summary(file, footer)
@@ -90,15 +167,19 @@ def read_summary(file: BinaryIO, footer: Footer) -> Summary:
                 span.opcode, read(file, span), span.offset, verified=summary.verified
             )
         elif span.opcode == Opcode.CHUNK_INDEX:
-            summary.chunks.append(parse(ChunkIndex, read(file, span), span.offset))
+            chunk = parse(ChunkIndex, read(file, span), span.offset)
+            summary.chunks.append(chunk)
+            start, length = chunk.chunk_start_offset, chunk.chunk_length
+            summary.note(start, Place(Opcode.CHUNK, start + length, chunk.compressed_size))
         elif span.opcode == Opcode.METADATA_INDEX:
-            place = parse(MetadataIndex, read(file, span), span.offset)
-            summary.metadata.append(place.offset)
-            summary.lengths[place.offset] = place.length
+            found = parse(MetadataIndex, read(file, span), span.offset)
+            summary.metadata.append(found.offset)
+            summary.note(found.offset, Place(Opcode.METADATA, found.offset + found.length))
         elif span.opcode == Opcode.ATTACHMENT_INDEX:
             index = parse(AttachmentIndex, read(file, span), span.offset)
             summary.attachments.append(index.offset)
-            summary.lengths[index.offset] = index.length
+            end = index.offset + index.length
+            summary.note(index.offset, Place(Opcode.ATTACHMENT, end, index.data_size))
         elif span.opcode == Opcode.STATISTICS:
             summary.statistics = parse(Statistics, read(file, span), span.offset)
     return summary

@@ -2,10 +2,9 @@
 One pass over the data of a file in the order in which they stand there, whatever their state.
 
 This is how a file without an index is read, and how a damaged one is recovered: damage is stepped
-over, up to the next record that is sound, and all that is left out is listed.
-
-A record's length is followed only when the lengths inside of the record agree with it, or when
-another record may start where it ends.
+over, up to the next record that is sound, and all that is left out is listed. Which records are
+believed is decided in :mod:`klann_ros.log.reading.belief`, and where it goes on behind damage in
+:mod:`klann_ros.log.reading.resync`.
 """
 
 from __future__ import annotations
@@ -16,14 +15,18 @@ from klann_ros.log.errors import DamagedError
 from mcap.opcode import Opcode
 from mcap.records import Metadata
 
+from .belief import Belief
 from .chunks import chunk_content
-from .container import is_kind, MAGIC, may_start, name_of, read, span_at, starts
+from .container import MAGIC, name_of, read, span_at
 from .content import message_content
 from .cut_off import is_made_anew
 from .damage import Loss, Losses
-from .layout import lengths_agree
+from .evidence import Evidence
+from .layout import fields_end, is_known
 from .parsing import parse
+from .patience import Patience
 from .resync import Search
+from .stretch import Stretches
 from .summary import Summary
 
 if TYPE_CHECKING:
@@ -34,9 +37,7 @@ if TYPE_CHECKING:
     from .container import Span
     from .content import Content
 
-_INDEX_ENTRY = 16
-_PIECE = 1024 * 1024
-_CHECKED = (Opcode.CHUNK, Opcode.ATTACHMENT)
+_INDEX_HEAD, _INDEX_ENTRY = 6, 16
 _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
 # What may follow the end of the data.
 _SUMMARY = (
@@ -56,7 +57,7 @@ class Walk:
     Parameters
     ----------
     file, size
-        The file, and where to stop [bytes]: its size, or where a summary starts that holds.
+        The file, and where to stop [bytes]: its size, or where its footer or summary starts.
     channels
         Takes the schemas and channels that are met.
     summary
@@ -68,27 +69,36 @@ class Walk:
         Where such records stand, as far as the walk has come.
     losses
         What was stepped over so far.
+    wrong, remarks
+        What else is wrong, though nothing is lost by it, and what only looks as if it were.
+    verified
+        Whether there was a CRC of all data that held, at the end of the walk.
+    unknown
+        How many records there were, outside of what contents() yields, that are private or of a
+        later version.
 
     """
 
     def __init__(
-        self,
-        file: BinaryIO,
-        size: int,
-        channels: Channels,
-        *,
-        summary: Summary | None = None,
+        self, file: BinaryIO, size: int, channels: Channels, *, summary: Summary | None = None
     ) -> None:
         self.metadata: list[Span] = []
         self.attachments: list[Span] = []
         self.losses = Losses()
+        self.unknown = 0
+        self.verified = False
         self._file = file
         self._size = size
         self._channels = channels
         self._summary = summary or Summary()
-        self._ends = self._summary.ends()
-        self._search = Search(file, size)
-        self._ended = self._chunked = False
+        self._patience = Patience()
+        self._evidence = Evidence(file, size, self._patience)
+        self._search = Search(self._evidence)
+        self._belief = Belief(self._evidence, self._search, self._summary)
+        self.wrong, self.remarks = self._belief.wrong, self._belief.remarks
+        self._stretches = Stretches(file)
+        self._chunked = False
+        self._data_end: Span | None = None
         self._next = len(MAGIC)
         self._lost: Loss | None = None
 
@@ -104,44 +114,56 @@ class Walk:
                 continue
             if content is not None:
                 yield span.offset, content
+        if self._data_end is not None and not len(self.losses) and not self.wrong:
+            self.verified = self._belief.in_data(self._data_end)
 
     def _span_at(self, offset: int) -> Span:
         """Return the record at an offset; raise if its end cannot be relied on."""
         span = span_at(self._file, offset, self._size)
-        if starts(self._file, span.end, self._size):
+        if self._belief.in_end(span, chunked=self._chunked):
             return span
-        holds = lengths_agree(self._file, span) and self._search.is_whole(span)
-        if holds or may_start(self._file, span.end, self._size):
-            # What has no CRC may be whole by its lengths, and yet reach into a chunk behind a gap.
-            over = span.end if holds and span.opcode in _CHECKED else 0
-            if self._search.chunk(span.start, span.end, over=over) is None:
-                return span
-        if span.opcode == Opcode.MESSAGE and self._is_before_damage(span):
-            return span
+        proven = self._belief.without_end(span)
+        if proven is not None:
+            return proven
         reason = f'the {name_of(span.opcode)} or its length is damaged'
         raise DamagedError(reason, offset, span.opcode)
 
-    def _is_before_damage(self, span: Span) -> bool:
-        """Return whether it is the next record that is damaged, not the length of this message."""
-        if not is_kind(self._file, span.end):
-            return False
-        found = self._search.record(span.start, chunked=self._chunked)
-        return found is None or found >= span.end
-
     def _step(self, span: Span) -> Content | None:
         """Deal with one record, whose damage if any ends where it ends."""
-        if span.opcode != Opcode.MESSAGE and not lengths_agree(self._file, span):
-            name = name_of(span.opcode)
-            self._lose_record(span, f'the lengths in the {name} contradict each other')
-            return None
-        if span.opcode == Opcode.MESSAGE_INDEX:
+        reason = self._belief.against_content(span)
+        if reason:
+            self._lose_record(span, reason)
+        elif span.opcode == Opcode.MESSAGE_INDEX:
             self._index(span)
+        elif span.opcode == Opcode.MESSAGE or not is_known(span.opcode):
+            return self._take_loose(span)
+        else:
+            self._lost = None
+            return self._take(span)
+        return None
+
+    def _take_loose(self, span: Span) -> Content | None:
+        """Return a message outside of chunks, and those behind it; pass over unknown kinds."""
+        content: Content | None
+        until = self._summary.first_from(span.start) or self._size
+        stretch = self._stretches.at(span.offset, min(until, self._size))
+        if stretch is not None:
+            self._next = stretch.end
+            content = stretch.content
+        elif span.opcode == Opcode.MESSAGE:
+            content = self._read(span)
+        else:
+            self.unknown += 1
             return None
-        self._lost = None
-        if span.opcode in (Opcode.CHUNK, Opcode.MESSAGE, *_DEFINITIONS):
+        if content is not None and len(content):
+            self._lost = None
+        return content
+
+    def _take(self, span: Span) -> Content | None:
+        if span.opcode in (Opcode.CHUNK, *_DEFINITIONS):
             return self._read(span)
         if span.opcode == Opcode.DATA_END:
-            self._ended = True
+            self._data_end = self._data_end or span
         elif span.opcode == Opcode.METADATA:
             self._take_metadata(span)
         elif span.opcode == Opcode.ATTACHMENT:
@@ -161,7 +183,8 @@ class Walk:
     def _belongs(self, span: Span) -> bool:
         if span.opcode == Opcode.HEADER:
             return span.offset == len(MAGIC)
-        return self._ended and span.opcode in _SUMMARY
+        ended = self._data_end or 0 < self._summary.start <= span.offset
+        return ended and span.opcode in _SUMMARY
 
     def _read(self, span: Span) -> Content | None:
         """Return what a chunk or a message holds; note it as lost if it is damaged."""
@@ -169,7 +192,7 @@ class Walk:
         try:
             if span.opcode == Opcode.CHUNK:
                 self._chunked = True
-                content = chunk_content(read(self._file, span), span.offset)
+                content = chunk_content(read(self._file, span), span.offset, self._patience)
                 self._channels.add_all(
                     content.definitions(), span.offset, verified=content.verified
                 )
@@ -189,7 +212,8 @@ class Walk:
     def _index(self, span: Span) -> None:
         """Count the messages that a lost chunk held: its index stands behind it."""
         if self._lost is not None:
-            self._lost.messages = (self._lost.messages or 0) + span.length // _INDEX_ENTRY
+            size = (fields_end(self._file, span) or span.end) - span.start - _INDEX_HEAD
+            self._lost.messages = (self._lost.messages or 0) + size // _INDEX_ENTRY
 
     def _lose_record(self, span: Span, reason: str) -> None:
         """Note a record as lost, but for a chunk in it: if bytes are missing it reaches over."""
@@ -205,28 +229,15 @@ class Walk:
     def _resume(self, damage: DamagedError) -> None:
         """Go on behind damage, and note what is left out unless it is made anew anyway."""
         start = damage.offset
-        found, exact = self._sound_behind(start)
+        found, exact = self._belief.sound_behind(start, chunked=self._chunked)
         end = self._next = self._size if found is None else found
-        remade = self._ended or is_made_anew(self._file, start, damage.opcode, self._size - start)
+        remade = self._data_end or is_made_anew(
+            self._file, start, damage.opcode, self._size - start
+        )
         if found is None and remade:
             return
         reason = damage.reason
-        if damage.opcode == 0 and self._only_zeros(start, end):
+        if damage.opcode == 0 and self._evidence.only_zeros(start, end):
             reason = 'there are only zeros'
         reason += ' from here to the end' if found is None else f'; sound again at byte {end}'
         self._lost = self.losses.add(start, end - start, reason, exact=exact)
-
-    def _sound_behind(self, start: int) -> tuple[int | None, bool]:
-        """Return where to go on behind a damaged record, and whether that is where it ends."""
-        end = self._ends.get(start)
-        if end is None or not may_start(self._file, end, self._size):
-            return self._search.record(start + 1, chunked=self._chunked), False
-        over = end if start in self._summary.attachments else 0
-        moved = self._search.chunk(start + 1, end, over=over)
-        return (end, True) if moved is None else (moved, False)
-
-    def _only_zeros(self, start: int, end: int) -> bool:
-        self._file.seek(start)
-        return not any(
-            any(self._file.read(min(_PIECE, end - offset))) for offset in range(start, end, _PIECE)
-        )

@@ -1,0 +1,102 @@
+"""What any file of a log can be asked, however it is stored."""
+
+from __future__ import annotations
+
+from typing import Protocol, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from klann_ros.log.records import Attachment, Message
+
+    from .block import Block
+    from .overview import Overview, Problems
+    from .sources import Source
+
+
+class Storage(Protocol):
+    """
+    A file of a log, open for reading; nothing that stands in it raises.
+
+    What is damaged is left out, and a problem from then on. A new kind of file is a class like
+    this, and a line in :mod:`klann_ros.log.reading.opening`.
+    """
+
+    @property
+    def path(self) -> Path:
+        """Return the file that the user has."""
+
+    @property
+    def name(self) -> str:
+        """Return how to call it in a line to people."""
+
+    @property
+    def size(self) -> int:
+        """Return how far the places go that blocks tell [bytes]."""
+
+    @property
+    def profile(self) -> str:
+        """Return the MCAP profile of its content, such as ``ros2``; '' if unknown."""
+
+    @property
+    def closed(self) -> bool:
+        """Return whether it ends as a file does that was closed."""
+
+    @property
+    def problems(self) -> Problems:
+        """Return what was found to be wrong so far, by offset; it grows while it is read."""
+
+    @property
+    def holes(self) -> set[tuple[int, int]]:
+        """Return from when to when messages stood in what is damaged [ns], as far as known."""
+
+    def overview(self) -> Overview:
+        """Return what it holds."""
+
+    def sources(self, overview: Overview) -> Iterator[Source]:
+        """Yield what can be read by itself."""
+
+    def blocks(self) -> Iterator[tuple[int, Block]]:
+        """Yield all messages in large pieces as they stand in it, and where each is [bytes]."""
+
+    def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
+        """Return the name and content of a metadata record of the overview."""
+
+    def attachment_at(self, offset: int) -> Attachment | None:
+        """Return an attachment of the overview."""
+
+    def first_data(self) -> bytes:
+        """Return the bytes of the message that stands first; b'' if there is none."""
+
+    def salvage(self) -> Salvage:
+        """Return a pass over all that is intact in it."""
+
+    def close(self) -> None:
+        """Let go of what was unpacked or copied to read it."""
+
+
+class Salvage(Protocol):
+    """
+    All that is intact in a file, for a new run; messages first.
+
+    Attributes
+    ----------
+    lost
+        What was left out so far, and where, one line each.
+    remarks
+        What else is to be said, one line each.
+
+    """
+
+    lost: list[str]
+    remarks: list[str]
+
+    def messages(self) -> Iterator[Message]:
+        """Yield all intact messages in the order in which they stand in it."""
+
+    def attachments(self) -> Iterator[Attachment]:
+        """Yield the intact attachments."""
+
+    def metadata(self) -> Iterator[tuple[str, dict[str, str]]]:
+        """Yield the names and contents of the intact metadata records."""

@@ -1,0 +1,1 @@
+"""What rosbag2 packs: whole files, single messages."""
