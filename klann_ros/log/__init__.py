@@ -1,7 +1,8 @@
 r"""
 Logs of runs: MCAP that every tool opens, that survives a crash, and is read in any state.
 
-Writing is a context manager, reading an iterator of typed records:
+Writing is a context manager, reading an iterator of typed records, also of what rosbag2 stores in
+other ways (SQLite, packed files, packed messages):
 
 >>> from pathlib import Path
 >>> from tempfile import TemporaryDirectory
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
         NotALogError,
         RunClosedError,
         RunExistsError,
+        RunHarmedError,
         UnknownTypeError,
         UnwritableError,
     )
@@ -66,6 +68,7 @@ __all__ = [
     'Recovery',
     'RunClosedError',
     'RunExistsError',
+    'RunHarmedError',
     'RunWriter',
     'Topic',
     'UnknownTypeError',

@@ -9,17 +9,20 @@ from collections.abc import Iterable, Iterator
 import os
 from pathlib import Path
 import re
-import sys
+
+from klann_ros.untrusted.files import is_plain, open_plain
 
 from .errors import AnyPath, UnknownTypeError
+from .type_names import default_prefixes, split_type
 
 SEPARATOR = '=' * 80
+
+_LONGEST = 1_000_000
 
 _PRIMITIVES = {
     'bool', 'byte', 'char', 'float32', 'float64', 'int8', 'uint8', 'int16', 'uint16', 'int32',
     'uint32', 'int64', 'uint64', 'string', 'wstring',
 }  # fmt: skip
-_NAME = re.compile(r'(?P<package>[A-Za-z]\w*)/(?:msg/)?(?P<type>[A-Za-z]\w*)', re.ASCII)
 _FIELD = re.compile(r'\s*([A-Za-z][\w/]*)', re.ASCII)
 
 
@@ -51,12 +54,6 @@ def definition(type_name: str, prefixes: Iterable[AnyPath] | None = None) -> str
     return text
 
 
-def default_prefixes() -> list[Path]:
-    """Return the prefixes of a sourced ROS, then the one of this Python."""
-    sourced = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    return [Path(prefix) for prefix in [*sourced, sys.prefix] if prefix]
-
-
 def _collect(package: str, name: str, places: list[Path], texts: dict[str, str]) -> None:
     """Put a type's text and then those of the types in it into texts; one met before is done."""
     key = f'{package}/{name}'
@@ -69,21 +66,31 @@ def _collect(package: str, name: str, places: list[Path], texts: dict[str, str])
 
 
 def _split(type_name: str) -> tuple[str, str]:
-    match = _NAME.fullmatch(type_name)
-    if not match:
+    named = split_type(type_name, short=True)
+    if named is None:
         raise UnknownTypeError(type_name, 'a message type is named like std_msgs/msg/Float64')
-    return match['package'], match['type']
+    return named
 
 
 def _read(package: str, name: str, places: list[Path]) -> str:
     relative = Path('share', package, 'msg', f'{name}.msg')
     for place in places:
-        path = place / relative
-        if path.is_file():
-            # Bytes, so that the line ends stay as they are in the file.
-            return path.read_bytes().decode('utf-8', 'replace')
+        if is_plain(place / relative):
+            return _text(place / relative, f'{package}/msg/{name}')
     searched = os.pathsep.join(map(str, places)) or 'no prefix'
     raise UnknownTypeError(f'{package}/msg/{name}', f'{relative} is not under {searched}')
+
+
+def _text(path: Path, type_name: str) -> str:
+    try:
+        with open_plain(path) as file:
+            # Bytes, so that the line ends stay as they are in the file.
+            data = file.read(_LONGEST + 1)
+    except OSError as error:
+        raise UnknownTypeError(type_name, f'{path} cannot be read: {error.strerror}') from error
+    if len(data) > _LONGEST:
+        raise UnknownTypeError(type_name, f'{path} is longer than {_LONGEST} bytes')
+    return data.decode('utf-8', 'replace')
 
 
 def _field_types(text: str) -> Iterator[str]:

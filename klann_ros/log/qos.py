@@ -10,6 +10,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from klann_ros.untrusted.text import printable
+
 from . import yaml_text
 from .errors import MalformedQosError
 
@@ -72,8 +74,9 @@ def qos_to_data(profile: Qos) -> dict[str, object]:
 
     """
     for key, words in POLICIES.items():
-        if getattr(profile, key) not in words:
-            raise MalformedQosError(f'{key} is {getattr(profile, key)!r}, not one of {words}')
+        word = getattr(profile, key)
+        if word not in words:
+            raise MalformedQosError(f'{key} is {_shown(word)}, not one of {words}')
     if profile.depth < 0:
         raise MalformedQosError(f'depth is {profile.depth}, not at least 0')
     return {
@@ -160,7 +163,7 @@ def qos_for_writing(text: str) -> str:
 
 def _profile(item: object) -> Qos:
     if not isinstance(item, dict):
-        raise MalformedQosError(f'a profile is {item!r}, not a mapping')
+        raise MalformedQosError(f'a profile is {_shown(item)}, not a mapping')
     return Qos(
         history=_word(item, 'history'),
         depth=_count(item, 'depth'),
@@ -172,6 +175,10 @@ def _profile(item: object) -> Qos:
         liveliness_lease_duration=_duration(item, 'liveliness_lease_duration'),
         avoid_ros_namespace_conventions=bool(_value(item, 'avoid_ros_namespace_conventions')),
     )
+
+
+def _shown(value: object) -> str:
+    return printable(repr(value))
 
 
 def _value(item: Mapping[str, Any], key: str) -> Any:
@@ -193,14 +200,14 @@ def _word(item: Mapping[str, Any], key: str) -> str:
 def _count(item: Mapping[str, Any], key: str) -> int:
     value = _value(item, key)
     if not isinstance(value, int) or value < 0:
-        raise MalformedQosError(f'{key} is {value!r}, not a number from 0')
+        raise MalformedQosError(f'{key} is {_shown(value)}, not a number from 0')
     return value
 
 
 def _duration(item: Mapping[str, Any], key: str) -> int:
     value = _value(item, key)
     if not isinstance(value, dict):
-        raise MalformedQosError(f'{key} is {value!r}, not sec and nsec')
+        raise MalformedQosError(f'{key} is {_shown(value)}, not sec and nsec')
     sec, nsec = _count(value, 'sec'), _count(value, 'nsec')
     return INFINITE if (sec, nsec) in _OLD_INFINITE else min(sec * _NS + nsec, INFINITE)
 

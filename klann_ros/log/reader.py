@@ -1,5 +1,5 @@
 """
-Read a log of any recorder: a run's folder or an MCAP file, with or without an index, also damaged.
+Read a log of any recorder: a run's folder or a file of it, however it is stored, also damaged.
 
 Nothing but :class:`~klann_ros.log.errors.NotALogError` comes of what stands in a file; what is
 damaged is left out and told by :attr:`Log.problem`. An OSError comes of the disk only.
@@ -11,9 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .errors import NotALogError
-from .reading.file_blocks import blocks_of
-from .reading.file_messages import sources_of
-from .reading.log_file import LogFile
+from .reading.opening import open_storage
 from .reading.repeats import attachment_key, metadata_key, Repeats
 from .reading.run_files import run_files
 from .reading.sources import in_time_order, latest
@@ -27,6 +25,7 @@ if TYPE_CHECKING:
     from .errors import AnyPath
     from .reading.block import Block
     from .reading.run_files import RunFiles
+    from .reading.storage import Storage
     from .records import Attachment, Message
 
 
@@ -50,7 +49,7 @@ class Log:
 
     """
 
-    def __init__(self, path: Path, files: list[LogFile], problems: list[str]) -> None:
+    def __init__(self, path: Path, files: list[Storage], problems: list[str]) -> None:
         self.path = path
         self._files = [(file, file.overview()) for file in files]
         self._problems = problems
@@ -61,7 +60,7 @@ class Log:
         self.end_time = max((end for _, end in times), default=0)
         self.topics = tuple(dict.fromkeys(topic for item in overviews for topic in item.topics))
         self._sources = [
-            source for file, overview in self._files for source in sources_of(file, overview)
+            source for file, overview in self._files for source in file.sources(overview)
         ]
         self.metadata: dict[str, list[dict[str, str]]] = {}
         repeats = Repeats()
@@ -73,7 +72,7 @@ class Log:
     def problems(self) -> tuple[str, ...]:
         """Return what is wrong with the log, one line each; reading may find more."""
         found = [
-            f'{file.path.name} at byte {problem.offset}: {problem.text}'
+            f'{file.name}{problem.place}: {problem.text}'
             for file, _ in self._files
             for problem in list(file.problems.values())
         ]
@@ -121,7 +120,8 @@ class Log:
         Yield the messages in the order of their log times.
 
         Those of a file without an index, such as one that was not closed, come in the order in
-        which they stand in it. Damaged chunks are left out, and are a problem from then on.
+        which they stand in it; so do those of a small file whose chunks overlap and would unpack
+        to more than 80 MB at once. Damaged chunks are left out, and are a problem from then on.
 
         Parameters
         ----------
@@ -168,14 +168,20 @@ class Log:
         whole = sum(file.size for file, _ in self._files) or 1
         before = 0
         for file, _ in self._files:
-            for offset, block in blocks_of(file):
+            for offset, block in file.blocks():
                 if progress is not None:
                     progress((before + offset) / whole)
                 yield block
             before += file.size
 
     def close(self) -> None:
-        """Let go of the log; what it has told stays valid. Files are open only while read."""
+        """
+        Let go of the log; what it has told stays valid.
+
+        Files are open only while they are read; what was unpacked to read them is removed.
+        """
+        for file, _ in self._files:
+            file.close()
 
     def __enter__(self) -> Self:
         return self
@@ -188,7 +194,7 @@ class Log:
     ) -> None:
         self.close()
 
-    def _add_metadata(self, file: LogFile, offset: int, repeats: Repeats) -> None:
+    def _add_metadata(self, file: Storage, offset: int, repeats: Repeats) -> None:
         record = file.metadata_at(offset)
         if record is not None and not repeats.is_one(file.path, metadata_key(*record)):
             name, content = record
@@ -197,7 +203,7 @@ class Log:
 
 def open_log(path: AnyPath) -> Log:
     """
-    Open a log: a run's folder, or one MCAP file.
+    Open a log: a run's folder, or one file of MCAP or SQLite, as rosbag2 packs them or not.
 
     Raises
     ------
@@ -209,7 +215,7 @@ def open_log(path: AnyPath) -> Log:
     return Log(Path(path), files, found.missing + found.remarks)
 
 
-def open_files(path: AnyPath) -> tuple[list[LogFile], RunFiles]:
+def open_files(path: AnyPath) -> tuple[list[Storage], RunFiles]:
     """
     Return those files of a log that are logs, and what is wrong with the others.
 
@@ -220,8 +226,8 @@ def open_files(path: AnyPath) -> tuple[list[LogFile], RunFiles]:
 
     """
     found = run_files(path)
-    tried = [_try(file_path) for file_path in found.paths]
-    files = [file for file in tried if isinstance(file, LogFile)]
+    tried = [_try(file_path, found.packed.get(file_path)) for file_path in found.paths]
+    files = [file for file in tried if not isinstance(file, NotALogError)]
     failures = [failure for failure in tried if isinstance(failure, NotALogError)]
     if not files:
         raise failures[0]
@@ -229,8 +235,13 @@ def open_files(path: AnyPath) -> tuple[list[LogFile], RunFiles]:
     return files, found
 
 
-def _try(path: Path) -> LogFile | NotALogError:
+def _try(path: Path, packed: Path | None) -> Storage | NotALogError:
+    """Open a file; if it is not all that is in it as it was packed, that one."""
     try:
-        return LogFile(path)
+        storage = open_storage(path)
     except NotALogError as error:
-        return error
+        return error if packed is None else _try(packed, None)
+    if packed is None or not storage.problems:
+        return storage
+    other = _try(packed, None)
+    return storage if isinstance(other, NotALogError) or other.problems else other

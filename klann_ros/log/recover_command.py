@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import argparse
+import os
 from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
 from klann_ros import __version__
+from klann_ros.untrusted.arguments import ArgumentParser
+from klann_ros.untrusted.text import LONGEST_LINE, printable, printable_line
 
 from .errors import LogError, NotALogError
+from .reading.run_files import LOG_HELP, run_name
 from .recovery import recover
+from .wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -55,17 +59,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def default_output(log: Path) -> Path:
     """Return where a log is recovered to: beside it, with ``_recovered`` behind its name."""
-    place = log.resolve()
-    name = place.stem if place.suffix == '.mcap' and not place.is_dir() else place.name
+    # A path that goes in a circle is no log, which is said later.
+    place = Path(os.path.realpath(log))
+    name = place.name if place.is_dir() else run_name(place)
     return place.with_name(f'{name}_recovered')
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser(
         prog='recover', description='Make a readable run out of a damaged one.', epilog=_EPILOG
     )
     parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
-    parser.add_argument('log', metavar='LOG', type=Path, help='a run folder or a .mcap file')
+    parser.add_argument('log', metavar='LOG', type=Path, help=LOG_HELP)
     parser.add_argument(
         '-o',
         '--output',
@@ -77,20 +82,24 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _fail(reason: str, code: int) -> int:
-    print(f'recover: {reason}', file=sys.stderr)
+    print(f'recover: {printable_line(reason)}', file=sys.stderr)
     return code
 
 
 def _tell(recovery: Recovery, output: Path) -> None:
     for note in recovery.remarks:
-        print(f'note: {note}')
+        print(f'note: {printable_line(note)}')
     for loss in recovery.lost:
-        print(f'lost: {loss}')
+        print(f'lost: {printable_line(loss)}')
     for topic, count in sorted(recovery.counts.items()):
-        print(f'kept: {count} messages of {topic}')
-    others = f'{recovery.attachments} attachments, {recovery.metadata} metadata records'
-    print(f'kept: {recovery.messages} messages in all, {others}')
-    print(f'written: {output}')
+        print(f'kept: {counted(count, "message")} of {printable(topic)}')
+    kept = [
+        f'{counted(recovery.messages, "message")} in all',
+        counted(recovery.attachments, 'attachment'),
+        counted(recovery.metadata, 'metadata record'),
+    ]
+    print(f'kept: {", ".join(kept)}')
+    print(f'written: {printable(output, LONGEST_LINE)}')
 
 
 if __name__ == '__main__':

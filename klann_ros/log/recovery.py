@@ -16,14 +16,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-import shutil
 from typing import TYPE_CHECKING
+
+from klann_ros.untrusted.files import is_within
+from klann_ros.untrusted.text import printable
 
 from .bag_metadata import RECORD_NAME
 from .errors import MalformedQosError, NotALogError, UnwritableError
 from .qos import qos_for_writing
 from .reader import open_files
-from .reading.file_messages import messages_in
 from .reading.repeats import attachment_key, metadata_key, Repeats
 from .writing.writer import RunWriter
 
@@ -31,9 +32,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from .errors import AnyPath
-    from .reading.log_file import LogFile
-    from .reading.walk import Walk
-    from .records import Message, Topic
+    from .reading.storage import Storage
+    from .records import Attachment, Topic
 
 
 @dataclass
@@ -69,7 +69,8 @@ def recover(log: AnyPath, output: AnyPath) -> Recovery:
     Parameters
     ----------
     log
-        A run's folder or an MCAP file, in any state; it is not changed.
+        A run's folder or a file of it, in any state; it is not changed, and nothing is removed
+        from it (an old recorder's ``.reserve`` goes when a recorder starts beside it).
     output
         The new run's folder. If the recovery fails or is interrupted, it is removed again.
 
@@ -96,17 +97,19 @@ def recover(log: AnyPath, output: AnyPath) -> Recovery:
         _check_found(log, files, recovery)
     except BaseException:
         # Half a recovery looks like a whole run.
-        shutil.rmtree(writer.path, ignore_errors=True)
+        writer.discard()
         raise
     return recovery
 
 
 def _check_output(log: AnyPath, output: AnyPath) -> None:
-    if Path(log).resolve() in Path(output).resolve().parents:
-        raise UnwritableError(f'{output} is inside {log}, which is not to be changed')
+    if not Path(output).exists() and is_within(output, log):
+        raise UnwritableError(
+            f'{printable(output)} is inside {printable(log)}, which is not to be changed'
+        )
 
 
-def _check_found(log: AnyPath, files: list[LogFile], recovery: Recovery) -> None:
+def _check_found(log: AnyPath, files: list[Storage], recovery: Recovery) -> None:
     found = recovery.messages or recovery.attachments or recovery.metadata
     whole = all(file.closed for file in files) and not recovery.lost
     if not found and not whole:
@@ -118,49 +121,26 @@ class _FileRecovery:
     """The recovery of one file into a run."""
 
     def __init__(
-        self, file: LogFile, writer: RunWriter, recovery: Recovery, repeats: Repeats
+        self, file: Storage, writer: RunWriter, recovery: Recovery, repeats: Repeats
     ) -> None:
         self._file = file
         self._writer = writer
         self._recovery = recovery
         self._repeats = repeats
         self._topics: dict[Topic, Topic] = {}
-        self._unverified = self._unknown = self._unknown_offset = 0
 
     def run(self) -> None:
         """Write what is intact, and say what is not."""
-        file, recovery = self._file, self._recovery
-        recovery.remarks += [f'{file.path.name}: {item.text}' for item in file.problems.values()]
-        before = recovery.messages
-        if not (file.summary.is_index and file.summary.verified):
-            file.survey()
-        recovery.remarks += [
-            f'{file.path.name}: {text}' for text in file.channels().contradictions
-        ]
-        with file.path.open('rb') as stream:
-            walk = file.walk(stream)
-            for offset, content in walk.contents():
-                self._unverified += not content.verified
-                written = self._write(messages_in(file, offset, content, None))
-                self._note_unknown(offset, len(content) - written)
-        self._copy_attachments(walk)
-        self._copy_metadata(walk)
-        for loss in walk.losses:
-            self._lose(loss.offset, str(loss))
-        if self._unknown:
-            what = f'{self._unknown} messages of topics whose description is lost'
-            self._lose(self._unknown_offset, what)
-        self._tell(walk, recovery.messages - before)
-
-    def _write(self, messages: Iterator[Message]) -> int:
-        written = 0
-        for message in messages:
+        recovery, salvage = self._recovery, self._file.salvage()
+        for message in salvage.messages():
             topic = self._topics.get(message.topic) or self._writable(message.topic)
             kept = message if topic is message.topic else replace(message, topic=topic)
             self._writer.write(kept)
-            written += 1
-        self._recovery.messages += written
-        return written
+            recovery.messages += 1
+        self._copy_attachments(salvage.attachments())
+        self._copy_metadata(salvage.metadata())
+        recovery.lost += salvage.lost
+        recovery.remarks += salvage.remarks
 
     def _writable(self, topic: Topic) -> Topic:
         """Return the topic without its quality of service if rosbag2 would choke on it."""
@@ -168,16 +148,12 @@ class _FileRecovery:
         try:
             qos_for_writing(topic.qos)
         except MalformedQosError as error:
-            self._recovery.remarks.append(f'{topic.name}: left out: {error}')
+            self._recovery.remarks.append(f'{printable(topic.name)}: left out: {error}')
             writable = replace(topic, qos='')
         return self._topics.setdefault(topic, writable)
 
-    def _copy_attachments(self, walk: Walk) -> None:
-        for span in walk.attachments:
-            found = self._file.attachment_at(span.offset)
-            if found is None:
-                self._lose(span.offset, self._file.problems[span.offset].text)
-                continue
+    def _copy_attachments(self, attachments: Iterator[Attachment]) -> None:
+        for found in attachments:
             if self._repeats.is_one(self._file.path, attachment_key(found)):
                 continue
             self._writer.attach(
@@ -185,33 +161,12 @@ class _FileRecovery:
             )
             self._recovery.attachments += 1
 
-    def _copy_metadata(self, walk: Walk) -> None:
-        for span in walk.metadata:
-            found = self._file.metadata_at(span.offset)
-            if found is None:
-                self._lose(span.offset, self._file.problems[span.offset].text)
-            elif found[0] == RECORD_NAME:
-                pass  # the writer makes that one anew
-            elif not self._repeats.is_one(self._file.path, metadata_key(*found)):
-                self._writer.add_metadata(*found)
-                self._recovery.metadata += 1
-
-    def _note_unknown(self, offset: int, count: int) -> None:
-        if count and not self._unknown:
-            self._unknown_offset = offset
-        self._unknown += count
-
-    def _lose(self, offset: int, what: str) -> None:
-        self._recovery.lost.append(f'{self._file.path.name} at byte {offset}: {what}')
-
-    def _tell(self, walk: Walk, written: int) -> None:
-        """Note what was not checked, and compare what was found with the file's statistics."""
-        if self._unverified:
-            self._recovery.remarks.append(
-                f'{self._file.path.name}: {self._unverified} chunks or single messages have no '
-                'CRC, so whether they are intact is not known'
-            )
-        statistics = self._file.summary.statistics
-        if statistics is not None and statistics.message_count > written and not len(walk.losses):
-            missing = statistics.message_count - written
-            self._lose(self._file.size, f'{missing} of the messages that it counts are not there')
+    def _copy_metadata(self, records: Iterator[tuple[str, dict[str, str]]]) -> None:
+        for name, content in records:
+            # The writer makes rosbag2's own anew.
+            if name == RECORD_NAME or self._repeats.is_one(
+                self._file.path, metadata_key(name, content)
+            ):
+                continue
+            self._writer.add_metadata(name, content)
+            self._recovery.metadata += 1

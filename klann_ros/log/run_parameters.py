@@ -5,12 +5,16 @@ from dataclasses import asdict, dataclass
 import json
 from typing import Any
 
+from klann_ros.untrusted.text import printable
+
 SOLVER_RECORD = 'klann_ros.solver'
 LOSS_RECORD = 'klann_ros.loss'
 PAUSE_RECORD = 'klann_ros.pause'
 RECORDER_RECORD = 'klann_ros.recorder'
 # The solver's parameter that holds the text of its linkage's file; empty for a Klann leg.
 LINKAGE_PARAMETER = 'linkage_description'
+# What a garbled record ends in: numbers may be infinite, and lists in lists without end.
+_GARBLED = (AttributeError, KeyError, OverflowError, RecursionError, TypeError, ValueError)
 
 
 @dataclass(frozen=True)
@@ -53,8 +57,8 @@ def solver_parameters(record: Mapping[str, str]) -> SolverParameters:
     try:
         parameters = dict(json.loads(record['parameters']))
         return SolverParameters(record['node'], int(record['time']), parameters)
-    except (KeyError, TypeError, ValueError):
-        msg = f'not a record of a solver: {dict(record)}'
+    except _GARBLED:
+        msg = f'not a record of a solver: {printable(dict(record))}'
         raise ValueError(msg) from None
 
 
@@ -76,6 +80,10 @@ class TopicCount:
     unheard : int or None
         How many were lost before, by the numbers of a single publisher; None where nobody can
         tell.
+    early : int
+        How many publishers that came later had sent before they were heard.
+    left : int
+        How many publishers have left: of what each sent last nobody knows.
 
     """
 
@@ -84,6 +92,8 @@ class TopicCount:
     dropped: int = 0
     left_out: int = 0
     unheard: int | None = 0
+    early: int = 0
+    left: int = 0
 
     @property
     def lost(self) -> int | None:
@@ -131,8 +141,8 @@ def pause_of(record: Mapping[str, str]) -> Pause:
     try:
         left_out = {name: int(n) for name, n in json.loads(record['left_out']).items()}
         return Pause(int(record['from']), int(record['to']), left_out)
-    except (AttributeError, KeyError, TypeError, ValueError):
-        msg = f'not a record of a pause: {dict(record)}'
+    except _GARBLED:
+        msg = f'not a record of a pause: {printable(dict(record))}'
         raise ValueError(msg) from None
 
 
@@ -154,8 +164,8 @@ def topic_counts(record: Mapping[str, str]) -> dict[str, TopicCount]:
     """
     try:
         return {name: _topic_count(json.loads(text)) for name, text in record.items()}
-    except (AttributeError, KeyError, TypeError, ValueError):
-        msg = f'not a record of losses: {dict(record)}'
+    except _GARBLED:
+        msg = f'not a record of losses: {printable(dict(record))}'
         raise ValueError(msg) from None
 
 
@@ -180,4 +190,7 @@ def _topic_count(data: Mapping[str, Any]) -> TopicCount:
         int(data['dropped']),
         int(data['left_out']),
         None if unheard is None else int(unheard),
+        # Recorders before these were counted did not write them.
+        int(data.get('early', 0)),
+        int(data.get('left', 0)),
     )

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from klann_ros.untrusted.text import printable_line
 import yaml
 
 MAX_SIZE = 4 * 1024 * 1024
@@ -38,7 +39,7 @@ def load(text: str) -> Any:
     try:
         return yaml.load(text, _WeighingLoader)  # noqa: S506 - derived from the safe one
     except _LOADER_ERRORS as error:
-        raise ValueError('not YAML: ' + ' '.join(str(error).split())) from None
+        raise ValueError(f'not YAML: {printable_line(error)}') from None
 
 
 def dump(data: object) -> str:

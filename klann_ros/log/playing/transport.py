@@ -149,6 +149,11 @@ class Transport:
         with self._changed:
             return max(0.0, min(self._timeline.at(self._settled()), self.length))
 
+    @property
+    def paused(self) -> bool:
+        """Return whether it stands still until it is told otherwise."""
+        return self._paused
+
     def pause(self) -> None:
         """Stand still until told otherwise."""
         with self._changed:

@@ -1,13 +1,14 @@
 """A run written by a thread of its own, behind a bounded queue."""
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable
 from threading import Event, Lock, Thread
 from time import monotonic, sleep, time_ns
 
-from klann_ros.log.errors import LogError, UnwritableError
+from klann_ros.log.errors import LogError, MalformedQosError, RunHarmedError, UnwritableError
 from klann_ros.log.records import Message
 
+from .ledger import Ledger
 from .split_limits import SplitLimits
 from .writer import RunWriter
 
@@ -49,6 +50,8 @@ class BackgroundWriter:
     ----------
     failure : Exception or None
         What ended the writing.
+    ledger : Ledger
+        What became of what was put.
 
     """
 
@@ -64,6 +67,7 @@ class BackgroundWriter:
     ) -> None:
         """Start the thread."""
         self.failure: Exception | None = None
+        self.ledger = Ledger(writer)
         self._writer = writer
         self._flush_period = flush_period
         self._gather = min(GATHER, flush_period / 2.0)
@@ -73,8 +77,6 @@ class BackgroundWriter:
         self._capacity = capacity
         # Each of these is written by one thread only: what was put, and what was dealt with.
         self._put_size = self._done_size = 0
-        self._overrun: Counter[str] = Counter()
-        self._discarded: Counter[str] = Counter()
         self._queue: deque[Message | Entry] = deque()
         self._filled = Event()
         self._closing = False
@@ -89,7 +91,7 @@ class BackgroundWriter:
         waiting = self._put_size - self._done_size
         # An empty queue takes a message of any size.
         if self.failure is not None or (waiting and waiting + size > self._capacity):
-            self._overrun[message.topic.name] += 1
+            self.ledger[message.topic.name].overrun += 1
             return
         self._put_size += size
         self._queue.append(message)
@@ -108,10 +110,6 @@ class BackgroundWriter:
             name = self._writer.next_name
         self._filled.set()
         return name
-
-    def dropped(self, topic: str) -> int:
-        """Return how many messages of a topic were put and are not going to be in the run."""
-        return self._overrun[topic] + self._discarded[topic]
 
     @property
     def queued(self) -> int:
@@ -132,13 +130,25 @@ class BackgroundWriter:
         self._closing = True
         self._filled.set()
         self._thread.join()
-        try:
-            if last is not None and self._writer.failure is None and not self._writer.closed:
+        self._drop_queued()
+        self._attempt(lambda: self._write_last(last))
+        self._attempt(self._writer.close)
+        return self.failure
+
+    def _write_last(self, last: Entry | None) -> None:
+        if self._writer.failure is None and not self._writer.closed:
+            # What it tells of the run is to be true.
+            self._writer.look()
+            if last is not None:
                 last(self._writer)
-            self._writer.close()
+
+    def _attempt(self, action: Callable[[], object]) -> None:
+        try:
+            action()
+        except RunHarmedError:
+            pass  # that has been told, and what is left is finished
         except (OSError, LogError) as error:
             self.failure = self.failure or error
-        return self.failure
 
     def _run(self) -> None:
         try:
@@ -177,18 +187,20 @@ class BackgroundWriter:
         cut = time_ns()
         sleep(SETTLE)
         later = []
-        for _ in range(len(self._queue)):
-            item = self._queue.popleft()
-            if isinstance(item, Message) and item.log_time >= cut:
-                later.append(item)
-            else:
-                self._write(item)
+        try:
+            for _ in range(len(self._queue)):
+                item = self._queue.popleft()
+                if isinstance(item, Message) and item.log_time >= cut:
+                    later.append(item)
+                else:
+                    self._write(item)
+        finally:
+            self._queue.extendleft(reversed(later))
         with self._split_lock:
             self._split_wanted = False
             self._writer.split()
         self._check_space()
-        for item in later:
-            self._write(item)
+        self._filled.set()
 
     def _write_queued(self) -> None:
         # Before the queue is looked at, so that nothing is overlooked.
@@ -207,5 +219,12 @@ class BackgroundWriter:
         self._done_size += len(item.data) + OVERHEAD
         try:
             self._writer.write(item)
-        except UnwritableError:
-            self._discarded[item.topic.name] += 1
+        except (UnwritableError, MalformedQosError):
+            self.ledger[item.topic.name].unwritten += 1
+
+    def _drop_queued(self) -> None:
+        """Count what waits, when nothing is written any more."""
+        while self._queue:
+            item = self._queue.popleft()
+            if isinstance(item, Message):
+                self.ledger[item.topic.name].unwritten += 1

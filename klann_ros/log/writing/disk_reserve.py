@@ -4,24 +4,33 @@ from contextlib import suppress
 import errno
 import os
 from pathlib import Path
+import tempfile
 
-# Enough for what is not written yet when the disk says no: a chunk, the losses, the summary.
-SIZE = 256 * 1024
-NAME = '.reserve'
+from klann_ros.untrusted.files import open_plain
+
+# Enough for what is not written yet when the disk says no: a piece with a chunk and its index, the
+# chunk in progress with its own, the losses, the summary, metadata.yaml.
+SIZE = 512 * 1024
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)
+
+# Recorders once gave their reserve a name, and left it behind when they were killed.
+_OLD_NAME = '.reserve'
+_OLD_SIZES = range(256 * 1024, 2**30)
 
 
 class DiskReserve:
     """
-    A hidden file beside a run's files that takes up space until that is needed.
+    A file without a name that takes up space until that is needed.
 
-    Where the system cannot allocate space there is no reserve.
+    As it has no name, nobody removes it by accident, and whatever ends the process gives the
+    space back: a killed recorder leaves nothing behind. Where the system cannot allocate space
+    there is no reserve.
 
     Parameters
     ----------
     folder
-        The run's folder.
+        A folder on the disk.
 
     Attributes
     ----------
@@ -37,31 +46,23 @@ class DiskReserve:
 
     def __init__(self, folder: Path) -> None:
         self.spent: OSError | None = None
-        self._path = folder / NAME
         self._size = 0
         self._descriptor = -1
         if hasattr(os, 'posix_fallocate'):
-            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
-            self._descriptor = os.open(self._path, flags, 0o666)
+            with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
+                self._descriptor = os.dup(file.fileno())
             self.hold(SIZE)
+            if self.spent is not None:
+                raise OSError(self.spent.errno, self.spent.strerror, str(folder))
 
     def hold(self, size: int) -> None:
-        """
-        Grow to a size [bytes]; where the disk has not that much, give all up.
-
-        Raises
-        ------
-        OSError
-            What the disk said; it is told once.
-
-        """
+        """Grow to a size [bytes]; where the disk has not that much, give all up."""
         if self._descriptor < 0 or size <= self._size:
             return
         try:
             os.posix_fallocate(self._descriptor, self._size, size - self._size)
         except OSError as error:
-            if self.helps(error):
-                raise OSError(error.errno, error.strerror, str(self._path.parent)) from None
+            self.helps(error)
         else:
             self._size = size
 
@@ -79,6 +80,24 @@ class DiskReserve:
             return
         descriptor, self._descriptor = self._descriptor, -1
         with suppress(OSError):
-            self._path.unlink(missing_ok=True)
-        with suppress(OSError):
             os.close(descriptor)
+
+    def __del__(self) -> None:
+        self.release()
+
+
+def remove_old_reserve(run: Path) -> None:
+    """
+    Remove the named reserve that an earlier version left in the folder of a run. Never raises.
+
+    Only what can be nothing else goes: a plain file, no link, of that name, at least as large as
+    a reserve was, and with nothing in it but zeros.
+    """
+    path = run / _OLD_NAME
+    with suppress(OSError):
+        if path.is_symlink() or path.stat().st_size not in _OLD_SIZES:
+            return
+        with open_plain(path) as file:
+            is_empty = not any(any(piece) for piece in iter(lambda: file.read(SIZE), b''))
+        if is_empty:
+            path.unlink()

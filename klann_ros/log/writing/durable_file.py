@@ -3,15 +3,17 @@
 from contextlib import suppress
 import fcntl
 import os
-from pathlib import Path
 from typing import BinaryIO
 
 from .disk_reserve import DiskReserve
+from .file_watch import FileWatch
+from .open_folder import OpenFolder
 
 # Where there is no fdatasync (macOS) its slower brother does the same and more.
 _sync = getattr(os, 'fdatasync', os.fsync)
 
-_BUFFER = 256 * 1024
+# What is not handed over yet when the disk is full has to find room in the reserve.
+_BUFFER = 64 * 1024
 
 
 class DurableFile:
@@ -29,10 +31,23 @@ class DurableFile:
 
     Parameters
     ----------
-    path
-        The file, which must not exist.
+    folder
+        Where it is made.
+    name
+        What it is called, which nothing may be yet.
     reserve
         Space on the same disk that can be given up.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    watch : FileWatch
+        Looks what others do to it.
+    failure : OSError or None
+        The first error.
+    held, synced : int
+        How much of what was taken is known to be in the file, and to be on the disk [bytes].
 
     Raises
     ------
@@ -41,14 +56,16 @@ class DurableFile:
 
     """
 
-    def __init__(self, path: Path, reserve: DiskReserve | None = None) -> None:
+    def __init__(self, folder: OpenFolder, name: str, reserve: DiskReserve | None = None) -> None:
+        self.name = name
         self.failure: OSError | None = None
+        self.held = self.synced = self._written = 0
         self._reserve = reserve
-        self._descriptor = -1
         self._buffer = bytearray()
-        self._written = 0
-        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, 'O_CLOEXEC', 0)
-        self._descriptor = os.open(path, flags, 0o666)
+        self._descriptor = -1
+        descriptor = folder.create_file(name, os.O_WRONLY)
+        self.watch = FileWatch(folder, name, descriptor)
+        self._descriptor = descriptor
         with suppress(OSError):  # some network disks have no locks
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
@@ -75,12 +92,15 @@ class DurableFile:
         pending = memoryview(self._buffer)
         done = 0
         while done < len(pending):
-            done += self._write(pending[done:])
+            done += self._write(pending[done:], self._written + done)
         self._written += len(self._buffer)
+        self.watch.wrote(self._buffer)
         self._buffer = bytearray()
+        self.held = self._written
 
-    def _write(self, piece: memoryview) -> int:
+    def _write(self, piece: memoryview, offset: int) -> int:
         try:
+            self.watch.before_write(offset)
             return os.write(self._descriptor, piece)
         except OSError as error:
             if self._reserve is not None and self._reserve.helps(error):
@@ -94,8 +114,10 @@ class DurableFile:
         try:
             _sync(self._descriptor)
         except OSError as error:
-            self.failure = error
+            # What became of the rest nobody can tell.
+            self.held, self.failure = self.synced, error
             raise
+        self.synced = self._written
 
     def __del__(self) -> None:
         self.close()
@@ -105,9 +127,10 @@ class DurableFile:
         if self._descriptor < 0:
             return
         descriptor, self._descriptor = self._descriptor, -1
+        self.watch.end()
         # A disk that fails here has either failed before, which was said, or has synced all.
         with suppress(OSError):
-            if self.failure is not None:
+            if self.failure is not None and os.fstat(descriptor).st_size > self._written:
                 os.ftruncate(descriptor, self._written)
         with suppress(OSError):
             os.close(descriptor)
@@ -123,43 +146,3 @@ def is_being_written(file: BinaryIO) -> bool:
         return False
     fcntl.flock(file.fileno(), fcntl.LOCK_UN)
     return False
-
-
-def sync_folder(folder: Path) -> None:
-    """
-    Make the names of new files in a folder survive a power failure.
-
-    Raises
-    ------
-    OSError
-        The disk said no.
-
-    """
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def replace_file(path: Path, text: str) -> None:
-    """
-    Write a text file so that at any moment the old or the new one is there, never half of it.
-
-    Raises
-    ------
-    OSError
-        The disk said no; the old file is still there.
-
-    """
-    temporary = path.with_name(f'.{path.name}.new')
-    try:
-        with temporary.open('wb') as file:
-            file.write(text.encode())
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except OSError:
-        temporary.unlink(missing_ok=True)
-        raise
-    sync_folder(path.parent)

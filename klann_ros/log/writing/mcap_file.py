@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, cast, TYPE_CHECKING
 
 from klann_ros.log.bag_metadata import FileSummary, HASH_KEY, QOS_KEY
 from klann_ros.log.errors import UnwritableError
 from klann_ros.log.qos import qos_for_writing
+from klann_ros.untrusted.text import printable
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, IndexType, Writer
 
 from .durable_file import DurableFile
+from .noted_file import NotedFile
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
     from klann_ros.log.records import Attachment, Message, Topic
 
     from .disk_reserve import DiskReserve
+    from .file_watch import FileWatch
+    from .open_folder import OpenFolder
 
 COMPRESSIONS = {
     'zstd': CompressionType.ZSTD,
@@ -34,7 +39,8 @@ _SEQUENCE_MASK = 2**32 - 1
 
 @dataclass(slots=True)
 class _Channel:
-    number: int
+    metadata: dict[str, str]
+    number: int = 0  # none yet
     count: int = 0
 
 
@@ -44,8 +50,8 @@ class McapFile:
 
     Parameters
     ----------
-    path
-        The file, which must not exist.
+    folder, name
+        Where it is, and how it is called, which nothing may be yet.
     compression
         A key of COMPRESSIONS.
     chunk_size
@@ -64,7 +70,8 @@ class McapFile:
 
     def __init__(
         self,
-        path: Path,
+        folder: OpenFolder,
+        name: str,
         *,
         compression: str,
         chunk_size: int,
@@ -72,17 +79,17 @@ class McapFile:
         library: str,
         reserve: DiskReserve | None = None,
     ) -> None:
-        self.path = path
-        self._kept: FileSummary | None = None
+        self.name = name
         self._start_time = self._end_time = 0
         self._schemas: dict[tuple[str, str, str], int] = {}
         self._channels: dict[Topic, _Channel] = {}
         self._last_topic: Topic | None = None
-        self._last_channel = _Channel(0)
-        self._file = DurableFile(path, reserve)
+        self._last_channel = _Channel({})
+        self._file = DurableFile(folder, name, reserve)
+        self._noted = NotedFile(self._file, self._taken)
         self._writer = Writer(
             # A file by what it can do; the library asks for write, tell and flush only.
-            cast('Any', self._file),
+            cast('Any', self._noted),
             chunk_size=chunk_size,
             compression=COMPRESSIONS[compression],
             index_types=IndexType.ALL,
@@ -93,10 +100,20 @@ class McapFile:
         )
         try:
             self._writer.start(profile, library)
+            self._file.flush()
+            self.watch.begin()
             self._file.sync()
         except BaseException:
             self._file.close()
+            # Half a header is no file.
+            with suppress(OSError):
+                folder.remove(name)
             raise
+
+    @property
+    def watch(self) -> FileWatch:
+        """Return what looks at the file."""
+        return self._file.watch
 
     @property
     def failure(self) -> OSError | None:
@@ -110,8 +127,8 @@ class McapFile:
         # The library would notice only after it had put half of the record into the chunk.
         if not (0 <= log_time < _TIME_END and 0 <= message.publish_time < _TIME_END):
             raise UnwritableError(
-                f'{message.topic.name}: the times {log_time} ns and {message.publish_time} ns '
-                'must be within 0 and 2^64 - 1 ns'
+                f'{printable(message.topic.name)}: the times {log_time} ns and '
+                f'{message.publish_time} ns must be within 0 and 2^64 - 1 ns'
             )
         topic = message.topic
         if topic is not self._last_topic:
@@ -119,20 +136,23 @@ class McapFile:
             self._last_channel = self._channels.get(topic) or self._add_channel(message)
             self._last_topic = topic
         channel = self._last_channel
+        # From here on it is this file's, whatever the disk says.
+        channel.count += 1
+        self._start_time = min(self._start_time, log_time)
+        self._end_time = max(self._end_time, log_time)
+        if not channel.number:
+            self._register(topic, channel)
         sequence = message.sequence & _SEQUENCE_MASK
         self._writer.add_message(
             channel.number, log_time, message.data, message.publish_time, sequence
         )
-        channel.count += 1
-        self._start_time = min(self._start_time, log_time)
-        self._end_time = max(self._end_time, log_time)
 
     def attach(self, attachment: Attachment) -> None:
         """Add an attachment."""
         self._file.check()
         if not (0 <= attachment.log_time < _TIME_END and 0 <= attachment.create_time < _TIME_END):
             raise UnwritableError(
-                f'{attachment.name}: the times {attachment.log_time} ns and '
+                f'{printable(attachment.name)}: the times {attachment.log_time} ns and '
                 f'{attachment.create_time} ns must be within 0 and 2^64 - 1 ns'
             )
         self._writer.add_attachment(
@@ -153,17 +173,15 @@ class McapFile:
         self._file.check()
         self._writer.flush()  # type: ignore[no-untyped-call] # theirs
         self._file.sync()
-        self._kept = self.summary()
 
     def finish(self) -> None:
-        """Write index, summary and footer, bring everything to the disk and close the file."""
+        """Write index, summary and footer, and bring everything to the disk."""
         self._file.check()
         self._writer.finish()  # type: ignore[no-untyped-call] # theirs
         self._file.sync()
-        self._file.close()
 
-    def abandon(self) -> None:
-        """Close the file without finishing it."""
+    def close(self) -> None:
+        """Close the file, finished or not. Never raises."""
         self._file.close()
 
     @property
@@ -172,25 +190,42 @@ class McapFile:
         return self._file.tell()
 
     @property
+    def message_count(self) -> int:
+        """Return how many messages it was given."""
+        return self._taken().message_count
+
+    @property
     def duration(self) -> float:
         """Return the time between its earliest and its latest message [s]."""
         return (self._end_time - self._start_time) / 1e9
 
     def summary(self) -> FileSummary:
         """Return what the file holds so far; after a failure, what it is known to hold."""
-        if self._file.failure is not None:
-            return self._kept or FileSummary(self.path.name)
+        return self.fate()[0]
+
+    def fate(self) -> tuple[FileSummary, Counter[Topic]]:
+        """Return what the file holds so far, and which messages it was given beside that."""
+        taken = self._taken()
+        if self._file.failure is None:
+            return taken, Counter()
+        kept = self._noted.kept()
+        return kept, Counter(taken.counts) - Counter(kept.counts)
+
+    def _taken(self) -> FileSummary:
         # Another thread may ask, so in one go.
         channels = list(self._channels.items())
         counts = {topic: channel.count for topic, channel in channels}
-        return FileSummary(self.path.name, counts, self._start_time, self._end_time)
+        return FileSummary(self.name, counts, self._start_time, self._end_time)
 
     def _add_channel(self, message: Message) -> _Channel:
         """
-        Register a topic with its first message, and repeat its schema and channel outside chunks.
+        Return a channel for a topic that has none; nothing is written yet.
 
-        The library puts them into the chunk in progress only. Should that one rot in a file that
-        was never closed, and thus has no summary, all later chunks would lose their meaning.
+        Raises
+        ------
+        MalformedQosError
+            Its quality of service is malformed.
+
         """
         topic = message.topic
         metadata = dict(topic.extra)
@@ -198,14 +233,22 @@ class McapFile:
             metadata[QOS_KEY] = qos_for_writing(topic.qos)
         if topic.type_hash:
             metadata[HASH_KEY] = topic.type_hash
-        schema = self._add_schema(topic)
-        number = self._writer.register_channel(
-            topic.name, topic.message_encoding, schema, metadata
-        )
-        self._repeat(Channel(number, topic.name, topic.message_encoding, metadata, schema))
         if not self._channels:
             self._start_time = self._end_time = message.log_time
-        return self._channels.setdefault(topic, _Channel(number))
+        return self._channels.setdefault(topic, _Channel(metadata))
+
+    def _register(self, topic: Topic, channel: _Channel) -> None:
+        """
+        Register a topic with its first message, and repeat its schema and channel outside chunks.
+
+        The library puts them into the chunk in progress only. Should that one rot in a file that
+        was never closed, and thus has no summary, all later chunks would lose their meaning.
+        """
+        schema, encoding = self._add_schema(topic), topic.message_encoding
+        channel.number = self._writer.register_channel(
+            topic.name, encoding, schema, channel.metadata
+        )
+        self._repeat(Channel(channel.number, topic.name, encoding, channel.metadata, schema))
 
     def _add_schema(self, topic: Topic) -> int:
         """Return the id of the topic's schema, which topics of one type share; 0 for no type."""

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
+from klann_ros.log.loss_report import losses_in_words
 from klann_ros.log.run_parameters import (
     LOSS_RECORD,
     loss_record,
@@ -11,21 +11,12 @@ from klann_ros.log.run_parameters import (
     pause_record,
     TopicCount,
 )
+from klann_ros.log.wording import counted, verb
+from klann_ros.untrusted.text import printable
 
 from .background_writer import BackgroundWriter
-from .free_space import free_space
 from .pauses import Pauses
 from .writer import RunWriter
-
-
-class Heard(Protocol):
-    """A topic that is listened to: what was received, and what was lost before [messages]."""
-
-    received: int
-
-    @property
-    def unheard(self) -> int | None:
-        """Return how many messages were lost before they came; None if nobody can tell."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +32,16 @@ class RecordingState:
         Messages that wait for the disk.
     file : str
         The file that is being written.
-    size, free : int
-        Its size, and the free space on its disk [bytes].
+    size : int
+        Its size [bytes].
+    free : int or None
+        The free space on its disk [bytes]; None where the disk does not tell.
     paused : bool
         Whether messages are left out now.
     failure : str
         What ended the writing; empty while there is nothing.
+    faults : tuple of str
+        What others have done to the run, a line each.
 
     """
 
@@ -54,9 +49,10 @@ class RecordingState:
     queued: int
     file: str
     size: int
-    free: int
+    free: int | None
     paused: bool
     failure: str = ''
+    faults: tuple[str, ...] = ()
 
     @property
     def lost(self) -> int:
@@ -73,23 +69,14 @@ class Recording:
     writer
         The run.
     background
-        Writes to it.
-    topics
-        What is heard, by name; it grows.
+        Writes to it, and keeps the ledger.
     pauses
         What is left out.
 
     """
 
-    def __init__(
-        self,
-        writer: RunWriter,
-        background: BackgroundWriter,
-        topics: Mapping[str, Heard],
-        pauses: Pauses,
-    ) -> None:
-        self._pauses = pauses
-        self._writer, self._background, self._topics = writer, background, topics
+    def __init__(self, writer: RunWriter, background: BackgroundWriter, pauses: Pauses) -> None:
+        self._writer, self._background, self._pauses = writer, background, pauses
 
     def split(self) -> tuple[bool, str]:
         """Go on in a new file; return whether that was done, and its name or why not."""
@@ -105,46 +92,37 @@ class Recording:
     def state(self) -> RecordingState:
         """Return how it stands."""
         failure = self._background.failure
-        written = self._writer.counts
         return RecordingState(
-            counts={
-                name: self._count(name, written.get(name, 0), self._background.dropped(name))
-                for name in self._topics
-            },
+            counts=self._background.ledger.counts(),
             queued=self._background.queued,
             file=str(self._writer.file_path),
             size=self._writer.file_size,
-            free=free_space(self._writer.path),
+            free=self._free_space(),
             paused=self._pauses.paused,
             failure='' if failure is None else str(failure),
+            faults=self._writer.faults.lasting,
         )
+
+    def _free_space(self) -> int | None:
+        try:
+            return self._writer.free_space
+        except OSError:
+            return None
 
     def finish(self) -> tuple[bool, str]:
         """Finish the run, when all was put; return whether all went well, and what to say."""
+        ledger = self._background.ledger
         failure = self._background.close(
-            lambda run: run.add_metadata(LOSS_RECORD, loss_record(self._final_counts()))
+            lambda run: run.add_metadata(LOSS_RECORD, loss_record(ledger.counts()))
         )
-        counts = self._final_counts().values()
-        path, written = self._writer.path, sum(count.written for count in counts)
-        lost = sum(count.lost or 0 for count in counts)
-        said = f'{written} messages of {len(counts)} topics are in {path}; {lost} were lost'
+        counts = ledger.counts()
+        written = sum(count.written for count in counts.values())
+        path, faults = printable(self._writer.path), self._writer.faults.lasting
+        what = f'{counted(written, "message")} of {counted(len(counts), "topic")}'
+        said = f'{what} {verb(written, "is", "are")} in {path}; {losses_in_words(counts)}'
+        said = '; '.join((said, *faults))
         if failure is None:
-            return True, said
-        is_whole = self._writer.failure is None
-        what_to_do = '' if is_whole else f'; `recover {path}` finishes the run'
-        return False, f'the recording stopped early: {failure}; {said}{what_to_do}'
-
-    def _final_counts(self) -> dict[str, TopicCount]:
-        """Return what became of every message when nothing is queued any more."""
-        counts = {}
-        for name, topic in self._topics.items():
-            written = self._writer.counts.get(name, 0)
-            dropped = topic.received - self._pauses.left_out[name] - written
-            counts[name] = self._count(name, written, dropped)
-        return counts
-
-    def _count(self, name: str, written: int, dropped: int) -> TopicCount:
-        topic = self._topics[name]
-        return TopicCount(
-            topic.received, written, dropped, self._pauses.left_out[name], topic.unheard
-        )
+            return not faults, said
+        if self._writer.is_unfinished:
+            said = f'{said}; `recover {path}` finishes the run'
+        return False, f'the recording stopped early: {failure}; {said}'

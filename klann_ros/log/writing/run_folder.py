@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import re
 import shutil
 from typing import TYPE_CHECKING
 
@@ -9,8 +11,7 @@ from klann_ros.log.bag_metadata import bag_metadata, FILE_NAME, metadata_yaml
 from klann_ros.log.errors import DiskFullError, LowSpaceError, RunExistsError
 
 from .disk_reserve import DiskReserve, SIZE
-from .durable_file import replace_file, sync_folder
-from .free_space import check_free_space
+from .open_folder import OpenFolder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,6 +19,11 @@ if TYPE_CHECKING:
 
     from klann_ros.log.bag_metadata import FileSummary
     from klann_ros.log.errors import LogError
+
+    from .faults import Faults
+
+# What a fault is about, beside metadata.yaml.
+_PLACE = 'place'
 
 
 class RunFolder:
@@ -30,13 +36,15 @@ class RunFolder:
         It, which must not exist; its parents are created.
     ros_distro
         The ROS distribution that metadata.yaml names.
+    faults
+        Is told what others do to it.
     reserve
         Whether to keep a little space free on the disk.
 
     Attributes
     ----------
-    path : pathlib.Path
-        It, absolute.
+    folder : OpenFolder
+        It, held open.
     reserve : DiskReserve or None
         The space that is kept free.
 
@@ -49,21 +57,54 @@ class RunFolder:
 
     """
 
-    def __init__(self, path: Path, ros_distro: str, *, reserve: bool) -> None:
-        self.path = path.absolute()
+    def __init__(self, path: Path, ros_distro: str, faults: Faults, *, reserve: bool) -> None:
+        path = path.absolute()
         self.reserve: DiskReserve | None = None
-        self._ros_distro = ros_distro
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            self.path.mkdir()
-        except FileExistsError:
-            raise RunExistsError(self.path) from None
+        self._ros_distro, self._name, self._faults = ros_distro, path.name, faults
+        _make_parents(path.parent)
+        self.folder = _made(path)
         if reserve:
             try:
-                self.reserve = DiskReserve(self.path)
+                self.reserve = DiskReserve(path)
             except OSError:
                 self.remove()
                 raise
+
+    @property
+    def path(self) -> Path:
+        """Return what it was called when that was last looked at; absolute."""
+        return self.folder.path
+
+    def make_anew(self) -> None:
+        """
+        Make the folder again, where it was, after somebody has removed it.
+
+        Raises
+        ------
+        RunExistsError
+            There is something else now.
+        OSError
+            The disk said no.
+
+        """
+        tells = self.folder.tells
+        self.folder = _made(self.path)
+        self.folder.tells = tells
+        self.sync()
+
+    def look(self) -> None:
+        """Look what it is called now."""
+        before, place = self.path, self.folder.place()
+        if place is None:
+            what = f'{before} was removed, or moved to where it cannot be seen'
+            self._faults.note(_PLACE, what)
+            return
+        self.folder.path = place
+        self._faults.mend(_PLACE)
+        if place != before:
+            self._faults.mention(
+                f'{before} was renamed while it was recorded; the recording goes on in {place}'
+            )
 
     @property
     def is_full(self) -> bool:
@@ -72,16 +113,26 @@ class RunFolder:
 
     def name(self, number: int) -> str:
         """Return the name of a file of the run, the first of which is number 0."""
-        return f'{self.path.name}_{number}.mcap'
+        return f'{self._name}_{number}.mcap'
+
+    def next_number(self, number: int) -> int:
+        """Return the number that follows, and is above those of all files that there are."""
+        pattern = re.compile(re.escape(self._name) + r'_([0-9]+)\.mcap')
+        found = (pattern.fullmatch(name) for name in self.folder.names())
+        return max(number, *(int(match[1]) for match in found if match), -1) + 1
 
     def sync(self) -> None:
         """Make its own name survive a power failure."""
-        sync_folder(self.path.parent)
+        parent = OpenFolder(self.path.parent)
+        parent.sync()
+        parent.close()
 
     def remove(self) -> None:
-        """Remove it with all that is in it."""
+        """Remove it with all that is in it, whatever it is called now."""
         self.release()
-        shutil.rmtree(self.path, ignore_errors=True)
+        place = self.folder.place()
+        if place is not None:
+            shutil.rmtree(place, ignore_errors=True)
 
     def release(self) -> None:
         """Let the end of the run have the space that was kept for it."""
@@ -94,7 +145,17 @@ class RunFolder:
 
     def write_metadata_yaml(self, files: Sequence[FileSummary]) -> None:
         """Write metadata.yaml for a run of these files."""
-        replace_file(self.path / FILE_NAME, metadata_yaml(self.metadata(files)))
+        self.folder.replace(FILE_NAME, metadata_yaml(self.metadata(files)))
+
+    def rewrite_metadata_yaml(self, files: Sequence[FileSummary]) -> None:
+        """Write it again; where that cannot be, it is a fault until it can."""
+        try:
+            self.write_metadata_yaml(files)
+        except OSError as error:
+            what = f'{self.path / FILE_NAME} cannot be written: {error.strerror}'
+            self._faults.note(FILE_NAME, what)
+        else:
+            self._faults.mend(FILE_NAME)
 
     def space_problem(self, least: int, ending: int) -> LogError | None:
         """
@@ -117,8 +178,22 @@ class RunFolder:
             self.reserve.hold(SIZE + ending)
             if self.reserve.spent is not None:
                 return DiskFullError(self.path, str(self.reserve.spent))
-        try:
-            check_free_space(self.path, least)
-        except LowSpaceError as problem:
-            return problem
+        if least > 0 and (free := self.folder.free_space()) < least:
+            return LowSpaceError(self.path, free, least)
         return None
+
+
+def _make_parents(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        reason = 'it is no folder, so no run can be made in it'
+        raise NotADirectoryError(errno.ENOTDIR, reason, error.filename) from None
+
+
+def _made(path: Path) -> OpenFolder:
+    try:
+        path.mkdir()
+    except FileExistsError:
+        raise RunExistsError(path) from None
+    return OpenFolder(path)

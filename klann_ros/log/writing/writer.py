@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from klann_ros import __version__
-from klann_ros.log.bag_metadata import metadata_record, RECORD_NAME
-from klann_ros.log.errors import AnyPath, RunClosedError, UnwritableError
+from klann_ros.log.errors import AnyPath, RunClosedError, RunHarmedError, UnwritableError
 from klann_ros.log.records import Attachment, Message
 
+from .faults import Faults
+from .file_series import FileSeries
 from .mcap_file import COMPRESSIONS, McapFile
 from .run_folder import RunFolder
 
@@ -18,9 +19,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from types import TracebackType
 
-    from klann_ros.log.bag_metadata import FileSummary
     from klann_ros.log.errors import LogError
     from typing_extensions import Self
+
+    from .ledger import Fate
 
 LIBRARY = f'klann_ros {__version__}'
 # What the summary of a file says of each chunk [bytes], and how small a chunk may become [bytes].
@@ -34,6 +36,10 @@ class RunWriter:
     The folder, ``<run>/<run>_0.mcap`` with its header and ``<run>/metadata.yaml`` are on the disk
     as soon as the writer is created. To be used from one thread only: the MCAP library is not
     thread safe. What properties tell may be asked for from others.
+
+    Each flush looks whether they are still there. A file that somebody has removed, moved or cut
+    off is no part of the run any more, what was in it is counted as gone, and the run goes on in a
+    new one; a folder that was removed is made anew; one that was renamed is followed.
 
     Parameters
     ----------
@@ -50,6 +56,13 @@ class RunWriter:
     reserve
         Whether to keep a little space free on the disk, so that the run can be finished when the
         disk is full.
+    faults
+        Is told what others do to the run.
+
+    Attributes
+    ----------
+    faults : Faults
+        What is wrong with it.
 
     Raises
     ------
@@ -71,10 +84,12 @@ class RunWriter:
         profile: str = 'ros2',
         ros_distro: str = 'jazzy',
         reserve: bool = False,
+        faults: Faults | None = None,
     ) -> None:
         if compression not in COMPRESSIONS:
             raise UnwritableError(f'compression is {compression!r}, not one of {[*COMPRESSIONS]}')
-        self._open = partial(
+        self.faults = faults or Faults()
+        open_file = partial(
             McapFile,
             compression=compression,
             chunk_size=chunk_size,
@@ -82,14 +97,11 @@ class RunWriter:
             library=LIBRARY,
         )
         self._closed = False
-        self._finished: list[FileSummary] = []
         self._repeated: list[Callable[[McapFile], None]] = []
         self._flushes = 0
-        self._folder = RunFolder(Path(folder), ros_distro, reserve=reserve)
+        self._folder = RunFolder(Path(folder), ros_distro, self.faults, reserve=reserve)
         try:
-            self._file = self._new_file(0)
-            self._write_metadata_yaml()
-            self._folder.sync()
+            self._series = FileSeries(self._folder, open_file, self._begin, self.faults)
         except BaseException:
             # Nothing is in it yet, and what is left would stand in the way of a second try.
             self._folder.remove()
@@ -103,7 +115,7 @@ class RunWriter:
     @property
     def file_path(self) -> Path:
         """Return the path of the MCAP file in it that is being written."""
-        return self._file.path
+        return self._folder.path / self._file.name
 
     @property
     def file_size(self) -> int:
@@ -123,21 +135,21 @@ class RunWriter:
     @property
     def next_name(self) -> str:
         """Return the name of the file that follows after a split."""
-        return self._folder.name(len(self._finished) + 1)
+        return self._series.next_name
 
     @property
     def counts(self) -> dict[str, int]:
         """Return how many messages are in the run, by the topic's name."""
-        counts: dict[str, int] = {}
-        for file in self._files:
-            for topic, count in file.counts.items():
-                counts[topic.name] = counts.get(topic.name, 0) + count
-        return counts
+        return dict(self.fate().written)
+
+    def fate(self) -> Fate:
+        """Return what became of the messages that it was given so far."""
+        return self._series.files.fate()
 
     @property
     def closed(self) -> bool:
-        """Return whether the run is closed."""
-        return self._closed
+        """Return whether the run is closed, or has lost its last file."""
+        return self._closed or not self._series.is_open
 
     @property
     def is_full(self) -> bool:
@@ -148,6 +160,16 @@ class RunWriter:
     def failure(self) -> OSError | None:
         """Return the disk's error after which nothing can be written, not even the end."""
         return self._file.failure
+
+    @property
+    def is_unfinished(self) -> bool:
+        """Return whether it has a file that the disk did not let end."""
+        return self.failure is not None and self._series.is_open
+
+    @property
+    def free_space(self) -> int:
+        """Return how much this user may still write on its disk [bytes]; OSError if unknown."""
+        return self._folder.folder.free_space()
 
     def write(self, message: Message) -> None:
         """
@@ -213,11 +235,29 @@ class RunWriter:
         ------
         RunClosedError, OSError
             As :meth:`write`.
+        RunLostError
+            As :meth:`look`.
 
         """
         self._check()
         self._file.flush()
         self._flushes += 1
+        self.look()
+
+    def look(self) -> None:
+        """
+        Look what others have done to the run, and go on in a new file where one is gone.
+
+        Raises
+        ------
+        RunClosedError, OSError
+            As :meth:`write`.
+        RunLostError
+            The file is gone, and no other can be made. The run is closed.
+
+        """
+        self._check()
+        self._series.look()
 
     def split(self) -> None:
         """
@@ -229,23 +269,13 @@ class RunWriter:
         ------
         RunClosedError, OSError
             As :meth:`write`.
+        RunLostError
+            As :meth:`look`.
 
         """
-        self._check()
-        if self.file_is_empty:
-            return
-        self._finish_file()
-        try:
-            following = self._new_file(len(self._finished) + 1)
-        except OSError:
-            self._closed = True
-            self._write_metadata_yaml()
-            raise
-        self._finished.append(self._file.summary())
-        self._file = following
-        for add in self._repeated:
-            add(self._file)
-        self._write_metadata_yaml()
+        self.look()
+        if not self.file_is_empty:
+            self._series.split()
 
     def space_problem(self, min_free_space: int) -> LogError | None:
         """
@@ -271,19 +301,23 @@ class RunWriter:
         OSError
             The disk said no, now or in an earlier call. The run is then not closed properly, but
             holds all whole records that were written.
+        RunHarmedError
+            Somebody else has taken away a part of it; the rest is finished.
 
         """
         if self._closed:
             return
         self._closed = True
         self._folder.release()
-        try:
-            if self._file.failure is not None:
-                raise self._file.failure
-            self._finish_file()
-        finally:
-            self._file.abandon()
-        self._write_metadata_yaml()
+        self._series.close()
+        if self.faults.lasting:
+            raise RunHarmedError(self.path, self.faults.lasting)
+
+    def discard(self) -> None:
+        """Remove what was written, wherever it is now; what others have put there stays."""
+        self._closed = True
+        self._file.close()
+        self._folder.remove()
 
     def __enter__(self) -> Self:
         return self
@@ -296,23 +330,18 @@ class RunWriter:
     ) -> None:
         try:
             self.close()
-        except OSError as failure:
+        except (OSError, RunHarmedError) as failure:
             # The body is on its way out with this very error already.
             if failure is not error:
                 raise failure from error
 
-    def _check(self) -> None:
-        if self._closed:
-            raise RunClosedError(self._folder.path)
+    @property
+    def _file(self) -> McapFile:
+        return self._series.current
 
-    def _new_file(self, number: int) -> McapFile:
-        path = self._folder.path / self._folder.name(number)
-        try:
-            return self._open(path, reserve=self._folder.reserve)
-        except OSError:
-            # Half a header is no file.
-            path.unlink(missing_ok=True)
-            raise
+    def _check(self) -> None:
+        if self.closed:
+            raise RunClosedError(self._folder.path)
 
     def _add(self, add: Callable[[McapFile], None], *, in_every_file: bool) -> None:
         self._check()
@@ -320,14 +349,6 @@ class RunWriter:
         if in_every_file:
             self._repeated.append(add)
 
-    def _finish_file(self) -> None:
-        metadata = self._folder.metadata(self._files)
-        self._file.add_metadata(RECORD_NAME, metadata_record(metadata))
-        self._file.finish()
-
-    @property
-    def _files(self) -> list[FileSummary]:
-        return [*self._finished, self._file.summary()]
-
-    def _write_metadata_yaml(self) -> None:
-        self._folder.write_metadata_yaml(self._files)
+    def _begin(self, file: McapFile) -> None:
+        for add in self._repeated:
+            add(file)
