@@ -1,7 +1,7 @@
 """
 Fill a small disk; to be run in a user namespace of its own.
 
-    unshare -rm python test/log/full_disk.py FOLDER SIZE TEST_LOG_FOLDER COMPRESSION MIN_FREE_SPACE
+    unshare -rm python test/log/full_disk.py FOLDER SIZE COMPRESSION MIN_FREE_SPACE TEST_LOG_FOLDER
 
 Mounts a tmpfs of SIZE bytes on FOLDER, records there until it is full, and prints as JSON what the
 recorder says; what was written is copied beside FOLDER, for the mount goes with this process.
@@ -19,7 +19,7 @@ from klann_ros.log.writing.background_writer import BackgroundWriter
 from klann_ros.log.writing.writer import RunWriter
 
 
-def main(folder, size, tests, compression, least):
+def main(folder, size, compression, least, tests):
     sys.path.insert(0, tests)
     from conftest import make_messages
 

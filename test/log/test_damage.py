@@ -25,7 +25,7 @@ def intact_chunks(data, length, runs):
     [
         (None, 'there is no such path'),
         (b'', 'the file is empty'),
-        (b'SQLite format 3\0' * 10, 'it does not start as an MCAP file does'),
+        (b'SQLite format 3\0' * 10, "it should be SQLite, rosbag2's .db3, but"),
         (MCAP0_MAGIC[:5], 'it does not start as an MCAP file does'),
         (MCAP0_MAGIC, 'there is no header'),
         (MCAP0_MAGIC * 2, 'there is no header'),
@@ -42,14 +42,14 @@ def test_what_is_no_log_is_told_in_one_line(tmp_path, content, reason):
 
 
 def test_a_folder_without_mcap_files_is_no_log(tmp_path):
-    with pytest.raises(NotALogError, match=r'no \.mcap file in the folder'):
+    with pytest.raises(NotALogError, match=r'no \.mcap or \.db3 file in the folder'):
         open_log(tmp_path)
 
 
 def test_a_device_or_a_pipe_is_no_log(tmp_path):
     os.mkfifo(tmp_path / 'pipe')
     for path in ('/dev/zero', tmp_path / 'pipe'):
-        with pytest.raises(NotALogError, match='neither a file nor a folder'):
+        with pytest.raises(NotALogError, match='not a regular file'):
             open_log(path)
 
 
@@ -194,6 +194,6 @@ def test_an_index_that_points_out_of_the_file_is_told(run_file, batches, runs):
     data[-12:-8] = bytes(4)
     run_file.write_bytes(data)
     with open_log(run_file) as log:
-        assert log.attachments == ()
+        assert [item.name for item in log.attachments] == ['geometry.yaml']
         assert list(log.messages()) == runs.joined(batches)
-        assert 'behind the end of the file' in log.problem
+        assert 'the index is wrong' in log.problem

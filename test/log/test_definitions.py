@@ -4,8 +4,9 @@ import os
 from pathlib import Path
 import sys
 
-from klann_ros.log.definitions import default_prefixes, definition
+from klann_ros.log.definitions import definition
 from klann_ros.log.errors import UnknownTypeError
+from klann_ros.log.type_names import default_prefixes
 import pytest
 from rosbags.typesys import get_types_from_msg
 
@@ -84,6 +85,19 @@ def test_a_type_that_contains_itself_ends(tmp_path):
     folder.mkdir(parents=True)
     (folder / 'Loop.msg').write_text('Loop again\n')
     assert definition('my_msgs/msg/Loop', [tmp_path]) == 'Loop again\n'
+
+
+@pytest.mark.parametrize(
+    'field', ['my_msgs/../../x/Y', 'my_msgs/msg/../Y', 'a/b/c/Y', 'my_msgs/', 'x/Y/', 'Y__']
+)
+def test_a_field_leads_nowhere_but_to_a_message(tmp_path, field):
+    for name in ('my_msgs', 'x'):
+        (tmp_path / 'share' / name / 'msg').mkdir(parents=True)
+    (tmp_path / 'share' / 'x' / 'Y.msg').write_text('int8 secret\n')
+    (tmp_path / 'share' / 'my_msgs' / 'Y.msg').write_text('int8 secret\n')
+    (tmp_path / 'share' / 'my_msgs' / 'msg' / 'Outer.msg').write_text(f'{field} y\n')
+    with pytest.raises(UnknownTypeError):
+        definition('my_msgs/msg/Outer', [tmp_path])
 
 
 def test_the_first_prefix_wins_and_a_sourced_ros_comes_first(tmp_path, monkeypatch):

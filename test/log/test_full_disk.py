@@ -1,30 +1,19 @@
 """A disk that is full: the run says what is missing, is closed, and every reader takes it."""
 
-import json
 import os
 from pathlib import Path
-import subprocess
-import sys
 
+from disk_scripts import can_mount, run_script, UNSHARE
 from klann_ros.log.errors import LowSpaceError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import LOSS_RECORD, topic_counts
-from klann_ros.log.writing.disk_reserve import DiskReserve, NAME
+from klann_ros.log.writing.disk_reserve import DiskReserve, SIZE
 from klann_ros.log.writing.free_space import check_free_space, free_space
 from klann_ros.log.writing.writer import RunWriter
 import pytest
 from rosbags.highlevel import AnyReader
 
 HERE = Path(__file__).parent
-UNSHARE = ('unshare', '-rm')
-
-
-def can_mount(folder):
-    try:
-        command = [*UNSHARE, 'mount', '-t', 'tmpfs', '-o', 'size=64k', 'none', str(folder)]
-        return subprocess.run(command, capture_output=True, check=False).returncode == 0
-    except OSError:
-        return False
 
 
 @pytest.mark.parametrize(
@@ -42,19 +31,9 @@ def test_a_disk_filled_to_the_brim_leaves_a_run_that_is_whole(
     disk.mkdir()
     if not can_mount(disk):
         pytest.skip('this machine lets nobody mount a tmpfs in a user namespace')
-    done = subprocess.run(
-        [
-            *(*UNSHARE, sys.executable, HERE / 'full_disk.py'),
-            *(disk, '1000000', HERE, compression, str(least)),
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
-        timeout=60,
+    put, counted, failure, whole = run_script(
+        HERE / 'full_disk.py', disk, 1_000_000, compression, least, before=UNSHARE
     )
-    assert done.stderr == ''
-    put, counted, failure, whole = json.loads(done.stdout)
     assert whole
     assert reason in failure
     run = tmp_path / 'copy'
@@ -69,25 +48,31 @@ def test_a_disk_filled_to_the_brim_leaves_a_run_that_is_whole(
     assert [message.sequence for message in messages] == list(range(1, len(messages) + 1))
     with AnyReader([run]) as reader:
         assert reader.message_count == len(messages)
-    assert not (run / NAME).exists()
+
+
+def taken(reserve):
+    """Return how much space a reserve takes [bytes]."""
+    return os.fstat(reserve._descriptor).st_blocks * 512
 
 
 def test_a_reserve_takes_space_until_it_is_given_up(tmp_path):
     reserve = DiskReserve(tmp_path)
-    (path,) = tmp_path.iterdir()
-    assert path.stat().st_blocks * 512 >= 256 * 1024
+    assert taken(reserve) >= SIZE
     reserve.hold(1_000_000)
-    assert path.stat().st_blocks * 512 >= 1_000_000
+    assert taken(reserve) >= 1_000_000
+    assert reserve.spent is None
     assert not reserve.helps(OSError(5, 'Input/output error'))
+    descriptor = reserve._descriptor
     assert reserve.helps(OSError(28, 'No space left on device'))
-    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(OSError, match='Bad file descriptor'):
+        os.fstat(descriptor)
     assert not reserve.helps(OSError(28, 'No space left on device'))
 
 
-def test_a_run_leaves_no_reserve_behind(tmp_path):
+def test_a_reserve_has_no_name_that_a_kill_could_leave_or_a_user_remove(tmp_path):
     with RunWriter(tmp_path / 'run', reserve=True) as writer:
-        assert (writer.path / NAME).exists()
-    assert not (writer.path / NAME).exists()
+        assert taken(writer._folder.reserve) >= SIZE
+        assert {path.name for path in writer.path.iterdir()} == {'run_0.mcap', 'metadata.yaml'}
 
 
 def test_too_little_space_is_told_with_both_numbers(tmp_path):

@@ -4,12 +4,11 @@ import random
 import shutil
 
 from klann_ros.log.bag_metadata import ROOT_KEY
-from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from mcap.writer import CompressionType, IndexType, Writer
 import pytest
 from rosbags import rosbag2
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import get_typestore, Stores
 import yaml
 
@@ -183,15 +182,3 @@ def test_metadata_yaml_cannot_lead_out_of_the_folder(split_run, tmp_path):
     with open_log(folder) as log:
         assert 'other.mcap is missing' in log.problem
         assert all(path.parent == folder for path in log.paths)
-
-
-@pytest.mark.parametrize('mode', [CompressionMode.FILE, CompressionMode.MESSAGE])
-def test_a_bag_that_was_compressed_around_the_messages_is_refused(tmp_path, mode):
-    store = get_typestore(Stores.ROS2_JAZZY)
-    writer = rosbag2.Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP)
-    writer.set_compression(mode, CompressionFormat.ZSTD)
-    with writer:
-        connection = writer.add_connection('/a', 'std_msgs/msg/Empty', typestore=store)
-        writer.write(connection, 1, b'\0\1\0\0\0')
-    with pytest.raises(NotALogError, match='compression mode'):
-        open_log(tmp_path / 'bag')

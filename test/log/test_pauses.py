@@ -2,6 +2,7 @@
 
 from hypothesis import given, strategies as st
 from klann_ros.log.run_parameters import Pause, pause_of, pause_record
+from klann_ros.log.writing.ledger import Ledger
 from klann_ros.log.writing.pauses import Pauses
 import pytest
 
@@ -9,30 +10,46 @@ TIMES = st.integers(0, 100)
 
 
 def test_without_a_pause_nothing_is_left_out():
-    assert not Pauses().leaves_out('/x', 0)
-    assert not Pauses().leaves_out('/x', 2**63)
+    ledger = Ledger(None)
+    assert not Pauses(ledger).leaves_out(ledger['/x'], 0)
+    assert not Pauses(ledger).leaves_out(ledger['/x'], 2**63)
+    assert ledger['/x'].left_out == 0
 
 
 @given(begin=TIMES, length=TIMES, received=TIMES, is_taken_late=st.booleans())
 def test_the_time_of_reception_decides(begin, length, received, is_taken_late):
-    pauses = Pauses()
+    ledger = Ledger(None)
+    pauses = Pauses(ledger)
     pauses.begin(begin)
     end = begin + length
     if is_taken_late or received >= end:
         pauses.end(end)
-    assert pauses.leaves_out('/x', received) == (begin <= received < end)
+    assert pauses.leaves_out(ledger['/x'], received) == (begin <= received < end)
+    assert ledger['/x'].left_out == (begin <= received < end)
 
 
 def test_each_pause_has_counts_of_its_own():
-    pauses = Pauses()
+    ledger = Ledger(None)
+    pauses = Pauses(ledger)
     for begin, topics in ((10, ['/x', '/x', '/y']), (30, ['/y'])):
         pauses.begin(begin)
         for topic in topics:
-            assert pauses.leaves_out(topic, begin + 5)
+            assert pauses.leaves_out(ledger[topic], begin + 5)
         pauses.end(begin + 10)
         counts = {topic: topics.count(topic) for topic in topics}
         assert pauses.last() == Pause(begin, begin + 10, counts)
-    assert pauses.left_out == {'/x': 2, '/y': 2}
+    assert ledger.left_out() == {'/x': 2, '/y': 2}
+
+
+def test_a_clock_that_is_set_back_into_a_pause_that_is_over_leaves_nothing_out():
+    ledger = Ledger(None)
+    pauses = Pauses(ledger)
+    pauses.begin(100)
+    pauses.end(200)
+    assert pauses.leaves_out(ledger['/x'], 150)
+    assert pauses.last() == Pause(100, 200, {'/x': 1})
+    assert not pauses.leaves_out(ledger['/x'], 150)
+    assert ledger['/x'].left_out == 1
 
 
 def test_a_record_of_a_pause_comes_back():

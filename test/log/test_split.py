@@ -2,14 +2,20 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
+import sys
 from time import sleep, time_ns
 
+from klann_ros.log import writing
 from klann_ros.log.reader import open_log
 from klann_ros.log.writing.background_writer import BackgroundWriter
 from klann_ros.log.writing.split_limits import SplitLimits
 from klann_ros.log.writing.writer import RunWriter
+import pytest
 from rosbags.highlevel import AnyReader
 import yaml
+
+WRITING = str(Path(writing.__file__).parent)
 
 
 def written_in(run, parts):
@@ -106,3 +112,45 @@ def test_the_files_of_a_split_run_follow_each_other_in_time(tmp_path, runs):
     assert spans == sorted(spans)
     assert all(before[1] < after[0] for before, after in pairwise(spans))
     assert writer.counts == {'/one': 200, '/two': 200}
+
+
+def test_what_another_thread_is_told_while_a_split_goes_on_is_never_wrong(tmp_path, batches):
+    told = []
+
+    def look(frame, *_):
+        if frame.f_code.co_filename.startswith(WRITING):
+            told.append(dict(writer.fate().written))
+            return look
+        return None
+
+    with RunWriter(tmp_path / 'run') as writer:
+        for message in batches[0][:5]:
+            writer.write(message)
+        before = sys.gettrace()
+        # Another thread may come between any two lines.
+        sys.settrace(look)
+        try:
+            writer.split()
+        finally:
+            sys.settrace(before)
+    assert len(told) > 50
+    assert all(counts == {'/crank_angle': 5} for counts in told)
+
+
+@pytest.mark.parametrize('hours', [-1, 1])
+def test_a_clock_that_is_set_costs_a_split_and_no_message(tmp_path, runs, hours):
+    writer = RunWriter(tmp_path / 'run')
+    limits = SplitLimits(duration=600.0)
+    background = BackgroundWriter(
+        writer, flush_period=0.01, on_failure=lambda: None, limits=limits
+    )
+    for number, message in enumerate(runs.make_messages(200)):
+        shift = hours * 3_600_000_000_000 if number >= 100 else 0
+        background.put(replace(message, log_time=message.log_time + shift))
+        if number % 10 == 0:
+            sleep(0.02)
+    assert background.close() is None
+    assert writer.counts == {'/crank_angle': 200}
+    assert len(list(writer.path.glob('*.mcap'))) == 2
+    with open_log(writer.path) as log:
+        assert len(list(log.messages())) == 200

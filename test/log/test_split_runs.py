@@ -50,11 +50,12 @@ def test_a_file_behind_those_that_are_named_is_read_and_told(split_run, batches,
     assert any('run_2.mcap' in remark for remark in recovery.remarks)
 
 
-def test_a_file_of_another_name_is_left_out_and_told(split_run, batches, runs):
-    shutil.copy(split_run / 'run_0.mcap', split_run / 'copy.mcap')
+@pytest.mark.parametrize('name', ['copy.mcap', 'run_copy.mcap', 'copy_9.mcap'])
+def test_a_file_of_another_name_is_left_out_and_told(split_run, batches, runs, name):
+    shutil.copy(split_run / 'run_0.mcap', split_run / name)
     with open_log(split_run) as log:
         assert list(log.messages()) == runs.joined(batches)
-        assert 'copy.mcap is not named in metadata.yaml, and is left out' in log.problem
+        assert f'{name} is not named in metadata.yaml, and is left out' in log.problem
 
 
 @pytest.mark.parametrize('with_metadata', [True, False])

@@ -59,13 +59,17 @@ def test_a_pause_freezes_the_position(start, rate, now, wait):
 def test_a_pause_takes_no_time_of_the_log(start, rate, now, pause, wait):
     through = Timeline(start, rate).started(0.0)
     paused = through.stopped(now).started(now + pause)
-    assert paused.at(now + pause + wait) == pytest.approx(through.at(now + wait), rel=1e-9)
+    assert paused.at(now + pause + wait) == pytest.approx(
+        through.at(now + wait), rel=1e-9, abs=1e-9
+    )
 
 
 @given(start=positions, rate=rates, ahead=st.floats(0.0, 1e6))
 def test_a_position_is_reached_when_it_is_due(start, rate, ahead):
     timeline = Timeline(start, rate).started(7.0)
-    assert timeline.at(timeline.due(start + ahead)) == pytest.approx(start + ahead, rel=1e-9)
+    assert timeline.at(timeline.due(start + ahead)) == pytest.approx(
+        start + ahead, rel=1e-9, abs=1e-9
+    )
 
 
 @given(start=positions, rate=rates, other=rates, now=waits, wait=waits)
@@ -73,7 +77,7 @@ def test_a_change_of_rate_keeps_the_position(start, rate, other, now, wait):
     before = Timeline(start, rate).started(0.0)
     after = before.at_rate(other, now)
     assert after.at(now) == before.at(now)
-    assert after.at(now + wait) == pytest.approx(before.at(now) + wait * other, rel=1e-9)
+    assert after.at(now + wait) == pytest.approx(before.at(now) + wait * other, rel=1e-9, abs=1e-9)
 
 
 @given(start=positions, target=positions, now=waits)

@@ -34,16 +34,39 @@ def test_header_and_metadata_yaml_are_on_the_disk_at_once(tmp_path):
         writer.close()
 
 
-@pytest.mark.parametrize('kind', ['folder', 'file'])
+THINGS = {
+    'folder': Path.mkdir,
+    'file': Path.touch,
+    'pipe': os.mkfifo,
+    'loop': lambda path: path.symlink_to(path),
+    'link to nothing': lambda path: path.symlink_to('nothing'),
+}
+
+
+@pytest.mark.parametrize('kind', THINGS)
 def test_what_exists_is_not_overwritten(tmp_path, kind):
     path = tmp_path / 'run'
-    if kind == 'folder':
-        path.mkdir()
-    else:
-        path.write_text('mine')
+    THINGS[kind](path)
+    before = path.lstat()
     with pytest.raises(RunExistsError, match='exists already, not overwriting'):
         RunWriter(path)
-    assert [*path.iterdir()] == [] if kind == 'folder' else path.read_text() == 'mine'
+    assert path.lstat() == before
+    assert [*tmp_path.rglob('*')] == [path]
+
+
+@pytest.mark.parametrize('kind', sorted({*THINGS} - {'folder'}))
+def test_what_is_no_folder_has_no_run_in_it(tmp_path, kind):
+    THINGS[kind](tmp_path / 'thing')
+    reason = 'it is no folder, so no run can be made in it|Too many levels of symbolic links'
+    with pytest.raises(OSError, match=reason):
+        RunWriter(tmp_path / 'thing' / 'deep' / 'run')
+    assert len([*tmp_path.rglob('*')]) == 1
+
+
+def test_a_name_that_is_too_long_for_the_files_leaves_nothing(tmp_path):
+    with pytest.raises(OSError, match='File name too long'):
+        RunWriter(tmp_path / ('x' * 250))
+    assert not [*tmp_path.iterdir()]
 
 
 def test_an_unknown_compression_is_refused_before_anything_is_made(tmp_path):

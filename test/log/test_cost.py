@@ -1,0 +1,164 @@
+"""A file costs work in proportion to its bytes and the messages in it, whatever it asks for."""
+
+from klann_ros.log.errors import LogError
+from klann_ros.log.reader import open_log
+from klann_ros.log.reading import chunks, patience
+from klann_ros.log.recovery import recover
+from mcap_bytes import records as mcap
+from mcap_bytes.hostile import (
+    CHANNEL,
+    EMPTY,
+    file_of,
+    file_of_chunks,
+    HEADER,
+    INSIDE,
+    named_often,
+    OUTSIDE,
+    overlapping,
+    packed_chunk,
+)
+import pytest
+from work import Work
+
+SIZE = 10_000
+# Calls for a byte of the file, and at all. What costs most is to tell damage behind each record.
+EACH, ONCE = 100, 5000
+# Calls to write a run.
+WRITING = 50_000
+# Calls for a message in a file that is sound.
+MESSAGE = 15
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Return a function that reads a file as a review does: how much work, how many messages."""
+    path = tmp_path / 'x.mcap'
+
+    def work(data):
+        path.write_bytes(data)
+        with Work() as done, open_log(path) as log:
+            found = sum(map(len, log.blocks()))
+        return done.calls, found
+
+    return work
+
+
+@pytest.mark.parametrize('shape', OUTSIDE)
+def test_twice_the_bytes_take_no_more_than_twice_the_work(read, shape):
+    once, _ = read(file_of(shape, SIZE))
+    twice, _ = read(file_of(shape, 2 * SIZE))
+    assert twice <= 2.5 * once + ONCE
+    assert twice <= EACH * 2 * SIZE + ONCE
+
+
+@pytest.mark.parametrize('shape', OUTSIDE)
+def test_it_can_be_recovered_at_the_same_cost(tmp_path, shape):
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(file_of(shape, SIZE))
+    with Work() as done:
+        try:
+            recover(path, tmp_path / 'again')
+        except LogError:
+            assert not (tmp_path / 'again').exists()
+    assert done.calls <= 2 * EACH * SIZE + WRITING
+
+
+def test_sound_messages_outside_of_chunks_cost_little(read):
+    calls, found = read(HEADER + CHANNEL + EMPTY * 10_000)
+    assert found == 10_000
+    assert calls <= MESSAGE * found + ONCE
+
+
+def test_zeros_in_a_chunk_are_no_records(read, tmp_path):
+    data = HEADER + packed_chunk(CHANNEL + EMPTY + bytes(2**20))
+    calls, found = read(data)
+    assert found == 1
+    assert calls <= ONCE
+    with open_log(tmp_path / 'x.mcap') as log:
+        assert 'in part only: what stands in it is no record' in log.problems[-1]
+
+
+@pytest.mark.parametrize('shape', INSIDE)
+def test_many_chunks_of_no_use_cost_hardly_more_than_some(read, shape, monkeypatch):
+    monkeypatch.setattr(patience, '_ONCE', 2**22)
+    some, _ = read(file_of_chunks(shape, 2**20, 5))
+    many, _ = read(file_of_chunks(shape, 2**20, 50))
+    size = len(file_of_chunks(shape, 2**20, 45))
+    assert many <= 1.2 * some + EACH * size
+
+
+def test_what_is_unpacked_in_vain_is_limited(read, monkeypatch):
+    """Each unpacks to 10 MB that have another CRC: all of it is needed to know that."""
+    monkeypatch.setattr(patience, '_ONCE', 2**25)
+    unpacked = []
+    unpack = chunks._UNPACK['zstd']
+
+    def count(data, size):
+        for piece in unpack(data, size):
+            unpacked.append(len(piece))
+            yield piece
+
+    monkeypatch.setitem(chunks._UNPACK, 'zstd', count)
+    chunk = packed_chunk(EMPTY * (10 * 2**20 // len(EMPTY)), crc=1)
+    read(HEADER + chunk * 30)
+    passes = 2
+    assert sum(unpacked) <= passes * (2**25 + 2 * 10 * 2**20 + patience.FREE * 31 * len(chunk))
+
+
+def test_what_stands_behind_so_much_that_is_of_no_use_is_read_all_the_same(read, monkeypatch):
+    monkeypatch.setattr(patience, '_ONCE', 2**20)
+    _, found = read(
+        file_of_chunks('private records', 2**20, 3) + packed_chunk(CHANNEL + EMPTY * 100)
+    )
+    assert found == 100
+
+
+def test_a_limit_that_was_met_is_told(read, tmp_path, monkeypatch):
+    monkeypatch.setattr(patience, '_ONCE', 2**20)
+    read(file_of_chunks('private records', 2**20, 3))
+    with open_log(tmp_path / 'x.mcap') as log:
+        assert any('more records in it that are no messages' in text for text in log.problems)
+        assert any('behind so much that is of no use' in text for text in log.problems)
+
+
+def test_private_records_around_messages_are_no_waste(read, monkeypatch):
+    """A recorder may put some of its own beside each message; a sound file has no limit."""
+    monkeypatch.setattr(patience, '_ONCE', 2**20)
+    chunk = packed_chunk(CHANNEL + (EMPTY + mcap.record(0x80, b'mine') * 5) * 2000)
+    _, found = read(HEADER + chunk * 20)
+    assert found == 40_000
+
+
+def test_an_index_that_names_a_record_often_is_not_asked_for_it_often(read, tmp_path):
+    once, _ = read(named_often(20))
+    twice, found = read(named_often(40))
+    assert found == 1000
+    assert twice <= 2.5 * once
+    with open_log(tmp_path / 'x.mcap') as log:
+        assert len(list(log.messages())) == 1000
+        assert len(log.attachments) == 1
+        assert 'the index is wrong' in log.problem
+
+
+def test_chunks_that_cannot_be_merged_are_read_as_they_stand(tmp_path):
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(overlapping(5, 20 * 2**20))
+    with open_log(path) as log:
+        assert [message.sequence for message in log.messages()] == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+        assert log.problems == ()
+    path.write_bytes(overlapping(20, 2**20))
+    with open_log(path) as log:
+        assert [message.sequence for message in log.messages()] == [*range(20)] * 2
+        assert log.problems == ()
+
+
+def test_a_chunk_of_which_the_index_says_less_is_told(tmp_path):
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(overlapping(2, 20 * 2**20, honest=False))
+    with open_log(path) as log:
+        assert list(log.messages()) == []
+        assert 'the index is wrong about this chunk, which is left out' in log.problem
+    path.write_bytes(overlapping(2, 1000, honest=False))
+    with open_log(path) as log:
+        assert len(list(log.messages())) == 2
+        assert 'the index is wrong about this chunk' in log.problem

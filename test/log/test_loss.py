@@ -1,0 +1,185 @@
+"""Losses by numbers: never more than there were, all where the numbers tell, and said as known."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from hypothesis import given, strategies as st
+from klann_ros.log.loss import LossCounter
+from klann_ros.log.loss_report import losses_in_words
+from klann_ros.log.run_parameters import (
+    loss_record,
+    solver_parameters,
+    topic_counts,
+    TopicCount,
+)
+import pytest
+
+KNOWN, NOTHING = 'as far as can be counted', 'nothing is known'
+WHY = 'several published there at once, or their messages have no numbers'
+
+
+@dataclass
+class Stay:
+    """What is heard of a publisher while it is there, and when it is told that it is gone."""
+
+    who: int
+    heard: list[int]
+    told_after: int = 0
+
+    @property
+    def missing(self) -> int:
+        """Return what is missing between the first and the last."""
+        return self.heard[-1] - self.heard[0] + 1 - len(self.heard) if self.heard else 0
+
+
+@st.composite
+def stays(draw: Any) -> list[Stay]:
+    """Return publishers one after the other, of which some come back."""
+    found, reached = [], {}
+    for _ in range(draw(st.integers(0, 7))):
+        who = draw(st.integers(0, 5))
+        first = reached.get(who, 0) + 1
+        heard = sorted(draw(st.sets(st.integers(first, first + 30), max_size=12)))
+        reached[who] = heard[-1] if heard else first - 1
+        found.append(Stay(who, heard, draw(st.integers(0, len(heard)))))
+    return found
+
+
+def counted(some: list[Stay], *, late: bool, known: bool) -> LossCounter:
+    """Return what is counted: news may come before the last messages, or tell who is there."""
+    counter = LossCounter()
+    for stay in some:
+        counter.forget()
+        for place, number in enumerate(stay.heard):
+            if late and place == stay.told_after:
+                counter.forget()
+            counter.count(number)
+            if known:
+                counter.identify(stay.who)
+        counter.forget()
+        if known and not late:
+            counter.identify(None)
+    return counter
+
+
+def truth(some: list[Stay]) -> tuple[int, int]:
+    """Return what was lost between what was heard of each in a row, and what was early."""
+    lost = early = 0
+    before: Stay | None = None
+    for stay in (stay for stay in some if stay.heard):
+        lost += stay.missing
+        if before is not None and before.who == stay.who:
+            lost += stay.heard[0] - before.heard[-1] - 1
+        elif before is not None:
+            early += stay.heard[0] - 1
+        before = stay
+    return lost, early
+
+
+@given(stays(), st.booleans(), st.booleans())
+def test_no_more_is_told_than_was_missing(some: list[Stay], late: bool, known: bool) -> None:
+    counter, (lost, early) = counted(some, late=late, known=known), truth(some)
+    assert counter.lost <= lost
+    assert counter.early <= early
+
+
+@given(stays())
+def test_all_is_told_where_it_is_known_who_is_heard(some: list[Stay]) -> None:
+    counter = counted(some, late=False, known=True)
+    # A number that goes on is believed to be the same one's.
+    if all(b.heard[0] != a.heard[-1] + 1 for a, b in pairwise(s for s in some if s.heard)):
+        assert (counter.lost, counter.early) == truth(some)
+
+
+@given(stays())
+def test_what_is_missing_between_two_is_told_in_any_case(some: list[Stay]) -> None:
+    counter = counted(some, late=False, known=False)
+    assert counter.lost == sum(stay.missing for stay in some)
+
+
+def test_the_first_publisher_of_a_topic_was_there_before() -> None:
+    counter = LossCounter()
+    for number in (400, 401, 403):
+        counter.count(number)
+    assert (counter.lost, counter.early) == (1, 0)
+
+
+def test_a_latched_publisher_has_sent_nothing_early() -> None:
+    counter = LossCounter()
+    counter.latched = True
+    counter.count(9)
+    counter.count(7)
+    assert counter.early == 0
+
+
+def test_nothing_is_known_without_numbers_or_of_several_at_once() -> None:
+    for arguments in ((None,), (5, 2)):
+        counter = LossCounter()
+        counter.count(1)
+        assert counter.is_known
+        counter.count(*arguments)
+        assert not counter.is_known
+
+
+@pytest.mark.parametrize(
+    ('count', 'said'),
+    [
+        (TopicCount(5, 5), '0 were lost'),
+        (TopicCount(5, 4, dropped=1), '1 was lost'),
+        (TopicCount(5, 5, unheard=3), '3 were lost'),
+        (
+            TopicCount(5, 5, early=20),
+            '0 were lost; 20 were sent before the recorder heard their publishers',
+        ),
+        (
+            TopicCount(5, 5, left=1),
+            f'0 were lost, {KNOWN}; 1 publisher left (/a), and of what it sent last {NOTHING}',
+        ),
+        (
+            TopicCount(5, 4, dropped=1, unheard=None, left=2),
+            f'1 was lost, {KNOWN}; of /a nobody can tell: {WHY}',
+        ),
+    ],
+)
+def test_what_is_said_is_what_is_known(count: TopicCount, said: str) -> None:
+    assert losses_in_words({'/a': count}) == said
+
+
+def test_few_topics_are_named() -> None:
+    names = [f'/{n}\n' for n in range(5)]
+    said = losses_in_words(dict.fromkeys(names, TopicCount(1, 1, left=1)))
+    assert '5 publishers left (/0\\n, /1\\n, /2\\n and 2 more), and of what they sent' in said
+
+
+def test_a_count_is_written_and_read() -> None:
+    counts = {'/a': TopicCount(9, 5, 1, 2, None, 3, 4), '/b': TopicCount(1, 1)}
+    assert topic_counts(loss_record(counts)) == counts
+
+
+def test_the_record_of_an_older_recorder_is_read() -> None:
+    older = '{"received": 5, "written": 4, "dropped": 1, "left_out": 0, "unheard": 2, "lost": 3}'
+    assert topic_counts({'/a': older}) == {'/a': TopicCount(5, 4, 1, 0, 2)}
+
+
+@pytest.mark.parametrize(
+    'garbled',
+    [
+        'many',
+        '[]',
+        '{}',
+        '7',
+        '{"received": 1e400, "written": 1, "dropped": 0, "left_out": 0, "unheard": 0}',
+        '{"received": 1, "written": 1, "dropped": 0, "left_out": 0, "unheard": [1]}',
+        '[' * 100_000,
+    ],
+)
+def test_what_is_no_record_of_losses_is_a_value_error(garbled: str) -> None:
+    with pytest.raises(ValueError, match='not a record of losses'):
+        topic_counts({'/a': garbled})
+
+
+@pytest.mark.parametrize('garbled', ['[' * 100_000, '7', '["a"]'])
+def test_what_is_no_record_of_a_solver_is_a_value_error(garbled: str) -> None:
+    with pytest.raises(ValueError, match='not a record of a solver'):
+        solver_parameters({'node': '/solver_node', 'time': '1', 'parameters': garbled})
