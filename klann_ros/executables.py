@@ -35,12 +35,12 @@ def recorder_node() -> int:
 
 def player_node() -> int:
     """Plays an MCAP run back onto topics."""
-    return _node('player_node')
+    return _node('player_node', uses_terminal=True)
 
 
 def review() -> int:
     """Tell what happened in a run, and whether it can be trusted."""
-    return _tool('review', 'klann_ros.review.command', untold=2)
+    return _tool('review', 'klann_ros.review.command', untold=3)
 
 
 def recover() -> int:
@@ -48,8 +48,8 @@ def recover() -> int:
     return _tool('recover', 'klann_ros.log.recover_command', untold=1)
 
 
-def _node(name: str) -> int:
-    stop = StopSignals()
+def _node(name: str, *, uses_terminal: bool = False) -> int:
+    stop = StopSignals(uses_terminal=uses_terminal)
     try:
         module = import_module(f'klann_ros.nodes.{name}')
     except ModuleNotFoundError as error:

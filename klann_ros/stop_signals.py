@@ -1,13 +1,17 @@
 """SIGINT, SIGTERM and SIGHUP as one orderly request to stop, from a process's first moment on."""
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 import os
 import signal
 import threading
 
+# Ctrl-Z and Ctrl-\ go on doing what they do, after the terminal has been given back.
+_OF_THE_TERMINAL = {signal.SIGTSTP, signal.SIGQUIT}
+
 
 class StopSignals:
-    """
+    r"""
     Turn the three stop signals into calls of one function.
 
     The signals are blocked in every thread and taken by one that waits for nothing else. So no
@@ -18,29 +22,54 @@ class StopSignals:
 
     Until `on_stop` names a function nothing is open yet, and a signal ends the process at once
     with exit code 0.
+
+    Parameters
+    ----------
+    uses_terminal
+        Whether the process changes its terminal, and must give it back before Ctrl-Z stops it or
+        Ctrl-\ ends it: see `on_suspend`.
+
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, uses_terminal: bool = False) -> None:
         """Take the signals over."""
         signals = {signal.SIGINT, signal.SIGTERM}
         # nohup asks for a process that outlives its terminal. A shell's `&` ignores SIGINT too,
         # but there a user's `kill -INT` is meant.
         if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
             signals.add(signal.SIGHUP)
+        if uses_terminal:
+            signals |= _OF_THE_TERMINAL
         # What is ignored never reaches sigwait.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_BLOCK, signals)
         self._stop: Callable[[], object] = _leave
+        self._given_back: Callable[[], AbstractContextManager[None]] = nullcontext
         threading.Thread(target=self._wait, args=(signals,), name='stop', daemon=True).start()
 
     def on_stop(self, stop: Callable[[], object]) -> None:
         """Name the function to call at each signal; it runs in a thread of its own."""
         self._stop = stop
 
+    def on_suspend(self, given_back: Callable[[], AbstractContextManager[None]]) -> None:
+        """Name what returns a context in which the terminal is as it was."""
+        self._given_back = given_back
+
     def _wait(self, signals: set[signal.Signals]) -> None:
         while True:
-            signal.sigwait(signals)
-            self._stop()
+            number = signal.sigwait(signals)
+            if number in _OF_THE_TERMINAL:
+                with self._given_back():
+                    _deliver(number)
+            else:
+                self._stop()
+
+
+def _deliver(number: int) -> None:
+    """Let a signal do to the process what it does; return when that has been continued."""
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {number})
+    signal.pthread_kill(threading.get_ident(), number)
+    signal.pthread_sigmask(signal.SIG_BLOCK, {number})
 
 
 def _leave() -> None:

@@ -10,11 +10,15 @@ with their length. Bytes behind the end of a message are not looked at, nor does
 them: `serialize_message()` leaves some.
 """
 
+from collections.abc import Sequence
 import struct
 from typing import NamedTuple
 
 from klann_ros.log.cdr_cursor import CdrCursor, HEADER_SIZE, ORDERS
+from klann_ros.untrusted.text import printable
 
+# What is said of a message that has not the joint.
+MOST_NAMES, LONGEST_NAME = 5, 40
 _STAMP_SIZE = 8
 _FLOAT64 = {code: struct.Struct(f'{order}d') for code, order in ORDERS.items()}
 
@@ -105,6 +109,12 @@ class _Layout(NamedTuple):
         return Joint(position, velocity[0] if velocity else None, sec, nanosec)
 
 
+def _listed(names: Sequence[bytes]) -> str:
+    """Return the first names, which say whose message it is; there may be any, of any length."""
+    shown = [printable(name.decode(errors='replace'), LONGEST_NAME) for name in names[:MOST_NAMES]]
+    return ', '.join(shown if len(names) <= MOST_NAMES else [*shown, '...'])
+
+
 def _layout(data: bytes, joint: str) -> _Layout:
     """Read all but the numbers of a JointState."""
     try:
@@ -118,8 +128,8 @@ def _layout(data: bytes, joint: str) -> _Layout:
         msg = f'{len(names)} names and {counts[0]} positions: there must be as many of each'
         raise ValueError(msg)
     if joint.encode() not in names:
-        known = [name.decode(errors='replace') for name in names]
-        raise ValueError(f'there is no joint {joint!r} in {known}')
+        shown = printable(joint, LONGEST_NAME)
+        raise ValueError(f'there is no joint {shown} among its {len(names)} ({_listed(names)})')
     offset = 8 * names.index(joint.encode())
     position, velocity = begins[0] + offset, begins[1] + offset
     numbers = f'{cursor.order}{HEADER_SIZE}xiI{position - HEADER_SIZE - _STAMP_SIZE}xd'

@@ -6,12 +6,13 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics import KinematicsError
 from klann_ros.log.loss import LossCounter
+from klann_ros.untrusted.text import printable
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
+from . import qos_overrides
 from .cdr import JointReader, read_float64
 from .lean_loop import LeanCallbackGroup
 from .qos import INPUT
@@ -94,6 +95,13 @@ class CrankInputs:
         self._states.ignore()
 
     @property
+    def summary(self) -> str:
+        """Return what turns the cranks, in words."""
+        joints = ', '.join(printable(joint) for joint in self._joints)
+        word = 'joint' if len(self._joints) == 1 else 'joints'
+        return f'{self._angles.topic} and {self._states.topic} ({word} {joints})'
+
+    @property
     def lost(self) -> int:
         """Return how many messages were lost since the start."""
         return self._angles.loss.lost + self._states.loss.lost
@@ -157,7 +165,8 @@ class _Source:
         self.publishers = 0
         self._heard = False
         self._node = node
-        self._arguments = (kind, topic, callback, INPUT)
+        self._profile = qos_overrides.of_subscription(node, topic, INPUT)
+        self._arguments = (kind, topic, callback, self._profile)
         self._group = LeanCallbackGroup()
         self._subscription: Subscription | None = None
         self.topic = node.resolve_topic_name(topic)
@@ -169,11 +178,10 @@ class _Source:
             *self._arguments,
             raw=True,
             callback_group=self._group,
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             # Each event costs at every wait. What the others tell cannot happen to an input that
-            # takes whatever is offered.
+            # takes whatever is offered; one that is overridden may ask for more.
             event_callbacks=SubscriptionEventCallbacks(
-                matched=self._on_matched, use_default_callbacks=False
+                matched=self._on_matched, use_default_callbacks=self._profile != INPUT
             ),
         )
 

@@ -1,22 +1,22 @@
 """`crank_node`: drives the crank."""
 
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from math import inf, isfinite
 from typing import Any, TYPE_CHECKING
 
-from klann_ros.kinematics.crank_motion import CrankMotion, CrankMotionError, MODES
 from klann_ros.stop_signals import StopSignals
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from .parameters import declare, Declared, must, usage
-from .process import arguments, command_line, Finish, run, StartError
+from . import qos_overrides
+from .crank_motion import CrankMotion, CrankMotionError, MODES
+from .parameters import declare, Declared, must, StartError, usage
+from .process import arguments, command_line, Finish, run
 from .qos import OUTPUT
 
 if TYPE_CHECKING:
@@ -91,6 +91,20 @@ class CrankNode(Node):
         self._n = 0
         self._begin: Time | None = None
         self._waiting = self.create_timer(0.02, self._wait, clock=self._steady)
+        self.get_logger().info(f'ready: {self._summary(values)}')
+
+    def _summary(self, values: Mapping[str, Any]) -> str:
+        """Return what the crank is about to do, in words."""
+        kind = f'{values["speed"]:g} rad/s'
+        if values['mode'] in ('sine', 'step'):
+            kind = f'{values["amplitude"]:g} rad at {values["frequency"]:g} Hz'
+        until = f'{values["revolutions"]:g} revolutions' if self._count < inf else 'endless'
+        least = self._min_subscribers
+        awaited = f', as soon as {least} listen' if least else ''
+        return (
+            f'{values["mode"]} ({kind}), {until}, {self._rate:g} messages a second on '
+            f'{self._publisher.topic_name}{awaited}'
+        )
 
     def _messages(self, revolutions: float) -> float:
         """Return how many messages so many revolutions take, both ends included."""
@@ -107,12 +121,8 @@ class CrankNode(Node):
             'crank_state': (JointState, self._publish_state),
         }
         kind, publish = kinds[output]
-        self._publisher = self.create_publisher(
-            kind,
-            output,
-            OUTPUT,
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-        )
+        profile = qos_overrides.of_publisher(self, output, OUTPUT)
+        self._publisher = self.create_publisher(kind, output, profile)
         self._publish: Callable[[float, float, float], None] = partial(publish, kind())
         self._crank_joint = crank_joint
 
@@ -166,7 +176,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     parser = command_line(
         'crank_node',
         'Drive the crank: publish its angle on crank_angle, or angle and rate on crank_state.',
-        usage([*MOTION, *PARAMETERS]),
+        f'{usage({"": [*MOTION, *PARAMETERS]})}\n{qos_overrides.USAGE}',
     )
     arguments(parser, argv)
     return run('crank_node', CrankNode, argv, stop)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import degrees, tau
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from klann_ros.log.wording import verb
 
 from .solver_figures import SolverFigures
 
@@ -82,7 +83,8 @@ def _verdict(
     if figures.rejection:
         return DiagnosticStatus.WARN, figures.rejection
     if lost_now or sources:
-        lost = f'{lost_now} inputs were lost' if lost_now else ''
+        were = verb(lost_now, 'input was', 'inputs were')
+        lost = f'{lost_now} {were} lost' if lost_now else ''
         turned = f'the crank is turned by more than one: {sources}' if sources else ''
         return DiagnosticStatus.WARN, '; '.join(filter(None, (lost, turned)))
     if figures.from_singular < min_transmission_angle:

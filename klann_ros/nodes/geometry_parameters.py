@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from klann_ros.kinematics import KlannGeometry
+from klann_ros.kinematics import KlannGeometry, Linkage
 from klann_ros.kinematics.klann.geometry import BENDS, LENGTHS, NUMBERS
 
 from .parameters import Declared
@@ -48,6 +48,7 @@ def declared() -> list[Declared]:
     return [*numbers, assembly]
 
 
+PRESETS = {'sem104': KlannGeometry.sem104(), 'patent': KlannGeometry.patent()}
 NAMES = tuple(parameter.name for parameter in declared())
 
 
@@ -62,3 +63,9 @@ def geometry(values: Mapping[str, Any]) -> KlannGeometry:
 
     """
     return KlannGeometry(**{name: values[name] for name in NAMES})
+
+
+def in_words(linkage: Linkage) -> str:
+    """Return which Klann leg it is: a preset's name, where it is one."""
+    names = [name for name, preset in PRESETS.items() if preset.linkage == linkage]
+    return f'Klann leg {names[0]}' if names else 'Klann leg of its own lengths'

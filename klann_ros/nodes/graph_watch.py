@@ -1,9 +1,10 @@
 """A look at the ROS graph ten times a second that costs an executor nothing while it is still."""
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from threading import Event, Thread
 
-from rclpy.node import Node
+from rclpy.node import Node, NodeNameNonExistentError
 
 # How often new topics are looked for, and how often without news where something is awaited [s].
 PERIOD, PATIENCE = 0.1, 1.0
@@ -62,4 +63,23 @@ class GraphWatch:
     def _facts(self) -> object:
         node = self._node
         heard = [(name, node.count_publishers(name)) for name in list(self._silent())]
-        return node.get_topic_names_and_types(), heard
+        return topics_and_types(node), heard
+
+
+def topics_and_types(node: Node) -> list[tuple[str, list[str]]]:
+    """
+    Return what is published or heard, and the types of it.
+
+    DDS takes any bytes for a name, and rclpy tells none at all where one is no text. Then the
+    nodes are asked one by one, and whose names are no text is left out.
+    """
+    with suppress(UnicodeDecodeError):
+        known: list[tuple[str, list[str]]] = node.get_topic_names_and_types()
+        return known
+    found: dict[str, set[str]] = {}
+    with suppress(UnicodeDecodeError):
+        for name, namespace in node.get_node_names_and_namespaces():
+            with suppress(UnicodeDecodeError, NodeNameNonExistentError):
+                for topic, kinds in node.get_publisher_names_and_types_by_node(name, namespace):
+                    found.setdefault(topic, set()).update(kinds)
+    return [(topic, sorted(found[topic])) for topic in sorted(found)]

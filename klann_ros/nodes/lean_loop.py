@@ -34,6 +34,7 @@ from rclpy.task import Future
 
 from . import executor_watch
 from .executor_watch import ExecutorWatch
+from .spinning import spin_plain
 
 # Where this environment variable is set and not empty, every loop is a plain one.
 PLAIN = 'KLANN_ROS_PLAIN_LOOP'
@@ -94,7 +95,7 @@ class LeanLoop:
         What a callback raises is raised, and ExternalShutdownException when the context ends.
         """
         if self._plain:
-            self._executor.spin_until_future_complete(future)
+            spin_plain(self._executor, future)
             return
         self._ended = False
         self._guard = GuardCondition(None, None, context=self._executor.context)
@@ -108,6 +109,7 @@ class LeanLoop:
         except executors.ShutdownException:
             pass
         finally:
+            future.remove_done_callback(self._end)
             for group in self._groups:
                 group.has_loop = False
             self._guard.destroy()

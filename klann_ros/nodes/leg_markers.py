@@ -5,16 +5,15 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
-from klann_ros.kinematics import foot_path, KinematicsError
-from klann_ros.kinematics.leg_types import LegPose
+from klann_ros.kinematics import foot_path, KinematicsError, LinkagePose
 from klann_ros.review.drawing import Drawn
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from . import qos_overrides
 from .solved_leg import SolvedLeg
 
 # At most so often [s], and only while somebody looks.
@@ -52,12 +51,11 @@ class LegMarkers:
     def __init__(self, node: Node, legs: Sequence[SolvedLeg], frame_id: str) -> None:
         """Publish nothing yet."""
         self._node, self._legs, self._frame_id = node, legs, frame_id
-        self._drawn: list[LegPose | None] = []
+        self._drawn: list[LinkagePose | None] = []
         self._publisher = node.create_publisher(
             MarkerArray,
             'markers',
-            LATCHED,
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            qos_overrides.of_publisher(node, 'markers', LATCHED),
             event_callbacks=PublisherEventCallbacks(matched=self._on_matched),
         )
         self._timer = node.create_timer(PERIOD, self._on_timer, autostart=False)
@@ -92,7 +90,7 @@ class LegMarkers:
     def _still(self, leg: SolvedLeg, stamp: Time) -> list[Marker]:
         """Return the path of the foot, and the pivots."""
         try:
-            path = foot_path(leg.leg)  # type: ignore[misc]  # either kind of leg
+            path = foot_path(leg.leg)
             pose = leg.leg.closed_form(float(path.alphas[0]))
         except KinematicsError:
             # A leg that hardly closes anywhere is seen where it is solved.
@@ -107,7 +105,7 @@ class LegMarkers:
         pivots.points = _points(fixed)
         return [line, pivots]
 
-    def _moving(self, leg: SolvedLeg, pose: LegPose, stamp: Time) -> list[Marker]:
+    def _moving(self, leg: SolvedLeg, pose: LinkagePose, stamp: Time) -> list[Marker]:
         """Return the joints, and the bars of every body."""
         drawn = Drawn.of(pose)
         places = list(drawn.points.values())

@@ -5,11 +5,11 @@ from itertools import chain
 from typing import NamedTuple
 
 from geometry_msgs.msg import PointStamped, TwistStamped
-from klann_ros.kinematics.leg_types import LegPose, LegVelocity
+from klann_ros.kinematics import LinkageMotion, LinkagePose
 from rclpy.node import Node
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 
+from . import qos_overrides
 from .cdr_templates import JointStateTemplate, PointTemplate, TwistTemplate
 from .crank_inputs import Stamp
 from .qos import OUTPUT
@@ -17,7 +17,7 @@ from .solved_leg import SolvedLeg
 
 # Publishes bytes as they are.
 Send = Callable[[bytes], None]
-Answer = tuple[SolvedLeg, LegPose, LegVelocity | None]
+Answer = tuple[SolvedLeg, LinkagePose, LinkageMotion | None]
 
 
 class _Foot(NamedTuple):
@@ -47,10 +47,10 @@ class LegMessages:
 
     def __init__(self, node: Node, legs: Sequence[SolvedLeg], frame_id: str) -> None:
         """Make the publishers and the messages."""
-        overridable = QoSOverridingOptions.with_default_policies()
 
         def publisher(kind: type, topic: str) -> Send:
-            made = node.create_publisher(kind, topic, OUTPUT, qos_overriding_options=overridable)
+            profile = qos_overrides.of_publisher(node, topic, OUTPUT)
+            made = node.create_publisher(kind, topic, profile)
             # What `publish` adds to it guards against a publisher that somebody else destroys.
             send: Send = made.handle.publish_raw
             return send

@@ -18,23 +18,33 @@ class ManagedSolverNode(LifecycleNode):
         """Declare and validate; `options` are those of LifecycleNode."""
         super().__init__('solver_node', **options)
         self._solver = Solver(self)
+        self.get_logger().info(f'ready, unconfigured: {self._solver.summary}, while it is active')
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Have nothing to do: what could be refused was declared at the start."""
+        return self._told('configured', super().on_configure(state))
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen."""
         self._solver.listen()
-        return super().on_activate(state)
+        return self._told('activated: it answers', super().on_activate(state))
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen no more."""
         self._solver.ignore()
-        return super().on_deactivate(state)
+        return self._told('deactivated: it does not listen', super().on_deactivate(state))
 
     def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Forget the warm starts."""
         self._solver.reset()
-        return TransitionCallbackReturn.SUCCESS
+        return self._told('cleaned up: unconfigured', TransitionCallbackReturn.SUCCESS)
 
     def on_shutdown(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Listen no more."""
         self._solver.ignore()
-        return TransitionCallbackReturn.SUCCESS
+        return self._told('shut down: it answers no more', TransitionCallbackReturn.SUCCESS)
+
+    def _told(self, what: str, result: TransitionCallbackReturn) -> TransitionCallbackReturn:
+        if result == TransitionCallbackReturn.SUCCESS:
+            self.get_logger().info(what)
+        return result

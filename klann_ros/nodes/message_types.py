@@ -1,11 +1,21 @@
-"""Message classes by the name of their type."""
+"""
+Message classes by the name of their type.
+
+Who names a type may be a stranger: a log, or a publisher on the network. To import a module is to
+run it, so only packages are imported that are installed as packages of interfaces. Whether one of
+that name comes first on Python's own path, such as in a folder of PYTHONPATH, is beyond this.
+"""
 
 from importlib import import_module
 from typing import Any
 
+from klann_ros.log.type_names import is_installed, split_type
+from klann_ros.untrusted.text import printable
+from rclpy.type_support import check_is_valid_msg_type
+
 
 class UnknownMessageTypeError(Exception):
-    """A message type that is not installed; the text says which."""
+    """A message type that is not installed, or none at all; the text says which."""
 
 
 def message_class(type_name: str) -> Any:
@@ -18,11 +28,21 @@ def message_class(type_name: str) -> Any:
         The type is not installed, or the name is no message type's.
 
     """
+    shown = printable(type_name)
+    named = split_type(type_name)
+    if named is None:
+        raise UnknownMessageTypeError(f"'{shown}' is no message type, such as std_msgs/msg/String")
+    package, name = named
     try:
-        package, kind, name = type_name.split('/')
-        if kind == 'msg':
-            return getattr(import_module(f'{package}.msg'), name)
-    except (ValueError, ImportError, AttributeError):
-        pass
-    msg = f'message type {type_name!r} is not installed'
-    raise UnknownMessageTypeError(msg)
+        kind = (
+            getattr(import_module(f'{package}.msg'), name, None) if is_installed(package) else None
+        )
+        if kind is not None:
+            check_is_valid_msg_type(kind)
+    # A package that is installed by halves raises whatever it likes.
+    except Exception as error:
+        reason = f"message type '{shown}' cannot be used: {printable(error)}"
+        raise UnknownMessageTypeError(reason) from error
+    if kind is None:
+        raise UnknownMessageTypeError(f"message type '{shown}' is not installed")
+    return kind

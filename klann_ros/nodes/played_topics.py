@@ -6,21 +6,29 @@ from typing import TYPE_CHECKING
 from klann_ros.log.errors import MalformedQosError
 from klann_ros.log.qos import latched_count, Qos, qos_from_yaml
 from klann_ros.log.records import Message, Topic
+from klann_ros.log.wording import verb
+from klann_ros.untrusted.text import printable, printable_line
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
-from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 
 from .message_types import message_class, UnknownMessageTypeError
-from .process import one_line
+from .process import ros_error, ROS_ERRORS
 from .qos import to_publish
+from .topic_names import refusal
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
 
 # How often a complaint about messages is logged at most [s].
 THROTTLE = 2.0
+# A log may have any number of topics that cannot be played; so many are named.
+MOST_NAMED = 20
+
+
+class UnplayableTopicError(Exception):
+    """A topic that cannot be played; the text says why."""
 
 
 class PlayedTopics:
@@ -49,11 +57,13 @@ class PlayedTopics:
         self._renamed = renamed
         self._made: dict[Topic, Publisher] = {}
         self.latched: dict[str, int] = {}
+        self._complaints: list[str] = []
         by_name: dict[str, list[Topic]] = {}
         for topic in topics:
             by_name.setdefault(topic.name, []).append(topic)
         for name, channels in by_name.items():
             self._try(name, channels)
+        self._complain()
 
     @property
     def names(self) -> frozenset[str]:
@@ -69,7 +79,7 @@ class PlayedTopics:
             publisher.publish(message.data)
         except RCLError as error:
             self._node.get_logger().error(
-                f'a message of {message.topic.name} is left out: {one_line(error)}',
+                f'a message of {printable(message.topic.name)} is left out: {ros_error(error)}',
                 throttle_duration_sec=THROTTLE,
             )
 
@@ -82,43 +92,57 @@ class PlayedTopics:
     def _try(self, name: str, channels: Sequence[Topic]) -> None:
         try:
             self._make(name, channels)
-        except (UnknownMessageTypeError, NameValidationException, RCLError) as error:
-            self._warn(f'{name} is not played: {one_line(error)}')
+        except (UnplayableTopicError, UnknownMessageTypeError, *ROS_ERRORS) as error:
+            self._complaints.append(f'{printable(name)} is not played: {ros_error(error)}')
 
     def _make(self, name: str, channels: Sequence[Topic]) -> None:
         """Make the one publisher of a topic that may have been recorded in several channels."""
         first = channels[0]
+        full = self._full_name(self._renamed.get(name, name))
         kind = _kind(first)
         alike = [topic for topic in channels if _is_alike(topic, first)]
         for topic in channels:
             if topic not in alike:
-                self._warn(
-                    f'{name} is not played as {topic.type} ({topic.message_encoding}): '
-                    f'in the same log it is {first.type}'
+                self._complaints.append(
+                    f'{printable(name)} is not played as {printable(topic.type)} '
+                    f'({printable(topic.message_encoding)}): in the same log it is '
+                    f'{printable(first.type)}'
                 )
         offered = [qos for topic in alike for qos in self._offered(topic)]
-        new = self._renamed.get(name, name)
-        full = f'{self._node.get_namespace().rstrip("/")}/{new.lstrip("/")}'
         publisher = self._node.create_publisher(kind, full, to_publish(offered))
         self._made.update(dict.fromkeys(alike, publisher))
         if offered and latched_count(offered):
             self.latched[name] = latched_count(offered)
 
+    def _full_name(self, name: str) -> str:
+        full = f'{self._node.get_namespace().rstrip("/")}/{name.removeprefix("/")}'
+        reason = refusal(full)
+        if reason:
+            raise UnplayableTopicError(reason)
+        return full
+
     def _offered(self, topic: Topic) -> list[Qos]:
         try:
             return qos_from_yaml(topic.qos)
         except MalformedQosError as error:
-            self._warn(f'{topic.name} is played reliable and volatile: {error}')
+            self._complaints.append(
+                f'{printable(topic.name)} is played reliable and volatile: {error}'
+            )
             return []
 
-    def _warn(self, text: str) -> None:
-        self._node.get_logger().warning(text)
+    def _complain(self) -> None:
+        more = len(self._complaints) - MOST_NAMED
+        said = self._complaints[:MOST_NAMED]
+        if more > 0:
+            said.append(f'and {more} more {verb(more, "complaint", "complaints")} about topics')
+        for complaint in said:
+            self._node.get_logger().warning(printable_line(complaint))
 
 
 def _kind(topic: Topic) -> type:
     if topic.message_encoding != 'cdr':
-        msg = f'its messages are {topic.message_encoding or "of no encoding"}, not cdr'
-        raise UnknownMessageTypeError(msg)
+        encoding = printable(topic.message_encoding) or 'of no encoding'
+        raise UnplayableTopicError(f'its messages are {encoding}, not cdr')
     kind: type = message_class(topic.type)
     return kind
 

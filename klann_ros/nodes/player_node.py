@@ -11,13 +11,15 @@ from klann_ros.log.playing.playback import length, Playback, Selection
 from klann_ros.log.reader import Log, open_log
 from klann_ros.log.records import Topic
 from klann_ros.stop_signals import StopSignals
+from klann_ros.untrusted.text import listed, printable, printable_line
 from rclpy.clock import Clock, ClockType
 
+from .keyboard import Keyboard
 from .log_clock import LogClock, TOPIC as CLOCK
 from .parameters import declare
 from .played_topics import PlayedTopics
 from .player_options import options_of
-from .player_steering import declared, PlayerSteering
+from .player_steering import declared, KEYS_IN_WORDS, PlayerSteering
 from .process import Finish, ProcessNode, run
 
 # What is under way at the end is waited for at most so long [s].
@@ -39,6 +41,8 @@ class PlayerNode(ProcessNode):
         An open log.
     options : argparse.Namespace
         The command line's options.
+    keyboard : Keyboard
+        The terminal's keys.
     finish : Finish
         Is called at the end.
 
@@ -49,7 +53,9 @@ class PlayerNode(ProcessNode):
 
     """
 
-    def __init__(self, log: Log, options: argparse.Namespace, finish: Finish) -> None:
+    def __init__(
+        self, log: Log, options: argparse.Namespace, keyboard: Keyboard, finish: Finish
+    ) -> None:
         """Make the publishers, and begin."""
         super().__init__('player_node')
         self._log = log
@@ -72,7 +78,8 @@ class PlayerNode(ProcessNode):
             rate=float(values['rate']),
             paused=options.start_paused,
         )
-        PlayerSteering(self, self._playback.transport, parameters)
+        steering = PlayerSteering(self, self._playback.transport, parameters)
+        self.get_logger().info(self._summary(options))
         self._warn(options)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(REPORT_PERIOD, self._report, clock=steady)
@@ -80,9 +87,15 @@ class PlayerNode(ProcessNode):
         self._stopped = Event()
         self._thread = Thread(target=self._play, name='player', daemon=True)
         self._thread.start()
+        self._keyboard = keyboard
+        if not options.disable_keyboard_controls:
+            keyboard.start(
+                steering.press, lambda: self.get_logger().info(f'keys: {KEYS_IN_WORDS}')
+            )
 
     def close(self) -> int:
         """Stop playing, and wait for what is under way."""
+        self._keyboard.close()
         self._stopped.set()
         self._playback.transport.stop()
         self._thread.join(LAST_WORDS)
@@ -103,33 +116,48 @@ class PlayerNode(ProcessNode):
         # Whatever it is: a thread that ends without a word would leave the process for ever.
         except Exception as error:
             if not self._stopped.is_set():
-                self.get_logger().error(f'the log cannot be played any further: {error}')
+                self.get_logger().error(
+                    f'the log cannot be played any further: {printable_line(error)}'
+                )
             self._finish(1)
 
     def _time(self) -> int:
         return self._playback.time
+
+    def _summary(self, options: argparse.Namespace) -> str:
+        """Return what is about to be played, in words."""
+        rate, position = (self.get_parameter(name).value for name in ('rate', 'position'))
+        count = len(self._topics.names)
+        parts = [
+            f'ready: {printable(options.log)}, {count} topic{"" if count == 1 else "s"}',
+            f'{length(self._log):.3f} s at rate {rate:g}',
+            f'from {position:g} s' if position else '',
+            'again and again' if options.loop else '',
+            'paused' if options.start_paused else '',
+        ]
+        return ', '.join(filter(None, parts))
 
     def _warn(self, options: argparse.Namespace) -> None:
         """Say what is wrong with the log, and why nothing will be heard."""
         warnings = [self._log.problem] if self._log.problem else []
         names = sorted({topic.name for topic in self._log.topics})
         unknown = sorted((options.topics or set()) - set(names))
-        has = ', '.join(names) or 'no topics'
-        warnings += [f'{name} is not in the log; it has {has}' for name in unknown]
+        has = listed(names) or 'no topics'
+        warnings += [f'{printable(name)} is not in the log; it has {has}' for name in unknown]
         short = options.start_offset - length(self._log)
         if short > 0.0:
             warnings.append(f'the log is {short:.3f} s shorter than the start offset')
         if options.clock and CLOCK in names:
             warnings.append(f'the {CLOCK} in the log is not played: --clock publishes it')
         for warning in warnings:
-            self.get_logger().warning(warning)
+            self.get_logger().warning(printable_line(warning))
 
     def _report(self) -> None:
         """Say what was late, and what reading has found to be damaged, each once."""
         for text in (str(self._playback.transport.lateness), self._log.problem):
             if text not in self._said:
                 self._said.add(text)
-                self.get_logger().warning(text)
+                self.get_logger().warning(printable_line(text))
 
 
 def _chosen(log: Log, options: argparse.Namespace) -> list[Topic]:
@@ -147,8 +175,9 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     try:
         log = open_log(options.log)
     except (LogError, OSError) as error:
-        print(f'player_node: {error}', file=sys.stderr)
+        print(f'player_node: {printable_line(error)}', file=sys.stderr)
         return 2
     sys.setswitchinterval(SWITCH_INTERVAL)
-    with log:
-        return run('player_node', partial(PlayerNode, log, options), argv, stop)
+    with log, Keyboard() as keyboard:
+        stop.on_suspend(keyboard.given_back)
+        return run('player_node', partial(PlayerNode, log, options, keyboard), argv, stop)

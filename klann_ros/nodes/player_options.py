@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from math import inf, nan
 
 from klann_ros.log.playing.timeline import RATES
+from klann_ros.log.reading.run_files import LOG_HELP
 
 from .process import arguments, command_line
 
@@ -16,6 +17,10 @@ EPILOG = """\
 While it plays:
   services ~/pause, ~/resume, and ~/step, which plays exactly the next message of a paused log
   parameter rate: 2 is twice as fast; parameter position: set it to go there [s]
+  keys, in the foreground of a terminal, as ros2 bag play has them:
+    space           pause and resume
+    right arrow     play exactly the next message of a paused log
+    up, down arrow  10 % faster, slower
 Latched topics offer at each start what they offered there in the log. A loop, or going back, is a
 jump back in time: give --clock to let nodes with use_sim_time follow."""
 CLOCK_RATES = (1e-3, 1e4)
@@ -33,7 +38,7 @@ def options_of(argv: Sequence[str]) -> argparse.Namespace:
 def _parser() -> argparse.ArgumentParser:
     parser = command_line('player_node', DESCRIPTION, EPILOG)
     add = parser.add_argument
-    add('log', metavar='LOG', help='a run folder or an .mcap file')
+    add('log', metavar='LOG', help=LOG_HELP)
     add('--rate', type=_within(*RATES), default=1.0, metavar='R', help='2 is twice as fast')
     add('--loop', action='store_true', help='play again and again')
     add('--start-offset', type=_not_negative, default=0.0, metavar='S', help='leave out S seconds')
@@ -60,7 +65,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar='HZ',
         help="publish the log's time on /clock, so often a second; a recorded /clock is left out",
     )
-    add('--start-paused', action='store_true', help='wait for ~/resume or ~/step')
+    add('--start-paused', action='store_true', help='wait for ~/resume, ~/step or a key')
+    add('--disable-keyboard-controls', action='store_true', help='leave the terminal alone')
     return parser
 
 

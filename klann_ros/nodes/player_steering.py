@@ -1,6 +1,8 @@
-"""What users steer a playback with: services and parameters."""
+"""What users steer a playback with: services, parameters, and keys."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from klann_ros.log.playing.timeline import RATES
 from klann_ros.log.playing.transport import PlaybackError, Transport
@@ -10,6 +12,15 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from .parameters import Declared
+
+KEYS_IN_WORDS = (
+    'space pauses and resumes, right arrow plays the next message of a paused log, up and down '
+    'arrow make it 10 % faster and slower'
+)
+# A key makes the rate so many times what it was, or that part of it.
+FASTER = 1.1
+# Whoever holds a key down, or drops a text on the terminal, waits no longer for what follows.
+MOST_KEYS = 20
 
 
 def declared(rate: float, position: float, length: float) -> tuple[Declared, Declared]:
@@ -37,12 +48,12 @@ def declared(rate: float, position: float, length: float) -> tuple[Declared, Dec
 
 class PlayerSteering:
     """
-    Services and parameters of a node that steer a transport.
+    Services, parameters and keys of a node that steer a transport.
 
     Parameters
     ----------
     node : rclpy.node.Node
-        Whose they are; it has declared them.
+        Whose they are; it has declared the parameters.
     transport : Transport
         What they steer.
     parameters : sequence of Declared
@@ -56,24 +67,61 @@ class PlayerSteering:
         self._transport = transport
         self._declared = {parameter.name: parameter for parameter in parameters}
         self._telling = False
-        self._offer('pause', transport.pause, 'paused at')
-        self._offer('resume', transport.resume, 'playing from')
-        self._offer('step', transport.step, 'one message on, at')
+        self._actions = {
+            'pause': (transport.pause, 'paused at'),
+            'resume': (transport.resume, 'playing from'),
+            'step': (transport.step, 'one message on, at'),
+        }
+        for name in self._actions:
+            node.create_service(Trigger, f'~/{name}', partial(self._answer, name))
+        self._keys: deque[str] = deque(maxlen=MOST_KEYS)
+        self._pressed = node.create_guard_condition(self._on_keys)
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
 
-    def _offer(self, name: str, act: Callable[[], None], said: str) -> None:
-        def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            try:
-                act()
-            except PlaybackError as error:
-                response.message = str(error)
-                return response
-            response.success = True
-            response.message = f'{said} {self._tell_position():.6f} s'
-            return response
+    def press(self, key: str) -> None:
+        """Do what a key stands for, as soon as the node spins; any thread may call this."""
+        self._keys.append(key)
+        self._pressed.trigger()
 
-        self._node.create_service(Trigger, f'~/{name}', answer)
+    # What can be done, whoever asks for it: returns whether it was done, and what to say.
+
+    def _do(self, name: str) -> tuple[bool, str]:
+        act, said = self._actions[name]
+        try:
+            act()
+        except PlaybackError as error:
+            return False, str(error)
+        return True, f'{said} {self._tell_position():.6f} s'
+
+    def _toggle(self) -> tuple[bool, str]:
+        return self._do('resume' if self._transport.paused else 'pause')
+
+    def _change_rate(self, factor: float) -> tuple[bool, str]:
+        # Without the digits that nobody reads, one key undoes the other.
+        rate = float(f'{self._node.get_parameter("rate").value * factor:.9g}')
+        (result,) = self._node.set_parameters([Parameter('rate', value=rate)])
+        return result.successful, result.reason or f'rate {rate:g}'
+
+    # Who asks.
+
+    def _answer(self, name: str, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+        answer.success, answer.message = self._do(name)
+        return answer
+
+    def _on_keys(self) -> None:
+        actions: dict[str, Callable[[], tuple[bool, str]]] = {
+            'space': self._toggle,
+            'right': partial(self._do, 'step'),
+            'up': partial(self._change_rate, FASTER),
+            'down': partial(self._change_rate, 1.0 / FASTER),
+        }
+        while self._keys:
+            is_done, said = actions[self._keys.popleft()]()
+            if is_done:
+                self._node.get_logger().info(said)
+            else:
+                self._node.get_logger().warning(said)
 
     def _tell_position(self) -> float:
         """Let the parameter tell where it is, which is no wish to go there."""

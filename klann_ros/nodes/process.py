@@ -2,38 +2,34 @@
 
 import argparse
 from collections.abc import Callable, Sequence
+from functools import partial
 import gc
 import sys
 from typing import Protocol
 
 from klann_ros import __version__
 from klann_ros.stop_signals import StopSignals
+from klann_ros.untrusted.arguments import ArgumentParser
+from klann_ros.untrusted.text import printable, printable_line
 import rclpy
-from rclpy._rclpy_pybind11 import RCLError
+from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+from .given_parameters import complaints
 from .lean_loop import LeanLoop
+from .parameters import look_at_sets, StartError
+from .spinning import spin_on
 
-
-class StartError(Exception):
-    """What a node cannot start with; its text is the one line that the user reads."""
-
-
-# What rclpy raises when a node, its parameters, its topics or their overridden QoS make no sense.
-START_ERRORS = (
-    StartError,
-    ParameterException,
-    NameValidationException,
-    InvalidQosOverridesError,
-    RCLError,
-    RuntimeError,
-    ValueError,
-)
+# What users forget to write --ros-args before.
+FOR_ROS = ('-p', '--param', '--params-file', '-r', '--remap', '--log-level', '-e', '--enclave')
+# What rclpy raises when a topic or its quality of service makes no sense.
+ROS_ERRORS = (NameValidationException, RCLError, RuntimeError, ValueError)
+# And when a node or its parameters make none.
+START_ERRORS = (StartError, ParameterException, *ROS_ERRORS)
 
 
 class Finish(Protocol):
@@ -53,7 +49,7 @@ class ProcessNode(Node):
 
 def command_line(name: str, description: str, epilog: str = '') -> argparse.ArgumentParser:
     """Return the parser of an executable: `--help` and `--version`, arguments to be added."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog=name,
         description=description,
         epilog=epilog,
@@ -66,7 +62,10 @@ def command_line(name: str, description: str, epilog: str = '') -> argparse.Argu
 def arguments(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.Namespace:
     """Parse what is not meant for ROS."""
     own, _ = split(argv)
-    return parser.parse_args(own[1:])
+    options, rest = parser.parse_known_args(own[1:])
+    if rest:
+        parser.error(f'unrecognized arguments: {printable(" ".join(rest))}{_hint(rest)}')
+    return options
 
 
 def split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -83,6 +82,15 @@ def split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
         (ros if for_ros else own).append(argument)
         for_ros = for_ros and argument != '--'
     return own, ros
+
+
+def _hint(rest: Sequence[str]) -> str:
+    """Return what to do with arguments that are none of ours, if they look like ROS's."""
+    if any(argument in FOR_ROS or ':=' in argument for argument in rest):
+        return '; what is for ROS is written behind --ros-args'
+    if any(argument.endswith(('.yaml', '.yml')) for argument in rest):
+        return '; a parameter file is given as --ros-args --params-file FILE'
+    return ''
 
 
 def run(
@@ -125,20 +133,30 @@ def run(
         if not finished.done():
             finished.set_result(code)
 
+    for_ros = split(argv)[1]
     try:
         # Signals are this process's own affair: see StopSignals.
-        rclpy.init(args=split(argv)[1], signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=for_ros, signal_handler_options=SignalHandlerOptions.NO)
+    except UnknownROSArgsError as error:
+        known = '-p NAME:=VALUE, --params-file FILE, -r OLD:=NEW, --log-level LEVEL'
+        return _refused(name, StartError(f'unknown arguments for ROS {error}; it takes {known}'))
     except START_ERRORS as error:
         return _refused(name, error)
     try:
         stop.on_stop(finish)
-        return _run(name, lambda: make_node(finish), finished, lean=lean, rest=rest)
+        return _run(name, lambda: make_node(finish), finished, for_ros, lean=lean, rest=rest)
     finally:
         rclpy.try_shutdown()
 
 
 def _run(
-    name: str, make_node: Callable[[], Node], finished: Future, *, lean: bool, rest: float
+    name: str,
+    make_node: Callable[[], Node],
+    finished: Future,
+    for_ros: Sequence[str],
+    *,
+    lean: bool,
+    rest: float,
 ) -> int:
     executor = SingleThreadedExecutor()
     try:
@@ -146,11 +164,14 @@ def _run(
     except START_ERRORS as error:
         return _refused(name, error)
     try:
+        look_at_sets(node, name)
+        for complaint in complaints(node, name, for_ros):
+            node.get_logger().warning(complaint)
         executor.add_node(node)
         # What is there by now stays: the collector need not walk through it again and again.
         gc.freeze()
-        spinner = LeanLoop(executor, rest=rest) if lean else executor
-        spinner.spin_until_future_complete(finished)
+        loop = LeanLoop(executor, plain=not lean, rest=rest)
+        spin_on(partial(loop.spin_until_future_complete, finished), node)
     finally:
         executor.remove_node(node)
         closed = node.close() if isinstance(node, ProcessNode) else 0
@@ -160,10 +181,10 @@ def _run(
 
 
 def _refused(name: str, error: Exception) -> int:
-    print(f'{name}: {one_line(error)}', file=sys.stderr)
+    print(f'{name}: {ros_error(error)}', file=sys.stderr)
     return 1
 
 
-def one_line(error: Exception) -> str:
+def ros_error(error: Exception) -> str:
     """Return an error's text on one line, without the places in ROS's C sources."""
-    return ' '.join(str(error).split()).partition(', at /')[0]
+    return printable_line(error).partition(', at /')[0]

@@ -6,15 +6,15 @@ from functools import partial
 from typing import Any, TYPE_CHECKING
 
 from klann_ros.log.definitions import definition
-from klann_ros.log.loss import LossCounter
 from klann_ros.log.qos import qos_to_yaml
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.writing.heard_twice import HeardTwice
+from klann_ros.log.writing.ledger import Ledger
 from klann_ros.log.writing.pauses import Pauses
 from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from .message_types import message_class
@@ -46,6 +46,8 @@ class RecordedTopic:
         The topic's publishers, at least one.
     put : callable
         Takes every message.
+    ledger : Ledger
+        Where every message is counted.
     pauses : Pauses
         What is left out.
     changed : callable
@@ -69,28 +71,23 @@ class RecordedTopic:
         publishers: Sequence[TopicEndpointInfo],
         *,
         put: Callable[[Message], None],
+        ledger: Ledger,
         pauses: Pauses,
         changed: Callable[[str], object],
         is_own: Callable[[bytes], bool] | None = None,
     ) -> None:
         """Subscribe."""
         self.name, self.type = name, publishers[0].topic_type
-        self.received = 0
-        self._loss = LossCounter()
         self._class, self._definition = message_class(self.type), definition(self.type)
         self._node, self._group, self._put, self._pauses = node, group, put, pauses
-        self._changed, self._is_own = changed, is_own
+        self._account, self._changed, self._is_own = ledger[name], changed, is_own
         self._subscriptions: dict[tuple[Any, Any], Subscription] = {}
         self._publishers: dict[tuple[Any, Any], int] = {}
+        self._left: dict[tuple[Any, Any], int] = {}
         self._count = 0
         self._heard: deque[tuple[int, int]] = deque(maxlen=HEARD)
         self._heard_twice: HeardTwice | None = None
         self.adapt(publishers)
-
-    @property
-    def unheard(self) -> int | None:
-        """Return how many messages were lost before they came here; None if nobody can tell."""
-        return None if self._loss.shared else self._loss.lost
 
     def adapt(self, publishers: Iterable[TopicEndpointInfo]) -> list[str]:
         """
@@ -103,10 +100,11 @@ class RecordedTopic:
 
         """
         heard = [publisher for publisher in publishers if publisher.topic_type == self.type]
-        if heard and not self.received:
+        if heard and not self._account.received:
             self._topic = self._describe(heard)
         for publisher in heard:
             self._hear(to_receive([publisher.qos_profile]))
+        self._account.loss.identify(tuple(heard[0].endpoint_gid) if len(heard) == 1 else None)
         return sorted({publisher.topic_type for publisher in publishers} - {self.type})
 
     def take_waiting(self) -> None:
@@ -127,6 +125,8 @@ class RecordedTopic:
         if self._subscriptions and self._heard_twice is None:
             self._heard_twice = HeardTwice(self._heard)
         self._publishers[kind] = 0
+        latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        self._account.loss.latched = self._account.loss.latched or latched
         self._subscriptions[kind] = self._node.create_subscription(
             self._class,
             self.name,
@@ -144,24 +144,27 @@ class RecordedTopic:
 
     def _on_matched(self, kind: tuple[Any, Any], status: Any) -> None:
         # Whoever comes or goes: the next message may be of another publisher.
-        self._loss.forget()
+        self._account.loss.forget()
         self._publishers[kind] = status.current_count
+        self._left[kind] = status.total_count - status.current_count
+        self._account.loss.left = max(self._left.values())
         self._count = max(self._publishers.values()) - (self._is_own is not None)
         self._changed(self.name)
 
     def _on_message(self, data: bytes, info: Info) -> None:
         if self._is_own is not None and self._is_own(data):
             return
-        sequence = info['publication_sequence_number']
+        account, sequence = self._account, info['publication_sequence_number']
         publish_time, log_time = info['source_timestamp'], info['received_timestamp']
         if self._heard_twice is None:
-            self._loss.count(sequence, self._count)
+            if account.loss.count(sequence, self._count):
+                self._changed(self.name)
             self._heard.append((publish_time, sequence or 0))
         elif self._heard_twice.is_repeat(publish_time, sequence or 0):
             return
         else:
             # The order in which two subscriptions hear something tells nothing.
-            self._loss.count(None, 2)
-        self.received += 1
-        if not self._pauses.leaves_out(self.name, log_time):
+            account.loss.count(None, 2)
+        account.received += 1
+        if not self._pauses.leaves_out(account, log_time):
             self._put(Message(self._topic, data, log_time, publish_time, sequence or 0))

@@ -9,22 +9,25 @@ from typing import Any
 
 from klann_ros.log.errors import LogError
 from klann_ros.log.writing.background_writer import BackgroundWriter
+from klann_ros.log.writing.faults import Faults
 from klann_ros.log.writing.free_space import check_free_space
 from klann_ros.log.writing.mcap_file import COMPRESSIONS
 from klann_ros.log.writing.pauses import Pauses
 from klann_ros.log.writing.recording import Recording
 from klann_ros.log.writing.split_limits import SplitLimits
-from klann_ros.log.writing.unfinished import unfinished_runs
+from klann_ros.log.writing.unfinished import remove_old_reserves, unfinished_runs
 from klann_ros.log.writing.writer import RunWriter
 from klann_ros.stop_signals import StopSignals
+from klann_ros.untrusted.text import printable
 from rclpy.executors import SingleThreadedExecutor
 
-from .parameters import declare, Declared, usage
-from .process import arguments, command_line, Finish, ProcessNode, run, StartError
+from .parameters import declare, Declared, StartError, usage
+from .process import arguments, command_line, Finish, ProcessNode, run
 from .recorder_services import offer, SERVICES
 from .recording_reports import RecordingReports
 from .run_descriptions import describe_recorder, describe_solver
 from .solver_watch import SolverWatch
+from .spinning import spin_on
 from .topic_watch import TopicWatch
 
 TOPICS = (
@@ -96,9 +99,12 @@ class RecorderNode(ProcessNode):
         """Declare, validate, open the run; `options` are those of Node."""
         super().__init__('recorder_node', **options)
         values = declare(self, PARAMETERS)
-        self._writer = _open(values)
+        teller = self.get_logger()
+        self._writer = _open(values, Faults(error=teller.error, warning=teller.warning))
+        remove_old_reserves(self._writer.path.parent)
         for left in unfinished_runs(self._writer.path.parent):
-            self.get_logger().warning(f'{left} was not finished; `recover {left}` makes it whole')
+            name = printable(left)
+            teller.warning(f'{name} was not finished; `recover {name}` makes it whole')
         self._background = BackgroundWriter(
             self._writer,
             flush_period=values['flush_period'],
@@ -107,7 +113,7 @@ class RecorderNode(ProcessNode):
             min_free_space=values['min_free_space'],
         )
         self._background.put_entry(describe_recorder)
-        self._pauses = Pauses()
+        self._pauses = Pauses(self._background.ledger)
         self._solvers = SolverWatch(
             self, lambda solver: self._background.put_entry(partial(describe_solver, solver))
         )
@@ -116,16 +122,15 @@ class RecorderNode(ProcessNode):
             self,
             ['*'] if values['all_topics'] else self._resolved(values['topics']),
             put=self._background.put,
+            ledger=self._background.ledger,
             pauses=self._pauses,
             solvers=self._solvers,
             reports=self._reports,
         )
-        self._recording = Recording(
-            self._writer, self._background, self._watch.topics, self._pauses
-        )
+        self._recording = Recording(self._writer, self._background, self._pauses)
         self._reports.start(self._recording.state)
         offer(self, self._recording.split, self._pause, self._resume)
-        self.get_logger().info(f'recording to {self._writer.path}')
+        teller.info(f'recording to {printable(self._writer.path)}')
 
     def close(self) -> int:
         """Take what still waits, and finish the run."""
@@ -148,8 +153,12 @@ class RecorderNode(ProcessNode):
         executor = SingleThreadedExecutor()
         executor.add_node(self)
         end = monotonic() + LAST_ANSWERS
-        while self._solvers.waiting and monotonic() < end:
-            executor.spin_once(timeout_sec=0.02)
+
+        def spin() -> None:
+            while self._solvers.waiting and monotonic() < end:
+                executor.spin_once(timeout_sec=0.02)
+
+        spin_on(spin, self)
         executor.remove_node(self)
 
     def _pause(self) -> tuple[bool, str]:
@@ -185,12 +194,16 @@ def _default_output() -> str:
     return f'runs/{datetime.now(timezone.utc):%Y-%m-%dT%H-%M-%SZ}'
 
 
-def _open(values: dict[str, Any]) -> RunWriter:
+def _open(values: dict[str, Any], faults: Faults) -> RunWriter:
     output = Path(values['output'] or _default_output()).expanduser()
     try:
         check_free_space(output, values['min_free_space'])
         return RunWriter(
-            output, compression=values['compression'], chunk_size=CHUNK_SIZE, reserve=True
+            output,
+            compression=values['compression'],
+            chunk_size=CHUNK_SIZE,
+            reserve=True,
+            faults=faults,
         )
     except (LogError, OSError) as error:
         raise StartError(str(error)) from error
@@ -201,7 +214,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     parser = command_line(
         'recorder_node',
         'Record the topics of a leg to an MCAP run that survives a crash. Ctrl-C finishes it.',
-        f'{usage(PARAMETERS)}\n\n{SERVICES}',
+        f'{usage({"": PARAMETERS})}\n\n{SERVICES}',
     )
     arguments(parser, argv)
     return run('recorder_node', RecorderNode, argv, stop, lean=True, rest=REST)

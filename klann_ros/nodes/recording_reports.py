@@ -8,9 +8,9 @@ from klann_ros.log.writing.recording import RecordingState
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import serialize_message
 
+from . import qos_overrides
 from .qos import OUTPUT
 from .recording_status import status
 
@@ -40,10 +40,8 @@ class RecordingReports:
         self._node = node
         self._lost = 0
         self._told: deque[bytes] = deque(maxlen=10)
-        overridable = QoSOverridingOptions.with_default_policies()
-        self._publisher = node.create_publisher(
-            DiagnosticArray, '/diagnostics', OUTPUT, qos_overriding_options=overridable
-        )
+        profile = qos_overrides.of_publisher(node, '/diagnostics', OUTPUT)
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', profile)
         self.topic = self._publisher.topic_name
 
     def start(self, state: Callable[[], RecordingState]) -> None:

@@ -1,6 +1,7 @@
 """What a recording says about itself: one diagnostic status a second."""
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from klann_ros.log.wording import counted, verb
 from klann_ros.log.writing.recording import RecordingState
 
 
@@ -32,8 +33,13 @@ def _verdict(state: RecordingState, lost_now: int) -> tuple[bytes, str]:
     """Return the level and the most important thing to say."""
     if state.failure:
         return DiagnosticStatus.ERROR, f'the recording has ended: {state.failure}'
+    if state.faults:
+        return DiagnosticStatus.ERROR, '; '.join(state.faults)
     if lost_now > 0:
-        return DiagnosticStatus.WARN, f'{lost_now} messages were lost'
+        return (
+            DiagnosticStatus.WARN,
+            f'{counted(lost_now, "message")} {verb(lost_now, "was", "were")} lost',
+        )
     return DiagnosticStatus.OK, 'paused' if state.paused else 'recording'
 
 
@@ -41,7 +47,7 @@ def _values(state: RecordingState) -> dict[str, object]:
     values: dict[str, object] = {
         'file': state.file,
         'size': state.size,
-        'free': state.free,
+        'free': 'unknown' if state.free is None else state.free,
         'queued': state.queued,
         'paused': str(state.paused).lower(),
     }
@@ -49,4 +55,7 @@ def _values(state: RecordingState) -> dict[str, object]:
         values[f'{name} received'] = count.received
         values[f'{name} written'] = count.written
         values[f'{name} lost'] = 'unknown' if count.lost is None else count.lost
+        # What is not lost and not in the run, and where nothing can be known.
+        values[f'{name} sent before heard'] = count.early
+        values[f'{name} publishers left'] = count.left
     return values

@@ -2,8 +2,14 @@
 
 from dataclasses import dataclass
 
-from klann_ros.kinematics import CrankAngleError, KinematicsError, SingularPoseError
-from klann_ros.kinematics.leg_types import Leg, LegPose, LegVelocity
+from klann_ros.kinematics import (
+    AnyLeg,
+    CrankAngleError,
+    KinematicsError,
+    LinkageMotion,
+    LinkagePose,
+    SingularPoseError,
+)
 
 from .solver_figures import SolverFigures
 
@@ -48,24 +54,24 @@ class SolvedLeg:
     ----------
     mounting : Mounting
         How it is driven and mounted.
-    leg : KlannLeg or LinkageLeg
+    leg : Leg
         Its solver.
 
     """
 
-    def __init__(self, mounting: Mounting, leg: Leg) -> None:
+    def __init__(self, mounting: Mounting, leg: AnyLeg) -> None:
         """Start from nothing."""
         self.mounting = mounting
         self.leg = leg
         self.figures = SolverFigures()
-        self.last: LegPose | None = None
+        self.last: LinkagePose | None = None
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Return the names under which its angles are published, the crank's first."""
         return tuple(map(self.mounting.prefixed, self.leg.joint_names))
 
-    def answer(self, alpha: float, rate: float | None) -> tuple[LegPose, LegVelocity | None]:
+    def answer(self, alpha: float, rate: float | None) -> tuple[LinkagePose, LinkageMotion | None]:
         """
         Return the pose for a crank angle, and the velocity where there is one.
 
@@ -99,8 +105,9 @@ class SolvedLeg:
         self.last = pose
         return pose, None if rate is None else self._velocity(pose, mounting.direction * rate)
 
-    def _velocity(self, pose: LegPose, rate: float) -> LegVelocity | None:
+    def _velocity(self, pose: LinkagePose, rate: float) -> LinkageMotion | None:
         try:
-            return self.leg.velocity(pose, rate)  # type: ignore[arg-type]  # its own pose
+            velocity: LinkageMotion = self.leg.velocity(pose, rate)
         except SingularPoseError:
             return None
+        return velocity

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from math import pi
 
 from klann_ros.kinematics import CrankAngleError, GeometryError, KinematicsError
+from klann_ros.untrusted.text import printable
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -70,6 +71,11 @@ class Solver:
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
 
+    @property
+    def summary(self) -> str:
+        """Return which legs it solves, and what turns them, in words."""
+        return f'{self._leg_parameters.summary}, turned by {self._inputs.summary}'
+
     def listen(self) -> None:
         """Answer what comes from now on."""
         self._inputs.listen()
@@ -115,7 +121,7 @@ class Solver:
         try:
             self._leg_parameters.changed(parameters)
         except GeometryError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+            return SetParametersResult(successful=False, reason=printable(error))
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:

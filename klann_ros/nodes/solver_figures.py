@@ -2,7 +2,7 @@
 
 from math import nan, pi
 
-from klann_ros.kinematics.leg_types import LegPose
+from klann_ros.kinematics import LinkagePose
 
 
 class SolverFigures:
@@ -39,10 +39,10 @@ class SolverFigures:
         self.failure = self.rejection = ''
         self.inputs = self.iterations = 0
         self.residual = nan
-        self.worst: list[LegPose] = []
+        self.worst: list[LinkagePose] = []
         self._least: list[float] = []
 
-    def solve(self, pose: LegPose) -> None:
+    def solve(self, pose: LinkagePose) -> None:
         """Count a solved pose."""
         self.solved += 1
         self.inputs += 1

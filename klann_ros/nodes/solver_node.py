@@ -1,13 +1,18 @@
 """`solver_node`: a node that answers at once, or one that is managed (`--lifecycle`)."""
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import Any
 
 from klann_ros.stop_signals import StopSignals
 from rclpy.node import Node
 
+from . import geometry_parameters
+from .leg_declarations import drive, LEGS, place, SETTINGS
+from .parameters import usage
 from .process import arguments, command_line, Finish, run
-from .solver import Solver
+from .qos_overrides import USAGE
+from .solver import PARAMETERS, Solver
 
 
 class SolverNode(Node):
@@ -24,7 +29,9 @@ class SolverNode(Node):
     def __init__(self, **options: Any) -> None:
         """Declare, validate, and listen; `options` are those of Node."""
         super().__init__('solver_node', **options)
-        Solver(self).listen()
+        solver = Solver(self)
+        solver.listen()
+        self.get_logger().info(f'ready: {solver.summary}')
 
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:
@@ -33,9 +40,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         'solver_node',
         'Solve the Klann leg, or any linkage from a file: crank angle in (crank_angle, '
         'crank_state), pose out (joint_states, point_h, velocity_h).',
-        'Parameters are given as --ros-args -p NAME:=VALUE or --ros-args --params-file FILE;\n'
-        'presets are in share/klann_ros/config (sem104.yaml, patent.yaml), linkages in\n'
-        'share/klann_ros/linkages (jansen.yaml, ...): -p linkage:=FILE.',
+        help_on_parameters(),
     )
     parser.add_argument(
         '--lifecycle',
@@ -44,6 +49,25 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     )
     make = _make_managed if arguments(parser, argv).lifecycle else _make
     return run('solver_node', make, argv, stop, lean=True)
+
+
+def help_on_parameters() -> str:
+    """Return the part of the help that tells the parameters."""
+    groups = {
+        'the leg, which can be changed while it runs': geometry_parameters.declared(),
+        'which legs, and what turns them': [*LEGS, *drive('')],
+        'solving': SETTINGS,
+        'what is published': PARAMETERS,
+        'each of several legs, LEG being its name in legs': [*drive('LEG.'), *place('LEG')],
+    }
+    geometry = ' '.join(f'LEG.{name}' for name in geometry_parameters.NAMES)
+    return (
+        f'{usage(groups)}\n{fill(geometry, 97, initial_indent="  ", subsequent_indent="  ")}:\n'
+        f'    its own geometry; what is not given is that of all legs\n{USAGE}\n\n'
+        'Service ~/reset (std_srvs/srv/Trigger): the next pose starts from the closed form.\n\n'
+        'Presets are in share/klann_ros/config (sem104.yaml, patent.yaml), linkages in\n'
+        'share/klann_ros/linkages (jansen.yaml, ...): -p linkage:=FILE.'
+    )
 
 
 def _make(_: Finish) -> SolverNode:

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from . import diagnostics
+from . import diagnostics, qos_overrides
 from .crank_inputs import CrankInputs
 from .qos import OUTPUT
 from .solved_leg import SolvedLeg
@@ -49,10 +48,8 @@ class SolverReports:
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._last_report = self._steady.now()
         self._last_inputs = [self._last_report] * len(legs)
-        overridable = QoSOverridingOptions.with_default_policies()
-        self._publisher = node.create_publisher(
-            DiagnosticArray, '/diagnostics', OUTPUT, qos_overriding_options=overridable
-        )
+        profile = qos_overrides.of_publisher(node, '/diagnostics', OUTPUT)
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', profile)
         self.legs_changed()
         node.create_timer(period, self._report, clock=self._steady)
 

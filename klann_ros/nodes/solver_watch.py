@@ -1,12 +1,13 @@
 """The parameters of the solvers that a recording hears: a log must explain itself."""
 
+from array import array
 from collections.abc import Callable, Sequence
 from functools import partial
 from time import monotonic, time_ns
 from typing import Any
 
 from klann_ros.log.run_parameters import SolverParameters
-from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.msg import ParameterEvent, ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.client import Client
 from rclpy.node import Node
@@ -16,6 +17,8 @@ from rclpy.task import Future
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from . import geometry_parameters
+from .process import ros_error
+from .topic_names import refusal
 
 _UNKNOWN = '_UNKNOWN_'
 # An answer is lost where a server has not discovered yet who asks. The time after which it is
@@ -101,7 +104,9 @@ class SolverWatch:
             # Discovery knows a publisher before it knows its node.
             if identity not in self._known and _UNKNOWN not in name:
                 self._known.add(identity)
-                self._want(name)
+                # A node that is none of ROS may have any name, and has no parameters.
+                if not refusal(f'{name}/list_parameters'):
+                    self._want(name)
 
     def ask(self) -> None:
         """Ask those that can be asked by now, or are silent; to be called again and again."""
@@ -136,12 +141,14 @@ class SolverWatch:
 
     def _on_values(self, name: str, names: list[str], future: Future) -> None:
         self._is_answered(name)
-        values = map(parameter_value_to_python, future.result().values)
-        # Arrays come as array.array.
-        plain = {
-            key: list(value) if hasattr(value, 'typecode') else value
-            for key, value in zip(names, values, strict=True)
-        }
+        try:
+            values = [_plain(value) for value in future.result().values]
+            plain = dict(zip(names, values, strict=True))
+        except (RuntimeError, ValueError) as error:
+            # Not as many as were asked for, or of a type that there is not.
+            said = f'{name} does not answer for its parameters: {ros_error(error)}'
+            self._node.get_logger().warning(said)
+            return
         # What a solver says of itself at its start may come before and after it was asked.
         if plain != self._questions[name].parameters:
             self._questions[name].parameters = plain
@@ -151,3 +158,11 @@ class SolverWatch:
         self._questions[name].is_answered()
         if name not in self._due:
             self.waiting.discard(name)
+
+
+def _plain(value: ParameterValue) -> Any:
+    """Return a parameter's value as a log can hold it: arrays are lists, bytes are numbers."""
+    found = parameter_value_to_python(value)
+    if isinstance(found, str) or not isinstance(found, Sequence | array):
+        return found
+    return [item[0] if isinstance(item, bytes) else item for item in found]

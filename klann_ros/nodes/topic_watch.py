@@ -4,21 +4,29 @@ from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
 from time import monotonic
 
-from klann_ros.log.errors import UnknownTypeError
+from klann_ros.log.errors import LogError
 from klann_ros.log.records import Message
+from klann_ros.log.writing.ledger import Ledger
 from klann_ros.log.writing.pauses import Pauses
+from klann_ros.untrusted.text import printable, printable_line
 from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from .graph_watch import GraphWatch
+from .graph_watch import GraphWatch, topics_and_types
 from .lean_loop import LeanCallbackGroup
 from .message_types import UnknownMessageTypeError
+from .process import ros_error, ROS_ERRORS
 from .recorded_topic import RecordedTopic
 from .recording_reports import RecordingReports
 from .solver_watch import SolverWatch
+from .topic_names import refusal
 
 # Discovery tells of a publisher before it tells its node: so long is it looked at again [s].
 SETTLING = 1.0
+# Anybody may publish, so often that a log of complaints would fill the disk.
+MOST_COMPLAINTS = 500
+# What one topic, or one of its publishers, can be wrong about; the others are recorded.
+TOPIC_ERRORS = (UnknownMessageTypeError, LogError, *ROS_ERRORS)
 
 
 class TopicWatch:
@@ -33,6 +41,8 @@ class TopicWatch:
         Full names of topics; * stands for anything.
     put : callable
         Takes every message.
+    ledger : Ledger
+        Where every message is counted.
     pauses : Pauses
         What is left out.
     solvers : SolverWatch
@@ -53,6 +63,7 @@ class TopicWatch:
         patterns: Sequence[str],
         *,
         put: Callable[[Message], None],
+        ledger: Ledger,
         pauses: Pauses,
         solvers: SolverWatch,
         reports: RecordingReports,
@@ -60,9 +71,11 @@ class TopicWatch:
         """Look at once, and from then on."""
         self.topics: dict[str, RecordedTopic] = {}
         self._node, self._patterns, self._solvers = node, patterns, solvers
-        self._put, self._pauses, self._reports = put, pauses, reports
+        self._put, self._ledger = put, ledger
+        self._pauses, self._reports = pauses, reports
         self._group = LeanCallbackGroup()
         self._refused: set[tuple[str, str]] = set()
+        self._complaints: set[str] = set()
         self._unsettled: dict[str, float] = {}
         self._silent: set[str] = set()
         self._graph = GraphWatch(node, self._silent.copy, self._is_due, self._look)
@@ -77,14 +90,14 @@ class TopicWatch:
             topic.take_waiting()
 
     def _look(self) -> None:
-        for name, kinds in self._node.get_topic_names_and_types():
+        for name, kinds in topics_and_types(self._node):
             if all(self._is_known(name, kind) for kind in kinds):
                 continue
             if name in self.topics:
                 # Of another type: no subscription hears of its publisher.
                 self._on_change(name)
             elif self._is_wanted(name):
-                self._subscribe(name)
+                self._try(name, kinds)
         now = monotonic()
         for name, until in list(self._unsettled.items()):
             self._look_at(name)
@@ -103,6 +116,18 @@ class TopicWatch:
         hidden = any(part.startswith('_') for part in name.split('/'))
         return not hidden and any(fnmatchcase(name, pattern) for pattern in self._patterns)
 
+    def _try(self, name: str, kinds: Sequence[str]) -> None:
+        # A middleware tells of names that ROS refuses: not all that it meets comes from ROS.
+        reason = refusal(name)
+        if reason:
+            for kind in kinds:
+                self._refuse(name, kind, reason)
+            return
+        try:
+            self._subscribe(name)
+        except TOPIC_ERRORS as error:
+            self._complain(f'{name} is not recorded: {ros_error(error)}')
+
     def _subscribe(self, name: str) -> None:
         publishers = [
             publisher
@@ -120,12 +145,13 @@ class TopicWatch:
                 name,
                 publishers,
                 put=self._put,
+                ledger=self._ledger,
                 pauses=self._pauses,
                 changed=self._on_change,
                 is_own=self._reports.has_told if name == self._reports.topic else None,
             )
-        except (UnknownMessageTypeError, UnknownTypeError) as error:
-            self._refuse(name, publishers[0].topic_type, str(error))
+        except TOPIC_ERRORS as error:
+            self._refuse(name, publishers[0].topic_type, ros_error(error))
         else:
             self._on_change(name)
 
@@ -142,13 +168,27 @@ class TopicWatch:
         self._unsettled[name] = monotonic() + SETTLING
 
     def _look_at(self, name: str) -> None:
-        topic, publishers = self.topics[name], self._publishers(name)
-        for kind in topic.adapt(publishers):
-            self._refuse(name, kind, f'the topic is recorded as {topic.type}')
+        topic = self.topics[name]
+        try:
+            publishers = self._publishers(name)
+            for kind in topic.adapt(publishers):
+                self._refuse(name, kind, f'the topic is recorded as {topic.type}')
+        except TOPIC_ERRORS as error:
+            self._complain(f'a publisher of {name} is not heard: {ros_error(error)}')
+            return
         if topic.type == 'sensor_msgs/msg/JointState':
             self._solvers.add(publishers)
 
     def _refuse(self, name: str, kind: str, reason: str) -> None:
-        if (name, kind) not in self._refused:
-            self._refused.add((name, kind))
-            self._node.get_logger().warning(f'{name} of type {kind} is not recorded: {reason}')
+        self._refused.add((name, kind))
+        of = f'{printable(name)} of type {printable(kind)}'
+        self._complain(f'{of} is not recorded: {reason}')
+
+    def _complain(self, text: str) -> None:
+        """Say what is left out, each once."""
+        if text in self._complaints or len(self._complaints) >= MOST_COMPLAINTS:
+            return
+        self._complaints.add(text)
+        if len(self._complaints) == MOST_COMPLAINTS:
+            text += '; and that is enough of such complaints'
+        self._node.get_logger().warning(printable_line(text))

@@ -1,0 +1,115 @@
+"""How a crank is driven: the angle and its rate as functions of time alone."""
+
+from dataclasses import dataclass
+from math import cos, floor, isfinite, pi, sin
+
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.errors import KinematicsError
+
+MODES = ('constant', 'sine', 'sweep', 'step')
+# Periods of sine, sweep and step [s].
+SHORTEST, LONGEST = 1e-6, 1e9
+
+
+class CrankMotionError(KinematicsError, ValueError):
+    """A motion that cannot be driven; the text says why."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrankMotion:
+    """
+    The motion of a crank over time t.
+
+        constant  start + speed t
+        sine      start + amplitude sin(2 pi frequency t)
+        sweep     from start to start + amplitude and back, at speed
+        step      start + amplitude k after k / frequency: a jump every 1 / frequency
+
+    Parameters
+    ----------
+    mode : str
+        One of MODES.
+    speed : float
+        Crank rate of constant (signed) and sweep (its magnitude counts) [rad/s].
+    start : float
+        Crank angle at t = 0 [rad].
+    amplitude : float
+        Size of sine, sweep and step, signed [rad].
+    frequency : float
+        Of sine and step, > 0 [Hz].
+
+    Raises
+    ------
+    CrankMotionError
+        The mode is unknown, a number is not finite, or the period of sine, sweep or step is not
+        within 1e-6 .. 1e9 s.
+
+    """
+
+    mode: str = 'constant'
+    speed: float = TURN
+    start: float = 0.0
+    amplitude: float = pi / 6.0
+    frequency: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be driven, with the reason."""
+        if self.mode not in MODES:
+            msg = f'mode = {self.mode!r} is refused: it must be one of {", ".join(MODES)}'
+            raise CrankMotionError(msg)
+        for name in ('speed', 'start', 'amplitude', 'frequency'):
+            value = getattr(self, name)
+            if not (isinstance(value, int | float) and isfinite(value)):
+                msg = f'{name} = {value!r} is refused: it must be a finite number'
+                raise CrankMotionError(msg)
+        if self.mode in ('sine', 'step') and self.frequency <= 0.0:
+            msg = f'frequency = {self.frequency:g} Hz is refused: it must be > 0'
+            raise CrankMotionError(msg)
+        if self.mode == 'sweep' and 0.0 in (self.speed, self.amplitude):
+            msg = 'a sweep is refused without speed and amplitude: both must be other than 0'
+            raise CrankMotionError(msg)
+        if self.mode != 'constant' and not SHORTEST <= self.period <= LONGEST:
+            msg = (
+                f'a period of {self.period:g} s is refused: '
+                f'it must be within {SHORTEST:g} .. {LONGEST:g} s'
+            )
+            raise CrankMotionError(msg)
+
+    @property
+    def period(self) -> float:
+        """Return the time of one turn (constant) or one period [s]; infinite at speed 0."""
+        if self.mode == 'constant':
+            return TURN / abs(self.speed) if self.speed else float('inf')
+        if self.mode == 'sweep':
+            return 2.0 * abs(self.amplitude / self.speed)
+        return 1.0 / self.frequency
+
+    def at(self, t: float) -> tuple[float, float]:
+        """
+        Return the crank's angle [rad] and rate [rad/s] at a time.
+
+        A step's rate is that between its jumps, 0.
+
+        Parameters
+        ----------
+        t : float
+            Time since the start [s], >= 0.
+
+        """
+        if self.mode == 'constant':
+            return self.start + self.speed * t, self.speed
+        if self.mode == 'sine':
+            phase = TURN * self.frequency * t
+            rate = TURN * self.frequency * self.amplitude * cos(phase)
+            return self.start + self.amplitude * sin(phase), rate
+        if self.mode == 'sweep':
+            return self._sweep(t)
+        # A jump that is due just now is not put off by the rounding of t.
+        return self.start + self.amplitude * floor(self.frequency * t + 1e-9), 0.0
+
+    def _sweep(self, t: float) -> tuple[float, float]:
+        there = (t / self.period) % 1.0 * 2.0
+        rate = 2.0 * self.amplitude / self.period
+        if there < 1.0:
+            return self.start + self.amplitude * there, rate
+        return self.start + self.amplitude * (2.0 - there), -rate

@@ -1,0 +1,189 @@
+"""What users give a node that is no parameter of its own: told, with the nearest name that is."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from itertools import islice, pairwise
+from typing import Any
+
+from klann_ros.log import yaml_text
+from klann_ros.untrusted.files import read_plain
+from klann_ros.untrusted.text import printable
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+# A file may hold any number of names, and names any number of letters.
+MOST_LINES = 10
+MOST_NAMES = 5
+LONGEST_NAME = 100
+# A longer file is not looked at [bytes]; one of six legs has 3000.
+LONGEST_FILE = 50_000
+
+
+def given(node: Node) -> Mapping[str, Parameter]:
+    """Return what the command line and parameter files give a node, whether declared or not."""
+    # rclpy tells of those only that are declared. Without this no more than that is told.
+    parameters: Mapping[str, Parameter] = getattr(node, '_parameter_overrides', {})
+    return parameters
+
+
+def complaints(node: Node, executable: str, arguments: Sequence[str]) -> list[str]:
+    """
+    Return a line for each thing that was given to a node and does nothing.
+
+    Nodes may share a parameter file, so what belongs to another node of this package is no mistake
+    in a file; typed behind `-p` it is one.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        The node, which has declared all of its parameters.
+    executable : str
+        What users know it by.
+    arguments : sequence of str
+        The command line's arguments for ROS.
+
+    """
+    rules = list(_behind(arguments, '-p', '--param'))
+    files = list(_behind(arguments, '--params-file'))
+    lines = [
+        *islice(_unknown(node, executable, rules), MOST_LINES + 1),
+        *islice(_for_others(node, rules), MOST_LINES + 1),
+        *islice(_without_effect(node, files), MOST_LINES + 1),
+    ]
+    return lines if len(lines) <= MOST_LINES else [*lines[:MOST_LINES], '... and more of the kind']
+
+
+def unknown_parameter(name: str, executable: str, known: Collection[str]) -> str:
+    """Return a line about a name that is no parameter."""
+    near = _nearest(name, known)
+    hint = f'did you mean {near}?' if near else f'{executable} --help lists them'
+    return f"parameter {printable(name, LONGEST_NAME)} is none of {executable}'s; {hint}"
+
+
+def _behind(arguments: Sequence[str], *flags: str) -> Iterator[str]:
+    return (value for flag, value in pairwise(arguments) if flag in flags)
+
+
+def _unknown(node: Node, executable: str, rules: Sequence[str]) -> Iterator[str]:
+    """Yield a line for each name, or each leg, that the node does not know."""
+    names = sorted(name for name in given(node) if not node.has_parameter(name))
+    if not names:
+        return
+    known = node.list_parameters([], 0).names
+    families = {name.partition('.')[0] for name in known if '.' in name}
+    typed = {rule.partition(':=')[0].rpartition(':')[2] for rule in rules}
+    elsewhere = _Elsewhere()
+    strangers: dict[str, list[str]] = {}
+    for name in names:
+        family, dot, _ = name.partition('.')
+        if name not in typed and elsewhere.has(name, known):
+            continue
+        if dot and family not in families:
+            strangers.setdefault(family, []).append(name)
+        elif name in elsewhere.owners:
+            yield f"parameter {name} is none of {executable}'s; it is {elsewhere.owners[name]}'s"
+        else:
+            yield unknown_parameter(name, executable, known)
+    for family, group in strangers.items():
+        why = f': {printable(family, LONGEST_NAME)} is not in legs' if 'legs' in known else ''
+        yield f"{_listed(group)}: none of {executable}'s parameters{why}"
+
+
+def _for_others(node: Node, rules: Sequence[str]) -> Iterator[str]:
+    """Yield a line for each `-p NODE:NAME:=VALUE` for a node of another name."""
+    for rule in rules:
+        of, _, name = rule.partition(':=')[0].rpartition(':')
+        if of and name not in given(node):
+            yield f'-p {printable(rule, LONGEST_NAME)} is not for {_full_name(node)}'
+
+
+def _without_effect(node: Node, files: Sequence[str]) -> Iterator[str]:
+    """Yield a line for each parameter file that is for nodes of other names, or for none."""
+    for file in files:
+        try:
+            content = yaml_text.load(read_plain(file, LONGEST_FILE))
+        except (OSError, ValueError):
+            continue  # ROS has read it all the same
+        names = set(_names(content))
+        if not names:
+            yield f'{printable(file)} holds no parameters (NODE: ros__parameters: NAME: VALUE)'
+        elif names.isdisjoint(given(node)):
+            sections = _listed([str(key) for key in content])
+            yield f'{printable(file)} has nothing for {_full_name(node)}; it is for {sections}'
+
+
+def _names(content: Any) -> Iterator[str]:
+    """Yield the names of the parameters in a parameter file, for whichever nodes they are."""
+    for key, value in content.items() if isinstance(content, dict) else ():
+        yield from _flat(value, '') if key == 'ros__parameters' else _names(value)
+
+
+def _flat(content: Any, prefix: str) -> Iterator[str]:
+    for key, value in content.items() if isinstance(content, dict) else ():
+        name = f'{prefix}{key}'
+        if isinstance(value, dict):
+            yield from _flat(value, f'{name}.')
+        else:
+            yield name
+
+
+class _Elsewhere:
+    """The parameters of all nodes of this package."""
+
+    def __init__(self) -> None:
+        # They all use this module; and only whoever gave something wrong waits for them.
+        from . import (  # noqa: PLC0415
+            crank_node,
+            leg_declarations,
+            player_steering,
+            recorder_node,
+            solver,
+        )
+        from .geometry_parameters import NAMES  # noqa: PLC0415
+
+        own = {
+            'player_node': player_steering.declared(1.0, 0.0, 0.0),
+            'recorder_node': recorder_node.PARAMETERS,
+            'crank_node': [*crank_node.MOTION, *crank_node.PARAMETERS],
+            'solver_node': [
+                *leg_declarations.COMMON,
+                *leg_declarations.drive(''),
+                *solver.PARAMETERS,
+            ],
+        }
+        self.owners = {p.name: node for node, of_node in own.items() for p in of_node}
+        of_a_leg = (*leg_declarations.drive('LEG.'), *leg_declarations.place('LEG'))
+        self._of_legs = {*NAMES, *(p.name.removeprefix('LEG.') for p in of_a_leg)}
+        self._for_others = set(leg_declarations.FOR_OTHERS)
+        self._topics = {topic.rpartition('/')[2] for topic in recorder_node.TOPICS}
+
+    def has(self, name: str, known: Collection[str]) -> bool:
+        """Return whether a file may hold it for a node that knows others."""
+        family, _, last = name.rpartition('.')
+        if family.startswith('qos_overrides./'):
+            is_of_others = not any(other.startswith(f'{family}.') for other in known)
+            return is_of_others and family.rpartition('.')[0].rpartition('/')[2] in self._topics
+        if family and 'legs' not in known and last in self._of_legs:
+            return True
+        return name in self.owners or last in self._for_others
+
+
+def _nearest(name: str, known: Collection[str]) -> str:
+    """Return the known name that was most likely meant; '' if none is near."""
+    family, dot, _ = name[: 2 * LONGEST_NAME].rpartition('.')
+    siblings = [other for other in known if dot and other.rpartition('.')[0] == family]
+    # What all siblings begin with says nothing of which one is meant.
+    start = len(family) + 1 if siblings else 0
+    candidates = {other[start:]: other for other in siblings or known}
+    near = get_close_matches(name[start:][:LONGEST_NAME], candidates, n=1)
+    return candidates[near[0]] if near else ''
+
+
+def _listed(names: Sequence[str]) -> str:
+    shown = ', '.join(printable(name, LONGEST_NAME) for name in names[:MOST_NAMES])
+    return f'{shown} and {len(names) - MOST_NAMES} more' if len(names) > MOST_NAMES else shown
+
+
+def _full_name(node: Node) -> str:
+    name: str = node.get_fully_qualified_name()
+    return name
