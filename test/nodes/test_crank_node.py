@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from klann_ros.kinematics.crank_motion import CrankMotion
+from klann_ros.nodes.crank_motion import CrankMotion
 import pytest
 from ros_world import World
 from sensor_msgs.msg import JointState
@@ -79,7 +79,7 @@ def test_it_waits_for_its_subscribers(ros: World) -> None:
     [
         ({'mode': 'zigzag'}, "mode = 'zigzag' is refused: it must be one of constant, sine"),
         ({'rate': 0.0}, 'rate = 0.0 is refused: it must be within 0.001 .. 10000'),
-        ({'rate': 100}, 'parameter rate must be of type double (write 1.0, not 1)'),
+        ({'rate': 100}, 'parameter rate must be of type double (write 100.0, not 100)'),
         ({'revolutions': -1}, 'revolutions = -1 is refused: it must be finite and >= 0'),
         ({'revolutions': 1, 'speed': 0.0}, 'it must be 0 where speed is 0'),
         ({'revolutions': '.inf'}, 'revolutions = inf is refused: it must be finite and >= 0'),

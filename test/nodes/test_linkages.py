@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from importlib import resources
 import math
+import os
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -21,6 +22,23 @@ from std_msgs.msg import Float64
 
 LINKAGES = Path(str(resources.files('klann_ros') / 'linkages'))
 ANGLES = [0.0, 1.0, 1.1, -2.0, 9.0, 3.0]
+
+
+@pytest.mark.parametrize('kind', ['a named pipe', 'a device', 'too long'])
+def test_what_is_no_plain_file_ends_it_at_once(ros: World, tmp_path: Path, kind: str) -> None:
+    file = tmp_path / 'x.yaml'
+    if kind == 'a named pipe':
+        os.mkfifo(file)
+    elif kind == 'a device':
+        file.symlink_to('/dev/zero')
+    else:
+        with file.open('wb') as made:
+            made.truncate(2**40)
+    solver = ros.start('solver_node', linkage=file)
+    assert solver.wait() == 1
+    reason = 'it is longer than' if kind == 'too long' else f'it is {kind}, not a regular file'
+    assert solver.errors.startswith(f'solver_node: {file} cannot be read: {reason}')
+    assert solver.errors.count('\n') == 1
 
 
 @pytest.mark.parametrize('name', ['jansen', 'stephenson'])

@@ -5,14 +5,19 @@ from pathlib import Path
 import signal
 from typing import Any
 
-from bags import COUNT, LENGTH, PERIOD, START, write_bag, write_split_bag
+from bags import COUNT, LENGTH, number, PERIOD, START, write_bag, write_split_bag
 from domain import own_domain
+from klann_ros.log.definitions import definition
+from klann_ros.log.records import Message, Topic
 from mcap.writer import CompressionType, IndexType
 import pytest
+from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_world import Process, World, world
+from rosbag2_bags import write_bag as write_rosbag2
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
@@ -137,6 +142,17 @@ def test_a_rate_is_changed_while_it_plays(player: Steered) -> None:
     assert values(player.numbers)[:50] == list(range(50, 100))
 
 
+@pytest.mark.parametrize(('name', 'value'), [('rate', 2), ('position', 0)])
+def test_an_integer_is_held_as_the_double_it_is_meant_to_be(
+    player: Steered, name: str, value: int
+) -> None:
+    assert player.change(name, value).successful
+    request = GetParameters.Request(names=[name])
+    service = 'player_node/get_parameters'
+    (held,) = player.ros.probe.call(GetParameters, service, request).values
+    assert (held.type, held.double_value) == (ParameterType.PARAMETER_DOUBLE, float(value))
+
+
 def test_a_jump_publishes_what_was_latched_there(player: Steered) -> None:
     assert player.change('position', 0.005).successful
     player.ros.probe.until(lambda: player.texts)
@@ -157,10 +173,10 @@ def test_a_late_subscriber_hears_what_is_latched_once(player: Steered) -> None:
 @pytest.mark.parametrize(
     ('name', 'value', 'reason'),
     [
-        ('position', -1, 'position = -1 is refused: it must be within 0 .. 0.99'),
+        ('position', -1, 'position = -1.0 is refused: it must be within 0 .. 0.99'),
         ('position', 1.0, 'position = 1.0 is refused: it must be within 0 .. 0.99'),
         ('position', 'end', 'parameter position must be a number'),
-        ('rate', 0, 'rate = 0 is refused: it must be within 1e-06 .. 1e+06'),
+        ('rate', 0, 'rate = 0.0 is refused: it must be within 1e-06 .. 1e+06'),
         ('rate', float('nan'), 'rate = nan is refused'),
         ('rate', True, 'parameter rate must be a number'),
     ],
@@ -223,6 +239,20 @@ def test_a_log_of_any_shape_plays_to_its_end(ros: World, tmp_path: Path) -> None
         _, heard = started(ros, bag, '--start-offset', '0.5', namespace=f'/{shape}')
         ros.probe.until(lambda heard=heard: len(heard) >= 50)
         assert values(heard) == list(range(50, COUNT)), shape
+
+
+def test_what_rosbag2_packed_plays_to_its_end(ros: World, tmp_path: Path) -> None:
+    kind = 'std_msgs/msg/Float64'
+    topic = Topic('/number', kind, definition(kind))
+    messages = [Message(topic, number(n), START + n * PERIOD, 0, 0) for n in range(COUNT)]
+    for storage, mode in (
+        (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+        (StoragePlugin.MCAP, CompressionMode.FILE),
+    ):
+        bag = write_rosbag2(tmp_path / mode.name, messages, storage, mode, qos=())
+        _, heard = started(ros, bag, '--start-offset', '0.5', namespace=f'/{storage.name}')
+        ros.probe.until(lambda heard=heard: len(heard) >= 50)
+        assert values(heard) == list(range(50, COUNT)), storage
 
 
 def test_a_damaged_log_plays_what_is_intact_and_says_what_is_not(

@@ -10,10 +10,12 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from domain import own_domain
+from klann_ros.log.bag_metadata import FILE_NAME as METADATA
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import pause_of, topic_counts
 from klann_ros.nodes.lean_loop import PLAIN
+from klann_ros.review.reviewing import review_run
 import pytest
 from ros_world import Process, World, world
 from std_msgs.msg import Float64
@@ -49,7 +51,7 @@ class Recording:
         return str(answers[-1].message)
 
     def values(self) -> dict[str, str]:
-        return {value.key: value.value for value in self.statuses[-1].status[0].values}
+        return values(self.statuses[-1])
 
     def until_said(self, key: str, value: object) -> None:
         self.ros.probe.until(lambda: self.statuses and self.values().get(key) == str(value))
@@ -201,6 +203,29 @@ def test_a_lost_message_is_a_warning_and_in_the_run(ros: World) -> None:
     assert count.lost == recording.next - len(found) > 0
 
 
+def test_what_publishers_sent_that_left_is_not_said_to_be_all_there(ros: World) -> None:
+    recorder = ros.start('recorder_node', output=ros.folder / 'run')
+    statuses = ros.probe.listen(DiagnosticArray, '/diagnostics')
+    for _ in range(3):
+        crank = ros.start('crank_node', revolutions=1, speed=30.0, min_subscribers=1)
+        assert crank.wait() == 0
+    left = {f'{TOPIC} lost': '0', f'{TOPIC} publishers left': '3'}
+    ros.probe.until(lambda: any(left.items() <= values(status).items() for status in statuses))
+    assert recorder.stop() == 0
+    said = f'0 were lost, as far as can be counted; 3 publishers left ({TOPIC}), and of what '
+    assert f'; {said}they sent last nothing is known' in recorder.errors
+    review = review_run(ros.folder / 'run')
+    (topic,) = review.topics
+    # Who waits for its subscribers is heard from its first message on.
+    assert (topic.lost, topic.early, topic.publishers_left) == (0, 0, 3)
+    notes = [finding.text for finding in review.findings if finding.check == 'lost']
+    assert notes == [f'3 publishers of {TOPIC} left during the run']
+
+
+def values(status: DiagnosticArray) -> dict[str, str]:
+    return {value.key: value.value for value in status.status[0].values}
+
+
 def test_an_unfinished_run_beside_it_is_named_at_start(ros: World) -> None:
     first: Process = ros.start('recorder_node', output=ros.folder / 'left')
     ros.probe.until(lambda: 'recording to' in first.errors)
@@ -227,6 +252,7 @@ def test_a_killed_recorder_leaves_all_but_its_last_second(ros: World) -> None:
         ros.probe.spin(moment)
         recorder.kill()
         end = time.time_ns()
+        assert {path.name for path in folder.iterdir()} == {f'{folder.name}_0.mcap', METADATA}
         with open_log(folder) as log:
             assert not log.complete
             for topic in topics:

@@ -1,0 +1,101 @@
+"""What anybody on the network may send to any node: it lives, works on, and says little."""
+
+from collections.abc import Callable
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PointStamped
+import pytest
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import GetParameters, SetParameters
+from ros_world import Process, World
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+NO_TYPE = ParameterValue(type=77)
+LONG = '\x1b[2J' + 'x' * 10**6
+
+
+def started(ros: World, name: str) -> Process:
+    """Start a node, and return it when it can be asked."""
+    process = ros.start(name, use_sim_time='true')
+    ros.probe.until(lambda: 'ready' in process.errors or 'recording to' in process.errors)
+    return process
+
+
+def works(ros: World, name: str) -> bool:
+    """Return whether a node answers."""
+    request = GetParameters.Request(names=['use_sim_time'])
+    answer = ros.probe.call(GetParameters, f'{name}/get_parameters', request)
+    return bool(answer.values[0].bool_value)
+
+
+@pytest.mark.parametrize('name', ['solver_node', 'crank_node', 'recorder_node'])
+def test_a_parameter_of_no_type_and_a_clock_before_1970_end_no_node(ros: World, name: str) -> None:
+    node = started(ros, name)
+    client = ros.probe.node.create_client(SetParameters, f'{name}/set_parameters')
+    ros.probe.until(client.service_is_ready)
+    clock = ros.probe.publisher(Clock, '/clock', reliable=False)
+    for _ in range(3):
+        client.call_async(
+            SetParameters.Request(parameters=[Parameter(name='use_sim_time', value=NO_TYPE)])
+        )
+        clock.publish(Clock(clock=Time(sec=-5)))
+        ros.probe.spin(0.2)
+        assert works(ros, name)
+    assert node.stop() == 0
+    assert 'Traceback' not in node.errors
+    told = [line for line in node.errors.splitlines() if '[ERROR]' in line]
+    assert told
+    assert all('a callback failed, and the node goes on: ValueError' in line for line in told)
+
+
+def test_a_solver_answers_cranks_between_bad_clocks(ros: World) -> None:
+    feet = ros.probe.listen(PointStamped, 'point_h')
+    started(ros, 'solver_node')
+    crank = ros.probe.publisher(Float64, 'crank_angle')
+    clock = ros.probe.publisher(Clock, '/clock', reliable=False)
+    ros.probe.matched('point_h')
+    for number in range(1, 31):
+        clock.publish(Clock(clock=Time(sec=-5)))
+        crank.publish(Float64(data=0.1 * number))
+        ros.probe.until(lambda: len(feet) == number)  # noqa: B023 - called at once
+    good = Time(sec=42)
+    clock.publish(Clock(clock=good))
+    ros.probe.spin(0.3)
+    crank.publish(Float64(data=1.0))
+    ros.probe.until(lambda: feet[-1].header.stamp == good)
+
+
+def test_names_of_a_megabyte_are_cut_wherever_they_are_shown(ros: World) -> None:
+    reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
+    feet = ros.probe.listen(PointStamped, 'point_h')
+    solver = ros.start('solver_node', diagnostics_period=0.2)
+    crank = ros.probe.publisher(JointState, 'crank_state')
+    ros.probe.matched('/diagnostics')
+    ros.probe.matched('point_h')
+    message = JointState(name=[LONG, *(['other'] * 1000)], position=[0.0] * 1001)
+    message.header.frame_id = LONG
+
+    def told() -> list[DiagnosticStatus]:
+        statuses = [status for report in reports for status in report.status]
+        return [status for status in statuses if status.level == DiagnosticStatus.WARN]
+
+    def asked_again(answers: Callable[[], object]) -> bool:
+        # An input is best effort: of a message of many parts one may be lost.
+        crank.publish(message)
+        ros.probe.spin(0.5)
+        return bool(answers())
+
+    ros.probe.until(lambda: asked_again(told))
+    assert told()[0].message.startswith('crank_state: there is no joint crank among its 1001 (')
+    assert told()[0].message.isprintable()
+    assert len(told()[0].message) < 300
+    # The same sender, now with a crank.
+    message.name[0], message.position[0] = 'crank', 1.0
+    ros.probe.until(lambda: asked_again(lambda: feet))
+    assert solver.stop() == 0
+    warned = [line for line in solver.errors.splitlines() if '[WARN]' in line]
+    assert warned
+    assert all(len(line) < 400 and line.isprintable() for line in warned)

@@ -1,0 +1,359 @@
+"""Keys that steer a player: a real process on a real terminal, under real job control."""
+
+from collections.abc import Callable, Iterator
+import os
+from pathlib import Path
+import signal
+from subprocess import DEVNULL, PIPE, Popen
+import sys
+import termios
+from threading import Thread
+from typing import Any
+
+from bags import COUNT, write_bag
+from hypothesis import given, strategies
+from klann_ros.nodes.keyboard import KeyParser, LONGEST
+import pytest
+from ros_world import PACKAGE, Process, World
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+JOB_CONTROL = Path(__file__).resolve().parents[1] / 'job_control.py'
+SPACE, UP, DOWN, RIGHT = ' ', '\x1b[A', '\x1b[B', '\x1b[C'
+CTRL_C, CTRL_Z, CTRL_BACKSLASH = '\x03', '\x1a', '\x1c'
+# Paused where nothing but numbers comes, and so slow that nothing but the next is ever due.
+FIRST = 50
+STILL = ('--start-paused', '--start-offset', '0.5', '--rate', '1e-5')
+SENT = {' ': 'space', UP: 'up', '\x1bOA': 'up', DOWN: 'down', '\x1bOB': 'down'}
+SENT |= {RIGHT: 'right', '\x1bOC': 'right'}
+# Other keys: left, F5, ctrl-right, letters, umlauts, Ctrl-D, a mouse, Alt-x.
+OTHERS = ('\x1b[D', '\x1b[15~', '\x1b[1;5C', 'q', 'C', '[', 'ü', '\x04', '\x1b[<0;3;4M', '\x1bx')
+
+
+@given(strategies.lists(strategies.sampled_from([*SENT, *OTHERS])), strategies.data())
+def test_keys_are_the_same_in_whatever_pieces_they_come(
+    typed: list[str], data: strategies.DataObject
+) -> None:
+    sent = ''.join(typed).encode()
+    cuts = sorted(data.draw(strategies.lists(strategies.integers(0, len(sent)))))
+    parser = KeyParser()
+    pieces = [sent[a:b] for a, b in zip([0, *cuts], [*cuts, len(sent)], strict=True)]
+    keys = [key for piece in pieces for key in parser.feed(piece)]
+    assert keys == [SENT[key] for key in typed if key in SENT]
+
+
+@given(strategies.binary(max_size=200))
+def test_after_any_bytes_and_a_rest_a_key_is_a_key(noise: bytes) -> None:
+    parser = KeyParser()
+    parser.feed(noise)
+    parser.forget()
+    assert parser.feed(b' \x1b[A') == ['space', 'up']
+
+
+def test_a_sequence_without_an_end_is_given_up() -> None:
+    parser = KeyParser()
+    assert parser.feed(b'\x1b[' + b'1' * LONGEST + b' ') == ['space']
+
+
+class Terminal:
+    """
+    A pseudo-terminal with one job, in its foreground (`fg`) or not (`bg`).
+
+    `start` is given what starts the job under job control, and options of Popen.
+    """
+
+    def __init__(self, ros: World, start: Callable[..., Process | Popen[str]], place: str) -> None:
+        self.ros = ros
+        self.is_over = False
+        self.keys, self.screen = os.openpty()
+        self.before = self.attributes
+        commands, self._commands = os.pipe()
+        leader = [sys.executable, str(JOB_CONTROL), str(commands), place]
+        started = start(leader, stdin=self.screen, pass_fds=[commands], start_new_session=True)
+        os.close(commands)
+        self._started = started
+        self._events: list[str] = []
+        Thread(target=self._listen, daemon=True).start()
+        word, number = self.event().split()
+        assert word == 'started'
+        self.job = int(number)
+
+    @property
+    def errors(self) -> str:
+        """Return what a player has logged."""
+        return self.process.errors
+
+    @property
+    def process(self) -> Process:
+        """Return the player."""
+        assert isinstance(self._started, Process)
+        return self._started
+
+    def _listen(self) -> None:
+        popen = self._started.popen if isinstance(self._started, Process) else self._started
+        assert popen.stdout is not None
+        for line in popen.stdout:
+            self._events.append(line.strip())
+
+    @property
+    def attributes(self) -> list[Any]:
+        """Return the terminal's attributes."""
+        return termios.tcgetattr(self.screen)
+
+    @property
+    def is_taken(self) -> bool:
+        """Return whether keys come one by one, unseen; signals are keys all the same."""
+        modes = self.attributes[3]
+        assert modes & termios.ISIG
+        return not modes & (termios.ICANON | termios.ECHO)
+
+    def event(self) -> str:
+        """Return what becomes of the job next."""
+        self.ros.probe.until(lambda: self._events)
+        told = self._events.pop(0)
+        self.is_over = self.is_over or told.startswith('ended')
+        return told
+
+    def put(self, place: str) -> None:
+        """Put the job into the foreground or the background, and let it go on."""
+        os.write(self._commands, f'{place}\n'.encode())
+
+    def press(self, text: str) -> None:
+        os.write(self.keys, text.encode())
+
+    def says(self, text: str, count: int = 1) -> None:
+        """Wait until the player has logged something so often."""
+        self.ros.probe.until(lambda: self.errors.count(text) >= count)
+
+    def until_taken(self) -> None:
+        self.ros.probe.until(lambda: self.is_taken)
+
+    def close(self) -> None:
+        if not self.is_over:
+            # What is stopped is continued, so that it can end.
+            os.killpg(self.job, signal.SIGTERM)
+            os.killpg(self.job, signal.SIGCONT)
+            while not self.is_over:
+                self.event()
+        for descriptor in (self.keys, self.screen, self._commands):
+            os.close(descriptor)
+
+
+Open = Callable[..., Terminal]
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    return write_bag(tmp_path / 'bag.mcap')
+
+
+@pytest.fixture
+def job(ros: World) -> Iterator[Callable[..., Terminal]]:
+    """Return what starts something on a terminal of its own."""
+    made: list[Terminal] = []
+
+    def start(command: Callable[..., Process | Popen[str]], place: str = 'fg') -> Terminal:
+        made.append(Terminal(ros, command, place))
+        return made[-1]
+
+    yield start
+    for terminal in made:
+        terminal.close()
+
+
+@pytest.fixture
+def terminal(ros: World, bag: Path, job: Open) -> Open:
+    """Return what starts a player on a terminal of its own."""
+
+    def start(*arguments: str, place: str = 'fg') -> Terminal:
+        command = ['player_node', str(bag), '--delay', '0', *arguments]
+        return job(lambda leader, **o: ros.start_by(leader, *command, **o), place)
+
+    return start
+
+
+def values(numbers: list[Float64]) -> list[float]:
+    return [message.data for message in numbers]
+
+
+def test_keys_do_what_they_do_for_ros2_bag_play(ros: World, terminal: Open) -> None:
+    numbers = ros.probe.listen(Float64, 'number')
+    player = terminal(*STILL)
+    ros.probe.matched('number')
+    player.until_taken()
+    player.says('keys: space pauses and resumes, right arrow plays the next message')
+    for n in range(3):
+        player.press(RIGHT if n else '\x1bOC')
+        ros.probe.until(lambda n=n: values(numbers) == [*range(FIRST, FIRST + n + 1)])
+    player.says('one message on, at 0.52')
+    player.press(UP + UP)
+    player.says('rate 1.21e-05')
+    player.press(DOWN)
+    player.says('rate 1.1e-05')
+    player.press(SPACE)
+    player.says('playing from 0.52')
+    player.press(RIGHT)
+    player.says('[player_node]: it is playing; pause it first')
+    player.press(SPACE)
+    player.says('paused at 0.52')
+    player.press(''.join(OTHERS))
+    player.press(DOWN)
+    player.says('rate 1e-05')
+    # A service sees what a key has done.
+    answer = ros.probe.call(Trigger, 'player_node/resume', Trigger.Request())
+    assert answer.success
+    player.press(SPACE)
+    player.says('paused at', 2)
+
+
+def test_a_rate_ends_where_its_limits_are(terminal: Open) -> None:
+    player = terminal('--start-paused', '--rate', '1e-6')
+    player.until_taken()
+    player.press(DOWN)
+    player.says('is refused: it must be within 1e-06 .. 1e+06')
+
+
+def test_a_text_dropped_on_the_terminal_delays_nothing(ros: World, terminal: Open) -> None:
+    player = terminal(*STILL)
+    player.until_taken()
+    player.press(UP * 500)
+    player.says('rate')
+    assert ros.probe.call(Trigger, 'player_node/pause', Trigger.Request()).success
+    player.press(CTRL_C)
+    assert player.event() == 'ended 0'
+
+
+ENDS: dict[str, tuple[Callable[[Terminal], object], int]] = {
+    'ctrl-c': (lambda t: t.press(CTRL_C), 0),
+    'terminated': (lambda t: os.kill(t.job, signal.SIGTERM), 0),
+    'hung up': (lambda t: os.kill(t.job, signal.SIGHUP), 0),
+    'ctrl-backslash': (lambda t: t.press(CTRL_BACKSLASH), -signal.SIGQUIT),
+}
+
+
+@pytest.mark.parametrize('end', ENDS)
+def test_the_terminal_is_as_it_was_after_a_signal(terminal: Open, end: str) -> None:
+    player = terminal('--start-paused')
+    player.until_taken()
+    send, code = ENDS[end]
+    if code:
+        player.process.leaves_behind(player.job)
+    send(player)
+    assert player.event() == f'ended {code}'
+    assert player.attributes == player.before
+
+
+def test_the_terminal_is_as_it_was_after_the_log(terminal: Open) -> None:
+    player = terminal('--rate', '0.5')
+    player.until_taken()
+    assert player.event() == 'ended 0'
+    assert player.attributes == player.before
+
+
+@pytest.mark.parametrize('end', ['raise ValueError', 'sys.exit(1)', 'pass', 'os._exit(close())'])
+def test_the_terminal_is_as_it_was_after_any_end_of_python(job: Open, end: str) -> None:
+    code = f"""
+import os, sys, threading
+from klann_ros.nodes.keyboard import Keyboard
+keyboard, pressed = Keyboard(), threading.Event()
+keyboard.start(lambda key: pressed.set(), lambda: None)
+def close():
+    with keyboard:
+        return 1
+pressed.wait()
+{end}
+"""
+    environment = {**os.environ, 'PYTHONPATH': PACKAGE}
+
+    def start(leader: list[str], **options: Any) -> Popen[str]:
+        command = [*leader, sys.executable, '-c', code]
+        return Popen(command, env=environment, stdout=PIPE, stderr=DEVNULL, text=True, **options)
+
+    terminal = job(start)
+    terminal.until_taken()
+    terminal.press(SPACE)
+    assert terminal.event() == f'ended {0 if end == "pass" else 1}'
+    assert terminal.attributes == terminal.before
+
+
+def test_ctrl_z_gives_the_terminal_back_and_the_foreground_takes_it_again(
+    ros: World, terminal: Open
+) -> None:
+    numbers = ros.probe.listen(Float64, 'number')
+    player = terminal(*STILL)
+    ros.probe.matched('number')
+    player.until_taken()
+    for n in range(2):
+        player.press(CTRL_Z)
+        assert player.event() == 'stopped'
+        assert player.attributes == player.before
+        player.put('fg')
+        assert player.event() == 'continued'
+        player.until_taken()
+        player.press(RIGHT)
+        ros.probe.until(lambda n=n: len(numbers) == n + 1)
+    player.press(CTRL_C)
+    assert player.event() == 'ended 0'
+    assert player.attributes == player.before
+
+
+def test_in_the_background_the_terminal_is_anothers(ros: World, terminal: Open) -> None:
+    player = terminal(*STILL, place='bg')
+    ros.probe.until(lambda: 'ready: ' in player.errors)
+    player.press(f'{SPACE}line\n')
+    ros.probe.spin(1.2)
+    assert player.attributes == player.before
+    assert 'keys: ' not in player.errors
+    # It has not been stopped for reading, and the line is still there.
+    assert ros.probe.call(Trigger, 'player_node/step', Trigger.Request()).success
+    assert os.read(player.screen, 100) == b' line\n'
+    # Into the foreground without having been stopped, as `fg` does.
+    player.put('fg')
+    player.until_taken()
+    player.press(SPACE)
+    player.says('playing from')
+    # And back again by way of Ctrl-Z.
+    player.press(CTRL_Z)
+    assert player.event() == 'stopped'
+    player.put('bg')
+    assert player.event() == 'continued'
+    ros.probe.spin(1.2)
+    assert player.attributes == player.before
+    os.kill(player.job, signal.SIGTERM)
+    assert player.event() == 'ended 0'
+    assert player.attributes == player.before
+
+
+def test_the_terminal_is_left_alone_when_asked_to(ros: World, terminal: Open) -> None:
+    player = terminal('--start-paused', '--disable-keyboard-controls')
+    ros.probe.until(lambda: 'ready: ' in player.errors)
+    ros.probe.spin(1.2)
+    assert player.attributes == player.before
+    player.press(CTRL_Z)
+    assert player.event() == 'stopped'
+    player.put('fg')
+    assert player.event() == 'continued'
+    player.press(CTRL_C)
+    assert player.event() == 'ended 0'
+
+
+@pytest.mark.parametrize('kind', ['pipe', 'nothing', 'closed'])
+def test_what_is_no_terminal_is_not_read(ros: World, bag: Path, kind: str) -> None:
+    numbers = ros.probe.listen(Float64, 'number')
+    behind, before = os.pipe()
+    os.write(before, b'  \n')
+    arguments = [str(bag), '--delay', '0', '--start-paused', '--rate', '9']
+    if kind == 'closed':
+        shell = ['sh', '-c', 'exec "$@" <&-', 'sh']
+        process = ros.start_by(shell, 'player_node', *arguments)
+    else:
+        stdin = behind if kind == 'pipe' else os.open(os.devnull, os.O_RDONLY)
+        process = ros.start_by([], 'player_node', *arguments, stdin=stdin)
+    ros.probe.matched('number')
+    assert ros.probe.call(Trigger, 'player_node/resume', Trigger.Request()).success
+    assert process.wait() == 0
+    ros.probe.until(lambda: len(numbers) == COUNT)
+    assert os.read(behind, 10) == b'  \n'
+    assert 'keys: ' not in process.errors
+    for descriptor in (behind, before):
+        os.close(descriptor)

@@ -1,0 +1,133 @@
+"""A type's name becomes a module only where ament knows a package of interfaces by that name."""
+
+from pathlib import Path
+import sys
+
+from hypothesis import example, given, strategies as st
+from klann_ros.log.type_names import default_prefixes, INDEX
+from klann_ros.nodes.message_types import message_class, UnknownMessageTypeError
+import pytest
+from std_msgs.msg import Float64
+
+HOSTILE = (
+    'this/msg/X',
+    'antigravity/msg/X',
+    'idlelib.idle/msg/X',
+    'idlelib/idle/X',
+    '/msg/X',
+    'std_msgs/msg/',
+    'std_msgs/msg/__doc__',
+    'std_msgs/msg/_float64',
+    'std_msgs/msg/Float64\n',
+    'std_msgs/msg/Float64\0',
+    ' std_msgs/msg/Float64',
+    'std_msgs//Float64',
+    'std_msgs/Float64',
+    'std_msgs/srv/Float64',
+    'std_srvs/srv/Trigger',
+    'std_srvs/msg/Trigger',
+    'std_msgs/msg/Float64/msg/Float64',
+    'std_msgs.msg/msg/Float64',
+    '../../x/msg/Y',
+    './std_msgs/msg/Float64',
+    'std\u200b_msgs/msg/Float64',
+    'std_msgs/msg/\uff26loat64',
+    '\u0455td_msgs/msg/Float64',
+    'std_msgs/msg/Float6\u0664',
+    'std_msgs/msg/Float64\x1b[2J',
+    '__main__/msg/X',
+    'x' * 100_000 + '/msg/X',
+    '',
+)
+LETTERS = st.text('abcXYZ0_./\n\0\u202e', max_size=6)
+NAMES = st.one_of(
+    st.text(),
+    st.sampled_from(HOSTILE),
+    st.builds(
+        '{}/{}/{}'.format,
+        st.sampled_from(sorted(sys.stdlib_module_names)) | LETTERS,
+        st.sampled_from(['msg', 'srv', 'action', '']),
+        LETTERS | st.just('Float64'),
+    ),
+)
+# What a good message brings along is there by now.
+message_class('std_msgs/msg/Float64')
+
+
+def installed() -> set[str]:
+    return {path.name for prefix in default_prefixes() for path in (prefix / INDEX).glob('*')}
+
+
+@given(NAMES)
+@example('this/msg/X')
+@example('turtledemo/msg/Float64')
+def test_no_text_imports_what_is_no_package_of_interfaces(name: str) -> None:
+    before = set(sys.modules)
+    try:
+        kind = message_class(name)
+    except UnknownMessageTypeError as error:
+        assert str(error).isprintable()
+        assert len(str(error)) < 1000
+    else:
+        assert kind.get_fields_and_field_types() is not None
+    new = {module.partition('.')[0] for module in set(sys.modules) - before}
+    assert new <= installed()
+
+
+@pytest.mark.parametrize('name', HOSTILE)
+def test_what_is_no_type_is_told_in_one_short_line(name: str) -> None:
+    with pytest.raises(UnknownMessageTypeError) as caught:
+        message_class(name)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 1000
+
+
+def test_every_type_that_is_installed_is_one() -> None:
+    assert message_class('std_msgs/msg/Float64') is Float64
+    for name in sorted(installed()):
+        for prefix in default_prefixes():
+            for path in sorted((prefix / 'share' / name / 'msg').glob('*.msg')):
+                assert message_class(f'{name}/msg/{path.stem}').__name__ == path.stem
+
+
+def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, *, known: bool) -> Path:
+    """Make a package of interfaces that is none; return the file that it writes when it is run."""
+    marker = tmp_path / 'marker'
+    folder = tmp_path / 'lib' / f'half_msgs_{tmp_path.name}' / 'msg'
+    folder.mkdir(parents=True)
+    (folder / '__init__.py').write_text(
+        f'import pathlib\npathlib.Path({str(marker)!r}).touch()\n{text}\n'
+    )
+    if known:
+        index = tmp_path / INDEX
+        index.mkdir(parents=True)
+        (index / folder.parent.name).touch()
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
+    monkeypatch.syspath_prepend(tmp_path / 'lib')
+    return marker
+
+
+def test_a_package_that_ament_does_not_know_is_not_run(tmp_path, monkeypatch) -> None:
+    marker = broken(tmp_path, monkeypatch, 'X = 1', known=False)
+    with pytest.raises(UnknownMessageTypeError, match="X' is not installed"):
+        message_class(f'half_msgs_{tmp_path.name}/msg/X')
+    assert not marker.exists()
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('X = 1', 'cannot be used: .* has no attribute'),
+        ('from std_srvs.srv import Trigger as X', 'cannot be used: .* might be a service'),
+        ('raise KeyError("\\x1b[2J")', r"cannot be used: '\\x1b\[2J'"),
+        ('import no_such_thing', 'cannot be used: No module named'),
+        ('Y = 1', 'is not installed'),
+    ],
+)
+def test_what_is_no_message_of_an_installed_package_is_said(
+    tmp_path, monkeypatch, text: str, said: str
+) -> None:
+    marker = broken(tmp_path, monkeypatch, text, known=True)
+    with pytest.raises(UnknownMessageTypeError, match=said):
+        message_class(f'half_msgs_{tmp_path.name}/msg/X')
+    assert marker.exists()

@@ -1,0 +1,227 @@
+"""recorder_node while somebody takes away what it writes: told at once, counted truly, exit 1."""
+
+from collections.abc import Iterator
+import os
+from pathlib import Path
+import shutil
+import signal
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from domain import own_domain
+from klann_ros.log.errors import NotALogError
+from klann_ros.log.reader import open_log
+from klann_ros.log.run_parameters import topic_counts
+import pytest
+from ros_world import Process, World, world
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+import yaml
+
+TOPIC = '/crank_angle'
+
+
+class Recording:
+    """A recorder of one topic, and all that it says."""
+
+    def __init__(self, stage: 'Stage', name: str) -> None:
+        self.ros, self.statuses, self._publisher = stage.ros, stage.statuses, stage.publisher
+        self.folder = self.ros.folder / name
+        self.statuses.clear()
+        self.process = self.ros.start(
+            'recorder_node', output=self.folder, topics=f'[{TOPIC}]', flush_period=0.05
+        )
+        self.ros.probe.until(lambda: self._publisher.get_subscription_count() == 1)
+        self.ros.probe.spin(0.3)
+
+    def publish(self, file: str, count: int = 100) -> None:
+        """Publish, and wait until that is in a file."""
+        path = self.folder / file
+        before = messages_in(path)
+        for number in range(count):
+            self._publisher.publish(Float64(data=float(number)))
+        self.ros.probe.until(lambda: messages_in(path) == before + count)
+
+    def values(self) -> dict[str, str]:
+        if not self.statuses:
+            return {}
+        return {value.key: value.value for value in self.statuses[-1].status[0].values}
+
+    def until_error(self, text: str) -> None:
+        """Wait until an error is told in the log, once, and that there is one on /diagnostics."""
+        self.ros.probe.until(lambda: f'[recorder_node]: {text}' in self.process.errors)
+        assert self.process.errors.count(text) == 1
+        self.statuses.clear()
+        self.until_level(DiagnosticStatus.ERROR)
+        assert text in self.statuses[-1].status[0].message
+
+    def until_level(self, level: bytes) -> None:
+        self.ros.probe.until(lambda: self.statuses and self.statuses[-1].status[0].level == level)
+
+    def stop(self) -> dict[str, Any]:
+        """End it; return what it says, and what a reader finds."""
+        code = self.process.stop(signal.SIGINT)
+        return {'code': code, 'said': self.process.errors.splitlines()[-1], **found(self.folder)}
+
+
+def messages_in(path: Path) -> int:
+    """Return how many messages are in a file, which may be on its way."""
+    try:
+        with open_log(path) as log:
+            return len(list(log.messages([TOPIC])))
+    except NotALogError:
+        return 0
+
+
+def found(run: Path) -> dict[str, Any]:
+    """Return what a reader finds in a run, and what the run says of itself."""
+    with open_log(run) as log:
+        (record,) = log.metadata['klann_ros.loss']
+    about = yaml.safe_load((run / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
+    return {
+        'messages': messages_in(run),
+        'count': topic_counts(record)[TOPIC],
+        'metadata': about['message_count'],
+        'files': about['relative_file_paths'],
+    }
+
+
+class Stage:
+    """A world with one publisher, in which one recorder after the other records."""
+
+    def __init__(self, ros: World) -> None:
+        self.ros = ros
+        self.publisher = ros.probe.node.create_publisher(Float64, TOPIC, 2000)
+        self.statuses = ros.probe.listen(DiagnosticArray, '/diagnostics')
+
+
+@pytest.fixture(scope='module')
+def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+    with own_domain() as domain, world(domain, tmp_path_factory.mktemp('taken')) as ros:
+        yield Stage(ros)
+
+
+@pytest.fixture
+def ros(stage: Stage) -> World:
+    return stage.ros
+
+
+def test_whatever_is_taken_away_is_told_at_once_counted_and_done_without(stage: Stage) -> None:
+    ros, recording = stage.ros, Recording(stage, 'first')
+    folder = recording.folder
+    recording.publish('first_0.mcap')
+    (folder / 'first_0.mcap').unlink()
+    recording.until_error('first_0.mcap was removed while it was recorded, with 100 messages')
+    recording.publish('first_1.mcap')
+    os.truncate(folder / 'first_1.mcap', 500)
+    recording.until_error('first_1.mcap was cut off or overwritten while it was recorded: its 100')
+    recording.publish('first_2.mcap')
+    (folder / 'first_2.mcap').rename(ros.folder / 'kept.mcap')
+    recording.until_error('first_2.mcap was moved or replaced while it was recorded: its 100')
+    recording.publish('first_3.mcap')
+    assert ros.probe.call(Trigger, 'recorder_node/split', Trigger.Request()).success
+    ros.probe.until((folder / 'first_4.mcap').exists)
+    recording.publish('first_4.mcap')
+    (folder / 'first_3.mcap').unlink()
+    recording.until_error('of the files that were finished first_3.mcap went, or were spoilt')
+    recording.publish('first_4.mcap')
+    ros.probe.until(lambda: recording.values()[f'{TOPIC} received'] == '600')
+    values = recording.values()
+    assert (values[f'{TOPIC} written'], values[f'{TOPIC} lost']) == ('200', '400')
+    end = recording.stop()
+    assert end['code'] == 1
+    assert f'200 messages of 1 topic are in {folder}; 400 were lost; of the' in end['said']
+    assert (end['messages'], end['metadata'], end['files']) == (200, 200, ['first_4.mcap'])
+    count = end['count']
+    assert (count.received, count.written, count.dropped, count.lost) == (600, 200, 400, 400)
+    assert 'Traceback' not in recording.process.errors
+    with open_log(ros.folder / 'kept.mcap') as log:
+        assert log.complete, log.problem
+        assert len(list(log.messages())) == 100
+
+
+def test_a_folder_is_made_anew_and_followed(stage: Stage) -> None:
+    ros, recording = stage.ros, Recording(stage, 'second')
+    recording.publish('second_0.mcap')
+    shutil.rmtree(recording.folder)
+    recording.until_error(f'{recording.folder} was removed while it was recorded')
+    recording.publish('second_1.mcap')
+    recording.folder = recording.folder.rename(ros.folder / 'renamed')
+    recording.publish('second_1.mcap')
+    end = recording.stop()
+    assert end['code'] == 1
+    assert f'200 messages of 1 topic are in {recording.folder}; 100 were lost;' in end['said']
+    assert (end['messages'], end['metadata'], end['files']) == (200, 200, ['second_1.mcap'])
+    assert (end['count'].written, end['count'].dropped) == (200, 100)
+
+
+def test_a_folder_that_is_only_renamed_is_no_fault(stage: Stage) -> None:
+    ros, recording = stage.ros, Recording(stage, 'third')
+    recording.publish('third_0.mcap')
+    recording.folder = recording.folder.rename(ros.folder / 'new name')
+    recording.publish('third_0.mcap')
+    end = recording.stop()
+    assert end['code'] == 0
+    assert f'200 messages of 1 topic are in {ros.folder}/new name; 0 were lost' in end['said']
+    assert 'was renamed while it was recorded' in recording.process.errors
+    assert (end['messages'], end['metadata'], end['count'].lost) == (200, 200, 0)
+
+
+def test_what_is_taken_away_just_before_the_end_is_not_claimed(stage: Stage) -> None:
+    recording = Recording(stage, 'fourth')
+    recording.publish('fourth_0.mcap')
+    (recording.folder / 'fourth_0.mcap').unlink()
+    end = recording.stop()
+    assert end['code'] == 1
+    assert f'0 messages of 1 topic are in {recording.folder}; 100 were lost; four' in end['said']
+    assert (end['messages'], end['metadata'], end['count'].dropped) == (0, 0, 100)
+
+
+def test_where_nothing_can_be_made_anew_the_recording_ends(stage: Stage) -> None:
+    ros, recording = stage.ros, Recording(stage, 'parent/fifth')
+    recording.publish('fifth_0.mcap')
+    shutil.rmtree(ros.folder / 'parent')
+    assert recording.process.wait() == 1
+    said = recording.process.errors.splitlines()[-1]
+    assert 'the recording stopped early: fifth_0.mcap was removed while' in said
+    assert 'no other can be made: No such file or directory' in said
+    assert f'0 messages of 1 topic are in {recording.folder}; 100 were lost' in said
+    assert 'recover' not in said
+    assert 'Traceback' not in recording.process.errors
+    recording.until_level(DiagnosticStatus.ERROR)
+    assert not (ros.folder / 'parent').exists()
+
+
+def test_of_two_recorders_of_one_run_one_records(ros: World) -> None:
+    both: list[Process] = [
+        ros.start('recorder_node', output=ros.folder / 'parents' / 'run') for _ in range(2)
+    ]
+    ros.probe.until(lambda: any(process.popen.poll() is not None for process in both))
+    (loser,) = (process for process in both if process.popen.poll() is not None)
+    (winner,) = (process for process in both if process is not loser)
+    assert loser.wait() == 1
+    folder = ros.folder / 'parents' / 'run'
+    assert loser.errors == (
+        f'recorder_node: {folder} exists already, not overwriting; choose a new name\n'
+    )
+    ros.probe.until(lambda: f'recording to {folder}' in winner.errors)
+    assert winner.stop() == 0
+    with open_log(folder) as log:
+        assert log.complete, log.problem
+
+
+def test_an_output_that_cannot_be_is_one_line(ros: World) -> None:
+    os.mkfifo(ros.folder / 'pipe')
+    (ros.folder / 'loop').symlink_to('loop')
+    outputs = {
+        'pipe/run': 'it is no folder, so no run can be made in it',
+        'loop': 'exists already',
+        'x' * 250: 'File name too long',
+    }
+    processes = {name: ros.start('recorder_node', output=ros.folder / name) for name in outputs}
+    for name, process in processes.items():
+        assert process.wait() == 1
+        assert outputs[name] in process.errors
+        assert process.errors.startswith('recorder_node: ')
+        assert process.errors.count('\n') == 1
+    assert not (ros.folder / ('x' * 250)).exists()

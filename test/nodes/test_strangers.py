@@ -1,0 +1,210 @@
+"""What strangers name is named and left out, and the rest goes on: real processes, real DDS."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from bags import number, START
+from klann_ros.log.definitions import definition
+from klann_ros.log.reader import open_log
+from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD
+from klann_ros.nodes.geometry_parameters import NAMES
+from mcap.writer import Writer
+import pytest
+from rcl_interfaces.msg import ParameterType, ParameterValue
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.node import Node
+from ros_world import Probe, Process, World
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+from strangers import Stranger
+
+GOOD = 'std_msgs/msg/Float64'
+MARKER = 'marker_msgs/msg/X'
+TYPES = (
+    'this/msg/X',
+    'antigravity/msg/X',
+    'idlelib.idle/msg/X',
+    MARKER,
+    '/msg/X',
+    'std_msgs/msg/__doc__',
+    'std_msgs/msg/_float64',
+    'std_msgs/msg/Float64\n',
+    '../../x/msg/Y',
+    'std_msgs/srv/Float64',
+    'std_srvs/srv/Trigger',
+    'std_msgs/msg/\uff26loat64',
+    'a\x1b[2J\u202e/msg/X',
+    '',
+)
+TOPICS = (
+    '/{x}',
+    '/{node}',
+    '/a//b',
+    '//number',
+    '',
+    '/1a',
+    '/a b',
+    '~',
+    '/number\0',
+    '/a\n[ERROR] forged',
+    '/\x1b[2J\x9b31m',
+    '/\u202e\u2028',
+    '/' + 'x' * 10_000,
+)
+COUNT = 40
+
+
+@pytest.fixture
+def marker(tmp_path: Path) -> Path:
+    """Return what is there as soon as somebody imports a module of the working folder."""
+    package = tmp_path / 'marker_msgs'
+    package.mkdir()
+    code = f'open({str(tmp_path / "marker")!r}, "w")\n'
+    (package / '__init__.py').write_text(code)
+    (package / 'msg.py').write_text(code)
+    return tmp_path / 'marker'
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    """Return a log of a good topic among all that is hostile."""
+    path = tmp_path / 'hostile.mcap'
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        wanted = [('/number', GOOD)]
+        wanted += [(f'/typed_{n}', kind) for n, kind in enumerate(TYPES)]
+        wanted += [(name, GOOD) for name in TOPICS]
+        for n, (name, kind) in enumerate(wanted):
+            schema = writer.register_schema(kind, 'ros2msg', definition(GOOD).encode())
+            channel = writer.register_channel(name, 'cdr', schema)
+            for k in range(1 if n else COUNT):
+                time = START + k * 1_000_000
+                writer.add_message(channel, time, number(k), time, k + 1)
+        writer.finish()
+    return path
+
+
+def printed(process: Process) -> list[str]:
+    """Return the lines that a process has written; they hold nothing but what can be seen."""
+    lines = (process.output + process.errors).split('\n')
+    assert [line for line in lines if not line.isprintable()] == []
+    assert max(map(len, lines)) < 2000
+    return lines
+
+
+@pytest.mark.parametrize('namespace', ['', '/replay'])
+def test_a_log_of_a_stranger_plays_what_is_sound_and_runs_nothing(
+    ros: World, bag: Path, marker: Path, namespace: str
+) -> None:
+    heard = ros.probe.listen(Float64, f'{namespace}/other')
+    arguments = ['--remap', 'number:=other', '--delay', '0', '--start-paused']
+    arguments += ['--ros-args', '-r', f'__ns:={namespace}'] if namespace else []
+    process = ros.start('player_node', str(bag), *arguments)
+    ros.probe.matched(f'{namespace}/other')
+    assert ros.probe.call(Trigger, f'{namespace}/player_node/resume', Trigger.Request()).success
+    assert process.wait() == 0
+    ros.probe.spin(0.2)
+    assert [message.data for message in heard] == list(range(COUNT))
+    assert not marker.exists()
+    complaints = [line for line in printed(process) if 'is not played: ' in line]
+    more = [line for line in printed(process) if 'more complaints about topics' in line]
+    assert len(complaints) == 20
+    assert f'and {len(TYPES) + len(TOPICS) - 20} more' in more[0]
+
+
+def test_every_topic_that_ros_refuses_is_named_once(ros: World, bag: Path) -> None:
+    wanted = [name for name in TOPICS if name and '\0' not in name]
+    process = ros.start('player_node', str(bag), '--delay', '0', '--topics', *wanted)
+    assert process.wait() == 0
+    lines = printed(process)
+    complaints = [line for line in lines if 'is not played: topic ' in line]
+    # '~' is asked for as '/~'.
+    assert len(complaints) == len(wanted) - 1
+    assert any(r'/a\n[ERROR] forged is not played: ' in line for line in complaints)
+    assert any('/{node} is not played: ' in line for line in complaints)
+    assert any('xxx... (10001 characters) is not played: ' in line for line in complaints)
+
+
+def test_a_recorder_survives_whatever_is_on_the_network(
+    ros: World, own_context: Callable[[], Node], marker: Path, tmp_path: Path
+) -> None:
+    recorder = ros.start('recorder_node', output='run', all_topics=True)
+    sound = ros.probe.publisher(Float64, '/sound')
+    # Each in a participant of its own: one that rclpy cannot tell of hides what is beside it.
+    named, typed, unreadable = own_context(), own_context(), own_context()
+    # DDS has names up to 255 bytes, and those of ROS begin with a slash.
+    names = [
+        name for name in TOPICS if name.startswith('/') and len(name) < 250 and '\0' not in name
+    ]
+    strangers = [Stranger(named, name.encode()) for name in names]
+    strangers += [
+        Stranger(typed, f'/typed_{n}'.encode(), kind.encode()) for n, kind in enumerate(TYPES)
+    ]
+    ros.probe.until(lambda: recorder.errors.count('is not recorded: ') == len(strangers))
+    strangers += [
+        Stranger(unreadable, b'/\xff\xfe'),
+        Stranger(unreadable, b'/sound', b'std_msgs\xff/msg/Float64'),
+    ]
+    ros.probe.spin(0.5)
+    # Who comes later is heard all the same.
+    late = ros.probe.publisher(Float64, '/late')
+    for n in range(COUNT):
+        sound.publish(Float64(data=float(n)))
+        late.publish(Float64(data=float(n)))
+    ros.probe.spin(0.5)
+    assert recorder.stop() == 0
+    for stranger in strangers:
+        stranger.close()
+    assert not marker.exists()
+    lines = printed(recorder)
+    assert any(
+        'typed_3 of type marker_msgs/msg/X is not recorded: message type' in s for s in lines
+    )
+    assert any(r' /\x1b[2J\x9b31m of type std_msgs/msg/Float64 is not' in line for line in lines)
+    with open_log(tmp_path / 'run') as log:
+        assert log.complete
+        counts = {name: sum(1 for _ in log.messages([name])) for name in ('/sound', '/late')}
+        assert not {topic.name for topic in log.topics} & set(TOPICS)
+    assert counts == {'/sound': COUNT, '/late': COUNT}
+
+
+class Liar:
+    """A node that publishes poses, and answers for its parameters as no solver would."""
+
+    def __init__(self, probe: Probe, name: str, values: list[ParameterValue]) -> None:
+        node = probe.neighbour(name, start_parameter_services=False)
+        self.asked = 0
+        self._values = values
+        node.create_publisher(JointState, '/joint_states', 10)
+        node.create_service(ListParameters, f'{name}/list_parameters', self._list)
+        node.create_service(GetParameters, f'{name}/get_parameters', self._get)
+
+    def _list(self, _: object, response: ListParameters.Response) -> ListParameters.Response:
+        response.result.names = [*NAMES, 'a\x1b[2J']
+        return response
+
+    def _get(self, _: object, response: GetParameters.Response) -> GetParameters.Response:
+        self.asked += 1
+        response.values = self._values
+        return response
+
+
+def test_a_recorder_survives_what_a_solver_may_answer(ros: World, tmp_path: Path) -> None:
+    recorder = ros.start('recorder_node', output='run')
+    odd = ParameterValue(type=ParameterType.PARAMETER_BYTE_ARRAY, byte_array_value=[b'\xff'])
+    liars = [
+        Liar(ros.probe, 'too_few', [odd]),
+        Liar(ros.probe, 'no_type', [ParameterValue(type=77)] * (len(NAMES) + 1)),
+        Liar(ros.probe, 'odd', [odd] * (len(NAMES) + 1)),
+    ]
+    ros.probe.until(lambda: all(liar.asked for liar in liars))
+    ros.probe.spin(0.5)
+    assert recorder.stop() == 0
+    lines = printed(recorder)
+    for name in ('too_few', 'no_type'):
+        assert any(f'/{name} does not answer for its parameters: ' in line for line in lines)
+    with open_log(tmp_path / 'run') as log:
+        (record,) = log.metadata[SOLVER_RECORD]
+    assert solver_parameters(record).node == '/odd'
