@@ -2,29 +2,37 @@
 
 import argparse
 from collections.abc import Sequence
+from functools import partial
 import os
 import sys
 
 from klann_ros import __version__
-from klann_ros.kinematics.leg_types import Leg
+from klann_ros.kinematics import AnyLeg
 from klann_ros.log.errors import LogError
+from klann_ros.log.reading.run_files import LOG_HELP
+from klann_ros.untrusted.arguments import ArgumentParser
+from klann_ros.untrusted.text import printable_line
 
-from .comparing import compare, Comparison
-from .leg_file import leg_from_file
+from .comparing import compare
+from .leg_file import leg_of, preset_names
 from .limits import Limits, limits_from_file, NAMES
-from .picture import NoPictureError, save_picture
+from .outputs import Output, OutputError, outputs, Save
+from .picture import NoPictureError, picture_format, save_picture
 from .progress import progress
 from .report import csv_file, json_report, text
 from .report.html_page import page
 from .reviewed import Review
 from .reviewing import review_run
 
+NOT_READ, NOT_WRITTEN = 2, 3
 DESCRIPTION = """\
 Review a run: how the leg moved, what was lost, and whether every pose is right.
 
-Every pose is solved again from its crank angle, by the geometry that the run tells.
+Every pose is solved again from its crank angle, by the geometry that the run tells: a solver's
+parameters, or robot_description.
 With LOG2, say in what the two runs differ as well.
-Exit code: 0 nothing found, 1 findings (or a difference), 2 not a readable log."""
+Exit code: 0 nothing found, 1 findings (or a difference), 2 not a readable log, 3 what was asked
+for cannot be written: a FILE, which is found out at the start, or the report itself."""
 EPILOG = f"""\
 FILE of --limits is YAML, a line a limit: {', '.join(NAMES)}."""
 
@@ -34,44 +42,60 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(argv)
     try:
         return _review(options)
-    except (LogError, NoPictureError, OSError) as error:
-        print(f'review: {error}', file=sys.stderr)
-        return 2
+    except (OutputError, NoPictureError) as error:
+        return _fail(error, NOT_WRITTEN)
+    except (LogError, OSError) as error:
+        return _fail(error, NOT_READ)
+
+
+def _fail(error: Exception, code: int) -> int:
+    print(f'review: {printable_line(error)}', file=sys.stderr)
+    return code
 
 
 def _review(options: argparse.Namespace) -> int:
-    given = leg_from_file(options.geometry) if options.geometry else None
-    limits = limits_from_file(options.limits) if options.limits else Limits()
+    inputs = options.log, options.log2, options.geometry, options.limits
+    files = outputs(
+        {f'--{name}': getattr(options, name) for name in ('json', 'html', 'csv', 'picture')},
+        [path for path in inputs if path],
+    )
+    form = picture_format(options.picture) if options.picture else ''
+    given = leg_of(options.geometry) if options.geometry is not None else None
+    limits = limits_from_file(options.limits) if options.limits is not None else Limits()
     reviews = [_one(path, options, given, limits) for path in (options.log, options.log2) if path]
     comparison = compare(*reviews) if len(reviews) == 2 else None
     colour = _wants_colour()
     print('\n\n'.join(text.report(review, colour=colour) for review in reviews))
     if comparison is not None:
         print(f'\n{text.differences(comparison, colour=colour)}')
-    _save(options, reviews, comparison)
+    savers: dict[str, Save] = {
+        '--json': partial(json_report.save, reviews[0], comparison),
+        '--html': partial(page.save, reviews, comparison),
+        '--csv': partial(csv_file.save, reviews[0]),
+        '--picture': partial(save_picture, reviews[0], form),
+    }
+    saved = [_is_saved(file, savers[file.option]) for file in files]
+    if not all(saved):
+        return NOT_WRITTEN
     healthy = all(review.is_healthy for review in reviews)
     return 0 if healthy and not (comparison and comparison.differences) else 1
 
 
-def _one(path: str, options: argparse.Namespace, given: Leg | None, limits: Limits) -> Review:
+def _one(path: str, options: argparse.Namespace, given: AnyLeg | None, limits: Limits) -> Review:
     # A chart shows seven digits.
     rates = 'f8' if options.csv else 'f4' if options.html else ''
     with progress() as tell:
         return review_run(path, given=given, limits=limits, rates=rates, progress=tell)
 
 
-def _save(
-    options: argparse.Namespace, reviews: Sequence[Review], comparison: Comparison | None
-) -> None:
-    first = reviews[0]
-    if options.json:
-        json_report.save(first, comparison, options.json)
-    if options.html:
-        page.save(reviews, comparison, options.html)
-    if options.csv:
-        csv_file.save(first, options.csv)
-    if options.picture:
-        save_picture(first, options.picture)
+def _is_saved(file: Output, save: Save) -> bool:
+    """Write a file; say what is wrong if that cannot be done, for the others may be."""
+    try:
+        file.save(save)
+    except (OutputError, NoPictureError) as error:
+        _fail(error, NOT_WRITTEN)
+        return False
+    return True
 
 
 def _wants_colour() -> bool:
@@ -82,14 +106,14 @@ def _wants_colour() -> bool:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog='review',
         description=DESCRIPTION,
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
-    parser.add_argument('log', metavar='LOG', help='a run folder or an .mcap file')
+    parser.add_argument('log', metavar='LOG', help=LOG_HELP)
     parser.add_argument('log2', metavar='LOG2', nargs='?', help='another run to compare it with')
     parser.add_argument('--json', metavar='FILE', help='the report for machines')
     parser.add_argument('--html', metavar='FILE', help='the page: the leg animated, and charts')
@@ -97,7 +121,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--geometry',
         metavar='FILE',
-        help='hold the run against this leg: a parameter file, a file of lengths, or a linkage',
+        help=(
+            'hold the run against this leg: a parameter file, a file of lengths, a linkage, or '
+            f'one of {", ".join(preset_names())}'
+        ),
     )
     parser.add_argument('--limits', metavar='FILE', help='other limits of the checks')
     parser.add_argument(

@@ -5,8 +5,9 @@ from dataclasses import asdict, dataclass
 from math import inf, isfinite
 from typing import Any
 
+from klann_ros.kinematics import AnyLeg
 from klann_ros.kinematics.batch.given_angles import feet
-from klann_ros.kinematics.leg_types import Leg
+from klann_ros.untrusted.text import printable
 import numpy as np
 
 from .dimensions import Dimension, dimensions
@@ -100,7 +101,7 @@ def _lonely(
     for which, own, foreign in (('first', ones, others), ('second', others, ones)):
         for title in own:
             if title not in foreign:
-                text = f'the leg {title or "without a name"} is in the {which} run only'
+                text = f'the leg {printable(title) or "without a name"} is in the {which} run only'
                 yield Difference('legs', text, inf, '', title)
 
 
@@ -136,7 +137,7 @@ def _both_told(one: ReviewedLeg, other: ReviewedLeg) -> bool:
 
 def _remarks(one: ReviewedLeg, other: ReviewedLeg) -> Iterator[str]:
     """Yield what of a leg could not be compared."""
-    of = f'{one.recording.title}: ' if one.recording.title else ''
+    of = f'{printable(one.recording.title)}: ' if one.recording.title else ''
     untold = [
         which
         for which, leg in (('first', one), ('second', other))
@@ -165,7 +166,7 @@ def _motion(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterator[Di
         yield Difference('path', text, path, 'm', title)
 
 
-def _distances(moved: ReviewedLeg, leg: Leg, limits: Limits) -> tuple[float, float]:
+def _distances(moved: ReviewedLeg, leg: AnyLeg, limits: Limits) -> tuple[float, float]:
     """
     Return the largest differences of a run from a leg: angles [rad], feet [m].
 

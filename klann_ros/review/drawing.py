@@ -1,30 +1,19 @@
 """The leg drawn: bars, joints with their letters, and the path of the foot."""
 
 from collections.abc import Sequence
-from itertools import chain, pairwise
+from itertools import chain
 from math import hypot
 from typing import NamedTuple, TYPE_CHECKING
 
-from klann_ros.kinematics import KlannPose
-from klann_ros.kinematics.leg_types import LegPose
+from klann_ros.kinematics import KlannPose, LinkagePose
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LETTERS = 'ABCDEFGH'
-# Each body by its points, with its name and colour.
-BODIES = (
-    ('AB', 'crank', '#d1495b'),
-    ('BCG', 'coupler', '#30638e'),
-    ('DC', 'lower rocker', '#7a9e7e'),
-    ('EF', 'upper rocker', '#edae49'),
-    ('FGH', 'leg', '#003d5b'),
-)
-PIVOTS = 'ADE'
-# Bodies of other linkages take the colours in turn.
-COLOURS = (*(colour for _, _, colour in BODIES), '#8f5c38', '#66618c')
+# Bodies take the colours in turn; those of the Klann leg are crank, coupler, both rockers, leg.
+COLOURS = ('#d1495b', '#30638e', '#7a9e7e', '#edae49', '#003d5b', '#8f5c38', '#66618c')
 
 
 class Drawn(NamedTuple):
@@ -47,26 +36,18 @@ class Drawn(NamedTuple):
     bodies: list[tuple[list[tuple[str, str]], str, str]]
 
     @classmethod
-    def of(cls, pose: LegPose) -> 'Drawn':
+    def of(cls, pose: LinkagePose) -> 'Drawn':
         """Return what a pose is drawn from."""
-        if isinstance(pose, KlannPose):
-            points = dict(zip(LETTERS, pose.points, strict=True))
-            klann = [(list(pairwise(letters)), name, colour) for letters, name, colour in BODIES]
-            return cls(points, PIVOTS, klann)
-        description = pose.linkage.description
-        points = dict(zip(description.points, pose.points, strict=True))
+        structure = pose.linkage.structure
+        points = dict(zip(structure.points, pose.points, strict=True))
         bodies = [
-            (
-                [(bar.start, bar.end) for bar in body.bars],
-                body.angle,
-                COLOURS[i % len(COLOURS)],
-            )
-            for i, body in enumerate(description.bodies)
+            ([(bar.start, bar.end) for bar in body.bars], label, COLOURS[i % len(COLOURS)])
+            for i, (body, label) in enumerate(zip(structure.bodies, structure.labels, strict=True))
         ]
-        return cls(points, list(description.pivots), bodies)
+        return cls(points, structure.pivots, bodies)
 
 
-def draw_leg(axes: 'Axes', pose: LegPose) -> None:
+def draw_leg(axes: 'Axes', pose: LinkagePose) -> None:
     """Draw a pose: each body in its colour, the pivots as squares, every point's name."""
     drawn = Drawn.of(pose)
     points = drawn.points
@@ -142,7 +123,7 @@ def draw_angles(axes: 'Axes', pose: KlannPose, radius: float) -> None:
         ('F', r'$\theta$', -pose.theta),
     )
     for letter, name, angle in arcs:
-        x, y = pose.points[LETTERS.index(letter)]
+        x, y = pose.points['ABCDEFGH'.index(letter)]
         ends = sorted([0.0, float(np.degrees(angle))])
         size = 2.0 * radius
         axes.add_patch(Arc((x, y), size, size, theta1=ends[0], theta2=ends[1], color='#555555'))

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 from math import inf, nan
 
-from klann_ros.kinematics import foot_path, KinematicsError
+from klann_ros.kinematics import AnyLeg, foot_path, KinematicsError
 from klann_ros.kinematics.foot.stance import Stance
-from klann_ros.kinematics.leg_types import Leg
 import numpy as np
 
 from .loading.layouts import Floats
@@ -25,7 +24,7 @@ class LegFigures:
     turns : float
         Net turns of the crank, positive counter-clockwise.
     stride, lift : float
-        Extent of the foot path in x and y [m].
+        Extent of the foot path in x and y [m]; NaN where the crank did not turn once.
     duty_factor : float
         Part of the recorded poses at which the foot is on the ground.
     straightness : float
@@ -59,7 +58,8 @@ def leg_figures(recording: LegRecording, resolved: Resolved | None) -> LegFigure
     alphas = alphas[:, 0]
     # Whatever stands in the messages: what overflows is infinite.
     with np.errstate(over='ignore'):
-        stride, lift = np.ptp(feet, axis=0) if len(feet) else (nan, nan)
+        is_path = len(feet) and _covers_a_turn(alphas)
+        stride, lift = np.ptp(feet, axis=0) if is_path else (nan, nan)
         turns = float(alphas[-1] - alphas[0]) / _TURN if len(alphas) else nan
     stance = _stance(recording.solver.leg)
     return LegFigures(
@@ -81,9 +81,17 @@ def _finite(rows: Floats) -> Floats:
     return rows if finite.all() else rows[finite]
 
 
-def _stance(leg: Leg | None) -> Stance | None:
+def _covers_a_turn(alphas: Floats) -> bool:
+    """Return whether the crank was at all angles; without poses nobody knows that it was not."""
+    if not len(alphas):
+        return True
+    steps = np.abs(np.diff(alphas))
+    return bool(np.ptp(alphas) + (np.median(steps) if len(steps) else 0.0) >= _TURN)
+
+
+def _stance(leg: AnyLeg | None) -> Stance | None:
     try:
-        return foot_path(leg).stance() if leg else None  # type: ignore[misc] # its own pose
+        return foot_path(leg).stance() if leg else None
     except KinematicsError:
         return None
 

@@ -5,18 +5,23 @@ from pathlib import Path
 from typing import Any
 
 from klann_ros.kinematics import (
+    AnyLeg,
     KlannGeometry,
     KlannLeg,
     linkage_from_text,
     LinkageFileError,
     LinkageLeg,
+    shipped_linkage,
+    shipped_linkages,
 )
 from klann_ros.kinematics.klann.geometry import NUMBERS
-from klann_ros.kinematics.leg_types import Leg
-from klann_ros.kinematics.linkage.yaml_text import parse
 from klann_ros.log.errors import LogError
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
+from klann_ros.untrusted.files import read_plain
+from klann_ros.untrusted.text import printable_line
+from klann_ros.untrusted.yaml_text import LONGEST, parse
 
+_PRESETS = {'sem104': KlannGeometry.sem104, 'patent': KlannGeometry.patent}
 # One of them is enough to tell that a file is meant to be a linkage.
 _LINKAGE_KEYS = {'pivots', 'bodies', 'crank', 'foot'}
 
@@ -25,7 +30,28 @@ class LegFileError(LogError):
     """A file that holds no leg; the text says why."""
 
 
-def leg_from_file(path: str) -> Leg:
+def preset_names() -> tuple[str, ...]:
+    """Return the names of the legs that come with the package."""
+    return *_PRESETS, *shipped_linkages()
+
+
+def leg_of(name: str) -> AnyLeg:
+    """
+    Return the leg in a file, or the one of a name if no file is called so.
+
+    Raises
+    ------
+    LegFileError
+        There is neither, or the file holds no leg.
+
+    """
+    if name in preset_names() and not Path(name).exists():
+        preset = _PRESETS.get(name)
+        return KlannLeg(preset()) if preset else LinkageLeg(shipped_linkage(name))
+    return leg_from_file(name)
+
+
+def leg_from_file(path: str) -> AnyLeg:
     """
     Return the leg in a YAML file: solver_node's parameters, a mapping of lengths, or a linkage.
 
@@ -36,20 +62,22 @@ def leg_from_file(path: str) -> Leg:
 
     """
     try:
-        text = Path(path).read_text(encoding='utf-8')
+        text = read_plain(path, LONGEST)
         content = parse(text)
         if isinstance(content, dict) and not _LINKAGE_KEYS.isdisjoint(content):
             return LinkageLeg(linkage_from_text(text, path))
         return leg_from_parameters(_ros_parameters(content))
     except LinkageFileError as error:
         raise LegFileError(str(error)) from error
-    except (OSError, ValueError, TypeError) as error:
+    except OSError as error:
+        also = f'; shipped are {", ".join(preset_names())}' * isinstance(error, FileNotFoundError)
+        raise LegFileError(f'{path} cannot be read: {error.strerror}{also}') from error
+    except (ValueError, TypeError) as error:
         # A path that is none, a text that is none, and a geometry that is none.
-        msg = f'{path} holds no geometry: {" ".join(str(error).split())}'
-        raise LegFileError(msg) from error
+        raise LegFileError(f'{path} holds no geometry: {printable_line(error)}') from error
 
 
-def leg_from_parameters(parameters: Mapping[str, Any]) -> Leg:
+def leg_from_parameters(parameters: Mapping[str, Any]) -> AnyLeg:
     """
     Return the leg that a solver's parameters tell; others among them do not matter.
 

@@ -3,12 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from math import inf
-from pathlib import Path
 import sys
 from typing import Any
 
-from klann_ros.kinematics.linkage.yaml_text import parse
 from klann_ros.log.errors import LogError
+from klann_ros.untrusted.files import read_plain
+from klann_ros.untrusted.text import printable_line
+from klann_ros.untrusted.yaml_text import LONGEST, parse
 
 
 class LimitsFileError(LogError):
@@ -82,10 +83,11 @@ def limits_from_file(path: str) -> Limits:
 
     """
     try:
-        content = parse(Path(path).read_text(encoding='utf-8'))
-        return limits_from(content)
-    except (OSError, ValueError) as error:
-        raise LimitsFileError(f'{path} holds no limits: {" ".join(str(error).split())}') from error
+        return limits_from(parse(read_plain(path, LONGEST)))
+    except OSError as error:
+        raise LimitsFileError(f'{path} cannot be read: {error.strerror}') from error
+    except ValueError as error:
+        raise LimitsFileError(f'{path} holds no limits: {printable_line(error)}') from error
 
 
 def limits_from(content: Any) -> Limits:

@@ -26,7 +26,7 @@ def pairs(first: Times, second: Times) -> tuple[Rows, Rows]:
     A simulated clock gives many the same stamp: the k-th of a stamp belongs to the k-th of the
     other. Where one of them is missing nobody knows which, and none of the stamp is paired.
     """
-    if len(first) == len(second) and (first == second).all() and _rises(first):
+    if len(first) == len(second) and (first == second).all() and rises(first):
         rows = np.arange(len(first), dtype=np.intp)
         return rows, rows
     a, b = _groups(first), _groups(second)
@@ -40,7 +40,7 @@ def pairs(first: Times, second: Times) -> tuple[Rows, Rows]:
 
 def alone(stamps: Times) -> Rows:
     """Return the rows whose stamp no other row has."""
-    if _rises(stamps):
+    if rises(stamps):
         return np.arange(len(stamps))
     groups = _groups(stamps)
     return np.sort(groups.order[groups.begins[groups.counts == 1]])
@@ -51,7 +51,7 @@ def many_to_one(stamps: Times, single: Times) -> tuple[Rows, Rows]:
     if not len(single):
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
     # Sorted already, as a rule: what NumPy has for it needs five times the memory.
-    order = None if _rises(single) else np.argsort(single, kind='stable')
+    order = None if rises(single) else np.argsort(single, kind='stable')
     ordered = single if order is None else single[order]
     place = np.searchsorted(ordered, stamps)
     np.minimum(place, len(ordered) - 1, out=place)
@@ -62,11 +62,41 @@ def many_to_one(stamps: Times, single: Times) -> tuple[Rows, Rows]:
 def found_in(stamps: Times, among: Times) -> NDArray[np.bool_]:
     """Return which stamps are among others."""
     found = np.zeros(len(stamps), dtype=bool)
-    found[many_to_one(stamps, among if _rises(among) else np.unique(among))[0]] = True
+    found[many_to_one(stamps, among if rises(among) else np.unique(among))[0]] = True
     return found
 
 
-def _rises(stamps: Times) -> bool:
+class Counted(NamedTuple):
+    """
+    How often each stamp is there.
+
+    Attributes
+    ----------
+    stamps : numpy.ndarray, shape (k,)
+        The stamps that are among the first, each once, in their order.
+    of_first : numpy.ndarray
+        Which of them each of the first is.
+    first, second : numpy.ndarray, shape (k,)
+        How often each is among the first, and among the second.
+
+    """
+
+    stamps: Times
+    of_first: Rows
+    first: Rows
+    second: Rows
+
+
+def counted(first: Times, second: Times) -> Counted:
+    """Return how often each stamp of the first is there, and how often among the second."""
+    stamps, of_first, counts = np.unique(first, return_inverse=True, return_counts=True)
+    ordered = np.sort(second)
+    begins, ends = (np.searchsorted(ordered, stamps, side=side) for side in ('left', 'right'))
+    return Counted(stamps, of_first, counts, ends - begins)
+
+
+def rises(stamps: Times) -> bool:
+    """Return whether each stamp is later than the one before."""
     return bool((np.diff(stamps) > 0).all())
 
 

@@ -1,9 +1,11 @@
 """A picture of a run: the leg at its last pose that closes, and the path that its foot took."""
 
 from math import degrees
+from pathlib import Path
+from typing import BinaryIO
 
-from klann_ros.kinematics import KinematicsError
-from klann_ros.kinematics.leg_types import Leg, LegPose
+from klann_ros.kinematics import AnyLeg, KinematicsError, LinkagePose
+from klann_ros.untrusted.text import printable
 import numpy as np
 
 from .recording import LegRecording
@@ -17,19 +19,46 @@ class NoPictureError(Exception):
     """A picture that cannot be made; the text says why."""
 
 
-def save_picture(review: Review, path: str) -> None:
+def picture_format(path: str) -> str:
     """
-    Save a picture of a run's first leg.
-
-    Its format follows from the path's ending, such as .png or .svg.
+    Return the format of a picture by the ending of its path, such as .png or .svg.
 
     Raises
     ------
     NoPictureError
-        matplotlib is not installed, it knows no such format, or the leg closes at none of the
-        run's poses.
-    OSError
-        The file cannot be written.
+        matplotlib is not installed, or knows no such format.
+
+    """
+    try:
+        from matplotlib.backend_bases import FigureCanvasBase  # noqa: PLC0415 - as below
+    except ModuleNotFoundError:
+        msg = "a picture needs matplotlib: pip install 'klann_ros[plot]'"
+        raise NoPictureError(msg) from None
+    known = FigureCanvasBase.get_supported_filetypes()
+    ending = Path(path).suffix.removeprefix('.').lower() or 'png'
+    if ending not in known:
+        msg = f'there is no picture of the format {printable(ending)}: {", ".join(sorted(known))}'
+        raise NoPictureError(msg)
+    return ending
+
+
+def save_picture(review: Review, form: str, file: BinaryIO) -> None:
+    """
+    Write a picture of a run's first leg to an open file.
+
+    Parameters
+    ----------
+    review : Review
+        The run.
+    form : str
+        The picture's format.
+    file : binary file
+        Where it is written to.
+
+    Raises
+    ------
+    NoPictureError
+        The leg closes at none of the run's poses.
 
     """
     if not review.legs:
@@ -38,11 +67,7 @@ def save_picture(review: Review, path: str) -> None:
     if recording.solver.leg is None:
         raise NoPictureError('a picture needs a geometry, and the run tells none: --geometry FILE')
     pose = _last_that_closes(recording, recording.solver.leg)
-    try:
-        from matplotlib.figure import Figure  # noqa: PLC0415 - optional, and slow to import
-    except ModuleNotFoundError:
-        msg = "a picture needs matplotlib: pip install 'klann_ros[plot]'"
-        raise NoPictureError(msg) from None
+    from matplotlib.figure import Figure  # noqa: PLC0415 - optional, and slow to import
 
     from .drawing import draw_foot_path, draw_leg, label_plane  # noqa: PLC0415
 
@@ -55,12 +80,12 @@ def save_picture(review: Review, path: str) -> None:
     draw_leg(axes, pose)
     label_plane(axes, f'crank angle {degrees(pose.alpha) % 360.0:.1f} deg')
     try:
-        figure.savefig(path, dpi=120)
+        figure.savefig(file, format=form, dpi=120)
     except ValueError as error:
         raise NoPictureError(str(error)) from error
 
 
-def _last_that_closes(recording: LegRecording, leg: Leg) -> LegPose:
+def _last_that_closes(recording: LegRecording, leg: AnyLeg) -> LinkagePose:
     """Return the last of the poses at which the leg can be drawn."""
     alphas = reversed(recording.poses.values[:, 0].tolist())
     poses = (_pose(leg, alpha) for alpha in alphas)
@@ -70,8 +95,9 @@ def _last_that_closes(recording: LegRecording, leg: Leg) -> LegPose:
     return pose
 
 
-def _pose(leg: Leg, alpha: float) -> LegPose | None:
+def _pose(leg: AnyLeg, alpha: float) -> LinkagePose | None:
     try:
-        return leg.closed_form(alpha)
+        pose: LinkagePose = leg.closed_form(alpha)
     except KinematicsError:
         return None
+    return pose

@@ -22,15 +22,24 @@ class TopicRecording:
     times : numpy.ndarray, shape (n,)
         Log times, sorted [ns].
     latencies : numpy.ndarray of float32, shape (n,)
-        Times from publishing to receiving [s].
+        Times from publishing to receiving [s]; NaN of what a latched publisher sent before it
+        was heard, which waited for whoever would come.
     lost : int or None
         Messages lost on the way into the run; None where nobody can tell.
+    early : int
+        What publishers that came later had sent before the recorder heard them.
+    left : int
+        How many publishers left: of what each sent last nothing is known.
+    shared : bool
+        Whether several publishers were there at once, as their numbers or the recorder tell.
     missing : numpy.ndarray, shape (k, 3)
         Where sequence numbers are missing: the log times before and after [ns], and how many.
-    backwards : int
-        How many messages are logged earlier than the one before them in the file.
-    backwards_at : int or None
-        Log time of the first of them [ns].
+    set_back : numpy.ndarray, shape (k, 2)
+        Where the recorder's clock was set back: the log times after that, and by how much at
+        least [ns].
+    overtaken : int
+        How many other messages are logged earlier than the one before them in the file: those of
+        several publishers come in turns, and some are sent again.
 
     """
 
@@ -39,9 +48,12 @@ class TopicRecording:
     times: Times
     latencies: NDArray[np.float32]
     lost: int | None
+    early: int = 0
+    left: int = 0
+    shared: bool = False
     missing: Times = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
-    backwards: int = 0
-    backwards_at: int | None = None
+    set_back: Times = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    overtaken: int = 0
 
     @property
     def lost_at(self) -> int | None:
@@ -122,8 +134,8 @@ class LegRecording:
         Where it publishes, and its name; '' for the root, and for the unnamed leg.
     solver : LegSolver
         What the run tells of its solver, or what it is held against.
-    pose_topics : frozenset of str
-        Where its poses come from.
+    pose_topics, crank_topics : frozenset of str
+        Where its poses and its crank inputs come from.
     cranks : Series
         Crank inputs, before direction and phase [rad], values of shape (k, 1).
     poses : Series
@@ -135,6 +147,9 @@ class LegRecording:
         The most Newton iterations since the report before, values of shape (k, 1).
     feet : Series
         H (x, y) [m], values of shape (m, 2).
+    unstamped : numpy.ndarray
+        Log times of other crank inputs, whose answers nobody can tell: they have no stamp, and a
+        simulated clock gave one to their answers [ns].
 
     """
 
@@ -142,11 +157,13 @@ class LegRecording:
     name: str
     solver: LegSolver
     pose_topics: frozenset[str]
+    crank_topics: frozenset[str]
     cranks: Series
     poses: Series
     feet: Series
     rates: Floats = field(default_factory=lambda: np.empty((0, 0)))
     iterations: Series = field(default_factory=lambda: no_series(1))
+    unstamped: Times = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     @property
     def title(self) -> str:
@@ -165,6 +182,7 @@ class LegRecording:
             poses=self.poses.since(since),
             feet=self.feet.since(since),
             rates=self.rates[first:],
+            unstamped=self.unstamped[self.unstamped >= since],
         )
 
 

@@ -4,9 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, nan
 
-from klann_ros.kinematics import KinematicsError, klann_poses, KlannLeg
-from klann_ros.kinematics.batch.given_angles import feet, loop_errors
-from klann_ros.kinematics.leg_types import Leg
+from klann_ros.kinematics import AnyLeg, linkage_poses
+from klann_ros.kinematics.batch.given_angles import feet, loop_errors, transmission_angles
 import numpy as np
 
 from .loading.layouts import Floats
@@ -47,7 +46,7 @@ class Resolved:
     transmission_angles: Floats
 
 
-def resolve(recording: LegRecording, leg: Leg, progress: Progress | None = None) -> Resolved:
+def resolve(recording: LegRecording, leg: AnyLeg, progress: Progress | None = None) -> Resolved:
     """
     Solve every recorded pose again, from its crank angle alone.
 
@@ -75,7 +74,7 @@ def resolve(recording: LegRecording, leg: Leg, progress: Progress | None = None)
     return again
 
 
-def _solve_again(leg: Leg, angles: Floats, again: Resolved, block: slice) -> None:
+def _solve_again(leg: AnyLeg, angles: Floats, again: Resolved, block: slice) -> None:
     expected, again.transmission_angles[block] = solved_again(leg, angles[:, 0])
     finite = np.isfinite(angles).all(axis=1)
     with np.errstate(invalid='ignore', over='ignore'):
@@ -91,33 +90,15 @@ def _distances(found: Floats, own: Floats) -> Floats:
     return np.where(np.isfinite(found).all(axis=1), np.minimum(distances, _LARGEST), inf)
 
 
-def solved_again(leg: Leg, alphas: Floats) -> tuple[Floats, Floats]:
+def solved_again(leg: AnyLeg, alphas: Floats) -> tuple[Floats, Floats]:
     """
     Return the other angles at crank angles, and the transmission angles; NaN out of reach.
 
     Shapes (n, number of angles - 1) and (n, number of dyads) [rad].
     """
-    return _klann(leg, alphas) if isinstance(leg, KlannLeg) else _any(leg, alphas)
-
-
-def _klann(leg: KlannLeg, alphas: Floats) -> tuple[Floats, Floats]:
-    poses = klann_poses(leg.geometry, alphas, angles=True)
+    poses = linkage_poses(leg, alphas, angles=True)
     angles: Floats = poses.angles  # type: ignore[assignment] # asked for
-    gamma, beta, delta, theta = angles.T
-    sums = np.column_stack([gamma + beta, delta + theta])
-    return angles, np.abs(wrapped(sums))
-
-
-def _any(leg: Leg, alphas: Floats) -> tuple[Floats, Floats]:
-    angles = np.full((len(alphas), len(leg.joint_names) - 1), nan)
-    mu = np.full((len(alphas), len(leg.assembly)), nan)
-    for i, alpha in enumerate(alphas.tolist()):
-        try:
-            pose = leg.closed_form(alpha)
-        except KinematicsError:
-            continue
-        angles[i], mu[i] = pose.x, pose.transmission_angles
-    return angles, mu
+    return angles, transmission_angles(leg, np.column_stack([alphas, angles]))
 
 
 def wrapped(angles: Floats) -> Floats:

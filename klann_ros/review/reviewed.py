@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from .answering import Answering
 from .figures import LegFigures
 from .finding import Finding
 from .limits import Limits
@@ -25,6 +26,8 @@ class ReviewedLeg:
         That part solved again; None where the run does not tell the leg.
     figures : LegFigures
         Its figures.
+    answering : Answering
+        What it was asked in that part, and what came of it.
 
     """
 
@@ -32,6 +35,7 @@ class ReviewedLeg:
     judged: LegRecording
     resolved: Resolved | None
     figures: LegFigures
+    answering: Answering
 
 
 @dataclass(frozen=True, eq=False)

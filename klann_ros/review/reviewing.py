@@ -3,10 +3,13 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from klann_ros.kinematics.leg_types import Leg
+from klann_ros.kinematics import AnyLeg
 from klann_ros.log.errors import AnyPath
 from klann_ros.log.reader import open_log
+from klann_ros.untrusted.text import printable
+import numpy as np
 
+from .answering import answering
 from .checks.all_checks import findings
 from .figures import leg_figures
 from .limits import Limits
@@ -23,7 +26,7 @@ Progress = Callable[[str, float], object]
 def review_run(
     path: AnyPath,
     *,
-    given: Leg | None = None,
+    given: AnyLeg | None = None,
     limits: Limits | None = None,
     rates: str = '',
     progress: Progress | None = None,
@@ -34,8 +37,8 @@ def review_run(
     Parameters
     ----------
     path : str or path
-        A run's folder, or an MCAP file of any recorder.
-    given : KlannLeg or LinkageLeg, optional
+        A run's folder, or a file of any recorder's.
+    given : Leg, optional
         What to hold the run against, instead of the legs that it tells.
     limits : Limits, optional
         What is still all right.
@@ -66,9 +69,12 @@ def review_run(
 def _judged(recording: LegRecording, tell: Progress) -> ReviewedLeg:
     judged, leg, resolved = recording.judged(), recording.solver.leg, None
     if leg is not None and len(judged.poses):
-        what = f'solving {recording.title or "the poses"} again'
+        what = f'solving {printable(recording.title) or "the poses"} again'
         resolved = resolve(judged, leg, lambda done, of: tell(what, done / of))
-    return ReviewedLeg(recording, judged, resolved, leg_figures(judged, resolved))
+    figures = leg_figures(judged, resolved)
+    # A log may hold any number.
+    with np.errstate(over='ignore', invalid='ignore'):
+        return ReviewedLeg(recording, judged, resolved, figures, answering(judged))
 
 
 def _tell_nobody(_: str, __: float) -> None:

@@ -8,6 +8,10 @@ import numpy as np
 from .loading.layouts import Times
 from .recording import TopicRecording
 
+MORE = '+'
+"""Stands behind a number of lost messages that is the least."""
+WHY_MORE = 'publishers left, and of what they sent last nothing is known'
+
 
 @dataclass(frozen=True)
 class TopicFigures:
@@ -28,9 +32,13 @@ class TopicFigures:
         Longest time between two messages [s].
     latency_p50, latency_p99 : float
         Time from publishing to receiving that half of the messages, and all but one in a hundred,
-        do not exceed [s].
+        do not exceed [s]; NaN where no latency is known.
     lost : int or None
         Messages lost on the way into the run; None where nobody can tell.
+    early : int
+        What publishers that came later had sent before the recorder heard them.
+    publishers_left : int
+        How many publishers left: of what each sent last nothing is known, and `lost` is the least.
 
     """
 
@@ -43,12 +51,21 @@ class TopicFigures:
     latency_p50: float
     latency_p99: float
     lost: int | None
+    early: int
+    publishers_left: int
+
+    @property
+    def lost_in_words(self) -> str:
+        """Return how many were lost, with a + where more may have been; ? for unknown."""
+        if self.lost is None:
+            return '?'
+        return f'{self.lost}{MORE}' if self.publishers_left else str(self.lost)
 
 
 def topic_figures(topic: TopicRecording) -> TopicFigures:
     """Return a topic's figures."""
     steps = intervals(topic.times)
-    latencies = topic.latencies
+    latencies = topic.latencies[~np.isnan(topic.latencies)]
     p50, p99 = np.percentile(latencies, [50.0, 99.0]) if len(latencies) else (nan, nan)
     return TopicFigures(
         name=topic.name,
@@ -60,6 +77,8 @@ def topic_figures(topic: TopicRecording) -> TopicFigures:
         latency_p50=float(p50),
         latency_p99=float(p99),
         lost=topic.lost,
+        early=topic.early,
+        publishers_left=topic.left,
     )
 
 

@@ -4,10 +4,10 @@ from klann_ros.review.finding import Finding
 from klann_ros.review.reviewed import Review
 import numpy as np
 
-from . import answers, clocks, container, gaps, loss, motion, poses
+from . import answers, clocks, container, gaps, loss, motion, poses, solvers
 
 # The cause at its source first.
-CHECKS = (container, poses, answers, loss, gaps, clocks, motion)
+CHECKS = (container, solvers, poses, answers, loss, gaps, clocks, motion)
 
 
 def findings(review: Review) -> tuple[Finding, ...]:

@@ -2,10 +2,15 @@
 
 from collections.abc import Collection, Iterator
 
+from klann_ros.log.wording import times, verb
 from klann_ros.review.finding import Finding, Severity
+from klann_ros.review.recording import TopicRecording
 from klann_ros.review.reviewed import Review, ReviewedLeg
 from klann_ros.review.topic_figures import TopicFigures
+from klann_ros.untrusted.text import listed, printable
 import numpy as np
+
+from .motion import back_and_forth
 
 # A latency is of a clock that is off if it hardly changes: so much from the median to the 99th
 # percentile, as a part of it.
@@ -17,7 +22,8 @@ _LEAST = 10
 def check(review: Review) -> Iterator[Finding]:
     """Yield what is wrong with times."""
     yield from _order(review)
-    off = [topic for topic in review.topics if _clock_is_off(topic, review)]
+    both = zip(review.topics, review.recording.topics, strict=True)
+    off = [topic for topic, recorded in both if _clock_is_off(topic, recorded, review)]
     yield from _latency(review, {topic.name for topic in off})
     if off:
         yield _publishers_clock(off)
@@ -27,55 +33,78 @@ def check(review: Review) -> Iterator[Finding]:
 
 
 def _order(review: Review) -> Iterator[Finding]:
-    back = [topic for topic in review.recording.topics if topic.backwards_at is not None]
+    back = [topic for topic in review.recording.topics if len(topic.set_back)]
     if back:
-        count = max(topic.backwards for topic in back)
-        names = ', '.join(topic.name for topic in back)
-        text = f'{count} messages of {names} are logged before those they follow'
+        often = times(max(len(topic.set_back) for topic in back))
+        by = max(int(topic.set_back[:, 1].max()) for topic in back) / 1e9
+        names = listed(topic.name for topic in back)
+        text = f'the log times go back {often}, by {by:.3g} s or more, on {names}'
         meaning = "the recorder's clock was set back, or the log was put together of others"
-        first = min(topic.backwards_at or 0 for topic in back)
+        first = min(int(topic.set_back[0, 0]) for topic in back)
         time = review.recording.since_start(first)
         yield Finding('order', Severity.WARNING, text, meaning, time)
         # By the times of the log the stamps are out of order then, too.
         return
+    overtaken = {topic.name for topic in review.recording.topics if topic.overtaken}
     for leg in review.legs:
+        if leg.recording.solver.sim_time or leg.answering.surplus.solvers > 1:
+            continue
+        # Two that turn the crank are found as such.
+        if overtaken & leg.recording.pose_topics or back_and_forth(leg.judged, review.limits).size:
+            continue
         rows = np.flatnonzero(np.diff(leg.judged.poses.stamps) < 0)
-        if rows.size and not leg.recording.solver.sim_time:
-            text = f'the stamps of {rows.size} poses are before that of the pose they follow'
+        if rows.size:
+            count = int(rows.size)
+            stamps = verb(count, 'stamp of 1 pose is', f'stamps of {count} poses are')
+            text = f'the {stamps} earlier than that of the pose before'
             meaning = 'inputs came out of order; robot_state_publisher drops such poses'
             time = review.recording.since_start(leg.judged.poses.times[rows[0] + 1])
             yield Finding('order', Severity.WARNING, text, meaning, time, leg.recording.title)
 
 
-def _clock_is_off(topic: TopicFigures, review: Review) -> bool:
-    p50, p99 = topic.latency_p50, topic.latency_p99
-    if topic.count < _LEAST:
+def _clock_is_off(topic: TopicFigures, recorded: TopicRecording, review: Review) -> bool:
+    if _known(recorded) < _LEAST:
         return False
-    if p50 < -review.limits.latency:
+    if topic.latency_p50 < -review.limits.latency:
         return True
-    return p50 > review.limits.clock_offset and p99 - p50 <= _STEADY * p50
+    return topic.latency_p50 > review.limits.clock_offset and _is_steady(topic)
+
+
+def _known(recorded: TopicRecording) -> int:
+    return int(np.count_nonzero(~np.isnan(recorded.latencies)))
+
+
+def _is_steady(topic: TopicFigures) -> bool:
+    return topic.latency_p99 - topic.latency_p50 <= _STEADY * topic.latency_p50
 
 
 def _publishers_clock(topics: list[TopicFigures]) -> Finding:
     worst = max(topics, key=lambda topic: abs(topic.latency_p50))
     off = worst.latency_p50
-    names = ', '.join(topic.name for topic in topics)
-    side = 'behind' if off > 0 else 'ahead of'
-    text = f"the publisher's clock is {abs(off):.3f} s {side} the recorder's ({names})"
+    names = listed(topic.name for topic in topics)
+    # Nothing comes before it was published; but what takes long may take equally long.
+    side = 'seems {:.3f} s behind' if off > 0 else 'is {:.3f} s ahead of'
+    text = f"the publisher's clock {side.format(abs(off))} the recorder's ({names})"
     meaning = 'two machines, two clocks: no latency can be told; let them agree (chrony, ptp)'
     return Finding('clock', Severity.WARNING, text, meaning)
 
 
 def _latency(review: Review, untold: Collection[str]) -> Iterator[Finding]:
+    limit = review.limits.latency
     for topic, recorded in zip(review.topics, review.recording.topics, strict=True):
-        limit = review.limits.latency
-        late = topic.count >= _LEAST and topic.latency_p99 > limit
-        if late and topic.name not in untold:
-            text = f'one in a hundred messages of {topic.name} came {topic.latency_p99:.3f} s late'
-            meaning = 'the recorder, or the network, did not keep up'
-            first = recorded.times[int(np.argmax(recorded.latencies > limit))]
-            time = review.recording.since_start(first)
-            yield Finding('latency', Severity.WARNING, text, meaning, time)
+        known = _known(recorded)
+        if topic.name in untold or known < _LEAST or topic.latency_p99 <= limit:
+            continue
+        late = recorded.latencies > limit
+        text = (
+            f'{int(late.sum())} of {known} messages of {printable(topic.name)} took more than '
+            f'{limit:g} s to arrive, up to {float(np.nanmax(recorded.latencies)):.3f} s'
+        )
+        meaning = 'the recorder, or the network, did not keep up'
+        if topic.latency_p50 > limit and _is_steady(topic):
+            meaning = 'all about equally long: a long way, or clocks that do not agree'
+        time = review.recording.since_start(recorded.times[int(np.argmax(late))])
+        yield Finding('latency', Severity.WARNING, text, meaning, time)
 
 
 def _stamps(review: Review) -> Iterator[Finding]:
@@ -84,7 +113,7 @@ def _stamps(review: Review) -> Iterator[Finding]:
         if abs(off) > review.limits.clock_offset:
             side = 'behind' if off < 0 else 'ahead of'
             text = f"the stamps of the poses are {abs(off):.3f} s {side} the log's clock"
-            meaning = 'the inputs are stamped by another clock; tf and viewers will drop them'
+            meaning = 'inputs of another clock, or as old as that; tf and viewers may drop them'
             yield Finding('clock', Severity.WARNING, text, meaning, leg=leg.recording.title)
 
 

@@ -2,8 +2,11 @@
 
 from collections.abc import Iterator
 
+from klann_ros.log.wording import counted
 from klann_ros.review.finding import Finding, Severity
+from klann_ros.review.leg_file import preset_names
 from klann_ros.review.reviewed import Review
+from klann_ros.untrusted.text import printable
 
 _MOST_PROBLEMS = 3
 
@@ -21,8 +24,8 @@ def check(review: Review) -> Iterator[Finding]:
         yield Finding(
             'decode',
             Severity.ERROR,
-            f'{failed.count} messages of {failed.topic} cannot be decoded',
-            'their bytes are not what their type says, or joints have no positions; left out',
+            f'{counted(failed.count, "message")} of {printable(failed.topic)} cannot be decoded',
+            'the bytes are not what the type says, or joints have no positions; left out',
             recording.since_start(failed.time),
         )
     yield from _poses(review)
@@ -43,5 +46,6 @@ def _poses(review: Review) -> Iterator[Finding]:
             yield Finding('poses', Severity.NOTE, text, meaning, leg=title)
         elif there_are and leg.recording.solver.leg is None:
             text = 'the run does not tell the geometry'
-            meaning = 'no pose can be judged; give the leg by --geometry FILE'
+            legs = ', '.join(preset_names())
+            meaning = f'no pose can be judged; give the leg by --geometry FILE, or one of {legs}'
             yield Finding('geometry', Severity.WARNING, text, meaning, leg=title)

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator
 
+from klann_ros.log.wording import counted, verb
 from klann_ros.review.finding import Finding, Severity
 from klann_ros.review.loading.holes import Hole, joined
-from klann_ros.review.recording import Recording
 from klann_ros.review.reviewed import Review
+from klann_ros.untrusted.text import listed
 
 from .silences import Silence, silences
 from .unanswered import refused, unanswered
@@ -24,7 +25,7 @@ def check(review: Review) -> Iterator[Finding]:
         for silence in silences(topic, holes.get(topic.name, recording.holes), review.limits)
     ]
     if found:
-        yield _gap(recording, _together(found))
+        yield _gap(review, _together(found))
     yield from _ended(review)
 
 
@@ -32,7 +33,7 @@ def _holes(review: Review) -> dict[str, tuple[Hole, ...]]:
     """Return by topic when the solver could say nothing, or the log has holes."""
     found: dict[str, list[Hole]] = {}
     for leg in review.legs:
-        of_leg = refused(leg.judged, unanswered(leg.judged))
+        of_leg = refused(leg)
         place = f'{leg.recording.namespace}/{leg.recording.name}'.rstrip('/')
         for topic in (*leg.recording.pose_topics, *(f'{place}/{name}' for name in _ANSWERS)):
             found.setdefault(topic, list(review.recording.holes)).extend(of_leg)
@@ -52,15 +53,28 @@ def _together(silences: list[Silence]) -> list[Silence]:
     return joined
 
 
-def _gap(recording: Recording, silences: list[Silence]) -> Finding:
-    longest = max(silences, key=lambda silence: silence.length)
-    what = f'nothing on {", ".join(longest.topics)} for {longest.length:.3f} s'
+def _gap(review: Review, silences: list[Silence]) -> Finding:
+    recording, longest = review.recording, max(silences, key=lambda silence: silence.length)
+    what = f'nothing on {listed(longest.topics)} for {longest.length:.3f} s'
     if len(silences) > 1:
         at = recording.since_start(longest.begin)
         what = f'{len(silences)} gaps; the longest: {what} at {at:.3f} s'
+    count = _unanswered(review)
+    if count:
+        angles = verb(count, 'crank angle was', 'crank angles were')
+        what += f'; {count} {angles} not answered meanwhile'
     meaning = 'whoever publishes stood still, or the way into the run was blocked'
     time = recording.since_start(silences[0].begin)
     return Finding('gap', Severity.WARNING, what, meaning, time)
+
+
+def _unanswered(review: Review) -> int:
+    """Return how many crank angles silences left without answer; legs on one crank share them."""
+    counts: dict[frozenset[str], int] = {}
+    for leg in review.legs:
+        topics = leg.recording.crank_topics
+        counts[topics] = max(counts.get(topics, 0), unanswered(review, leg).in_silences)
+    return sum(counts.values())
 
 
 def _ended(review: Review) -> Iterator[Finding]:
@@ -72,11 +86,12 @@ def _ended(review: Review) -> Iterator[Finding]:
             continue
         silent = (int(cranks.times[-1]) - int(poses.times[-1])) / 1e9
         if silent > review.limits.stale_time:
+            after = counted(leg.answering.late, 'crank angle')
             yield Finding(
                 'stale',
                 Severity.WARNING,
-                f'the poses ended {silent:.1f} s before the crank did',
-                'the solver stopped, or every angle after that was refused',
+                f'the poses ended {silent:.1f} s before the crank did; {after} came after them',
+                'the solver stopped, every angle was refused, or its poses no longer came here',
                 recording.since_start(poses.times[-1]),
                 leg.recording.title,
             )

@@ -4,13 +4,16 @@ from collections.abc import Iterator
 from math import nan
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
+from klann_ros.log.wording import times as times_
 from klann_ros.review.finding import Finding, Severity
+from klann_ros.review.limits import Limits
 from klann_ros.review.loading.holes import overlap
 from klann_ros.review.loading.layouts import Floats
-from klann_ros.review.pairing import pairs
+from klann_ros.review.pairing import pairs, Rows
 from klann_ros.review.recording import LegRecording
 from klann_ros.review.reviewed import Review
 from klann_ros.review.topic_figures import intervals
+from klann_ros.untrusted.text import listed
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,6 +29,8 @@ _INSTANT = 1e-6
 _PARTS = 4
 # Between crank angles so near the path is a straight line, to a tenth of a millimetre [rad^2].
 _NEAR = 1e-4
+# Who jumps there and back so often, and so great a part of the time, is two.
+_SEVERAL, _OFTEN = 10, 0.1
 # A crank that does not move for so long stands still [s].
 _STANDSTILL = 2.0
 
@@ -34,11 +39,40 @@ def check(review: Review) -> Iterator[Finding]:
     """Yield how the motion is not that of a leg."""
     for leg in review.legs:
         if len(leg.judged.cranks):
-            yield from _jumps(review, leg.judged)
+            swaps = back_and_forth(leg.judged, review.limits)
+            yield from (
+                _swaps(review, leg.judged, swaps) if swaps.size else _jumps(review, leg.judged)
+            )
             yield from _standstill(review, leg.judged)
-        # Else the geometry has judged every foot, and more strictly.
-        if leg.resolved is None and len(leg.judged.feet):
+        # Else the geometry has judged every foot, and more strictly; two solvers have two legs.
+        alone = leg.answering.surplus.solvers == 1
+        if leg.resolved is None and len(leg.judged.feet) and alone:
             yield from _drift(review, leg.judged)
+
+
+def back_and_forth(leg: LegRecording, limits: Limits) -> Rows:
+    """Return after which inputs the crank jumps, and at once back: two sources have two angles."""
+    steps = np.diff(leg.cranks.values[:, 0])
+    there, back = steps[:-1], steps[1:]
+    # NaN and what is infinite is no jump.
+    swaps = (np.minimum(np.abs(there), np.abs(back)) > limits.crank_jump) & (
+        np.abs(there + back) < np.abs(there) / 2
+    )
+    rows = np.flatnonzero(swaps)
+    return rows if len(rows) > max(_SEVERAL, _OFTEN * len(steps)) else rows[:0]
+
+
+def _swaps(review: Review, leg: LegRecording, rows: Rows) -> Iterator[Finding]:
+    by = np.abs(np.diff(leg.cranks.values[:, 0])[rows]).max()
+    text = f'the crank angle jumps back and forth {times_(rows.size)}, by up to {by:.3g} rad'
+    shared = any(t.shared for t in review.recording.topics if t.name in leg.crank_topics)
+    several = shared or len(leg.crank_topics) > 1
+    where = f' ({listed(sorted(leg.crank_topics))})'
+    meaning = f'several turn the crank at once{where}: each has an angle of its own'
+    if not several:
+        meaning = f'two sources turn the crank by turns, or an encoder slips{where}'
+    time = review.recording.since_start(leg.cranks.times[rows[0] + 1])
+    yield Finding('jump', Severity.WARNING, text, meaning, time, leg.title)
 
 
 def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
@@ -60,8 +94,8 @@ def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
     turned = _LATE * usual / max(period, _INSTANT) * waits * unseen
     rows = rows[steps[rows] - turned > limit]
     if rows.size:
-        text = f'the crank angle jumps {rows.size} times, by up to {steps[rows].max():.3g} rad'
-        meaning = 'an encoder that slips, or inputs that were lost before they were published'
+        text = f'the crank angle jumps {times_(rows.size)}, by up to {steps[rows].max():.3g} rad'
+        meaning = 'it was set so, an encoder slips, or inputs were lost before they were published'
         time = review.recording.since_start(times[rows[0] + 1])
         yield Finding('jump', Severity.WARNING, text, meaning, time, leg.title)
 
@@ -72,13 +106,17 @@ def _standstill(review: Review, leg: LegRecording) -> Iterator[Finding]:
     changes = np.flatnonzero(alphas[1:] != alphas[:-1])
     if not changes.size:
         return
-    edges = np.concatenate([[0], changes + 1, [len(times) - 1]])
-    still = np.diff(times[edges]) / 1e9
+    steps = intervals(times)
+    # While nothing is said nobody knows.
+    said = steps <= max(Limits.gap_periods * float(np.median(steps)), Limits.gap_time)
+    told = np.concatenate([[0.0], np.cumsum(steps * said)])
+    firsts, lasts = np.append(0, changes + 1), np.append(changes, len(times) - 1)
+    still = told[lasts] - told[firsts]
     longest = int(np.argmax(still))
     if still[longest] > _STANDSTILL:
         text = f'the crank stands still for {still[longest]:.1f} s, while its angle is published'
         meaning = 'as it should be if nobody turned it; else its sensor is frozen'
-        time = review.recording.since_start(times[edges[longest]])
+        time = review.recording.since_start(times[firsts[longest]])
         yield Finding('frozen', Severity.NOTE, text, meaning, time, leg.title)
 
 

@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from klann_ros.log.wording import verb
 from klann_ros.review.finding import Finding, Severity
 from klann_ros.review.limits import Limits
-from klann_ros.review.pairing import pairs
+from klann_ros.review.pairing import found_in, pairs
 from klann_ros.review.resolved import Resolved
 from klann_ros.review.reviewed import Review, ReviewedLeg
 import numpy as np
@@ -18,7 +19,7 @@ def check(review: Review) -> Iterator[Finding]:
     """Yield what is wrong with poses; of one pose the first thing only, as the rest follows."""
     for leg in review.legs:
         if leg.resolved is not None:
-            wrong = Wrong.of(leg.resolved, review.limits)
+            wrong = wrong_poses(leg, leg.resolved, review.limits)
             yield from _poses(review, leg, leg.resolved, wrong)
             yield from _feet(review, leg, leg.resolved, wrong)
 
@@ -47,24 +48,38 @@ class Wrong(NamedTuple):
         return found
 
 
+def wrong_poses(leg: ReviewedLeg, resolved: Resolved, limits: Limits) -> Wrong:
+    """Return which poses are wrong, but for those of a second solver, which are found as such."""
+    wrong = Wrong.of(resolved, limits)
+    excused = leg.answering.surplus.excused(wrong.any())
+    for flags in wrong:
+        flags[excused] = False
+    return wrong
+
+
 def _poses(
     review: Review, leg: ReviewedLeg, resolved: Resolved, wrong: Wrong
 ) -> Iterator[Finding]:
     garbled, open_, unreachable, flipped = wrong
     if garbled.any():
+        text = f'{verb(int(garbled.sum()), "has", "have")} an angle that is not finite'
         meaning = 'solver_node never publishes such a pose: something else does'
-        yield _finding(review, leg, 'nan', garbled, 'have an angle that is not finite', meaning)
+        yield _finding(review, leg, 'nan', garbled, text, meaning)
     if open_.any():
-        text = f'do not close the loops (by up to {resolved.residuals[open_].max():.3g} m)'
-        meaning = 'the leg that was solved is not the one that the run tells'
+        worst = resolved.residuals[open_].max()
+        does = verb(int(open_.sum()), 'does', 'do')
+        text = f'{does} not close the loops (by up to {worst:.3g} m)'
+        meaning = 'the leg that was solved is not the one that it is held against'
         yield _finding(review, leg, 'closure', open_, text, meaning)
     if unreachable.any():
-        text = 'stand at a crank angle that the leg cannot reach'
+        stands = verb(int(unreachable.sum()), 'stands', 'stand')
+        text = f'{stands} at a crank angle that the leg cannot reach'
         meaning = 'they close all the same, within the limit: the leg is at its very limit there'
         yield _finding(review, leg, 'reach', unreachable, text, meaning)
     if flipped.any():
         worst = resolved.angle_errors[flipped].max()
-        text = f'are not the assembly of the leg (by up to {worst:.3g} rad)'
+        is_ = verb(int(flipped.sum()), 'is', 'are')
+        text = f'{is_} not the assembly of the leg (by up to {worst:.3g} rad)'
         meaning = 'the loops close, but the leg is put together the other way: the branch flipped'
         yield _finding(review, leg, 'branch', flipped, text, meaning)
 
@@ -78,18 +93,19 @@ def _feet(
     if wrong.any():
         wrong &= ~_follow(leg, wrong_poses.any())
     for which, check_, text in (
-        (garbled, 'nan', 'feet (point_h) are not finite'),
-        (wrong, 'foot', 'feet (point_h) are not where the angles of their poses put them'),
+        (garbled, 'nan', 'finite'),
+        (wrong, 'foot', 'where the angles of their poses put them'),
     ):
         if which.any():
-            worst = resolved.foot_errors[which].max()
+            count, worst = int(which.sum()), resolved.foot_errors[which].max()
+            is_ = verb(count, 'is', 'are')
             by = f' (by up to {worst:.3g} m)' if np.isfinite(worst) else ''
             time = feet.times[int(np.argmax(which))]
             meaning = 'angles and foot contradict each other: the bent bodies, or GH, are others'
             yield Finding(
                 check_,
                 Severity.ERROR,
-                f'{int(which.sum())} of {len(which)} {text}{by}',
+                f'{count} of {len(which)} feet (point_h) {is_} not {text}{by}',
                 meaning if check_ == 'foot' else 'solver_node never publishes such a foot',
                 review.recording.since_start(time),
                 leg.recording.title,
@@ -97,10 +113,11 @@ def _feet(
 
 
 def _follow(leg: ReviewedLeg, wrong: Flags) -> Flags:
-    """Return which feet belong to wrong poses."""
+    """Return which feet belong to wrong poses, or nobody knows to which."""
     of_feet, of_poses = pairs(leg.judged.feet.stamps, leg.judged.poses.stamps)
-    follow = np.zeros(len(leg.judged.feet), dtype=bool)
-    follow[of_feet] = wrong[of_poses]
+    several = leg.judged.poses.stamps[leg.answering.surplus.rows]
+    follow = found_in(leg.judged.feet.stamps, several)
+    follow[of_feet] |= wrong[of_poses]
     return follow
 
 

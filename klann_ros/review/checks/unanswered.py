@@ -1,98 +1,101 @@
-"""Questions that the solver did not answer, and why."""
+"""Questions that should have an answer and have none: where they are, and what is known of why."""
 
-from collections.abc import Sequence
-from enum import IntEnum
-from typing import NamedTuple
+from dataclasses import dataclass
 
-from klann_ros.kinematics import CrankAngleError, KinematicsError, klann_poses, KlannLeg
-from klann_ros.kinematics.batch.reason import Reason
-from klann_ros.kinematics.leg_types import Leg
-from klann_ros.review.loading.holes import Hole, overlap
-from klann_ros.review.loading.layouts import Floats, Times
-from klann_ros.review.pairing import found_in, Rows
-from klann_ros.review.recording import LegRecording
+from klann_ros.log.wording import counted
+from klann_ros.review.answering import Cause
+from klann_ros.review.loading.holes import Hole, joined, overlap
+from klann_ros.review.pairing import Rows
+from klann_ros.review.reviewed import Review, ReviewedLeg
 import numpy as np
-from numpy.typing import NDArray
+
+from .silences import silences
 
 # An answer comes so long after its question, at most [ns].
-_SOON = 200_000_000
+SOON = 200_000_000
 
 
-class Cause(IntEnum):
-    """Why a question has no answer."""
-
-    NO_ANGLE = 0  # not finite, or beyond what a crank angle may be
-    OUT_OF_REACH = 1
-    UNKNOWN = 2  # there should be one
-
-
-class Unanswered(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Unanswered:
     """
-    Questions without answer, the run's edges left out.
+    Questions that should have an answer and have none, by what is known about that.
 
     Attributes
     ----------
-    rows : numpy.ndarray
-        Which crank inputs they are.
-    causes : numpy.ndarray
-        Why each was not answered, a Cause.
-    asked : int
-        How many questions there are, with and without answer.
+    in_silences, silences : int
+        How many in silences of all that answers, which are gaps, and how many such silences.
+    at_holes : int
+        How many others at pauses of the recorder, or where the log is damaged.
+    lost : int
+        How many others at most for answers that are known to be lost on the way into the log.
+    elsewhere : numpy.ndarray
+        Which crank inputs are the others; `lost` of them are explained.
 
     """
 
-    rows: Rows
-    causes: NDArray[np.intp]
-    asked: int
+    in_silences: int
+    silences: int
+    at_holes: int
+    lost: int
+    elsewhere: Rows
 
-    def of(self, cause: Cause, times: Times, holes: Sequence[Hole]) -> Rows:
-        """Return those of a cause whose log times [ns] are not at a hole in the log."""
-        rows = self.rows[self.causes == cause]
-        # There either the question or its answer may be lost.
-        kept: Rows = rows[~overlap(times[rows] - _SOON, times[rows] + _SOON, holes)]
-        return kept
+    @property
+    def count(self) -> int:
+        """Return how many they are together."""
+        return self.in_silences + self.at_holes + len(self.elsewhere)
+
+    @property
+    def unexplained(self) -> int:
+        """Return how many have no explanation."""
+        return len(self.elsewhere) - self.lost
+
+    def __str__(self) -> str:
+        """Return the parts in words, which add up to the whole; nothing for one part alone."""
+        shares = (
+            (self.in_silences, f'in {counted(self.silences, "silence")}'),
+            (self.at_holes, 'at pauses or damage of the log'),
+            (self.lost, 'whose answers were lost on their way into the log'),
+        )
+        told = [f'{count} {what}' for count, what in shares if count]
+        return f': {", ".join(told)}, {self.unexplained} elsewhere' if told else ''
 
 
-def unanswered(leg: LegRecording) -> Unanswered:
-    """Return what a leg was asked and did not answer."""
-    cranks, poses = leg.cranks, leg.poses
-    if not (len(cranks) and len(poses)):
-        return Unanswered(np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp), 0)
-    inside = (cranks.stamps >= poses.stamps.min()) & (cranks.stamps <= poses.stamps.max())
-    rows = np.flatnonzero(inside & ~found_in(cranks.stamps, poses.stamps))
-    causes = _causes(turned(leg, cranks.values[rows, 0]), leg.solver.leg)
-    return Unanswered(rows, causes, int(np.count_nonzero(inside)))
+def unanswered(review: Review, leg: ReviewedLeg) -> Unanswered:
+    """Return the questions of a leg that should have an answer and have none."""
+    recording, judged = review.recording, leg.judged
+    rows = leg.answering.of(Cause.UNKNOWN)
+    times = judged.cranks.times[rows]
+    at_holes = overlap(times - SOON, times + SOON, recording.holes)
+    silent = _silent(review, leg)
+    in_silences = ~at_holes & overlap(times, times, silent)
+    elsewhere = rows[~at_holes & ~in_silences]
+    ends = np.array([end for _, end in silent], dtype=np.int64)
+    which = np.searchsorted(ends, times[in_silences])
+    return Unanswered(
+        int(np.count_nonzero(in_silences)),
+        len(np.unique(which)),
+        int(np.count_nonzero(at_holes)),
+        min(recording.lost_on(judged.pose_topics), len(elsewhere)),
+        elsewhere,
+    )
 
 
-def refused(leg: LegRecording, found: Unanswered) -> list[Hole]:
+def _silent(review: Review, leg: ReviewedLeg) -> tuple[Hole, ...]:
+    """Return the silences of a leg's poses, which are gaps."""
+    recording, judged = review.recording, leg.judged
+    holes = joined([*recording.holes, *refused(leg)])
+    return joined(
+        (silence.begin, silence.end)
+        for topic in recording.topics
+        if topic.name in judged.pose_topics
+        for silence in silences(topic, holes, review.limits)
+    )
+
+
+def refused(leg: ReviewedLeg) -> list[Hole]:
     """Return from when to when a leg was asked what it cannot answer, log times [ns]."""
-    times = leg.cranks.times
-    rows = found.rows[found.causes != Cause.UNKNOWN]
+    times = leg.judged.cranks.times
+    rows = leg.answering.rows[leg.answering.causes != Cause.UNKNOWN]
     begins = times[np.maximum(rows - 1, 0)]
     ends = times[np.minimum(rows + 1, len(times) - 1)]
     return list(zip(begins.tolist(), ends.tolist(), strict=True))
-
-
-def turned(leg: LegRecording, alphas: Floats) -> Floats:
-    """Return the leg's crank angles for those of the crank, as solver_node computes them."""
-    return leg.solver.direction * alphas + leg.solver.phase
-
-
-def _causes(alphas: Floats, leg: Leg | None) -> NDArray[np.intp]:
-    if leg is None:
-        return np.full(len(alphas), Cause.UNKNOWN)
-    if isinstance(leg, KlannLeg):
-        reasons = klann_poses(leg.geometry, alphas).reason
-        known = [reasons == Reason.CRANK_ANGLE, reasons != Reason.SOLVED]
-        return np.select(known, [Cause.NO_ANGLE, Cause.OUT_OF_REACH], Cause.UNKNOWN)
-    return np.array([_cause(leg, alpha) for alpha in alphas.tolist()], dtype=np.intp)
-
-
-def _cause(leg: Leg, alpha: float) -> Cause:
-    try:
-        leg.closed_form(alpha)
-    except CrankAngleError:
-        return Cause.NO_ANGLE
-    except KinematicsError:
-        return Cause.OUT_OF_REACH
-    return Cause.UNKNOWN

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import ClassVar
 
-from klann_ros.kinematics.leg_types import Leg
+from klann_ros.kinematics import AnyLeg
 from klann_ros.log.reading.block import Block
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import SolverParameters
@@ -13,9 +13,10 @@ from klann_ros.review.recording import Undecoded
 import numpy as np
 
 from .columns import Columns, prefixes
+from .growing import Growing
 from .layouts import CRANK_ANGLE, FOOT, JOINT_STATE, LAYOUTS, Times
 from .pieces import nanoseconds, Piece, Rows, TopicReader
-from .solvers import leg_solvers, LegSolver, parent
+from .solvers import GIVEN, leg_solvers, LegSolver, parent
 
 # A JointState tells by its joints what it is; of numbers and points there are many others.
 LAST_PARTS = {CRANK_ANGLE: 'crank_angle', FOOT: 'point_h'}
@@ -40,7 +41,7 @@ class Gathering:
     ----------
     records : sequence of SolverParameters
         What the run tells of its solvers.
-    given : KlannLeg or LinkageLeg, optional
+    given : Leg, optional
         The leg that the run is held against, instead of its own.
     rates : str
         Whether the velocities of the joints are wanted: 'f8' as they are, 'f4' in half the memory,
@@ -54,15 +55,17 @@ class Gathering:
         By namespace and name of the leg, where its poses come from.
     feet : dict of Columns
         By the namespace of their topic.
-    cranks : dict of Columns
-        By namespace and joint.
+    cranks, crank_topics : dict of Columns, dict of set
+        By namespace and joint: the inputs, and where they come from.
+    unstamped : dict of Growing
+        By namespace and joint, log times of inputs whose answers nobody can tell.
 
     """
 
     def __init__(
         self,
         records: Sequence[SolverParameters],
-        given: Leg | None = None,
+        given: AnyLeg | None = None,
         *,
         rates: str = '',
     ) -> None:
@@ -71,9 +74,11 @@ class Gathering:
         self.feet: dict[str, Columns] = defaultdict(partial(Columns, 2))
         self.cranks: dict[Place, Columns] = defaultdict(partial(Columns, 1))
         self.pose_topics: dict[Place, set[str]] = defaultdict(set)
+        self.crank_topics: dict[Place, set[str]] = defaultdict(set)
+        self.unstamped: dict[Place, Growing] = defaultdict(partial(Growing, np.int64))
         self._records = records
         self._given = given
-        self._unknown = LegSolver(leg=given)
+        self._unknown = LegSolver(leg=given, source=GIVEN if given else '')
         self._kind_of_rates = rates
         self._solvers: dict[str, dict[str, LegSolver]] = {}
         self._readers: dict[Topic, TopicReader | None] = {}
@@ -124,13 +129,12 @@ class Gathering:
 
     def _reader(self, topic: Topic) -> TopicReader | None:
         if topic not in self._readers:
-            number = len(self._readers) + 1
             wanted = may_tell_a_leg(topic)
-            self._readers[topic] = TopicReader(topic, number) if wanted else None
+            self._readers[topic] = TopicReader(topic) if wanted else None
         return self._readers[topic]
 
     def _add_crank_angle(self, topic: str, block: Block, piece: Piece) -> None:
-        self._add_crank(parent(topic), ALL_JOINTS, block, piece, 0)
+        self._add_crank(topic, ALL_JOINTS, block, piece, 0)
 
     def _add_foot(self, topic: str, block: Block, piece: Piece) -> None:
         self.feet[parent(topic)].add(_log_times(block, piece), piece.stamps, piece.values[:, :2])
@@ -150,7 +154,7 @@ class Gathering:
         if not found:
             for joint in {solver.crank_joint for solver in self._crank_solvers(namespace)}:
                 if joint in names:
-                    self._add_crank(namespace, joint, block, piece, names.index(joint))
+                    self._add_crank(topic, joint, block, piece, names.index(joint))
 
     def _crank_solvers(self, namespace: str) -> Sequence[LegSolver]:
         return tuple(self._in(namespace).values()) or (self._unknown,)
@@ -166,19 +170,22 @@ class Gathering:
             with np.errstate(over='ignore'):
                 rates.add(times, piece.stamps, piece.velocities[:, columns] if known else missing)
 
-    def _add_crank(
-        self, namespace: str, joint: str, block: Block, piece: Piece, column: int
-    ) -> None:
+    def _add_crank(self, topic: str, joint: str, block: Block, piece: Piece, column: int) -> None:
         """Add crank inputs; the solver takes the source time for a stamp that is zero."""
+        namespace = parent(topic)
+        self.crank_topics[namespace, joint].add(topic)
         stamps, values = piece.stamps, piece.values[:, slice(column, column + 1)]
         times = _log_times(block, piece)
         unstamped = stamps == 0
+        sources = nanoseconds(block.heads['publish_time'][piece.rows])
+        # Recorders that do not know the source time write the log time, or nothing.
+        untold = unstamped & ((sources == times) | (sources == 0))
         if any(solver.sim_time for solver in self._crank_solvers(namespace)):
             # Their answers have the simulated time of a moment that the run does not tell.
-            stamps, values, times = (a[~unstamped] for a in (stamps, values, times))
-        else:
-            sources = nanoseconds(block.heads['publish_time'][piece.rows])
-            stamps = np.where(unstamped, sources, stamps)
+            untold = unstamped
+        stamps = np.where(unstamped, sources, stamps)
+        self.unstamped[namespace, joint].add(times[untold])
+        stamps, values, times = (a[~untold] for a in (stamps, values, times))
         self.cranks[namespace, joint].add(times, stamps, values)
 
     _add: ClassVar[Mapping[str, Callable[..., None]]] = {

@@ -11,7 +11,8 @@ from klann_ros.review.recording import no_series, Series
 import numpy as np
 
 from .columns import Columns
-from .pieces import decoder, nanoseconds, Rows
+from .decoders import decoder
+from .pieces import nanoseconds, Rows
 from .shared import Shared
 
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
@@ -32,7 +33,7 @@ class Iterations:
         if topic.type != DIAGNOSTICS:
             return
         if topic not in self._decoders:
-            self._decoders[topic] = decoder(topic, len(self._decoders) + 1)
+            self._decoders[topic] = decoder(topic)
         for row in rows.tolist():
             # A message that is none tells nothing of a leg.
             with suppress(Exception):

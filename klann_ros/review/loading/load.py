@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from klann_ros.kinematics.leg_types import Leg
+from klann_ros.kinematics import AnyLeg
 from klann_ros.log.reader import Log
 from klann_ros.log.reading.block import Block
 from klann_ros.log.records import Topic
@@ -11,6 +11,7 @@ from klann_ros.log.run_parameters import PAUSE_RECORD
 from klann_ros.review.recording import LegRecording, no_series, Recording, Series
 import numpy as np
 
+from .descriptions import Descriptions
 from .gathering import ALL_JOINTS, Gathering
 from .holes import joined, pauses
 from .iterations import Iterations
@@ -25,7 +26,7 @@ Progress = Callable[[float], object]
 
 def load(
     log: Log,
-    given: Leg | None = None,
+    given: AnyLeg | None = None,
     *,
     rates: str = '',
     progress: Progress | None = None,
@@ -37,7 +38,7 @@ def load(
     ----------
     log : Log
         An open log.
-    given : KlannLeg or LinkageLeg, optional
+    given : Leg, optional
         What to hold the run against, instead of the legs in it.
     rates : str
         Whether the velocities of the joints are wanted: 'f8' as they are, 'f4' in half the memory,
@@ -47,12 +48,13 @@ def load(
 
     """
     gathering = Gathering(solver_records(log.metadata), given, rates=rates)
-    tally, iterations = TopicTally(), Iterations()
+    tally, iterations, descriptions = TopicTally(), Iterations(), Descriptions()
     for block in log.blocks(progress):
         for topic, rows in by_topic(block):
             tally.add(topic, block, rows)
             gathering.add(topic, block, rows)
             iterations.add(topic, block, rows)
+            descriptions.add(topic, block, rows)
     # Reading finds what an index hides, so this comes last.
     holes = joined([*pauses(log.metadata.get(PAUSE_RECORD, ())), *log.holes])
     shared = Shared()
@@ -66,7 +68,7 @@ def load(
         problems=log.problems,
         undecoded=gathering.undecoded(),
         holes=holes,
-        legs=tuple(_legs(gathering, iterations, shared)),
+        legs=tuple(_legs(gathering, iterations, descriptions, shared)),
     )
 
 
@@ -81,25 +83,37 @@ def by_topic(block: Block) -> Iterator[tuple[Topic, Rows]]:
             yield topic, rows
 
 
-def _legs(gathering: Gathering, iterations: Iterations, shared: Shared) -> Iterator[LegRecording]:
+def _legs(
+    gathering: Gathering, iterations: Iterations, descriptions: Descriptions, shared: Shared
+) -> Iterator[LegRecording]:
     """Yield the legs of solvers with poses; where there is none at all, what else is of a leg."""
     feet = {namespace: columns.series(shared) for namespace, columns in gathering.feet.items()}
     cranks = {place: columns.series(shared) for place, columns in gathering.cranks.items()}
+    unstamped = {place: times.array() for place, times in gathering.unstamped.items()}
     places = gathering.places() or sorted({(namespace, '') for namespace, _ in cranks})
     for namespace, name in places or [(path, '') for path in sorted(feet)]:
         solver = gathering.solver(namespace, name)
-        poses = gathering.poses.get((namespace, name))
+        columns = gathering.poses.get((namespace, name))
+        poses = columns.series(shared) if columns else no_series(len(solver.joint_names))
+        if solver.leg is None:
+            solver = descriptions.tell(solver, namespace, name, poses)
         rates = gathering.rates.get((namespace, name))
-        inputs = [cranks.get((namespace, joint)) for joint in (ALL_JOINTS, solver.crank_joint)]
+        joints = [(namespace, joint) for joint in (ALL_JOINTS, solver.crank_joint)]
         yield LegRecording(
             namespace,
             name,
             solver,
             frozenset(gathering.pose_topics.get((namespace, name), ())),
-            cranks=_merged([series for series in inputs if series is not None]),
-            poses=poses.series(shared) if poses else no_series(len(solver.joint_names)),
+            frozenset().union(*(gathering.crank_topics.get(joint, ()) for joint in joints)),
+            cranks=_merged([cranks[joint] for joint in joints if joint in cranks]),
+            poses=poses,
             iterations=iterations.series(name),
             feet=feet.get(f'{namespace}/{name}' if name else namespace, no_series(2)),
+            unstamped=np.sort(
+                np.concatenate(
+                    [np.empty(0, np.int64), *(unstamped.get(joint, ()) for joint in joints)]
+                )
+            ),
             **({'rates': rates.series(shared).values} if rates else {}),
         )
 

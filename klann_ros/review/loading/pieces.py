@@ -6,17 +6,14 @@ from typing import Any, NamedTuple
 
 from klann_ros.log.reading.block import Block
 from klann_ros.log.records import Topic
-from mcap.records import Schema
-from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 from numpy.typing import NDArray
 
+from .decoders import decoder
 from .layouts import CRANK_ANGLE, Floats, FOOT, JOINT_STATE, Layout, LAYOUTS, Times
 from .standard_fields import has_standard_fields
 
 Rows = NDArray[np.intp]
-# A message that tells of a leg is much smaller; what a small file unpacks to may be anything.
-MAX_MESSAGE = 256 * 1024
 # Messages that are all unlike each other are faster read one by one.
 _MOST_LAYOUTS = 16
 # Differences of two times fit in 64 bits with a sign; this one is in the year 2116.
@@ -68,13 +65,13 @@ class TopicReader:
 
     """
 
-    def __init__(self, topic: Topic, number: int) -> None:
+    def __init__(self, topic: Topic) -> None:
         self.failed = 0
         self.failed_at = 0
         self._type = topic.type
         self._make_layout = LAYOUTS[topic.type] if has_standard_fields(topic) else None
         self._layout: Layout | None = None
-        self._decode = decoder(topic, number)
+        self._decode = decoder(topic)
 
     def read(self, block: Block, rows: Rows) -> Iterator[Piece]:
         """Yield what these messages of a block say, in no particular order."""
@@ -143,33 +140,6 @@ def _piece(layout: Layout, rows: Rows, data: NDArray[np.uint8]) -> Piece:
     joints = len(layout.numbers) > 1
     velocities = layout.doubles(data, 1) if joints else np.empty((count, 0))
     return Piece(rows, stamps, layout.names, layout.doubles(data, 0), velocities)
-
-
-def decoder(topic: Topic, number: int) -> Callable[[bytes], Any]:
-    """Return what decodes a topic's messages: the library that knows all types."""
-    schema = Schema(
-        id=number,
-        data=topic.definition.encode(),
-        encoding=topic.schema_encoding,
-        name=topic.type,
-    )
-    try:
-        decode = DecoderFactory().decoder_for(topic.message_encoding, schema)
-    except Exception:  # noqa: BLE001, RUF100 - as above
-        decode = None
-    if decode is None:
-        return _refuse
-
-    def bounded(data: bytes) -> Any:
-        if len(data) > MAX_MESSAGE:
-            raise ValueError(f'{len(data)} bytes, more than the limit of {MAX_MESSAGE}')
-        return decode(data)
-
-    return bounded
-
-
-def _refuse(_: bytes) -> Any:
-    raise ValueError('no decoder for this topic')
 
 
 Fields = tuple[int, Any, Any, Any]

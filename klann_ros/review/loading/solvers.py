@@ -6,12 +6,15 @@ from itertools import pairwise
 import sys
 from typing import Any
 
-from klann_ros.kinematics.klann.pose import JOINTS
-from klann_ros.kinematics.leg_types import Leg
+from klann_ros.kinematics import AnyLeg
+from klann_ros.kinematics.klann.leg import JOINTS
 from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD, SolverParameters
 from klann_ros.review.leg_file import leg_from_parameters
+from klann_ros.untrusted.text import printable
 
 CRANK_JOINT = 'crank'
+# Who tells the leg that a run is held against.
+GIVEN = '--geometry'
 Metadata = Mapping[str, Sequence[Mapping[str, str]]]
 
 
@@ -32,15 +35,22 @@ class LegSolver:
         The log time since which it has it [ns]; 0 when it never had another.
     direction, phase : float
         The leg's crank angle is direction * crank + phase [rad].
+    nodes : tuple of str
+        Full names of the nodes that solve it, as far as the run tells; without any, direction
+        and phase are not told either.
+    source : str
+        Who tells the leg; '' where nobody does.
 
     """
 
     crank_joint: str = CRANK_JOINT
     sim_time: bool = False
-    leg: Leg | None = None
+    leg: AnyLeg | None = None
     leg_time: int = 0
     direction: float = 1
     phase: float = 0.0
+    nodes: tuple[str, ...] = ()
+    source: str = ''
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -59,7 +69,7 @@ def solver_records(metadata: Metadata) -> list[SolverParameters]:
 
 
 def leg_solvers(
-    records: Sequence[SolverParameters], namespace: str, given: Leg | None = None
+    records: Sequence[SolverParameters], namespace: str, given: AnyLeg | None = None
 ) -> dict[str, LegSolver]:
     """
     Return the solvers of the legs in a namespace by their names, '' for the unnamed one.
@@ -73,21 +83,24 @@ def leg_solvers(
         What the run says, in the order of time.
     namespace : str
         Where the legs publish.
-    given : KlannLeg or LinkageLeg, optional
+    given : Leg, optional
         The leg that they are to be, instead of those in the run.
 
     """
     own = [record for record in records if parent(record.node) == namespace]
     own = own or [record for record in records if record.node == records[-1].node]
-    if not own:
-        return {}
-    return {name: _solver(own, name, given) for name in _names(own[-1].parameters.get('legs'))}
+    # Each node has the legs that it told at last, and several may have the same one.
+    last = {record.node: _names(record.parameters.get('legs')) for record in own}
+    return {
+        name: _solver([record for record in own if name in last[record.node]], name, given)
+        for name in dict.fromkeys(name for names in last.values() for name in names)
+    }
 
 
-def _solver(own: Sequence[SolverParameters], name: str, given: Leg | None) -> LegSolver:
+def _solver(own: Sequence[SolverParameters], name: str, given: AnyLeg | None) -> LegSolver:
     told = [_of_leg(record.parameters, name) for record in own]
     legs = [given] if given else [_leg(parameters) for parameters in told]
-    geometries = [leg and leg.geometry for leg in legs]
+    geometries = [leg and leg.linkage for leg in legs]
     changes = [
         record.time
         for record, (before, after) in zip(own[1:], pairwise(geometries), strict=False)
@@ -101,6 +114,12 @@ def _solver(own: Sequence[SolverParameters], name: str, given: Leg | None) -> Le
         leg_time=changes[-1] if changes else 0,
         direction=_number(last.get('direction'), 1),
         phase=_number(last.get('phase'), 0.0),
+        nodes=tuple(dict.fromkeys(record.node for record in own)),
+        source=GIVEN
+        if given
+        else f'the parameters of {printable(own[-1].node)}'
+        if legs[-1]
+        else '',
     )
 
 
@@ -138,7 +157,7 @@ def _parameters(record: Mapping[str, str]) -> SolverParameters | None:
         return None
 
 
-def _leg(parameters: Mapping[str, Any]) -> Leg | None:
+def _leg(parameters: Mapping[str, Any]) -> AnyLeg | None:
     try:
         return leg_from_parameters(parameters)
     except (TypeError, ValueError):

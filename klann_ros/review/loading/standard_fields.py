@@ -37,12 +37,12 @@ def has_standard_fields(topic: Topic) -> bool:
 
 def _fields(definition: str) -> dict[str, tuple[str, ...]]:
     """Return the fields of each type in a definition, the first under ''."""
-    found: dict[str, tuple[str, ...]] = {}
+    found: dict[str, list[str]] = {}
     name = ''
     for line in definition.splitlines():
         words = line.partition('#')[0].split()
         if words[:1] == ['MSG:']:
             name = words[-1]
         elif len(words) == 2:
-            found[name] = (*found.get(name, ()), ' '.join(words))
-    return found
+            found.setdefault(name, []).append(' '.join(words))
+    return {name: tuple(fields) for name, fields in found.items()}

@@ -3,10 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+import re
 
 from klann_ros.log.reading.block import Block
 from klann_ros.log.records import Topic
-from klann_ros.log.run_parameters import LOSS_RECORD, losses
+from klann_ros.log.run_parameters import LOSS_RECORD, topic_counts, TopicCount
 from klann_ros.review.recording import TopicRecording
 import numpy as np
 from numpy.typing import NDArray
@@ -14,38 +15,65 @@ from numpy.typing import NDArray
 from .growing import Growing
 from .holes import Hole, overlap
 from .layouts import Times
-from .pieces import nanoseconds, Rows
+from .order import clock_steps
+from .pieces import LAST_TIME, nanoseconds, Rows
 from .solvers import Metadata
+
+# As words or, until Humble, as a number of rmw.
+_LATCHED = re.compile('durability: *(transient_local|1)\\b')
 
 
 @dataclass
 class _Seen:
     times: Growing = field(default_factory=partial(Growing, np.int64))
     latencies: Growing = field(default_factory=partial(Growing, np.float32))
+    back: Growing = field(default_factory=partial(Growing, np.int64, 3))
     end: int = 0
+    published_end: int = 0
     publishers: int = 0
-    backwards: int = 0
-    backwards_at: int | None = None
+    latched: bool = False
+    # On a latched topic, since when its publisher is heard.
+    heard_since: int = 0
     # By the sequence numbers, which begin at 1; 0 is what recorders write that know none.
     last: int = 0
     numbered: int = 0
     missing: Growing = field(default_factory=partial(Growing, np.int64, 3))
     steps_back: int = 0
+    early: int = 0
 
     def add(self, heads: NDArray[np.void]) -> None:
         """Add messages by what stands before their bytes."""
-        times = nanoseconds(heads['log_time'])
-        before = np.concatenate([[self.end if self.times else times[0]], times[:-1]])
-        back = times < before
-        if self.backwards_at is None and back.any():
-            self.backwards_at = int(times[np.argmax(back)])
-        self.backwards += int(np.count_nonzero(back))
-        self.end = int(times[-1])
-        self.times.add(times)
+        times, numbers = nanoseconds(heads['log_time']), heads['sequence'].astype(np.int64)
         published = nanoseconds(heads['publish_time'])
         # Who knows no such time should write the log time; some write nothing.
-        self.latencies.add(np.where(published > 0, times - published, 0) / 1e9)
-        self._count(heads['sequence'].astype(np.int64), before, times)
+        unknown = (published == 0) | (published == times)
+        published = np.where(published > 0, published, times)
+        if not self.times:
+            self.end, self.published_end, self.heard_since = times[0], published[0], times[0]
+        before = np.concatenate([[self.end], times[:-1]])
+        back = np.flatnonzero(times < before)
+        published_before = np.concatenate([[self.published_end], published[:-1]])
+        by = before[back] - times[back], published_before[back] - published[back]
+        self.back.add(np.column_stack([len(self.times) + back, *by]))
+        latencies = np.where(unknown, np.nan, (times - published) / 1e9)
+        if self.latched:
+            latencies[published < self._heard_since(times, numbers)] = np.nan
+        self.end, self.published_end = int(times[-1]), int(published[-1])
+        self.times.add(times)
+        self.latencies.add(latencies)
+        self._count(numbers, before, times)
+
+    def _heard_since(self, times: Times, numbers: NDArray[np.int64]) -> Times:
+        """Return since when the publisher of each message is heard [ns]."""
+        before = np.concatenate([[self.last], numbers[:-1]])
+        # Whose numbers do not go on is another one, who may have published long before.
+        first = np.where(
+            (before > 0) & (numbers > 0) & (numbers <= before), np.arange(len(times)), -1
+        )
+        first = np.maximum.accumulate(first)
+        since: Times = np.where(first < 0, self.heard_since, times[first])
+        self.heard_since = int(since[-1])
+        return since
 
     def _count(self, numbers: NDArray[np.int64], befores: Times, times: Times) -> None:
         """Note what is missing between the numbers of messages."""
@@ -55,6 +83,7 @@ class _Seen:
         known = (before > 0) & (numbers > 0)
         steps = np.where(known, numbers - before, 1)
         back = steps <= 0
+        self.early += int((numbers[back] - 1).sum())
         self.steps_back += int(np.count_nonzero(back))
         # Who starts anew starts at 1, about; else messages are out of order.
         self.steps_back += int(np.count_nonzero(back & (2 * numbers > before)))
@@ -64,8 +93,13 @@ class _Seen:
     @property
     def is_numbered(self) -> bool:
         """Return whether the numbers are one publisher's, so that they tell what is missing."""
+        return bool(self.numbered) and not self.is_shared
+
+    @property
+    def is_shared(self) -> bool:
+        """Return whether there were several publishers at once."""
         # A publisher that starts anew goes back once, the numbers of two at a time do so for ever.
-        return bool(self.numbered) and self.steps_back <= 1 and self.publishers <= 1
+        return self.steps_back > 1 or self.publishers > 1
 
 
 class TopicTally:
@@ -79,36 +113,37 @@ class TopicTally:
         seen = self._seen.setdefault((topic.name, topic.type), _Seen())
         # The files of a split run may know a topic by different profiles.
         seen.publishers = max(seen.publishers, topic.qos.count('history:'))
+        seen.latched = seen.latched or _LATCHED.search(topic.qos) is not None
         seen.add(block.heads[rows])
 
     def topics(
-        self, recorded: Mapping[str, int | None], holes: Sequence[Hole]
+        self, recorded: Mapping[str, TopicCount], holes: Sequence[Hole]
     ) -> tuple[TopicRecording, ...]:
         """Return every topic, with the losses that the recorder itself has counted."""
         found = [
-            _topic(name, kind, seen, recorded, holes) for (name, kind), seen in self._seen.items()
+            _topic(name, kind, seen, recorded.get(name), holes)
+            for (name, kind), seen in self._seen.items()
         ]
         self._seen.clear()
         names = {topic.name for topic in found}
         # A topic of which nothing at all arrived is lost as well.
         nothing, none = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.float32)
         missing = [
-            TopicRecording(name, '', nothing, none, lost)
-            for name, lost in recorded.items()
-            if lost and name not in names
+            TopicRecording(name, '', nothing, none, count.lost, count.early, count.left)
+            for name, count in recorded.items()
+            if (count.lost or count.early or count.left > 1) and name not in names
         ]
         return (*found, *missing)
 
 
 def _topic(
-    name: str,
-    kind: str,
-    seen: _Seen,
-    recorded: Mapping[str, int | None],
-    holes: Sequence[Hole],
+    name: str, kind: str, seen: _Seen, recorded: TopicCount | None, holes: Sequence[Hole]
 ) -> TopicRecording:
     times, latencies = seen.times.array(), seen.latencies.array()
-    if seen.backwards:
+    back = seen.back.array()
+    set_back = back[clock_steps(latencies, back, alone=seen.is_numbered)]
+    set_back = np.column_stack([times[set_back[:, 0]], set_back[:, 1]])
+    if len(back):
         order = np.argsort(times, kind='stable')
         times, latencies = times[order], latencies[order]
     missing = seen.missing.array()
@@ -117,30 +152,51 @@ def _topic(
         missing = missing[~overlap(missing[:, 0], missing[:, 1], holes)]
     else:
         missing = missing[:0]
+    lost, early, left, shared = _losses(seen, recorded, int(missing[:, 2].sum()))
     return TopicRecording(
         name=name,
         type=kind,
         times=times,
         latencies=latencies,
-        lost=recorded.get(name, int(missing[:, 2].sum()) if seen.is_numbered else None),
+        lost=lost,
+        early=early,
+        left=left,
+        shared=shared,
         missing=missing,
-        backwards=seen.backwards,
-        backwards_at=seen.backwards_at,
+        set_back=set_back,
+        overtaken=len(back) - len(set_back),
     )
 
 
-def recorded_losses(metadata: Metadata) -> dict[str, int | None]:
+def _losses(
+    seen: _Seen, recorded: TopicCount | None, missing: int
+) -> tuple[int | None, int, int, bool]:
+    """Return what was lost, what was early, who left, and whether there were several at once."""
+    if recorded is not None:
+        unknown = recorded.unheard is None
+        return recorded.lost, recorded.early, recorded.left, unknown
+    if not seen.is_numbered:
+        return None, 0, 0, seen.is_shared
+    # Who starts anew has left before.
+    return missing, 0 if seen.latched else seen.early, seen.steps_back, False
+
+
+def recorded_losses(metadata: Metadata) -> dict[str, TopicCount]:
     """Return what the recorder says about lost messages, by topic."""
-    known: dict[str, int | None] = {}
+    known: dict[str, TopicCount] = {}
     for record in metadata.get(LOSS_RECORD, ()):
-        known.update(_losses(record))
+        known.update(_counts(record))
     return known
 
 
-def _losses(record: Mapping[str, str]) -> dict[str, int | None]:
+def _counts(record: Mapping[str, str]) -> dict[str, TopicCount]:
     try:
-        counts = losses(record)
+        counts = topic_counts(record)
     except ValueError:
         return {}
-    # Less than none is no count.
-    return {name: lost for name, lost in counts.items() if lost is None or lost >= 0}
+    # Less than none is no count, and nobody counts so far.
+    return {
+        name: count
+        for name, count in counts.items()
+        if all(0 <= number <= LAST_TIME for number in (count.lost or 0, count.early, count.left))
+    }

@@ -2,38 +2,36 @@
 
 from collections.abc import Iterator, Sequence
 import csv
-from pathlib import Path
-from typing import Any, TextIO
+from io import TextIOWrapper
+from typing import Any, BinaryIO, TextIO
 
 from klann_ros.review.pairing import pairs
 from klann_ros.review.reviewed import Review, ReviewedLeg
+from klann_ros.untrusted.text import printable
 import numpy as np
 
 # So many rows are made to text at once.
 _BLOCK = 16384
 _NS = 10**9
+_FORMULA = ('=', '+', '-', '@')
 
 
-def save(review: Review, path: str) -> None:
+def save(review: Review, file: BinaryIO) -> None:
     """
-    Save every pose of every leg.
+    Write every pose of every leg to an open file.
 
     A row has the leg (of a run with several), log time and stamp, the angles, the velocities, the
     foot H, and what came of solving the pose again. What a run does not tell is an empty field;
     numbers are written so that reading them gives the same doubles.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-
     """
-    with Path(path).open('w', newline='', encoding='utf-8') as file:
-        write(review, file)
+    text = TextIOWrapper(file, newline='', encoding='utf-8')
+    _write(review, text)
+    text.flush()
+    # The file is its opener's to close.
+    text.detach()
 
 
-def write(review: Review, file: TextIO) -> None:
-    """Write the rows to an open text file."""
+def _write(review: Review, file: TextIO) -> None:
     writer = csv.writer(file, lineterminator='\n')
     joints = list(
         dict.fromkeys(j for leg in review.legs for j in leg.recording.solver.joint_names)
@@ -41,7 +39,7 @@ def write(review: Review, file: TextIO) -> None:
     several = len(review.legs) > 1
     writer.writerow(_header(joints, several=several))
     for leg in review.legs:
-        title = [leg.recording.title] if several else []
+        title = [_cell(leg.recording.title)] if several else []
         for rows in _blocks(leg, joints):
             writer.writerows([*title, *row] for row in rows)
 
@@ -92,6 +90,16 @@ def _judgement(leg: ReviewedLeg, rows: slice, unjudged: int) -> np.ndarray[Any, 
         found[those, 0] = leg.resolved.residuals[judged]
         found[those, 1] = leg.resolved.angle_errors[judged]
     return found
+
+
+def _cell(text: str) -> str:
+    """
+    Return a name as a spreadsheet may show it: on one line, and never computed.
+
+    No name that ROS takes begins with a sign that begins a formula.
+    """
+    shown = printable(text)
+    return f"'{shown}" if shown.startswith(_FORMULA) else shown
 
 
 def _seconds(times: np.ndarray[Any, Any]) -> list[str]:

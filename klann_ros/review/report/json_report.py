@@ -4,28 +4,21 @@ from collections.abc import Mapping
 from dataclasses import asdict
 import json
 from math import isfinite
-from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from klann_ros import __version__
+from klann_ros.review.answering import Cause
+from klann_ros.review.checks.unanswered import unanswered
 from klann_ros.review.comparing import Comparison
-from klann_ros.review.reviewed import Review
+from klann_ros.review.reviewed import Review, ReviewedLeg
 
 # Counts up when what stands in the report changes its meaning.
 VERSION = 1
 
 
-def save(review: Review, comparison: Comparison | None, path: str) -> None:
-    """
-    Save the report.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-
-    """
-    Path(path).write_text(report(review, comparison), encoding='utf-8')
+def save(review: Review, comparison: Comparison | None, file: BinaryIO) -> None:
+    """Write the report to an open file."""
+    file.write(report(review, comparison).encode())
 
 
 def report(review: Review, comparison: Comparison | None = None) -> str:
@@ -45,7 +38,9 @@ def report(review: Review, comparison: Comparison | None = None) -> str:
                 'leg': leg.recording.title,
                 'poses': len(leg.recording.poses),
                 'judged_poses': len(leg.judged.poses) if leg.resolved is not None else 0,
+                'geometry_source': leg.recording.solver.source,
                 **asdict(leg.figures),
+                'crank_angles': _crank_angles(review, leg),
             }
             for leg in review.legs
         ],
@@ -58,6 +53,24 @@ def report(review: Review, comparison: Comparison | None = None) -> str:
     if comparison is not None:
         content['comparison'] = comparison.as_dict()
     return json.dumps(finite(content), indent=2) + '\n'
+
+
+def _crank_angles(review: Review, leg: ReviewedLeg) -> dict[str, int | None]:
+    """Return what became of what a leg was asked; None where the run does not tell."""
+    found, left = leg.answering, unanswered(review, leg)
+    counts: dict[str, int | None] = {
+        'before_the_first_answer': found.early,
+        'asked': found.asked,
+        'answered': found.asked - len(found.rows),
+        'no_angle': len(found.of(Cause.NO_ANGLE)),
+        'out_of_reach': len(found.of(Cause.OUT_OF_REACH)),
+        'unanswered_in_silences': left.in_silences,
+        'unanswered_at_holes': left.at_holes,
+        'unanswered_as_answers_were_lost': left.lost,
+        'unanswered_elsewhere': left.unexplained,
+        'after_the_last_answer': found.late,
+    }
+    return counts if len(leg.judged.cranks) else dict.fromkeys(counts)
 
 
 def finite(value: Any) -> Any:

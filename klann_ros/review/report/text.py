@@ -3,11 +3,12 @@
 from collections.abc import Callable, Iterator, Sequence
 from math import degrees, isnan
 
+from klann_ros.log.wording import counted
 from klann_ros.review.comparing import Comparison
-from klann_ros.review.figures import LegFigures
 from klann_ros.review.finding import Finding, Severity
-from klann_ros.review.reviewed import Review
-from klann_ros.review.topic_figures import TopicFigures
+from klann_ros.review.reviewed import Review, ReviewedLeg
+from klann_ros.review.topic_figures import MORE, TopicFigures, WHY_MORE
+from klann_ros.untrusted.text import printable, printable_line
 
 # Gives a text a colour (SGR code), or leaves it as it is.
 _Paint = Callable[[str, str], str]
@@ -17,8 +18,8 @@ _WORDS = {
     Severity.WARNING: ('WARNING', '1;33'),
     Severity.NOTE: ('NOTE', '36'),
 }
-# A log may be anybody's: what it says does not move the cursor or change the colours.
-_CONTROLS = dict.fromkeys((*range(32), *range(127, 160)), '?')
+# A longer name moves its own line only.
+_WIDEST = 60
 _GOOD, _HEAD, _FAINT, _DIFFERENT = '1;32', '1', '2', '1;33'
 
 
@@ -27,13 +28,13 @@ def report(review: Review, *, colour: bool = False) -> str:
     paint = _painted if colour else _plain
     recording = review.recording
     size = sum(size for _, size in recording.files) / 1e6
-    files = f'{len(recording.files)} files' if len(recording.files) > 1 else '1 file'
-    path = _shown(recording.path)
+    files = counted(len(recording.files), 'file')
+    path = printable(recording.path)
     lines = [
         paint(f'{path}: {recording.duration:.2f} s, {files}, {size:.1f} MB', _HEAD),
         '',
         *_topics(review.topics, paint),
-        *(line for leg in review.legs for line in _leg(leg.recording.title, leg.figures, paint)),
+        *(line for leg in review.legs for line in _leg(leg, paint)),
         '',
         *_findings(review, paint),
     ]
@@ -45,33 +46,36 @@ def differences(comparison: Comparison, *, colour: bool = False) -> str:
     paint = _painted if colour else _plain
     word = paint('DIFFERS', _DIFFERENT)
     lines = [
-        f'{word} {_shown(found.what)}: {_of(found.leg)}{_shown(found.text)}'
+        f'{word} {printable(found.what)}: {_of(found.leg)}{printable_line(found.text)}'
         for found in comparison.differences
     ]
     if not lines:
         lines = [paint(comparison.alike, _GOOD)]
-    return '\n'.join((*lines, *map(_shown, comparison.remarks)))
+    return '\n'.join((*lines, *map(printable_line, comparison.remarks)))
 
 
 def _topics(topics: Sequence[TopicFigures], paint: _Paint) -> Iterator[str]:
-    width = max((len(topic.name) for topic in topics), default=5)
+    names = [printable(topic.name) for topic in topics]
+    width = min(max(map(len, names), default=5), _WIDEST)
     head = 'messages   rate/Hz  longest gap/ms  latency p50/ms   p99/ms  lost'
     yield paint(f'{"topic":<{width}}  {head}', _FAINT)
-    for topic in topics:
-        lost = '?' if topic.lost is None else str(topic.lost)
+    for name, topic in zip(names, topics, strict=True):
         yield (
-            f'{_shown(topic.name):<{width}}  {topic.count:>8}  {_number(topic.rate, 8, 1)}  '
+            f'{name:<{width}}  {topic.count:>8}  {_number(topic.rate, 8, 1)}  '
             f'{_number(topic.longest_gap * 1e3, 14, 1)}  '
             f'{_number(topic.latency_p50 * 1e3, 14, 2)}  '
-            f'{_number(topic.latency_p99 * 1e3, 7, 2)}  {lost:>4}'
+            f'{_number(topic.latency_p99 * 1e3, 7, 2)}  {topic.lost_in_words:>4}'
         )
+    if any(topic.lost_in_words.endswith(MORE) for topic in topics):
+        yield paint(f'{MORE}: {WHY_MORE}', _FAINT)
 
 
-def _leg(title: str, figures: LegFigures, paint: _Paint) -> Iterator[str]:
+def _leg(leg: ReviewedLeg, paint: _Paint) -> Iterator[str]:
+    title, source, figures = leg.recording.title, leg.recording.solver.source, leg.figures
     mu = degrees(figures.worst_transmission_angle)
     yield ''
     if title:
-        yield paint(f'leg {_shown(title)}', _HEAD)
+        yield paint(f'leg {printable(title)}', _HEAD)
     yield f'turns of the crank         {_number(figures.turns, 10, 3)}'
     yield f'stride                     {_number(figures.stride, 10, 4)} m'
     yield f'lift                       {_number(figures.lift, 10, 4)} m'
@@ -81,6 +85,8 @@ def _leg(title: str, figures: LegFigures, paint: _Paint) -> Iterator[str]:
     yield f'worst residual             {_power(figures.worst_residual)} m'
     yield f'worst angle, solved again  {_power(figures.worst_angle_error)} rad off'
     yield f'worst foot, by its angles  {_power(figures.worst_foot_error)} m off'
+    if source:
+        yield paint(f'the geometry is that of {source}', _FAINT)
 
 
 def _findings(review: Review, paint: _Paint) -> Iterator[str]:
@@ -101,16 +107,13 @@ def _findings(review: Review, paint: _Paint) -> Iterator[str]:
 def _finding(finding: Finding, paint: _Paint) -> Iterator[str]:
     word, colour = _WORDS[finding.severity]
     when = '' if finding.time is None else f' (first at {finding.time:.3f} s)'
-    yield f'{paint(word, colour)} {finding.check}: {_of(finding.leg)}{_shown(finding.text)}{when}'
-    yield paint(f'    {finding.meaning}', _FAINT)
+    text = f'{_of(finding.leg)}{printable_line(finding.text)}'
+    yield f'{paint(word, colour)} {finding.check}: {text}{when}'
+    yield paint(f'    {printable_line(finding.meaning)}', _FAINT)
 
 
 def _of(title: str) -> str:
-    return f'{_shown(title)}: ' if title else ''
-
-
-def _shown(text: str) -> str:
-    return text.translate(_CONTROLS)
+    return f'{printable(title)}: ' if title else ''
 
 
 def _nothing(review: Review) -> str:
@@ -119,7 +122,9 @@ def _nothing(review: Review) -> str:
     if not judged:
         return 'nothing found, but no pose was judged'
     whole = sum(len(leg.recording.poses) for leg in review.legs)
-    which = 'every pose is' if judged == whole else f'each of the {judged} poses is'
+    which = (
+        'every pose is' if judged == whole else f'each of the {counted(judged, "judged pose")} is'
+    )
     return f'nothing found: {which} the right one for its crank angle'
 
 

@@ -1,10 +1,11 @@
 """What each chart of a leg shows, in a sentence: for those who cannot see it, or have no time."""
 
 from collections.abc import Iterable, Iterator
-from math import degrees
+from math import degrees, isnan
 
 from klann_ros.review.loading.layouts import Floats
 from klann_ros.review.reviewed import ReviewedLeg
+from klann_ros.untrusted.text import printable
 import numpy as np
 
 
@@ -20,16 +21,18 @@ def chart_texts(leg: ReviewedLeg) -> dict[str, str]:
         'rates': _ranges(names, recording.rates.T, 'rad/s'),
         'iterations': _iterations(recording.iterations.values),
     }
-    if leg.resolved is not None:
+    if leg.resolved is not None and not isnan(figures.worst_transmission_angle):
         mu = degrees(figures.worst_transmission_angle)
         texts['residuals'] = f'The worst residual is {figures.worst_residual:.1e} m'
-        texts['transmission'] = f'The worst is {mu:.1f} deg from in line; 20 deg is the limit'
+        texts['transmission'] = (
+            f'The worst is {mu:.1f} deg from in line; solver_node warns below 20 deg by default'
+        )
     return {name: f'{text}.' for name, text in texts.items()}
 
 
 def _iterations(most: Floats) -> str:
     known = most[np.isfinite(most)]
-    return f'No pose took more than {known.max():.0f}' if known.size else 'Nothing is recorded'
+    return f'The solver reports {known.max():.0f} at most' if known.size else 'Nothing is recorded'
 
 
 def _metres(size: Floats) -> str:
@@ -45,4 +48,4 @@ def _found(names: Iterable[str], rows: Iterable[Floats], unit: str) -> Iterator[
     for name, values in zip(names, rows, strict=False):
         known = values[np.isfinite(values)]
         if known.size:
-            yield f'{name} from {known.min():.4g} to {known.max():.4g} {unit}'
+            yield f'{printable(name)} from {known.min():.4g} to {known.max():.4g} {unit}'

@@ -33,7 +33,25 @@ def figures(reviews: Sequence[Review]) -> Markup:
         if len(found) > 1
         else element('dl', *map(_tile, found[0][1]), class_='tiles')
     )
-    return element('section', element('h2', 'Figures'), content)
+    sources = (
+        element(
+            'p', f'{title}{": " * bool(title)}the geometry is that of {source}.', class_='quiet'
+        )
+        for title, source in _sources(reviews).items()
+    )
+    return element('section', element('h2', 'Figures'), content, *sources)
+
+
+def _sources(reviews: Sequence[Review]) -> dict[str, str]:
+    """Return who tells the geometry, once where all legs have it from there."""
+    told = {
+        _title(leg.recording.title, n, len(reviews)): leg.recording.solver.source
+        for n, review in enumerate(reviews)
+        for leg in review.legs
+        if leg.recording.solver.source
+    }
+    sources = set(told.values())
+    return {'': sources.pop()} if len(sources) == 1 else told
 
 
 def _table(found: Sequence[tuple[str, Sequence[_Figure]]]) -> Markup:

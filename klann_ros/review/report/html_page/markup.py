@@ -3,8 +3,12 @@
 from collections.abc import Iterable
 from html import escape
 
+from klann_ros.untrusted.text import printable
+
 # What stands for a number that nobody knows.
 NOT_TOLD = '\N{EN DASH}'
+# A longer text is nobody's to read.
+_LONGEST = 20_000
 # Elements without content, and without an end.
 _VOID = frozenset({'input', 'meta', 'br'})
 
@@ -42,11 +46,12 @@ def joined(content: Iterable[str]) -> Markup:
 
 
 def _escaped(text: str) -> str:
-    return text if isinstance(text, Markup) else escape(text)
+    # Marks that turn a line's direction would do that to what stands beside it.
+    return text if isinstance(text, Markup) else escape(printable(text, _LONGEST))
 
 
 def _attribute(key: str, value: str | float | bool) -> str:
     if value is False:
         return ''
     name = key.rstrip('_').replace('_', '-')
-    return f' {name}' if value is True else f' {name}="{escape(str(value))}"'
+    return f' {name}' if value is True else f' {name}="{escape(printable(value, _LONGEST))}"'

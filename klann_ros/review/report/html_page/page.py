@@ -4,6 +4,7 @@ from collections.abc import Sequence
 import json
 from pathlib import Path
 from string import Template
+from typing import BinaryIO
 
 from klann_ros.review.comparing import Comparison
 from klann_ros.review.report.json_report import finite
@@ -19,18 +20,10 @@ from .run_data import run_data
 MOST = 8.5e6
 
 
-def save(reviews: Sequence[Review], comparison: Comparison | None, path: str) -> None:
-    """
-    Save the page of one run, or of two.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-
-    """
+def save(reviews: Sequence[Review], comparison: Comparison | None, file: BinaryIO) -> None:
+    """Write the page of one run, or of two, to an open file."""
     # A path may hold bytes that are no text.
-    Path(path).write_text(page(reviews, comparison), encoding='utf-8', errors='replace')
+    file.write(page(reviews, comparison).encode(errors='replace'))
 
 
 def page(reviews: Sequence[Review], comparison: Comparison | None = None) -> str:

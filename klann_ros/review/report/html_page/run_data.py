@@ -3,6 +3,7 @@
 from typing import Any
 
 from klann_ros.review.reviewed import Review, ReviewedLeg
+from klann_ros.untrusted.text import printable
 
 from . import packed
 from .chart_texts import chart_texts
@@ -25,7 +26,7 @@ def run_data(review: Review, most_bytes: float) -> dict[str, Any]:
     """
     share = most_bytes / max(len(review.legs), 1)
     return {
-        'path': review.recording.path,
+        'path': printable(review.recording.path),
         'duration': review.recording.duration,
         'legs': [_leg(leg, review, share) for leg in review.legs],
         'topics': [timing(topic) for topic in review.recording.topics],
@@ -38,8 +39,8 @@ def _leg(leg: ReviewedLeg, review: Review, most_bytes: float) -> dict[str, Any]:
     solver, start = recording.solver, review.recording.start
     rows = pose_rows if len(recording.poses) else foot_rows
     return {
-        'title': recording.title,
-        'joints': list(solver.joint_names),
+        'title': printable(recording.title),
+        'joints': list(map(printable, solver.joint_names)),
         'shape': leg_shape(solver.leg) if solver.leg is not None else None,
         # Before that it had another shape, and is not drawn [s].
         'since': (solver.leg_time - start) / 1e9 if solver.leg_time else 0.0,

@@ -8,7 +8,8 @@ from pathlib import Path
 from klann_ros.review.comparing import Comparison
 from klann_ros.review.finding import Finding, Severity
 from klann_ros.review.reviewed import Review
-from klann_ros.review.topic_figures import TopicFigures
+from klann_ros.review.topic_figures import MORE, TopicFigures, WHY_MORE
+from klann_ros.untrusted.text import printable
 
 from .markup import element, joined, Markup, NOT_TOLD
 from .tables import scrolling_table
@@ -83,6 +84,7 @@ def topics(reviews: Sequence[Review]) -> Markup:
             scrolling_table(
                 _name('Topics', '', n, len(reviews)), _TOPIC_HEADS, map(_topic, review.topics)
             ),
+            _legend(review.topics),
         )
         for n, review in enumerate(reviews)
     )
@@ -124,9 +126,20 @@ def _finding(finding: Finding) -> Markup:
         return element('li', mark, element('div', *parts), class_=kind)
     when = element('span', f'at {finding.time:.3f} s →', class_='when')
     button = element(
-        'button', *parts, when, type='button', data_time=repr(finding.time), data_leg=finding.leg
+        'button',
+        *parts,
+        when,
+        type='button',
+        data_time=repr(finding.time),
+        data_leg=printable(finding.leg),
     )
     return element('li', mark, button, class_=kind)
+
+
+def _legend(topics_: Sequence[TopicFigures]) -> Markup:
+    if not any(topic.lost_in_words.endswith(MORE) for topic in topics_):
+        return Markup()
+    return element('p', f'{MORE}: {WHY_MORE}.', class_='quiet')
 
 
 def _topic(topic: TopicFigures) -> Sequence[str]:
@@ -137,7 +150,7 @@ def _topic(topic: TopicFigures) -> Sequence[str]:
         _number(topic.longest_gap, 1e3, 1),
         _number(topic.latency_p50, 1e3, 2),
         _number(topic.latency_p99, 1e3, 2),
-        'unknown' if topic.lost is None else str(topic.lost),
+        'unknown' if topic.lost is None else topic.lost_in_words,
     )
 
 

@@ -2,8 +2,10 @@
 
 from typing import Any
 
+from klann_ros.log.wording import verb
 from klann_ros.review.recording import TopicRecording
 from klann_ros.review.topic_figures import intervals
+from klann_ros.untrusted.text import printable
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,9 +16,9 @@ FIRST, LAST, A_DECADE = -6, 3, 20
 def timing(topic: TopicRecording) -> dict[str, Any]:
     """Return the histograms of a topic."""
     return {
-        'name': topic.name,
+        'name': printable(topic.name),
         'intervals': histogram(intervals(topic.times)),
-        'latencies': histogram(topic.latencies),
+        'latencies': histogram(topic.latencies[~np.isnan(topic.latencies)]),
     }
 
 
@@ -44,7 +46,10 @@ def _sentence(seconds: NDArray[Any], below: int) -> str:
     if not len(seconds):
         return 'There is none.'
     half, most, longest = (1e3 * float(s) for s in np.percentile(seconds, [50.0, 99.0, 100.0]))
-    rest = f'; {below} are below 1 µs or negative, and not drawn' if below else ''
+    are = verb(below, 'is', 'are')
+    rest = f'; {below} {are} below 1 µs or negative, and not drawn' if below else ''
+    if len(seconds) == 1:
+        return f'The only one is {longest:.4g} ms{rest}.'
     return (
         f'Half of {len(seconds)} are up to {half:.4g} ms, 99 % up to {most:.4g} ms, '
         f'the longest is {longest:.4g} ms{rest}.'

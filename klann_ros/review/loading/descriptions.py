@@ -1,0 +1,93 @@
+"""The geometry of legs from `robot_description`, for runs in which no solver tells it."""
+
+from collections import defaultdict
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+from klann_ros.kinematics import GeometryError, KlannGeometry, KlannLeg
+from klann_ros.log.cdr_cursor import CdrCursor
+from klann_ros.log.reading.block import Block
+from klann_ros.log.records import Topic
+from klann_ros.review.recording import Series
+from klann_ros.untrusted.text import printable
+import numpy as np
+
+from .klann_urdf import klann_legs_in_urdf, LONGEST
+from .pieces import nanoseconds, Rows
+from .solvers import LegSolver
+
+TEXT, NAME = 'std_msgs/msg/String', 'robot_description'
+# A robot that is described anew at each message is none.
+_MOST = 32
+# What a message has beside the text [bytes], at most.
+_FRAME = 16
+
+
+class _Described(NamedTuple):
+    """What was described since a log time [ns]: the dimensions of legs by their names."""
+
+    time: int
+    legs: dict[str, dict[str, float]]
+
+
+class Descriptions:
+    """Gathers the legs that robot descriptions tell, by the namespace of their topic."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, bytes] = {}
+        self._found: dict[str, list[_Described]] = defaultdict(list)
+
+    def add(self, topic: Topic, block: Block, rows: Rows) -> None:
+        """Add what a topic's messages in a block describe."""
+        namespace, _, name = topic.name.rpartition('/')
+        if (topic.type, name) != (TEXT, NAME):
+            return
+        for row in rows[block.sizes[rows] <= LONGEST + _FRAME].tolist():
+            data = block.message(row)
+            # It is published again and again, as a rule.
+            if data != self._last.get(topic.name) and len(self._found[namespace]) < _MOST:
+                self._last[topic.name] = data
+                time = int(nanoseconds(block.heads['log_time'][[row]])[0])
+                self._found[namespace].append(_Described(time, klann_legs_in_urdf(_text(data))))
+
+    def tell(self, solver: LegSolver, namespace: str, name: str, poses: Series) -> LegSolver:
+        """Return a solver that knows nothing of its leg with what is described of it."""
+        spaces = [space for space, found in self._found.items() if any(d.legs for d in found)]
+        # Who describes the robot is elsewhere, where there is one robot alone.
+        space = namespace if namespace in spaces or len(spaces) != 1 else spaces[0]
+        told = sorted(self._found.get(space, ()), key=lambda described: described.time)
+        assembly = _assembly(poses)
+        legs = [_leg(described.legs.get(name), assembly) for described in told]
+        if solver.leg is not None or not legs or legs[-1] is None:
+            return solver
+        geometries = [leg and leg.geometry for leg in legs]
+        changes = [
+            described.time
+            for described, (before, after) in zip(told[1:], pairwise(geometries), strict=True)
+            if before != after
+        ]
+        source = f'{printable(f"{space}/{NAME}")}, put together as its poses are'
+        return replace(solver, leg=legs[-1], leg_time=changes[-1] if changes else 0, source=source)
+
+
+def _text(data: bytes) -> str:
+    try:
+        return CdrCursor(data).string().decode()
+    except ValueError:
+        return ''
+
+
+def _assembly(poses: Series) -> tuple[int, int]:
+    """Return how most of a Klann leg's poses are put together: no URDF tells it."""
+    _, gamma, beta, delta, theta = poses.values.T
+    with np.errstate(over='ignore', invalid='ignore'):
+        sums = [float(np.nansum(np.sign(np.sin(both)))) for both in (gamma + beta, delta + theta)]
+    return (1 if sums[0] >= 0 else -1), (1 if sums[1] >= 0 else -1)
+
+
+def _leg(numbers: dict[str, float] | None, assembly: tuple[int, int]) -> KlannLeg | None:
+    try:
+        return None if numbers is None else KlannLeg(KlannGeometry(**numbers, assembly=assembly))
+    except GeometryError:
+        return None
