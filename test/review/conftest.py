@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from klann_ros.kinematics import KlannGeometry, KlannLeg
-from klann_ros.kinematics.klann.pose import JOINTS
+from klann_ros.kinematics.klann.leg import JOINTS
 from klann_ros.log.definitions import definition
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message, Topic
@@ -111,7 +111,8 @@ def script(geometry: KlannGeometry | None = None, turns: float = 2.0, count: int
     made = Script(geometry=leg.geometry)
     for n in range(count):
         pose = leg.solve(0.3 + turns * 2 * math.pi * n / (count - 1))
-        made.answers.append(Answer(START + n * PERIOD, pose.alpha, list(pose[:5]), pose.h, n + 1))
+        stamp = START + n * PERIOD
+        made.answers.append(Answer(stamp, pose.alpha, list(pose.joints), pose.h, n + 1))
     return made
 
 

@@ -13,11 +13,11 @@ import pytest
 def test_a_pose_for_another_crank_angle_is_found(healthy, make_run) -> None:
     # A right pose, one bit beside the angle that was asked.
     pose = KlannLeg().solve(math.nextafter(healthy.answers[100].alpha, 9.0))
-    healthy.change(100, pose=list(pose[:5]), foot=pose.h)
+    healthy.change(100, pose=list(pose.joints), foot=pose.h)
     review = review_run(make_run(healthy))
     assert moments(review) == [('alpha', 0.5)]
     (finding,) = review.findings
-    assert finding.text == '1 of 400 poses are not for the crank angle that was asked'
+    assert finding.text == '1 of 400 poses is not for the crank angle that was asked'
 
 
 @pytest.mark.parametrize('parameters', [{'phase': 0.5}, {'direction': -1}])
@@ -29,16 +29,16 @@ def test_another_phase_or_direction_than_told_is_found(healthy, make_run, parame
 def test_a_stamp_that_two_inputs_share_tells_no_angle(healthy, make_run) -> None:
     alpha = healthy.answers[100].alpha + 1e-3
     pose = KlannLeg().solve(alpha)
-    healthy.change(100, pose=list(pose[:5]), foot=pose.h)
+    healthy.change(100, pose=list(pose.joints), foot=pose.h)
     healthy.unanswered = [(healthy.answers[100].stamp, alpha)]
-    assert found(make_run(healthy)) == []
+    assert found(make_run(healthy)) == ['answers: 1 of 401 crank angles was not answered']
 
 
 @pytest.mark.parametrize('alpha', [math.nan, math.inf, -math.inf, 1.1e6, -1e300])
 def test_what_is_no_crank_angle_is_found_as_such(healthy, make_run, alpha) -> None:
     healthy.unanswered = [(healthy.answers[100].stamp + 1000, alpha)]
     assert found(make_run(healthy)) == [
-        'rejected: 1 crank angles were none: not finite, or beyond 1e6 rad',
+        'rejected: 1 of 401 crank angles was none: not finite, or beyond 1e6 rad',
     ]
 
 
@@ -47,14 +47,14 @@ def test_an_unanswered_angle_is_found_but_not_at_the_edges(healthy, make_run) ->
         healthy.ask(index, later)
     review = review_run(make_run(healthy))
     assert moments(review) == [('answers', 0.15)]
-    assert review.findings[0].text == '1 of 401 crank angles were not answered'
+    assert review.findings[0].text == '1 of 401 crank angles was not answered'
 
 
 def test_answers_that_were_lost_are_not_said_to_be_missing(healthy, make_run) -> None:
     healthy.ask(30)
     counted = {'/joint_states': TopicCount(400, 400, unheard=1)}
     healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
-    assert found(make_run(healthy)) == ['lost: 1 messages of /joint_states were lost']
+    assert found(make_run(healthy)) == ['lost: 1 message of /joint_states was lost']
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def rocking(make_script):
             run.answers[n] = None
         else:
             pose = solver.closed_form(alpha)
-            run.change(n, alpha=pose.alpha, pose=list(pose[:5]), foot=pose.h)
+            run.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
     run.answers = [
         replace(answer, sequence=n + 1) for n, answer in enumerate(filter(None, run.answers))
     ]
@@ -97,7 +97,7 @@ def test_a_silence_where_nothing_can_be_answered_is_no_gap(make_script, make_run
             run.unanswered.append((answer.stamp, answer.alpha))
         else:
             sequence = len(run.answers) + 1
-            of_pose = {'pose': list(pose[:5]), 'foot': pose.h, 'sequence': sequence}
+            of_pose = {'pose': list(pose.joints), 'foot': pose.h, 'sequence': sequence}
             run.answers.append(replace(answer, **of_pose))
     # About a sixth of each turn, of a second.
     review = review_run(make_run(run))
@@ -113,7 +113,9 @@ def test_a_solver_that_stood_still_is_a_gap_of_its_answers(healthy, make_run) ->
         healthy.answers[n] = replace(answer, sequence=n + 1)
     review = review_run(make_run(healthy))
     assert moments(review) == [('gap', 0.495)]
-    assert 'crank' not in review.findings[0].text
+    silence, _, count = review.findings[0].text.partition('; ')
+    assert silence == 'nothing on /joint_states, /point_h for 0.255 s'
+    assert count == '50 crank angles were not answered meanwhile'
 
 
 def test_without_a_geometry_nobody_knows_why(rocking, make_run) -> None:
@@ -125,7 +127,10 @@ def test_without_a_geometry_nobody_knows_why(rocking, make_run) -> None:
 
 def test_poses_that_end_before_the_crank_does_are_stale(healthy, make_run) -> None:
     last = healthy.answers[-1]
-    healthy.unanswered = [(last.stamp + n * 5_000_000, last.alpha + n / 100) for n in range(500)]
+    healthy.unanswered = [
+        (last.stamp + n * 5_000_000, last.alpha + n / 100) for n in range(1, 501)
+    ]
     review = review_run(make_run(healthy))
     assert moments(review) == [('stale', 1.995)]
-    assert review.findings[0].text == 'the poses ended 2.5 s before the crank did'
+    said = 'the poses ended 2.5 s before the crank did; 500 crank angles came after them'
+    assert review.findings[0].text == said

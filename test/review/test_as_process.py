@@ -59,7 +59,7 @@ def test_help_without_a_reader_is_no_fault(name: str) -> None:
 
 
 @pytest.mark.skipif(not Path('/dev/full').exists(), reason='a device of Linux')
-@pytest.mark.parametrize(('name', 'expected'), [('review', 2), ('recover', 1)])
+@pytest.mark.parametrize(('name', 'expected'), [('review', 3), ('recover', 1)])
 def test_a_full_disk_is_one_line(healthy, make_run, tmp_path, name: str, expected: int) -> None:
     run = make_run(healthy)
     output = [] if name == 'review' else ['-o', tmp_path / 'recovered']
@@ -90,12 +90,14 @@ def test_a_report_comes_before_the_traceback_of_a_fault() -> None:
     assert 'ZeroDivisionError' in done.stderr
 
 
-@pytest.mark.parametrize('delay', [0.02, 0.1, 0.3, 0.6])
-def test_interrupts_end_a_tool_without_noise(tmp_path, delay: float) -> None:
-    # A file that never says anything: the tool waits for it, if it is not starting still.
-    silent = tmp_path / 'silent.yaml'
-    os.mkfifo(silent)
-    process = start('review', '--geometry', silent, 'log', stdout=subprocess.PIPE, say='ready')
+@pytest.mark.parametrize('delay', [0.02, 0.1, 0.3, 0.6, 2.0])
+def test_interrupts_end_a_tool_without_noise(healthy, make_run, tmp_path, delay: float) -> None:
+    # A pipe that nobody empties: the tool waits for it, if it is not at work still.
+    pipe = tmp_path / 'pipe.csv'
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    run = make_run(healthy)
+    process = start('review', '--csv', pipe, run, stdout=subprocess.PIPE, say='ready')
     assert process.stdout.readline() == 'ready\n'
     time.sleep(delay)
     process.send_signal(signal.SIGINT)
@@ -103,4 +105,5 @@ def test_interrupts_end_a_tool_without_noise(tmp_path, delay: float) -> None:
     # It may have ended by now; then this one goes nowhere.
     process.send_signal(signal.SIGINT)
     output, errors = process.communicate(timeout=60.0)
+    os.close(reader)
     assert (process.returncode, output, errors) == (130, '', '')

@@ -1,11 +1,20 @@
 """Times that do not fit together: clocks, latency and order, each found once."""
 
-from dataclasses import replace
+import json
+from pathlib import Path
+import re
 
 from findings import moments
+from klann_ros.log.definitions import definition
+from klann_ros.log.qos import Qos, qos_to_yaml
+from klann_ros.log.records import Message, Topic
+from klann_ros.review.command import main
+from klann_ros.review.report.html_page.timing import timing
 from klann_ros.review.reviewing import review_run
+import pytest
 
 MS = 1_000_000
+FLOAT = 'std_msgs/msg/Float64'
 
 
 def test_a_publishers_clock_that_is_off_is_found_once(healthy, make_run, without) -> None:
@@ -15,7 +24,7 @@ def test_a_publishers_clock_that_is_off_is_found_once(healthy, make_run, without
     run = without(make_run(healthy), late=3_000 * MS)
     review = review_run(run)
     assert moments(review) == [('clock', None)]
-    assert review.findings[0].text.startswith("the publisher's clock is 3.000 s behind")
+    assert review.findings[0].text.startswith("the publisher's clock seems 3.000 s behind")
 
 
 def test_stamps_of_another_clock_are_found(healthy, make_run) -> None:
@@ -36,20 +45,7 @@ def test_late_messages_are_found_on_their_topic(healthy, make_run, without) -> N
     )
     review = review_run(run)
     assert moments(review) == [('latency', 0.245)]
-    said = 'one in a hundred messages of /point_h came 0.150 s late'
-    assert review.findings[0].text == said
-
-
-def test_a_recorders_clock_that_is_set_back_is_found(healthy, make_run, write_messages) -> None:
-    run = make_run(healthy)
-    back = [
-        replace(m, log_time=m.log_time - (20 * MS if m.sequence > 200 else 0))
-        for m in write_messages.read(run)
-        if m.topic.name != '/point_h'
-    ]
-    review = review_run(write_messages(run, back))
-    assert moments(review) == [('order', 0.98)]
-    said = '1 messages of /crank_angle, /joint_states are logged before those they follow'
+    said = '5 of 400 messages of /point_h took more than 0.1 s to arrive, up to 0.150 s'
     assert review.findings[0].text == said
 
 
@@ -60,3 +56,46 @@ def test_stamps_that_go_back_are_found(healthy, make_run) -> None:
     healthy.change(101, header_stamp=first)
     review = review_run(make_run(healthy))
     assert moments(review) == [('order', 0.505)]
+
+
+def latched(make_run, healthy, *sent: tuple[float, float, int]) -> Path:
+    """Return a run with a latched topic too: when it was published and heard [s], its number."""
+    qos = qos_to_yaml([Qos(durability='transient_local')])
+    topic = Topic('/markers', FLOAT, definition(FLOAT), qos=qos)
+    start = healthy.answers[0].stamp
+    for published, heard, number in sent:
+        times = start + round(heard * 1e9), start + round(published * 1e9)
+        healthy.messages.append(Message(topic, bytes(12), *times, number))
+    return make_run(healthy)
+
+
+def test_what_a_latched_publisher_sent_before_it_was_heard_has_no_latency(
+    healthy, make_run
+) -> None:
+    sent = [(-9.0, 0.1, 3), (-8.0, 0.1, 4), (0.5, 0.503, 5), (1.0, 1.001, 6)]
+    # Another one, whose first message waited as well; and the third.
+    sent += [(1.1, 1.4, 1), (1.5, 1.502, 2), (1.6, 1.9, 2)]
+    review = review_run(latched(make_run, healthy, *sent))
+    (figures,) = [topic for topic in review.topics if topic.name == '/markers']
+    assert figures.latency_p50 == pytest.approx(0.002)
+    assert figures.latency_p99 == pytest.approx(0.003, rel=0.02)
+    assert review.findings == ()
+
+
+def test_no_latency_is_shown_where_none_is_known(healthy, make_run, capsys, tmp_path) -> None:
+    run = latched(make_run, healthy, *((n - 20.0, 0.1 + n, n + 1) for n in range(12)))
+    report = tmp_path / 'report.json'
+    assert main([str(run), '--json', str(report)]) == 0
+    assert re.search(r'^/markers +12 .* - +- +0$', capsys.readouterr().out, re.MULTILINE)
+    (topic,) = [t for t in json.loads(report.read_text())['topics'] if t['name'] == '/markers']
+    assert (topic['latency_p50'], topic['latency_p99']) == (None, None)
+    (recorded,) = [t for t in review_run(run).recording.topics if t.name == '/markers']
+    assert timing(recorded)['latencies']['text'] == 'There is none.'
+
+
+def test_a_steady_latency_is_not_blamed_on_the_recorder(healthy, make_run, without) -> None:
+    (finding,) = review_run(without(make_run(healthy), late=300 * MS)).findings[:1]
+    assert finding.text == (
+        '400 of 400 messages of /crank_angle took more than 0.1 s to arrive, up to 0.300 s'
+    )
+    assert finding.meaning == 'all about equally long: a long way, or clocks that do not agree'

@@ -3,7 +3,7 @@
 from dataclasses import replace
 import math
 
-from klann_ros.kinematics.klann.pose import JOINTS
+from klann_ros.kinematics.klann.leg import JOINTS
 from klann_ros.log.reader import open_log
 from klann_ros.review.command import main
 from mcap_ros2.decoder import DecoderFactory
@@ -147,7 +147,7 @@ def test_a_run_without_poses_has_a_header_only(healthy, make_run, table) -> None
 
 
 def test_a_file_that_cannot_be_written_is_one_line(healthy, make_run, capsys) -> None:
-    assert main([str(make_run(healthy)), '--csv', '/not/there/run.csv']) == 2
+    assert main([str(make_run(healthy)), '--csv', '/not/there/run.csv']) == 3
     error = capsys.readouterr().err
     assert error.startswith('review: ')
     assert error.count('\n') == 1

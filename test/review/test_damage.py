@@ -82,4 +82,4 @@ def test_an_index_with_other_times_is_found(chunked) -> None:
     path.write_bytes(data)
     review = review_run(run)
     assert checks(review) == ['container']
-    assert 'the index is wrong about 1 chunks' in review.findings[0].text
+    assert 'the index is wrong about 1 chunk' in review.findings[0].text

@@ -115,7 +115,7 @@ def read_in_bulk(given_messages):
     """Return what each message says, by its row, and how many failed."""
     block, said, failed = block_of(given_messages), {}, 0
     for number, topic in enumerate(KINDS.values()):
-        reader = TopicReader(topic, number + 1)
+        reader = TopicReader(topic)
         rows = np.flatnonzero(block.heads['channel'] == number)
         for piece in reader.read(block, rows):
             for i, row in enumerate(piece.rows.tolist()):

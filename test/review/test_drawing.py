@@ -1,17 +1,19 @@
 """The drawing: every bar ends where the pose's points are."""
 
 from klann_ros.kinematics import KlannLeg
-from klann_ros.review.drawing import (
-    BODIES,
-    draw_angles,
-    draw_foot_path,
-    draw_leg,
-    label_plane,
-    LETTERS,
-)
+from klann_ros.review.drawing import draw_angles, draw_foot_path, draw_leg, label_plane
 from matplotlib.figure import Figure
 import numpy as np
 import pytest
+
+LETTERS = 'ABCDEFGH'
+BODIES = {
+    'crank': 'AB',
+    'coupler': 'BCG',
+    'lower rocker': 'DC',
+    'upper rocker': 'EF',
+    'leg': 'FGH',
+}
 
 
 def test_bars_end_at_the_points_and_every_letter_stands_at_its_own() -> None:
@@ -20,7 +22,7 @@ def test_bars_end_at_the_points_and_every_letter_stands_at_its_own() -> None:
     draw_leg(axes, pose)
     points = dict(zip(LETTERS, pose.points, strict=True))
     bars = {line.get_label(): line.get_xydata() for line in axes.lines[: len(BODIES)]}
-    for letters, name, _ in BODIES:
+    for name, letters in BODIES.items():
         np.testing.assert_array_equal(bars[name], [points[letter] for letter in letters])
     letters = {text.get_text(): text.xy for text in axes.texts}
     assert set(letters) == set('ABCDEFGH')

@@ -23,7 +23,7 @@ def test_only_what_is_younger_than_the_change_is_judged(changed, make_run, capsy
     output = capsys.readouterr().out
     line = 'the leg changed during the run; the poses before 1.00 s were not judged\n'
     assert line in output
-    assert 'nothing found: each of the 200 poses is the right one' in output
+    assert 'nothing found: each of the 200 judged poses is the right one' in output
 
 
 def test_a_wrong_pose_after_the_change_is_found(changed, make_run, capsys) -> None:

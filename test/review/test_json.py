@@ -9,6 +9,18 @@ import pytest
 
 NUMBER = (int, float)
 MAYBE = (int, float, type(None))
+CRANK_ANGLES = (
+    'before_the_first_answer',
+    'asked',
+    'answered',
+    'no_angle',
+    'out_of_reach',
+    'unanswered_in_silences',
+    'unanswered_at_holes',
+    'unanswered_as_answers_were_lost',
+    'unanswered_elsewhere',
+    'after_the_last_answer',
+)
 # What stands in it, and of which type; machines rely on it.
 SHAPE = {
     'version': int,
@@ -29,6 +41,8 @@ SHAPE = {
             'latency_p50': MAYBE,
             'latency_p99': MAYBE,
             'lost': (int, type(None)),
+            'early': int,
+            'publishers_left': int,
         }
     ],
     'legs': [
@@ -36,6 +50,7 @@ SHAPE = {
             'leg': str,
             'poses': int,
             'judged_poses': int,
+            'geometry_source': str,
             'turns': MAYBE,
             'stride': MAYBE,
             'lift': MAYBE,
@@ -45,6 +60,7 @@ SHAPE = {
             'worst_residual': MAYBE,
             'worst_angle_error': MAYBE,
             'worst_foot_error': MAYBE,
+            'crank_angles': dict.fromkeys(CRANK_ANGLES, (int, type(None))),
         }
     ],
     'limits': dict.fromkeys(Limits().as_dict(), NUMBER),

@@ -52,7 +52,7 @@ def jumped(run) -> None:
     leg = KlannLeg()
     for n in range(200, 400):
         pose = leg.solve(run.answers[n].alpha + 1.0)
-        run.change(n, alpha=pose.alpha, pose=list(pose[:5]), foot=pose.h)
+        run.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
 
 
 def drifted(run) -> None:
@@ -137,7 +137,7 @@ def test_a_file_without_limits_is_one_line(
 
 
 def test_a_file_that_is_not_there_is_one_line(tmp_path) -> None:
-    with pytest.raises(LimitsFileError, match='holds no limits'):
+    with pytest.raises(LimitsFileError, match='cannot be read: No such file'):
         limits_from_file(str(tmp_path / 'no.yaml'))
 
 

@@ -8,6 +8,9 @@ from klann_ros.log.run_parameters import LOSS_RECORD, loss_record, TopicCount
 from klann_ros.review.command import main
 import pytest
 
+COUNTS = '{"received": 1, "written": 1, "left_out": 0, "unheard": 0, "dropped": %s}'
+GARBLED = [COUNTS % number for number in ('-1', '1e400', '9' * 30, '"many"')]
+
 
 def lost(output: str) -> str:
     """Return what the table says about the crank's topic."""
@@ -38,7 +41,7 @@ def test_a_topic_that_is_lost_altogether_is_told(healthy, make_run, capsys) -> N
     assert 'WARNING lost: 9 messages of /velocity_h were lost' in output
 
 
-@pytest.mark.parametrize('count', ['many', '-7', ''])
+@pytest.mark.parametrize('count', ['many', '-7', '', *GARBLED])
 def test_a_garbled_count_is_no_count(healthy, make_run, capsys, count) -> None:
     healthy.metadata.append((LOSS_RECORD, {'/crank_angle': count}))
     assert main([str(make_run(healthy))]) == 0
@@ -52,12 +55,36 @@ def test_numbers_of_two_publishers_tell_nothing(healthy, make_run, capsys) -> No
     assert lost(capsys.readouterr().out) == '?'
 
 
+def test_what_publishers_sent_before_they_were_heard_is_told(healthy, make_run, capsys) -> None:
+    counted = {
+        '/crank_angle': TopicCount(400, 400, early=20, left=2),
+        '/joint_states': TopicCount(400, 400, left=1),
+        '/point_h': TopicCount(400, 400, unheard=None, left=3),
+    }
+    healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
+    assert main([str(make_run(healthy))]) == 1
+    output = capsys.readouterr().out
+    early, left = re.findall('^[A-Z]+ lost: (.*)', output, re.MULTILINE)
+    of_cranks = '20 messages of /crank_angle were'
+    assert early == f'{of_cranks} sent before the recorder heard their publishers'
+    assert left == '2 publishers of /crank_angle left during the run'
+    shown = re.findall(r'^/\S+ .* ([0-9+?]+)$', output, re.MULTILINE)
+    assert shown == ['0+', '0+', '?']
+    assert '+: publishers left, and of what they sent last nothing is known\n' in output
+
+
+def test_a_count_of_all_needs_no_explanation(healthy, make_run, capsys) -> None:
+    assert main([str(make_run(healthy))]) == 0
+    assert 'publishers left' not in capsys.readouterr().out
+
+
 def test_one_step_back_is_a_publisher_that_started_anew(healthy, make_run, capsys) -> None:
     for n in range(100, 400):
         healthy.change(n, sequence=n - 99)
     del healthy.answers[250:254]
     assert main([str(make_run(healthy))]) == 1
-    assert lost(capsys.readouterr().out) == '4'
+    # Of what it sent last before nothing is known.
+    assert lost(capsys.readouterr().out) == '4+'
 
 
 def test_numbers_out_of_order_tell_nothing(healthy, make_run, capsys) -> None:

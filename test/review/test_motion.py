@@ -1,7 +1,11 @@
 """How the crank and the foot move: jumps, standstill and drift, each found as such."""
 
+from dataclasses import replace
+import math
+
 from findings import checks, moments
 from klann_ros.kinematics import KlannLeg
+from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.review.finding import Severity
 from klann_ros.review.limits import Limits
 from klann_ros.review.reviewing import review_run
@@ -18,10 +22,10 @@ def test_a_jump_of_the_crank_is_found(healthy, make_run) -> None:
     leg = KlannLeg()
     for n in range(100, 400):
         pose = leg.solve(healthy.answers[n].alpha + 1.0)
-        healthy.change(n, alpha=pose.alpha, pose=list(pose[:5]), foot=pose.h)
+        healthy.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
     review = review_run(make_run(healthy))
     assert moments(review) == [('jump', 0.5)]
-    assert review.findings[0].text.startswith('the crank angle jumps 1 times, by up to 1.03 rad')
+    assert review.findings[0].text.startswith('the crank angle jumps once, by up to 1.03 rad')
 
 
 def test_a_crank_that_stands_still_is_a_note(slow, make_run) -> None:
@@ -32,7 +36,7 @@ def test_a_crank_that_stands_still_is_a_note(slow, make_run) -> None:
     leg = KlannLeg()
     for n, answer in enumerate(behind, start=1000):
         pose = leg.solve(answer.alpha - behind[0].alpha + still.alpha)
-        slow.change(n, alpha=pose.alpha, pose=list(pose[:5]), foot=pose.h)
+        slow.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
     review = review_run(make_run(slow))
     assert review.is_healthy
     assert [(f.check, f.severity) for f in review.findings] == [('frozen', Severity.NOTE)]
@@ -58,3 +62,65 @@ def test_a_fast_crank_is_no_drift(make_script, make_run, turns) -> None:
     fast = make_script(turns=turns, count=1000)
     fast.geometry = None
     assert checks(review_run(make_run(fast), limits=Limits(crank_jump=3.0))) == ['geometry']
+
+
+def by_turns(script, offset: float, every: int = 2):
+    """Let another source, whose angle is off by so much, ask every so often."""
+    leg = KlannLeg()
+    for n in range(0, len(script.answers), every):
+        pose = leg.solve(script.answers[n].alpha + offset)
+        script.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
+    return script
+
+
+def test_two_sources_that_turn_the_crank_are_found(healthy, make_run) -> None:
+    review = review_run(make_run(by_turns(healthy, 1.0)))
+    assert moments(review) == [('jump', 0.005)]
+    text = 'the crank angle jumps back and forth 398 times, by up to 1.03 rad'
+    assert review.findings[0].text == text
+    assert review.findings[0].meaning.startswith('two sources turn the crank by turns, or')
+
+
+def test_several_publishers_of_the_crank_are_named(healthy, make_run) -> None:
+    healthy.crank = replace(healthy.crank, qos=qos_to_yaml([Qos(), Qos()]))
+    # Their inputs come out of order as well, as a rule.
+    healthy.by_crank_state()
+    first, second = healthy.answers[100].stamp, healthy.answers[101].stamp
+    healthy.change(100, header_stamp=second)
+    healthy.change(101, header_stamp=first)
+    healthy.crank = replace(healthy.crank, qos=qos_to_yaml([Qos(), Qos()]))
+    (finding,) = review_run(make_run(by_turns(healthy, 2.0, every=3))).findings
+    assert finding.check == 'jump'
+    assert finding.meaning == (
+        'several turn the crank at once (/crank_state): each has an angle of its own'
+    )
+
+
+def test_a_fast_crank_that_rocks_is_turned_by_one(make_script, make_run) -> None:
+    script, leg = make_script(), KlannLeg()
+    for n in range(400):
+        pose = leg.solve(math.sin(n * math.tau / 8.0))
+        script.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
+    assert checks(review_run(make_run(script))) == []
+
+
+def test_a_crank_of_which_nothing_is_heard_does_not_stand_still(slow, make_run) -> None:
+    still = slow.answers[400]
+    for n in range(401, 1000):
+        slow.change(n, alpha=still.alpha, pose=still.pose, foot=still.foot)
+    skipped = slow.answers[1000].alpha - still.alpha
+    for n in range(1000, 1800):
+        pose = KlannLeg().solve(slow.answers[n].alpha - skipped)
+        slow.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
+    del slow.answers[450:950]
+    for n, answer in enumerate(slow.answers):
+        slow.answers[n] = replace(answer, sequence=n + 1)
+    assert checks(review_run(make_run(slow))) == ['gap']
+
+
+@pytest.mark.parametrize(('turns', 'is_path'), [(2.0, True), (1.0, True), (0.9, False)])
+def test_less_than_a_turn_has_no_stride(make_script, make_run, turns, is_path) -> None:
+    (leg,) = review_run(make_run(make_script(turns=turns))).legs
+    assert math.isnan(leg.figures.stride) is not is_path
+    assert math.isnan(leg.figures.lift) is not is_path
+    assert not math.isnan(leg.figures.duty_factor)

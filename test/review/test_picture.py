@@ -26,7 +26,7 @@ def test_a_leg_that_closes_nowhere_is_one_line(make_script, make_run, tmp_path, 
     file = tmp_path / 'short.yaml'
     file.write_text('l_dc: 0.12\n')
     out = tmp_path / 'leg.png'
-    assert main([str(make_run(run)), '--geometry', str(file), '--picture', str(out)]) == 2
+    assert main([str(make_run(run)), '--geometry', str(file), '--picture', str(out)]) == 3
     error = capsys.readouterr().err
     assert error == 'review: there is no pose in the run at which this leg can be drawn\n'
     assert not out.exists()
@@ -35,7 +35,7 @@ def test_a_leg_that_closes_nowhere_is_one_line(make_script, make_run, tmp_path, 
 def test_a_run_without_poses_has_no_picture(healthy, make_run, tmp_path, capsys) -> None:
     healthy.answers = []
     healthy.unanswered = [(1000, 1.0)]
-    assert main([str(make_run(healthy)), '--picture', str(tmp_path / 'leg.png')]) == 2
+    assert main([str(make_run(healthy)), '--picture', str(tmp_path / 'leg.png')]) == 3
     assert capsys.readouterr().err.count('\n') == 1
 
 
@@ -51,7 +51,7 @@ def test_a_picture_shows_the_run(healthy, make_run, capsys, tmp_path, ending: st
 
 @pytest.mark.parametrize('path', ['leg.nothing', '/not/there/leg.png'])
 def test_a_picture_that_cannot_be_made_is_one_line(healthy, make_run, capsys, path: str) -> None:
-    assert main([str(make_run(healthy)), '--picture', path]) == 2
+    assert main([str(make_run(healthy)), '--picture', path]) == 3
     error = capsys.readouterr().err
     assert error.startswith('review: ')
     assert error.count('\n') == 1

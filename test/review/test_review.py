@@ -59,11 +59,11 @@ def test_a_wrong_length_in_a_loop_is_found_once(healthy, make_run, change) -> No
 @pytest.mark.parametrize('assembly', [(1, -1), (-1, 1), (-1, -1)])
 def test_a_flipped_branch_is_found_at_its_time(healthy, make_run, assembly) -> None:
     other = KlannLeg(KlannGeometry(assembly=assembly)).solve(healthy.answers[100].alpha)
-    healthy.change(100, pose=list(other[:5]), foot=other.h)
+    healthy.change(100, pose=list(other.joints), foot=other.h)
     review = review_run(make_run(healthy))
     # Both loops close, and it is the wrong pose all the same.
     assert moments(review) == [('branch', 0.5)]
-    assert review.findings[0].text.startswith('1 of 400 poses are not the assembly of the leg')
+    assert review.findings[0].text.startswith('1 of 400 poses is not the assembly of the leg')
 
 
 @pytest.mark.parametrize('place', range(5))
@@ -86,7 +86,7 @@ def test_a_message_left_out_is_found_on_its_topic(healthy, make_run, without, ki
     run = without(make_run(healthy), lambda m: (m.topic.name, m.sequence) == (topic, 51))
     review = review_run(run)
     assert moments(review) == [('lost', 0.255)]
-    assert review.findings[0].text == f'1 messages of {topic} were lost'
+    assert review.findings[0].text == f'1 message of {topic} was lost'
 
 
 def test_a_loss_is_no_gap_and_no_jump_as_well(healthy, make_run, without) -> None:

@@ -97,7 +97,7 @@ def test_names_in_a_log_do_not_reach_the_terminal_as_commands(healthy, make_run)
     code, output, _ = in_pipe(make_run(healthy), PYTHONIOENCODING='ascii')
     assert code == 0
     assert ESCAPE not in output
-    assert '/?[2J/joint_states' in output
+    assert r'/\x1b[2J/joint_states' in output
 
 
 def test_a_letter_that_a_terminal_does_not_know_is_no_traceback(healthy, make_run) -> None:

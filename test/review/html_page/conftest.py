@@ -137,9 +137,11 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     }
     made = {name: folder / f'{name}.html' for name in (*reviews, 'two')}
     for name, review in reviews.items():
-        save([review], None, str(made[name]))
+        with made[name].open('wb') as file:
+            save([review], None, file)
     both = [reviews['klann'], reviews['longer']]
-    save(both, compare(*both), str(made['two']))
+    with made['two'].open('wb') as file:
+        save(both, compare(*both), file)
     return made
 
 

@@ -38,7 +38,7 @@ def test_what_could_not_be_compared_is_in_the_page(run: Path, runs, tmp_path: Pa
 
 
 def test_a_page_that_cannot_be_written_is_said_in_a_line(run: Path, capsys) -> None:
-    assert main([str(run), '--html', '/nowhere/page.html']) == 2
+    assert main([str(run), '--html', '/nowhere/page.html']) == 3
     said = capsys.readouterr().err
     assert said.startswith('review: ')
     assert '/nowhere/page.html' in said
@@ -46,5 +46,6 @@ def test_a_page_that_cannot_be_written_is_said_in_a_line(run: Path, capsys) -> N
 
 def test_a_path_need_not_be_a_text(run: Path, tmp_path: Path) -> None:
     named = run.rename(tmp_path / os.fsdecode(b'run\xff'))
-    page.save([review_run(named)], None, str(tmp_path / 'page.html'))
-    assert 'run?' in (tmp_path / 'page.html').read_text(encoding='utf-8')
+    with (tmp_path / 'page.html').open('wb') as file:
+        page.save([review_run(named)], None, file)
+    assert r'run\udcff' in (tmp_path / 'page.html').read_text(encoding='utf-8')

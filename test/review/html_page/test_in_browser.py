@@ -63,7 +63,7 @@ def test_another_linkage_is_drawn_by_its_own_terms(visit) -> None:
     opened.slide(pose_time(run, 140))
     pose = LinkageLeg(shipped_linkage('jansen')).solve(run.alpha(140))
     points = opened.points()
-    for name, at in zip(pose.linkage.description.points, pose.points, strict=True):
+    for name, at in zip(pose.linkage.structure.points, pose.points, strict=True):
         assert np.abs(points[name] - at).max() <= NEAR
 
 

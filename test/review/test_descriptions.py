@@ -1,0 +1,214 @@
+"""The geometry from robot_description, from a name, or not at all: and who told it is said."""
+
+from dataclasses import replace
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+from bags import text
+from findings import checks, found
+from klann_ros.kinematics import KlannGeometry, KlannLeg, LinkageLeg, shipped_linkages
+from klann_ros.log.definitions import definition
+from klann_ros.log.records import Message, Topic
+from klann_ros.review.command import main
+from klann_ros.review.leg_file import leg_of, LegFileError
+from klann_ros.review.reviewing import review_run
+from leg_runs import LegRun, START
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import get_typestore, Stores
+import xacro
+
+ROOT = Path(__file__).resolve().parents[2]
+STORE = get_typestore(Stores.ROS2_JAZZY)
+STRING, FLOAT = 'std_msgs/msg/String', 'std_msgs/msg/Float64'
+URDF = (ROOT / 'urdf' / 'klann.urdf').read_text(encoding='utf-8')
+WALKER = (ROOT / 'urdf' / 'walker4.urdf').read_text(encoding='utf-8')
+
+
+def described(name: str) -> str:
+    output = io.StringIO()
+    options = {'params_file': str(ROOT / 'config' / f'{name}.yaml')}
+    document: Any = xacro.process_file(str(ROOT / 'urdf' / 'klann.urdf.xacro'), mappings=options)
+    document.writexml(output)
+    return output.getvalue()
+
+
+@pytest.fixture
+def untold(make_script: Any) -> Any:
+    """Return what makes runs that tell nothing of their solver but by robot descriptions."""
+
+    def make(
+        *descriptions: str,
+        geometry: KlannGeometry | None = None,
+        topic: str = '/robot_description',
+        every: float = 1.0,
+    ) -> Any:
+        script = make_script(geometry)
+        script.geometry = None
+        for n, words in enumerate(descriptions):
+            time = START + round(n * every * 1e9)
+            latched = Topic(topic, STRING, definition(STRING))
+            script.messages.append(Message(latched, text(words), time + 1000, time, n + 1))
+        return script
+
+    return make
+
+
+def source(run: Path) -> str:
+    (leg,) = review_run(run).legs
+    return str(leg.recording.solver.source)
+
+
+def test_a_robot_description_tells_the_geometry(untold, make_run, capsys, tmp_path) -> None:
+    run, report = make_run(untold(URDF)), tmp_path / 'report.json'
+    assert main([str(run), '--json', str(report)]) == 0
+    told = '/robot_description, put together as its poses are'
+    output = capsys.readouterr().out
+    assert f'the geometry is that of {told}\n' in output
+    assert 'nothing found: every pose is the right one' in output
+    assert json.loads(report.read_text())['legs'][0]['geometry_source'] == told
+
+
+def test_a_leg_put_together_the_other_way_is_taken_as_its_poses_are(untold, make_run) -> None:
+    script = untold(described('patent'), geometry=KlannGeometry.patent())
+    review = review_run(make_run(script))
+    assert checks(review) == []
+    assert review.legs[0].recording.solver.leg.geometry == KlannGeometry.patent()
+
+
+def test_a_wrong_pose_and_a_flipped_one_are_found_all_the_same(untold, make_run) -> None:
+    script = untold(URDF)
+    script.answers[100].pose[2] += 1e-3
+    other = KlannLeg(KlannGeometry(assembly=(1, -1))).solve(script.answers[200].alpha)
+    script.change(200, pose=list(other.joints), foot=other.h)
+    assert checks(review_run(make_run(script))) == ['closure', 'branch']
+
+
+def test_a_bag_of_another_recorder_is_judged(untold, make_run, write_messages, tmp_path) -> None:
+    with Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as bag:
+        connections: dict[str, Any] = {}
+        for m in write_messages.read(make_run(untold(URDF).by_crank_state())):
+            if m.topic.name not in connections:
+                added = bag.add_connection(m.topic.name, m.topic.type, typestore=STORE)
+                connections[m.topic.name] = added
+            bag.write(connections[m.topic.name], m.log_time, m.data)
+    review = review_run(tmp_path / 'bag')
+    assert checks(review) == []
+    assert len(review.legs[0].judged.poses) == 400
+
+
+def test_a_walker_is_judged_though_nobody_tells_its_phases(tmp_path, write_messages) -> None:
+    names = ('front_left', 'front_right', 'rear_left', 'rear_right')
+    phases = {name: 0.1 + n for n, name in enumerate(names)}
+    run = LegRun({name: KlannLeg() for name in names}, phases).write(tmp_path / 'run')
+    messages = write_messages.read(run)
+    # The crank's own angle, which is none of its legs'.
+    asked = Topic('/crank_angle', FLOAT, definition(FLOAT))
+    cranks = [
+        replace(m, topic=asked, data=bytes([0, 1, 0, 0]) + bytes(8))
+        for m in messages
+        if m.topic.name == '/joint_states'
+    ]
+    latched = Topic('/robot_description', STRING, definition(STRING))
+    first = Message(latched, text(WALKER), START, START, 1)
+    both = sorted([first, *messages, *cranks], key=lambda m: m.log_time)
+    review = review_run(write_messages(run, both))
+    judged = {leg.recording.title: len(leg.judged.poses) for leg in review.legs}
+    assert judged == dict.fromkeys(names, 400)
+    assert checks(review) == []
+
+
+def test_one_description_is_that_of_all_namespaces(untold, make_run) -> None:
+    script = untold(URDF).in_namespace('/left')
+    assert source(make_run(script)).startswith('/robot_description')
+
+
+def test_of_two_descriptions_the_own_one_counts(untold, make_run) -> None:
+    script = untold(URDF, topic='/left/robot_description').in_namespace('/left')
+    other = untold(described('patent'), topic='/right/robot_description')
+    script.messages += other.messages
+    assert source(make_run(script)).startswith('/left/robot_description')
+    assert found(make_run(script, 'again')) == []
+
+
+def test_only_what_is_younger_than_a_new_description_is_judged(untold, make_run) -> None:
+    longer = URDF.replace('0.43 0 0', '0.44 0 0')
+    script = untold(longer, URDF)
+    for n, answer in enumerate(untold(geometry=KlannGeometry(l_gh=0.44)).answers[:200]):
+        script.answers[n] = answer
+    (leg,) = (review := review_run(make_run(script))).legs
+    assert checks(review) == []
+    assert len(leg.judged.poses) == 200
+
+
+def test_a_description_that_comes_again_is_no_change(untold, make_run) -> None:
+    (leg,) = review_run(make_run(untold(URDF, URDF, URDF, every=0.5))).legs
+    assert len(leg.judged.poses) == 400
+
+
+HOSTILE = '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">]>' + URDF
+
+
+@pytest.mark.parametrize('words', ['', 'x' * 70_000, HOSTILE, '<robot name="arm"/>'])
+def test_a_description_of_something_else_tells_nothing(untold, make_run, words) -> None:
+    assert found(make_run(untold(words))) == ['geometry: the run does not tell the geometry']
+
+
+def test_a_description_that_cannot_be_read_tells_nothing(untold, make_run) -> None:
+    script = untold(URDF)
+    script.messages = [replace(m, data=m.data[:9]) for m in script.messages]
+    assert checks(review_run(make_run(script))) == ['geometry']
+
+
+def test_what_the_solver_tells_comes_first(healthy, untold, make_run) -> None:
+    healthy.messages = untold(described('patent')).messages
+    run = make_run(healthy)
+    assert source(run) == 'the parameters of /solver_node'
+    assert found(run) == []
+
+
+def test_a_leg_that_is_given_comes_before_all(untold, make_run, capsys) -> None:
+    run = make_run(untold(URDF))
+    assert main([str(run), '--geometry', 'patent']) == 1
+    output = capsys.readouterr().out
+    assert 'the geometry is that of --geometry\n' in output
+    assert 'ERROR closure: 400 of 400 poses' in output
+
+
+def test_a_leg_is_given_by_its_name(untold, make_run, capsys) -> None:
+    assert main([str(make_run(untold())), '--geometry', 'sem104']) == 0
+    capsys.readouterr()
+    assert leg_of('patent').geometry == KlannGeometry.patent()
+    assert all(isinstance(leg_of(name), LinkageLeg) for name in shipped_linkages())
+
+
+def test_a_file_comes_before_a_name(tmp_path, monkeypatch) -> None:
+    (tmp_path / 'patent').write_text('l_gh: 0.44')
+    monkeypatch.chdir(tmp_path)
+    assert leg_of('patent').geometry == KlannGeometry(l_gh=0.44)
+
+
+def test_a_name_that_is_none_is_answered_with_those_that_are(capsys) -> None:
+    with pytest.raises(LegFileError) as error:
+        leg_of('sem140')
+    names = ', '.join(('sem104', 'patent', *shipped_linkages()))
+    assert (
+        str(error.value)
+        == f'sem140 cannot be read: No such file or directory; shipped are {names}'
+    )
+    assert main(['nothing', '--geometry', 'sem140']) == 2
+    assert capsys.readouterr().err == f'review: {error.value}\n'
+
+
+def test_the_hint_and_the_help_name_what_is_shipped(untold, make_run, capsys) -> None:
+    names = ('sem104', 'patent', *shipped_linkages())
+    main([str(make_run(untold()))])
+    assert f'give the leg by --geometry FILE, or one of {", ".join(names)}\n' in (
+        capsys.readouterr().out
+    )
+    with pytest.raises(SystemExit):
+        main(['--help'])
+    help_ = ' '.join(capsys.readouterr().out.split())
+    assert f'or one of {", ".join(names)}' in help_

@@ -1,0 +1,156 @@
+"""Names out of a stranger's log are shown as what they are, wherever a report goes."""
+
+import csv
+from dataclasses import replace
+from html.parser import HTMLParser
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+from fuzzing.hostile import EVIL, hostile_run
+from fuzzing.shown import hold
+import klann_ros
+from klann_ros.review.command import main
+from klann_ros.untrusted.text import printable
+import pytest
+
+PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
+
+
+@pytest.fixture(scope='module')
+def evil(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder, _ = hostile_run(tmp_path_factory.mktemp('runs'))
+    return folder
+
+
+def test_a_report_says_no_more_than_letters_in_its_own_lines(evil: Path, capsys) -> None:
+    assert main([str(evil), str(evil)]) == 1
+    said = capsys.readouterr()
+    assert said.err == ''
+    hold(said.out, 'review')
+    for name in ('/joint_states', EVIL, f'/lost{EVIL}', f'gone{EVIL}'):
+        assert printable(name)[:200] in said.out
+
+
+def test_the_colours_of_a_terminal_are_ours_only(evil: Path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr('klann_ros.review.command._wants_colour', lambda: True)
+    assert main([str(evil)]) == 1
+    said = capsys.readouterr().out
+    assert '\x1b[1;31mERROR\x1b[0m' in said
+    hold(said, 'review', colours=True)
+
+
+class Texts(HTMLParser):
+    """All that a page shows, and what its scripts are given."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.texts: list[str] = []
+        self.legs: set[str] = set()
+        self.data = ''
+        self._within = ''
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attributes) -> None:
+        given = dict(attributes)
+        self._within = given.get('id') or tag
+        self.texts += [value or '' for value in given.values()]
+        if given.get('data-leg'):
+            self.legs.add(given['data-leg'])
+
+    def handle_endtag(self, _: str) -> None:
+        self._within = ''
+
+    def handle_data(self, data: str) -> None:
+        if self._within == 'data':
+            self.data += data
+        elif self._within not in {'script', 'style'}:
+            self.texts += data.split('\n')
+
+
+def strings(content) -> list[str]:
+    if isinstance(content, str):
+        return [content]
+    if isinstance(content, dict):
+        return [text for item in content.items() for each in item for text in strings(each)]
+    return (
+        [text for each in content for text in strings(each)] if isinstance(content, list) else []
+    )
+
+
+def test_a_page_shows_letters_only(evil: Path, tmp_path: Path, capsys) -> None:
+    file = tmp_path / 'page.html'
+    main([str(evil), str(evil), '--html', str(file)])
+    capsys.readouterr()
+    page = Texts(file.read_text(encoding='utf-8'))
+    data = json.loads(page.data)
+    for text in (*page.texts, *strings(data)):
+        assert text.isprintable()
+    assert any(printable(EVIL)[:50] in text for text in page.texts)
+    # What leads to a leg has the name under which its scripts know it.
+    assert page.legs <= {leg['title'] for run in data for leg in run['legs']}
+    assert page.legs
+
+
+def test_what_is_for_machines_has_the_names_as_they_are(
+    evil: Path, tmp_path: Path, capsys
+) -> None:
+    file = tmp_path / 'run.json'
+    main([str(evil), '--json', str(file)])
+    capsys.readouterr()
+    assert file.read_text().isascii()
+    names = {topic['name'] for topic in json.loads(file.read_text())['topics']}
+    assert {f'/x{EVIL}', f'/json{EVIL}'} <= names
+
+
+@pytest.mark.parametrize('name', ['=1+1', '+1', '-1', '@x', '=cmd|" /C calc"!A0'])
+def test_a_spreadsheet_computes_no_name(
+    healthy, make_script, make_run, capsys, *, name: str
+) -> None:
+    healthy.others = [make_script().in_namespace(f'/{name}\nx')]
+    run = make_run(healthy)
+    file = run.with_suffix('.csv')
+    main([str(run), '--csv', str(file)])
+    capsys.readouterr()
+    with file.open(newline='') as opened:
+        legs = {row['leg'] for row in csv.DictReader(opened)}
+    assert legs == {'', f"'{name}\\nx"}
+    assert len(file.read_text().splitlines()) == 801
+
+
+def test_a_definition_costs_no_more_than_its_bytes(healthy, make_run) -> None:
+    # The library that parses definitions takes hours for these.
+    comment = '#' + '[' * 500_000 + '\n'
+    fields = ''.join(f'float64 x{n}\n' for n in range(100_000))
+    for topic, text in (('poses', comment), ('feet', fields)):
+        known = getattr(healthy, topic)
+        setattr(healthy, topic, replace(known, definition=f'{known.definition}\n{text}'))
+    code = 'import sys; from klann_ros.executables import review; sys.exit(review())'
+    done = subprocess.run(
+        [sys.executable, '-c', code, str(make_run(healthy))],
+        env={**os.environ, 'PYTHONPATH': PACKAGE},
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (1, '')
+    assert 'ERROR decode: 400 messages of /point_h cannot be decoded' in done.stdout
+    assert '/joint_states cannot be decoded' not in done.stdout
+
+
+@pytest.mark.parametrize('tool', ['review', 'recover'])
+def test_arguments_may_be_the_names_of_any_files(tool: str) -> None:
+    code = f'import sys; from klann_ros.executables import {tool}; sys.exit({tool}())'
+    name = EVIL.replace('\0', '')
+    done = subprocess.run(
+        [sys.executable, '-c', code, name, name, name, f'--{name}'],
+        env={**os.environ, 'PYTHONPATH': PACKAGE},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (2, '')
+    hold(done.stderr, tool)

@@ -1,0 +1,92 @@
+"""Topics of several real publishers, recorded by the real recorder: what a review says of them."""
+
+from math import isnan
+from pathlib import Path
+
+from domain import own_domain
+from findings import checks
+from klann_ros.nodes.qos import OUTPUT
+from klann_ros.review.limits import Limits
+from klann_ros.review.reviewed import Review
+from klann_ros.review.reviewing import review_run
+import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_world import World, world
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, String
+
+# This machine may hold anything up for a moment, but for no second.
+LIMITS = Limits(gap_time=1.0, latency=1.0)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def two_cranks(ros: World) -> Path:
+    """Record two cranks at 500 Hz, and what was latched long before."""
+    described = ros.probe.node.create_publisher(String, 'robot_description', LATCHED)
+    described.publish(String(data='<robot name="none"/>'))
+    ros.probe.spin(1.5)
+    recorder = ros.start('recorder_node', output=ros.folder / 'cranks')
+    heard = ros.probe.listen(Float64, 'crank_angle', OUTPUT)
+    for n in range(2):
+        named = ('--ros-args', '-r', f'__node:=crank_{n}')
+        # So slow that they are apart whenever each of them begins.
+        ros.start('crank_node', *named, start=4.0 * n, speed=0.3, rate=500.0, min_subscribers=2)
+    ros.probe.matched('crank_angle', publishers=2)
+    both = len(heard) + 1000
+    ros.probe.until(lambda: len(heard) >= both)
+    assert recorder.stop() == 0
+    return ros.folder / 'cranks'
+
+
+def two_solvers(ros: World) -> Path:
+    """Record two solvers that answer the same crank."""
+    recorder = ros.start('recorder_node', output=ros.folder / 'solvers')
+    for name in ('first', 'second'):
+        ros.start('solver_node', '--ros-args', '-r', f'__node:={name}')
+    poses = ros.probe.listen(JointState, 'joint_states', OUTPUT)
+    ros.probe.matched('joint_states', publishers=2)
+    # Both answer from the first question on, and the recorder knows both by then.
+    ros.start('crank_node', rate=100.0, min_subscribers=3)
+    ros.probe.until(lambda: len(poses) >= 200)
+    assert recorder.stop() == 0
+    return ros.folder / 'solvers'
+
+
+@pytest.fixture(scope='module')
+def reviews(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Review]:
+    """Return the reviews of what the real nodes made."""
+    found = {}
+    for record in (two_cranks, two_solvers):
+        folder = tmp_path_factory.mktemp(record.__name__)
+        with own_domain() as domain, world(domain, folder) as ros:
+            found[record.__name__] = review_run(record(ros), limits=LIMITS)
+    return found
+
+
+def test_two_cranks_are_no_clock_set_back_and_named(reviews: dict[str, Review]) -> None:
+    review = reviews['two_cranks']
+    (topic,) = [topic for topic in review.recording.topics if topic.name == '/crank_angle']
+    assert len(topic.times) >= 1000
+    assert (topic.lost, topic.shared) == (None, True)
+    # There is no solver in this run.
+    assert checks(review) == ['poses', 'jump']
+    said = 'several turn the crank at once (/crank_angle): each has an angle of its own'
+    assert review.findings[1].meaning == said
+
+
+def test_what_was_latched_before_has_no_latency(reviews: dict[str, Review]) -> None:
+    (topic,) = [t for t in reviews['two_cranks'].topics if t.name == '/robot_description']
+    assert topic.count == 1
+    assert isnan(topic.latency_p50)
+
+
+def test_two_solvers_are_named(reviews: dict[str, Review]) -> None:
+    review = reviews['two_solvers']
+    assert checks(review) == ['solvers']
+    text = review.findings[0].text
+    assert text.startswith('two solvers (/first, /second) answer on /joint_states: ')
+    (leg,) = review.legs
+    answers, asked = leg.answering.answers, leg.answering.asked
+    assert text.endswith(f': {answers} answers to {asked} questions')
+    # The last question may have been answered by one of them only when the recorder stopped.
+    assert 2 * asked - 2 <= answers <= 2 * asked

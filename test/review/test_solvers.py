@@ -1,0 +1,215 @@
+"""Two solvers on one topic are one finding, and what only looks like it is none."""
+
+from dataclasses import replace
+import re
+from typing import Any
+
+from findings import checks, found, moments
+from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.log.qos import Qos, qos_to_yaml
+from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
+from klann_ros.review.finding import Severity
+from klann_ros.review.reviewing import review_run
+import pytest
+
+MS = 1_000_000
+TWO_SOLVERS = 'solvers: two solvers answer on /joint_states'
+TWO = qos_to_yaml([Qos(), Qos()])
+
+
+def answers(script: Any, geometry: KlannGeometry | None = None, phase: float = 0.0) -> Any:
+    """Return a run of nothing but another solver's answers to the same questions."""
+    leg = KlannLeg(geometry)
+    nothing: dict[str, Any] = {
+        name: [] for name in ('answers', 'unanswered', 'metadata', 'messages', 'others')
+    }
+    second = replace(script, geometry=None, **nothing)
+    for answer in script.answers:
+        pose = leg.solve(answer.alpha + phase)
+        second.answers.append(replace(answer, pose=list(pose.joints), foot=pose.h))
+    second.latency = script.latency + MS
+    # Its questions are those of the first.
+    second.crank = replace(script.crank, name='/other')
+    return second
+
+
+def tell(script: Any, node: str, geometry: KlannGeometry, **others: Any) -> None:
+    parameters = {**geometry.as_dict(), **others}
+    record = SolverParameters(node, script.answers[0].stamp + MS, parameters)
+    script.metadata.append((SOLVER_RECORD, solver_record(record)))
+
+
+def test_two_solvers_are_one_finding(healthy, make_run) -> None:
+    healthy.others.append(answers(healthy))
+    review = review_run(make_run(healthy))
+    assert moments(review) == [('solvers', 0.0)]
+    (finding,) = review.findings
+    assert finding.text == 'two solvers answer on /joint_states: 800 answers to 400 questions'
+    assert finding.severity == Severity.WARNING
+
+
+def test_three_solvers_are_three(healthy, make_run) -> None:
+    healthy.others += [answers(healthy), answers(healthy)]
+    assert found(make_run(healthy)) == [
+        'solvers: three solvers answer on /joint_states: 1200 answers to 400 questions'
+    ]
+
+
+def test_two_solvers_of_different_legs_are_one_finding(healthy, make_run) -> None:
+    other = KlannGeometry(l_gh=0.44, l_ef=0.272)
+    tell(healthy, '/second', other)
+    healthy.others.append(answers(healthy, other))
+    review = review_run(make_run(healthy))
+    assert checks(review) == ['solvers']
+    (finding,) = review.findings
+    assert finding.severity == Severity.ERROR
+    who, _, rest = finding.text.partition(' answer on ')
+    assert who == 'two solvers (/second, /solver_node)'
+    # The first answers were before the second leg was told, and are not judged.
+    assert rest.startswith('/joint_states: 798 answers to 399 questions, up to ')
+    assert re.search(r', up to 0\.0\S+ rad and 0\.0\S+ m apart$', rest)
+
+
+def test_another_shank_is_told_by_the_feet(healthy, make_run) -> None:
+    healthy.others.append(answers(healthy, KlannGeometry(l_gh=0.44)))
+    assert found(make_run(healthy)) == [
+        f'{TWO_SOLVERS}: 800 answers to 400 questions, up to 0.01 m apart'
+    ]
+
+
+def test_a_second_leg_that_nobody_tells_of_is_one_finding(healthy, make_run) -> None:
+    healthy.others.append(answers(healthy, KlannGeometry(l_gh=0.44, l_ef=0.272)))
+    review = review_run(make_run(healthy))
+    assert checks(review) == ['solvers']
+    assert review.findings[0].severity == Severity.ERROR
+
+
+def test_a_second_zero_of_the_crank_is_one_finding(healthy, make_run) -> None:
+    healthy.others.append(answers(healthy, phase=0.25))
+    (finding,) = review_run(make_run(healthy)).findings
+    assert finding.check == 'solvers'
+    assert finding.text.endswith(' m apart')
+
+
+def test_a_wrong_pose_of_both_is_found_all_the_same(healthy, make_run) -> None:
+    healthy.others.append(answers(healthy))
+    for script in (healthy, *healthy.others):
+        script.answers[100].pose[2] += 1e-3
+    closure, solvers = found(make_run(healthy))
+    assert closure.startswith('closure: 2 of 800 poses do not close the loops')
+    assert solvers == f'{TWO_SOLVERS}: 800 answers to 400 questions'
+
+
+def test_a_wrong_pose_of_one_of_two_solvers_is_told_as_their_distance(healthy, make_run) -> None:
+    healthy.others.append(answers(healthy))
+    healthy.answers[100].pose[2] += 1e-3
+    (finding,) = review_run(make_run(healthy)).findings
+    assert (finding.check, finding.severity) == ('solvers', Severity.ERROR)
+    assert finding.text.endswith('800 answers to 400 questions, up to 0.001 rad apart')
+
+
+def test_a_solver_that_joined_midway_is_told_with_its_moment(healthy, make_run) -> None:
+    second = answers(healthy)
+    del second.answers[:200]
+    healthy.others.append(second)
+    review = review_run(make_run(healthy))
+    assert moments(review) == [('solvers', 1.0)]
+    said = 'two solvers answer on /joint_states: 600 answers to 400 questions'
+    assert review.findings[0].text == said
+
+
+def test_a_few_answers_that_come_again_are_no_second_solver(healthy, make_run) -> None:
+    second = answers(healthy)
+    second.answers = second.answers[50:53]
+    healthy.others.append(second)
+    review = review_run(make_run(healthy))
+    assert found(make_run(healthy, 'again')) == [
+        'solvers: 3 of 400 crank angles were answered more than once'
+    ]
+    assert review.is_healthy
+
+
+def without_questions(script: Any) -> Any:
+    """Return a run in which nobody recorded the crank."""
+    script.crank = replace(script.crank, name='/turned')
+    for other in script.others:
+        other.crank = replace(other.crank, name='/turned')
+    return script
+
+
+@pytest.mark.parametrize('qos', ['', TWO])
+def test_two_solvers_are_told_without_the_questions(healthy, make_run, qos) -> None:
+    healthy.poses = replace(healthy.poses, qos=qos)
+    healthy.others.append(answers(healthy))
+    assert found(make_run(without_questions(healthy))) == [
+        'solvers: two solvers answer on /joint_states: 800 answers with 400 stamps'
+    ]
+
+
+def test_equal_stamps_of_one_publisher_are_no_second_solver(healthy, make_run) -> None:
+    for n in range(400):
+        healthy.change(n, header_stamp=healthy.answers[n - n % 10].stamp)
+    assert found(make_run(without_questions(healthy))) == []
+
+
+def test_equal_stamps_without_numbers_tell_nothing(healthy, make_run) -> None:
+    for n in range(400):
+        stamp = healthy.answers[n - n % 10].stamp
+        healthy.change(n, header_stamp=stamp, sequence=0)
+    assert found(make_run(without_questions(healthy))) == []
+
+
+@pytest.fixture
+def simulated(healthy):
+    """Return a run under a simulated clock, of which ten poses share a stamp."""
+    healthy.parameters['use_sim_time'] = True
+    for n in range(400):
+        healthy.change(n, header_stamp=50 * MS * (1 + n // 10))
+    return healthy
+
+
+def test_a_simulated_clock_makes_no_second_solver(simulated, make_run) -> None:
+    simulated.poses = replace(simulated.poses, qos=TWO)
+    assert found(make_run(simulated)) == []
+
+
+def test_two_solvers_are_told_under_a_simulated_clock(simulated, make_run) -> None:
+    second = answers(simulated)
+    # Each solver has the clock as it came to itself.
+    for n in range(400):
+        second.change(n, header_stamp=50 * MS * (1 + (n + 3) // 10))
+    simulated.others.append(second)
+    assert found(make_run(simulated)) == [
+        'solvers: two solvers answer on /joint_states: 800 answers to 400 questions'
+    ]
+
+
+def test_stamped_questions_that_share_a_stamp_make_no_second_solver(simulated, make_run) -> None:
+    simulated.by_crank_state()
+    simulated.poses = replace(simulated.poses, qos=TWO)
+    assert found(make_run(simulated)) == []
+
+
+def test_other_joints_on_the_same_topic_are_no_second_solver(healthy, make_run) -> None:
+    arm = answers(healthy)
+    arm.prefix, arm.feet = 'arm/', replace(arm.feet, name='/arm/tip')
+    healthy.others.append(arm)
+    assert found(make_run(healthy)) == []
+
+
+def test_legs_of_two_nodes_in_one_namespace_are_all_judged(make_script, make_run) -> None:
+    first, second = make_script(), make_script(KlannGeometry(l_gh=0.44))
+    for script, name in ((first, 'left'), (second, 'right')):
+        script.prefix = f'{name}/'
+        script.parameters['legs'] = [name]
+        script.feet = replace(script.feet, name=f'/{name}/point_h')
+    # Both answer the same questions, under names of their own.
+    second.crank, second.geometry = replace(second.crank, name='/other'), None
+    tell(first, '/second', KlannGeometry(l_gh=0.44), legs=['right'])
+    first.poses = replace(first.poses, qos=TWO)
+    second.poses = first.poses
+    first.others.append(second)
+    review = review_run(make_run(first))
+    assert checks(review) == []
+    judged = {leg.recording.title: len(leg.judged.poses) for leg in review.legs}
+    assert judged == {'left': 400, 'right': 400}

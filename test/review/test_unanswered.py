@@ -1,0 +1,251 @@
+"""The number of crank angles without an answer is true, whatever became of the others."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import accumulate
+import json
+from pathlib import Path
+import re
+import struct
+from typing import Any
+
+from findings import checks, found
+from hypothesis import example, given, settings, strategies as st
+from klann_ros.kinematics import KlannGeometry
+from klann_ros.log.definitions import definition
+from klann_ros.log.qos import Qos, qos_to_yaml
+from klann_ros.log.reader import open_log
+from klann_ros.log.records import Message, Topic
+from klann_ros.log.run_parameters import (
+    LOSS_RECORD,
+    loss_record,
+    Pause,
+    PAUSE_RECORD,
+    pause_record,
+    SOLVER_RECORD,
+    solver_record,
+    SolverParameters,
+    TopicCount,
+)
+from klann_ros.log.writing.writer import RunWriter
+from klann_ros.review.checks.unanswered import unanswered
+from klann_ros.review.finding import Severity
+from klann_ros.review.report import json_report
+from klann_ros.review.reviewing import review_run
+from leg_runs import LegRun, START
+import pytest
+
+FLOAT, STATE = 'std_msgs/msg/Float64', 'sensor_msgs/msg/JointState'
+STATE_TOPIC = Topic('/crank_state', STATE, definition(STATE))
+CDR = bytes([0, 1, 0, 0])
+COUNT = 200
+PERIOD = 5_000_000
+# Not the first and the last: what is cut off by the edges is no question.
+INSIDE = st.integers(1, COUNT - 2)
+
+
+@dataclass
+class Fates:
+    """What becomes of each question of a run, by its number."""
+
+    unanswered: set[int]
+    silent: range
+    lost: set[int]
+    paused: range
+    unheard: set[int]
+
+    def has_question(self, n: int) -> bool:
+        return n not in self.paused and n not in self.unheard
+
+    def is_answered(self, n: int) -> bool:
+        return n not in self.unanswered and n not in self.silent
+
+    def has_answer(self, n: int) -> bool:
+        return self.is_answered(n) and n not in self.lost and n not in self.paused
+
+
+@st.composite
+def fates(draw: Any) -> Fates:
+    def stretch(least: int) -> range:
+        begin, size = draw(INSIDE), draw(st.one_of(st.just(0), st.integers(least, 60)))
+        return range(begin, min(begin + size, COUNT - 1))
+
+    singles = st.sets(INSIDE, max_size=12)
+    return Fates(draw(singles), stretch(15), draw(singles), stretch(5), draw(singles))
+
+
+Messages = list[Message]
+
+
+def changed(messages: Messages, fate: Fates) -> Messages:
+    """Return the messages of a run in which the questions have these fates."""
+    answered = list(accumulate(fate.is_answered(n) for n in range(COUNT)))
+    kept = []
+    for message in messages:
+        n = message.sequence - 1
+        if message.topic.name == '/crank_angle':
+            if fate.has_question(n):
+                kept.append(message)
+        elif fate.has_answer(n):
+            kept.append(replace(message, sequence=answered[n]))
+    return kept
+
+
+class Runs:
+    """Writes runs in which the questions of a healthy one have some fates."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._count = folder, 0
+        run = LegRun(count=COUNT, turns=1.0, iterations=False).write(folder / 'healthy')
+        with open_log(run) as log:
+            healthy = list(log.messages())
+        asked = Topic('/crank_angle', FLOAT, definition(FLOAT))
+        poses = [m for m in healthy if m.topic.name == '/joint_states']
+        cranks = [
+            replace(m, topic=asked, data=CDR + struct.pack('<d', alpha))
+            for m, alpha in zip(poses, alphas(run), strict=True)
+        ]
+        self.healthy = sorted([*healthy, *cranks], key=lambda m: m.log_time)
+
+    def write(self, fate: Fates, changed_: Callable[[Message], Message] = lambda m: m) -> Path:
+        self._count += 1
+        run = self._folder / str(self._count)
+        with RunWriter(run) as writer:
+            parameters = KlannGeometry().as_dict()
+            record = solver_record(SolverParameters('/solver_node', 0, parameters))
+            writer.add_metadata(SOLVER_RECORD, record)
+            if fate.paused:
+                times = [m.log_time for m in self.healthy if m.sequence - 1 in fate.paused]
+                pause = Pause(min(times), max(times), {})
+                writer.add_metadata(PAUSE_RECORD, pause_record(pause))
+            for message in changed(self.healthy, fate):
+                writer.write(changed_(message))
+        return run
+
+
+@pytest.fixture(scope='module')
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
+    return Runs(tmp_path_factory.mktemp('fates'))
+
+
+def alphas(run: Path) -> list[float]:
+    (leg,) = review_run(run).legs
+    return [float(alpha) for alpha in leg.recording.poses.values[:, 0]]
+
+
+@settings(max_examples=40, deadline=None)
+@given(fate=fates())
+@example(fate=Fates(set(), range(0), set(), range(0), set()))
+@example(fate=Fates({50}, range(60, 90), {120, 121}, range(150, 160), {51, 170}))
+def test_the_number_of_unanswered_crank_angles_is_true(runs: Runs, fate: Fates) -> None:
+    review = review_run(runs.write(fate))
+    (leg,) = review.legs
+    asked = [n for n in range(COUNT) if fate.has_question(n)]
+    truth = [n for n in asked if not fate.has_answer(n)]
+    told = unanswered(review, leg)
+    assert (leg.answering.asked, leg.answering.answers) == (len(asked), len(asked) - len(truth))
+    assert told.count == len(truth)
+    shares = told.in_silences, told.at_holes, told.lost, told.unexplained
+    assert sum(shares) == len(truth)
+    assert min(shares) >= 0
+    assert told.lost <= len(fate.lost)
+    for finding in review.findings:
+        if finding.check == 'answers':
+            whole, _, parts = finding.text.partition(' not answered')
+            numbers = [int(n) for n in re.findall(r'[0-9]+(?= (?:in|at|whose|elsewhere))', parts)]
+            assert int(whole.split()[0]) == len(truth)
+            assert sum(numbers) == (len(truth) if parts else 0)
+
+
+@settings(max_examples=25, deadline=None)
+@given(single=st.sets(INSIDE, max_size=40), at_once=st.integers(1, 7))
+def test_of_questions_with_one_stamp_as_many_are_missing_as_answers_are(
+    runs: Runs, single: set[int], at_once: int
+) -> None:
+    fate = Fates(single, range(0), set(), range(0), set())
+
+    def stamped(message: Message) -> Message:
+        n = (message.publish_time - START) // PERIOD
+        stamp = struct.pack('<iI', 5 + n // at_once, 0)
+        if message.topic.name == '/crank_angle':
+            return replace(message, topic=STATE_TOPIC, data=state(stamp, message.data[4:]))
+        return replace(message, data=CDR + stamp + message.data[12:])
+
+    review = review_run(runs.write(fate, stamped))
+    (leg,) = review.legs
+    assert leg.answering.asked == COUNT
+    assert unanswered(review, leg).count == len(single)
+
+
+def state(stamp: bytes, alpha: bytes) -> bytes:
+    """Return a JointState of the joint `crank`, without frame, velocity or effort."""
+    name = struct.pack('<II6s', 1, 6, b'crank\0')
+    return (
+        CDR + stamp + struct.pack('<I4x', 1) + name + struct.pack('<2xI4x', 1) + alpha + bytes(8)
+    )
+
+
+def healthy_but(healthy: Any, *missing: int) -> Any:
+    """Return a run with questions that nobody answers, and numbers that have no gap."""
+    for index in missing:
+        healthy.ask(index)
+    return healthy
+
+
+def test_answers_lost_on_their_way_are_a_share_of_those_that_are_missing(
+    healthy, make_run
+) -> None:
+    counted = {'/joint_states': TopicCount(400, 400, unheard=2)}
+    healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
+    answers, lost = found(make_run(healthy_but(healthy, 30, 31, 32, 33, 34)))
+    assert lost == 'lost: 2 messages of /joint_states were lost'
+    whole, _, shares = answers.partition(' crank angles were not answered: ')
+    assert whole == 'answers: 5 of 405'
+    assert shares == '2 whose answers were lost on their way into the log, 3 elsewhere'
+
+
+@pytest.mark.parametrize('several', [True, False])
+def test_no_solver_is_blamed_where_answers_may_have_been_lost(healthy, make_run, several) -> None:
+    if several:
+        two = qos_to_yaml([Qos(), Qos()])
+        healthy.poses = replace(healthy.poses, qos=two)
+    else:
+        for n in range(400):
+            healthy.change(n, sequence=0)
+    review = review_run(make_run(healthy_but(healthy, 30, 31)))
+    (finding,) = review.findings
+    assert (finding.check, finding.severity) == ('answers', Severity.NOTE)
+    assert finding.text == '2 of 402 crank angles were not answered'
+    why = 'several publish there' if several else 'its messages have no numbers'
+    assert finding.meaning.endswith(f'of /joint_states no loss is known, as {why}')
+    assert review.is_healthy
+
+
+def test_one_solver_that_does_not_answer_is_named_still(healthy, make_run) -> None:
+    review = review_run(make_run(healthy_but(healthy, 30)))
+    assert checks(review) == ['answers']
+    assert review.findings[0].severity == Severity.WARNING
+    assert 'or the question was lost on its way' in review.findings[0].meaning
+
+
+def test_the_report_for_machines_has_all_parts(healthy, make_run) -> None:
+    healthy.answers[200:250], silent = [], healthy.answers[200:250]
+    for answer in silent:
+        healthy.unanswered.append((answer.stamp, answer.alpha))
+    for n, answer in enumerate(healthy.answers):
+        healthy.answers[n] = replace(answer, sequence=n + 1)
+    healthy_but(healthy, 30, 31)
+    healthy.ask(0, -1000)
+    (leg,) = json.loads(json_report.report(review_run(make_run(healthy))))['legs']
+    assert leg['crank_angles'] == {
+        'before_the_first_answer': 1,
+        'asked': 402,
+        'answered': 350,
+        'no_angle': 0,
+        'out_of_reach': 0,
+        'unanswered_in_silences': 50,
+        'unanswered_at_holes': 0,
+        'unanswered_as_answers_were_lost': 0,
+        'unanswered_elsewhere': 2,
+        'after_the_last_answer': 0,
+    }
