@@ -6,14 +6,15 @@ A leg that walks: leg.launch.py, and a crank that turns it. Ctrl-C ends it.
 It takes the arguments of leg.launch.py as well: ros2 launch klann_ros demo.launch.py --show-args
 """
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+FLAG = ['true', 'false', 'True', 'False']
 ARGUMENTS = (
     DeclareLaunchArgument(
         'speed', default_value='6.283185307179586', description='Rate of the crank [rad/s].'
@@ -23,9 +24,22 @@ ARGUMENTS = (
         'namespace', default_value='', description='Namespace of the nodes and their topics.'
     ),
     DeclareLaunchArgument(
-        'use_sim_time', default_value='false', description='Take the time from /clock.'
+        'use_sim_time',
+        default_value='false',
+        choices=FLAG,
+        description='Take the time from /clock.',
     ),
 )
+
+
+def check(context: LaunchContext) -> None:
+    """Refuse what is no number before the leg is started."""
+    for name in ('speed', 'rate'):
+        text = LaunchConfiguration(name).perform(context)
+        try:
+            float(text)
+        except ValueError:
+            raise RuntimeError(f'{name}:={text} is no number') from None
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -53,4 +67,4 @@ def generate_launch_description() -> LaunchDescription:
             }
         ],
     )
-    return LaunchDescription([*ARGUMENTS, leg, crank])
+    return LaunchDescription([*ARGUMENTS, OpaqueFunction(function=check), leg, crank])

@@ -4,22 +4,21 @@ What a viewer needs: the frames of the legs, from their URDF and joint_states; R
 The other launch files include it. A linkage from a file has no URDF: only its plane gets a parent.
 """
 
+from itertools import takewhile
 from pathlib import Path
+import subprocess
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, LogInfo, OpaqueFunction
 from launch.conditions import IfCondition, UnlessCondition
-from launch.substitutions import (
-    Command,
-    EqualsSubstitution,
-    FindExecutable,
-    LaunchConfiguration,
-    PathJoinSubstitution,
-)
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import EqualsSubstitution, LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+# What is no truth value would be refused only where it is used, with half of the launch running.
+FLAG = ['true', 'false', 'True', 'False']
 SHARE = FindPackageShare('klann_ros')
 ARGUMENTS = (
     DeclareLaunchArgument(
@@ -47,9 +46,12 @@ ARGUMENTS = (
         description='Goes before every frame of a leg: one for each namespace, as in left/.',
     ),
     DeclareLaunchArgument(
-        'use_sim_time', default_value='false', description='Take the time from /clock.'
+        'use_sim_time',
+        default_value='false',
+        choices=FLAG,
+        description='Take the time from /clock.',
     ),
-    DeclareLaunchArgument('rviz', default_value='false', description='Start RViz.'),
+    DeclareLaunchArgument('rviz', default_value='false', choices=FLAG, description='Start RViz.'),
     DeclareLaunchArgument(
         'rviz_config',
         default_value=PathJoinSubstitution([SHARE, 'rviz', 'klann.rviz']),
@@ -58,44 +60,54 @@ ARGUMENTS = (
 )
 
 
-def generate_launch_description() -> LaunchDescription:
-    """Describe robot_state_publisher, or what stands in for it, and RViz."""
-    namespace = LaunchConfiguration('namespace')
-    use_sim_time = LaunchConfiguration('use_sim_time')
-    base_frame = LaunchConfiguration('base_frame')
-    frame_id = LaunchConfiguration('frame_id')
-    frame_prefix = LaunchConfiguration('frame_prefix')
-    klann_leg = EqualsSubstitution(LaunchConfiguration('linkage'), '')
-    # A relative path starts where the user is, for xacro at the file that it reads. The quotes
-    # are for paths with spaces: Command splits its text as a shell does.
-    params_file = PathJoinSubstitution([str(Path.cwd()), LaunchConfiguration('params_file')])
-    urdf = Command(
-        [
-            *('"', FindExecutable(name='xacro'), '"'),
-            *(' "', PathJoinSubstitution([SHARE, 'urdf', 'klann.urdf.xacro']), '"'),
-            *(' "params_file:=', params_file, '"'),
-            *(' "base_frame:=', base_frame, '"'),
-            *(' "frame_id:=', frame_id, '"'),
-            *(' "frame_prefix:=', frame_prefix, '"'),
-        ]
+def frames(context: LaunchContext) -> list[LogInfo | Node]:
+    """Return the publisher of the legs' frames, and xacro's warnings; nothing for a linkage."""
+
+    def value(name: str) -> str:
+        return LaunchConfiguration(name).perform(context)
+
+    if value('linkage'):
+        return []
+    # A relative path starts where the user is, for xacro at the file that it reads.
+    params_file = Path.cwd() / value('params_file')
+    command = ['xacro', PathJoinSubstitution([SHARE, 'urdf', 'klann.urdf.xacro']).perform(context)]
+    command.append(f'params_file:={params_file}')
+    command += [f'{name}:={value(name)}' for name in ('base_frame', 'frame_id', 'frame_prefix')]
+    # No shell, and no Command, which splits as a shell does: a path may have spaces and quotes.
+    urdf = subprocess.run(  # noqa: S603
+        command, capture_output=True, check=False, errors='replace', text=True
     )
-    frames = Node(
+    said = [''.join(filter(str.isprintable, line)).strip() for line in urdf.stderr.splitlines()]
+    if urdf.returncode:
+        # What follows is where in klann.urdf.xacro it was met.
+        reason = ' '.join(takewhile(lambda line: not line.startswith('when '), said))
+        raise RuntimeError(f'{params_file}: xacro makes no URDF of it: {reason}')
+    publisher = Node(
         package='robot_state_publisher',
         executable='robot_state_publisher',
         name='robot_state_publisher',
-        namespace=namespace,
+        namespace=value('namespace'),
         output='screen',
         parameters=[
             {
                 # Without a type the URDF would be read as YAML.
-                'robot_description': ParameterValue(urdf, value_type=str),
+                'robot_description': ParameterValue(urdf.stdout, value_type=str),
                 # Its default, 20 Hz, is less than smooth.
                 'publish_frequency': 200.0,
-                'use_sim_time': use_sim_time,
+                'use_sim_time': value('use_sim_time').lower() == 'true',
             }
         ],
-        condition=IfCondition(klann_leg),
     )
+    return [*(LogInfo(msg=f'xacro: {line}') for line in said), publisher]
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Describe robot_state_publisher, or what stands in for it, and RViz."""
+    checks = IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(PathJoinSubstitution([SHARE, 'launch', 'checks.launch.py']))
+    )
+    namespace = LaunchConfiguration('namespace')
+    use_sim_time = LaunchConfiguration('use_sim_time')
     # The plane's axes are the textbook's, x right and y up; base_link has z up.
     upright = Node(
         package='tf2_ros',
@@ -104,10 +116,11 @@ def generate_launch_description() -> LaunchDescription:
         namespace=namespace,
         arguments=[
             *('--roll', '1.5707963267948966'),
-            *('--frame-id', base_frame),
-            *('--child-frame-id', [frame_prefix, frame_id]),
+            *('--frame-id', LaunchConfiguration('base_frame')),
+            '--child-frame-id',
+            [LaunchConfiguration('frame_prefix'), LaunchConfiguration('frame_id')],
         ],
-        condition=UnlessCondition(klann_leg),
+        condition=UnlessCondition(EqualsSubstitution(LaunchConfiguration('linkage'), '')),
     )
     rviz = Node(
         package='rviz2',
@@ -120,4 +133,4 @@ def generate_launch_description() -> LaunchDescription:
         parameters=[{'use_sim_time': use_sim_time}],
         condition=IfCondition(LaunchConfiguration('rviz')),
     )
-    return LaunchDescription([*ARGUMENTS, frames, upright, rviz])
+    return LaunchDescription([*ARGUMENTS, checks, OpaqueFunction(function=frames), upright, rviz])

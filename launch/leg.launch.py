@@ -18,6 +18,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+FLAG = ['true', 'false', 'True', 'False']
 SHARE = FindPackageShare('klann_ros')
 ARGUMENTS = (
     DeclareLaunchArgument(
@@ -42,15 +43,21 @@ ARGUMENTS = (
         description='Goes before every frame of a leg: one for each namespace, as in left/.',
     ),
     DeclareLaunchArgument(
-        'use_sim_time', default_value='false', description='Take the time from /clock.'
+        'use_sim_time',
+        default_value='false',
+        choices=FLAG,
+        description='Take the time from /clock.',
     ),
-    DeclareLaunchArgument('record', default_value='false', description='Record the run to MCAP.'),
+    DeclareLaunchArgument(
+        'record', default_value='false', choices=FLAG, description='Record the run to MCAP.'
+    ),
     DeclareLaunchArgument(
         'output', default_value='', description='Folder of the run; empty: runs/<UTC time>.'
     ),
     DeclareLaunchArgument(
         'slider',
         default_value='false',
+        choices=FLAG,
         description='Start joint_state_publisher_gui: its slider is the crank. Not with a demo.',
     ),
 )

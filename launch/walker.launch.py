@@ -13,6 +13,7 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
 
+FLAG = ['true', 'false', 'True', 'False']
 SHARE = FindPackageShare('klann_ros')
 ARGUMENTS = (
     DeclareLaunchArgument(
@@ -23,14 +24,17 @@ ARGUMENTS = (
     ),
     DeclareLaunchArgument(
         'params_file',
-        default_value=PathJoinSubstitution(
-            [SHARE, 'config', ['walker', LaunchConfiguration('walker'), '.yaml']]
-        ),
+        default_value=[
+            PathJoinSubstitution([SHARE, 'config', 'walker']),
+            LaunchConfiguration('walker'),
+            '.yaml',
+        ],
         description='Parameter file of solver_node, instead of a shipped one.',
     ),
     DeclareLaunchArgument(
         'crank',
         default_value='false',
+        choices=FLAG,
         description='Turn the crank with a crank_node. Not with a slider.',
     ),
 )

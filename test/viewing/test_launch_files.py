@@ -1,76 +1,111 @@
-"""The launch files, as far as they can be read without the launch package."""
+"""The launch files can be loaded by Jazzy's first launch, and check before they start anything."""
 
 import ast
-from collections.abc import Iterator
-from pathlib import Path
+import sys
 from xml.etree import ElementTree as ET
 
+from launch_api import FLAT, NAMES
+from launch_syntax import calls, constants, FILES, included, keywords, nodes, ROOT
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-FILES = {path.name: path for path in sorted((ROOT / 'launch').glob('*.launch.py'))}
 FOLDERS = ('config', 'launch', 'rviz', 'urdf')
+KEYWORDS = {name: words for names in NAMES.values() for name, words in names.items()}
 
 
-def calls(name: str, function: str) -> Iterator[ast.Call]:
-    """Yield the calls of a function in a launch file."""
-    for node in ast.walk(ast.parse(FILES[name].read_text())):
-        if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == function:
-            yield node
+def others_programs(name: str) -> set[tuple[object, object]]:
+    """Return package and executable of every node that is not ours."""
+    named = [keywords(call) for call in calls(name, 'Node')]
+    return {(n['package'], n['executable']) for n in named if n['package'] != 'klann_ros'}
 
 
-def constants(nodes: list[ast.expr]) -> list[object]:
-    return [node.value for node in nodes if isinstance(node, ast.Constant)]
-
-
-def keywords(call: ast.Call) -> dict[str, object]:
-    return {
-        word.arg: word.value.value
-        for word in call.keywords
-        if isinstance(word.value, ast.Constant) and word.arg
+def order(name: str) -> list[str]:
+    """Return what a launch file does after declaring its arguments, each as what makes it."""
+    made = {
+        target.id: getattr(node.value.func, 'id', '')
+        for node in nodes(name, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name) and isinstance(node.value, ast.Call)
     }
+    (description,) = calls(name, 'LaunchDescription')
+    kinds = []
+    for entity in description.args[0].elts:
+        if isinstance(entity, ast.Name):
+            kinds.append(made[entity.id])
+        elif isinstance(entity, ast.Call) and entity.func.id == 'OpaqueFunction':
+            kinds.append(entity.keywords[0].value.id)
+        elif isinstance(entity, ast.Call):
+            kinds.append(entity.func.id)
+    return kinds
 
 
-def declared(name: str) -> dict[str, object]:
-    """Return the arguments of a launch file with their descriptions."""
-    return {
-        constants(call.args)[0]: keywords(call).get('description')
-        for call in calls(name, 'DeclareLaunchArgument')
-    }
-
-
-def test_the_launch_files_are_those_of_the_interface() -> None:
+def test_the_launch_files_are_those_of_the_readme() -> None:
+    readme = (ROOT / 'README.md').read_text()
     assert set(FILES) == {
-        f'{name}.launch.py' for name in ('leg', 'walker', 'demo', 'replay', 'description')
+        f'{name}.launch.py'
+        for name in ('leg', 'walker', 'demo', 'replay', 'description', 'checks')
+    }
+    assert [name for name in FILES if f'| `{name}` |' not in readme] == []
+
+
+@pytest.mark.parametrize('name', FILES)
+def test_every_name_is_one_that_jazzys_first_launch_has(name: str) -> None:
+    for imported in nodes(name, ast.ImportFrom):
+        if imported.module.split('.')[0] not in sys.stdlib_module_names:
+            assert {alias.name for alias in imported.names} <= set(NAMES[imported.module])
+    for imported in nodes(name, ast.Import):
+        assert {alias.name.split('.')[0] for alias in imported.names} <= sys.stdlib_module_names
+
+
+@pytest.mark.parametrize('name', FILES)
+def test_every_keyword_is_one_that_jazzys_first_launch_takes(name: str) -> None:
+    for call in calls(name, *KEYWORDS):
+        assert {word.arg for word in call.keywords} <= KEYWORDS[call.func.id], ast.unparse(call)
+
+
+@pytest.mark.parametrize('name', FILES)
+def test_no_list_stands_in_a_list_that_jazzys_first_launch_wants_flat(name: str) -> None:
+    for call in calls(name, *FLAT):
+        for argument in (*call.args, *(word.value for word in call.keywords)):
+            for part in argument.elts if isinstance(argument, ast.List) else []:
+                assert isinstance(part, ast.Constant | ast.Name | ast.Call), ast.unparse(call)
+
+
+@pytest.mark.parametrize('name', FILES)
+def test_nothing_to_do_at_an_exit_is_none_and_not_an_empty_list(name: str) -> None:
+    # With an empty list launch 3.4 fails when the process ends.
+    for call in calls(name, 'Node', 'OnProcessExit'):
+        for word in call.keywords:
+            if word.arg == 'on_exit':
+                lists = [part for part in ast.walk(word.value) if isinstance(part, ast.List)]
+                assert all(part.elts for part in lists), ast.unparse(call)
+
+
+@pytest.mark.parametrize('name', [name for name in FILES if name != 'checks.launch.py'])
+def test_the_checks_come_before_everything_that_starts_something(name: str) -> None:
+    kinds = order(name)
+    first = kinds.index('IncludeLaunchDescription' if name != 'walker.launch.py' else 'included')
+    assert set(kinds[:first]) <= {'check'}
+
+
+def test_description_includes_the_checks_and_the_others_what_includes_them() -> None:
+    assert {name: included(name) for name in FILES} == {
+        'checks.launch.py': set(),
+        'demo.launch.py': {'leg.launch.py'},
+        'description.launch.py': {'checks.launch.py'},
+        'leg.launch.py': {'description.launch.py'},
+        'replay.launch.py': {'description.launch.py'},
+        'walker.launch.py': {'demo.launch.py', 'leg.launch.py'},
     }
 
 
-@pytest.mark.parametrize('name', FILES)
-def test_every_argument_is_described(name: str) -> None:
-    assert declared(name)
-    for argument, description in declared(name).items():
-        assert isinstance(description, str), argument
-        assert description.endswith('.'), argument
-
-
-@pytest.mark.parametrize('name', FILES)
-def test_what_is_used_is_declared(name: str) -> None:
-    used = {
-        constant
-        for function in ('LaunchConfiguration', 'value')
-        for call in calls(name, function)
-        for constant in constants(call.args)
+def test_every_program_of_others_is_looked_for() -> None:
+    looked_for = {
+        tuple(constants(node.value.elts)[1:])
+        for node in nodes('checks.launch.py', ast.Yield)
+        if isinstance(node.value, ast.Tuple)
     }
-    assert used <= set(declared(name))
-
-
-@pytest.mark.parametrize('name', FILES)
-def test_the_same_argument_means_the_same_everywhere(name: str) -> None:
-    for argument, description in declared(name).items():
-        others = {declared(other).get(argument, description) for other in FILES}
-        # The walker's file and the replay's time and topics are another matter.
-        allowed = {'params_file': 2, 'use_sim_time': 2, 'namespace': 2}.get(argument, 1)
-        assert len(others) <= allowed, argument
+    started = {program for name in FILES for program in others_programs(name)}
+    assert looked_for == started | {('xacro', 'xacro')}
 
 
 @pytest.mark.parametrize('name', FILES)
@@ -80,12 +115,14 @@ def test_every_file_that_is_named_is_shipped(name: str) -> None:
         assert isinstance(parts, ast.List)
         words = constants(parts.elts)
         if len(words) == 2:
-            assert words[0] in FOLDERS
-            assert ROOT.joinpath(*words).is_file()
+            folder, start = words
+            assert folder in FOLDERS
+            # The walker's file ends with the number of its legs.
+            assert list((ROOT / folder).glob(f'{start}*'))
 
 
 @pytest.mark.parametrize('name', FILES)
-def test_every_node_is_of_a_package_that_is_depended_on(name: str) -> None:
+def test_every_node_and_import_is_of_a_package_that_is_depended_on(name: str) -> None:
     package = ET.parse(ROOT / 'package.xml').getroot()  # noqa: S314  # our own
     depended = {'klann_ros', *(element.text for element in package.iter('exec_depend'))}
     executables = {path.name for path in (ROOT / 'scripts' / 'launchers').iterdir()}
@@ -93,3 +130,5 @@ def test_every_node_is_of_a_package_that_is_depended_on(name: str) -> None:
         node = keywords(call)
         assert node['package'] in depended
         assert node['package'] != 'klann_ros' or node['executable'] in executables
+    for imported in nodes(name, ast.ImportFrom):
+        assert imported.module.split('.')[0] in depended | sys.stdlib_module_names

@@ -1,0 +1,187 @@
+"""The launch files under the real launch: what they refuse, and how they end."""
+
+from collections.abc import Callable
+import os
+from pathlib import Path
+import re
+import signal
+import subprocess
+
+from bags import write_bag
+from launched import OTHERS, PATIENCE, Prefix, ROOT
+import pytest
+
+pytest.importorskip('launch_ros', reason='launch_ros is in a sourced ROS 2 only')
+
+JANSEN = str(ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml')
+# A user's own launch file, which includes one of ours and fails afterwards.
+USERS = """
+from launch import LaunchDescription
+from launch.actions import GroupAction, IncludeLaunchDescription
+from launch.substitutions import PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+def demo(**arguments):
+    share = FindPackageShare('klann_ros')
+    return GroupAction([IncludeLaunchDescription(
+        PathJoinSubstitution([share, 'launch', 'demo.launch.py']),
+        launch_arguments=arguments.items(),
+    )])
+
+def generate_launch_description():
+    return LaunchDescription([demo(namespace='left', frame_prefix='left/'), {second}])
+"""
+
+
+@pytest.mark.parametrize(
+    ('package', 'arguments'),
+    [
+        ('joint_state_publisher_gui', ['slider:=true']),
+        ('robot_state_publisher', []),
+        ('rviz2', ['rviz:=True']),
+        ('tf2_ros', [f'linkage:={JANSEN}']),
+        ('xacro', []),
+    ],
+)
+def test_what_is_missing_is_named_before_anything_starts(
+    package: str, arguments: list[str], prefix: Callable[..., Prefix]
+) -> None:
+    made = prefix(without=(package,))
+    launch = made.launch('demo', arguments)
+    output = launch.communicate(timeout=PATIENCE)[0]
+    wanted = f'needs {package}: sudo apt install ros-jazzy-{package.replace("_", "-")}\n'
+    assert output.count(wanted) == 1, output
+    assert list(made.started()) == [(set(), 1)]
+
+
+@pytest.mark.parametrize(
+    ('name', 'arguments', 'words'),
+    [
+        ('leg', ['params_file:=no.yaml'], 'params_file:=no.yaml: there is no such file'),
+        ('leg', ['params_file:=.'], 'params_file:=.: it is no plain file'),
+        ('leg', ['params_file:=pipe'], 'params_file:=pipe: it is no plain file'),
+        ('leg', ['params_file:=list.yaml'], 'list.yaml: xacro makes no URDF of it: error: '),
+        ('leg', ['params_file:=open.yaml'], "expected ',' or ']'"),
+        ('leg', ['linkage:=jansen'], 'linkage:=jansen: there is no such file'),
+        ('leg', ['rviz:=true', 'rviz_config:=no.rviz'], 'rviz_config:=no.rviz: there is no such'),
+        ('leg', ['slider:=yes'], '"slider" provided value "yes" is not valid'),
+        ('leg', ['namespace:=a b'], 'Invalid namespace'),
+        ('walker', ['walker:=5'], '"walker" provided value "5" is not valid'),
+        ('demo', ['speed:=fast'], 'speed:=fast is no number'),
+        ('replay', ['log:=nope'], 'log:=nope: there is no such file or folder'),
+        ('replay', [], "'log'"),
+    ],
+)
+def test_what_is_misspelt_is_refused_before_anything_starts(
+    name: str, arguments: list[str], words: str, prefix: Callable[..., Prefix]
+) -> None:
+    made = prefix()
+    (made.folder / 'list.yaml').write_text('- 1\n')
+    (made.folder / 'open.yaml').write_text('a: [1\n')
+    os.mkfifo(made.folder / 'pipe')
+    output = made.launch(name, arguments).communicate(timeout=PATIENCE)[0]
+    assert words in output
+    assert 'Traceback' not in output
+    assert list(made.started()) == [(set(), 1)]
+
+
+@pytest.mark.parametrize(
+    ('name', 'arguments', 'failed'),
+    [
+        ('leg', ['params_file:=short.yaml'], 'solver_node'),
+        ('walker', ['params_file:=short.yaml', 'crank:=true', 'rviz:=true'], 'solver_node'),
+        ('demo', ['record:=true', 'output:=there'], 'recorder_node'),
+        ('demo', ['speed:=nan', 'slider:=true'], 'crank_node'),
+        ('replay', ['log:=short.yaml', 'rviz:=true'], 'player_node'),
+        ('replay', ['log:=bag.mcap', 'play_rate:=fast'], 'player_node'),
+    ],
+)
+def test_a_node_that_fails_ends_the_launch_with_an_error(
+    name: str, arguments: list[str], failed: str, prefix: Callable[..., Prefix]
+) -> None:
+    made = prefix()
+    (made.folder / 'short.yaml').write_text('/**: {ros__parameters: {l_ab: -1.0}}\n')
+    (made.folder / 'there').mkdir()
+    write_bag(made.folder / 'bag.mcap')
+    output = made.launch(name, arguments).communicate(timeout=PATIENCE)[0]
+    assert output.count(f'{failed} has failed, exit code ') == 1, output
+    ((started, code),) = made.started()
+    assert code == 1
+    assert failed in started
+    assert made.left() == []
+
+
+@pytest.mark.parametrize(
+    ('second', 'words'),
+    [
+        ("demo(params_file='no.yaml')", 'params_file:=no.yaml: there is no such file'),
+        ("Node(package='no_such_package', executable='node')", "'no_such_package' not found"),
+    ],
+)
+def test_what_fails_after_ours_were_started_leaves_none_of_them(
+    second: str, words: str, prefix: Callable[..., Prefix]
+) -> None:
+    made = prefix()
+    file = made.folder / 'users.launch.py'
+    file.write_text(USERS.replace('{second}', second))
+    launch = made.launch(file, [])
+    output = launch.communicate(timeout=PATIENCE)[0]
+    assert words in output
+    assert launch.returncode == 1
+    pids = re.findall(r'process started with pid \[(\d+)\]', output)
+    assert len(pids) == 3, output
+    assert not any(Path('/proc', pid).exists() for pid in pids)
+
+
+@pytest.mark.parametrize('rviz', ['', 'exit 134'])
+def test_ctrl_c_ends_everything_without_an_error(rviz: str, prefix: Callable[..., Prefix]) -> None:
+    made = prefix()
+    if rviz:
+        # The programs of others may fail: a recording goes on when RViz crashes.
+        (made.folder / 'lib' / 'rviz2' / OTHERS['rviz2']).write_text(f'#!/bin/sh\n{rviz}\n')
+    launch = made.launch('demo', ['record:=true', 'output:=a run', 'rviz:=true'])
+    made.wait_for_a_recording('a run')
+    launch.send_signal(signal.SIGINT)
+    output = launch.communicate(timeout=PATIENCE)[0]
+    assert ('exit code 134' in output) == bool(rviz)
+    assert launch.returncode == 0, output
+    assert made.left() == []
+
+
+def test_a_recorder_that_cannot_finish_its_run_is_an_error(prefix: Callable[..., Prefix]) -> None:
+    made = prefix()
+    # It records, and fails when it is told to end.
+    script = 'mkdir run; trap "exit 1" INT; sleep 1; printf %20001d 0 > run/0.mcap'
+    script += '; while :; do sleep 0.1; done'
+    (made.folder / 'lib' / 'klann_ros' / 'recorder_node').write_text(f'#!/bin/sh\n{script}\n')
+    (made.folder / 'bin' / 'mkdir').symlink_to('/bin/mkdir')
+    launch = made.launch('demo', ['record:=true', 'output:=run'])
+    made.wait_for_a_recording('run')
+    launch.send_signal(signal.SIGINT)
+    output = launch.communicate(timeout=PATIENCE)[0]
+    assert 'recorder_node has failed, exit code 1' in output
+    assert launch.returncode == 1
+    assert made.left() == []
+
+
+def test_a_replay_ends_with_its_run(prefix: Callable[..., Prefix]) -> None:
+    made = prefix()
+    log = write_bag(made.folder / 'a bag.mcap')
+    output = made.launch('replay', [f'log:={log}']).communicate(timeout=PATIENCE)[0]
+    assert list(made.started()) == [({'robot_state_publisher', 'player_node'}, 0)], output
+    assert made.left() == []
+
+
+def test_a_replay_that_is_looked_at_stays(prefix: Callable[..., Prefix]) -> None:
+    made = prefix()
+    log = write_bag(made.folder / 'bag.mcap')
+    launch = made.launch('replay', [f'log:={log}', 'rviz:=true'])
+    assert any('player_node' in line and 'finished cleanly' in line for line in launch.stdout)
+    with pytest.raises(subprocess.TimeoutExpired):
+        launch.wait(1.0)
+    assert sorted(made.left()) == ['robot_state_publisher', 'rviz2']
+    launch.send_signal(signal.SIGINT)
+    launch.communicate(timeout=PATIENCE)
+    assert launch.returncode == 0
+    assert made.left() == []
