@@ -13,10 +13,13 @@ import sys
 import tempfile
 import time
 
+from fuzzing.cost_law import check_cost
 from fuzzing.laws import check, MAX_MEMORY, memory
+from fuzzing.legal_law import check_legal
 from fuzzing.samples import make_samples
 
 TIMEOUT = 30
+LAWS = check, check_legal, check_cost
 
 
 def main():
@@ -39,7 +42,8 @@ def _run(options, work):
         signal.alarm(TIMEOUT)
         start = time.monotonic()
         try:
-            check(sample, seed, work / f'case{seed}')
+            for law in LAWS:
+                law(sample, seed, work / f'case{seed}')
         except Exception as error:  # noqa: BLE001, RUF100 - that there is none is the law
             failed[sample.name] += 1
             print(f'{type(error).__name__}: {error or sample.name}, seed {seed}\n')

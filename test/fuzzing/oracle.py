@@ -5,11 +5,14 @@ import struct
 import zlib
 
 import lz4.frame
+from mcap_bytes.records import MAGIC
 import zstandard
 
 CHUNK, ATTACHMENT, MESSAGE = 6, 9, 5
 _HEAD = struct.Struct('<BQQQQII')
 _LIMIT = 2**24
+_KNOWN = range(1, 16)
+_ROW = 4
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,11 @@ class Found:
 
 
 def sound_chunks(data):
-    """Return the chunks in a file whose lengths agree and whose CRC holds, wherever they are."""
+    """
+    Return the chunks in a file whose lengths agree and whose CRC holds, wherever they are.
+
+    One that is longer than its fields is one if records follow it: else its length is damaged.
+    """
     found = []
     offset = data.find(CHUNK)
     while offset >= 0:
@@ -45,15 +52,27 @@ def _chunk(data, offset):
     name = bytes(data[start:place])
     (size,) = struct.unpack_from('<Q', data, place)
     place += 8
-    if place + size != end or name not in _UNPACK:
+    more = end - place - size
+    if more < 0 or name not in _UNPACK or (more and not _records_from(data, end)):
         return None
     try:
-        unpacked = _UNPACK[name](bytes(data[place:end]))
+        unpacked = _UNPACK[name](bytes(data[slice(place, place + size)]))
     except (zstandard.ZstdError, RuntimeError, ValueError, MemoryError):
         return None
     if zlib.crc32(unpacked) != crc:
         return None
     return Found(offset, end, tuple(_messages(unpacked)))
+
+
+def _records_from(data, offset):
+    """Return whether some records that are known, or the end, follow an offset."""
+    for _ in range(_ROW):
+        if data[offset:] in (b'', MAGIC):
+            return True
+        if offset + 9 > len(data) or data[offset] not in _KNOWN:
+            return False
+        offset += 9 + struct.unpack_from('<Q', data, offset + 1)[0]
+    return True
 
 
 def _messages(data):

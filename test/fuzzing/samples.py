@@ -3,16 +3,21 @@
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+import random
 import shutil
 import struct
 
+from fuzzing.hostile import hostile_run
 from klann_ros.log.definitions import definition
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.writing.writer import RunWriter
 from mcap.writer import CompressionType, IndexType, Writer
+from mcap_bytes.legal import change_file
+from rosbag2_bags import KINDS, write_bag
 from rosbags.typesys import get_typestore, Stores
 import yaml
+import zstandard
 
 START = 1_700_000_000_000_000_000
 CHUNKS, MESSAGES = 10, 24
@@ -46,8 +51,35 @@ def make_samples(place):
         _others(place, 'without_index', messages, **NO_INDEX),
         _others(place, 'plain', messages, compression=CompressionType.NONE, enable_crcs=False),
     ]
+    kinds += [
+        _extended(place, 'extended', _ours(place / 'before', 'zstd', messages)),
+        _extended(place, 'extended_without_index', place / 'without_index'),
+    ]
+    kinds.append(_packed(place / 'packed', place / 'ours_zstd' / 'ours_zstd_0.mcap'))
     found = frozenset(content(message) for message in messages)
-    return [Sample(folder.name, folder, found) for folder in kinds]
+    hostile, others = hostile_run(place, messages)
+    return [
+        *(Sample(folder.name, folder, found) for folder in kinds),
+        Sample(hostile.name, hostile, frozenset(map(content, others))),
+        *_rosbag2(place, messages),
+    ]
+
+
+def _packed(folder, file):
+    """Write a run whose file is compressed as a whole, by whatever tool."""
+    folder.mkdir()
+    packed = zstandard.ZstdCompressor().compress(file.read_bytes())
+    (folder / f'{folder.name}_0.mcap.zstd').write_bytes(packed)
+    return folder
+
+
+def _rosbag2(place, messages):
+    """Yield bags of rosbag2's own ways, in which a message has one time and no number."""
+    for storage, mode in KINDS:
+        name = f'{storage.name}_{mode.name}'.lower()
+        folder = write_bag(place / name, messages, storage, mode)
+        told = ((message.data, message.log_time, message.log_time, 0) for message in messages)
+        yield Sample(name, folder, frozenset(told))
 
 
 def content(message):
@@ -97,6 +129,16 @@ def _write(folder, messages, compression='zstd'):
                 writer.attach('note.txt', 'text/plain', b'in the middle', START)
                 writer.add_metadata('note', {'where': 'in the middle'})
     return writer.file_path
+
+
+def _extended(place, name, folder):
+    """Write a run again as a later version of MCAP might: legal, and longer."""
+    shutil.copytree(folder, place / name)
+    for path in (place / name).glob('*.mcap'):
+        for seed in range(3):
+            # Nothing large: a chunk that damage moved into it would be no longer of the file.
+            change_file(path, random.Random(seed), large=False)  # noqa: S311 - no secret
+    return place / name
 
 
 def _ours(place, compression, messages):

@@ -1,11 +1,13 @@
-"""Some damaged runs; `scripts/fuzz` makes thousands of them."""
+"""Some runs and files of each law; `scripts/fuzz` makes thousands of them."""
 
+from fuzzing.cost_law import check_cost
 from fuzzing.laws import check, MAX_MEMORY, memory
+from fuzzing.legal_law import check_legal
 from fuzzing.samples import make_samples
 import pytest
 
-CASES = 108
-PART = 27
+CASES = 110
+PART = 22
 
 
 @pytest.fixture(scope='module')
@@ -19,3 +21,14 @@ def test_any_damage_is_survived_and_what_is_sound_comes_back(samples, tmp_path, 
     for seed in range(first, first + PART):
         check(samples[seed % len(samples)], seed, tmp_path / str(seed))
     assert memory() - before < MAX_MEMORY
+
+
+@pytest.mark.parametrize('first', range(0, CASES, PART))
+def test_what_is_legal_is_no_damage_and_costs_nothing(samples, tmp_path, first):
+    for seed in range(first, first + PART):
+        check_legal(samples[seed % len(samples)], seed, tmp_path / str(seed))
+
+
+def test_any_pattern_costs_work_in_proportion(tmp_path):
+    for seed in range(CASES):
+        check_cost(None, seed, tmp_path / str(seed))
