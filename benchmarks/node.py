@@ -2,17 +2,21 @@
 What an answer costs: solver_node against a plain rclpy relay that computes nothing.
 
 Both publish a JointState and a PointStamped for every crank angle. They run in turn, several
-times, each as a process of its own; what counts is the ratio within a round.
+times, each as a process of its own; what counts is the ratio within a round. So do solver_node
+with Jansen's leg and with the Klann leg.
 """
 
 from statistics import median
 import sys
 
+from klann_ros.kinematics.linkage.file import SHIPPED
 from support.node_under_test import Figures, NodeUnderTest, RELAY, SOLVER
 
 ROUNDS, SECONDS, RATES = 5, 3.0, (200.0, 1000.0)
 # The aims: CPU a message, and latencies, as parts of the relay's.
 MOST_CPU, MOST_LATENCY = 0.5, 1.0
+# Jansen's CPU a message as a part of Klann's.
+MOST_OF_KLANN = 1.15
 
 
 def measured(command: list[str], rate: float) -> Figures:
@@ -24,14 +28,19 @@ def measured(command: list[str], rate: float) -> Figures:
         node.stop()
 
 
-def compare(rate: float) -> bool:
-    """Print the figures at a rate; return whether the aims are met."""
-    rounds: list[tuple[Figures, Figures]] = []
+def rounds_of(one: list[str], other: list[str], rate: float) -> list[tuple[Figures, Figures]]:
+    """Measure two nodes in turn, and which is first in turn as well."""
+    rounds = []
     for k in range(ROUNDS):
-        # In turn, and which is first in turn as well.
-        both = [(RELAY, 0), (SOLVER, 1)][:: 1 if k % 2 == 0 else -1]
+        both = [(one, 0), (other, 1)][:: 1 if k % 2 == 0 else -1]
         figures = {which: measured(command, rate) for command, which in both}
         rounds.append((figures[0], figures[1]))
+    return rounds
+
+
+def compare(rate: float) -> bool:
+    """Print the figures at a rate; return whether the aims are met."""
+    rounds = rounds_of(RELAY, SOLVER, rate)
     print(f'{rate:g} Hz, {ROUNDS} rounds in turn of {SECONDS:g} s')
     print(f'{"":12} {"CPU/us":>8} {"p50/us":>8} {"p99/us":>8} {"idle/%":>7} {"lost":>5}')
     for name, which in (('relay', 0), ('solver_node', 1)):
@@ -50,6 +59,18 @@ def compare(rate: float) -> bool:
     return met
 
 
+def linkages(rate: float) -> bool:
+    """Print what Jansen's leg costs beside the Klann leg; return whether the aim is met."""
+    jansen = [*SOLVER, '--ros-args', '-p', f'linkage:={SHIPPED / "jansen.yaml"}']
+    rounds = rounds_of(SOLVER, jansen, rate)
+    own = median(figures.cpu for _, figures in rounds)
+    ratio = median(figures.cpu / klann.cpu for klann, figures in rounds)
+    met = ratio <= MOST_OF_KLANN and not any(figures.lost for _, figures in rounds)
+    print(f'Jansen at {rate:g} Hz: {own:.1f} us CPU a message')
+    print(f'cpu: {ratio:.2f} of Klann, aim <= {MOST_OF_KLANN:g}: {"met" if met else "MISSED"}\n')
+    return met
+
+
 if __name__ == '__main__':
-    met = [compare(rate) for rate in RATES]
+    met = [*(compare(rate) for rate in RATES), linkages(RATES[-1])]
     sys.exit(0 if all(met) else 1)

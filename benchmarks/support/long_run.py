@@ -1,19 +1,23 @@
-"""A long run of a leg that turns once a second, as the three nodes would make it, but at once."""
+"""A long run of a linkage that turns once a second, as the nodes would make it, but at once."""
 
 from math import pi
 from pathlib import Path
 import struct
 
-from klann_ros.kinematics import klann_poses, KlannGeometry
+from klann_ros.kinematics import KlannGeometry, Linkage, linkage_from_text, linkage_poses
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
+from klann_ros.log.run_parameters import (
+    LINKAGE_PARAMETER,
+    SOLVER_RECORD,
+    solver_record,
+    SolverParameters,
+)
 from klann_ros.log.writing.writer import RunWriter
 from klann_ros.nodes.cdr_templates import JointStateTemplate, PointTemplate
 import numpy as np
 
 START = 1_700_000_000_000_000_000
-JOINTS = ['alpha', 'gamma', 'beta', 'delta', 'theta']
 # So many poses are solved at once.
 _BLOCK = 10_000
 
@@ -27,22 +31,29 @@ POSES = _topic('/joint_states', 'sensor_msgs/msg/JointState')
 FEET = _topic('/point_h', 'geometry_msgs/msg/PointStamped')
 
 
-def write_long_run(folder: Path, seconds: float, rate: float) -> None:
-    """Write a run of so many seconds with so many crank messages a second."""
-    geometry, count = KlannGeometry(), round(seconds * rate)
-    told = SolverParameters('/solver_node', START, geometry.as_dict())
+def write_long_run(folder: Path, seconds: float, rate: float, text: str = '') -> None:
+    """
+    Write a run of so many seconds with so many crank messages a second.
+
+    `text` is a linkage's file; where left out it is a run of the Klann leg.
+    """
+    count = round(seconds * rate)
+    if text:
+        linkage, told = linkage_from_text(text, 'the benchmark'), {LINKAGE_PARAMETER: text}
+    else:
+        geometry = KlannGeometry()
+        linkage, told = geometry.linkage, geometry.as_dict()
+    record = solver_record(SolverParameters('/solver_node', START, told))
     with RunWriter(folder) as run:
-        run.add_metadata(SOLVER_RECORD, solver_record(told))
+        run.add_metadata(SOLVER_RECORD, record)
         for begin in range(0, count, _BLOCK):
-            _write_block(run, geometry, np.arange(begin, min(begin + _BLOCK, count)), rate)
+            _write_block(run, linkage, np.arange(begin, min(begin + _BLOCK, count)), rate)
 
 
-def _write_block(
-    run: RunWriter, geometry: KlannGeometry, numbers: np.ndarray, rate: float
-) -> None:
-    state, point = JointStateTemplate(JOINTS), PointTemplate('leg_plane')
+def _write_block(run: RunWriter, linkage: Linkage, numbers: np.ndarray, rate: float) -> None:
+    state, point = JointStateTemplate([*linkage.joint_names]), PointTemplate('leg_plane')
     alphas = 2 * pi * numbers / rate
-    poses = klann_poses(geometry, alphas, angles=True)
+    poses = linkage_poses(linkage, alphas, angles=True)
     angles = np.column_stack([alphas, poses.angles])
     rates = np.gradient(angles, 1 / rate, axis=0) if len(numbers) > 1 else np.zeros_like(angles)
     late = np.random.default_rng(int(numbers[0])).integers(200_000, 500_000, len(numbers))
