@@ -1,5 +1,7 @@
 """Settings of all tests."""
 
+from zlib import crc32
+
 from hypothesis import settings
 import pytest
 
@@ -7,13 +9,15 @@ import pytest
 settings.register_profile('untimed', deadline=None)
 settings.load_profile('untimed')
 
-# Tests of real processes on real DDS: one after the other, so that they do not starve each other.
-ONE_BY_ONE = ('/test/nodes/', '/test/packaging/', '/test_real_run.py')
+# Tests of real processes on real DDS: they wait more than they compute, so two lines of them run
+# side by side, in domains of their own; each is run one by one, so that none starves the others.
+ONE_BY_ONE = ('/test/nodes/', '/test/packaging/', '/test_real_run.py', '/test_launched_')
 
 
 @pytest.hookimpl(tryfirst=True)  # before the workers look at the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let one worker have all tests that run one by one, where there are several."""
+    """Let two workers have the tests that run one by one, whole files each, if there are more."""
     for item in items:
         if any(part in item.path.as_posix() for part in ONE_BY_ONE):
-            item.add_marker(pytest.mark.xdist_group('one by one'))
+            line = crc32(item.path.name.encode()) % 2
+            item.add_marker(pytest.mark.xdist_group(f'one by one {line}'))

@@ -6,8 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from klann_ros.kinematics import KlannLeg
-from klann_ros.kinematics.leg_types import Leg
+from klann_ros.kinematics import AnyLeg as Leg, KlannLeg
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters

@@ -1,6 +1,6 @@
 """Real nodes as real processes over real DDS, and a probe that talks to them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import os
 from pathlib import Path
@@ -26,9 +26,21 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
 
 class Process:
-    """An executable of the checkout, as a process of its own."""
+    """
+    An executable of the checkout, as a process of its own.
 
-    def __init__(self, name: str, *arguments: str, domain: int, cwd: Path) -> None:
+    It is started by the wrapper, if there is one; options are those of Popen.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *arguments: str,
+        domain: int,
+        cwd: Path,
+        wrapper: Sequence[str] = (),
+        **options: Any,
+    ) -> None:
         code = f'import sys; from klann_ros.executables import {name}; sys.exit({name}())'
         self.name = name
         self._errors = (cwd / f'{name}.{time.monotonic_ns()}.err').open('w+')
@@ -40,12 +52,13 @@ class Process:
         }
         self.segments: set[str] = set()
         self.popen = subprocess.Popen(
-            [sys.executable, '-c', code, *arguments],
+            [*wrapper, sys.executable, '-c', code, *arguments],
             cwd=cwd,
             env=environment,
             stdout=subprocess.PIPE,
             stderr=self._errors,
             text=True,
+            **options,
         )
 
     def wait(self) -> int:
@@ -60,12 +73,16 @@ class Process:
 
     def kill(self) -> None:
         """End it as a power cut would, and remember the shared memory that it leaves behind."""
-        maps = Path(f'/proc/{self.popen.pid}/maps').read_text().split()
+        self.leaves_behind(self.popen.pid)
+        self.popen.kill()
+        self.wait()
+
+    def leaves_behind(self, pid: int) -> None:
+        """Remember the shared memory of a process that is about to end without an order."""
+        maps = Path(f'/proc/{pid}/maps').read_text().split()
         names = {Path(word).name for word in maps if word.startswith(f'{SHARED_MEMORY}/fastrtps_')}
         for name in names:
             self.segments |= {name, f'{name}_el', f'sem.{name}_mutex'}
-        self.popen.kill()
-        self.wait()
 
     @property
     def errors(self) -> str:
@@ -92,6 +109,7 @@ class Probe:
         self.node = Node('probe', context=self.context)
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
+        self._neighbours: list[Node] = []
 
     def listen(
         self, kind: type, topic: str, qos: QoSProfile | int = 2000, *, raw: bool = False
@@ -112,6 +130,13 @@ class Probe:
         # The subscriber needs a moment more to know of the publisher.
         self.spin(0.3)
         return publisher
+
+    def neighbour(self, name: str, **options: Any) -> Node:
+        """Return another node, whose callbacks run when the probe spins."""
+        node = Node(name, context=self.context, **options)
+        self._executor.add_node(node)
+        self._neighbours.append(node)
+        return node
 
     def until(self, condition: Callable[[], Any], patience: float = PATIENCE) -> None:
         """Spin until a condition holds."""
@@ -142,7 +167,8 @@ class Probe:
     def close(self) -> None:
         """Leave the domain."""
         self._executor.shutdown()
-        self.node.destroy_node()
+        for node in [*self._neighbours, self.node]:
+            node.destroy_node()
         self.context.try_shutdown()
 
 
@@ -161,7 +187,15 @@ class World:
         given = [f'{key}:={value}' for key, value in parameters.items()]
         ros = ['--ros-args', *(part for text in given for part in ('-p', text))]
         command = [*arguments, *(ros if given else [])]
-        process = Process(name, *command, domain=self.domain, cwd=self.folder)
+        return self.start_by([], name, *command)
+
+    def start_by(
+        self, wrapper: Sequence[str], name: str, *arguments: str, **options: Any
+    ) -> Process:
+        """Start an executable by another one, or with options of Popen."""
+        process = Process(
+            name, *arguments, domain=self.domain, cwd=self.folder, wrapper=wrapper, **options
+        )
         self._processes.append(process)
         return process
 

@@ -27,7 +27,7 @@ PYTHON_FILES = (
     'docs',
 )
 # Tests that compute beside those that wait for processes; see test/conftest.py.
-WORKERS = ('-n', '2', '--dist', 'loadgroup')
+WORKERS = ('-n', '3', '--dist', 'loadgroup')
 # A check that hangs is ended, so that CI still gets to see its output.
 TIMEOUT = 840.0
 SUMMARY = re.compile(r'\bin \d+\.\d+s')

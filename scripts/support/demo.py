@@ -129,7 +129,9 @@ def main(arguments: list[str]) -> int:
             stop.pause(0.5)
             stage.finish('recorder_node')
             stage.finish('solver_node')
-            said = stage.review(run, run / 'leg.png', run / 'review.html')
+            # Beside the run: nothing but what was recorded is in its folder.
+            page, picture = (run.with_name(f'{run.name}.{kind}') for kind in ('html', 'png'))
+            said = stage.review(run, picture, page)
         _report(env, run, said)
     return 0
 
@@ -152,8 +154,8 @@ def _report(env: Environment, run: Path, said: str) -> None:
 {said}
 
 The leg walked {TURNS} turns. What there is now:
-  {folder}/review.html    open it in a browser: the leg, animated, and its charts
-  {folder}/leg.png    a picture: the leg and the path of its foot
+  {folder}.html    open it in a browser: the leg, animated, and its charts
+  {folder}.png    a picture: the leg and the path of its foot
   {folder}    the recorded run (MCAP; also for Foxglove and ros2 bag)
 Play it back:      {programs}/player_node {folder}
 Look at it again:  {programs}/review {folder}""")

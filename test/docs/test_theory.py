@@ -243,11 +243,11 @@ class Newton:
 
     def solve(self, alphas: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         x, spent = x.copy(), np.zeros(len(alphas), dtype=int)
-        s, w = 1j * np.array(self.linkage.senses), self.linkage.equations.w
+        s, (w, c) = self.linkage.i_s, self.linkage.equations
         open_ = np.ones(len(alphas), dtype=bool)
         for _ in range(100):
             u = np.exp(s * np.column_stack([alphas, x])[open_])
-            f = u @ w.T + self.linkage.equations.c
+            f = u @ w.T + c
             phi = (w * (s * u)[:, None, :])[:, :, 1:]
             rows = np.stack([phi.real, phi.imag], axis=2).reshape(-1, 4, 4)
             right = np.stack([f.real, f.imag], axis=2).reshape(-1, 4, 1)
@@ -511,9 +511,9 @@ def test_7_the_two_discs() -> None:
 
 
 def test_8_the_loop_equations_of_the_klann_leg() -> None:
-    g, e = LEG.geometry, Newton.linkage.equations
+    g, (w, c) = LEG.geometry, Newton.linkage.equations
     bend = np.exp(1j * g.angle_bcg)
     expected = [[g.l_ab, g.l_bc, -g.l_dc, 0, 0], [0, -g.l_cg * bend, -g.l_dc, g.l_ef, g.l_fg]]
-    np.testing.assert_allclose(e.w, expected, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(w, expected, rtol=0, atol=1e-15)
     constants = [-g.x_d + 1j * g.y_a, g.x_e - g.x_d + 1j * g.y_e]
-    np.testing.assert_allclose(e.c, constants, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(c, constants, rtol=0, atol=1e-15)
