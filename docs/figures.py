@@ -11,20 +11,14 @@ import sys
 
 from klann_ros.kinematics import foot_path, FourBar, KlannLeg, LinkageLeg, shipped_linkage
 from klann_ros.kinematics.dyad import joint
-from klann_ros.review.drawing import (
-    BODIES,
-    draw_angles,
-    draw_foot_path,
-    draw_leg,
-    label_plane,
-)
+from klann_ros.review.drawing import COLOURS, draw_angles, draw_foot_path, draw_leg, label_plane
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle
 import numpy as np
 
 FOLDER = Path(__file__).resolve().parent
-RED, BLUE, GREEN, YELLOW, NAVY = (colour for *_, colour in BODIES)
+RED, BLUE, GREEN, YELLOW, NAVY, *_ = COLOURS
 PALE, GREY = '#8d99ae', '#555555'
 DEG = '°'
 Point = Sequence[float]
@@ -47,7 +41,8 @@ def klann_leg() -> Figure:
     pose = leg.solve(math.radians(60.0))
     draw_leg(axes, pose)
     draw_angles(axes, pose, radius=0.07)
-    names = {name: letters for letters, name, _ in BODIES}
+    bodies = leg.linkage.structure.bodies
+    names = {body.label: ''.join(body.points) for body in bodies}
     for line in axes.get_lines():
         line.set_label(names.get(line.get_label(), line.get_label()))
     label_plane(axes, rf'$\alpha$ = 60{DEG}')
@@ -318,20 +313,20 @@ def linkages() -> Figure:
         leg = LinkageLeg(linkage)
         feet = np.array([leg.solve(math.radians(k)).h for k in range(361)])
         points = leg.solve(math.radians(alpha)).points
-        at = dict(zip(linkage.description.points, points, strict=True))
-        for body, colour in zip(linkage.description.bodies, _cycle(), strict=False):
+        at = dict(zip(linkage.structure.points, points, strict=True))
+        for body, colour in zip(linkage.structure.bodies, _cycle(), strict=False):
             corners = np.array([at[point] for point in body.points])
             if len(corners) > 2:
                 axes.fill(*_around(corners).T, color=colour, alpha=0.25, lw=0)
             for bar in body.bars:
                 _bar(axes, at[bar.start], at[bar.end], colour, width=2.5)
         axes.plot(*feet.T, color=GREY, lw=1.5)
-        pivots = [at[pivot] for pivot in linkage.description.pivots]
-        _dots(axes, [p for n, p in at.items() if n not in linkage.description.pivots], size=4)
+        pivots = [at[pivot] for pivot in linkage.structure.pivots]
+        _dots(axes, [p for n, p in at.items() if n not in linkage.structure.pivots], size=4)
         _dots(axes, pivots, 's', size=5)
-        foot = at[linkage.description.foot]
+        foot = at[linkage.structure.foot]
         axes.annotate(
-            linkage.description.foot, foot, xytext=(9, 6), textcoords='offset points', size=11
+            linkage.structure.foot, foot, xytext=(9, 6), textcoords='offset points', size=11
         )
         axes.set_title(title, fontsize=10)
         _plane(axes)

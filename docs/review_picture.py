@@ -23,7 +23,8 @@ def save_picture(run: str, file: Path) -> None:
     """Save what one sees first when the page of a run is opened."""
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         path = Path(folder, 'review.html')
-        page.save([review_run(run, rates='f4')], None, str(path))
+        with path.open('wb') as written:
+            page.save([review_run(run, rates='f4')], None, written)
         browser = playwright.chromium.launch(
             executable_path=shutil.which('chromium'), args=['--no-sandbox']
         )
