@@ -11,7 +11,7 @@ settings.load_profile('untimed')
 
 # Tests of real processes on real DDS: they wait more than they compute, so two lines of them run
 # side by side, in domains of their own; each is run one by one, so that none starves the others.
-ONE_BY_ONE = ('/test/nodes/', '/test/packaging/', '/test_real_run.py', '/test_launched_')
+ONE_BY_ONE = ('/test/nodes/', '/test/packaging/', '/test_real_', '/test_launched_')
 
 
 @pytest.hookimpl(tryfirst=True)  # before the workers look at the groups

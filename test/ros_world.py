@@ -1,6 +1,6 @@
 """Real nodes as real processes over real DDS, and a probe that talks to them."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import os
 from pathlib import Path
@@ -10,6 +10,7 @@ import sys
 import time
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 import klann_ros
 import rclpy
 from rclpy.context import Context
@@ -170,6 +171,45 @@ class Probe:
         for node in [*self._neighbours, self.node]:
             node.destroy_node()
         self.context.try_shutdown()
+
+
+class RecorderReports:
+    """
+    What a recorder tells of its topics, once a second: what it has heard, and nobody else.
+
+    Who listens beside it may be earlier or later than it by any time.
+    """
+
+    def __init__(self, probe: Probe) -> None:
+        self._probe = probe
+        self._arrays: list[DiagnosticArray] = probe.listen(DiagnosticArray, '/diagnostics')
+
+    def said(self) -> list[dict[str, str]]:
+        """Return all that it has told so far, key by key."""
+        return [
+            {value.key: value.value for value in status.values}
+            for array in self._arrays
+            for status in array.status
+            if status.name.endswith(': recording')
+        ]
+
+    def count(self, key: str) -> int:
+        """Return what it told last of a key, such as `/crank_angle received`."""
+        return int(next((said[key] for said in self.said()[-1:] if key in said), 0))
+
+    def until(self, key: str, count: int) -> None:
+        """Wait until it tells so many."""
+        self._probe.until(lambda: self.count(key) >= count)
+
+    def until_heard(self, counts: Mapping[str, int]) -> None:
+        """Wait until it has heard so many messages of each topic."""
+        for topic, count in counts.items():
+            self.until(f'{topic} received', count)
+
+    def until_more(self, reports: int = 1) -> None:
+        """Wait for so many reports more."""
+        before = len(self.said())
+        self._probe.until(lambda: len(self.said()) >= before + reports)
 
 
 class World:

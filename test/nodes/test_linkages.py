@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from ros_world import World
+from ros_world import RecorderReports, World
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
@@ -140,6 +140,7 @@ def test_its_run_explains_itself_and_is_reviewed(
     ros: World, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     file = LINKAGES / f'{name}.yaml'
+    reports = RecorderReports(ros.probe)
     ros.start('solver_node', linkage=file)
     recorder = ros.start('recorder_node', output=tmp_path / 'run')
     # The recorder has to listen to the solver, too, before the crank turns.
@@ -147,7 +148,8 @@ def test_its_run_explains_itself_and_is_reviewed(
         ros.probe.until(lambda: ros.probe.node.count_subscribers(topic) >= 1)  # noqa: B023
     crank = ros.start('crank_node', rate=100.0, revolutions=1, min_subscribers=2)
     assert crank.wait() == 0
-    ros.probe.spin(1.0)
+    topics = ('/crank_angle', '/joint_states', '/point_h')
+    reports.until_heard(dict.fromkeys(topics, 101))
     assert recorder.stop() == 0
     with open_log(tmp_path / 'run') as log:
         (record,) = log.metadata['klann_ros.solver']

@@ -210,10 +210,10 @@ def started(ros: World, bag: Path, *arguments: str, namespace: str = '') -> tupl
 
 
 def played(ros: World, bag: Path, *arguments: str) -> tuple[Process, list[float]]:
-    """Play a log to its end; return the process and the numbers that came."""
+    """Play a log to its last number; return the process and the numbers that came."""
     process, heard = started(ros, bag, *arguments)
     assert process.wait() == 0
-    ros.probe.spin(0.2)
+    ros.probe.until(lambda: values(heard)[-1:] == [COUNT - 1])
     return process, values(heard)
 
 
@@ -276,7 +276,7 @@ def test_a_player_that_was_stopped_goes_on_without_a_burst(ros: World, bag: Path
     ros.probe.spin(1.0)
     process.popen.send_signal(signal.SIGCONT)
     assert process.wait() == 0
-    ros.probe.spin(0.2)
+    ros.probe.until(lambda: len(heard) >= COUNT)
     assert values(heard) == list(range(COUNT))
     assert 'playback was held up for ' in process.errors
 

@@ -20,7 +20,7 @@ import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from ros_world import Process, World, world
+from ros_world import Process, RecorderReports, World, world
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -35,6 +35,7 @@ def record(ros: World, folder: Path, **parameters: object) -> Process:
     """Let the three nodes make a run; return the recorder, finished."""
     solver = ros.start('solver_node')
     poses = ros.probe.listen(JointState, 'joint_states')
+    reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=folder, **parameters)
     ros.probe.matched('joint_states')
     # The recorder has to listen to the solver, too, before the crank turns.
@@ -44,7 +45,7 @@ def record(ros: World, folder: Path, **parameters: object) -> Process:
     )
     ros.probe.until(lambda: len(poses) >= COUNT)
     assert crank.wait() == 0
-    ros.probe.spin(0.3)
+    reports.until_heard(dict.fromkeys(TOPICS, COUNT))
     assert recorder.stop() == 0
     assert solver.stop() == 0
     return recorder
@@ -121,11 +122,12 @@ def test_a_run_is_played_and_recorded_again_byte_for_byte(
     ros: World, run: Path, tmp_path: Path
 ) -> None:
     again = tmp_path / 'again'
+    reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=again)
     ros.probe.until(lambda: 'recorder_node' in ros.probe.node.get_node_names())
     player = ros.start('player_node', str(run), '--rate', '2', '--delay', '4')
     assert player.wait() == 0
-    ros.probe.spin(0.5)
+    reports.until_heard(dict.fromkeys(TOPICS, COUNT))
     assert recorder.stop() == 0
     with open_log(run) as first, open_log(again) as second:
         assert by_topic(first) == by_topic(second)
@@ -146,6 +148,7 @@ def test_a_part_of_a_run_is_played_under_other_names(ros: World, run: Path) -> N
         *('--ros-args', '-r', '__ns:=/replay'),
     )
     assert player.wait() == 0
+    ros.probe.until(lambda: len(renamed) >= len(expected) - 1)
     ros.probe.spin(0.3)
     assert plain == []
     # Microseconds decide at the edges.
@@ -209,6 +212,7 @@ def test_only_the_topics_that_are_asked_for_are_recorded(
     folder = tmp_path / 'run'
     crank = ros.probe.node.create_publisher(Float64, 'crank_angle', 10)
     other = ros.probe.node.create_publisher(Float64, 'my/number', 10)
+    reports = RecorderReports(ros.probe)
     recorder = ros.start(
         'recorder_node', output=folder, topics='["my/*"]', compression=compression
     )
@@ -217,7 +221,7 @@ def test_only_the_topics_that_are_asked_for_are_recorded(
     for number in range(10):
         other.publish(Float64(data=float(number)))
         crank.publish(Float64(data=0.0))
-    ros.probe.spin(0.5)
+    reports.until_heard({'/my/number': 10})
     assert recorder.stop(signal.SIGTERM) == 0
     with open_log(folder) as log:
         assert {name: len(data) for name, data in by_topic(log).items()} == {'/my/number': 10}
@@ -321,17 +325,24 @@ def test_what_a_new_publisher_sent_before_it_was_heard_is_no_loss_and_told(
     ros: World, tmp_path: Path
 ) -> None:
     folder = tmp_path / 'run'
+    reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=folder)
     first = ros.probe.publisher(Float64, 'crank_angle')
     for number in range(5):
         first.publish(Float64(data=float(number)))
-    ros.probe.spin(0.5)
+    reports.until_heard({'/crank_angle': 5})
+    # Who it was that was heard is looked at ten times between two reports.
+    reports.until_more(2)
     ros.probe.node.destroy_publisher(first)
-    ros.probe.spin(0.5)
-    # It waits for nobody, so that its first messages come before anybody can hear them.
+    reports.until('/crank_angle publishers left', 1)
+    # As long as it stands still it cannot hear of anybody new, and others can.
+    recorder.popen.send_signal(signal.SIGSTOP)
     heard = ros.probe.listen(Float64, 'crank_angle')
     second = ros.start('crank_node', rate=1000.0)
-    ros.probe.until(lambda: len(heard) > 500)
+    ros.probe.until(lambda: len(heard) > 100)
+    recorder.popen.send_signal(signal.SIGCONT)
+    reports.until_heard({'/crank_angle': 5 + 100})
+    reports.until('/crank_angle sent before heard', 1)
     assert recorder.stop() == 0
     second.stop()
     with open_log(folder) as log:

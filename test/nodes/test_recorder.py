@@ -17,7 +17,7 @@ from klann_ros.log.run_parameters import pause_of, topic_counts
 from klann_ros.nodes.lean_loop import PLAIN
 from klann_ros.review.reviewing import review_run
 import pytest
-from ros_world import Process, World, world
+from ros_world import Process, RecorderReports, World, world
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
@@ -30,6 +30,7 @@ class Recording:
     def __init__(self, ros: World, **parameters: Any) -> None:
         self.ros, self.folder, self.next = ros, ros.folder / 'run', 0
         self.statuses = ros.probe.listen(DiagnosticArray, '/diagnostics')
+        self.reports = RecorderReports(ros.probe)
         self.publisher = ros.probe.node.create_publisher(Float64, 'crank_angle', 2000)
         self.process = ros.start('recorder_node', output=self.folder, **parameters)
         ros.probe.until(lambda: self.publisher.get_subscription_count() >= 1)
@@ -40,6 +41,11 @@ class Recording:
             self.publisher.publish(Float64(data=float(self.next)))
             self.next += 1
         self.ros.probe.spin(0.2)
+
+    def until_heard(self) -> None:
+        """Wait until all that was published is received, or known to be lost."""
+        count, keys = self.reports.count, (f'{TOPIC} received', f'{TOPIC} lost')
+        self.ros.probe.until(lambda: sum(map(count, keys)) >= self.next)
 
     def call(self, name: str) -> Trigger.Response:
         return self.ros.probe.call(Trigger, f'recorder_node/{name}', Trigger.Request())
@@ -79,9 +85,11 @@ def split_and_paused(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[
         recording.publish()
         seen['first'] = recording.split()
         recording.publish()
+        recording.until_heard()
         seen['pauses'] = [recording.call('pause') for _ in range(2)]
         recording.until_said('paused', 'true')
         recording.publish(70)
+        recording.until_heard()
         seen['resumes'] = [recording.call('resume') for _ in range(2)]
         recording.publish()
         seen['second'] = recording.split()
@@ -168,6 +176,7 @@ def test_a_file_that_has_reached_its_limit_is_followed_by_another(
     recording = Recording(ros, compression='none', flush_period=0.05, **limit)
     for _ in range(8):
         recording.publish()
+    recording.until_heard()
     assert recording.process.stop(signal.SIGTERM) == 0
     assert len(list(recording.folder.glob('*.mcap'))) >= 3
     assert numbers(recording.folder) == list(range(800))
@@ -194,6 +203,7 @@ def test_a_lost_message_is_a_warning_and_in_the_run(ros: World) -> None:
     recording.ros.probe.until(
         lambda: any(said.status[0].level == DiagnosticStatus.WARN for said in recording.statuses)
     )
+    recording.until_heard()
     assert recording.process.stop() == 0
     with open_log(recording.folder) as log:
         count = topic_counts(log.metadata['klann_ros.loss'][0])[TOPIC]
@@ -276,5 +286,6 @@ def test_the_plain_path_records_the_same(ros: World, monkeypatch: pytest.MonkeyP
     monkeypatch.setenv(PLAIN, '1')
     recording = Recording(ros)
     recording.publish(300)
+    recording.until_heard()
     assert recording.process.stop() == 0
     assert numbers(recording.folder) == list(range(300))

@@ -10,7 +10,7 @@ from klann_ros.log.run_parameters import topic_counts
 import pytest
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
-from ros_world import Process, World
+from ros_world import Process, RecorderReports, World
 from std_msgs.msg import Float64, String
 
 RELIABLE = QoSProfile(depth=100)
@@ -61,11 +61,12 @@ def publish(publisher: Any, values: list[float]) -> None:
 def test_publishers_of_two_kinds_are_each_recorded_once(
     ros: World, first: QoSProfile, second: QoSProfile
 ) -> None:
+    reports = RecorderReports(ros.probe)
     recorder, folder = start(ros)
     one = ros.probe.node.create_publisher(Float64, 'crank_angle', first)
     heard(ros, one)
     publish(one, [1.0, 2.0])
-    ros.probe.spin(0.3)
+    reports.until_heard({'/crank_angle': 2})
     two = ros.probe.node.create_publisher(Float64, 'crank_angle', second)
     # What is latched may come before anybody listens.
     early = [3.0] if second is LATCHED else []
@@ -73,7 +74,7 @@ def test_publishers_of_two_kinds_are_each_recorded_once(
     heard(ros, two)
     publish(one, [5.0])
     publish(two, [4.0])
-    ros.probe.spin(0.5)
+    reports.until_heard({'/crank_angle': 4 + len(early)})
     assert recorder.stop() == 0
     found = numbers(folder)
     assert sorted(found) == sorted([1.0, 2.0, *early, 4.0, 5.0])
@@ -82,8 +83,9 @@ def test_publishers_of_two_kinds_are_each_recorded_once(
 def test_what_was_latched_before_the_recorder_came_is_recorded(ros: World) -> None:
     latched = ros.probe.node.create_publisher(String, 'robot_description', LATCHED)
     latched.publish(String(data='<robot/>'))
+    reports = RecorderReports(ros.probe)
     recorder, folder = start(ros)
-    heard(ros, latched)
+    reports.until_heard({'/robot_description': 1})
     assert recorder.stop() == 0
     with open_log(folder) as log:
         (message,) = log.messages(['/robot_description'])
@@ -93,11 +95,12 @@ def test_what_was_latched_before_the_recorder_came_is_recorded(ros: World) -> No
 
 
 def test_what_publishers_promise_does_not_hinder(ros: World) -> None:
+    reports = RecorderReports(ros.probe)
     recorder, folder = start(ros)
     publisher = ros.probe.node.create_publisher(Float64, 'crank_angle', DEMANDING)
     heard(ros, publisher)
     publish(publisher, [1.0, 2.0, 3.0])
-    ros.probe.spin(0.5)
+    reports.until_heard({'/crank_angle': 3})
     assert recorder.stop() == 0
     assert numbers(folder) == [1.0, 2.0, 3.0]
 
@@ -105,6 +108,7 @@ def test_what_publishers_promise_does_not_hinder(ros: World) -> None:
 def test_a_topic_of_two_types_is_recorded_as_the_first_with_one_line(
     ros: World, own_context: Callable[[], Any]
 ) -> None:
+    reports = RecorderReports(ros.probe)
     recorder, folder = start(ros)
     publisher = ros.probe.node.create_publisher(Float64, 'crank_angle', RELIABLE)
     heard(ros, publisher)
@@ -113,7 +117,7 @@ def test_a_topic_of_two_types_is_recorded_as_the_first_with_one_line(
     ros.probe.until(lambda: 'is not recorded: the topic is recorded as' in recorder.errors)
     publish(publisher, [1.0])
     other.publish(String(data='x'))
-    ros.probe.spin(0.3)
+    reports.until_heard({'/crank_angle': 1})
     assert recorder.stop() == 0
     assert numbers(folder) == [1.0]
     assert recorder.errors.count('std_msgs/msg/String') == 1
@@ -121,11 +125,13 @@ def test_a_topic_of_two_types_is_recorded_as_the_first_with_one_line(
 
 
 def test_the_own_status_is_not_recorded_but_what_others_say(ros: World) -> None:
+    reports = RecorderReports(ros.probe)
     recorder, folder = start(ros, all_topics='true')
     ros.probe.until(lambda: ros.probe.node.count_publishers('/diagnostics') == 1)
     crank = ros.probe.publisher(Float64, 'crank_angle')
     publish(crank, [1.0])
-    ros.probe.spin(1.5)
+    reports.until_heard({'/crank_angle': 1})
+    reports.until_more()
     assert recorder.stop() == 0
     with open_log(folder) as log:
         counts = topic_counts(log.metadata['klann_ros.loss'][0])

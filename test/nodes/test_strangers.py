@@ -5,6 +5,7 @@ from pathlib import Path
 
 from bags import number, START
 from klann_ros.log.definitions import definition
+from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD
 from klann_ros.nodes.geometry_parameters import NAMES
@@ -13,7 +14,7 @@ import pytest
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node
-from ros_world import Probe, Process, World
+from ros_world import Probe, Process, RecorderReports, World
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
@@ -105,7 +106,7 @@ def test_a_log_of_a_stranger_plays_what_is_sound_and_runs_nothing(
     ros.probe.matched(f'{namespace}/other')
     assert ros.probe.call(Trigger, f'{namespace}/player_node/resume', Trigger.Request()).success
     assert process.wait() == 0
-    ros.probe.spin(0.2)
+    ros.probe.until(lambda: len(heard) >= COUNT)
     assert [message.data for message in heard] == list(range(COUNT))
     assert not marker.exists()
     complaints = [line for line in printed(process) if 'is not played: ' in line]
@@ -130,6 +131,7 @@ def test_every_topic_that_ros_refuses_is_named_once(ros: World, bag: Path) -> No
 def test_a_recorder_survives_whatever_is_on_the_network(
     ros: World, own_context: Callable[[], Node], marker: Path, tmp_path: Path
 ) -> None:
+    reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output='run', all_topics=True)
     sound = ros.probe.publisher(Float64, '/sound')
     # Each in a participant of its own: one that rclpy cannot tell of hides what is beside it.
@@ -153,7 +155,7 @@ def test_a_recorder_survives_whatever_is_on_the_network(
     for n in range(COUNT):
         sound.publish(Float64(data=float(n)))
         late.publish(Float64(data=float(n)))
-    ros.probe.spin(0.5)
+    reports.until_heard({'/sound': COUNT, '/late': COUNT})
     assert recorder.stop() == 0
     for stranger in strangers:
         stranger.close()
@@ -191,6 +193,15 @@ class Liar:
         return response
 
 
+def solver_records(run: Path) -> list[dict[str, str]]:
+    """Return what a run, which may still be written, says of solvers."""
+    try:
+        with open_log(run) as log:
+            return log.metadata.get(SOLVER_RECORD, [])
+    except NotALogError:
+        return []
+
+
 def test_a_recorder_survives_what_a_solver_may_answer(ros: World, tmp_path: Path) -> None:
     recorder = ros.start('recorder_node', output='run')
     odd = ParameterValue(type=ParameterType.PARAMETER_BYTE_ARRAY, byte_array_value=[b'\xff'])
@@ -200,7 +211,9 @@ def test_a_recorder_survives_what_a_solver_may_answer(ros: World, tmp_path: Path
         Liar(ros.probe, 'odd', [odd] * (len(NAMES) + 1)),
     ]
     ros.probe.until(lambda: all(liar.asked for liar in liars))
-    ros.probe.spin(0.5)
+    complained = 'does not answer for its parameters: '
+    ros.probe.until(lambda: recorder.errors.count(complained) >= 2)
+    ros.probe.until(lambda: solver_records(tmp_path / 'run'))
     assert recorder.stop() == 0
     lines = printed(recorder)
     for name in ('too_few', 'no_type'):

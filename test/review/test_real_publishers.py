@@ -11,9 +11,9 @@ from klann_ros.review.reviewed import Review
 from klann_ros.review.reviewing import review_run
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_world import World, world
+from ros_world import RecorderReports, World, world
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64, String
+from std_msgs.msg import String
 
 # This machine may hold anything up for a moment, but for no second.
 LIMITS = Limits(gap_time=1.0, latency=1.0)
@@ -25,29 +25,31 @@ def two_cranks(ros: World) -> Path:
     described = ros.probe.node.create_publisher(String, 'robot_description', LATCHED)
     described.publish(String(data='<robot name="none"/>'))
     ros.probe.spin(1.5)
+    reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=ros.folder / 'cranks')
-    heard = ros.probe.listen(Float64, 'crank_angle', OUTPUT)
     for n in range(2):
         named = ('--ros-args', '-r', f'__node:=crank_{n}')
         # So slow that they are apart whenever each of them begins.
-        ros.start('crank_node', *named, start=4.0 * n, speed=0.3, rate=500.0, min_subscribers=2)
-    ros.probe.matched('crank_angle', publishers=2)
-    both = len(heard) + 1000
-    ros.probe.until(lambda: len(heard) >= both)
+        ros.start('crank_node', *named, start=4.0 * n, speed=0.3, rate=500.0, min_subscribers=1)
+    # As soon as it hears both it can no longer tell what is lost.
+    ros.probe.until(lambda: any(s.get('/crank_angle lost') == 'unknown' for s in reports.said()))
+    reports.until_heard({'/crank_angle': reports.count('/crank_angle received') + 1000})
+    reports.until_heard({'/robot_description': 1})
     assert recorder.stop() == 0
     return ros.folder / 'cranks'
 
 
 def two_solvers(ros: World) -> Path:
     """Record two solvers that answer the same crank."""
+    reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=ros.folder / 'solvers')
     for name in ('first', 'second'):
         ros.start('solver_node', '--ros-args', '-r', f'__node:={name}')
-    poses = ros.probe.listen(JointState, 'joint_states', OUTPUT)
+    ros.probe.listen(JointState, 'joint_states', OUTPUT)
     ros.probe.matched('joint_states', publishers=2)
     # Both answer from the first question on, and the recorder knows both by then.
     ros.start('crank_node', rate=100.0, min_subscribers=3)
-    ros.probe.until(lambda: len(poses) >= 200)
+    reports.until_heard({'/joint_states': 200})
     assert recorder.stop() == 0
     return ros.folder / 'solvers'
 

@@ -10,7 +10,7 @@ from klann_ros.review.limits import Limits
 from klann_ros.review.reviewed import Review
 from klann_ros.review.reviewing import review_run
 import pytest
-from ros_world import Process, World, world
+from ros_world import Process, RecorderReports, World, world
 from sensor_msgs.msg import JointState
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -50,23 +50,26 @@ class Scene:
         """Record a second, or two with a process that stands still between them."""
         run, probe = self._folder / name, self._ros.probe
         listeners = {topic: probe.node.count_subscribers(topic) for topic in TOPICS}
+        reports = RecorderReports(probe)
         recorder = self._ros.start('recorder_node', output=run, topics=f'[{", ".join(TOPICS)}]')
         probe.until(lambda: all(probe.node.count_subscribers(t) > n for t, n in listeners.items()))
         # Whom the publishers know of they still have to find, and what came before is no matter.
         probe.spin(0.3)
-        self.see_poses(40)
+        hear_poses(reports, 40)
         if stopped is not None:
             stopped.popen.send_signal(signal.SIGSTOP)
             probe.spin(STOPPED)
             stopped.popen.send_signal(signal.SIGCONT)
-            self.see_poses(40)
+            hear_poses(reports, 40)
         assert recorder.stop() == 0
         return run
 
-    def see_poses(self, count: int) -> None:
-        """Wait until so many poses more have come, of either solver."""
-        first, second = len(self.poses) + count, len(self.others) + count
-        self._ros.probe.until(lambda: len(self.poses) >= first and len(self.others) >= second)
+
+def hear_poses(reports: RecorderReports, count: int) -> None:
+    """Wait until the recorder has heard so many poses more, of either solver."""
+    topics = ('/joint_states', '/walker/joint_states')
+    before = {topic: reports.count(f'{topic} received') for topic in topics}
+    reports.until_heard({topic: count + before[topic] for topic in topics})
 
 
 @pytest.fixture(scope='module')
