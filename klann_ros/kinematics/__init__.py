@@ -11,6 +11,7 @@ from .errors import (
     ImmobileDirectionError,
     KinematicsError,
     LoopsOpenError,
+    NotAssembledError,
     NotConvergedError,
     SingularPoseError,
     UnreachableError,
@@ -25,6 +26,7 @@ from .four_bar.linkage import FourBar, FourBarMotion, FourBarPose
 from .four_bar.transmission import TransmissionExtremes
 from .klann.geometry import KlannGeometry
 from .klann.leg import KlannLeg, KlannMotion, KlannPose
+from .linkage.assemblies import assemblies, assembly_poses
 from .linkage.file import (
     linkage_from_file,
     linkage_from_text,
@@ -67,6 +69,7 @@ __all__ = [
     'Nearest',
     'NoFootPathError',
     'NoStanceError',
+    'NotAssembledError',
     'NotConvergedError',
     'PartialTurnError',
     'Reason',
@@ -77,6 +80,8 @@ __all__ = [
     'TransmissionExtremes',
     'UnreachableError',
     'Variants',
+    'assemblies',
+    'assembly_poses',
     'foot_path',
     'klann_poses',
     'length_margins',

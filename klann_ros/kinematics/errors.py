@@ -19,6 +19,10 @@ class GeometryError(KinematicsError, ValueError):
     """A geometry that is no linkage; the text says which condition fails."""
 
 
+class NotAssembledError(GeometryError):
+    """A start from which no pose is reached that says which assembly is meant."""
+
+
 class CrankAngleError(KinematicsError, ValueError):
     """
     A crank angle that is no angle: not finite, or too large to mean anything.

@@ -7,6 +7,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from .angles import TURN
 from .errors import GeometryError
 
 if TYPE_CHECKING:
@@ -49,6 +50,16 @@ def representable(name: str, value: float) -> None:
     """Refuse what has no square, or loses its digits in the product of four lengths."""
     if value != 0.0 and not SMALLEST <= abs(value) <= LARGEST:
         msg = f'{name} = {value:g} m is refused: it must be within {SMALLEST:g} .. {LARGEST:g} m'
+        raise GeometryError(msg)
+
+
+def bend(name: str, angle: float) -> None:
+    """Refuse a bend beyond a turn [rad] with a GeometryError: degrees, most likely."""
+    if not abs(angle) <= TURN:
+        msg = (
+            f'{name} = {angle:g} rad is refused: a bend must be within +-2 pi rad; '
+            f'if {angle:g} deg are meant, give {math.radians(angle):.6g} rad'
+        )
         raise GeometryError(msg)
 
 

@@ -23,6 +23,10 @@ _WORDS = {
     'angle_bcg': 'bend of the coupler at C',
     'angle_fgh': 'bend of the leg at G',
 }
+_CONSTRAINTS = {
+    **dict.fromkeys(LENGTHS, 'finite, > 0'),
+    **dict.fromkeys(BENDS, 'radians, not degrees: within +-2 pi'),
+}
 
 
 def declared() -> list[Declared]:
@@ -33,7 +37,7 @@ def declared() -> list[Declared]:
             name,
             getattr(default, name),
             f'{_WORDS[name]} [{"rad" if name in BENDS else "m"}]',
-            constraint='finite, > 0' if name in LENGTHS else 'finite',
+            constraint=_CONSTRAINTS.get(name, 'finite'),
             read_only=False,
         )
         for name in NUMBERS

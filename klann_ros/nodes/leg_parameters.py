@@ -7,6 +7,7 @@ import re
 from typing import Any
 
 from klann_ros.kinematics import AnyLeg, GeometryError, KlannLeg, linkage_from_text, LinkageLeg
+from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.linkage.file import linkage_text, SHIPPED, shipped_linkages
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 from klann_ros.untrusted.text import printable
@@ -174,6 +175,9 @@ def _mounting(name: str, prefix: str, values: Mapping[str, Any]) -> Mounting:
     for word, numbers in zip(('mount_xyz', 'mount_rpy'), place, strict=True):
         if name and not (len(numbers) == 3 and all(map(isfinite, numbers))):
             raise StartError(refusal(f'{prefix}{word}', list(numbers), 'three finite numbers'))
+    if name and not max(map(abs, place[1])) <= TURN:
+        within = 'radians, not degrees: within +-2 pi'
+        raise StartError(refusal(f'{prefix}mount_rpy', list(place[1]), within))
     return Mounting(
         name,
         values.get(f'{name}.crank_joint') or values['crank_joint'],

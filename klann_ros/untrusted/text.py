@@ -1,6 +1,7 @@
 """Texts of others as they may be shown: on a terminal, in a log line, in a report."""
 
 from collections.abc import Iterable
+from difflib import get_close_matches
 
 LONGEST = 300
 """Whoever reads a line reads no more than so many characters of one name."""
@@ -56,6 +57,18 @@ def printable_line(text: object) -> str:
     what stands behind it; this is the last door, for what was overlooked.
     """
     return printable(' '.join(str(text).split()), LONGEST_LINE)
+
+
+def did_you_mean(name: object, names: Iterable[str]) -> str:
+    """
+    Return ``; did you mean NAME?`` for the nearest of some names; empty where none is near.
+
+    A name of one letter is near to nothing but itself in the other case.
+    """
+    given, known = str(name)[:LONGEST], [*names]
+    near = [other for other in known if other.casefold() == given.casefold()]
+    near = near or get_close_matches(given, [each for each in known if len(each) > 1], n=1)
+    return f'; did you mean {printable(near[0], LONGEST // 3)}?' if near else ''
 
 
 def _escaped(character: str) -> str:

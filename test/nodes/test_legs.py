@@ -137,6 +137,10 @@ def test_a_legs_length_is_changed_by_its_own_parameter(ros: World) -> None:
         ({'legs': '["a/b"]'}, "legs = ['a/b'] is refused"),
         ({'legs': '[a]', 'a.direction': 2}, 'a.direction = 2 is refused: it must be +1 or -1'),
         ({'legs': '[a]', 'a.phase': '.nan'}, 'a.phase = nan is refused: it must be finite'),
+        (
+            {'legs': '[a]', 'a.mount_rpy': '[90.0, 0.0, 0.0]'},
+            'a.mount_rpy = [90.0, 0.0, 0.0] is refused: it must be radians, not degrees: within',
+        ),
         ({'legs': '[a]', 'a.mount_xyz': '[1.0]'}, 'a.mount_xyz = [1.0] is refused: it must be '),
         ({'legs': '[a]', 'a.l_ab': -1.0}, 'a.l_ab = -1 m is refused: a length must be > 0'),
         ({'direction': 0}, 'direction = 0 is refused: it must be +1 or -1'),

@@ -301,6 +301,7 @@ def test_a_leg_that_is_none_is_refused_while_it_runs(ros: World) -> None:
     talk = Conversation(ros)
     for change, reason in [
         ({'l_ab': -1.0}, 'l_ab = -1 m is refused: a length must be > 0'),
+        ({'angle_bcg': 10.0}, 'angle_bcg = 10 rad is refused: a bend must be within +-2 pi rad'),
         ({'y_e': math.nan}, 'y_e = nan is refused: it must be a finite number'),
         ({'l_bc': 0.01}, 'at no crank angle do both dyads close'),
         ({'assembly': [1, 0]}, 'two signs'),
@@ -341,6 +342,7 @@ def test_every_parameter_is_described(ros: World) -> None:
         ('l_ab:=0.0', 'l_ab = 0 m is refused: a length must be > 0'),
         ('l_gh:=-0.43', 'l_gh = -0.43 m is refused: a length must be > 0'),
         ('x_d:=.nan', 'x_d = nan is refused: it must be a finite number'),
+        ('angle_fgh:=40.0', 'if 40 deg are meant, give 0.698132 rad'),
         ('angle_bcg:=.inf', 'angle_bcg = inf is refused: it must be a finite number'),
         ('l_bc:=0.01', 'at no crank angle do both dyads close in the assembly (1, 1)'),
         ('assembly:=[1, 2]', 'it must be two signs, each +1 or -1'),

@@ -221,7 +221,10 @@ class _Search:
 
     def _clearances(self, ways: Indices, shares: Array) -> Array:
         numbers = np.repeat(np.array(self._linkage.numbers)[:, None], len(ways), axis=1)
-        numbers[self._places[ways], np.arange(len(ways))] = self._value(ways, shares)
+        # A bend is searched for a whole turn both ways; none is beyond one.
+        value = self._value(ways, shares)
+        value = np.where(self._bounded[ways], value, np.fmod(value, TURN))
+        numbers[self._places[ways], np.arange(len(ways))] = value
         changes = dict(zip(self._linkage.dimensions, numbers, strict=True))
         return turn_clearances(Variants(self._linkage, changes))
 

@@ -130,9 +130,9 @@ def tolerance_study(
     TypeError
         `linkage` is none of these.
     ValueError
-        A tolerance is no finite number, negative, of no dimension, or not smaller than its length;
-        `samples` or `crank_angles` is no whole number, at least 1, or `seed` none at least 0;
-        there is no such distribution.
+        A tolerance is no finite number, negative, of no dimension, or not smaller than its length
+        or 2 pi rad; `samples` or `crank_angles` is no whole number, at least 1, or `seed` none at
+        least 0; there is no such distribution.
 
     Examples
     --------
@@ -181,6 +181,7 @@ def _half_widths(linkage: Linkage, tolerances: Mapping[str, float] | float) -> A
     """Return the half-width of every dimension [m, rad]."""
     numbers, dimensions = linkage.dimensions, linkage.structure.dimensions
     lengths = {d.name: numbers[d.name] for d in dimensions if d.is_length}
+    turns = {d.name: TURN for d in dimensions if d.unit == 'rad'}
     if not isinstance(tolerances, Mapping):
         if not (isinstance(tolerances, Real) and -inf < tolerances < inf):
             msg = (
@@ -195,10 +196,13 @@ def _half_widths(linkage: Linkage, tolerances: Mapping[str, float] | float) -> A
         raise ValueError(msg)
     for name, width in tolerances.items():
         # NaN fails every comparison.
-        if not (isinstance(width, Real) and 0.0 <= width < lengths.get(name, inf)):
+        if not (
+            isinstance(width, Real) and 0.0 <= width < lengths.get(name, turns.get(name, inf))
+        ):
+            least = '2 pi rad (degrees?)' if name in turns else 'the length'
             msg = (
                 f'tolerance of {name} = {width!r} is refused: '
-                'it must be finite, not negative, and smaller than the length'
+                f'it must be finite, not negative, and smaller than {least}'
             )
             raise ValueError(msg)
     return np.array([float(tolerances.get(name, 0.0)) for name in numbers])

@@ -7,6 +7,7 @@ from typing import Any
 
 from klann_ros.kinematics.angles import wrap
 from klann_ros.kinematics.errors import GeometryError
+from klann_ros.kinematics.linkage.assemblies import assemblies
 from klann_ros.kinematics.linkage.linkage import Linkage
 from klann_ros.kinematics.linkage.reach import closes_somewhere
 from klann_ros.kinematics.linkage.structure import Bar, Body, Dimension, Structure
@@ -64,7 +65,8 @@ class KlannGeometry:
     x_d, y_a, x_e, y_e : float
         Coordinates of the pivots [m], signed.
     angle_bcg, angle_fgh : float
-        Bend of the coupler at C and of the leg at G [rad], signed.
+        Bend of the coupler at C and of the leg at G [rad], signed, within +-2 pi; of degrees
+        `math.radians` makes them.
     assembly : tuple of int
         The signs (+1 or -1) of sin(gamma + beta) and of sin(delta + theta): how each dyad is put
         together.
@@ -72,9 +74,9 @@ class KlannGeometry:
     Raises
     ------
     GeometryError
-        A value is not a finite number, a length is not positive or beyond all measure, an
-        assembly sign is not +1 or -1, or there is no crank angle at all at which both dyads
-        close. A ValueError.
+        A value is not a finite number, a length is not positive or beyond all measure, a bend is
+        beyond 2 pi, an assembly sign is not +1 or -1, or there is no crank angle at all at which
+        both dyads close. A ValueError.
 
     References
     ----------
@@ -103,9 +105,10 @@ class KlannGeometry:
         for name, number in zip(NUMBERS, self.linkage.numbers, strict=True):
             object.__setattr__(self, name, number)
         if not closes_somewhere(self.linkage):
+            others = ', '.join(map(str, assemblies(self.linkage)))
             msg = (
                 f'these lengths are refused: at no crank angle do both dyads close in the '
-                f'assembly {self.assembly}'
+                f'assembly {self.assembly}, but in {others or "no other either"}'
             )
             raise GeometryError(msg)
 

@@ -1,16 +1,19 @@
 """A linkage from a YAML file: the only place in the kinematics that reads files."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from importlib import resources
 from math import radians
 from pathlib import Path
 from typing import Any
 
+from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.untrusted.files import read_plain
-from klann_ros.untrusted.text import printable, printable_line
+from klann_ros.untrusted.text import did_you_mean, printable, printable_line
 from klann_ros.untrusted.yaml_text import LONGEST, parse, YamlError
 
+from .file_assembly import IN_DEGREES, reached, stated
+from .file_names import check_start, misspelt
 from .linkage import Linkage
 from .structure import Bar, Body, Brace, Structure
 
@@ -40,7 +43,8 @@ def shipped_linkage(name: str) -> Linkage:
     """
     names = shipped_linkages()
     if name not in names:
-        msg = f'no linkage called {name} is shipped: there are {", ".join(names)}'
+        hint = did_you_mean(name, names)
+        msg = f'no linkage called {printable(name)} is shipped: there are {", ".join(names)}{hint}'
         raise LinkageFileError(msg)
     return linkage_from_text((SHIPPED / f'{name}.yaml').read_text(encoding='utf-8'), name)
 
@@ -121,18 +125,21 @@ def _linkage(content: Mapping[str, Any]) -> Linkage:
     units = content.get('units', {})
     metre = LENGTH_UNITS[units.get('length', 'm')]
     turn = radians if units.get('angle', 'rad') == 'deg' else float
-    crank, bodies, start = content['crank'], content['bodies'], content['start']
+    crank, bodies, start = content['crank'], content['bodies'], content.get('start')
     if crank not in bodies:
-        msg = f'the crank {crank} is none of the bodies: {", ".join(bodies)}'
+        hint = did_you_mean(crank, bodies)
+        msg = f'the crank {crank} is none of the bodies: {", ".join(bodies)}{hint}'
         raise GeometryError(msg)
-    order = [crank, *(name for name in bodies if name != crank)]
-    _check_start(start, order)
-    structure = Structure(
-        tuple(content['pivots']),
-        tuple(_body(name, bodies[name]) for name in order),
-        content['foot'],
-    )
+    order = _order(content)
+    if start is not None:
+        check_start(start, order)
+    try:
+        structure = _structure(content, bodies)
+        _ = structure.groups
+    except GeometryError as error:
+        raise GeometryError(f'{error}{misspelt(content, _structure)}') from error
     bars = [bar for name in order for bar in bodies[name]['bars']]
+    _check_bends(content, turn)
     given: dict[str, Callable[[int], float]] = {
         'length': lambda place: metre * bars[place]['length'],
         'brace': lambda place: metre * bars[place]['brace']['length'],
@@ -140,13 +147,30 @@ def _linkage(content: Mapping[str, Any]) -> Linkage:
         'x': lambda place: metre * content['pivots'][structure.pivots[place]][0],
         'y': lambda place: metre * content['pivots'][structure.pivots[place]][1],
     }
-    return Linkage(
+    numbers = [given[dimension.kind](dimension.place) for dimension in structure.dimensions]
+    # Put together in any way: what its numbers are is checked before its start is.
+    plain = Linkage(
         structure,
-        [given[dimension.kind](dimension.place) for dimension in structure.dimensions],
-        start=[turn(start[name]) for name in order],
+        numbers,
+        assembly=(1,) * len(structure.groups),
         name=content['name'],
         source=content.get('source', ''),
     )
+    signs = content.get('assembly')
+    if start is None:
+        return stated(plain, signs or ())
+    angles = [turn(start[name]) for name in order]
+    return reached(plain, angles, signs, in_degrees=turn is radians)
+
+
+def _order(content: Mapping[str, Any]) -> list[str]:
+    """Return the names of the bodies, the crank's first."""
+    return [content['crank'], *(name for name in content['bodies'] if name != content['crank'])]
+
+
+def _structure(content: Mapping[str, Any], bodies: Mapping[str, Any]) -> Structure:
+    made = tuple(_body(name, bodies[name]) for name in _order(content))
+    return Structure(tuple(content['pivots']), made, content['foot'])
 
 
 def _body(name: str, content: Mapping[str, Any]) -> Body:
@@ -161,12 +185,10 @@ def _brace(brace: Mapping[str, Any]) -> Brace:
     return Brace(brace['from'], brace['side'])
 
 
-def _check_start(start: Mapping[str, float], bodies: Sequence[str]) -> None:
-    for name in bodies:
-        if name not in start:
-            msg = f'start has no angle for {name}: it needs one for every body'
-            raise GeometryError(msg)
-    for name in start:
-        if name not in bodies:
-            msg = f'start has an angle for {name}, which is no body'
-            raise GeometryError(msg)
+def _check_bends(content: Mapping[str, Any], turn: Callable[[float], float]) -> None:
+    for name, body in content['bodies'].items():
+        for place, bar in enumerate(body['bars']):
+            if abs(turn(bar.get('bend', 0.0))) > TURN:
+                limit = '+-360 deg' if turn is radians else f'+-2 pi rad; {IN_DEGREES}'
+                msg = f'bodies.{name}.bars[{place}].bend: {bar["bend"]:g} must be within {limit}'
+                raise GeometryError(msg)

@@ -7,8 +7,8 @@ from math import degrees
 from typing import Any
 
 from klann_ros.kinematics import validation
-from klann_ros.kinematics.angles import wrap
-from klann_ros.kinematics.errors import GeometryError, NotConvergedError
+from klann_ros.kinematics.angles import TURN, wrap
+from klann_ros.kinematics.errors import GeometryError, NotAssembledError, NotConvergedError
 from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +75,7 @@ class Linkage:
                 msg = f'{d.name} = {self.dimensions[d.name]:g} m is refused: {NO_TRIANGLE}'
                 raise GeometryError(msg)
         self.given_start = None if start is None else tuple(map(float, start))
-        self.assembly = self._signs() if assembly is None else tuple(assembly)
+        self.assembly = self._signs() if assembly is None else self._checked_signs(assembly)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Linkage) and self._key == other._key
@@ -126,6 +126,22 @@ class Linkage:
         start = None if self.is_dyadic else self.start
         assembly = self.assembly if self.is_dyadic else None
         return _made(self.structure, numbers, assembly, start, self.name, self.source)
+
+    def in_assembly(self, assembly: Sequence[int]) -> 'Linkage':
+        """
+        Return the linkage put together in another way: see `assemblies`.
+
+        Raises
+        ------
+        GeometryError
+            There is not one sign, +1 or -1, for each block; or its loops are coupled, where only
+            a start says how it is put together: see `assembly_poses`.
+
+        """
+        if not self.is_dyadic:
+            msg = 'its loops are coupled: take the linkage of one of its assembly_poses'
+            raise GeometryError(msg)
+        return _made(self.structure, self.numbers, assembly, None, self.name, self.source)
 
     def scaled(self, factor: float) -> 'Linkage':
         """
@@ -299,6 +315,19 @@ class Linkage:
     def _jacobian(self, alpha: float, x: Sequence[float] | Array) -> Array:
         return _real_rows(self.equations[0] * (self.i_s * self.unit_vectors(alpha, x)))
 
+    def _checked_signs(self, assembly: Sequence[int]) -> tuple[int, ...]:
+        """Return signs as a tuple, if there is one for each block."""
+        count = len(self.structure.groups)
+        signs = tuple(assembly)
+        if len(signs) != count or any(sign not in (-1, 1) for sign in signs):
+            many = 'one sign' if count == 1 else f'{count} signs'
+            msg = (
+                f'assembly = {list(signs)} is refused: it must be {many}, +1 or -1 for each of '
+                f'the loops that are solved one after the other'
+            )
+            raise GeometryError(msg)
+        return tuple(map(int, signs))
+
     def _assembled(self) -> tuple[float, ...]:
         if self.given_start is None:
             raise GeometryError('it has no start, which its coupled loops need')
@@ -322,7 +351,7 @@ class Linkage:
                 f'loop that closes at {self.structure.paths.closing[widest]} is open by '
                 f'{gaps[widest]:.3g} m, check its lengths and these angles'
             )
-            raise GeometryError(msg) from error
+            raise NotAssembledError(msg) from error
         return (alpha, *(wrap(angle) for angle in iterates[-1].tolist()))
 
     def _signs(self) -> tuple[int, ...]:
@@ -331,7 +360,7 @@ class Linkage:
         pairs = zip(sines, self.blocks, strict=True)
         if any(abs(s) <= max(LEAST_START_SINE, b.singular_sine) for s, b in pairs):
             msg = 'its start pose is singular, which leaves the branch open: give another'
-            raise GeometryError(msg)
+            raise NotAssembledError(msg)
         return tuple(1 if sine > 0.0 else -1 for sine in sines)
 
 
@@ -368,7 +397,8 @@ def _checked(structure: Structure, numbers: Sequence[float]) -> tuple[float, ...
     checked = []
     for dimension, number in zip(structure.dimensions, numbers, strict=True):
         # Nearly every number is one that nothing is wrong with.
-        if type(number) is float and validation.SMALLEST <= number <= validation.LARGEST:
+        largest = TURN if dimension.kind == 'bend' else validation.LARGEST
+        if type(number) is float and validation.SMALLEST <= number <= largest:
             checked.append(number)
             continue
         value = validation.finite(dimension.name, number)
@@ -376,6 +406,8 @@ def _checked(structure: Structure, numbers: Sequence[float]) -> tuple[float, ...
             validation.positive(dimension.name, value)
         if dimension.unit == 'm':
             validation.representable(dimension.name, value)
+        else:
+            validation.bend(dimension.name, value)
         checked.append(value)
     return tuple(checked)
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import best_match
+from klann_ros.untrusted.text import did_you_mean
 
 # What a complaint is about is Any: its types hold a marker for what is not set.
 TYPES = {
@@ -23,7 +24,7 @@ TYPES = {
 def complaint(content: Any) -> str:
     """Return what is wrong with a file's content, and where; empty when nothing is."""
     if content is None:
-        return f'it is empty: it must have {", ".join(_schema()["required"])}'
+        return f'it is empty: it must have {", ".join([*_schema()["required"], "start"])}'
     error = best_match(Draft202012Validator(_schema()).iter_errors(content))
     if error is None:
         return ''
@@ -52,8 +53,10 @@ def _missing(error: Any) -> str:
 
 def _unknown(error: Any) -> str:
     known = list(error.schema['properties'])
-    unknown = [_shown(key) for key in error.instance if key not in known]
-    return f'{", ".join(unknown)} is unknown here: there can be {", ".join(known)}'
+    unknown = [key for key in error.instance if key not in known]
+    hint = did_you_mean(unknown[0], known)
+    shown = ', '.join(map(_shown, unknown))
+    return f'{shown} is unknown here: there can be {", ".join(known)}{hint}'
 
 
 def _type(error: Any) -> str:
@@ -79,11 +82,17 @@ def _count(error: Any) -> str:
 
 
 def _choice(error: Any) -> str:
-    return f'{_shown(error.instance)} must be one of {", ".join(error.validator_value)}'
+    return f'{_shown(error.instance)} must be one of {", ".join(map(str, error.validator_value))}'
 
 
 def _exclusive(_: Any) -> str:
     return 'bend and brace exclude each other'
+
+
+def _start_or_assembly(_: Any) -> str:
+    return (
+        'start is missing: an angle for every body, or in its place assembly: a sign for each dyad'
+    )
 
 
 def _fallback(error: Any) -> str:
@@ -105,4 +114,5 @@ _WORDS: dict[str, Callable[[Any], str]] = {
     'minProperties': _count,
     'enum': _choice,
     'not': _exclusive,
+    'anyOf': _start_or_assembly,
 }

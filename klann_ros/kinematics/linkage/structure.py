@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from klann_ros.kinematics.errors import GeometryError
+from klann_ros.untrusted.text import did_you_mean
 
 from .assembly import assembly_order, Group
 from .paths import loop_paths, Path
@@ -150,7 +151,8 @@ class Structure:
         turns = crank in self.pivots
         _must(turns, f'the crank starts from {crank}, which is no pivot: these are {fixed}')
         _must(self.foot not in self.pivots, f'the foot {self.foot} is a pivot and does not move')
-        _must(self.foot in points, f'the foot {self.foot} is none of the points: {known}')
+        near = did_you_mean(self.foot, points)
+        _must(self.foot in points, f'the foot {self.foot} is none of the points: {known}{near}')
         object.__setattr__(self, 'points', self.points or points)
         object.__setattr__(self, 'dimensions', self.dimensions or tuple(_dimensions(self)))
         object.__setattr__(self, '_hash', hash((self.pivots, self.bodies, self.foot)))
@@ -308,11 +310,14 @@ def _check_body(body: Body) -> None:
     have = [body.bars[0].start]
     for bar in body.bars:
         text = f'bar {bar.start}-{bar.end} of body {body.angle}'
-        _must(bar.start in have, f'{text} starts from a point that the body does not have yet')
+        near = did_you_mean(bar.start, have)
+        missing = f'{text} starts from a point that the body does not have yet{near}'
+        _must(bar.start in have, missing)
         _must(bar.end not in have, f'{text} ends at a point that the body has already')
         if bar.brace is not None:
+            near = did_you_mean(bar.brace.start, have)
             missing = f'bodies.{body.angle}: {bar.brace.start} is no point of it yet'
-            _must(bar.brace.start in have, f'{missing}, so nothing can be braced from it')
+            _must(bar.brace.start in have, f'{missing}, so nothing can be braced from it{near}')
         have.append(bar.end)
 
 
@@ -325,5 +330,7 @@ def by_name(dimensions: Sequence[Dimension], wanted: Iterable[str] = ()) -> dict
     """Return the place of each dimension under its name; a GeometryError where one is wanting."""
     places = {dimension.name: number for number, dimension in enumerate(dimensions)}
     unknown = [name for name in wanted if name not in places]
-    _must(not unknown, f'{", ".join(unknown)}: no such dimension; there are {", ".join(places)}')
+    hint = did_you_mean(unknown[0], places) if unknown else ''
+    there_are = f'there are {", ".join(places)}{hint}'
+    _must(not unknown, f'{", ".join(unknown)}: no such dimension; {there_are}')
     return places

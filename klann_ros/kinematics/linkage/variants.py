@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Any
 
+from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.validation import LARGEST, SMALLEST
 import numpy as np
@@ -15,12 +16,13 @@ from .structure import by_name
 
 Array = NDArray[np.float64]
 # Why a variant is refused: the texts of `Variants.reason`.
-NOT_FINITE, NOT_POSITIVE, BEYOND_MEASURE, OPEN = 1, 2, 3, 4
+NOT_FINITE, NOT_POSITIVE, BEYOND_MEASURE, OPEN, BEYOND_TURN = 1, 2, 3, 4, 5
 _WHY = {
     NOT_FINITE: 'it must be a finite number',
     NOT_POSITIVE: 'a length must be > 0',
     BEYOND_MEASURE: f'it must be within {SMALLEST:g} .. {LARGEST:g} m',
     OPEN: NO_TRIANGLE,
+    BEYOND_TURN: 'a bend must be within +-2 pi rad: are degrees meant?',
 }
 
 
@@ -171,6 +173,8 @@ class Variants:
                 size = np.abs(values)
                 within = (values == 0.0) | ((size >= SMALLEST) & (size <= LARGEST))
                 refuse(place, ~within, BEYOND_MEASURE)
+            else:
+                refuse(place, ~(np.abs(values) <= TURN), BEYOND_TURN)
         with np.errstate(all='ignore'):
             _, bars = shape.vectors(structure, [*self.numbers])
         for place, dimension in enumerate(structure.dimensions):

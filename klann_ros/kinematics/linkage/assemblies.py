@@ -1,0 +1,212 @@
+"""
+The ways in which a linkage can be put together.
+
+Each dyad closes in two ways, its joint on one side of its ends or on the other; the signs of all
+are the assembly. Coupled loops have more, which no sign tells apart: Newton-Raphson looks for
+them from many starting points.
+"""
+
+from collections.abc import Iterator
+from itertools import islice, product
+from math import degrees, pi
+from typing import Any
+
+from klann_ros.kinematics.angles import crank_angle, wrap
+from klann_ros.kinematics.errors import (
+    GeometryError,
+    LoopsOpenError,
+    NotConvergedError,
+    UnreachableError,
+)
+from klann_ros.kinematics.newton import newton_raphson
+import numpy as np
+from numpy.typing import NDArray
+
+from .circles import placed
+from .linkage import as_linkage, Linkage
+from .pose import closed_pose, LinkagePose
+from .reach import closes_somewhere
+
+# Starting points of the search for coupled loops, and what of them counts as converged [rad, m].
+STARTS, TOLERANCE, ITERATIONS = 400, 1e-10, 30
+# Poses nearer than this are the same.
+SAME = 1e-6
+# Assemblies that a line of text names.
+MOST_NAMED = 4
+
+
+def assemblies(linkage: Any) -> list[tuple[int, ...]]:
+    """
+    Return every assembly in which a linkage of dyads closes at some crank angle.
+
+    Parameters
+    ----------
+    linkage : Linkage, KlannGeometry, FourBarGeometry or leg
+        The linkage; its own assembly does not matter.
+
+    Returns
+    -------
+    list of tuple of int
+        Signs, +1 or -1 for each block, as in `Linkage.assembly`; `Linkage.in_assembly` takes them.
+
+    Raises
+    ------
+    GeometryError
+        Its loops are coupled: no signs tell how it is put together; see `assembly_poses`.
+    TypeError
+        `linkage` is none of these.
+
+    Examples
+    --------
+    >>> from klann_ros.kinematics import KlannGeometry
+    >>> assemblies(KlannGeometry.sem104())
+    [(1, 1), (1, -1), (-1, 1), (-1, -1)]
+
+    """
+    return list(possible_assemblies(as_linkage(linkage)))
+
+
+def assembly_poses(linkage: Any, alpha: float) -> list[LinkagePose]:
+    """
+    Return the pose of every assembly at a crank angle.
+
+    Each pose's `linkage` is the one put together so: `LinkageLeg(pose.linkage)` goes on from it.
+
+    Parameters
+    ----------
+    linkage : Linkage, KlannGeometry, FourBarGeometry or leg
+        The linkage; its own assembly does not matter.
+    alpha : float
+        Crank angle [rad].
+
+    Returns
+    -------
+    list of LinkagePose
+        One for each assembly that closes at this angle, in the order of `assemblies`; empty where
+        none does. Of coupled loops those that Newton-Raphson finds from 400 starting points,
+        which may not be all.
+
+    Raises
+    ------
+    CrankAngleError
+        `alpha` is not finite, or beyond +-1e6 rad.
+    TypeError
+        `linkage` is none of these.
+
+    Examples
+    --------
+    >>> from math import degrees, radians
+    >>> from klann_ros.kinematics import FourBar
+    >>> for pose in assembly_poses(FourBar(180, 80, 200, 150), radians(60)):
+    ...     print(pose.linkage.assembly, [round(degrees(x) % 360, 2) for x in pose.x])
+    (1,) [21.56, 72.14]
+    (-1,) [285.78, 235.2]
+
+    """
+    given, alpha = as_linkage(linkage), crank_angle(alpha)
+    return list(_of_dyads(given, alpha) if given.is_dyadic else _of_coupled_loops(given, alpha))
+
+
+def possible_assemblies(linkage: Linkage) -> Iterator[tuple[int, ...]]:
+    """Yield what `assemblies` returns, one after the other: of ten dyads there are a thousand."""
+    signs = product((1, -1), repeat=len(linkage.structure.groups))
+    return (one for one in signs if closes_somewhere(linkage.in_assembly(one)))
+
+
+def _of_dyads(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
+    count = len(linkage.structure.groups)
+    stuck: tuple[int, ...] = ()
+    for signs in product((1, -1), repeat=count):
+        # What fails at a dyad fails whatever the signs from there on.
+        if stuck and signs[: len(stuck) - 1] == stuck[:-1]:
+            continue
+        one = linkage.in_assembly(signs)
+        try:
+            u = placed(one, alpha)
+        except UnreachableError as error:
+            stuck = signs[: error.dyad]
+            continue
+        yield closed_pose(one, u, alpha)
+
+
+def _of_coupled_loops(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
+    found: list[NDArray[np.float64]] = []
+    for guess in _guesses(linkage):
+        x = _newton(linkage, alpha, guess)
+        if x is None or any(_apart(x, other).max() <= SAME for other in found):
+            continue
+        found.append(x)
+        start = [alpha, *x.tolist()]
+        name, source = linkage.name, linkage.source
+        try:
+            one = Linkage(
+                linkage.structure, linkage.numbers, start=start, name=name, source=source
+            )
+        except GeometryError:
+            # Singular, so that two assemblies meet there.
+            continue
+        yield closed_pose(one, one.directions(one.start), alpha)
+
+
+def _guesses(linkage: Linkage) -> NDArray[np.float64]:
+    """Return starting points, evenly spread over all angles, always the same."""
+    count = len(linkage.structure.bodies) - 1
+    # Kronecker's sequence of the roots of x^(n + 1) = x + 1: M. Roberts, 2018.
+    root = 2.0
+    for _ in range(60):
+        root = (1.0 + root) ** (1.0 / (count + 1))
+    steps = root ** -np.arange(1.0, count + 1)
+    guesses: NDArray[np.float64] = np.arange(1, STARTS + 1)[:, None] * steps % 1.0
+    return (2.0 * guesses - 1.0) * pi
+
+
+def _newton(
+    linkage: Linkage, alpha: float, guess: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    try:
+        iterates = newton_raphson(
+            lambda x: linkage.f(alpha, x),
+            lambda x: linkage.phi(alpha, x),
+            guess,
+            alpha=alpha,
+            tolerance=TOLERANCE,
+            max_iterations=ITERATIONS,
+        )
+    except (NotConvergedError, LoopsOpenError):
+        return None
+    return np.array([wrap(angle) for angle in iterates[-1].tolist()])
+
+
+def _apart(x: Any, other: Any) -> NDArray[np.float64]:
+    """Return by how much two poses differ, modulo whole turns [rad]."""
+    difference = np.asarray(x) - np.asarray(other)
+    apart: NDArray[np.float64] = np.abs((difference + pi) % (2.0 * pi) - pi)
+    return apart
+
+
+def nearest_assembly(linkage: Linkage, start: tuple[float, ...]) -> float:
+    """Return how far a start is from the nearest assembly at its crank angle; inf for none."""
+    alpha, *x = start
+    # Where Newton-Raphson leads to comes first: there may be thousands of assemblies.
+    reached = _newton(linkage, alpha, np.array(x))
+    nearest = [_apart(reached, x).max()] if reached is not None else []
+    if linkage.is_dyadic and len(linkage.structure.groups) <= 8:
+        nearest += [_apart(pose.x, x).max() for pose in _of_dyads(linkage, alpha)]
+    return float(min(nearest, default=np.inf))
+
+
+def named_assemblies(linkage: Linkage, alpha: float, *, in_degrees: bool) -> str:
+    """Return in words which assemblies there are at a crank angle, and their angles."""
+    shown, unit = (degrees, 'deg') if in_degrees else (float, 'rad')
+    at = f'{linkage.joint_names[0]} = {shown(alpha):g} {unit}'
+    every = _of_dyads(linkage, alpha) if linkage.is_dyadic else _of_coupled_loops(linkage, alpha)
+    poses = list(islice(every, MOST_NAMED + 1))
+    if not poses:
+        return f'in no assembly it closes at {at}'
+    texts = []
+    for pose in poses[:MOST_NAMED]:
+        pairs = zip(linkage.joint_names[1:], pose.x, strict=True)
+        angles = ', '.join(f'{name} {shown(angle):.4g}' for name, angle in pairs)
+        texts.append(f'{list(pose.linkage.assembly)} ({angles} {unit})')
+    more = ' and others' if len(poses) > MOST_NAMED else ''
+    return f'at {at} there are the assemblies {"; ".join(texts)}{more}'
