@@ -4,21 +4,19 @@ from math import inf, pi
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arcs import Arc, GOLDEN
+from klann_ros.kinematics.arcs import Arc
 from klann_ros.kinematics.errors import KinematicsError
 from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 from klann_ros.kinematics.linkage.reach import reachable_arcs
-from klann_ros.kinematics.linkage.structure import by_name, Dimension, Structure
+from klann_ros.kinematics.linkage.structure import Dimension, Structure
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
-from numpy.typing import NDArray
 
-from .program import Array
 from .turn_clearance import turn_clearances
+from .turn_losses import TurnLosses
 
-Indices = NDArray[np.intp]
-# Values between a number's own and the farthest that could close at all.
-CANDIDATES = 64
+# A part of a dyad's links by which its ends are inside its reach beyond any doubt.
+CLEAR = 1e-6
 
 
 class PartialTurnError(KinematicsError):
@@ -89,7 +87,7 @@ def turns_fully(linkage: Any) -> bool:
         It is none of these.
 
     """
-    return reachable_arcs(linkage) == [(0.0, TURN)]
+    return _arcs_of_part(as_linkage(linkage)) is None
 
 
 def length_margins(linkage: Any) -> dict[str, Margin]:
@@ -120,15 +118,15 @@ def length_margins(linkage: Any) -> dict[str, Margin]:
 
     """
     given = as_linkage(linkage)
-    arcs = reachable_arcs(given)
-    if arcs != [(0.0, TURN)]:
+    arcs = _arcs_of_part(given)
+    if arcs is not None:
         raise PartialTurnError(arcs)
     dimensions = given.structure.dimensions
     bound = [d for d in dimensions if _loops_of(given.structure, d)]
     farthest = np.array([_farthest(given, dimension) for dimension in bound])
     names = [dimension.name for dimension in bound]
-    search = _Search(given, [*names, *names], farthest.T.ravel())
-    least, greatest = search.first_losses().reshape(2, -1).tolist()
+    losses = TurnLosses(given, [*names, *names], farthest.T.ravel())
+    least, greatest = losses.first().reshape(2, -1).tolist()
     found = {
         name: Margin(given.dimensions[name], low, high)
         for name, low, high in zip(names, least, greatest, strict=True)
@@ -138,6 +136,17 @@ def length_margins(linkage: Any) -> dict[str, Margin]:
         for d in dimensions
     }
     return free | found
+
+
+def _arcs_of_part(linkage: Linkage) -> list[Arc] | None:
+    """Return where a crank can be that does not turn fully; None for one that does."""
+    # Near the limit `reachable_arcs` decides, for all.
+    if linkage.is_dyadic:
+        clearances = turn_clearances(Variants(linkage, {}))[0]
+        if (clearances > CLEAR * sum(linkage.blocks[0].radii)).all():
+            return None
+    arcs = reachable_arcs(linkage)
+    return None if arcs == [(0.0, TURN)] else arcs
 
 
 def _loops_of(structure: Structure, dimension: Dimension) -> list[int]:
@@ -170,7 +179,9 @@ def _farthest(linkage: Linkage, dimension: Dimension) -> tuple[float, float]:
             dimension.place in dict(paths[k].bars) for k in loops
         )
         # What only braces another bar is bounded by its triangle, and that by its loops.
-        return 0.0, min(totals) - value if own else sum(totals) + 2.0 * value
+        most = min(totals) - value if own else sum(totals) + 2.0 * value
+        sides = _other_sides(linkage, dimension)
+        return max([0.0, *(abs(p - q) for p, q in sides)]), min([most, *(p + q for p, q in sides)])
     ranges = []
     for k in loops:
         terms, _ = linkage.rows[k]
@@ -182,81 +193,18 @@ def _farthest(linkage: Linkage, dimension: Dimension) -> tuple[float, float]:
     return max(low for low, _ in ranges), min(high for _, high in ranges)
 
 
-class _Search:
-    """The first loss of the full turn on the way from numbers to their farthest values."""
-
-    def __init__(self, linkage: Linkage, names: list[str], farthest: Array) -> None:
-        self._linkage, self._farthest = linkage, farthest
-        dimensions = linkage.structure.dimensions
-        places = by_name(dimensions)
-        self._places = np.array([places[name] for name in names])
-        self._own = np.array(linkage.numbers)[self._places]
-        self._outward: Array = farthest - self._own
-        self._bounded = np.array([dimensions[place].unit == 'm' for place in self._places])
-
-    def first_losses(self) -> Array:
-        """Return the first value of each number, going outward, at which the turn is lost."""
-        ways = np.arange(len(self._places))
-        # The denser the nearer. A length of 0 is no length, so the last is not quite the farthest.
-        shares = np.linspace(0.0, 1.0 - 1e-9, CANDIDATES + 1) ** 2
-        each_way, each_share = np.repeat(ways, len(shares)), np.tile(shares, len(ways))
-        clearances = self._clearances(each_way, each_share)
-        clearances = clearances.reshape(len(ways), len(shares), -1)
-        lost = clearances.min(axis=2) < 0.0
-        # The leg itself turns fully, whatever rounding says.
-        lost[:, 0] = False
-        limited = lost.any(axis=1)
-        first = np.where(limited, lost.argmax(axis=1), len(shares) - 1)
-        keeps, loses = shares[np.maximum(first - 1, 0)], shares[first]
-        for way, left, dip in self._hidden_losses(shares, clearances, first):
-            if left < keeps[way]:
-                keeps[way], loses[way], limited[way] = left, dip, True
-        shares = self._bisected(keeps, loses)
-        unlimited = np.where(self._bounded, self._farthest, np.copysign(inf, self._outward))
-        return np.where(limited, self._value(ways, shares), unlimited)
-
-    def _value(self, ways: Indices, shares: Array) -> Array:
-        value: Array = self._own[ways] + shares * self._outward[ways]
-        return value
-
-    def _clearances(self, ways: Indices, shares: Array) -> Array:
-        numbers = np.repeat(np.array(self._linkage.numbers)[:, None], len(ways), axis=1)
-        # A bend is searched for a whole turn both ways; none is beyond one.
-        value = self._value(ways, shares)
-        value = np.where(self._bounded[ways], value, np.fmod(value, TURN))
-        numbers[self._places[ways], np.arange(len(ways))] = value
-        changes = dict(zip(self._linkage.dimensions, numbers, strict=True))
-        return turn_clearances(Variants(self._linkage, changes))
-
-    def _hidden_losses(
-        self, shares: Array, clearances: Array, first: Array
-    ) -> list[tuple[int, float, float]]:
-        """Return way, share before and share of each dip between candidates that loses it."""
-        inner = clearances[:, 1:-1]
-        dips = (inner < clearances[:, :-2]) & (inner <= clearances[:, 2:])
-        reached = np.arange(inner.shape[1]) + 1 < first[:, None]
-        ways, before, dyads = np.nonzero(dips & reached[:, :, None])
-        if not len(ways):
-            return []
-
-        def clearance(shares: Array) -> Array:
-            own: Array = self._clearances(ways, shares)[np.arange(len(ways)), dyads]
-            return own
-
-        left, right = shares[before], shares[before + 2]
-        for _ in range(40):
-            a, b = right - GOLDEN * (right - left), left + GOLDEN * (right - left)
-            lower = clearance(a) < clearance(b)
-            left, right = np.where(lower, left, a), np.where(lower, b, right)
-        bottom = (left + right) / 2.0
-        lost = clearance(bottom) < 0.0
-        return list(zip(ways[lost].tolist(), shares[before[lost]], bottom[lost], strict=True))
-
-    def _bisected(self, keeps: Array, loses: Array) -> Array:
-        """Return the last shares that keep the full turn."""
-        ways = np.arange(len(keeps))
-        for _ in range(60):
-            middle = (keeps + loses) / 2.0
-            kept = self._clearances(ways, middle).min(axis=1) >= 0.0
-            keeps, loses = np.where(kept, middle, keeps), np.where(kept, loses, middle)
-        return keeps
+def _other_sides(linkage: Linkage, dimension: Dimension) -> list[tuple[float, float]]:
+    """Return the other sides of each triangle of bars and a brace that a length is a side of."""
+    bars, found = linkage.structure.bars, []
+    lengths = dict(zip(linkage.structure.slots, linkage.numbers, strict=True))
+    for number, (body, bar) in enumerate(bars):
+        if bar.brace is None:
+            continue
+        ends = {bar.start, bar.brace.start}
+        bases = (n for n, (of, b) in enumerate(bars) if of == body and {b.start, b.end} == ends)
+        sides = {('length', number), ('brace', number), *(('length', base) for base in bases)}
+        own = (dimension.kind, dimension.place)
+        if len(sides) == 3 and own in sides:
+            p, q = (lengths[side] for side in sides - {own})
+            found.append((p, q))
+    return found

@@ -5,42 +5,43 @@ A linkage turns fully where none is negative. Those given need not close: so a n
 changed until the crank turns no more.
 """
 
+from sys import float_info
+from typing import Any
+
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import GeometryError, KinematicsError
 from klann_ros.kinematics.linkage.reach import is_driven, reachable_arcs
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
-from numpy.typing import NDArray
 
 from .numpy_kernel import NumpyKernel
 from .program import Array, constants, Numbers, program
+from .searches import Indices, least_near
 
-# Crank angles of the search, an even number; then each round looks 8 times closer at the least.
-SAMPLES, ZOOM, ROUNDS = 360, 17, 8
-# So many poses are held at once.
-POSES_HELD = 1_000_000
-
-Indices = NDArray[np.intp]
+# Crank angles of the search, an even number.
+SAMPLES = 360
+# So many poses are held at once: what the processor's own memory holds.
+POSES_HELD = 1 << 15
 
 
 def turn_clearances(variants: Variants) -> Array:
     """
     Return by how much each block of each linkage stays inside its reach over the turn, at least.
 
-    Shape (n, number of blocks) [m]; negative where the full turn is lost, and then those behind it
-    mean nothing. Of a dyad that the crank alone drives |PQ| runs from | |c| - |W_0| | to |c| +
-    |W_0|; that of another one is sampled over the turn, and its least refined to rounding. Coupled
-    loops only tell whether they close all round: 0 or -1.
+    Shape (n, number of blocks) [m]; negative where the full turn is lost, and NaN behind that. Of
+    a dyad that the crank alone drives |PQ| runs from | |c| - |W_0| | to |c| + |W_0|; that of
+    another one is sampled over the turn, and its least refined to rounding. Coupled loops only
+    tell whether they close all round: 1 or -1.
     """
     if not variants.base.is_dyadic:
         return np.array([[_turns(variants, i)] for i in range(len(variants))])
     found = _Clearances(variants)
-    each = [
-        found.driven(k) if is_driven(block) else found.least(k)
-        for k, block in enumerate(variants.base.blocks)
-    ]
-    clearances = np.stack(each, axis=1)
-    clearances[np.isnan(clearances)] = -np.inf
+    clearances = np.full((len(variants), len(variants.base.blocks)), np.nan)
+    closing = np.arange(len(variants))
+    for k, block in enumerate(variants.base.blocks):
+        least = found.driven(k)[closing] if is_driven(block) else found.least(k, closing)
+        clearances[closing, k] = np.where(np.isnan(least), -np.inf, least)
+        closing = closing[least >= 0.0]
     return clearances
 
 
@@ -57,7 +58,7 @@ def driven_clearances(variants: Variants) -> Array:
 
 def _turns(variants: Variants, i: int) -> float:
     try:
-        return 0.0 if reachable_arcs(variants[i]) == [(0.0, TURN)] else -1.0
+        return 1.0 if reachable_arcs(variants[i]) == [(0.0, TURN)] else -1.0
     except (GeometryError, KinematicsError):
         return -1.0
 
@@ -84,43 +85,44 @@ class _Clearances:
         )
         return least
 
-    def least(self, k: int) -> Array:
-        """Return the least of any other dyad, shape (n,) [m]."""
+    def least(self, k: int, which: Indices) -> Array:
+        """Return the least of any other dyad for some of the linkages, shape (n,) [m]."""
         step = max(1, POSES_HELD // SAMPLES)
-        legs = self._constants.shape[1]
-        parts = [slice(first, first + step) for first in range(0, legs, step)]
-        return np.concatenate([self._least(k, part) for part in parts])
+        parts = [which[first : first + step] for first in range(0, len(which), step)]
+        names = self._program.distances[k : k + 1]
+        kernel = NumpyKernel(self._program, names, SAMPLES * min(step, len(which)))
+        return np.concatenate([np.empty(0), *(self._least(k, kernel, part) for part in parts)])
 
-    def _least(self, k: int, part: slice) -> Array:
+    def _least(self, k: int, kernel: NumpyKernel, part: Indices) -> Array:
         # From where the crank points along the ground on: so the angles at which the first dyad is
         # nearest to its limits, where the others' clearance is steepest, are among the samples.
         path = self._structure.paths.loops[0]
-        ground = -np.asarray(self._numbers.fixed(path) / self._numbers.body(path, 0))
+        with np.errstate(invalid='ignore', divide='ignore'):
+            ground = -np.asarray(self._numbers.fixed(path) / self._numbers.body(path, 0))
         start = self._structure.senses[0] * np.angle(ground)[part, None]
         step = TURN / SAMPLES
-        values = self._at(k, part, start + step * np.arange(SAMPLES))
-        middle = start + step * _lowest(values)[:, None]
-        least: Array = np.fmin.reduce(values, axis=1)
-        around = np.linspace(-1.0, 1.0, ZOOM)
-        for _ in range(ROUNDS):
-            angles = middle + step * around
-            values = self._at(k, part, angles)
-            least = np.fmin(least, np.fmin.reduce(values, axis=1))
-            place = np.where(np.isnan(values), np.inf, values).argmin(axis=1)
-            middle = np.take_along_axis(angles, place[:, None], axis=1)
-            step *= around[1] - around[0]
-        return least
-
-    def _at(self, k: int, part: slice, alphas: Array) -> Array:
-        """Return the clearance at crank angles, shape (n, number of angles); NaN behind others."""
-        name = self._program.distances[k]
-        kernel = NumpyKernel(self._program, (name,), alphas.size)
-        with np.errstate(all='ignore'):
-            (distance,), _ = kernel.run(self._constants, part, (np.cos(alphas), np.sin(alphas)))
-            distance = np.sqrt(distance)
         r_a, r_b = (np.abs(link)[part, None] for link in self._numbers.links(k))
-        clearance: Array = np.minimum(r_a + r_b - distance, distance - abs(r_a - r_b))
-        return clearance
+        own, folded, stretched = self._constants[:, part], abs(r_a - r_b), r_a + r_b
+
+        def clearance(rows: Any, cos: Array, sin: Array) -> Array:
+            """Return it at crank angles, shape (n, number of angles); NaN behind others."""
+            with np.errstate(all='ignore'):
+                (distance,), _ = kernel.run(own[:, rows], slice(None), (cos, sin))
+                distance = np.sqrt(distance)
+            found: Array = np.minimum(stretched[rows] - distance, distance - folded[rows])
+            return found
+
+        def refined(rows: Indices, alphas: Array) -> Array:
+            return clearance(rows, np.cos(alphas), np.sin(alphas))
+
+        # Of the sum of two angles: many times as fast.
+        turned = np.exp(1j * start) * np.exp(1j * step * np.arange(SAMPLES))
+        values = clearance(slice(None), turned.real, turned.imag)
+        middle = start[:, 0] + step * _lowest(values)
+        rounding = 2.0 * float_info.epsilon * stretched[:, 0]
+        _, least = least_near(refined, middle, step, rounding)
+        least = np.fmin(least, np.fmin.reduce(values, axis=1))
+        return np.where(np.isfinite(least), least, -np.inf)
 
 
 def _lowest(values: Array) -> Indices:

@@ -11,8 +11,10 @@ from klann_ros.kinematics import (
     GeometryError,
     KlannGeometry,
     length_margins,
+    Linkage,
     PartialTurnError,
     reachable_arcs,
+    shipped_linkage,
     turns_fully,
 )
 from klann_ros.kinematics.klann.geometry import BENDS, COORDINATES, LENGTHS
@@ -24,14 +26,22 @@ PRESETS = [KlannGeometry.sem104(), KlannGeometry.patent()]
 shares = st.floats(1e-6, 1.0 - 1e-6)
 
 
-def still_turns(geometry: KlannGeometry, name: str, value: float) -> bool:
+def still_turns(given: KlannGeometry | Linkage, name: str, value: float) -> bool:
+    """Return it by the arcs alone: by a search that shares nothing with that for margins."""
     try:
-        return turns_fully(replace(geometry, **{name: value}))
+        made = (
+            given.varied({name: value})
+            if isinstance(given, Linkage)
+            else replace(given, **{name: value})
+        )
+        return reachable_arcs(made) == [(0.0, 2.0 * math.pi)]
     except GeometryError:
         return False
 
 
-def check_the_ends(geometry: KlannGeometry, name: str, ends: tuple[float, float]) -> None:
+def check_the_ends(
+    geometry: KlannGeometry | Linkage, name: str, ends: tuple[float, float]
+) -> None:
     least, greatest = ends
     for end, outward in ((least, -1.0), (greatest, 1.0)):
         step = outward * 1e-9 * max(abs(end), 0.01)
@@ -40,12 +50,34 @@ def check_the_ends(geometry: KlannGeometry, name: str, ends: tuple[float, float]
             assert not still_turns(geometry, name, end + step), (name, end)
 
 
+@settings(max_examples=30)
+@given(geometry=legs(change=0.15))
+def test_a_leg_turns_fully_where_its_arcs_are_a_turn(geometry: KlannGeometry) -> None:
+    assert turns_fully(geometry) == (reachable_arcs(geometry) == [(0.0, 2.0 * math.pi)])
+
+
 @pytest.mark.parametrize('geometry', PRESETS)
 def test_just_beyond_a_margin_the_full_turn_is_lost(geometry: KlannGeometry) -> None:
     for name, margin in length_margins(geometry).items():
         assert margin.value == getattr(geometry, name)
         assert margin.least < margin.value < margin.greatest
         check_the_ends(geometry, name, (margin.least, margin.greatest))
+
+
+@pytest.mark.parametrize('name', ['chebyshev_lambda', 'four_bar', 'jansen'])
+def test_just_beyond_the_margins_of_any_linkage_it_is_lost(name: str) -> None:
+    linkage = shipped_linkage(name)
+    for number, margin in length_margins(linkage).items():
+        assert margin.value == linkage.dimensions[number]
+        zero = number if margin.least == 0.0 else ''
+        check_the_ends(linkage, number, (-math.inf if zero else margin.least, margin.greatest))
+
+
+def test_a_braced_bar_may_shrink_until_its_triangle_is_flat() -> None:
+    linkage = shipped_linkage('jansen')
+    numbers = linkage.dimensions
+    flat = numbers['W-V'] - numbers['Y-W']
+    assert length_margins(linkage)['Y-V'].least == pytest.approx(flat, rel=1e-14)
 
 
 def test_the_textbook_legs_bc_may_lose_2_46_percent() -> None:
