@@ -23,6 +23,7 @@ from .four_bar.dead_points import DeadPoint, RockerLimits
 from .four_bar.geometry import FourBarGeometry
 from .four_bar.grashof import Grashof
 from .four_bar.linkage import FourBar, FourBarMotion, FourBarPose
+from .four_bar.table import FourBarTable
 from .four_bar.transmission import TransmissionExtremes
 from .klann.geometry import KlannGeometry
 from .klann.leg import KlannLeg, KlannMotion, KlannPose
@@ -39,6 +40,7 @@ from .linkage.linkage import Linkage
 from .linkage.pose import LinkageMotion, LinkagePose
 from .linkage.reach import reachable_arcs
 from .linkage.variants import Variants
+from .newton import Iterations
 
 __all__ = [
     'AnyLeg',
@@ -49,9 +51,11 @@ __all__ = [
     'FourBarGeometry',
     'FourBarMotion',
     'FourBarPose',
+    'FourBarTable',
     'GeometryError',
     'Grashof',
     'ImmobileDirectionError',
+    'Iterations',
     'KinematicsError',
     'KlannGeometry',
     'KlannLeg',

@@ -1,6 +1,8 @@
 """The Newton-Raphson method as the courses teach it, for any system of equations."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from math import isnan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +19,15 @@ def newton_raphson(
     guess: Array,
     *,
     alpha: float,
-    tolerance: float,
+    tolerance: float | None,
     max_iterations: int,
+    residual: float | None = None,
 ) -> Array:
     """
     Return every iterate of x_{k+1} = x_k - Phi_k^-1 f(x_k), the guess first.
 
-    It ends with the first iterate whose correction was at most `tolerance` in every angle.
+    It ends with the first iterate whose correction was at most `tolerance` in every angle, and
+    whose equations are all open by less than `residual`.
 
     Parameters
     ----------
@@ -35,10 +39,13 @@ def newton_raphson(
         The first iterate x_1 [rad].
     alpha : float
         The driving angle, for the error's text [rad].
-    tolerance : float
-        The largest correction at which it has converged [rad].
+    tolerance : float or None
+        The largest correction at which it has converged [rad]; None for any.
     max_iterations : int
         How many corrections it may make.
+    residual : float, optional
+        What every |f| must be below [m]; then the guess may be the root already, if there is no
+        tolerance.
 
     Returns
     -------
@@ -59,8 +66,11 @@ def newton_raphson(
 
     """
     iterates = [np.array(guess, dtype=np.float64)]
+    last = f'corrections are above {tolerance:g} rad' if tolerance is not None else ''
     for _ in range(validation.count('max_iterations', max_iterations, 0)):
         x = iterates[-1]
+        if tolerance is None and residual is not None and np.abs(f(x)).max() < residual:
+            return np.array(iterates)
         try:
             correction = np.linalg.solve(phi(x), f(x))
         except np.linalg.LinAlgError:
@@ -70,7 +80,64 @@ def newton_raphson(
         if not np.isfinite(iterates[-1]).all():
             reason = 'the last iterate is not finite'
             raise NotConvergedError(alpha, np.array(iterates), reason)
-        if np.abs(correction).max() <= tolerance:
-            return np.array(iterates)
-    reason = f'corrections are above {tolerance:g} rad after {max_iterations} iterations'
+        if tolerance is None or np.abs(correction).max() <= tolerance:
+            if residual is None or np.abs(f(iterates[-1])).max() < residual:
+                return np.array(iterates)
+            last = f'|f| is not below {residual:g} m'
+    reason = f'{last or "nothing was done"} after {max_iterations} iterations'
     raise NotConvergedError(alpha, np.array(iterates), reason)
+
+
+@dataclass(frozen=True, eq=False)
+class Iterations:
+    """
+    A run of Newton-Raphson, as one writes it down; all arrays are read-only.
+
+    Attributes
+    ----------
+    alpha : float
+        The driving angle [rad].
+    names : tuple of str
+        What the unknown angles are called.
+    x : numpy.ndarray, shape (k, n)
+        The iterates, the guess first [rad].
+    f : numpy.ndarray, shape (k, n)
+        The equations' left-hand sides at each [m].
+    phi : numpy.ndarray, shape (k, n, n)
+        Their Jacobian at each [m/rad].
+
+    """
+
+    alpha: float
+    names: tuple[str, ...]
+    x: Array
+    f: Array
+    phi: Array
+
+    @property
+    def corrections(self) -> Array:
+        """Return what was added to each iterate but the last, shape (k - 1, n) [rad]."""
+        return np.diff(self.x, axis=0)
+
+    @property
+    def residuals(self) -> Array:
+        """Return the largest |f| at each iterate, shape (k,) [m]."""
+        largest: Array = np.abs(self.f).max(axis=1)
+        return largest
+
+    def __str__(self) -> str:
+        """Return a table: of each iterate the angles [deg], f [m] and the correction [rad]."""
+        count = len(self.names)
+        heads = [
+            *self.names,
+            *(f'f{k + 1}' for k in range(count)),
+            *(f'd {n}' for n in self.names),
+        ]
+        lines = [' k' + ''.join(f'{head:>11}' for head in heads)]
+        blank = np.full((1, count), np.nan)
+        rows = np.hstack([np.degrees(self.x), self.f, np.vstack([self.corrections, blank])])
+        for k, row in enumerate(rows.tolist(), 1):
+            cells = [f'{value:11.5f}' for value in row[:count]]
+            cells += [' ' * 11 if isnan(value) else f'{value:11.3e}' for value in row[count:]]
+            lines.append(f'{k:2}' + ''.join(cells).rstrip())
+        return '\n'.join(lines)

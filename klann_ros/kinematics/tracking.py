@@ -55,7 +55,7 @@ def track(  # noqa: PLR0917 - as they are called
     """
     tolerance, max_crank_step, max_parts = settings
     if last is not None:
-        step = alpha - last.alpha
+        step = alpha - last[0]
         if not -max_crank_step <= step <= max_crank_step:
             step = remainder(step, TURN)
         if abs(step) <= max_parts * max_crank_step:

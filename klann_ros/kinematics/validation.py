@@ -53,6 +53,15 @@ def representable(name: str, value: float) -> None:
         raise GeometryError(msg)
 
 
+def factor(value: Any) -> float:
+    """Return a factor of a size; a GeometryError for what is no finite number > 0."""
+    number = finite('factor', value)
+    if number <= 0.0:
+        msg = f'factor = {value!r} is refused: it must be > 0'
+        raise GeometryError(msg)
+    return number
+
+
 def bend(name: str, angle: float) -> None:
     """Refuse a bend beyond a turn [rad] with a GeometryError: degrees, most likely."""
     if not abs(angle) <= TURN:
@@ -107,9 +116,11 @@ def count(name: str, value: int, least: int) -> int:
     return int(value)
 
 
-def guess(value: 'Sequence[float] | NDArray[np.float64]', names: str) -> NDArray[np.float64]:
+def guess(
+    value: 'Sequence[float] | NDArray[np.float64]', names: str, what: str = 'guess'
+) -> NDArray[np.float64]:
     """
-    Return the first iterate of Newton-Raphson as an array, one angle for each name [rad].
+    Return an iterate of Newton-Raphson as an array, one angle for each name [rad].
 
     Raises
     ------
@@ -123,7 +134,8 @@ def guess(value: 'Sequence[float] | NDArray[np.float64]', names: str) -> NDArray
     except (TypeError, ValueError):
         x_1 = np.empty(0)
     if x_1.shape != (count,) or not np.isfinite(x_1).all():
-        msg = f'guess = {value!r} is refused: {names}, {_WORDS.get(count, count)} finite numbers'
+        many = 'one finite number' if count == 1 else f'{_WORDS.get(count, count)} finite numbers'
+        msg = f'{what} = {value!r} is refused: {names}, {many}'
         raise ValueError(msg)
     return x_1
 

@@ -78,7 +78,7 @@ def save_picture(review: Review, form: str, file: BinaryIO) -> None:
     drawn = feet[(np.abs(feet) <= LARGEST).all(axis=1)]
     draw_foot_path(axes, drawn, f'path of the foot, {len(drawn)} points')
     draw_leg(axes, pose)
-    label_plane(axes, f'crank angle {degrees(pose.alpha) % 360.0:.1f} deg')
+    label_plane(axes, f'crank angle {degrees(pose.crank_angle) % 360.0:.1f} deg')
     try:
         figure.savefig(file, format=form, dpi=120)
     except ValueError as error:

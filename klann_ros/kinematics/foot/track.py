@@ -35,7 +35,7 @@ class Track:
             msg = f'leg = {leg!r} is refused: it must be a leg, whose poses have a foot H'
             raise TypeError(msg)
         self.t = np.array([t for t, _ in solved])
-        self.alphas = np.array([pose.alpha for _, pose in solved])
+        self.alphas = np.array([pose.crank_angle for _, pose in solved])
         self.h = np.array([pose.h for _, pose in solved]).reshape(-1, 2)
         self.h_1 = np.array([self._h_1(pose) for _, pose in solved]).reshape(-1, 2)
 
@@ -49,7 +49,7 @@ class Track:
 
     def crank_angle(self, t: float) -> float:
         """Return the crank angle in [0, 2 pi), one that can be solved [rad]."""
-        return float(self._pose(t, wrapped=True).alpha)
+        return float(self._pose(t, wrapped=True).crank_angle)
 
     def value(self, s: Coordinate, t: float) -> float:
         """Return a coordinate of the foot."""

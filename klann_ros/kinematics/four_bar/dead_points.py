@@ -1,5 +1,6 @@
 """Where a four-bar's driver stops: its dead points, and the limit positions of the rocker."""
 
+from dataclasses import replace
 from math import atan2, cos, nan, pi, sin
 from typing import NamedTuple
 
@@ -69,15 +70,20 @@ def dead_points(geometry: FourBarGeometry, driver: str = 'crank') -> list[DeadPo
     kind, one on each side. Those of the rocker belong to one assembly: at most one for each kind,
     and the other assembly has it mirrored. So in class II crank and rocker have two each, but of
     the rocker's one is found of each assembly. A change point, where all links are in line and
-    the driver passes, is no dead point.
+    the driver passes, is no dead point. 'both' are the crank's and the rockers' of both
+    assemblies.
 
     References
     ----------
     "Mecanismos e Vibracao de Maquinas", Grashof e mecanismos simples, "Posicoes de ponto morto".
 
     """
+    if driver == 'both':
+        other = replace(geometry, assembly=-geometry.assembly)
+        of_rockers = [*_of_rocker(geometry), *_of_rocker(other)]
+        return [*dead_points(geometry), *sorted(of_rockers, key=lambda point: point.angle)]
     if driver not in DRIVERS:
-        msg = f"driver = {driver!r} is refused: it must be 'crank' or 'rocker'"
+        msg = f"driver = {driver!r} is refused: it must be 'crank', 'rocker' or 'both'"
         raise ValueError(msg)
     found = _of_crank(geometry) if driver == 'crank' else _of_rocker(geometry)
     return sorted(found, key=lambda point: point.angle)

@@ -1,6 +1,7 @@
 """The dimensions of a four-bar linkage."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import cos, sin
 from typing import Any
@@ -9,7 +10,8 @@ from klann_ros.kinematics import validation
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage.linkage import Linkage
 from klann_ros.kinematics.linkage.reach import tie
-from klann_ros.kinematics.linkage.structure import Bar, Body, Dimension, Structure
+from klann_ros.kinematics.linkage.structure import Bar, Body, by_name, Dimension, Structure
+from klann_ros.untrusted.text import did_you_mean
 
 LENGTHS = ('ground', 'crank', 'coupler', 'rocker')
 STRUCTURE = Structure(
@@ -87,6 +89,45 @@ class FourBarGeometry:
     def linkage(self) -> Linkage:
         """Return it as a linkage, which is what solves it."""
         return Linkage(STRUCTURE, self.lengths, assembly=(self.assembly,), name='Four-bar')
+
+    def varied(self, changes: Mapping[str, float]) -> 'FourBarGeometry':
+        """
+        Return it with some of its lengths replaced.
+
+        Parameters
+        ----------
+        changes : mapping of str to float
+            By name: 'ground', 'crank', 'coupler' or 'rocker' [m].
+
+        Raises
+        ------
+        GeometryError
+            It is no four-bar any more, or there is no such length.
+
+        """
+        by_name(STRUCTURE.dimensions, changes)
+        numbers = dict(zip(LENGTHS, self.lengths, strict=True)) | dict(changes)
+        return FourBarGeometry(**numbers, assembly=self.assembly)
+
+    def scaled(self, factor: float) -> 'FourBarGeometry':
+        """Return it so many times as large; a GeometryError for no positive factor."""
+        factor = validation.factor(factor)
+        return self.varied({name: factor * getattr(self, name) for name in LENGTHS})
+
+    def mirrored(self) -> 'FourBarGeometry':
+        """Return it mirrored in its ground: every angle has the other sign."""
+        return replace(self, assembly=-self.assembly)
+
+    def inversion(self, fixed: str, assembly: int | None = None) -> 'FourBarGeometry':
+        """Return it with another link held; see `FourBar.inversion`."""
+        if fixed not in LENGTHS:
+            hint = did_you_mean(fixed, LENGTHS)
+            msg = f'fixed = {fixed!r} is refused: it must be one of {", ".join(LENGTHS)}{hint}'
+            raise GeometryError(msg)
+        first = LENGTHS.index(fixed)
+        sign = self.assembly if assembly is None else assembly
+        held, driven, across, other = self.lengths[first:] + self.lengths[:first]
+        return FourBarGeometry(held, driven, across, other, sign)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the linkage, which is made anew."""

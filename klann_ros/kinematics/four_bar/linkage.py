@@ -1,14 +1,25 @@
 """The four-bar linkage: its angles by the course's names, and the course's questions."""
 
-from math import dist
+from collections.abc import Mapping
+from math import atan2, dist
+from typing import TYPE_CHECKING
 
+from klann_ros.kinematics.angles import crank_angle, TURN
 from klann_ros.kinematics.linkage.leg import Leg
 from klann_ros.kinematics.linkage.pose import Entry, LinkageMotion, LinkagePose
+from klann_ros.kinematics.linkage.reach import opening
+from numpy.typing import ArrayLike
 
-from . import transmission
+from . import equations, transmission
 from .dead_points import dead_points, DeadPoint, rocker_limits, RockerLimits
 from .geometry import FourBarGeometry
 from .grashof import Grashof
+from .table import four_bar_table, FourBarTable
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from .equations import Array
 
 Vector = tuple[float, float]
 
@@ -18,7 +29,8 @@ class FourBarPose(LinkagePose):
     A solved pose of a four-bar: `x` are theta3, theta4; `points` O2, A, B, O4; `h` is B.
 
     theta2, theta3 and theta4 are the angles of crank, coupler and rocker, counter-clockwise from
-    the ground; all but theta2 in (-pi, pi] [rad].
+    the ground; all but theta2 in (-pi, pi] [rad]. alpha and beta are the course's angles at O4,
+    and not the crank's: that is theta2.
     """
 
     __slots__ = ()
@@ -43,9 +55,44 @@ class FourBarPose(LinkagePose):
         return dist(a, o_4)
 
     @property
+    def alpha(self) -> float:
+        """
+        Return the course's alpha, the angle at O4 from the rocker to Z = |A O4|, in [0, pi] [rad].
+
+            cos alpha = (Z^2 + L4^2 - L3^2) / (2 Z L4)
+
+        theta4 = 180 deg - (alpha + beta) in the open assembly (+1), 180 deg + alpha - beta in the
+        crossed one, modulo a turn.
+
+        References
+        ----------
+        "Mecanismos e Vibracao de Maquinas", Grashof e mecanismos simples, example 1.
+
+        """
+        numbers = self.linkage.dimensions
+        return opening(self.z, numbers['rocker'], numbers['coupler'])
+
+    @property
+    def beta(self) -> float:
+        """
+        Return the course's beta, the angle at O4 from the ground to Z, in [0, 2 pi) [rad].
+
+            cos beta = (Z^2 + L1^2 - L2^2) / (2 Z L1)
+
+        It is up to 180 deg where the crank is above the ground, and beyond where it is below it.
+        """
+        _, (x, y), _, (x_4, _) = self.points.tolist()
+        return atan2(y, x_4 - x) % TURN
+
+    @property
     def clearance(self) -> float:
         """Return the distance of Z from | L3 - L4 | and L3 + L4, where it is singular [m]."""
         return self.clearances[0]
+
+    def __repr__(self) -> str:
+        angles = ', '.join(f'theta{n}={a!r}' for n, a in enumerate(self.joints, 2))
+        rest = zip(self._fields[2:], self[2:], strict=True)
+        return f'FourBarPose({angles}, {", ".join(f"{name}={value!r}" for name, value in rest)})'
 
     def coupler_point(self, u: float, v: float) -> Vector:
         """
@@ -134,6 +181,121 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         """Return the linkage's lengths and assembly."""
         return self._geometry
 
+    def varied(self, changes: Mapping[str, float]) -> 'FourBar':
+        """
+        Return the four-bar with some of its lengths replaced [m]; see `FourBarGeometry.varied`.
+
+        Raises
+        ------
+        GeometryError
+            It is no four-bar any more, or there is no such length.
+
+        """
+        return self._made(self._geometry.varied(changes))
+
+    def scaled(self, factor: float) -> 'FourBar':
+        """Return the four-bar so many times as large; a GeometryError for no positive factor."""
+        return self._made(self._geometry.scaled(factor))
+
+    def mirrored(self) -> 'FourBar':
+        """Return the four-bar mirrored in its ground, which is its other assembly."""
+        return self._made(self._geometry.mirrored())
+
+    def inversion(self, fixed: str, assembly: int | None = None) -> 'FourBar':
+        """
+        Return the four-bar with another of its links held.
+
+        The next link in the order ground, crank, coupler, rocker plays the crank then, as in
+        `Grashof.inversions`: with the crank held, the coupler is driven, and the ground turns
+        about as the coupler.
+
+        Parameters
+        ----------
+        fixed : str
+            The link that is held: 'ground', 'crank', 'coupler' or 'rocker'.
+        assembly : int, optional
+            Of the inversion: its sign belongs to another joint. This one's sign where left out.
+
+        Raises
+        ------
+        GeometryError
+            There is no such link, or the assembly is not +1 or -1.
+
+        Examples
+        --------
+        >>> print(FourBar(180, 80, 200, 150).inversion('crank').grashof)
+        class I, double crank: ground fixed, crank rotates, coupler rotates, rocker rotates
+
+        """
+        return self._made(self._geometry.inversion(fixed, assembly))
+
+    def _made(self, geometry: FourBarGeometry) -> 'FourBar':
+        tolerance, max_crank_step, _ = self._settings
+        settings = {'tolerance': tolerance, 'max_crank_step': max_crank_step}
+        return FourBar(*geometry.lengths, geometry.assembly, **settings)
+
+    def f(self, alpha: float, x: 'Sequence[float] | Array') -> 'Array':
+        """
+        Return the course's f1 and f2, shape (2,) [m]; the loop closes where both are 0.
+
+            f1 = L1 + L4 cos(theta4) - L2 cos(theta2) - L3 cos(theta3)
+            f2 =      L4 sin(theta4) - L2 sin(theta2) - L3 sin(theta3)
+
+        Parameters
+        ----------
+        alpha : float
+            theta2, the crank's angle [rad].
+        x : sequence of float, shape (2,)
+            theta3, theta4 [rad].
+
+        Raises
+        ------
+        CrankAngleError, ValueError
+            As for `Leg.f`.
+
+        """
+        return equations.f(self._geometry, crank_angle(alpha), self._x('x', x))
+
+    def phi(self, alpha: float, x: 'Sequence[float] | Array') -> 'Array':
+        """
+        Return the Jacobian of the course's f by theta3, theta4, shape (2, 2) [m/rad]; see `f`.
+
+            Phi = [[ L3 sin(theta3), -L4 sin(theta4)],
+                   [-L3 cos(theta3),  L4 cos(theta4)]]
+        """
+        crank_angle(alpha)
+        return equations.phi(self._geometry, self._x('x', x))
+
+    def table(self, theta2: ArrayLike) -> FourBarTable:
+        """
+        Return all of the course's quantities at many crank angles at once; `print` shows it.
+
+        Parameters
+        ----------
+        theta2 : array-like of real numbers
+            Crank angles, of any shape [rad].
+
+        Returns
+        -------
+        FourBarTable
+            theta3, theta4, alpha, beta, Z, transmission angle and mechanical advantage, arrays of
+            that shape; NaN where the crank cannot be.
+
+        Raises
+        ------
+        ValueError
+            `theta2` is no array of real numbers.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> table = FourBar(180, 80, 200, 150).table(np.radians([0, 60, 120]))
+        >>> np.degrees(table.theta4).round(2).tolist()
+        [75.52, 72.14, 103.58]
+
+        """
+        return four_bar_table(self._geometry, theta2)
+
     def transmission_angle(self, theta2: float) -> float:
         """
         Return the angle between coupler and rocker at a crank angle, in [0, pi] [rad].
@@ -196,16 +358,18 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
 
         Those of the crank belong to both assemblies. Those of the rocker are this assembly's; the
         other assembly has them mirrored, so that a rocker of class II has one of each assembly.
+        'both' gives all at once, the crank's and then the rocker's of either assembly: the four
+        of the course's triple rocker.
 
         Parameters
         ----------
         driver : str
-            'crank' or 'rocker'.
+            'crank', 'rocker' or 'both'.
 
         Raises
         ------
         ValueError
-            `driver` is neither.
+            `driver` is none of these.
 
         """
         return dead_points(self._geometry, driver)

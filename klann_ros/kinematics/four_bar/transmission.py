@@ -1,12 +1,13 @@
 """How well a four-bar transmits: the transmission angle and the mechanical advantage."""
 
-from math import inf, nan, pi, radians, sin, sqrt
-from typing import NamedTuple, TYPE_CHECKING
+from math import inf, nan, pi, radians, sqrt
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics.angles import crank_angle
 from klann_ros.kinematics.linkage.blocks import TOUCHES
 from klann_ros.kinematics.linkage.circles import placed, seed
 from klann_ros.kinematics.linkage.reach import limits, opening
+import numpy as np
 
 if TYPE_CHECKING:
     from .geometry import FourBarGeometry
@@ -87,13 +88,17 @@ def mechanical_advantage(geometry: 'FourBarGeometry', theta2: float) -> float:
     where coupler and rocker are in line; NaN where all links are, at a change point.
     """
     theta2 = crank_angle(theta2)
-    theta3, theta4 = seed(geometry.linkage, theta2)
-    sine, across = sin(theta2 - theta3), sin(theta4 - theta3)
+    return float(advantages(geometry, theta2, *seed(geometry.linkage, theta2)))
+
+
+def advantages(geometry: 'FourBarGeometry', theta2: Any, theta3: Any, theta4: Any) -> Any:
+    """Return the mechanical advantage of one pose, or of arrays of poses; NaN where one is."""
+    sine, across = np.sin(theta2 - theta3), np.sin(theta4 - theta3)
     (dyad,) = geometry.linkage.blocks
     # What rounding makes of theta3 grows as coupler and rocker come in line.
     rounding = dyad.rounding / min(geometry.crank, geometry.coupler)
-    if abs(across) <= dyad.singular_sine:
-        return nan if abs(sine) <= sqrt(rounding) else 0.0
-    if abs(sine * across) <= rounding:
-        return inf
-    return geometry.rocker * across / (geometry.crank * sine)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        ratio = geometry.rocker * across / (geometry.crank * sine)
+    ratio = np.where(np.abs(sine * across) <= rounding, inf, ratio)
+    in_line = np.where(np.abs(sine) <= sqrt(rounding), nan, 0.0)
+    return np.where(np.abs(across) <= dyad.singular_sine, in_line, ratio)

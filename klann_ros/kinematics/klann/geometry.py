@@ -1,16 +1,18 @@
 """The dimensions of a Klann leg, with the two legs of the literature, and their linkage."""
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 import math
 from typing import Any
 
+from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import wrap
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage.assemblies import assemblies
 from klann_ros.kinematics.linkage.linkage import Linkage
 from klann_ros.kinematics.linkage.reach import closes_somewhere
-from klann_ros.kinematics.linkage.structure import Bar, Body, Dimension, Structure
+from klann_ros.kinematics.linkage.structure import Bar, Body, by_name, Dimension, Structure
 from klann_ros.untrusted.text import printable
 
 LENGTHS = ('l_ab', 'l_bc', 'l_dc', 'l_cg', 'l_ef', 'l_fg', 'l_gh')
@@ -152,6 +154,40 @@ class KlannGeometry:
         """Return the leg as a linkage, which is what solves it."""
         numbers = [getattr(self, name) for name in NUMBERS]
         return Linkage(STRUCTURE, numbers, assembly=self.assembly, name='Klann leg')
+
+    def varied(self, changes: Mapping[str, float]) -> 'KlannGeometry':
+        """
+        Return the leg with some of its numbers replaced.
+
+        Parameters
+        ----------
+        changes : mapping of str to float
+            By name, such as `l_bc` or `angle_bcg` [m, rad].
+
+        Raises
+        ------
+        GeometryError
+            It is no leg any more, or there is no such number.
+
+        """
+        by_name(STRUCTURE.dimensions, changes)
+        numbers: dict[str, Any] = {**changes}
+        return replace(self, **numbers)
+
+    def scaled(self, factor: float) -> 'KlannGeometry':
+        """Return the leg so many times as large; a GeometryError for no positive factor."""
+        factor = validation.factor(factor)
+        return self.varied({name: factor * getattr(self, name) for name in LENGTHS + COORDINATES})
+
+    def mirrored(self) -> 'KlannGeometry':
+        """
+        Return the leg mirrored in the x axis: every angle has the other sign, the crank's too.
+
+        Mirrored in the y axis, as a left leg to a right one, it is this one turned by half a turn.
+        """
+        turned = {name: -getattr(self, name) for name in ('y_a', 'y_e', *BENDS)}
+        first, second = self.assembly
+        return replace(self, **turned, assembly=(-first, -second))
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the linkage, which is made anew."""

@@ -9,7 +9,6 @@ from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import crank_angle, MAX_CRANK_ANGLE
 from klann_ros.kinematics.arcs import Arc
 from klann_ros.kinematics.errors import ImmobileDirectionError, SingularPoseError
-from klann_ros.kinematics.newton import newton_raphson
 from klann_ros.kinematics.tracking import (
     COARSE_TOLERANCE,
     MAX_ITERATIONS,
@@ -18,7 +17,6 @@ from klann_ros.kinematics.tracking import (
     track,
 )
 import numpy as np
-from numpy.typing import NDArray
 
 from .branch import STEP
 from .circles import placed, seed
@@ -26,15 +24,15 @@ from .linkage import Linkage
 from .pose import closed_pose, LinkageMotion, LinkagePose
 from .reach import reachable_arcs
 from .step import step
+from .textbook import Textbook
 
-Array = NDArray[np.float64]
 # Below this part of |dH/dalpha| the component along a direction is rounding.
 ROUNDING = 8.0 * float_info.epsilon
 PoseT = TypeVar('PoseT', bound=LinkagePose)
 MotionT = TypeVar('MotionT', bound=LinkageMotion)
 
 
-class Leg(Generic[PoseT, MotionT]):
+class Leg(Textbook, Generic[PoseT, MotionT]):
     """
     A linkage that is solved for one crank angle after the other.
 
@@ -108,9 +106,9 @@ class Leg(Generic[PoseT, MotionT]):
         return self._linkage
 
     @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Return the names of its angles, the crank's first."""
-        return self._linkage.joint_names
+    def tolerance(self) -> float:
+        """Return the largest correction of a converged pose [rad]."""
+        return self._settings.tolerance
 
     @property
     def assembly(self) -> tuple[int, ...]:
@@ -167,47 +165,6 @@ class Leg(Generic[PoseT, MotionT]):
 
     def _seed(self, alpha: float) -> tuple[float, ...]:
         return seed(self._linkage, alpha)
-
-    def newton(
-        self, alpha: float, guess: Sequence[float] | Array, *, max_iterations: int = 50
-    ) -> Array:
-        """
-        Return the iterates of the textbook's Newton-Raphson, on whichever branch they end.
-
-        Parameters
-        ----------
-        alpha : float
-            Crank angle [rad].
-        guess : sequence of float, shape (n - 1,)
-            The other angles of the first iterate, in the order of `joint_names` [rad].
-        max_iterations : int
-            How many corrections it may make.
-
-        Returns
-        -------
-        numpy.ndarray, shape (k, n - 1)
-            The iterates [rad], neither rounded nor wrapped; row 0 is the guess.
-
-        Raises
-        ------
-        NotConvergedError
-            It carries the iterates.
-        CrankAngleError
-            `alpha` is not finite, or beyond +-1e6 rad.
-        ValueError
-            The guess is not as many finite numbers, or `max_iterations` no whole number >= 0.
-
-        """
-        alpha = crank_angle(alpha)
-        linkage = self._linkage
-        return newton_raphson(
-            lambda x: linkage.f(alpha, x),
-            lambda x: linkage.phi(alpha, x),
-            validation.guess(guess, ', '.join(linkage.joint_names[1:])),
-            alpha=alpha,
-            tolerance=self._settings.tolerance,
-            max_iterations=max_iterations,
-        )
 
     def closed_form(self, alpha: float) -> PoseT:
         """
@@ -266,9 +223,9 @@ class Leg(Generic[PoseT, MotionT]):
 
         """
         if isnan(pose.coefficients[0]):
-            raise SingularPoseError(pose.alpha)
+            raise SingularPoseError(pose.crank_angle)
         validation.rate('alpha_rate', alpha_rate)
-        found = pose.linkage.step.velocity(pose.alpha, pose.x, pose.coefficients, alpha_rate)
+        found = pose.linkage.step.velocity(pose.crank_angle, pose.x, pose.coefficients, alpha_rate)
         moving: Any = self.motion_class._make((*found, pose, None))
         return moving  # type: ignore[no-any-return]  # its own
 
@@ -298,7 +255,7 @@ class Leg(Generic[PoseT, MotionT]):
         """
         moving = self.velocity(pose, alpha_rate)
         validation.rate('alpha_acceleration', alpha_acceleration)
-        state = pose.alpha, pose.x, pose.coefficients, alpha_rate, alpha_acceleration
+        state = pose.crank_angle, pose.x, pose.coefficients, alpha_rate, alpha_acceleration
         found = pose.linkage.step.acceleration(*state)
         changing: Any = self.motion_class._make((*found, pose, moving))
         return changing  # type: ignore[no-any-return]  # its own

@@ -154,8 +154,7 @@ class Linkage:
 
         """
         lengths = [d.name for d in self.structure.dimensions if d.unit == 'm']
-        if not factor > 0.0:
-            raise GeometryError(f'factor = {factor!r} is refused: it must be > 0')
+        factor = validation.factor(factor)
         return self.varied({name: factor * self.dimensions[name] for name in lengths})
 
     def mirrored(self) -> 'Linkage':

@@ -65,14 +65,20 @@ class LinkagePose(NamedTuple):
     linkage: 'Linkage'
 
     @property
+    def crank_angle(self) -> float:
+        """Return the crank's angle as given, whatever the linkage calls it [rad]."""
+        # By place: a four-bar's course has an alpha of its own.
+        return self[0]
+
+    @property
     def joints(self) -> tuple[float, ...]:
         """Return every angle, the crank's first [rad]."""
-        return (self.alpha, *self.x)
+        return (self[0], *self.x)
 
     @property
     def points(self) -> Array:
         """Return the points in the structure's order, shape (p, 2) [m]; made at each use."""
-        return self.linkage.points(self.alpha, self.x)
+        return self.linkage.points(self[0], self.x)
 
     @property
     def unit_vectors(self) -> list[complex]:
@@ -108,7 +114,7 @@ class LinkagePose(NamedTuple):
     @property
     def condition(self) -> float:
         """Condition number of Phi in the 2-norm: how much Newton amplifies a residual."""
-        return float(np.linalg.cond(self.linkage.phi(self.alpha, self.x)))
+        return float(np.linalg.cond(self.linkage.phi(self[0], self.x)))
 
 
 class LinkageMotion(NamedTuple):

@@ -11,7 +11,7 @@ Curve = Callable[[float], tuple[float, float]]
 
 
 class CurvePose(NamedTuple):
-    alpha: float
+    crank_angle: float
     h: tuple[float, float]
 
 
@@ -51,9 +51,9 @@ class CurveLeg:
 
     def _derivative(self, order: int, pose: CurvePose) -> tuple[float, float]:
         try:
-            return self._curves[order](pose.alpha)
+            return self._curves[order](pose.crank_angle)
         except (ZeroDivisionError, ValueError):
-            raise SingularPoseError(pose.alpha) from None
+            raise SingularPoseError(pose.crank_angle) from None
 
 
 @pytest.fixture

@@ -253,8 +253,8 @@ def test_a_singular_sample_leaves_a_closed_path_without_an_area(
     velocity = leg.velocity
 
     def velocity_but_for_a_quarter(pose: Any, rate: float) -> Any:
-        if pose.alpha == math.pi / 2:
-            raise SingularPoseError(pose.alpha)
+        if pose.crank_angle == math.pi / 2:
+            raise SingularPoseError(pose.crank_angle)
         return velocity(pose, rate)
 
     leg.velocity = velocity_but_for_a_quarter

@@ -134,7 +134,7 @@ def test_change_points_are_no_dead_points() -> None:
 
 @pytest.mark.parametrize('driver', ['coupler', '', None, 2])
 def test_another_driver_is_refused(driver: str) -> None:
-    with pytest.raises(ValueError, match=r"driver = .* must be 'crank' or 'rocker'"):
+    with pytest.raises(ValueError, match=r"driver = .* must be 'crank', 'rocker' or 'both'"):
         FourBar(*COURSE).dead_points(driver)
 
 

@@ -1,0 +1,87 @@
+"""A leg, a four-bar or a linkage made larger, mirrored, or with one length replaced."""
+
+import math
+from typing import Any
+
+from klann_ros.kinematics import FourBar, GeometryError, KlannGeometry, KlannLeg, LinkageLeg
+import numpy as np
+import pytest
+
+PATENT = KlannGeometry.patent()
+BAR = FourBar(0.18, 0.08, 0.2, 0.15, tolerance=1e-9)
+LINKS = ['ground', 'crank', 'coupler', 'rocker']
+THINGS = [KlannGeometry(), PATENT, BAR.geometry, BAR, KlannGeometry().linkage]
+IDS = ['sem104', 'patent', 'four-bar geometry', 'four-bar', 'linkage']
+
+
+def points(thing: Any, alpha: float) -> np.ndarray:
+    return LinkageLeg(getattr(thing, 'linkage', thing)).solve(alpha).points
+
+
+@pytest.mark.parametrize('thing', THINGS, ids=IDS)
+@pytest.mark.parametrize('alpha', [0.3, 2.0, 4.4])
+def test_what_is_scaled_or_mirrored_is_so_in_every_point(thing: Any, alpha: float) -> None:
+    own = points(thing, alpha)
+    np.testing.assert_allclose(points(thing.scaled(2.5), alpha), 2.5 * own, atol=1e-12)
+    np.testing.assert_allclose(points(thing.mirrored(), -alpha), own * [1, -1], atol=1e-12)
+    assert type(thing.scaled(2.5)) is type(thing.mirrored()) is type(thing)
+
+
+@pytest.mark.parametrize('thing', THINGS, ids=IDS)
+def test_one_length_is_replaced_and_nothing_else(thing: Any) -> None:
+    linkage = getattr(thing, 'linkage', thing)
+    name, value = [*linkage.dimensions.items()][1]
+    changed = thing.varied({name: 1.01 * value})
+    numbers = getattr(changed, 'linkage', changed).dimensions
+    assert numbers == {**linkage.dimensions, name: 1.01 * value}
+    assert getattr(changed, 'linkage', changed).assembly == linkage.assembly
+    with pytest.raises(GeometryError, match=r'no such dimension; there are .*did you mean'):
+        thing.varied({name + 'x': value})
+    with pytest.raises(GeometryError, match='a length must be > 0'):
+        thing.varied({name: -1.0})
+
+
+@pytest.mark.parametrize('thing', THINGS, ids=IDS)
+@pytest.mark.parametrize('factor', [0.0, -1.0, math.nan, math.inf, '2', None])
+def test_a_factor_that_is_none_is_refused(thing: Any, factor: Any) -> None:
+    with pytest.raises(GeometryError, match=r'factor = .* is refused'):
+        thing.scaled(factor)
+
+
+def test_a_changed_four_bar_keeps_its_settings() -> None:
+    assert [bar.tolerance for bar in (BAR.scaled(2), BAR.mirrored(), BAR.inversion('crank'))] == [
+        1e-9
+    ] * 3
+    assert KlannLeg().tolerance == 1e-12
+
+
+@pytest.mark.parametrize('fixed', LINKS)
+def test_an_inversion_moves_as_grashof_says(fixed: str) -> None:
+    inversion = BAR.inversion(fixed)
+    of_law = BAR.grashof.inversions[fixed]
+    assert (inversion.grashof.motion, inversion.grashof.class_) == (of_law.motion, of_law.class_)
+    # The same loop: what is between two links does not know which of them is held.
+    for theta2 in (0.4, 2.5, 5.0):
+        pose = BAR.closed_form(theta2)
+        angles = dict(zip(LINKS, (0.0, *pose.joints), strict=True))
+        order = LINKS * 2
+        held, driven = order[order.index(fixed)], order[order.index(fixed) + 1]
+        # Bars run around the loop, the ground and the rocker against it.
+        turned = {'ground': math.pi, 'rocker': math.pi}
+        between = (angles[driven] + turned.get(driven, 0.0)) - (
+            angles[held] + turned.get(held, 0.0)
+        )
+        found = []
+        for sign in (1, -1):
+            other = BAR.inversion(fixed, sign).closed_form(between - math.pi)
+            found.append(other.transmission_angle)
+        third, fourth = order[order.index(fixed) + 2], order[order.index(fixed) + 3]
+        own = (angles[fourth] + turned.get(fourth, 0.0)) - (angles[third] + turned.get(third, 0.0))
+        expected = math.pi - abs(math.remainder(own, math.tau))
+        assert min(abs(angle - expected) for angle in found) < 1e-9
+
+
+@pytest.mark.parametrize('fixed', ['coupler bar', '', None, 2])
+def test_a_link_that_is_none_is_refused(fixed: Any) -> None:
+    with pytest.raises(GeometryError, match='must be one of ground, crank, coupler, rocker'):
+        BAR.inversion(fixed)
