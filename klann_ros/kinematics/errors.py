@@ -43,6 +43,11 @@ class CrankAngleError(KinematicsError, ValueError):
         self.limit = limit
 
     def __str__(self) -> str:
+        if isinstance(self.alpha, np.ndarray | list | tuple | range):
+            return (
+                'an array of crank angles is refused, since one at a time is solved: '
+                'linkage_poses(leg, alphas) and klann_poses(geometry, alphas) solve many at once'
+            )
         return (
             f'crank angle {self.alpha} rad is refused: '
             f'it must be finite and within +-{self.limit:g} rad'

@@ -1,21 +1,24 @@
 """All blocks of a batch, one after the other, in the same memory."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence, Set as AbstractSet
+from dataclasses import dataclass, fields
+from itertools import islice
 from typing import Any, TypeAlias
 
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import coupled
+from .derivative import angle_rates, Derived, differentiated
 from .numpy_kernel import NumpyKernel
-from .program import Array, constants, Numbers, program
+from .program import Array, constants, Numbers, Program, program
 from .reason import Reason, unreachable
 
 Codes: TypeAlias = NDArray[np.uint8]
 Progress: TypeAlias = Callable[[int, int], object]
 Rows: TypeAlias = Sequence[Array]
+Pairs: TypeAlias = tuple[tuple[str, str], ...]
 # Poses a block: all that is made of them stays in a processor's second-level cache.
 SIZE = 8192
 
@@ -25,7 +28,8 @@ class LinkagePoses:
     """
     Many poses; where one was not solved, all its numbers are NaN.
 
-    The arrays are read-only, except an `h` that the caller has provided.
+    The arrays are read-only, except an `h` that the caller has provided. Derivatives are by the
+    crank angle, and NaN at singular poses.
 
     Attributes
     ----------
@@ -37,6 +41,15 @@ class LinkagePoses:
         The other angles, in the order of `joint_names`, in (-pi, pi] [rad], if asked for.
     points : numpy.ndarray, shape (..., p, 2), or None
         The points, in the structure's order [m], if asked for.
+    transmission_angles : numpy.ndarray, shape (..., number of blocks), or None
+        Those of `LinkagePose`, in [0, pi] [rad], if asked for.
+    h_1 : numpy.ndarray, shape (..., 2), or None
+        dH/dalpha, the foot's velocity at a crank rate of 1 rad/s [m/rad], if velocities are asked
+        for.
+    angles_1 : numpy.ndarray, shape (..., n - 1), or None
+        Derivatives of the angles, if both are asked for.
+    points_1 : numpy.ndarray, shape (..., p, 2), or None
+        Derivatives of the points [m/rad], if both are asked for.
 
     """
 
@@ -44,6 +57,65 @@ class LinkagePoses:
     reason: Codes
     angles: Array | None = None
     points: Array | None = None
+    transmission_angles: Array | None = None
+    h_1: Array | None = None
+    angles_1: Array | None = None
+    points_1: Array | None = None
+
+    def velocity(self, alpha_rate: ArrayLike) -> Array:
+        """
+        Return the foot's velocity dH/dalpha alpha_rate, shape (..., 2) [m/s].
+
+        Parameters
+        ----------
+        alpha_rate : array-like of float
+            Rate of the crank, one or of a shape that fits (...) [rad/s].
+
+        Raises
+        ------
+        ValueError
+            The velocities were not asked for, or the rate does not fit.
+
+        """
+        velocity: Array = self._asked_for() * np.asarray(alpha_rate, dtype=np.float64)[..., None]
+        return velocity
+
+    def crank_torque(self, force: ArrayLike) -> Array:
+        """
+        Return the torque at the crank that balances a force on the foot, shape (...) [N m].
+
+        T = -F . dH/dalpha, counter-clockwise positive; see `Leg.crank_torque`.
+
+        Parameters
+        ----------
+        force : array-like of float, shape (2,) or (..., 2)
+            On the foot (x, y) [N], one or one for each pose.
+
+        Raises
+        ------
+        ValueError
+            The velocities were not asked for, or the force does not fit.
+
+        """
+        f = np.asarray(force, dtype=np.float64)
+        if f.shape[-1:] != (2,):
+            msg = f'force is refused: its shape must be (2,) or (..., 2), not {f.shape}'
+            raise ValueError(msg)
+        h_1 = self._asked_for()
+        # From 0.0, so that no force takes a torque of 0.0 and not of -0.0.
+        torque: Array = 0.0 - (f[..., 0] * h_1[..., 0] + f[..., 1] * h_1[..., 1])
+        return torque
+
+    def _asked_for(self) -> Array:
+        if self.h_1 is None:
+            msg = 'the velocities were not asked for: linkage_poses(..., velocities=True)'
+            raise ValueError(msg)
+        return self.h_1
+
+    def arrays(self) -> dict[str, Array]:
+        """Return the arrays that there are, by their names, without the reasons."""
+        found = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: a for name, a in found.items() if a is not None and name != 'reason'}
 
 
 def fill(
@@ -84,13 +156,8 @@ def _blocks(legs: int, angles: int, *, one_by_one: bool) -> Iterator[tuple[slice
 
 def _part(results: LinkagePoses, rows: slice, columns: slice) -> LinkagePoses:
     """Return the part of the results that a block is."""
-    angles, points = results.angles, results.points
-    return LinkagePoses(
-        results.h[rows, columns],
-        results.reason[rows, columns],
-        None if angles is None else angles[rows, columns],
-        None if points is None else points[rows, columns],
-    )
+    parts = {name: array[rows, columns] for name, array in results.arrays().items()}
+    return LinkagePoses(reason=results.reason[rows, columns], **parts)
 
 
 class _Dyads:
@@ -99,15 +166,30 @@ class _Dyads:
     def __init__(self, variants: Variants, results: LinkagePoses, kernel: Any) -> None:
         self._results, self._variants, self._turn = results, variants, kernel.turn
         self._structure = structure = variants.base.structure
-        links = results.angles is not None or results.points is not None
-        self._program = made = program(structure, links=links)
+        others = results.arrays().keys() - {'h'}
+        self._program = made = program(structure, links=bool(others))
         self._numbers = Numbers(structure, *variants.vectors, variants.signs)
-        self._constants = constants(made, self._numbers, len(variants))
-        angles = made.links if results.angles is not None else ()
-        points = made.points if results.points is not None else ()
-        wanted = (*made.foot, *(name for pair in (*angles, *points) for name in pair))
-        self._kernel = kernel.Kernel(made, wanted, SIZE)
+        self._derived = Derived(made, {})
+        if results.h_1 is not None:
+            self._derived = differentiated(made)
+            self._program = self._derived.program
+        self._constants = constants(self._program, self._numbers, len(variants))
+        self._wanted = self._names(made, others)
+        names = (name for pairs in self._wanted.values() for pair in pairs for name in pair)
+        self._kernel = kernel.Kernel(self._program, (*made.foot, *names), SIZE)
         self._turned: tuple[slice, Any] | None = None
+
+    def _names(self, made: Program, others: AbstractSet[str]) -> dict[str, Pairs]:
+        """Return the pairs of numbers that the kernel is to compute beside the foot."""
+        wanted: dict[str, Pairs] = {}
+        if others - {'points'}:
+            wanted['links'] = made.links
+        if 'points' in others:
+            wanted['points'] = made.points
+        for name, pairs in (('h', [made.foot]), ('angles', made.links), ('points', made.points)):
+            if f'{name}_1' in others:
+                wanted[f'{name}_1'] = self._derived.of(pairs)
+        return wanted
 
     def place(self, rows: slice, columns: slice, alphas: NDArray[Any]) -> None:
         """Compute and store a block."""
@@ -146,20 +228,53 @@ class _Dyads:
         return why
 
     def _store(self, rows: slice, columns: slice, found: Rows) -> Iterator[Array]:
-        """Store angles and points, as far as they are wanted; yield what was stored."""
-        pairs = list(zip(found[::2], found[1::2], strict=True))
-        if self._results.angles is not None:
-            angles = self._results.angles[rows, columns]
-            for k, group in enumerate(self._structure.groups):
-                for j, w in zip(group, self._numbers.links(k), strict=True):
-                    own = w[rows, None], self._structure.senses[j]
-                    angles[..., j - 1] = _angle(*pairs.pop(0), *own)
-            yield angles
-        if self._results.points is not None:
-            points = self._results.points[rows, columns]
-            for k, (x, y) in enumerate(pairs):
-                points[..., k, 0], points[..., k, 1] = x, y
-            yield points
+        """Store all but the feet, as far as it is wanted; yield what was stored."""
+        part = _part(self._results, rows, columns)
+        numbers = iter(list(zip(found[::2], found[1::2], strict=True)))
+        own = {name: [*islice(numbers, len(pairs))] for name, pairs in self._wanted.items()}
+        singular = self._singular(own['links'], rows) if part.h_1 is not None else None
+        for name, array in part.arrays().items():
+            if name == 'h':
+                continue
+            if name in {'angles', 'angles_1'}:
+                self._store_angles(array, own, rows, rate=name == 'angles_1')
+            elif name == 'transmission_angles':
+                self._store_transmission(array, own['links'])
+            elif name == 'h_1':
+                array[..., 0], array[..., 1] = own['h_1'][0]
+            else:
+                for k, (x, y) in enumerate(own[name]):
+                    array[..., k, 0], array[..., k, 1] = x, y
+            if singular is not None and name.endswith('_1'):
+                array[singular] = np.nan
+            yield array
+
+    def _store_angles(
+        self, angles: Array, own: dict[str, list[Any]], rows: slice, *, rate: bool
+    ) -> None:
+        senses = self._structure.senses
+        links = [(k, j) for k, group in enumerate(self._structure.groups) for j in group]
+        for n, (k, j) in enumerate(links):
+            if rate:
+                angles[..., j - 1] = angle_rates(own['links'][n], own['angles_1'][n], senses[j])
+            else:
+                w = self._numbers.links(k)[n % 2]
+                x, y = own['links'][n]
+                angles[..., j - 1] = _angle(x, y, w[rows, None], senses[j])
+
+    def _store_transmission(self, angles: Array, links: list[Any]) -> None:
+        for k, ((x, y), (u, v)) in enumerate(zip(links[::2], links[1::2], strict=True)):
+            along = np.abs(np.arctan2(x * v - y * u, x * u + y * v))
+            angles[..., k] = along if k + 1 in self._structure.outside else np.pi - along
+
+    def _singular(self, links: list[Any], rows: slice) -> NDArray[np.bool_]:
+        """Return at which poses a dyad is in line, but for rounding."""
+        found: NDArray[np.bool_] = np.zeros(links[0][0].shape, dtype=np.bool_)
+        for k, ((x, y), (u, v)) in enumerate(zip(links[::2], links[1::2], strict=True)):
+            sine = np.abs(x * v - y * u) / (np.hypot(x, y) * np.hypot(u, v))
+            least = np.broadcast_to(self._numbers.singular_sine(k), len(self._variants))
+            found |= sine <= least[rows, None]
+        return found
 
 
 def _angle(x: Array, y: Array, w: NDArray[np.complex128], sense: int) -> Array:

@@ -11,6 +11,7 @@ from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 from numpy.typing import NDArray
 
+from .derivative import rates
 from .program import Array
 from .reason import open_loops, Reason, unreachable
 
@@ -37,9 +38,8 @@ def place(variants: Variants, i: int, alphas: NDArray[Any], results: 'LinkagePos
 
 def _store_nothing(results: 'LinkagePoses') -> None:
     results.reason[...] = Reason.REFUSED
-    for array in (results.h, results.angles, results.points):
-        if array is not None:
-            array[...] = np.nan
+    for array in results.arrays().values():
+        array[...] = np.nan
 
 
 class _Solution:
@@ -78,6 +78,23 @@ class _Solution:
         if results.points is not None:
             points = (q_u @ u).T + q
             results.points[0] = np.stack([points.real, points.imag], axis=-1)
+
+        if results.transmission_angles is not None:
+            for k, block in enumerate(linkage.blocks):
+                results.transmission_angles[0, :, k] = block.transmission_angle(u)
+        if results.h_1 is not None:
+            self._store_derivatives(results)
+
+    def _store_derivatives(self, results: 'LinkagePoses') -> None:
+        x_1, u_1 = rates(self._linkage, self._u)
+        points_1 = self._linkage.point_equations[0] @ u_1
+        foot = points_1[self._linkage.foot]
+        if results.h_1 is not None:
+            results.h_1[0] = np.stack([foot.real, foot.imag], axis=-1)
+        if results.angles_1 is not None:
+            results.angles_1[0] = x_1[1:].T
+        if results.points_1 is not None:
+            results.points_1[0] = np.stack([points_1.real, points_1.imag], axis=-1).swapaxes(0, 1)
 
     def _open(self, block: Block) -> Complex:
         """Return by how much each loop of a block is open, its own bodies left out."""

@@ -26,6 +26,8 @@ def linkage_poses(
     *,
     angles: bool = False,
     points: bool = False,
+    transmission_angles: bool = False,
+    velocities: bool = False,
     out: Array | None = None,
     progress: Progress | None = None,
     kernel: str | None = None,
@@ -45,8 +47,11 @@ def linkage_poses(
         One linkage, or n of them. Variants are arrays of numbers: much quicker than objects.
     alphas : array-like of real numbers
         Crank angles, of any shape and any number of turns [rad].
-    angles, points : bool
-        Whether the angles and the points are wanted, too.
+    angles, points, transmission_angles : bool
+        Whether the angles, the points and the transmission angles are wanted, too.
+    velocities : bool
+        Whether the derivatives by the crank angle are wanted: of the foot, and of the angles and
+        points that are. `LinkagePoses.velocity` and `.crank_torque` follow from them.
     out : numpy.ndarray of float64, optional
         Where the feet go, in exactly their shape; no other array of them is made. It may be a
         view, as long as its axes of crank angles can be flattened into one without a copy.
@@ -89,11 +94,20 @@ def linkage_poses(
     shape = flat.shape if one else (count, *flat.shape)
     structure = None if variants is None else variants.base.structure
     bodies = 0 if structure is None else len(structure.bodies) - 1
+    axes = {
+        'angles': (bodies,) if angles else None,
+        'points': (len(structure.points) if structure else 0, 2) if points else None,
+        'transmission_angles': (len(structure.groups) if structure else 0,)
+        if transmission_angles
+        else None,
+    }
+    if velocities:
+        axes |= {'h_1': (2,), 'angles_1': axes['angles'], 'points_1': axes['points']}
+    wanted = {name: each for name, each in axes.items() if each is not None}
     made = LinkagePoses(
         np.empty((*shape, 2)) if out is None else out,
         np.empty(shape, dtype=np.uint8),
-        np.empty((*shape, bodies)) if angles else None,
-        np.empty((*shape, len(structure.points) if structure else 0, 2)) if points else None,
+        **{name: np.empty((*shape, *each)) for name, each in wanted.items()},
     )
     table = (count, flat.size)
     h = made.h.reshape(*table, 2) if out is None else _checked(out, shape, table)
@@ -102,15 +116,13 @@ def linkage_poses(
         # Else the first results would overwrite crank angles that are still to come.
         flat = flat.copy()
     if variants is not None:
-        results = LinkagePoses(
-            h,
-            made.reason.reshape(table),
-            None if made.angles is None else made.angles.reshape(*table, bodies),
-            None if made.points is None else made.points.reshape(*table, *made.points.shape[-2:]),
-        )
+        others = made.arrays()
+        tables = {name: others[name].reshape(*table, *each) for name, each in wanted.items()}
+        results = LinkagePoses(h, made.reason.reshape(table), **tables)
         fill(variants, flat.reshape(-1), results, chosen, progress)
-    for array in (made.reason, made.angles, made.points, None if made.h is out else made.h):
-        if array is not None:
+    made.reason.setflags(write=False)
+    for array in made.arrays().values():
+        if array is not out:
             array.setflags(write=False)
     return made
 

@@ -21,6 +21,7 @@ buffers that are used again; numba compiles the same list.
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
+from sys import float_info
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.linkage.paths import Path
@@ -104,6 +105,14 @@ class Numbers:
         (loop,) = self._structure.paths.rows[k]
         path = self._structure.paths.loops[loop]
         return self.body(path, a), self.body(path, b)
+
+    def singular_sine(self, k: int) -> Any:
+        """Return the sine of a dyad below which it is singular: see `Block.singular_sine`."""
+        (loop,) = self._structure.paths.rows[k]
+        bodies, fixed = self._row(self._structure.paths.loops[loop])
+        longest = np.max(np.broadcast_arrays(np.abs(fixed), *map(np.abs, bodies.values())), axis=0)
+        shorter = np.minimum(*(np.abs(link) for link in self.links(k)))
+        return np.sqrt(8.0 * float_info.epsilon * longest / shorter)
 
     def _row(self, path: Path) -> tuple[Mapping[int, Any], Any]:
         if path not in self._rows:

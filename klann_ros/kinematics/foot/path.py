@@ -11,6 +11,8 @@ from typing import Any
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import KinematicsError
+from klann_ros.kinematics.linkage.leg import LinkageLeg
+from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 import numpy as np
 
 from . import inverse
@@ -211,9 +213,11 @@ class FootPath:
         return inverse.crank_angles_at(self._tracks, s, value, self._size)
 
 
-def foot_path(leg: Any, *, samples: int = 720) -> FootPath:
+def foot_path(
+    leg: Any, *, point: str | tuple[str, float, float] | None = None, samples: int = 720
+) -> FootPath:
     """
-    Return the path of a leg's foot over all crank angles that it can reach.
+    Return the path of a leg's foot, or of any point, over all crank angles that it can reach.
 
     Extremes and crank angles are found between the samples, to rounding; the samples only have to
     tell them apart. At the end of an arc the crank angle's own last digit moves the foot by about
@@ -222,7 +226,11 @@ def foot_path(leg: Any, *, samples: int = 720) -> FootPath:
     Parameters
     ----------
     leg : Leg
-        Any leg; it is copied, and keeps its last pose.
+        Any leg, a FourBar included, whose foot is B; it is copied, and keeps its last pose.
+    point : str, or (str, float, float), optional
+        The point whose path is wanted in place of the foot's: the name of one, such as 'G'; or
+        body, u, v for a point of a body, u [m] along its first bar from where that starts, v [m]
+        to the left of it. So `('theta3', 0.1, 0.05)` gives a FourBar's coupler curve.
     samples : int
         Samples for a whole turn, at least 32; an arc has its share of them, but not fewer than 32.
 
@@ -236,16 +244,25 @@ def foot_path(leg: Any, *, samples: int = 720) -> FootPath:
     NoFootPathError
         The leg reaches no crank angle.
     TypeError
-        It is no leg, such as a geometry, or has no foot, such as a FourBar.
+        It is no leg, such as a geometry, or its poses have no foot.
+    GeometryError
+        There is no such point or body, or it is a pivot, which does not move; a ValueError.
     ValueError
-        `samples` is no whole number, or too few.
+        `samples` is no whole number, or too few; `point` is no point.
+
+    Examples
+    --------
+    >>> from klann_ros.kinematics import FourBar
+    >>> curve = foot_path(FourBar(0.2, 0.1, 0.25, 0.25), point=('theta3', 0.5, 0.0))
+    >>> round(curve.stride, 3), curve.full_turn
+    (0.4, True)
 
     """
     samples = validation.count('samples', samples, FEWEST_SAMPLES)
     if not all(hasattr(leg, name) for name in WHAT_A_LEG_DOES):
         msg = f'leg = {leg!r} is refused: it must be a leg, such as a KlannLeg'
         raise TypeError(msg)
-    own = copy(leg)
+    own = copy(leg) if point is None else LinkageLeg(_with_foot(leg, point))
     own.reset()
     spans = [Span(start, end) for start, end in own.reachable_arcs()]
     shares = [round(samples * (span.end - span.start) / TURN) for span in spans]
@@ -263,6 +280,20 @@ def foot_path(leg: Any, *, samples: int = 720) -> FootPath:
     alphas, h, h_1 = (_read_only(array) for array in arrays)
     arcs = tuple((track.span.start, track.span.end) for track in tracks)
     return FootPath(alphas, h, h_1, arcs, tuple(tracks))
+
+
+def _with_foot(leg: Any, point: Any) -> Linkage:
+    """Return a leg's linkage whose foot is another point."""
+    linkage = as_linkage(leg)
+    if isinstance(point, str):
+        return linkage.with_foot(point)
+    try:
+        body, u, v = point
+    except (TypeError, ValueError):
+        msg = f"point = {point!r} is refused: it must be a point's name, or body, u, v"
+        raise ValueError(msg) from None
+    free = next(f'P{n}' for n in ('', *range(100)) if f'P{n}' not in linkage.structure.points)
+    return linkage.with_coupler_point(body, u, v, free)
 
 
 def _read_only(array: Array) -> Array:

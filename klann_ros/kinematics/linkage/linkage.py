@@ -1,6 +1,6 @@
 """A linkage ready to be solved: its structure, its numbers, its branch."""
 
-from cmath import rect
+from cmath import phase, rect
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from math import degrees
@@ -142,6 +142,47 @@ class Linkage:
             msg = 'its loops are coupled: take the linkage of one of its assembly_poses'
             raise GeometryError(msg)
         return _made(self.structure, self.numbers, assembly, None, self.name, self.source)
+
+    def with_foot(self, point: str) -> 'Linkage':
+        """
+        Return the linkage with another of its points as foot, which `h` and `foot_path` are of.
+
+        Raises
+        ------
+        GeometryError
+            It is none of its points, or a pivot, which does not move.
+
+        """
+        numbers, made = self.numbers, self.structure.with_foot(point)
+        return _made(made, numbers, self.assembly, self.given_start, self.name, self.source)
+
+    def with_coupler_point(self, body: str, u: float, v: float, name: str = 'P') -> 'Linkage':
+        """
+        Return the linkage with a point more, which is fixed to a body and is the foot.
+
+        Parameters
+        ----------
+        body : str
+            The name of the body's angle, such as 'theta3'.
+        u, v : float
+            Where on it [m]: u from its first point along its first bar, v to the left of that.
+        name : str
+            What the point is called.
+
+        Raises
+        ------
+        GeometryError
+            There is no such body, u or v is not finite, the name is taken, or it is a pivot.
+
+        """
+        place = complex(validation.finite('u', u), validation.finite('v', v))
+        own = next((each for each in self.structure.bodies if each.angle == body), None)
+        start = own.points[0] if own else ''
+        if own and place == 0.0:
+            return self.with_foot(start)
+        made = self.structure.with_point(name, body, start)
+        numbers = (*self.numbers, abs(place), phase(place))
+        return _made(made, numbers, self.assembly, self.given_start, self.name, self.source)
 
     def scaled(self, factor: float) -> 'Linkage':
         """

@@ -234,6 +234,35 @@ class Structure:
             placed.update(*bodies)
         return tuple(found)
 
+    def with_foot(self, foot: str) -> 'Structure':
+        """Return it with another of its points as foot; a GeometryError where that is none."""
+        return replace(self, foot=foot)
+
+    def with_point(self, name: str, angle: str, start: str) -> 'Structure':
+        """
+        Return it with a point more as foot, at the end of a bent bar of a body from a point of it.
+
+        The bar's length and bend are its last two dimensions. A GeometryError says that there is
+        no such body, that the name is taken, or that the body does not have the start.
+        """
+        near = did_you_mean(angle, self.angles)
+        there_are = f'there are {", ".join(self.angles)}{near}'
+        _must(angle in self.angles, f'{angle}: no such body; {there_are}')
+        _must(name not in self.points, f'the point {name} is there already')
+        j = self.angles.index(angle)
+        own = self.bodies[j]
+        added = 1 + max(n for n, (body, _) in enumerate(self.bars) if body == j)
+        bodies = [*self.bodies]
+        bodies[j] = own._replace(bars=(*own.bars, Bar(start, name)))
+        moved = [
+            d._replace(place=d.place + 1) if d.kind not in ('x', 'y') and d.place >= added else d
+            for d in self.dimensions
+        ]
+        ends = f'{start}-{name}'
+        new = Dimension(ends, 'length', added), Dimension(f'bend of {ends}', 'bend', added)
+        points = (*self.points, name)
+        return Structure(self.pivots, tuple(bodies), name, points, (*moved, *new), self.outside)
+
     def mirrored(self) -> 'Structure':
         """Return it with every brace on the other side of its bar."""
         turned = (

@@ -1,0 +1,151 @@
+"""Velocities, transmission angles and torques of many poses are those of each one."""
+
+import math
+from typing import Any
+
+from klann_ros.kinematics import (
+    CrankAngleError,
+    FourBar,
+    klann_poses,
+    KlannGeometry,
+    KlannLeg,
+    linkage_poses,
+    LinkageLeg,
+    Reason,
+    shipped_linkage,
+    SingularPoseError,
+    UnreachableError,
+    Variants,
+)
+from mechanisms import fresh, NAMES
+import numpy as np
+import pytest
+
+ALPHAS = np.linspace(-7.0, 7.0, 211)
+EVERYTHING = {'angles': True, 'points': True, 'transmission_angles': True, 'velocities': True}
+WHERE = ['h_1', 'angles_1', 'points_1', 'transmission_angles']
+
+
+def kernels() -> list[str]:
+    try:
+        import numba  # noqa: F401
+    except ImportError:
+        return ['numpy']
+    return ['numpy', 'numba']
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_each_is_that_of_the_leg(name: str) -> None:
+    leg = fresh(name)
+    for kernel in kernels():
+        poses = linkage_poses(leg, ALPHAS, kernel=kernel, **EVERYTHING)
+        for k, alpha in enumerate(ALPHAS.tolist()):
+            rows = [getattr(poses, where)[k] for where in WHERE]
+            try:
+                pose = leg.closed_form(alpha)
+            except UnreachableError:
+                assert all(np.isnan(row).all() for row in rows)
+                continue
+            motion = leg.velocity(pose, 1.0)
+            expected = [motion.h, motion.joints[1:], motion.points, pose.transmission_angles]
+            # Near the end of an arc everything is as large as it is uncertain.
+            allowed = 1e-12 / min(pose.sines) ** 2
+            for row, own in zip(rows, expected, strict=True):
+                np.testing.assert_allclose(row, own, rtol=0, atol=allowed)
+
+
+@pytest.mark.parametrize('name', ['sem104', 'jansen', 'stephenson'])
+def test_they_are_the_slopes_of_the_poses(name: str) -> None:
+    linkage, step = fresh(name).linkage, 1e-5
+    poses = linkage_poses(linkage, ALPHAS, **EVERYTHING)
+    up, down = (
+        linkage_poses(linkage, ALPHAS + s, angles=True, points=True) for s in (step, -step)
+    )
+    for values, slopes in (('h', 'h_1'), ('points', 'points_1')):
+        slope = (getattr(up, values) - getattr(down, values)) / (2 * step)
+        np.testing.assert_allclose(getattr(poses, slopes), slope, rtol=0, atol=1e-8)
+    turned = np.exp(1j * up.angles) * np.exp(-1j * down.angles)
+    np.testing.assert_allclose(poses.angles_1, np.angle(turned) / (2 * step), rtol=0, atol=1e-7)
+
+
+def test_variants_have_each_their_own() -> None:
+    base = KlannGeometry().linkage
+    lengths = np.array([0.345, 0.35, -1.0, 0.36])
+    poses = linkage_poses(Variants(base, {'l_bc': lengths}), ALPHAS, **EVERYTHING)
+    assert poses.h_1.shape == (4, len(ALPHAS), 2)
+    assert poses.angles_1.shape == (4, len(ALPHAS), 4)
+    assert poses.points_1.shape == (4, len(ALPHAS), 8, 2)
+    assert poses.transmission_angles.shape == (4, len(ALPHAS), 2)
+    assert (poses.reason[2] == Reason.REFUSED).all()
+    for i, length in enumerate(lengths.tolist()):
+        if length < 0.0:
+            assert np.isnan(poses.h_1[i]).all()
+            assert np.isnan(poses.transmission_angles[i]).all()
+            continue
+        own = linkage_poses(base.varied({'l_bc': length}), ALPHAS, **EVERYTHING)
+        for where in WHERE:
+            np.testing.assert_allclose(getattr(poses, where)[i], getattr(own, where), atol=1e-13)
+
+
+def test_a_singular_pose_has_no_velocity() -> None:
+    bar = FourBar(2, 1, 2, 1)
+    poses = linkage_poses(bar, [0.0, 1.0, math.pi], velocities=True, transmission_angles=True)
+    assert poses.reason.tolist() == [0, 0, 0]
+    assert np.isnan(poses.h_1[:, 0]).tolist() == [True, False, True]
+    assert not np.isnan(poses.transmission_angles).any()
+    with pytest.raises(SingularPoseError):
+        bar.velocity(bar.closed_form(0.0), 1.0)
+
+
+def test_the_torque_is_that_of_the_leg() -> None:
+    leg, force = KlannLeg(), (3.0, -40.0)
+    poses = klann_poses(leg.geometry, ALPHAS, velocities=True)
+    torques = poses.crank_torque(force)
+    expected = [leg.crank_torque(leg.closed_form(alpha), force) for alpha in ALPHAS.tolist()]
+    np.testing.assert_allclose(torques, expected, rtol=0, atol=1e-12)
+    # A force of its own for each pose.
+    many = np.stack([np.linspace(-1, 1, len(ALPHAS)), np.ones(len(ALPHAS))], axis=-1)
+    np.testing.assert_allclose(
+        poses.crank_torque(many), -(many * poses.h_1).sum(axis=-1), rtol=0, atol=1e-15
+    )
+    rates = np.linspace(-2, 2, len(ALPHAS))
+    np.testing.assert_allclose(poses.velocity(rates), poses.h_1 * rates[:, None], atol=0)
+    np.testing.assert_allclose(poses.velocity(2.0), 2.0 * poses.h_1, atol=0)
+
+
+def test_only_what_was_asked_for_is_there() -> None:
+    poses = linkage_poses(KlannLeg(), ALPHAS)
+    assert poses.h_1 is poses.angles_1 is poses.points_1 is poses.transmission_angles is None
+    for ask in (lambda: poses.velocity(1.0), lambda: poses.crank_torque((0.0, 1.0))):
+        with pytest.raises(ValueError, match='velocities=True'):
+            ask()
+    poses = linkage_poses(KlannLeg(), ALPHAS, velocities=True)
+    assert poses.angles_1 is poses.points_1 is poses.angles is None
+    assert not poses.h_1.flags.writeable
+    with pytest.raises(ValueError, match=r'force is refused: its shape must be'):
+        poses.crank_torque([1.0, 2.0, 3.0])
+
+
+def test_feet_are_the_same_with_velocities_or_without() -> None:
+    for linkage in (KlannGeometry().linkage, shipped_linkage('stephenson')):
+        with_them = linkage_poses(linkage, ALPHAS, velocities=True, kernel='numpy')
+        without = linkage_poses(linkage, ALPHAS, kernel='numpy')
+        assert (with_them.h == without.h).all()
+
+
+def test_any_shape_of_angles_and_none_at_all() -> None:
+    poses = linkage_poses(KlannLeg(), ALPHAS[:210].reshape(2, 3, 35), **EVERYTHING)
+    assert poses.points_1.shape == (2, 3, 35, 8, 2)
+    assert linkage_poses(KlannLeg(), 1.0, velocities=True).h_1.shape == (2,)
+    assert klann_poses([], [1.0, 2.0], **EVERYTHING).angles_1.shape == (0, 2, 4)
+    assert linkage_poses([], [1.0], velocities=True).h_1.shape == (0, 1, 2)
+
+
+@pytest.mark.parametrize('alphas', [np.zeros(3), [0.0, 1.0], (), range(3), np.zeros((2, 2))])
+def test_one_angle_at_a_time_is_solved_and_the_text_says_what_solves_many(alphas: Any) -> None:
+    for leg in (KlannLeg(), FourBar(0.18, 0.08, 0.2, 0.15), LinkageLeg(shipped_linkage('jansen'))):
+        for call in (leg.solve, leg.closed_form):
+            with pytest.raises(CrankAngleError) as caught:
+                call(alphas)
+            assert 'linkage_poses(leg, alphas)' in str(caught.value)
+            assert 'klann_poses(geometry, alphas)' in str(caught.value)

@@ -1,0 +1,113 @@
+"""The path of any point of a leg, and the coupler curve of a four-bar."""
+
+import math
+from typing import Any
+
+from klann_ros.kinematics import (
+    foot_path,
+    FourBar,
+    GeometryError,
+    KlannGeometry,
+    KlannLeg,
+    LinkageLeg,
+    shipped_linkage,
+)
+import numpy as np
+import pytest
+
+BAR = FourBar(0.18, 0.08, 0.2, 0.15)
+
+
+def test_a_four_bars_foot_is_b() -> None:
+    path = foot_path(BAR)
+    expected = [BAR.closed_form(alpha).points[2] for alpha in path.alphas.tolist()]
+    np.testing.assert_allclose(path.h, expected, rtol=0, atol=1e-14)
+    # There and back: where it turns the quadrature loses digits.
+    assert path.length == pytest.approx(2 * 0.15 * BAR.rocker_limits.swing, rel=1e-5)
+
+
+@pytest.mark.parametrize(('u', 'v'), [(0.1, 0.05), (0.3, -0.02), (-0.1, 0.0), (0.0, 0.0)])
+def test_a_coupler_curve_is_that_of_the_coupler_point(u: float, v: float) -> None:
+    path = foot_path(BAR, point=('theta3', u, v))
+    expected = [BAR.closed_form(alpha).coupler_point(u, v) for alpha in path.alphas.tolist()]
+    np.testing.assert_allclose(path.h, expected, rtol=0, atol=1e-14)
+    moved = [
+        BAR.velocity(BAR.closed_form(alpha), 1.0).coupler_point(u, v)
+        for alpha in path.alphas.tolist()
+    ]
+    np.testing.assert_allclose(path.h_1, moved, rtol=0, atol=1e-13)
+
+
+def test_chebyshevs_coupler_curve_is_the_path_of_the_shipped_foot() -> None:
+    shipped = foot_path(LinkageLeg(shipped_linkage('chebyshev_lambda')))
+    curve = foot_path(FourBar(0.2, 0.1, 0.25, 0.25), point=('theta3', 0.5, 0.0))
+    assert (curve.stride, curve.length) == pytest.approx((shipped.stride, shipped.length))
+
+
+@pytest.mark.parametrize('name', ['B', 'C', 'F', 'G', 'H'])
+def test_every_point_that_moves_has_its_path(name: str) -> None:
+    leg = KlannLeg(KlannGeometry.patent())
+    place = 'ABCDEFGH'.index(name)
+    path = foot_path(leg, point=name)
+    expected = [leg.closed_form(alpha).points[place] for alpha in path.alphas.tolist()]
+    np.testing.assert_allclose(path.h, expected, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize('body', ['alpha', 'gamma', 'beta', 'delta', 'theta'])
+def test_a_point_of_a_body_is_where_its_first_bar_and_its_left_say(body: str) -> None:
+    leg, (u, v) = KlannLeg(), (0.13, -0.07)
+    first, second = {
+        'alpha': 'AB', 'gamma': 'BC', 'beta': 'DC', 'delta': 'EF', 'theta': 'FG',
+    }[body]  # fmt: skip
+    path = foot_path(leg, point=(body, u, v), samples=40)
+    for alpha, h in zip(path.alphas.tolist(), path.h, strict=True):
+        points = leg.closed_form(alpha).points
+        start, end = points['ABCDEFGH'.index(first)], points['ABCDEFGH'.index(second)]
+        along = (end - start) / math.dist(end, start)
+        left = np.array([-along[1], along[0]])
+        np.testing.assert_allclose(h, start + u * along + v * left, rtol=0, atol=1e-13)
+
+
+def test_a_linkage_with_a_point_more_is_the_same_otherwise() -> None:
+    linkage = KlannGeometry().linkage
+    more = linkage.with_coupler_point('gamma', 0.1, 0.2, 'Q')
+    assert more.structure.points == (*linkage.structure.points, 'Q')
+    assert list(more.dimensions.items())[: len(linkage.dimensions)] == [
+        *linkage.dimensions.items()
+    ]
+    own, other = LinkageLeg(linkage).solve(1.0), LinkageLeg(more).solve(1.0)
+    assert other.x == pytest.approx(own.x, abs=1e-15)
+    np.testing.assert_allclose(other.points[:-1], own.points, rtol=0, atol=1e-15)
+    assert more.varied({'l_bc': 0.36}).mirrored().scaled(2.0).structure.foot == 'Q'
+    assert LinkageLeg(linkage.with_foot('G')).solve(1.0).h == pytest.approx(own.points[6])
+
+
+@pytest.mark.parametrize(
+    ('point', 'reason'),
+    [
+        ('A', 'the foot A is a pivot and does not move'),
+        ('h', 'the foot h is none of the points: .*; did you mean H'),
+        (('gama', 0.1, 0.0), 'gama: no such body; there are .*; did you mean gamma'),
+        (('gamma', math.nan, 0.0), 'u = nan is refused'),
+        (('gamma', 0.1, '1'), "v = '1' is refused"),
+        (('gamma', 0.1), "must be a point's name, or body, u, v"),
+        (3, "must be a point's name, or body, u, v"),
+    ],
+)
+def test_what_is_no_point_is_refused(point: Any, reason: str) -> None:
+    with pytest.raises(ValueError, match=reason) as caught:
+        foot_path(KlannLeg(), point=point)
+    assert isinstance(caught.value, GeometryError) != ('body, u, v' in reason)
+
+
+def test_coupled_loops_have_coupler_curves_too() -> None:
+    leg = LinkageLeg(shipped_linkage('stephenson'))
+    path = foot_path(leg, point=('epsilon', 0.02, 0.01), samples=64)
+    assert path.full_turn
+    names = leg.linkage.structure.points
+    for alpha, h in zip(path.alphas.tolist(), path.h, strict=True):
+        points = leg.solve(alpha).points
+        c, d = points[names.index('C')], points[names.index('D')]
+        along = (d - c) / math.dist(c, d)
+        expected = c + 0.02 * along + 0.01 * np.array([-along[1], along[0]])
+        np.testing.assert_allclose(h, expected, rtol=0, atol=1e-11)
