@@ -8,6 +8,7 @@ duration is 9223372036 s and 854775807 ns, which is the largest signed 64 bit nu
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from klann_ros.untrusted.text import printable
@@ -20,6 +21,15 @@ INFINITE = 2**63 - 1
 
 MOST_LATCHED = 2000
 """More messages than these count for nobody who comes late."""
+
+LONGEST = 2**18
+"""A longer text is refused [characters]; 800 publishers of one topic need so much."""
+
+MOST_TEXTS, MOST_DIFFERENT = 2**22, 2**20
+"""So much text is taken for all topics of a log, and so much that differs [characters]."""
+
+# A topic is looked at when it is read, when it is written, and when the run is finished.
+_REMEMBERED = 64
 
 _NS = 10**9
 
@@ -115,19 +125,60 @@ def qos_from_yaml(text: str) -> list[Qos]:
     Raises
     ------
     MalformedQosError
-        It is not a sequence of mappings with all nine keys. rosbag2 cannot open a file with
-        such a text, so it is an error here, too, and not an empty list.
+        It is not a sequence of mappings with all nine keys, or longer than LONGEST. rosbag2 cannot
+        open a file with such a text, so it is an error here, too, and not an empty list.
 
     """
-    try:
-        data = yaml_text.load(text)
-    except ValueError as error:
-        raise MalformedQosError(str(error)) from None
-    if data is None:
-        return []
-    if not isinstance(data, list):
-        raise MalformedQosError(f'a {type(data).__name__}, not a sequence of profiles')
-    return [_profile(item) for item in data]
+    return list(_read(text)[0])
+
+
+class QosTexts:
+    """
+    Reads the texts of one log's channels, each once, and no more of them than is ever meant.
+
+    To take a text apart costs a thousand times what it costs to unpack it from a chunk, so that a
+    file of some kilobytes could ask for hours.
+    """
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._left, self._different = MOST_TEXTS, MOST_DIFFERENT
+        self._known: dict[str, list[Qos] | MalformedQosError] = {}
+
+    def profiles(self, text: str) -> list[Qos]:
+        """
+        Return the profiles in a text, as :func:`qos_from_yaml`.
+
+        Raises
+        ------
+        MalformedQosError
+            As :func:`qos_from_yaml`, or the log's texts are too long together.
+
+        """
+        if len(text) > self._left:
+            raise MalformedQosError(
+                f'the profiles of all topics have more than {MOST_TEXTS} characters'
+            )
+        if text not in self._known:
+            self._known[text] = self._first(text)
+        found = self._known[text]
+        if isinstance(found, MalformedQosError):
+            raise found.with_traceback(None)
+        self._left -= len(text)
+        return found
+
+    def _first(self, text: str) -> list[Qos] | MalformedQosError:
+        # What is too long is refused before it is looked at.
+        size = len(text) if len(text) <= LONGEST else 0
+        if size > self._different:
+            return MalformedQosError(
+                f'the profiles that differ have more than {MOST_DIFFERENT} characters'
+            )
+        self._different -= size
+        try:
+            return qos_from_yaml(text)
+        except MalformedQosError as error:
+            return error
 
 
 def latched_count(profiles: Iterable[Qos]) -> int:
@@ -154,11 +205,25 @@ def qos_for_writing(text: str) -> str:
         As :func:`qos_from_yaml`.
 
     """
-    profiles = qos_from_yaml(text)
-    numbered = any(
-        isinstance(item[key], int) for item in yaml_text.load(text) or () for key in POLICIES
-    )
+    profiles, numbered = _read(text)
     return qos_to_yaml(profiles) if numbered else text
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _read(text: str) -> tuple[tuple[Qos, ...], bool]:
+    """Return the profiles in a text, and whether there are numbers in it for words."""
+    if len(text) > LONGEST:
+        raise MalformedQosError(f'it has {len(text)} characters, more than {LONGEST}')
+    try:
+        data = yaml_text.load(text)
+    except ValueError as error:
+        raise MalformedQosError(str(error)) from None
+    if data is None:
+        return (), False
+    if not isinstance(data, list):
+        raise MalformedQosError(f'a {type(data).__name__}, not a sequence of profiles')
+    profiles = tuple(map(_profile, data))
+    return profiles, any(isinstance(item[key], int) for item in data for key in POLICIES)
 
 
 def _profile(item: object) -> Qos:

@@ -1,6 +1,9 @@
 """What a log holds, as data: topics, messages, attachments."""
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 
 @dataclass(frozen=True)
@@ -38,8 +41,20 @@ class Topic:
     extra: tuple[tuple[str, str], ...] = ()
 
     def __hash__(self) -> int:
-        # A writer looks the topic up for each message; to hash eight fields costs more than that.
-        return hash((self.name, self.type))
+        # Topics may differ in any field, ten thousand times over, and a writer looks one up for
+        # each message; to hash eight fields costs more than that.
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash(self._values())
+
+    def _values(self) -> tuple[object, ...]:
+        return tuple(getattr(self, field.name) for field in fields(self))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # Another process hashes texts in another way.
+        return Topic, self._values()
 
 
 # Not frozen: it is made for each message, and a frozen one takes three times as long to make.

@@ -23,7 +23,7 @@ from klann_ros.untrusted.text import printable
 
 from .bag_metadata import RECORD_NAME
 from .errors import MalformedQosError, NotALogError, UnwritableError
-from .qos import qos_for_writing
+from .qos import QosTexts
 from .reader import open_files
 from .reading.repeats import attachment_key, metadata_key, Repeats
 from .writing.writer import RunWriter
@@ -85,14 +85,14 @@ def recover(log: AnyPath, output: AnyPath) -> Recovery:
 
     """
     files, found = open_files(log)
-    repeats = Repeats()
+    repeats, qos = Repeats(), QosTexts()
     _check_output(log, output)
     recovery = Recovery(lost=found.missing, remarks=found.remarks)
     writer = RunWriter(output, profile=files[0].profile or 'ros2')
     try:
         with writer:
             for file in files:
-                _FileRecovery(file, writer, recovery, repeats).run()
+                _FileRecovery(file, writer, recovery, repeats, qos).run()
         recovery.counts = writer.counts
         _check_found(log, files, recovery)
     except BaseException:
@@ -121,12 +121,18 @@ class _FileRecovery:
     """The recovery of one file into a run."""
 
     def __init__(
-        self, file: Storage, writer: RunWriter, recovery: Recovery, repeats: Repeats
+        self,
+        file: Storage,
+        writer: RunWriter,
+        recovery: Recovery,
+        repeats: Repeats,
+        qos: QosTexts,
     ) -> None:
         self._file = file
         self._writer = writer
         self._recovery = recovery
         self._repeats = repeats
+        self._qos = qos
         self._topics: dict[Topic, Topic] = {}
 
     def run(self) -> None:
@@ -146,7 +152,7 @@ class _FileRecovery:
         """Return the topic without its quality of service if rosbag2 would choke on it."""
         writable = topic
         try:
-            qos_for_writing(topic.qos)
+            self._qos.profiles(topic.qos)
         except MalformedQosError as error:
             self._recovery.remarks.append(f'{printable(topic.name)}: left out: {error}')
             writable = replace(topic, qos='')

@@ -3,6 +3,7 @@
 from typing import Any
 
 from klann_ros.untrusted.text import printable_line
+from klann_ros.untrusted.yaml_text import PlainLoader
 import yaml
 
 MAX_SIZE = 4 * 1024 * 1024
@@ -16,6 +17,7 @@ _CHARACTERS_A_NODE = 100
 # `!!bool x`, `!!set 1` and on a thousand opening brackets.
 _LOADER_ERRORS = (
     yaml.YAMLError,
+    ArithmeticError,
     AttributeError,
     LookupError,
     RecursionError,
@@ -48,9 +50,9 @@ def dump(data: object) -> str:
     return text.rstrip('\n')
 
 
-class _WeighingLoader(yaml.SafeLoader):
+class _WeighingLoader(PlainLoader):
     """
-    The safe loader, for texts that may unfold without end.
+    The plain loader, for texts that may unfold without end.
 
     An anchor that is referred to twice, in an anchor that is referred to twice, and so on, is some
     lines of text and gigabytes of data, when they are merged or told in a message.

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from klann_ros.log.errors import MalformedQosError
-from klann_ros.log.qos import latched_count, Qos, qos_from_yaml
+from klann_ros.log.qos import latched_count, Qos, QosTexts
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.wording import verb
 from klann_ros.untrusted.text import printable, printable_line
@@ -57,6 +57,7 @@ class PlayedTopics:
         self._renamed = renamed
         self._made: dict[Topic, Publisher] = {}
         self.latched: dict[str, int] = {}
+        self._qos = QosTexts()
         self._complaints: list[str] = []
         by_name: dict[str, list[Topic]] = {}
         for topic in topics:
@@ -102,7 +103,7 @@ class PlayedTopics:
         kind = _kind(first)
         alike = [topic for topic in channels if _is_alike(topic, first)]
         for topic in channels:
-            if topic not in alike:
+            if not _is_alike(topic, first):
                 self._complaints.append(
                     f'{printable(name)} is not played as {printable(topic.type)} '
                     f'({printable(topic.message_encoding)}): in the same log it is '
@@ -123,7 +124,7 @@ class PlayedTopics:
 
     def _offered(self, topic: Topic) -> list[Qos]:
         try:
-            return qos_from_yaml(topic.qos)
+            return self._qos.profiles(topic.qos)
         except MalformedQosError as error:
             self._complaints.append(
                 f'{printable(topic.name)} is played reliable and volatile: {error}'

@@ -1,6 +1,6 @@
 """YAML as users mean it: no anchors, no key twice, 1e-3 a number, one line for a mistake."""
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from math import isfinite
 import re
 from typing import Any
@@ -10,6 +10,37 @@ import yaml
 # No file that is meant is deeper, or longer.
 DEEPEST = 20
 LONGEST = 1_000_000
+# Values with a tag of their own, such as !!int, raise whatever comes of them.
+_LOADER_ERRORS = (
+    yaml.YAMLError,
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    TypeError,
+    ValueError,
+)
+
+
+class PlainLoader(yaml.SafeLoader):
+    """
+    A SafeLoader to which a number to the base of 60 is a text, as to YAML 1.2 and everybody else.
+
+    To YAML 1.1 1:30 is 90, and as long a number as one likes: it takes the square of its length.
+    """
+
+
+def _plain(construct: Callable[[PlainLoader, yaml.ScalarNode], Any]) -> Callable[..., Any]:
+    def number(loader: PlainLoader, node: yaml.ScalarNode) -> Any:
+        value = loader.construct_scalar(node)
+        return value if ':' in str(value) else construct(loader, node)
+
+    return number
+
+
+PlainLoader.add_constructor('tag:yaml.org,2002:int', _plain(yaml.SafeLoader.construct_yaml_int))
+PlainLoader.add_constructor(
+    'tag:yaml.org,2002:float', _plain(yaml.SafeLoader.construct_yaml_float)
+)
 
 
 class YamlError(ValueError):
@@ -37,8 +68,7 @@ def parse(text: str) -> Any:
         place = f'line {mark.line + 1}, column {mark.column + 1}: ' if mark else ''
         msg = f'{place}{error.problem or error.context}'
         raise YamlError(msg) from error
-    except (yaml.YAMLError, ValueError, TypeError, LookupError, AttributeError) as error:
-        # Values with a tag of their own, such as !!int, raise whatever comes of them.
+    except _LOADER_ERRORS as error:
         reason = ' '.join(str(error).split())[:200]
         msg = f'it holds a value that cannot be read: {reason}'
         raise YamlError(msg) from error
@@ -46,8 +76,8 @@ def parse(text: str) -> Any:
     return content
 
 
-class _Loader(yaml.SafeLoader):
-    """A SafeLoader that takes no aliases, which may grow beyond all measure, and no key twice."""
+class _Loader(PlainLoader):
+    """A loader that takes no aliases, which may grow beyond all measure, and no key twice."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text)

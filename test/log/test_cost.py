@@ -1,8 +1,14 @@
 """A file costs work in proportion to its bytes and the messages in it, whatever it asks for."""
 
+import pickle
+import subprocess
+import sys
+
 from klann_ros.log.errors import LogError
+from klann_ros.log.qos import LONGEST, MOST_DIFFERENT, MOST_TEXTS, Qos, qos_to_yaml
 from klann_ros.log.reader import open_log
 from klann_ros.log.reading import chunks, patience
+from klann_ros.log.records import Topic
 from klann_ros.log.recovery import recover
 from mcap_bytes import records as mcap
 from mcap_bytes.hostile import (
@@ -18,7 +24,7 @@ from mcap_bytes.hostile import (
     packed_chunk,
 )
 import pytest
-from work import Work
+from work import Work, Yaml
 
 SIZE = 10_000
 # Calls for a byte of the file, and at all. What costs most is to tell damage behind each record.
@@ -162,3 +168,118 @@ def test_a_chunk_of_which_the_index_says_less_is_told(tmp_path):
     with open_log(path) as log:
         assert len(list(log.messages())) == 2
         assert 'the index is wrong about this chunk' in log.problem
+
+
+PROFILE = qos_to_yaml([Qos()])
+
+
+def file_of_channels(channels, schema=b''):
+    """Return a file of channels that share a schema, a message of each; a channel is a mapping."""
+    numbered = list(enumerate(channels, start=1))
+    definitions = b''.join(
+        mcap.channel(n, 1, entry.get('topic', f'/{n}'), 'cdr', entry.get('metadata', {}))
+        for n, entry in numbered
+    )
+    messages = b''.join(mcap.message(n, 1, n, n, b'') for n, _ in numbered)
+    about = mcap.schema(1, 'a/msg/B', 'ros2msg', schema)
+    return HEADER + packed_chunk(about + definitions) + packed_chunk(messages)
+
+
+def file_of_qos(texts):
+    return file_of_channels([{'metadata': {'offered_qos_profiles': text}} for text in texts])
+
+
+def test_channels_that_differ_in_little_are_told_apart_at_no_cost(read):
+    def channels(count):
+        return file_of_channels([{'topic': '/a', 'metadata': {'x': str(n)}} for n in range(count)])
+
+    once, found = read(channels(1000))
+    twice, _ = read(channels(2000))
+    assert found == 1000
+    assert twice <= 2.5 * once
+
+
+def test_a_topic_is_the_same_in_another_process():
+    code = (
+        'import pickle, sys\n'
+        'topic = pickle.load(sys.stdin.buffer)\n'
+        'same = type(topic)(topic.name, topic.type, topic.definition)\n'
+        'sys.exit(0 if topic in {same} else 1)'
+    )
+    topic = Topic('/a', 'a/msg/B', 'text')
+    subprocess.run([sys.executable, '-c', code], input=pickle.dumps(topic), check=True)
+
+
+def test_many_channels_share_the_text_of_their_schema(tmp_path):
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(file_of_channels([{}] * 500, schema=b'#' + b'x' * 10**5))
+    with open_log(path) as log:
+        texts = {id(topic.definition) for topic in log.topics}
+        assert len(log.topics) == 500
+        assert {len(topic.definition) for topic in log.topics} == {10**5 + 1}
+        assert len(texts) == 1
+
+
+def test_a_schema_that_changes_is_of_its_own_channels_alone(tmp_path):
+    """Channel 1 has the first schema, which is there a second time in two other words."""
+    path = tmp_path / 'x.mcap'
+    first, other = (mcap.schema(n, 'a/msg/B', 'ros2msg', b'uint8 a') for n in (1, 2))
+    better = mcap.schema(1, 'a/msg/B', 'ros2msg', b'uint8 b')
+    channels = mcap.channel(1, 1, '/one', 'cdr', {}) + mcap.channel(2, 2, '/two', 'cdr', {})
+    messages = mcap.message(1, 1, 1, 1, b'') + mcap.message(2, 1, 1, 1, b'')
+    definitions = packed_chunk(first + other + channels + messages)
+    path.write_bytes(HEADER + definitions + packed_chunk(better) * 2)
+    with open_log(path) as log:
+        found = {topic.name: topic.definition for topic in log.topics}
+    assert found == {'/one': 'uint8 b', '/two': 'uint8 a'}
+
+
+def recovered(tmp_path, texts):
+    """Recover a file of such profiles; return how much YAML was read, and what was said."""
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(file_of_qos(texts))
+    with Yaml() as done:
+        said = recover(path, tmp_path / 'again')
+    assert said.messages == len(texts)
+    assert said.lost == []
+    return done.characters, [text for text in said.remarks if 'quality of service' in text]
+
+
+def test_the_same_profiles_are_taken_apart_once(tmp_path):
+    text = PROFILE + '\n# of this test alone'
+    characters, said = recovered(tmp_path, [text] * 50)
+    assert (characters, said) == (len(text), [])
+    with open_log(tmp_path / 'again') as log:
+        assert {topic.qos for topic in log.topics} == {text}
+
+
+def test_profiles_that_are_too_long_are_not_taken_apart_and_told(tmp_path):
+    characters, said = recovered(tmp_path, ['\n' * (LONGEST + 1), '\n' * 10])
+    assert characters == 10
+    (line,) = said
+    assert line.startswith('/1: left out: malformed quality of service: it has ')
+    assert f'{LONGEST + 1} characters, more than {LONGEST}' in line
+    with open_log(tmp_path / 'again') as log:
+        assert len(list(log.messages())) == 2
+
+
+def test_no_more_profiles_that_differ_are_taken_apart_than_are_meant(tmp_path):
+    texts = ['\n' * (2**17 + n) for n in range(12)]
+    characters, said = recovered(tmp_path, texts)
+    assert 0 < characters <= MOST_DIFFERENT
+    assert len(said) == 5
+    assert all('the profiles that differ have more than' in text for text in said)
+
+
+def test_no_more_profiles_are_written_than_are_meant(tmp_path):
+    text = '[]' + ' ' * 2**17
+    characters, said = recovered(tmp_path, [text] * 40)
+    assert characters == len(text)
+    assert len(said) == 40 - MOST_TEXTS // len(text)
+    assert all('the profiles of all topics have more than' in text for text in said)
+
+
+def test_ten_thousand_topics_keep_their_profiles(tmp_path):
+    _, said = recovered(tmp_path, [PROFILE] * 3)
+    assert said == []
+    assert len(PROFILE) * 10_000 <= MOST_TEXTS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from functools import partial
 from typing import Any, TYPE_CHECKING
 
@@ -34,6 +35,9 @@ class Channels:
         self._schemas = _Definitions('schema', parse_schema)
         self._channels = _Definitions('channel', partial(parse, Channel))
         self._topics: dict[int, Topic | None] = {}
+        # Many channels may share one schema: its text is made once, and those it is told by.
+        self._texts: dict[int, tuple[Schema, str]] = {0: (Schema(0, b'', '', ''), '')}
+        self._sharing: defaultdict[int, set[int]] = defaultdict(set)
 
     @property
     def contradictions(self) -> list[str]:
@@ -54,8 +58,11 @@ class Channels:
             # One with the number 0, which stands for none, is to be ignored.
             if content[:2] == bytes(2):
                 return
-            if self._schemas.add(content, offset, verified=verified) is not None:
-                self._topics.clear()
+            changed = self._schemas.add(content, offset, verified=verified)
+            if changed is not None:
+                self._texts.pop(changed, None)
+                for channel in self._sharing.pop(changed, ()):
+                    self._topics.pop(channel, None)
         elif opcode == Opcode.CHANNEL:
             changed = self._channels.add(content, offset, verified=verified)
             if changed is not None:
@@ -80,7 +87,12 @@ class Channels:
         """Take all that another table of the same file knows."""
         self._schemas.update(other._schemas)
         self._channels.update(other._channels)
+        self._forget()
+
+    def _forget(self) -> None:
         self._topics.clear()
+        self._sharing.clear()
+        self._texts = {0: self._texts[0]}
 
     def topic(self, channel: int) -> Topic | None:
         """Return the topic of a channel; None while its record or its schema is not known."""
@@ -101,24 +113,32 @@ class Channels:
         channel = self._channels.get(number)
         if channel is None:
             return None
-        schema = Schema(0, b'', '', '')
-        if channel.schema_id:
-            known = self._schemas.get(channel.schema_id)
-            if known is None:
-                return None
-            schema = known
+        self._sharing[channel.schema_id].add(number)
+        known = self._schema(channel.schema_id)
+        if known is None:
+            return None
+        schema, definition = known
         extra = dict(channel.metadata)
         qos, type_hash = extra.pop(QOS_KEY, ''), extra.pop(HASH_KEY, '')
         return Topic(
             name=channel.topic,
             type=schema.name,
-            definition=schema.data.decode('utf-8', 'replace'),
+            definition=definition,
             qos=qos,
             type_hash=type_hash,
             message_encoding=channel.message_encoding,
             schema_encoding=schema.encoding,
             extra=tuple(extra.items()),
         )
+
+    def _schema(self, number: int) -> tuple[Schema, str] | None:
+        """Return a schema and its text; None while it is not known."""
+        if number not in self._texts:
+            schema = self._schemas.get(number)
+            if schema is None:
+                return None
+            self._texts[number] = schema, schema.data.decode('utf-8', 'replace')
+        return self._texts[number]
 
 
 class _Definitions:

@@ -107,14 +107,23 @@ class TopicTally:
 
     def __init__(self) -> None:
         self._seen: dict[tuple[str, str], _Seen] = {}
+        self._offers: dict[str, tuple[int, bool]] = {}
 
     def add(self, topic: Topic, block: Block, rows: Rows) -> None:
         """Count a topic's messages in a block."""
         seen = self._seen.setdefault((topic.name, topic.type), _Seen())
         # The files of a split run may know a topic by different profiles.
-        seen.publishers = max(seen.publishers, topic.qos.count('history:'))
-        seen.latched = seen.latched or _LATCHED.search(topic.qos) is not None
+        publishers, latched = self._offer(topic.qos)
+        seen.publishers = max(seen.publishers, publishers)
+        seen.latched = seen.latched or latched
         seen.add(block.heads[rows])
+
+    def _offer(self, qos: str) -> tuple[int, bool]:
+        """Return how many publishers a text tells of, and whether one is latched."""
+        if qos not in self._offers:
+            is_latched = _LATCHED.search(qos) is not None
+            self._offers[qos] = qos.count('history:'), is_latched
+        return self._offers[qos]
 
     def topics(
         self, recorded: Mapping[str, TopicCount], holes: Sequence[Hole]

@@ -1,0 +1,38 @@
+"""YAML of strangers: whatever it is, it is read at a cost like its length, or refused."""
+
+from contextlib import suppress
+
+from hypothesis import given, strategies as st
+from klann_ros.log import yaml_text as of_logs
+from klann_ros.untrusted import yaml_text as of_users
+import pytest
+
+LOADERS = pytest.mark.parametrize('load', [of_logs.load, of_users.parse], ids=['log', 'user'])
+
+
+@LOADERS
+@pytest.mark.parametrize('text', ['1:30', '1:30.5', '-190:20:30', '!!int 1:30', '!!float 1:30.5'])
+def test_a_number_to_the_base_of_60_is_a_text(load, text):
+    assert load(f'a: {text}') == {'a': text.rpartition(' ')[2]}
+
+
+@LOADERS
+@pytest.mark.parametrize('end', ['', '.5'])
+def test_a_long_one_is_no_number_of_a_million_digits(load, end):
+    text = '1' + ':1' * 400_000 + end
+    assert load(f'a: {text}') == {'a': text}
+
+
+@LOADERS
+@pytest.mark.parametrize('tag', ['int', 'float', 'bool', 'binary', 'timestamp', 'omap', 'pairs'])
+@given(value=st.text(alphabet='0123456789:.-+eExXabfTZ ~[]{}"', max_size=60))
+def test_whatever_stands_behind_a_tag_is_read_or_refused(load, tag, value):
+    with suppress(ValueError):
+        load(f'a: !!{tag} {value}')
+
+
+@LOADERS
+@given(value=st.text(alphabet='0123456789:.-+eEx_ ', max_size=400))
+def test_whatever_looks_like_a_number_is_read_or_refused(load, value):
+    with suppress(ValueError):
+        load(f'a: {value}')
