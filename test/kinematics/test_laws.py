@@ -23,11 +23,14 @@ import pytest
 AnyLeg = Leg[Any, Any]
 rates = st.floats(-5.0, 5.0)
 STEP = 1e-5
+# Ten examples of each linkage, on average.
+FOR_EACH = settings(max_examples=10 * len(NAMES))
 
 
 # Equations.
 
 
+@FOR_EACH
 @given(leg=legs(), alpha=alphas, data=st.data())
 def test_phi_is_the_central_difference_of_f(leg: AnyLeg, alpha: float, data: Any) -> None:
     linkage, step = leg.linkage, 1e-6
@@ -42,6 +45,7 @@ def test_phi_is_the_central_difference_of_f(leg: AnyLeg, alpha: float, data: Any
     np.testing.assert_allclose(linkage.f_alpha(alpha, x), by_alpha, rtol=0, atol=1e-9)
 
 
+@FOR_EACH
 @given(leg=legs(), alpha=alphas)
 def test_a_solved_pose_closes_and_keeps_every_bar(leg: AnyLeg, alpha: float) -> None:
     pose, linkage = solved(leg, alpha), leg.linkage
@@ -57,6 +61,7 @@ def test_a_solved_pose_closes_and_keeps_every_bar(leg: AnyLeg, alpha: float) -> 
     np.testing.assert_allclose(points[structure.foot], pose.h, rtol=0, atol=1e-14)
 
 
+@FOR_EACH
 @given(leg=legs(), alpha=alphas)
 def test_both_methods_give_the_same_pose(leg: AnyLeg, alpha: float) -> None:
     pose = solved(leg, alpha)
@@ -67,6 +72,7 @@ def test_both_methods_give_the_same_pose(leg: AnyLeg, alpha: float) -> None:
     np.testing.assert_allclose(pose.sines, other.sines, rtol=0, atol=1e-9)
 
 
+@FOR_EACH
 @given(leg=legs(), alpha=alphas)
 def test_the_assembly_holds(leg: AnyLeg, alpha: float) -> None:
     u = solved(leg, alpha).unit_vectors
@@ -74,6 +80,7 @@ def test_the_assembly_holds(leg: AnyLeg, alpha: float) -> None:
         assert block.sine(u) * sign > 0
 
 
+@FOR_EACH
 @given(leg=legs(), alpha=alphas)
 def test_the_quality_of_a_pose_is_its_transmission_angles(leg: AnyLeg, alpha: float) -> None:
     pose = solved(leg, alpha)
@@ -111,6 +118,7 @@ def test_many_at_once_are_the_same_as_one_by_one(
 # Motion.
 
 
+@FOR_EACH
 @given(leg=legs(), alpha=alphas)
 def test_the_coefficients_are_those_of_the_whole_jacobian(leg: AnyLeg, alpha: float) -> None:
     pose, linkage = solved(leg, alpha), leg.linkage
@@ -118,6 +126,7 @@ def test_the_coefficients_are_those_of_the_whole_jacobian(leg: AnyLeg, alpha: fl
     np.testing.assert_allclose(pose.coefficients, expected, rtol=1e-9, atol=1e-10)
 
 
+@FOR_EACH
 @given(leg=legs(), alpha=alphas, rate=rates, spin=rates)
 def test_velocity_and_acceleration_are_differences_of_poses(
     leg: AnyLeg, alpha: float, rate: float, spin: float
@@ -143,6 +152,7 @@ def test_velocity_and_acceleration_are_differences_of_poses(
     assert acceleration.joints[0] == spin
 
 
+@FOR_EACH
 @given(leg=legs(), alpha=alphas, rate=rates, change=rates)
 def test_the_foot_is_one_of_the_points_and_the_pivots_rest(
     leg: AnyLeg, alpha: float, rate: float, change: float
@@ -156,6 +166,7 @@ def test_the_foot_is_one_of_the_points_and_the_pivots_rest(
         assert not points[still].any()
 
 
+@FOR_EACH
 @given(leg=legs(), alpha=alphas, rate=rates, change=rates)
 def test_no_bar_changes_its_length(leg: AnyLeg, alpha: float, rate: float, change: float) -> None:
     pose, structure = solved(leg, alpha), leg.linkage.structure
@@ -169,6 +180,7 @@ def test_no_bar_changes_its_length(leg: AnyLeg, alpha: float, rate: float, chang
         assert link @ changing + turning @ turning == pytest.approx(0.0, abs=scale)
 
 
+@FOR_EACH
 @given(leg=legs(), alpha=alphas, rate=rates, change=rates)
 def test_in_reverse_the_velocity_flips_and_the_acceleration_stays(
     leg: AnyLeg, alpha: float, rate: float, change: float
@@ -181,6 +193,7 @@ def test_in_reverse_the_velocity_flips_and_the_acceleration_stays(
     assert (there.joints, there.h) == (back.joints, back.h)
 
 
+@FOR_EACH
 @given(leg=legs(), alpha=alphas, rate=rates, change=rates)
 def test_both_parts_of_an_acceleration_add_up(
     leg: AnyLeg, alpha: float, rate: float, change: float
@@ -208,6 +221,7 @@ def test_a_rate_that_is_none_is_refused_by_its_name(name: str, value: Any) -> No
 # Forces.
 
 
+@FOR_EACH
 @given(leg=legs(), alpha=alphas, force=st.tuples(*[st.floats(-100.0, 100.0)] * 2), rate=rates)
 def test_the_crank_does_the_work_that_the_foot_takes(
     leg: AnyLeg, alpha: float, force: tuple[float, float], rate: float
@@ -219,6 +233,7 @@ def test_the_crank_does_the_work_that_the_foot_takes(
     assert power == pytest.approx(0.0, abs=scale)
 
 
+@FOR_EACH
 @given(leg=legs(), alpha=alphas, force=st.floats(-1e3, 1e3), direction=st.floats(-3.2, 3.2))
 def test_the_force_that_a_torque_balances_takes_that_torque(
     leg: AnyLeg, alpha: float, force: float, direction: float
@@ -310,6 +325,7 @@ def test_after_jumps_of_any_size_the_pose_is_the_closed_forms(
             assert pose.alpha == alpha
 
 
+@FOR_EACH
 @given(leg=legs(0.1), start=alphas, step=st.floats(-0.3, 0.3))
 def test_forward_then_back_is_the_same_pose(leg: AnyLeg, start: float, step: float) -> None:
     first = solved(leg, start, 1e-3)
@@ -329,6 +345,7 @@ def test_whole_turns_close(name: str, turns: int) -> None:
     assert again.alpha == alpha + turns * 2 * math.pi
 
 
+@FOR_EACH
 @given(leg=legs(0.3))
 def test_it_is_solved_where_its_arcs_say_and_nowhere_else(leg: AnyLeg) -> None:
     arcs, turn = leg.reachable_arcs(), 2 * math.pi
@@ -382,6 +399,7 @@ def test_a_singular_pose_has_no_motion_and_transmits_nothing_known(method: str) 
 # Objects.
 
 
+@FOR_EACH
 @given(leg=legs(), alpha=alphas)
 def test_what_is_pickled_comes_back_equal(leg: AnyLeg, alpha: float) -> None:
     pose = solved(leg, alpha)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped, TwistStamped
-from klann_ros.kinematics import LinkageLeg, shipped_linkage
+from klann_ros.kinematics import LinkageLeg, shipped_linkage, shipped_linkages
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER, solver_parameters
 from klann_ros.review.command import main as review
@@ -63,6 +63,23 @@ def test_its_joints_and_its_foot_are_published(ros: World, name: str) -> None:
         )
         assert foot.header.frame_id == 'leg_plane'
         assert len(pose.velocity) == 0
+
+
+@pytest.mark.parametrize('name', sorted(set(shipped_linkages()) - {'jansen', 'stephenson'}))
+def test_every_shipped_linkage_is_driven(ros: World, name: str) -> None:
+    leg = LinkageLeg(shipped_linkage(name))
+    # Not every crank turns fully.
+    (start, end), *_ = leg.reachable_arcs()
+    alpha = (start + end) / 2
+    poses = ros.probe.listen(JointState, 'joint_states')
+    ros.start('solver_node', linkage=LINKAGES / f'{name}.yaml')
+    crank = ros.probe.publisher(Float64, 'crank_angle')
+    ros.probe.matched('joint_states')
+    crank.publish(Float64(data=alpha))
+    ros.probe.until(lambda: poses)
+    assert tuple(poses[0].name) == leg.joint_names
+    expected = np.subtract(poses[0].position, leg.closed_form(alpha).joints)
+    assert np.remainder(expected + 1, 2 * math.pi) == pytest.approx(1, abs=1e-12)
 
 
 def test_its_velocities_follow_the_cranks(ros: World) -> None:

@@ -10,6 +10,7 @@ from klann_ros.kinematics import (
     KlannLeg,
     LinkageLeg,
     shipped_linkage,
+    shipped_linkages,
     UnreachableError,
 )
 from klann_ros.review.report.html_page import packed
@@ -109,7 +110,7 @@ def test_any_klann_leg_has_its_points(geometry: KlannGeometry, alpha: float) -> 
     assert placed(shape, np.array(pose.joints)) == pytest.approx(pose.points, abs=1e-12)
 
 
-@pytest.mark.parametrize('name', ['klann', 'jansen', 'chebyshev_lambda', 'stephenson'])
+@pytest.mark.parametrize('name', shipped_linkages())
 def test_any_linkage_has_its_points(name: str) -> None:
     leg = LinkageLeg(shipped_linkage(name))
     pose = leg.solve(leg.linkage.start[0] + 0.1)
