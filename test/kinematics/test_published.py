@@ -1,0 +1,39 @@
+"""The shipped linkages against numbers that others have published, within their reading errors."""
+
+from collections import Counter
+
+from klann_ros.kinematics import shipped_linkage, shipped_linkages
+from published import CITED, Cited, PAGE, page, SOURCES, WITHOUT
+import pytest
+
+
+@pytest.mark.parametrize('cited', CITED, ids=str)
+def test_ours_is_within_the_reading_error(cited: Cited) -> None:
+    assert cited.deviation <= cited.error, cited.ours
+
+
+def test_every_shipped_linkage_is_cited_or_says_why_not() -> None:
+    cited = {number.linkage for number in CITED}
+    assert not cited & set(WITHOUT)
+    assert cited | set(WITHOUT) == set(shipped_linkages())
+    assert len(cited) >= 12
+    assert sum(len(number.values) for number in CITED) >= 40
+
+
+@pytest.mark.parametrize('name', shipped_linkages())
+def test_every_shipped_linkage_tells_its_source(name: str) -> None:
+    assert shipped_linkage(name).source.strip()
+
+
+def test_no_number_is_cited_twice() -> None:
+    names = Counter(map(str, CITED))
+    assert [name for name, times in names.items() if times > 1] == []
+
+
+def test_every_source_is_cited_and_tells_its_error() -> None:
+    assert {number.source for number in CITED} == set(SOURCES)
+    assert all(source.title and source.at and source.exact for source in SOURCES.values())
+
+
+def test_the_page_is_what_the_numbers_say() -> None:
+    assert PAGE.read_text(encoding='utf-8') == page(), 'write it: python test/published.py'
