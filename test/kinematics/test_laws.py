@@ -322,7 +322,7 @@ def test_after_jumps_of_any_size_the_pose_is_the_closed_forms(
             assume(min(expected.sines) > 1e-6 or min(expected.clearances) < 1e-9)
             pose = leg.solve(alpha)
             assert difference(pose, expected) <= allowed(expected)
-            assert pose.alpha == alpha
+            assert pose.crank_angle == alpha
 
 
 @FOR_EACH
@@ -342,7 +342,7 @@ def test_whole_turns_close(name: str, turns: int) -> None:
     first = leg.solve(alpha)
     again = leg.solve(alpha + turns * 2 * math.pi)
     assert difference(first, again) <= 1e-11
-    assert again.alpha == alpha + turns * 2 * math.pi
+    assert again.crank_angle == alpha + turns * 2 * math.pi
 
 
 @FOR_EACH
