@@ -11,15 +11,16 @@ import sys
 
 from klann_ros.kinematics import foot_path, FourBar, KlannLeg, LinkageLeg, shipped_linkage
 from klann_ros.kinematics.dyad import joint
-from klann_ros.review.drawing import COLOURS, draw_angles, draw_foot_path, draw_leg, label_plane
+from klann_ros.plotting import plot_convergence, plot_foot_path, plot_pose, plot_turn
+from klann_ros.plotting.artists import draw_angle, GREY, grid, label_plane, legend_beside, PALE
+from klann_ros.plotting.drawn import COLOURS
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Arc, Circle
+from matplotlib.patches import Circle
 import numpy as np
 
 FOLDER = Path(__file__).resolve().parent
 RED, BLUE, GREEN, YELLOW, NAVY, *_ = COLOURS
-PALE, GREY = '#8d99ae', '#555555'
 DEG = '°'
 Point = Sequence[float]
 
@@ -34,78 +35,58 @@ TRIPLE_ROCKER = (0.180, 0.120, 0.130, 0.140)
 def klann_leg() -> Figure:
     """Return the leg of SEM 104 at a crank angle of 60 deg, with its letters and angles."""
     leg = KlannLeg()
-    feet = np.array([leg.solve(math.radians(k / 2)).h for k in range(721)])
     figure = Figure(figsize=(8.0, 5.6), layout='constrained')
-    axes = figure.add_subplot()
-    draw_foot_path(axes, feet, 'H')
-    pose = leg.solve(math.radians(60.0))
-    draw_leg(axes, pose)
-    draw_angles(axes, pose, radius=0.07)
+    axes = plot_foot_path(leg, ax=figure.add_subplot())
+    plot_pose(leg, math.radians(60.0), ax=axes, angles=True)
     bodies = leg.linkage.structure.bodies
     names = {body.label: ''.join(body.points) for body in bodies}
     for line in axes.get_lines():
         line.set_label(names.get(line.get_label(), line.get_label()))
-    label_plane(axes, rf'$\alpha$ = 60{DEG}')
+    axes.set_title(rf'$\alpha$ = 60{DEG}')
+    legend_beside(axes)
     return figure
 
 
 def newton_convergence() -> Figure:
     """Return the error of Newton-Raphson's iterates, and of each against the one before."""
-    leg, bars = KlannLeg(), FourBar(*EXAMPLE)
     alpha = math.radians(60.0)
-    klann = leg.newton(alpha, np.radians([15.0, 60.0, 45.0, 60.0]))
-    errors = np.abs(klann - leg.closed_form(alpha).x)
-    course = np.abs(bars.newton(alpha, np.radians([15.0, 80.0])) - bars.closed_form(alpha).x)
     figure = Figure(figsize=(8.0, 3.8), layout='constrained')
     left, right = figure.subplots(1, 2)
-    for values, marker, colour, name in (
-        (errors[:, :2].max(axis=1), 'o', BLUE, r'$\gamma, \beta$'),
-        (errors[:, 2:].max(axis=1), 's', YELLOW, r'$\delta, \theta$'),
-        (course.max(axis=1), '^', RED, r'$\theta_3, \theta_4$'),
-    ):
-        # What is left in the end is rounding: 0, or a few units of the last digit.
-        seen = np.maximum(values, 1e-16)
-        left.semilogy(1 + np.arange(len(seen)), seen, marker + '-', color=colour, label=name)
-        clear = values[:-1][values[1:] > 1e-15], values[1:][values[1:] > 1e-15]
-        right.loglog(*clear, marker, color=colour, label=name)
+    plot_convergence(KlannLeg(), alpha, np.radians([15.0, 60.0, 45.0, 60.0]), ax=left)
+    plot_convergence(FourBar(*EXAMPLE), alpha, np.radians([15.0, 80.0]), ax=left)
+    left.lines[-1].set(color=RED, marker='^')
+    for line in left.lines:
+        errors, look = line.get_ydata(), {'marker': line.get_marker(), 'color': line.get_color()}
+        # What is left in the end is rounding.
+        clear = errors[1:] > 1e-15
+        right.loglog(errors[:-1][clear], errors[1:][clear], ls='', label=line.get_label(), **look)
     left.axhline(1e-12, linestyle=':', color=GREY)
     left.annotate(r'$10^{-12}$', (1.0, 2e-12), color=GREY)
-    left.set(xlabel='$k$', ylabel=r'$|x_k - x|$ / rad')
     e = np.array([3e-8, 1.0])
     for factor, style in ((1.0, '-'), (0.1, ':')):
         right.loglog(e, factor * e**2, style, color=PALE, zorder=0)
     right.annotate('$e^2$', (2e-5, 3e-9), color=GREY, ha='right')
     right.annotate('$e^2/10$', (2e-4, 6e-10), color=GREY)
     right.set(xlabel=r'$e_k$ / rad', ylabel=r'$e_{k+1}$ / rad')
+    grid(right)
     for axes in (left, right):
-        _grid(axes)
         axes.legend(frameon=False)
     return figure
 
 
 def klann_turn() -> Figure:
     """Return the leg's angles, transmission angles and condition number over a turn."""
-    alphas, leg = np.arange(0.0, 360.5, 0.5), KlannLeg()
-    poses = [leg.solve(math.radians(alpha)) for alpha in alphas]
     figure = Figure(figsize=(8.0, 7.0), layout='constrained')
-    upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))
-    angles = np.degrees(np.unwrap([pose.x for pose in poses], axis=0)).T
-    colours = (BLUE, GREEN, YELLOW, NAVY)
-    names = (r'$\gamma$', r'$\beta$', r'$\delta$', r'$\theta$')
-    for values, colour, name in zip(angles, colours, names, strict=True):
-        upper.plot(alphas, values, color=colour, label=name)
-    upper.set(ylabel=rf'$\gamma, \beta, \delta, \theta$ / {DEG}')
-    first, second = np.degrees([pose.transmission_angles for pose in poses]).T
-    middle.axhspan(40.0, 140.0, color=GREEN, alpha=0.15, linewidth=0)
-    middle.plot(alphas, first, color=BLUE, label=r'$\mu_1 = |\gamma + \beta|$')
-    middle.plot(alphas, second, color=YELLOW, label=r'$\mu_2 = |\delta + \theta|$')
-    middle.set(ylabel=rf'$\mu$ / {DEG}', ylim=(0.0, 180.0), yticks=(0, 40, 90, 140, 180))
-    lower.plot(alphas, [pose.condition for pose in poses], color=RED, label=r'cond $\Phi$')
+    panels = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))
+    for axes, what in zip(panels, ('angles', 'transmission', 'condition'), strict=True):
+        plot_turn(KlannLeg(), what, ax=axes)
+        legend_beside(axes)
+        axes.label_outer()
+    _, middle, lower = panels
+    for line, sum_of in zip(middle.lines, (r'\gamma + \beta', r'\delta + \theta'), strict=True):
+        line.set_label(f'{line.get_label()} $= |{sum_of}|$')
+    legend_beside(middle)
     lower.set(ylim=(0.0, 16.0))
-    _turn(lower, rf'$\alpha$ / {DEG}')
-    for axes in (upper, middle, lower):
-        _grid(axes)
-        _legend_beside(axes)
     return figure
 
 
@@ -117,7 +98,7 @@ def klann_foot_path() -> Figure:
     figure = Figure(figsize=(8.0, 5.4), layout='constrained')
     axes = figure.add_subplot()
     axes.axhspan(path.y_range[0], path.y_range[0] + stance.ground, color=GREEN, alpha=0.15, lw=0)
-    axes.plot(*np.vstack([path.h, path.h[:1]]).T, color=PALE, lw=1.5)
+    plot_foot_path(leg, ax=axes)
     angles = np.linspace(stance.start, stance.end, 200)
     axes.plot(*np.array([leg.solve(a).h for a in angles]).T, color=RED, lw=3.5)
     poses = [leg.solve(math.radians(k)) for k in range(0, 360, 10)]
@@ -141,7 +122,7 @@ def klann_foot_path() -> Figure:
         axes.annotate(f'{1e3 * size:.1f} mm', at, ha=ha, va=va, color=GREY)
     axes.quiver(x_0, y_1, 0.2, 0.0, **arrow)
     axes.annotate(r'$dH/d\alpha$ = 0.2 m/rad', (x_0, y_1 - 0.02), color=BLUE)
-    _plane(axes)
+    label_plane(axes)
     axes.set(xlim=(x_0 - 0.07, x_1 + 0.15), ylim=(y_0 - 0.1, y_1 + 0.05))
     return figure
 
@@ -178,7 +159,7 @@ def dyad() -> Figure:
         ('$h$', (foot + plus) / 2 + 0.016 * u),
     ):
         axes.annotate(name, at, ha='center', va='center', fontsize=14)
-    _plane(axes)
+    label_plane(axes)
     axes.set(xlim=(-0.33, 0.58), ylim=(-0.32, 0.34))
     return figure
 
@@ -191,29 +172,27 @@ def four_bar() -> Figure:
         pose = bars.solve(math.radians(60.0))
         o_2, a, b, o_4 = pose.points
         axes.plot(*np.array([a, o_4]).T, '--', color=GREY)
-        for p, q, colour in ((o_2, o_4, PALE), (o_2, a, RED), (a, b, BLUE), (o_4, b, GREEN)):
-            _bar(axes, p, q, colour)
-        _dots(axes, [a, b])
-        _dots(axes, [o_2, o_4], 's')
+        _bar(axes, o_2, o_4, PALE)
+        plot_pose(pose, ax=axes, letters=False)
         theta = [math.degrees(angle) % 360.0 for angle in (pose.theta2, pose.theta3, pose.theta4)]
         back = math.degrees(math.atan2(a[1] - o_4[1], a[0] - o_4[0]))
         if assembly < 0:
             theta[1] -= 360.0
-        _arc(axes, o_2, 0.030, (0.0, theta[0]), r'$\theta_2$')
-        _arc(axes, a, 0.035, (0.0, theta[1]), r'$\theta_3$')
-        _arc(axes, o_4, 0.030, (0.0, theta[2]), r'$\theta_4$', colour=GREEN)
-        _arc(axes, o_4, 0.050, (back, 180.0), r'$\beta$')
-        _arc(axes, o_4, 0.042, (theta[2], back), r'$\alpha$', colour=RED)
-        _arc(axes, b, 0.030, _sector(b, a, o_4), r'$\mu$', colour=NAVY)
+        draw_angle(axes, o_2, 0.030, (0.0, theta[0]), r'$\theta_2$')
+        draw_angle(axes, a, 0.035, (0.0, theta[1]), r'$\theta_3$')
+        draw_angle(axes, o_4, 0.030, (0.0, theta[2]), r'$\theta_4$', colour=GREEN)
+        draw_angle(axes, o_4, 0.050, (back, 180.0), r'$\beta$')
+        draw_angle(axes, o_4, 0.042, (theta[2], back), r'$\alpha$', colour=RED)
+        draw_angle(axes, b, 0.030, _sector(b, a, o_4), r'$\mu$', colour=NAVY)
         for name, at, dx, dy in (
-            ('$O_2$', o_2, -0.02, -0.01),
-            ('$O_4$', o_4, 0.022, -0.012),
+            ('$O_2$', o_2, -0.022, 0.009),
+            ('$O_4$', o_4, 0.028, -0.012),
             ('$A$', a, -0.012, 0.014),
             ('$B$', b, 0.012, 0.012 * assembly),
             ('$Z$', (a + o_4) / 2, 0.004, 0.012),
         ):
             axes.annotate(name, np.add(at, (dx, dy)), ha='center', va='center', fontsize=13)
-        _plane(axes)
+        label_plane(axes)
         axes.set(xlim=(-0.045, 0.25), ylim=(-0.15, 0.17))
         sign = '+' if assembly > 0 else '-'
         axes.set_title(rf'$\theta_4 = 180{DEG} - ({sign}\alpha + \beta)$', fontsize=11)
@@ -250,7 +229,7 @@ def four_bar_dead_points() -> Figure:
                 fontsize=9,
             )
         _dots(axes, [(0.0, 0.0), (bars.geometry.ground, 0.0)], 's')
-        _plane(axes)
+        label_plane(axes)
         axes.set(xlim=(-0.13, 0.29), ylim=(-0.17, 0.17), xticks=(-0.1, 0.0, 0.1, 0.2))
         axes.set_title(name, color=RED if driver == 'crank' else GREEN)
     return figure
@@ -273,7 +252,7 @@ def four_bar_transmission() -> Figure:
     axes.set(xlabel=rf'$\theta_2$ / {DEG}', ylabel=rf'$\mu$ / {DEG}')
     axes.set(xlim=(-180, 180), ylim=(0, 180), yticks=(0, 40, 90, 140, 180))
     axes.set_xticks(range(-180, 181, 60))
-    _grid(axes)
+    grid(axes)
     axes.legend(title='$L_1, L_2, L_3, L_4$', frameon=False, fontsize='small')
     return figure
 
@@ -285,17 +264,18 @@ def two_discs() -> Figure:
     geometric = np.unwrap([bars.closed_form(math.radians(a)).x for a in alphas], axis=0)
     figure = Figure(figsize=(8.0, 5.4), layout='constrained')
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    for k, (name, colour) in enumerate((('BC', BLUE), ('DC', GREEN))):
-        upper.plot(alphas, np.degrees(newton[:, k]), color=colour, label=name)
-        dots = slice(None, None, 15)
-        upper.plot(alphas[dots], np.degrees(geometric[dots, k]), 'o', color=colour, mfc='none')
+    plot_turn(bars, ax=upper)
+    dots = slice(None, None, 15)
+    for k, (line, name) in enumerate(zip(upper.get_lines(), ('BC', 'DC'), strict=True)):
+        colour = line.get_color()
+        line.set_label(name)
+        upper.plot(alphas[dots], np.degrees(newton[dots, k]), 'o', color=colour, mfc='none')
         lower.plot(alphas, 1e15 * (newton - geometric)[:, k], '.', ms=3, color=colour, label=name)
-    upper.set(ylabel=f'BC, DC / {DEG}')
-    lower.set(ylabel=r'$\Delta$ / $10^{-15}$ rad')
-    _turn(lower, f'AB / {DEG}')
+    upper.set(xlabel='', ylabel=f'BC, DC / {DEG}')
+    lower.set(xlabel=f'AB / {DEG}', ylabel=r'$\Delta$ / $10^{-15}$ rad')
+    grid(lower)
     for axes in (upper, lower):
-        _grid(axes)
-        _legend_beside(axes)
+        legend_beside(axes)
     return figure
 
 
@@ -310,26 +290,26 @@ def linkages() -> Figure:
     )
     for axes, (name, alpha, title) in zip(figure.subplots(2, 2).flat, panels, strict=True):
         linkage = shipped_linkage(name)
-        leg = LinkageLeg(linkage)
-        feet = np.array([leg.solve(math.radians(k)).h for k in range(361)])
-        points = leg.solve(math.radians(alpha)).points
-        at = dict(zip(linkage.structure.points, points, strict=True))
-        for body, colour in zip(linkage.structure.bodies, _cycle(), strict=False):
-            corners = np.array([at[point] for point in body.points])
-            if len(corners) > 2:
-                axes.fill(*_around(corners).T, color=colour, alpha=0.25, lw=0)
-            for bar in body.bars:
-                _bar(axes, at[bar.start], at[bar.end], colour, width=2.5)
-        axes.plot(*feet.T, color=GREY, lw=1.5)
-        pivots = [at[pivot] for pivot in linkage.structure.pivots]
-        _dots(axes, [p for n, p in at.items() if n not in linkage.structure.pivots], size=4)
-        _dots(axes, pivots, 's', size=5)
-        foot = at[linkage.structure.foot]
-        axes.annotate(
-            linkage.structure.foot, foot, xytext=(9, 6), textcoords='offset points', size=11
-        )
+        plot_foot_path(linkage, ax=axes, color=GREY)
+        plot_pose(linkage, math.radians(alpha), ax=axes, width=2.5)
         axes.set_title(title, fontsize=10)
-        _plane(axes)
+        axes.locator_params(axis='x', nbins=5)
+    return figure
+
+
+def plots() -> Figure:
+    """Return the plots that any linkage has, here Jansen's leg."""
+    leg = LinkageLeg(shipped_linkage('jansen'))
+    figure = Figure(figsize=(7.2, 6.0), layout='constrained')
+    plane, angles, transmission, convergence = figure.subplots(2, 2).flat
+    plot_foot_path(leg, ax=plane)
+    plot_pose(leg, math.radians(120.0), ax=plane, width=2.5)
+    plot_turn(leg, ax=angles)
+    plot_turn(leg, 'transmission', ax=transmission)
+    guess = np.radians([140.0, 70.0, 210.0, 250.0, 280.0, 170.0])
+    plot_convergence(leg, 0.0, guess, ax=convergence)
+    for axes in (angles, transmission, convergence):
+        axes.legend(frameon=False, fontsize='small', ncols=2)
     return figure
 
 
@@ -344,6 +324,7 @@ FIGURES: tuple[Callable[[], Figure], ...] = (
     four_bar_transmission,
     two_discs,
     linkages,
+    plots,
 )
 
 
@@ -351,16 +332,6 @@ def main(folder: Path) -> None:
     """Make every figure, each under the name of its function."""
     for make in FIGURES:
         make().savefig(folder / f'{make.__name__}.png', dpi=110)
-
-
-def _around(corners: np.ndarray) -> np.ndarray:
-    """Return points in their order around the middle of them."""
-    x, y = (corners - corners.mean(axis=0)).T
-    return corners[np.argsort(np.arctan2(y, x))]
-
-
-def _cycle() -> Iterable[str]:
-    return (RED, BLUE, GREEN, YELLOW, NAVY, '#9a6fb0', '#c9793a')
 
 
 def _bar(
@@ -373,46 +344,10 @@ def _dots(axes: Axes, points: Iterable[Point], marker: str = 'o', size: float = 
     axes.plot(*np.array(points).T, marker, color='white', mec='black', ms=size, ls='', zorder=3)
 
 
-def _arc(
-    axes: Axes,
-    at: Point,
-    radius: float,
-    ends: tuple[float, float],
-    name: str,
-    *,
-    colour: str = GREY,
-) -> None:
-    """Draw an angle between two directions [deg], with its name outside the arc's middle."""
-    first, last = sorted(ends)
-    axes.add_patch(Arc(at, 2 * radius, 2 * radius, theta1=first, theta2=last, color=colour))
-    middle = math.radians((first + last) / 2.0)
-    where = (at[0] + 1.4 * radius * math.cos(middle), at[1] + 1.4 * radius * math.sin(middle))
-    axes.annotate(name, where, ha='center', va='center', fontsize=12, color=colour)
-    if 0.0 in ends:
-        axes.plot([at[0], at[0] + 1.3 * radius], [at[1], at[1]], ':', color=GREY, lw=1)
-
-
 def _sector(at: Point, p: Point, q: Point) -> tuple[float, float]:
     """Return the directions from a point to two others, less than half a turn apart [deg]."""
     first, last = (math.degrees(math.atan2(e[1] - at[1], e[0] - at[0])) for e in (p, q))
     return first, first + math.degrees(math.remainder(math.radians(last - first), math.tau))
-
-
-def _plane(axes: Axes) -> None:
-    axes.set(xlabel='x / m', ylabel='y / m', aspect='equal')
-    _grid(axes)
-
-
-def _turn(axes: Axes, name: str) -> None:
-    axes.set(xlabel=name, xlim=(0.0, 360.0), xticks=range(0, 361, 30))
-
-
-def _grid(axes: Axes) -> None:
-    axes.grid(visible=True, linewidth=0.3)
-
-
-def _legend_beside(axes: Axes) -> None:
-    axes.legend(frameon=False, loc='center left', bbox_to_anchor=(1.0, 0.5))
 
 
 if __name__ == '__main__':

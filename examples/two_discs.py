@@ -18,6 +18,7 @@ import numpy as np
 
 # R_AB, L_BC, L_AD and R_DC of the task [m]: a four-bar with the ground AD and the coupler BC.
 R_AB, L_BC, L_AD, R_DC = 0.100, 0.500, 0.500, 0.120
+DISCS = FourBar(ground=L_AD, crank=R_AB, coupler=L_BC, rocker=R_DC)
 
 
 class Turn(NamedTuple):
@@ -90,10 +91,9 @@ def step(text: str) -> float:
 
 def solve(step: float) -> Turn:
     """Return a turn in steps [deg], by both methods."""
-    discs = FourBar(ground=L_AD, crank=R_AB, coupler=L_BC, rocker=R_DC)
     ab = np.radians(np.linspace(0.0, 360.0, round(360.0 / step) + 1))
-    newton = [discs.solve(angle).x for angle in ab]
-    geometric = [discs.closed_form(angle).x for angle in ab]
+    newton = [DISCS.solve(angle).x for angle in ab]
+    geometric = [DISCS.closed_form(angle).x for angle in ab]
     return Turn(ab, np.unwrap(newton, axis=0), np.unwrap(geometric, axis=0))
 
 
@@ -112,37 +112,28 @@ def table(turn: Turn) -> str:
 
 def plot(turn: Turn, path: Path) -> None:
     """Draw both angles against that of the first disc, and the difference of the methods."""
-    import matplotlib as mpl  # noqa: PLC0415 - only who draws needs it
+    from klann_ros.plotting import plot_turn  # noqa: PLC0415 - only who draws needs it
+    from matplotlib.figure import Figure  # noqa: PLC0415 - see above
 
-    mpl.use('Agg')
-    from matplotlib import pyplot as plt  # noqa: PLC0415 - see above
-
-    figure, (upper, lower) = plt.subplots(
-        2, sharex=True, figsize=(8, 7), height_ratios=(3, 2), layout='constrained'
-    )
+    figure = Figure(figsize=(8, 7), layout='constrained')
+    upper, lower = figure.subplots(2, sharex=True, height_ratios=(3, 2))
+    plot_turn(DISCS, ax=upper)
     ab, dots = np.degrees(turn.ab), slice(None, None, max(1, len(turn.ab) // 36))
-    for k, (name, color) in enumerate((('bar BC', 'tab:blue'), ('disc DC', 'tab:orange'))):
-        newton, geometric = np.degrees(turn.newton[:, k]), np.degrees(turn.geometric[:, k])
-        upper.plot(ab, newton, color=color, label=f'{name}, Newton-Raphson')
-        upper.plot(
-            ab[dots], geometric[dots], 'o', color=color, mfc='none', label=f'{name}, geometric'
-        )
-        lower.plot(ab, turn.differences[:, k], '.-', color=color, lw=0.5, ms=3, label=name)
+    for k, (line, name) in enumerate(zip(upper.get_lines(), ('bar BC', 'disc DC'), strict=True)):
+        newton, style = np.degrees(turn.newton[dots, k]), {'color': line.get_color()}
+        line.set_label(f'{name}, geometric')
+        upper.plot(ab[dots], newton, 'o', mfc='none', label=f'{name}, Newton-Raphson', **style)
+        lower.plot(ab, turn.differences[:, k], '.-', lw=0.5, ms=3, label=name, **style)
     upper.set_title(
         f'Two discs: R_AB {R_AB * 1e3:g}, L_BC {L_BC * 1e3:g}, '
         f'L_AD {L_AD * 1e3:g}, R_DC {R_DC * 1e3:g} mm'
     )
-    upper.set_ylabel('angle from AD [deg]')
-    lower.set_title('Newton-Raphson less geometric')
-    lower.set_ylabel('difference [rad]')
-    lower.set_xlabel('angle of the disc AB [deg]')
-    lower.set_xlim(0.0, 360.0)
-    lower.set_xticks(range(0, 361, 30))
+    upper.set(xlabel='', ylabel='angle from AD [deg]')
+    lower.set(ylabel='Newton-Raphson less geometric [rad]', xlabel='angle of the disc AB [deg]')
+    lower.grid(alpha=0.3)
     for axes in (upper, lower):
-        axes.grid(alpha=0.3)
         axes.legend()
     figure.savefig(path, dpi=120)
-    plt.close(figure)
 
 
 if __name__ == '__main__':

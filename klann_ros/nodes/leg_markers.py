@@ -6,7 +6,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
 from klann_ros.kinematics import foot_path, KinematicsError, LinkagePose
-from klann_ros.review.drawing import Drawn
+from klann_ros.plotting.drawn import Drawn
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -113,10 +113,10 @@ class LegMarkers:
         joints = self._marker(leg, JOINTS_ID, Marker.SPHERE_LIST, JOINT * size, WHITE, stamp)
         joints.points = _points(places)
         markers = [joints]
-        for number, (bars, _, colour) in enumerate(drawn.bodies, start=BODIES_ID):
-            body = self._marker(leg, number, Marker.LINE_LIST, BAR * size, colour, stamp)
-            body.points = _points(drawn.points[name] for bar in bars for name in bar)
-            markers.append(body)
+        for number, body in enumerate(drawn.bodies, start=BODIES_ID):
+            bars = self._marker(leg, number, Marker.LINE_LIST, BAR * size, body.colour, stamp)
+            bars.points = _points(drawn.points[name] for bar in body.bars for name in bar)
+            markers.append(bars)
         return markers
 
     def _marker(  # noqa: PLR0917 - as many as a marker has

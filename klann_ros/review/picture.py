@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from klann_ros.kinematics import AnyLeg, KinematicsError, LinkagePose
+from klann_ros.plotting import plot_pose
+from klann_ros.plotting.artists import legend_beside, PALE
 from klann_ros.untrusted.text import printable
 import numpy as np
 
@@ -69,16 +71,16 @@ def save_picture(review: Review, form: str, file: BinaryIO) -> None:
     pose = _last_that_closes(recording, recording.solver.leg)
     from matplotlib.figure import Figure  # noqa: PLC0415 - optional, and slow to import
 
-    from .drawing import draw_foot_path, draw_leg, label_plane  # noqa: PLC0415
-
     figure = Figure(figsize=(8.0, 6.0), layout='constrained')
     axes = figure.add_subplot()
     feet = recording.feet.values
     # NaN fails the comparison as well.
     drawn = feet[(np.abs(feet) <= LARGEST).all(axis=1)]
-    draw_foot_path(axes, drawn, f'path of the foot, {len(drawn)} points')
-    draw_leg(axes, pose)
-    label_plane(axes, f'crank angle {degrees(pose.crank_angle) % 360.0:.1f} deg')
+    label = f'path of the foot, {len(drawn)} points'
+    axes.plot(*drawn.T, color=PALE, lw=1.5, zorder=1, label=label)
+    plot_pose(pose, ax=axes)
+    axes.set_title(f'crank angle {degrees(pose.crank_angle) % 360.0:.1f} deg')
+    legend_beside(axes)
     try:
         figure.savefig(file, format=form, dpi=120)
     except ValueError as error:

@@ -17,9 +17,10 @@ ALLOWED = {
     'untrusted': set(),
     'kinematics': {'untrusted'},
     'log': {'untrusted'},
-    'review': {'untrusted', 'kinematics', 'log'},
+    'plotting': {'kinematics'},
+    'review': {'untrusted', 'kinematics', 'plotting', 'log'},
     'stop_signals': set(),
-    'nodes': {'untrusted', 'kinematics', 'log', 'review', 'stop_signals'},
+    'nodes': {'untrusted', 'kinematics', 'plotting', 'log', 'review', 'stop_signals'},
     'executables': {'untrusted', 'kinematics', 'log', 'review', 'nodes', 'stop_signals'},
 }
 

@@ -1,0 +1,219 @@
+"""Charts: what changes over a turn of the crank, and how Newton-Raphson converges."""
+
+from collections.abc import Callable, Sequence
+from math import radians
+from typing import Any, NamedTuple, TYPE_CHECKING
+
+from klann_ros.kinematics import AnyLeg, LinkagePose
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arcs import Arc
+from klann_ros.kinematics.foot.path import NoFootPathError
+from klann_ros.kinematics.newton import Iterations
+import numpy as np
+from numpy.typing import NDArray
+
+from .artists import grid, symbol
+from .drawn import colour_of, COLOURS
+from .given import axes_of, leg_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+DEG = '°'
+# Between the poses of a chart [rad].
+STEP = radians(0.5)
+# Transmission angles of good practice [deg].
+GOOD = (40.0, 140.0)
+MARKERS = 'os^DvP'
+
+
+class _Quantity(NamedTuple):
+    """What of a pose a chart shows: its symbols and colours, its values, and its axis."""
+
+    curves: Callable[[AnyLeg], list[tuple[str, str]]]
+    values: Callable[[LinkagePose], Sequence[float]]
+    label: str = ''
+    unit: str = ''
+
+
+def _of_bodies(leg: AnyLeg) -> list[tuple[str, str]]:
+    names = leg.joint_names[1:]
+    return [(symbol(name), colour_of(j)) for j, name in enumerate(names, 1)]
+
+
+def _of_blocks(leg: AnyLeg) -> list[tuple[str, str]]:
+    groups = leg.linkage.structure.groups
+    several = len(groups) > 1
+    return [
+        (rf'$\mu_{{{k}}}$' if several else r'$\mu$', colour_of(group[0]))
+        for k, group in enumerate(groups, 1)
+    ]
+
+
+QUANTITIES = {
+    'angles': _Quantity(_of_bodies, lambda pose: pose.x, unit=DEG),
+    'transmission': _Quantity(_of_blocks, lambda pose: pose.transmission_angles, r'$\mu$', DEG),
+    'condition': _Quantity(
+        lambda _: [(r'cond $\Phi$', colour_of(0))], lambda pose: (pose.condition,)
+    ),
+    'foot': _Quantity(
+        lambda _: [('x', colour_of(1)), ('y', colour_of(0))], lambda pose: pose.h, unit='m'
+    ),
+}
+
+
+def plot_turn(given: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -> 'Axes':
+    """
+    Draw what changes over a turn of the crank, or over the arcs that it can reach.
+
+    Parameters
+    ----------
+    given : Linkage, KlannGeometry, FourBarGeometry or leg
+        The linkage.
+    what : str
+        'angles', of every body but the crank, without jumps of a turn; 'transmission', the
+        transmission angle of each block, over a band from 40 to 140 deg, which is good practice;
+        'condition', the condition number of Phi; 'foot', the foot's coordinates.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure where left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes: crank angles in degrees along x, and a line for each quantity, with its symbol.
+
+    Raises
+    ------
+    ValueError
+        There is no such quantity.
+    NoFootPathError
+        The crank reaches no angle.
+    TypeError
+        `given` is none of these.
+    NoMatplotlibError
+        matplotlib is not installed.
+
+    """
+    if what not in QUANTITIES:
+        msg = f'what = {what!r} is refused: it must be one of {", ".join(QUANTITIES)}'
+        raise ValueError(msg)
+    leg, quantity = leg_of(given), QUANTITIES[what]
+    arcs = leg.reachable_arcs()
+    if not arcs:
+        raise NoFootPathError
+    alphas, values = _over_the_arcs(leg, quantity, arcs, unwrapped=what == 'angles')
+    ax = axes_of(ax)
+    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415 - as in `axes_of`
+
+    if what == 'transmission':
+        ax.axhspan(*GOOD, color=COLOURS[2], alpha=0.15, linewidth=0)
+        ax.set(ylim=(0.0, 180.0), yticks=(0.0, GOOD[0], 90.0, GOOD[1], 180.0))
+    curves = quantity.curves(leg)
+    for (name, colour), column in zip(curves, values.T, strict=True):
+        ax.plot(alphas, column, color=colour, label=name)
+    label = quantity.label or ', '.join(name for name, _ in curves)
+    unit = f' / {quantity.unit}' if quantity.unit else ''
+    ax.set(xlabel=f'{symbol(leg.joint_names[0])} / {DEG}', ylabel=label + unit)
+    ax.xaxis.set_major_locator(MaxNLocator('auto', steps=[1, 3, 4.5, 6, 9, 10]))
+    if arcs == [(0.0, TURN)]:
+        ax.set(xlim=(0.0, 360.0))
+    grid(ax)
+    return ax
+
+
+def plot_convergence(
+    given: Any,
+    alpha: float,
+    guess: Sequence[float],
+    what: str = 'errors',
+    *,
+    ax: 'Axes | None' = None,
+    **stop: Any,
+) -> 'Axes':
+    """
+    Draw how the textbook's Newton-Raphson converges from a guess: a line for each block.
+
+    Parameters
+    ----------
+    given : Linkage, KlannGeometry, FourBarGeometry or leg
+        The linkage.
+    alpha : float
+        Crank angle [rad].
+    guess : sequence of float
+        The other angles of the first iterate, as of `Leg.newton` [rad].
+    what : str
+        'errors', of each iterate x_k against the last, x; 'corrections', to the next iterate;
+        each the greatest of a block's angles [rad]; or 'residuals', the norm of a block's loop
+        equations at each iterate [m].
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure where left out.
+    **stop
+        When it ends: keywords of `Leg.newton`, such as `max_iterations`.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes: k = 1, 2, ... along x, a logarithmic scale along y. A value of 0 is not drawn.
+
+    Raises
+    ------
+    NotConvergedError
+        Newton-Raphson finds no pose; it carries the iterates.
+    ValueError
+        There is no such quantity, or the guess is refused.
+    TypeError
+        `given` is none of these.
+    NoMatplotlibError
+        matplotlib is not installed.
+
+    """
+    if what not in CONVERGENCE:
+        msg = f'what = {what!r} is refused: it must be one of {", ".join(CONVERGENCE)}'
+        raise ValueError(msg)
+    leg = leg_of(given)
+    values, label, unit = CONVERGENCE[what]
+    table = values(leg.iterations(alpha, guess, **stop))
+    structure, names = leg.linkage.structure, leg.joint_names
+    ax = axes_of(ax)
+    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415 - as in `axes_of`
+
+    for k, (group, loops) in enumerate(zip(structure.groups, structure.paths.rows, strict=True)):
+        if what == 'residuals':
+            rows = [row for loop in loops for row in (2 * loop, 2 * loop + 1)]
+            column = np.linalg.norm(table[:, rows], axis=1)
+        else:
+            column = np.abs(table[:, [j - 1 for j in group]]).max(axis=1)
+        name = ', '.join(symbol(names[j]) for j in group)
+        seen = np.where(column > 0.0, column, np.nan)
+        marker = MARKERS[k % len(MARKERS)]
+        colour = colour_of(group[0])
+        ax.semilogy(1 + np.arange(len(seen)), seen, marker + '-', color=colour, label=name)
+    ax.set(xlabel='$k$', ylabel=f'{label} / {unit}')
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    grid(ax)
+    return ax
+
+
+# What each is of the iterates, its symbol and its unit.
+CONVERGENCE: dict[str, tuple[Callable[[Iterations], Array], str, str]] = {
+    'errors': (lambda done: done.x[:-1] - done.x[-1], '$|x_k - x|$', 'rad'),
+    'corrections': (lambda done: done.corrections, '$|x_{k+1} - x_k|$', 'rad'),
+    'residuals': (lambda done: done.f, '$|f(x_k)|$', 'm'),
+}
+
+
+def _over_the_arcs(
+    leg: AnyLeg, quantity: _Quantity, arcs: list[Arc], *, unwrapped: bool
+) -> tuple[Array, Array]:
+    """Return crank angles [deg] and values, shape (n, k); NaN between arcs."""
+    alphas, values = [], []
+    for start, end in arcs:
+        arc = np.linspace(start, end, max(2, 1 + round((end - start) / STEP)))
+        found = np.array([quantity.values(leg.closed_form(alpha)) for alpha in arc.tolist()])
+        alphas += [np.array([np.nan]), np.degrees(arc)]
+        values += [np.full(found.shape[1:], np.nan)[None], found]
+        if unwrapped:
+            values[-1] = np.unwrap(found, axis=0)
+    scale = np.degrees(1.0) if quantity.unit == DEG else 1.0
+    return np.concatenate(alphas[1:]), scale * np.concatenate(values[1:])

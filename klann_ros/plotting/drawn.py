@@ -1,0 +1,120 @@
+"""What a pose is drawn from, by whatever draws it: points, bodies and joints; no matplotlib."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import atan2, cos, radians, sin, tau
+from typing import NamedTuple
+
+from klann_ros.kinematics import LinkagePose
+import numpy as np
+from numpy.typing import NDArray
+
+# Bodies take the colours in turn; those of the Klann leg are crank, coupler, both rockers, leg.
+COLOURS = ('#d1495b', '#30638e', '#7a9e7e', '#edae49', '#003d5b', '#8f5c38', '#66618c')
+# Kinds of joints: what turns on the ground, what turns on another body, and a mere point of one.
+PIVOT, PIN, POINT = 'pivot', 'pin', 'point'
+# Where the ground is, as seen from a pivot [rad].
+SUPPORT = (radians(225.0), radians(315.0))
+
+Array = NDArray[np.float64]
+
+
+class DrawnBody(NamedTuple):
+    """
+    A body as it is drawn.
+
+    Attributes
+    ----------
+    bars : list of (str, str)
+        Its bars, by their points.
+    label, colour : str
+        What it is called, and its colour.
+
+    """
+
+    bars: list[tuple[str, str]]
+    label: str
+    colour: str
+
+    @property
+    def points(self) -> list[str]:
+        """Return its points."""
+        return list(dict.fromkeys(name for bar in self.bars for name in bar))
+
+
+class Drawn(NamedTuple):
+    """
+    What a pose is drawn from.
+
+    Attributes
+    ----------
+    points : dict of str to numpy.ndarray, shape (2,)
+        Every point by its name [m].
+    bodies : list of DrawnBody
+        The bodies, the crank first.
+    joints : dict of str to list of str
+        The points by the kind of their joint: PIVOT, PIN and POINT.
+
+    """
+
+    points: dict[str, Array]
+    bodies: list[DrawnBody]
+    joints: dict[str, list[str]]
+
+    @classmethod
+    def of(cls, pose: LinkagePose) -> 'Drawn':
+        """Return what a pose is drawn from."""
+        structure = pose.linkage.structure
+        points = dict(zip(structure.points, pose.points, strict=True))
+        bodies = [
+            DrawnBody([(bar.start, bar.end) for bar in body.bars], label, colour_of(i))
+            for i, (body, label) in enumerate(zip(structure.bodies, structure.labels, strict=True))
+        ]
+        joints: dict[str, list[str]] = {PIVOT: [], PIN: [], POINT: []}
+        for name in points:
+            several = sum(name in body.points for body in bodies) > 1
+            kind = PIVOT if name in structure.pivots else PIN if several else POINT
+            joints[kind].append(name)
+        return cls(points, bodies, joints)
+
+    @property
+    def pivots(self) -> Sequence[str]:
+        """Return the points that are fixed."""
+        return self.joints[PIVOT]
+
+    def at(self, names: Sequence[str]) -> Array:
+        """Return points, shape (n, 2) [m]."""
+        return np.array([self.points[name] for name in names]).reshape(-1, 2)
+
+    def line(self, body: DrawnBody) -> Array:
+        """Return the points along a body's bars, shape (n, 2); NaN where a bar starts anew."""
+        last, *_ = body.bars[0]
+        line = [self.points[last]]
+        for start, end in body.bars:
+            if start != last:
+                line += [np.full(2, np.nan), self.points[start]]
+            line.append(self.points[end])
+            last = end
+        return np.array(line)
+
+    def outline(self, body: DrawnBody) -> Array:
+        """Return a body's points in the order in which they stand around their middle."""
+        corners = self.at(body.points)
+        x, y = (corners - corners.mean(axis=0)).T
+        ordered: Array = corners[np.argsort(np.arctan2(y, x))]
+        return ordered
+
+    def free_side(self, name: str) -> tuple[float, float]:
+        """Return the direction farthest from the bars at a point, and from its support."""
+        bars = [bar for body in self.bodies for bar in body.bars if name in bar]
+        ends = [self.points[q if p == name else p] - self.points[name] for p, q in bars]
+        taken = [atan2(y, x) % tau for x, y in ends]
+        taken = sorted([*taken, *(SUPPORT if name in self.pivots else ())])
+        gaps = [(b - a, (a + b) / 2.0) for a, b in pairwise([*taken, taken[0] + tau])]
+        _, middle = max(gaps)
+        return cos(middle), sin(middle)
+
+
+def colour_of(body: int) -> str:
+    """Return the colour of a body, by its number."""
+    return COLOURS[body % len(COLOURS)]

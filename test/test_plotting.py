@@ -1,0 +1,311 @@
+"""Plots: what is drawn is what the kinematics say, to the last digit that is drawn."""
+
+import math
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import klann_ros
+from klann_ros import plotting
+from klann_ros.kinematics import (
+    foot_path,
+    FourBar,
+    KlannGeometry,
+    KlannLeg,
+    Linkage,
+    LinkageLeg,
+    shipped_linkage,
+    shipped_linkages,
+    UnreachableError,
+)
+from klann_ros.plotting.artists import draw_angles
+from klann_ros.plotting.drawn import Drawn
+import numpy as np
+import pytest
+
+matplotlib = pytest.importorskip('matplotlib')
+from matplotlib.figure import Figure  # noqa: E402 - after it is known to be there
+from matplotlib.patches import Arc  # noqa: E402 - as above
+
+matplotlib.use('Agg')
+ALPHA, GUESS = math.radians(60.0), np.radians([15.0, 60.0, 45.0, 60.0])
+BODIES = {
+    'crank': 'AB',
+    'coupler': 'BCG',
+    'lower rocker': 'DC',
+    'upper rocker': 'EF',
+    'leg': 'FGH',
+}
+# Of class II: it turns to and fro.
+TRIPLE_ROCKER = FourBar(0.180, 0.120, 0.130, 0.140)
+
+
+def new_axes() -> 'matplotlib.axes.Axes':
+    return Figure().add_subplot()
+
+
+def every_linkage() -> list[Linkage]:
+    return [shipped_linkage(name) for name in shipped_linkages()]
+
+
+def test_bars_end_at_the_points_and_every_letter_stands_at_its_own() -> None:
+    pose = KlannLeg().solve(1.0)
+    ax = plotting.plot_pose(pose, ax=new_axes())
+    points = dict(zip('ABCDEFGH', pose.points, strict=True))
+    bars = {line.get_label(): line.get_xydata() for line in ax.lines[: len(BODIES)]}
+    for name, letters in BODIES.items():
+        np.testing.assert_array_equal(bars[name], [points[letter] for letter in letters])
+    letters = {text.get_text(): text.xy for text in ax.texts}
+    assert set(letters) == set(points)
+    for letter, position in letters.items():
+        np.testing.assert_array_equal(position, points[letter])
+
+
+@pytest.mark.parametrize('linkage', every_linkage(), ids=lambda linkage: linkage.name)
+def test_every_point_of_any_linkage_is_drawn_once_as_its_joint(linkage: Linkage) -> None:
+    alpha = linkage.start[0]
+    ax = plotting.plot_pose(linkage, alpha, ax=new_axes())
+    pose = LinkageLeg(linkage).closed_form(alpha)
+    joints = [line for line in ax.lines if line.get_linestyle() == 'None']
+    drawn = np.vstack([line.get_xydata() for line in joints])
+    assert sorted(map(tuple, drawn)) == sorted(map(tuple, pose.points))
+    assert {text.get_text() for text in ax.texts} == set(linkage.structure.points)
+    fixed = joints[0].get_xydata()
+    expected = [pose.points[linkage.structure.points.index(n)] for n in linkage.structure.pivots]
+    assert sorted(map(tuple, fixed)) == sorted(map(tuple, expected))
+
+
+def test_a_joint_joins_bodies_and_a_mere_point_does_not() -> None:
+    joints = Drawn.of(KlannLeg().solve(1.0)).joints
+    assert {kind: ''.join(names) for kind, names in joints.items()} == {
+        'pivot': 'ADE',
+        'pin': 'BCFG',
+        'point': 'H',
+    }
+
+
+@pytest.mark.parametrize('linkage', every_linkage(), ids=lambda linkage: linkage.name)
+def test_no_letter_is_on_a_bar(linkage: Linkage) -> None:
+    pose = LinkageLeg(linkage).closed_form(linkage.start[0])
+    drawn = Drawn.of(pose)
+    for name, at in drawn.points.items():
+        side = np.array(drawn.free_side(name))
+        for body in drawn.bodies:
+            for bar in body.bars:
+                if name in bar:
+                    other = drawn.points[bar[1] if bar[0] == name else bar[0]]
+                    along = (other - at) / np.hypot(*(other - at))
+                    assert side @ along < math.cos(math.radians(30.0)), (name, bar)
+
+
+def test_the_plane_is_equally_scaled_and_in_metres() -> None:
+    for plot in (plotting.plot_pose, plotting.plot_foot_path):
+        ax = plot(KlannGeometry.patent(), ax=new_axes())
+        assert ax.get_aspect() == 1
+        assert (ax.get_xlabel(), ax.get_ylabel()) == ('x / m', 'y / m')
+
+
+@pytest.mark.parametrize(
+    'given',
+    [
+        KlannGeometry.sem104(),
+        KlannGeometry.sem104().linkage,
+        KlannLeg(),
+        FourBar(0.18, 0.08, 0.2, 0.15),
+        FourBar(0.18, 0.08, 0.2, 0.15).geometry,
+        LinkageLeg(shipped_linkage('stephenson')),
+    ],
+    ids=lambda given: type(given).__name__,
+)
+def test_a_linkage_a_geometry_or_a_leg_is_drawn(given: object) -> None:
+    plotting.plot_pose(given, 1.0, ax=new_axes())
+    plotting.plot_foot_path(given, ax=new_axes())
+    for what in ('angles', 'transmission', 'condition', 'foot'):
+        assert plotting.plot_turn(given, what, ax=new_axes()).lines
+
+
+@pytest.mark.parametrize('wrong', [None, 'jansen', KlannGeometry])
+def test_what_is_no_linkage_is_refused(wrong: object) -> None:
+    for plot in (plotting.plot_pose, plotting.plot_foot_path, plotting.animate):
+        with pytest.raises(TypeError, match='is refused: it must be a Linkage'):
+            plot(wrong)
+
+
+def test_a_leg_keeps_its_last_pose() -> None:
+    leg = KlannLeg()
+    pose = leg.solve(0.3)
+    plotting.plot_turn(leg, ax=new_axes())
+    plotting.plot_pose(leg, 2.0, ax=new_axes())
+    plotting.animate(leg, frames=2, ax=new_axes())._draw_was_started = True
+    assert leg.last is pose
+
+
+def test_an_angle_that_cannot_be_reached_is_said_before_anything_is_drawn() -> None:
+    ax = new_axes()
+    with pytest.raises(UnreachableError):
+        plotting.plot_pose(TRIPLE_ROCKER, math.pi, ax=ax)
+    assert not ax.lines
+
+
+def test_the_path_is_the_foot_path_and_closed() -> None:
+    (line,) = plotting.plot_foot_path(KlannLeg(), ax=new_axes(), lw=3, label='path').lines
+    path = foot_path(KlannLeg()).h
+    np.testing.assert_array_equal(line.get_xydata(), np.vstack([path, path[:1]]))
+    assert (line.get_linewidth(), line.get_label()) == (3, 'path')
+
+
+def test_the_path_of_an_arc_is_open_and_that_of_two_is_broken() -> None:
+    (line,) = plotting.plot_foot_path(TRIPLE_ROCKER, ax=new_axes()).lines
+    np.testing.assert_array_equal(line.get_xydata(), foot_path(TRIPLE_ROCKER).h)
+    two = FourBar(0.180, 0.150, 0.050, 0.200)
+    path = foot_path(two)
+    assert len(path.arcs) == 2
+    data = plotting.plot_foot_path(two, ax=new_axes()).lines[0].get_xydata()
+    assert np.isnan(data).all(axis=1).sum() == 1
+    np.testing.assert_array_equal(data[~np.isnan(data[:, 0])], path.h)
+
+
+def test_a_turn_shows_the_angles_of_the_poses_without_jumps() -> None:
+    leg = KlannLeg(KlannGeometry.patent())
+    ax = plotting.plot_turn(leg, ax=new_axes())
+    names = [line.get_label() for line in ax.lines]
+    assert names == [r'$\gamma$', r'$\beta$', r'$\delta$', r'$\theta$']
+    for j, line in enumerate(ax.lines):
+        alphas, values = np.radians(line.get_xydata()).T
+        assert np.abs(np.diff(values)).max() < 0.1
+        expected = np.array([leg.closed_form(alpha).x[j] for alpha in alphas])
+        assert np.abs(np.remainder(values - expected + np.pi, 2 * np.pi) - np.pi).max() < 1e-12
+    assert ax.get_xlim() == (0.0, 360.0)
+
+
+@pytest.mark.parametrize(
+    ('what', 'value', 'scale'),
+    [
+        ('transmission', lambda pose: pose.transmission_angles, 180.0 / math.pi),
+        ('condition', lambda pose: (pose.condition,), 1.0),
+        ('foot', lambda pose: pose.h, 1.0),
+    ],
+)
+def test_a_turn_shows_what_the_poses_have(what: str, value: object, scale: float) -> None:
+    leg = LinkageLeg(shipped_linkage('jansen'))
+    lines = plotting.plot_turn(leg, what, ax=new_axes()).lines
+    alphas = np.radians(lines[0].get_xdata())
+    expected = scale * np.array([value(leg.closed_form(alpha)) for alpha in alphas])
+    np.testing.assert_allclose(np.array([line.get_ydata() for line in lines]).T, expected, 1e-12)
+
+
+def test_a_crank_that_does_not_turn_fully_has_its_arc() -> None:
+    ((start, end),) = TRIPLE_ROCKER.reachable_arcs()
+    ax = plotting.plot_turn(TRIPLE_ROCKER, 'transmission', ax=new_axes())
+    alphas = np.radians(ax.lines[0].get_xdata())
+    assert (alphas[0], alphas[-1]) == pytest.approx((start, end), rel=1e-12)
+
+
+def test_convergence_is_that_of_newtons_iterates() -> None:
+    leg = KlannLeg()
+    x = leg.newton(ALPHA, GUESS)
+    f = np.array([leg.linkage.f(ALPHA, row) for row in x])
+    errors, corrections = np.abs(x[:-1] - x[-1]), np.abs(np.diff(x, axis=0))
+    expected = {
+        'errors': (errors[:, :2].max(axis=1), errors[:, 2:].max(axis=1)),
+        'corrections': (corrections[:, :2].max(axis=1), corrections[:, 2:].max(axis=1)),
+        'residuals': (np.hypot(f[:, 0], f[:, 1]), np.hypot(f[:, 2], f[:, 3])),
+    }
+    for what, (first, second) in expected.items():
+        ax = plotting.plot_convergence(leg, ALPHA, GUESS, what, ax=new_axes())
+        for line, values in zip(ax.lines, (first, second), strict=True):
+            k, seen = line.get_xydata().T
+            np.testing.assert_array_equal(k, 1 + np.arange(len(values)))
+            np.testing.assert_allclose(np.nan_to_num(seen), values, rtol=1e-12)
+        assert ax.get_yscale() == 'log'
+
+
+def test_what_there_is_not_is_refused_with_what_there_is() -> None:
+    with pytest.raises(ValueError, match="'speed' is refused: it must be one of angles, trans"):
+        plotting.plot_turn(KlannLeg(), 'speed')
+    with pytest.raises(ValueError, match="'speed' is refused: it must be one of errors, corr"):
+        plotting.plot_convergence(KlannLeg(), ALPHA, GUESS, 'speed')
+    with pytest.raises(ValueError, match='frames'):
+        plotting.animate(KlannLeg(), frames=1)
+
+
+def test_a_frame_of_an_animation_is_its_pose() -> None:
+    leg, ax = LinkageLeg(shipped_linkage('jansen')), new_axes()
+    animation = plotting.animate(leg, frames=8, ax=ax)
+    limits = ax.get_xlim(), ax.get_ylim()
+    for frame in (0, 3, 7):
+        animation._draw_frame(frame)
+        pose = leg.closed_form(frame * math.tau / 8)
+        points = dict(zip(leg.linkage.structure.points, pose.points, strict=True))
+        assert {t.get_text(): tuple(t.xy) for t in ax.texts} == {
+            name: tuple(at) for name, at in points.items()
+        }
+        joints = [line.get_xydata() for line in ax.lines if line.get_linestyle() == 'None']
+        assert sorted(map(tuple, np.vstack(joints))) == sorted(map(tuple, pose.points))
+        crank = next(line for line in ax.lines if line.get_label() == 'm')
+        np.testing.assert_array_equal(crank.get_xydata(), [points['Z'], points['X']])
+        # The lower triangle.
+        corners = ax.patches[-1].get_xy()[:3]
+        assert sorted(map(tuple, corners)) == sorted(tuple(points[n]) for n in 'UTS')
+    assert (ax.get_xlim(), ax.get_ylim()) == limits
+    animation._draw_was_started = True
+
+
+def test_an_arc_is_animated_to_and_fro_within_it() -> None:
+    ax = new_axes()
+    animation = plotting.animate(TRIPLE_ROCKER, frames=12, ax=ax)
+    ((start, end),) = TRIPLE_ROCKER.reachable_arcs()
+    places = []
+    for frame in range(12):
+        animation._draw_frame(frame)
+        places.append(next(t.xy for t in ax.texts if t.get_text() == 'A'))
+    np.testing.assert_allclose(places[1:6], places[:6:-1], atol=1e-12)
+    angles = np.unwrap([math.atan2(y, x) for x, y in places])
+    assert np.ptp(angles) == pytest.approx(end - start, rel=1e-9)
+    animation._draw_was_started = True
+
+
+def test_an_animation_is_a_page_and_a_gif(tmp_path: Path) -> None:
+    animation = plotting.animate(KlannLeg(), frames=3)
+    assert animation.to_jshtml().count('data:image/png;base64') == 3
+    plotting.animate(KlannLeg(), frames=3).save(tmp_path / 'leg.gif', writer='pillow')
+    assert (tmp_path / 'leg.gif').read_bytes().startswith(b'GIF89a')
+
+
+def test_an_arc_leads_from_the_horizontal_to_its_bar() -> None:
+    ax = new_axes()
+    pose = KlannLeg().solve(1.0)
+    draw_angles(ax, pose, radius=0.05)
+    points = dict(zip('ABCDEFGH', pose.points, strict=True))
+    bars = ['AB', 'BC', 'DC', 'EF', 'FG']
+    arcs = [patch for patch in ax.patches if isinstance(patch, Arc)]
+    for arc, (start, end) in zip(arcs, bars, strict=True):
+        np.testing.assert_array_equal(arc.center, points[start])
+        x, y = points[end] - points[start]
+        assert 0.0 in (arc.theta1, arc.theta2)
+        assert arc.theta1 + arc.theta2 == pytest.approx(math.degrees(math.atan2(y, x)))
+
+
+def test_without_matplotlib_there_is_one_clear_line(tmp_path: Path) -> None:
+    (tmp_path / 'matplotlib.py').write_text('raise ImportError("none here")\n')
+    package = Path(klann_ros.__file__).resolve().parents[1]
+    script = (
+        'from klann_ros import plotting\n'
+        'from klann_ros.kinematics import KlannLeg\n'
+        'for plot in (plotting.plot_pose, plotting.plot_foot_path, plotting.plot_turn,\n'
+        '             plotting.animate, lambda leg: plotting.plot_convergence(leg, 1, [1] * 4)):\n'
+        '    try:\n'
+        '        plot(KlannLeg())\n'
+        '    except plotting.NoMatplotlibError as error:\n'
+        '        print(error)\n'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', script],
+        env=os.environ | {'PYTHONPATH': os.pathsep.join([str(tmp_path), str(package)])},
+        cwd=tmp_path,
+        capture_output=True,
+        check=True,
+        text=True,
+    )
+    assert done.stdout == 5 * "a plot needs matplotlib: pip install 'klann_ros[plot]'\n"
