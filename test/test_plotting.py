@@ -166,6 +166,15 @@ def test_the_path_of_an_arc_is_open_and_that_of_two_is_broken() -> None:
     np.testing.assert_array_equal(data[~np.isnan(data[:, 0])], path.h)
 
 
+def test_the_path_of_any_point_is_drawn() -> None:
+    bars, point = FourBar(0.2, 0.1, 0.25, 0.25), ('theta3', 0.5, 0.0)
+    (line,) = plotting.plot_foot_path(bars, point=point, ax=new_axes()).lines
+    np.testing.assert_array_equal(line.get_xydata()[:-1], foot_path(bars, point=point).h)
+    (line,) = plotting.plot_foot_path(KlannGeometry(), point='G', ax=new_axes()).lines
+    assert line.get_label() == 'G'
+    assert line.get_xydata()[0] == pytest.approx(KlannLeg().closed_form(0.0).points[6], abs=1e-12)
+
+
 def test_a_turn_shows_the_angles_of_the_poses_without_jumps() -> None:
     leg = KlannLeg(KlannGeometry.patent())
     ax = plotting.plot_turn(leg, ax=new_axes())
@@ -291,7 +300,9 @@ def test_without_matplotlib_there_is_one_clear_line(tmp_path: Path) -> None:
     (tmp_path / 'matplotlib.py').write_text('raise ImportError("none here")\n')
     package = Path(klann_ros.__file__).resolve().parents[1]
     script = (
+        'import sys\n'
         'from klann_ros import plotting\n'
+        'assert "matplotlib" not in sys.modules\n'
         'from klann_ros.kinematics import KlannLeg\n'
         'for plot in (plotting.plot_pose, plotting.plot_foot_path, plotting.plot_turn,\n'
         '             plotting.animate, lambda leg: plotting.plot_convergence(leg, 1, [1] * 4)):\n'

@@ -2,7 +2,7 @@
 
 from typing import Any, TYPE_CHECKING
 
-from klann_ros.kinematics import AnyLeg, foot_path, LinkagePose, validation
+from klann_ros.kinematics import AnyLeg, foot_path, FootPath, LinkagePose, validation
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.foot.path import NoFootPathError
 import numpy as np
@@ -79,18 +79,27 @@ def plot_pose(
     return ax
 
 
-def plot_foot_path(given: Any, *, ax: 'Axes | None' = None, **style: Any) -> 'Axes':
+def plot_foot_path(
+    given: Any,
+    *,
+    point: str | tuple[str, float, float] | None = None,
+    ax: 'Axes | None' = None,
+    **style: Any,
+) -> 'Axes':
     """
-    Draw the path of the foot over all crank angles that can be reached.
+    Draw the path of the foot, or of any point, over all crank angles that can be reached.
 
     Parameters
     ----------
     given : Linkage, KlannGeometry, FourBarGeometry or leg
         The linkage.
+    point : str, or (str, float, float), optional
+        The point in place of the foot, as of `foot_path`: 'G', or ('theta3', u, v) for a coupler
+        curve.
     ax : matplotlib.axes.Axes, optional
         Where to draw; a new figure where left out.
     **style
-        Of the line, such as `color` and `label`, which is the foot's letter where left out.
+        Of the line, such as `color` and `label`, which is the point's letter where left out.
 
     Returns
     -------
@@ -101,6 +110,8 @@ def plot_foot_path(given: Any, *, ax: 'Axes | None' = None, **style: Any) -> 'Ax
     ------
     NoFootPathError
         The crank reaches no angle.
+    GeometryError
+        There is no such point.
     TypeError
         `given` is none of these.
     NoMatplotlibError
@@ -108,13 +119,14 @@ def plot_foot_path(given: Any, *, ax: 'Axes | None' = None, **style: Any) -> 'Ax
 
     """
     leg = leg_of(given)
-    feet = _feet(leg)
+    feet = _closed(foot_path(leg, point=point))
     ax = axes_of(ax)
     from matplotlib.cbook import normalize_kwargs  # noqa: PLC0415 - as in `axes_of`
     from matplotlib.lines import Line2D  # noqa: PLC0415 - as above
 
     look: dict[str, Any] = {'color': PALE, 'linewidth': 1.5, 'zorder': 1}
-    look['label'] = leg.linkage.structure.foot
+    foot = leg.linkage.structure.foot
+    look['label'] = foot if point is None else point if isinstance(point, str) else point[0]
     ax.plot(*feet.T, **look | normalize_kwargs(style, Line2D))
     label_plane(ax)
     return ax
@@ -182,9 +194,8 @@ def animate(
     return FuncAnimation(whole, show, frames=frames, interval=interval)
 
 
-def _feet(leg: AnyLeg) -> Array:
-    """Return the foot's path, closed after a turn; a row of NaN between arcs."""
-    path = foot_path(leg)
+def _closed(path: FootPath) -> Array:
+    """Return the points of a path, the first once more after a turn; NaN between arcs."""
     if path.full_turn:
         return np.vstack([path.h, path.h[:1]])
     nothing, parts = np.full((1, 2), np.nan), []
