@@ -1,6 +1,6 @@
-"""What a run says about itself in metadata records: its solvers, its pauses, what it lost."""
+"""What a run says about itself in metadata records: solvers, pauses, losses and their causes."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 import json
 from typing import Any
@@ -9,6 +9,7 @@ from klann_ros.untrusted.text import printable
 
 SOLVER_RECORD = 'klann_ros.solver'
 LOSS_RECORD = 'klann_ros.loss'
+HARM_RECORD = 'klann_ros.harm'
 PAUSE_RECORD = 'klann_ros.pause'
 RECORDER_RECORD = 'klann_ros.recorder'
 # The solver's parameter that holds the text of its linkage's file; empty for a Klann leg.
@@ -150,6 +151,22 @@ def loss_record(counts: Mapping[str, TopicCount]) -> dict[str, str]:
     """Return the metadata record of what became of each topic's messages."""
     told = {name: {**asdict(count), 'lost': count.lost} for name, count in counts.items()}
     return {name: json.dumps(count) for name, count in told.items()}
+
+
+def harm_record(stopped: str, harms: Iterable[str]) -> dict[str, str]:
+    """
+    Return the metadata record of what was done to a recording; empty where nothing was.
+
+    Parameters
+    ----------
+    stopped
+        What ended it before anybody asked for its end; '' if nothing did.
+    harms
+        What somebody took away while it was recorded, a line each.
+
+    """
+    told = {'stopped': stopped, 'harmed': '; '.join(harms)}
+    return {key: text for key, text in told.items() if text}
 
 
 def topic_counts(record: Mapping[str, str]) -> dict[str, TopicCount]:

@@ -26,6 +26,8 @@ class TopicRecording:
         was heard, which waited for whoever would come.
     lost : int or None
         Messages lost on the way into the run; None where nobody can tell.
+    dropped : int
+        How many of them the recorder had received.
     early : int
         What publishers that came later had sent before the recorder heard them.
     left : int
@@ -54,6 +56,7 @@ class TopicRecording:
     missing: Times = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
     set_back: Times = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
     overtaken: int = 0
+    dropped: int = 0
 
     @property
     def lost_at(self) -> int | None:
@@ -209,6 +212,9 @@ class Recording:
         Where the log has nothing for reasons of its own, a pause or damage: log times [ns].
     legs : tuple of LegRecording
         The legs.
+    stopped, harmed : str
+        What ended the recording before its time, and what somebody took away meanwhile, as the
+        recorder tells; '' for nothing.
 
     """
 
@@ -221,6 +227,8 @@ class Recording:
     undecoded: tuple[Undecoded, ...]
     holes: tuple[tuple[int, int], ...]
     legs: tuple[LegRecording, ...]
+    stopped: str = ''
+    harmed: str = ''
 
     @property
     def duration(self) -> float:

@@ -12,6 +12,7 @@ from domain import own_domain
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import topic_counts
+from klann_ros.review.reviewing import review_run
 import pytest
 from ros_world import Process, World, world
 from std_msgs.msg import Float64
@@ -153,6 +154,10 @@ def test_a_folder_is_made_anew_and_followed(stage: Stage) -> None:
     assert f'200 messages of 1 topic are in {recording.folder}; 100 were lost;' in end['said']
     assert (end['messages'], end['metadata'], end['files']) == (200, 200, ['second_1.mcap'])
     assert (end['count'].written, end['count'].dropped) == (200, 100)
+    (lost,) = (f for f in review_run(recording.folder).findings if f.check == 'lost')
+    assert lost.text.startswith(f'100 messages of {TOPIC} were lost')
+    assert 'the recorder had received 100 of them. What it tells: ' in lost.meaning
+    assert f'{ros.folder}/second was removed while it was recorded' in lost.meaning
 
 
 def test_a_folder_that_is_only_renamed_is_no_fault(stage: Stage) -> None:

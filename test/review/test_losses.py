@@ -4,7 +4,13 @@ from dataclasses import replace
 import re
 
 from klann_ros.log.qos import Qos, qos_to_yaml
-from klann_ros.log.run_parameters import LOSS_RECORD, loss_record, TopicCount
+from klann_ros.log.run_parameters import (
+    HARM_RECORD,
+    harm_record,
+    LOSS_RECORD,
+    loss_record,
+    TopicCount,
+)
 from klann_ros.review.command import main
 import pytest
 
@@ -30,6 +36,42 @@ def test_the_recorders_own_count_comes_first(healthy, make_run, capsys) -> None:
     said = '7 messages of /crank_angle were lost (first at 0.265 s)'
     assert re.findall(r'WARNING lost: (.*)', output) == [said]
     assert re.search(r'/point_h .* \?\n', output)
+
+
+def judged(healthy, make_run, capsys, count: TopicCount, **harm: str) -> list[str]:
+    """Return the findings of a run that tells of losses, and what was done to it."""
+    healthy.metadata.append((LOSS_RECORD, loss_record({'/crank_angle': count})))
+    healthy.metadata.append((HARM_RECORD, harm))
+    assert main([str(make_run(healthy))]) == 1
+    return re.findall(r'^(?:WARNING \w+: |  +)(.*)$', capsys.readouterr().out, re.MULTILINE)
+
+
+def test_what_was_taken_away_is_no_shallow_queue(healthy, make_run, capsys) -> None:
+    harmed = harm_record('', ['run_0.mcap was removed while it was recorded'])
+    said = judged(healthy, make_run, capsys, TopicCount(400, 300, dropped=100), **harmed)
+    text, meaning = said[-2:]
+    assert text.startswith('100 messages of /crank_angle were lost')
+    assert meaning == (
+        'the recorder had received 100 of them. What it tells: run_0.mcap was removed while it '
+        'was recorded'
+    )
+
+
+def test_a_full_disk_is_told_and_what_else_was_lost(healthy, make_run, capsys) -> None:
+    stopped = harm_record('the disk is full', [])
+    said = judged(healthy, make_run, capsys, TopicCount(400, 397, dropped=3, unheard=4), **stopped)
+    assert 'the recording ended before its time: the disk is full' in said
+    assert said[-1] == (
+        'the recorder had received 3 of them, 4 were published and never reached the run: a '
+        'shallow queue, or an overload. What it tells: the disk is full'
+    )
+
+
+def test_what_a_strangers_run_says_of_itself_is_shown_in_one_line(
+    healthy, make_run, capsys
+) -> None:
+    said = judged(healthy, make_run, capsys, TopicCount(9, 1, dropped=8), stopped='a\x1b[2J\nb')
+    assert r'the recording ended before its time: a\x1b[2J b' in said
 
 
 def test_a_topic_that_is_lost_altogether_is_told(healthy, make_run, capsys) -> None:

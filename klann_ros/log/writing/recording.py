@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 from klann_ros.log.loss_report import losses_in_words
 from klann_ros.log.run_parameters import (
+    HARM_RECORD,
+    harm_record,
     LOSS_RECORD,
     loss_record,
     PAUSE_RECORD,
@@ -103,6 +105,13 @@ class Recording:
             faults=self._writer.faults.lasting,
         )
 
+    def _describe_losses(self, run: RunWriter) -> None:
+        """Write to the run what became of its messages, and of itself."""
+        run.add_metadata(LOSS_RECORD, loss_record(self._background.ledger.counts()))
+        harm = harm_record(str(self._background.failure or ''), run.faults.lasting)
+        if harm:
+            run.add_metadata(HARM_RECORD, harm)
+
     def _free_space(self) -> int | None:
         try:
             return self._writer.free_space
@@ -112,9 +121,7 @@ class Recording:
     def finish(self) -> tuple[bool, str]:
         """Finish the run, when all was put; return whether all went well, and what to say."""
         ledger = self._background.ledger
-        failure = self._background.close(
-            lambda run: run.add_metadata(LOSS_RECORD, loss_record(ledger.counts()))
-        )
+        failure = self._background.close(self._describe_losses)
         counts = ledger.counts()
         written = sum(count.written for count in counts.values())
         path, faults = printable(self._writer.path), self._writer.faults.lasting

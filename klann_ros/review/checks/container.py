@@ -20,6 +20,13 @@ def check(review: Review) -> Iterator[Finding]:
         also = f'; and {more} more' if more > 0 else ''
         meaning = 'what is judged is what could be read; `recover` makes a whole run of it'
         yield Finding('container', Severity.ERROR, f'the log is damaged: {shown}{also}', meaning)
+    if recording.stopped:
+        yield Finding(
+            'container',
+            Severity.WARNING,
+            f'the recording ended before its time: {recording.stopped}',
+            'what came later is not in the run',
+        )
     for failed in recording.undecoded:
         yield Finding(
             'decode',

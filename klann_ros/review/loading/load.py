@@ -7,8 +7,9 @@ from klann_ros.kinematics import AnyLeg
 from klann_ros.log.reader import Log
 from klann_ros.log.reading.block import Block
 from klann_ros.log.records import Topic
-from klann_ros.log.run_parameters import PAUSE_RECORD
+from klann_ros.log.run_parameters import HARM_RECORD, PAUSE_RECORD
 from klann_ros.review.recording import LegRecording, no_series, Recording, Series
+from klann_ros.untrusted.text import printable_line
 import numpy as np
 
 from .descriptions import Descriptions
@@ -69,7 +70,15 @@ def load(
         undecoded=gathering.undecoded(),
         holes=holes,
         legs=tuple(_legs(gathering, iterations, descriptions, shared)),
+        stopped=_harm(log, 'stopped'),
+        harmed=_harm(log, 'harmed'),
     )
+
+
+def _harm(log: Log, key: str) -> str:
+    """Return what the recorder tells of what was done to it, in one line."""
+    found = (record.get(key, '') for record in log.metadata.get(HARM_RECORD, ()))
+    return printable_line('; '.join(filter(None, found)))
 
 
 def by_topic(block: Block) -> Iterator[tuple[Topic, Rows]]:

@@ -138,7 +138,9 @@ class TopicTally:
         # A topic of which nothing at all arrived is lost as well.
         nothing, none = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.float32)
         missing = [
-            TopicRecording(name, '', nothing, none, count.lost, count.early, count.left)
+            TopicRecording(
+                name, '', nothing, none, count.lost, count.early, count.left, dropped=count.dropped
+            )
             for name, count in recorded.items()
             if (count.lost or count.early or count.left > 1) and name not in names
         ]
@@ -174,6 +176,7 @@ def _topic(
         missing=missing,
         set_back=set_back,
         overtaken=len(back) - len(set_back),
+        dropped=0 if recorded is None else recorded.dropped,
     )
 
 
@@ -207,5 +210,9 @@ def _counts(record: Mapping[str, str]) -> dict[str, TopicCount]:
     return {
         name: count
         for name, count in counts.items()
-        if all(0 <= number <= LAST_TIME for number in (count.lost or 0, count.early, count.left))
+        if all(0 <= number <= LAST_TIME for number in _numbers(count))
     }
+
+
+def _numbers(count: TopicCount) -> tuple[int, ...]:
+    return count.lost or 0, count.dropped, count.early, count.left
