@@ -46,7 +46,8 @@ class CrankAngleError(KinematicsError, ValueError):
         if isinstance(self.alpha, np.ndarray | list | tuple | range):
             return (
                 'an array of crank angles is refused, since one at a time is solved: '
-                'linkage_poses(leg, alphas) and klann_poses(geometry, alphas) solve many at once'
+                'linkage_poses(leg, alphas) and klann_poses(geometry, alphas) solve many at once, '
+                'FourBar.table(theta2) a four-bar'
             )
         return (
             f'crank angle {self.alpha} rad is refused: '

@@ -133,7 +133,8 @@ class Iterations:
             *(f'f{k + 1}' for k in range(count)),
             *(f'd {n}' for n in self.names),
         ]
-        lines = [' k' + ''.join(f'{head:>11}' for head in heads)]
+        lines = ['angles [deg], f [m], corrections d [rad]']
+        lines += [' k' + ''.join(f'{head:>11}' for head in heads)]
         blank = np.full((1, count), np.nan)
         rows = np.hstack([np.degrees(self.x), self.f, np.vstack([self.corrections, blank])])
         for k, row in enumerate(rows.tolist(), 1):

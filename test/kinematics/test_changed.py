@@ -34,6 +34,8 @@ def test_one_length_is_replaced_and_nothing_else(thing: Any) -> None:
     changed = thing.varied({name: 1.01 * value})
     numbers = getattr(changed, 'linkage', changed).dimensions
     assert numbers == {**linkage.dimensions, name: 1.01 * value}
+    by_keyword = thing.varied(**{name: 1.01 * value})
+    assert getattr(by_keyword, 'linkage', by_keyword).dimensions == numbers
     assert getattr(changed, 'linkage', changed).assembly == linkage.assembly
     with pytest.raises(GeometryError, match=r'no such dimension; there are .*did you mean'):
         thing.varied({name + 'x': value})

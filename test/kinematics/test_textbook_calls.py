@@ -46,8 +46,8 @@ def test_a_run_is_its_iterates_f_phi_and_corrections(leg: KlannLeg, guess: np.nd
         with pytest.raises(ValueError, match='read-only'):
             array[0] = 0.0
     lines = str(run).splitlines()
-    assert len(lines) == 1 + len(run.x)
-    assert [float(cell) for cell in lines[1].split()[1 : 1 + len(guess)]] == pytest.approx(
+    assert len(lines) == 2 + len(run.x)
+    assert [float(cell) for cell in lines[2].split()[1 : 1 + len(guess)]] == pytest.approx(
         np.degrees(guess)
     )
 
@@ -156,6 +156,6 @@ def test_a_table_is_shown_as_one() -> None:
     assert lines[0].split() == [
         *('theta2', 'theta3', 'theta4', 'alpha', 'beta', 'Z', 'mu', 'T4/T2')
     ]
-    assert lines[2].split()[:5] == ['60.00', '21.56', '72.14', '81.53', '26.33']
+    assert lines[3].split()[:5] == ['60.00', '21.56', '72.14', '81.53', '26.33']
     assert str(BAR[0].table(np.zeros(150))).endswith('... and 50 more')
-    assert len(str(BAR[0].table(1.0)).splitlines()) == 2
+    assert len(str(BAR[0].table(1.0)).splitlines()) == 3

@@ -163,7 +163,7 @@ def _variants(linkages: Any) -> tuple[bool, Variants | None]:
     """Return whether one linkage is meant, and all as variants; None for none at all."""
     if isinstance(linkages, Variants):
         return False, linkages
-    if not isinstance(linkages, Iterable):
+    if isinstance(linkages, str) or not isinstance(linkages, Iterable):
         return True, Variants.of([as_linkage(linkages)])
     every = list(linkages)
     return False, Variants.of(map(as_linkage, every)) if every else None

@@ -90,14 +90,18 @@ class FourBarGeometry:
         """Return it as a linkage, which is what solves it."""
         return Linkage(STRUCTURE, self.lengths, assembly=(self.assembly,), name='Four-bar')
 
-    def varied(self, changes: Mapping[str, float]) -> 'FourBarGeometry':
+    def varied(
+        self, changes: Mapping[str, float] | None = None, **numbers: float
+    ) -> 'FourBarGeometry':
         """
         Return it with some of its lengths replaced.
 
         Parameters
         ----------
-        changes : mapping of str to float
+        changes : mapping of str to float, optional
             By name: 'ground', 'crank', 'coupler' or 'rocker' [m].
+        **numbers
+            The same as keywords.
 
         Raises
         ------
@@ -105,9 +109,10 @@ class FourBarGeometry:
             It is no four-bar any more, or there is no such length.
 
         """
-        by_name(STRUCTURE.dimensions, changes)
-        numbers = dict(zip(LENGTHS, self.lengths, strict=True)) | dict(changes)
-        return FourBarGeometry(**numbers, assembly=self.assembly)
+        new = {**(changes or {}), **numbers}
+        by_name(STRUCTURE.dimensions, new)
+        lengths = dict(zip(LENGTHS, self.lengths, strict=True)) | new
+        return FourBarGeometry(**lengths, assembly=self.assembly)
 
     def scaled(self, factor: float) -> 'FourBarGeometry':
         """Return it so many times as large; a GeometryError for no positive factor."""

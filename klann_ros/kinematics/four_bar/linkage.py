@@ -181,9 +181,9 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         """Return the linkage's lengths and assembly."""
         return self._geometry
 
-    def varied(self, changes: Mapping[str, float]) -> 'FourBar':
+    def varied(self, changes: Mapping[str, float] | None = None, **numbers: float) -> 'FourBar':
         """
-        Return the four-bar with some of its lengths replaced [m]; see `FourBarGeometry.varied`.
+        Return the four-bar with some of its lengths replaced, as in `varied(coupler=0.26)` [m].
 
         Raises
         ------
@@ -191,7 +191,7 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
             It is no four-bar any more, or there is no such length.
 
         """
-        return self._made(self._geometry.varied(changes))
+        return self._made(self._geometry.varied(changes, **numbers))
 
     def scaled(self, factor: float) -> 'FourBar':
         """Return the four-bar so many times as large; a GeometryError for no positive factor."""

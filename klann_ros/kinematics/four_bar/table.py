@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 COLUMNS = ('theta2', 'theta3', 'theta4', 'alpha', 'beta', 'Z', 'mu', 'T4/T2')
+UNITS = ('[deg]',) * 5 + ('[m]', '[deg]', '[1]')
 # What `str` shows: a table for the eye; the arrays have all.
 MOST_ROWS = 100
 
@@ -59,6 +60,7 @@ class FourBarTable:
         rows = np.stack([column.ravel() for column in columns], axis=1)
         places = (2, 2, 2, 2, 2, 6, 2, 4)
         lines = [''.join(f'{name:>12}' for name in COLUMNS)]
+        lines += [''.join(f'{unit:>12}' for unit in UNITS)]
         for row in rows[:MOST_ROWS].tolist():
             cells = (f'{v:12.{n}f}' for v, n in zip(row, places, strict=True))
             lines.append(''.join(cells))

@@ -155,14 +155,18 @@ class KlannGeometry:
         numbers = [getattr(self, name) for name in NUMBERS]
         return Linkage(STRUCTURE, numbers, assembly=self.assembly, name='Klann leg')
 
-    def varied(self, changes: Mapping[str, float]) -> 'KlannGeometry':
+    def varied(
+        self, changes: Mapping[str, float] | None = None, **numbers: float
+    ) -> 'KlannGeometry':
         """
         Return the leg with some of its numbers replaced.
 
         Parameters
         ----------
-        changes : mapping of str to float
+        changes : mapping of str to float, optional
             By name, such as `l_bc` or `angle_bcg` [m, rad].
+        **numbers
+            The same as keywords: `varied(l_bc=0.36)`.
 
         Raises
         ------
@@ -170,9 +174,9 @@ class KlannGeometry:
             It is no leg any more, or there is no such number.
 
         """
-        by_name(STRUCTURE.dimensions, changes)
-        numbers: dict[str, Any] = {**changes}
-        return replace(self, **numbers)
+        new: dict[str, Any] = {**(changes or {}), **numbers}
+        by_name(STRUCTURE.dimensions, new)
+        return replace(self, **new)
 
     def scaled(self, factor: float) -> 'KlannGeometry':
         """Return the leg so many times as large; a GeometryError for no positive factor."""

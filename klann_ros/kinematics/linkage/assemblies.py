@@ -6,7 +6,7 @@ are the assembly. Coupled loops have more, which no sign tells apart: Newton-Rap
 them from many starting points.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import islice, product
 from math import degrees, pi
 from typing import Any
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from .circles import placed
 from .linkage import as_linkage, Linkage
 from .pose import closed_pose, LinkagePose
-from .reach import closes_somewhere
+from .reach import closes_somewhere, reachable_arcs
 
 # Starting points of the search for coupled loops, and what of them counts as converged [rad, m].
 STARTS, TOLERANCE, ITERATIONS = 400, 1e-10, 30
@@ -195,6 +195,16 @@ def nearest_assembly(linkage: Linkage, start: tuple[float, ...]) -> float:
     return float(min(nearest, default=np.inf))
 
 
+def _elsewhere(linkage: Linkage, shown: Callable[[float], float], unit: str) -> str:
+    """Return in words where the crank of a linkage of dyads can be."""
+    possible = next(possible_assemblies(linkage), None) if linkage.is_dyadic else None
+    if possible is None:
+        return ''
+    arcs = reachable_arcs(linkage.in_assembly(possible))
+    texts = (f'{shown(start):.4g} .. {shown(end):.4g} {unit}' for start, end in arcs)
+    return f', in {list(possible)} it does at {" and ".join(texts)}'
+
+
 def named_assemblies(linkage: Linkage, alpha: float, *, in_degrees: bool) -> str:
     """Return in words which assemblies there are at a crank angle, and their angles."""
     shown, unit = (degrees, 'deg') if in_degrees else (float, 'rad')
@@ -202,7 +212,7 @@ def named_assemblies(linkage: Linkage, alpha: float, *, in_degrees: bool) -> str
     every = _of_dyads(linkage, alpha) if linkage.is_dyadic else _of_coupled_loops(linkage, alpha)
     poses = list(islice(every, MOST_NAMED + 1))
     if not poses:
-        return f'in no assembly it closes at {at}'
+        return f'in no assembly it closes at {at}{_elsewhere(linkage, shown, unit)}'
     texts = []
     for pose in poses[:MOST_NAMED]:
         pairs = zip(linkage.joint_names[1:], pose.x, strict=True)

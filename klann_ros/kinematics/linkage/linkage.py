@@ -109,9 +109,11 @@ class Linkage:
         names = (dimension.name for dimension in self.structure.dimensions)
         return dict(zip(names, self.numbers, strict=True))
 
-    def varied(self, changes: Mapping[str, float]) -> 'Linkage':
+    def varied(self, changes: Mapping[str, float] | None = None, **named: float) -> 'Linkage':
         """
         Return the linkage with some of its numbers replaced [m, rad].
+
+        By their names in `dimensions`, as a mapping, or as keywords where these are Python's.
 
         Raises
         ------
@@ -119,8 +121,9 @@ class Linkage:
             It is no linkage any more, or there is no such number.
 
         """
-        numbers, places = list(self.numbers), by_name(self.structure.dimensions, changes)
-        for name, value in changes.items():
+        new = {**(changes or {}), **named}
+        numbers, places = list(self.numbers), by_name(self.structure.dimensions, new)
+        for name, value in new.items():
             numbers[places[name]] = value
         # The signs say how it is put together; only coupled loops need a start beside them.
         start = None if self.is_dyadic else self.start
@@ -416,7 +419,8 @@ def as_linkage(given: Any) -> Linkage:
     """
     linkage = given if isinstance(given, Linkage) else getattr(given, 'linkage', None)
     if not isinstance(linkage, Linkage):
-        msg = f'{given!r} is refused: it must be a Linkage, a KlannGeometry or a leg'
+        hint = '; a file has one: linkage_from_file, shipped_linkage' * isinstance(given, str)
+        msg = f'{given!r} is refused: it must be a Linkage, a KlannGeometry or a leg{hint}'
         raise TypeError(msg)
     return linkage
 

@@ -339,8 +339,8 @@ def _check_body(body: Body) -> None:
     have = [body.bars[0].start]
     for bar in body.bars:
         text = f'bar {bar.start}-{bar.end} of body {body.angle}'
-        near = did_you_mean(bar.start, have)
-        missing = f'{text} starts from a point that the body does not have yet{near}'
+        known = f'it has {", ".join(have)}{did_you_mean(bar.start, have)}'
+        missing = f'{text} starts from a point that the body does not have yet: {known}'
         _must(bar.start in have, missing)
         _must(bar.end not in have, f'{text} ends at a point that the body has already')
         if bar.brace is not None:
