@@ -45,9 +45,9 @@ class CrankAngleError(KinematicsError, ValueError):
     def __str__(self) -> str:
         if isinstance(self.alpha, np.ndarray | list | tuple | range):
             return (
-                'an array of crank angles is refused, since one at a time is solved: '
-                'linkage_poses(leg, alphas) and klann_poses(geometry, alphas) solve many at once, '
-                'FourBar.table(theta2) a four-bar'
+                f'an array of crank angles is refused: it must be one number, finite and within '
+                f'+-{self.limit:g} rad; linkage_poses(leg, alphas) and klann_poses(geometry, '
+                f'alphas) solve many at once, FourBar.table(theta2) a four-bar'
             )
         return (
             f'crank angle {self.alpha} rad is refused: '
