@@ -36,8 +36,8 @@ NAMES = names()
 
 
 def test_the_page_has_both_courses() -> None:
-    assert len(PRINTED) == 11 + 29
-    assert sum(len(NUMBER.findall(printed)) for printed, *_ in PRINTED) == 41 + 62
+    assert len(PRINTED) == 11 + 34
+    assert sum(len(NUMBER.findall(printed)) for printed, *_ in PRINTED) == 41 + 75
     assert len(OTHERS) == 7 + 14
 
 

@@ -87,6 +87,15 @@ def test_a_stop_that_is_not_reached_says_so() -> None:
     assert caught.value.iterates.shape == (3, 2)
 
 
+def test_an_angle_at_which_nothing_closes_is_told_as_such() -> None:
+    bar = FourBar(0.3, 0.25, 0.2, 0.24)
+    with pytest.raises(NotConvergedError, match=r'at this crank angle it closes in no assembly$'):
+        bar.newton(math.pi, [0.1, 0.2])
+    # It could have converged here.
+    with pytest.raises(NotConvergedError, match=r'after 1 iterations$'):
+        bar.newton(1.0, [0.1, 0.2], max_iterations=1)
+
+
 @pytest.mark.parametrize('call', ['f', 'phi', 'correction'])
 def test_what_is_no_angle_is_refused(call: str) -> None:
     for leg in (KLANN[0], BAR[0]):

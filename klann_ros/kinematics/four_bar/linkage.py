@@ -126,7 +126,7 @@ class FourBarMotion(LinkageMotion):
     def coupler_point(self, u: float, v: float) -> Vector:
         """Return that of the pose's coupler point at u, v (x, y) [m/s] or [m/s^2]."""
         x, y = self.points[1].tolist()
-        along = self.vectors[1] * complex(u, v)
+        along = complex(self.vectors[1]) * complex(u, v)
         return x + along.real, y + along.imag
 
 

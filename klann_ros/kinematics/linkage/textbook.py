@@ -5,11 +5,12 @@ from typing import Any
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import crank_angle
-from klann_ros.kinematics.errors import SingularPoseError
+from klann_ros.kinematics.errors import NotConvergedError, SingularPoseError
 from klann_ros.kinematics.newton import Iterations, newton_raphson
 import numpy as np
 from numpy.typing import NDArray
 
+from .assemblies import assembly_poses
 from .linkage import Linkage
 
 Array = NDArray[np.float64]
@@ -139,15 +140,21 @@ class Textbook:
             residual = validation.setting('residual', residual)
         elif tolerance is None:
             tolerance = self.tolerance
-        return newton_raphson(
-            lambda x: linkage.f(alpha, x),
-            lambda x: linkage.phi(alpha, x),
-            self._x('guess', guess),
-            alpha=alpha,
-            tolerance=tolerance,
-            max_iterations=max_iterations,
-            residual=residual,
-        )
+        try:
+            return newton_raphson(
+                lambda x: linkage.f(alpha, x),
+                lambda x: linkage.phi(alpha, x),
+                self._x('guess', guess),
+                alpha=alpha,
+                tolerance=tolerance,
+                max_iterations=max_iterations,
+                residual=residual,
+            )
+        except NotConvergedError as error:
+            if not linkage.is_dyadic or assembly_poses(linkage, alpha):
+                raise
+            reason = f'{error.reason}; at this crank angle it closes in no assembly'
+            raise NotConvergedError(alpha, error.iterates, reason) from None
 
     def iterations(self, alpha: float, guess: Sequence[float] | Array, **stop: Any) -> Iterations:
         """
