@@ -132,7 +132,7 @@ def test_it_has_no_lengths_to_change(ros: World) -> None:
     [
         (None, 'cannot be read: No such file or directory'),
         ('name: [', 'holds no linkage: line 1, column 8: expected the node content'),
-        ('name: x', 'holds no linkage: pivots, crank, foot, bodies, start are missing'),
+        ('name: x', 'holds no linkage: pivots, crank, foot, bodies are missing'),
         (
             (LINKAGES / 'jansen.yaml').read_text(encoding='utf-8').replace('50.0', '5.0'),
             'it cannot be assembled near its start',
