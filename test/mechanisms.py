@@ -81,8 +81,12 @@ def apart(a: float, b: float) -> float:
 
 
 def difference(pose: LinkagePose, other: LinkagePose) -> float:
-    """Return the largest difference of two poses' angles, modulo a turn [rad]."""
-    return max(apart(a, b) for a, b in zip(pose.x, other.x, strict=True))
+    """Return the largest difference of two poses' angles, modulo a turn [rad]; or lengths [m]."""
+    bodies = pose.linkage.structure.bodies[1:]
+    return max(
+        abs(a - b) if body.slides else apart(a, b)
+        for body, a, b in zip(bodies, pose.x, other.x, strict=True)
+    )
 
 
 def allowed(pose: LinkagePose) -> float:

@@ -73,7 +73,8 @@ class UnreachableError(KinematicsError):
         True when they are too far apart for the links stretched out, False when they are too
         close together for the links folded.
     names : tuple of str
-        What the dyad's two ends and its two links are called.
+        What the dyad's two ends and its two links are called. Where one joint slides: the end and
+        what slides, the link, and no other; or the link's pivot, what slides along it, and it.
 
     """
 
@@ -95,7 +96,9 @@ class UnreachableError(KinematicsError):
 
     def __str__(self) -> str:
         p, q, link_1, link_2 = self.names
-        if self.stretched:
+        if not link_2:
+            why = self._why_of_a_line()
+        elif self.stretched:
             why = f'{p} and {q} are {self.shortfall:.6g} m further apart than {link_1} + {link_2}'
         elif self.shortfall:
             near = f'closer together than |{link_1} - {link_2}|'
@@ -104,6 +107,15 @@ class UnreachableError(KinematicsError):
             why = f'{p} and {q} coincide, and the pose is not definite'
         where = f'crank angle {self.alpha:.6f} rad ({math.degrees(self.alpha):.3f} deg)'
         return f'{where} cannot be reached: dyad {self.dyad} does not close, {why}'
+
+    def _why_of_a_line(self) -> str:
+        p, q, link, _ = self.names
+        if self.stretched:
+            far = f'{self.shortfall:.6g} m further from the line of {q}'
+            return f'{p} is {far} than {link} is long'
+        if self.shortfall:
+            return f'{q} is {self.shortfall:.6g} m nearer to {p} than the line along {link} is'
+        return f'{p} and {q} leave the pose indefinite'
 
 
 class LoopsOpenError(KinematicsError):

@@ -6,7 +6,7 @@ from math import inf, isfinite
 from typing import Any
 
 from klann_ros.kinematics import AnyLeg
-from klann_ros.kinematics.batch.given_angles import feet
+from klann_ros.kinematics.batch.given_angles import differences, feet
 from klann_ros.untrusted.text import printable
 import numpy as np
 
@@ -14,7 +14,7 @@ from .dimensions import Dimension, dimensions
 from .limits import Limits
 from .loading.layouts import Floats
 from .pairing import pairs
-from .resolved import solved_again, wrapped
+from .resolved import solved_again
 from .reviewed import Review, ReviewedLeg
 
 _BLOCK = 65536
@@ -185,7 +185,7 @@ def _distances(moved: ReviewedLeg, leg: AnyLeg, limits: Limits) -> tuple[float, 
         end = min(begin + _BLOCK, len(poses))
         angles = poses.values[slice(begin, end)]
         expected, _ = solved_again(leg, angles[:, 0])
-        apart = np.abs(wrapped(angles[:, 1:] - expected))[sound[slice(begin, end)]]
+        apart = np.abs(differences(leg, angles[:, 1:], expected))[sound[slice(begin, end)]]
         worst_angle = max(worst_angle, _worst(apart))
         paired = slice(*np.searchsorted(of_poses, [begin, end]))
         h = feet(leg, np.column_stack([angles[:, 0], expected])[of_poses[paired] - begin])

@@ -5,7 +5,12 @@ from dataclasses import dataclass
 from math import inf, nan
 
 from klann_ros.kinematics import AnyLeg, linkage_poses
-from klann_ros.kinematics.batch.given_angles import feet, loop_errors, transmission_angles
+from klann_ros.kinematics.batch.given_angles import (
+    differences,
+    feet,
+    loop_errors,
+    transmission_angles,
+)
 import numpy as np
 
 from .loading.layouts import Floats
@@ -28,8 +33,9 @@ class Resolved:
     Attributes
     ----------
     angle_errors : numpy.ndarray, shape (n,)
-        Largest difference of a pose's angles from the re-solved ones, modulo a turn [rad]; NaN
-        where the crank angle cannot be reached, infinite where an angle is not finite.
+        Largest difference of a pose's angles from the re-solved ones, modulo a turn [rad], or of
+        a distance in the linkage's size; NaN where the crank angle cannot be reached, infinite
+        where an angle is not finite.
     residuals : numpy.ndarray, shape (n,)
         Norm of f at the recorded pose [m]; infinite where an angle is not finite.
     foot_errors : numpy.ndarray, shape (m,)
@@ -77,8 +83,7 @@ def resolve(recording: LegRecording, leg: AnyLeg, progress: Progress | None = No
 def _solve_again(leg: AnyLeg, angles: Floats, again: Resolved, block: slice) -> None:
     expected, again.transmission_angles[block] = solved_again(leg, angles[:, 0])
     finite = np.isfinite(angles).all(axis=1)
-    with np.errstate(invalid='ignore', over='ignore'):
-        errors = np.abs(wrapped(angles[:, 1:] - expected)).max(axis=1)
+    errors = np.abs(differences(leg, angles[:, 1:], expected)).max(axis=1)
     again.angle_errors[block] = np.where(finite, errors, inf)
     again.residuals[block] = np.where(finite, loop_errors(leg, angles), inf)
 
@@ -99,11 +104,3 @@ def solved_again(leg: AnyLeg, alphas: Floats) -> tuple[Floats, Floats]:
     poses = linkage_poses(leg, alphas, angles=True)
     angles: Floats = poses.angles  # type: ignore[assignment] # asked for
     return angles, transmission_angles(leg, np.column_stack([alphas, angles]))
-
-
-def wrapped(angles: Floats) -> Floats:
-    """Return angles in [-pi, pi], exact where they are small already; NaN for infinite ones."""
-    turn = 2 * np.pi
-    with np.errstate(over='ignore', invalid='ignore'):
-        wrapped: Floats = angles - turn * np.round(angles / turn)
-    return wrapped

@@ -243,7 +243,7 @@ class Newton:
 
     def solve(self, alphas: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         x, spent = x.copy(), np.zeros(len(alphas), dtype=int)
-        s, (w, c) = self.linkage.i_s, self.linkage.equations
+        s, (w, c) = 1j * np.array(self.linkage.structure.senses), self.linkage.equations
         open_ = np.ones(len(alphas), dtype=bool)
         for _ in range(100):
             u = np.exp(s * np.column_stack([alphas, x])[open_])

@@ -41,7 +41,7 @@ def test_what_is_no_plain_file_ends_it_at_once(ros: World, tmp_path: Path, kind:
     assert solver.errors.count('\n') == 1
 
 
-@pytest.mark.parametrize('name', ['jansen', 'stephenson'])
+@pytest.mark.parametrize('name', ['jansen', 'stephenson', 'quick_return'])
 def test_its_joints_and_its_foot_are_published(ros: World, name: str) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     feet = ros.probe.listen(PointStamped, 'point_h')
@@ -152,7 +152,7 @@ def test_a_file_that_is_none_ends_it_with_one_line(
     assert solver.errors.count('\n') == 1
 
 
-@pytest.mark.parametrize('name', ['jansen', 'stephenson'])
+@pytest.mark.parametrize('name', ['jansen', 'stephenson', 'quick_return'])
 def test_its_run_explains_itself_and_is_reviewed(
     ros: World, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
@@ -179,11 +179,20 @@ def test_its_run_explains_itself_and_is_reviewed(
 
     # Held against a linkage of other lengths, every pose is wrong.
     other = tmp_path / 'other.yaml'
-    foot = {'jansen': ('length: 49.0', 'length: 49.5'), 'stephenson': ('bend: -60', 'bend: -61')}
-    other.write_text(text.replace(*foot[name]), encoding='utf-8')
+    astray = 'feet (point_h) are not where the angles of their poses put them'
+    changed, now, said = {
+        'jansen': ('length: 49.0', 'length: 49.5', astray),
+        'stephenson': ('bend: -60', 'bend: -61', astray),
+        'quick_return': (
+            'length: 150',
+            'length: 151',
+            'do not close the loops (by up to 0.001 m)',
+        ),
+    }[name]
+    other.write_text(text.replace(changed, now), encoding='utf-8')
     code, output = reviewed(capsys, [tmp_path / 'run', '--geometry', other])
     assert code == 1
-    assert 'feet (point_h) are not where the angles of their poses put them' in output
+    assert said in output
 
 
 def reviewed(capsys: pytest.CaptureFixture[str], arguments: Sequence[object]) -> tuple[int, str]:

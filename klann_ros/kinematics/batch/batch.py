@@ -14,6 +14,7 @@ from .derivative import angle_rates, Derived, differentiated
 from .numpy_kernel import NumpyKernel
 from .program import Array, constants, Numbers, Program, program
 from .reason import Reason, unreachable
+from .sliding import SlidingBatch
 
 Codes: TypeAlias = NDArray[np.uint8]
 Progress: TypeAlias = Callable[[int, int], object]
@@ -131,7 +132,11 @@ def fill(
     The kernel is `numpy_kernel` or `numba_kernel`; `progress` is called with (done, total) poses
     after each block.
     """
-    batch = _Dyads(variants, results, kernel) if variants.base.is_dyadic else None
+    batch: _Dyads | SlidingBatch | None = None
+    if variants.base.two_circles:
+        batch = _Dyads(variants, results, kernel)
+    elif variants.base.is_dyadic:
+        batch = SlidingBatch(variants, results)
     done, total = 0, results.reason.size
     # What cannot be computed becomes NaN on its way, and is then explained.
     with np.errstate(all='ignore'):

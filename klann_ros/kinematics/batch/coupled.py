@@ -4,6 +4,7 @@ from typing import Any, TYPE_CHECKING
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 from klann_ros.kinematics.errors import GeometryError
+from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.blocks import Block
 from klann_ros.kinematics.linkage.linkage import Linkage
 from klann_ros.kinematics.linkage.step import TRUSTED
@@ -47,6 +48,7 @@ class _Solution:
 
     def __init__(self, linkage: Linkage, alphas: Array) -> None:
         self._linkage, self._alphas = linkage, alphas
+        self._structure = linkage.structure
         senses = linkage.structure.senses
         self._u: Complex = np.full((len(senses), alphas.size), np.nan + 0j)
         self._u[0] = np.exp(1j * senses[0] * alphas)
@@ -71,10 +73,8 @@ class _Solution:
         foot = q_u[linkage.foot] @ u + q[linkage.foot]
         results.h[0, :, 0], results.h[0, :, 1] = foot.real, foot.imag
         if results.angles is not None:
-            senses = np.array(linkage.structure.senses[1:])
-            angles = np.angle(u[1:]).T * senses
-            angles[angles == -np.pi] = np.pi
-            results.angles[0] = angles
+            for j in range(1, len(u)):
+                results.angles[0, :, j - 1] = joints.coordinate(self._structure, u, j)
         if results.points is not None:
             points = (q_u @ u).T + q
             results.points[0] = np.stack([points.real, points.imag], axis=-1)
@@ -105,37 +105,45 @@ class _Solution:
         return np.array([each + np.zeros(self._alphas.size) for each in others])
 
     def _place_dyad(self, block: Block, sign: int) -> None:
-        (terms, _), (a, b) = block.rows[0], block.unknowns
-        way, (r_a, r_b) = -self._open(block)[0], block.radii
-        d = way.real**2 + way.imag**2
-        heron = ((r_a + r_b) ** 2 - d) * (d - (r_a - r_b) ** 2)
-        joint = way * (0.5 + ((r_a - r_b) * (r_a + r_b) + 1j * sign * np.sqrt(heron)) / (2.0 * d))
-        self._fail(np.isnan(joint), np.where(d > (r_a + r_b) ** 2, *_out_of_reach(block.number)))
-        self._u[a], self._u[b] = joint / terms[a], (way - joint) / terms[b]
+        (a, b), way, placing = block.unknowns, -self._open(block)[0], block.placing
+        self._u[a], self._u[b] = placing.place(self._u, way, sign)
+        gone = np.isnan(self._u[a]) | np.isnan(self._u[b])
+        self._fail(gone, np.where(placing.is_far(way), *_out_of_reach(block.number)))
 
     def _place_loops(self, block: Block, guesses: Array) -> None:
         """Refine guesses of the angles, shape (number of unknowns, k)."""
         linkage, own = self._linkage, list(block.unknowns)
-        s = np.array([linkage.structure.senses[j] for j in own])[:, None]
-        w = np.array([[terms.get(j, 0.0) for j in own] for terms, _ in block.rows])
-        others, x = self._open(block), guesses.copy()
+        turning = [not linkage.structure.bodies[j].slides for j in own]
+        sizes = np.where(turning, 1.0, linkage.size)[:, None]
+        x = guesses.copy()
         settled = np.zeros(self._alphas.size, dtype=bool)
         for _ in range(ITERATIONS):
-            u = np.exp(1j * s * x)
-            gaps = w @ u + others
+            self._move(block, x)
+            gaps = self._gaps(block)
             settled |= np.abs(gaps).max(axis=0) <= block.rounding
             if (settled | np.isnan(x).any(axis=0)).all():
                 break
-            columns = np.moveaxis(1j * s * u, 1, 0)[:, None, :] * w
-            matrix = np.concatenate([columns.real, columns.imag], axis=1)
+            matrix = block.jacobian(self._u)
             matrix[settled | ~np.isfinite(matrix).all(axis=(1, 2))] = np.eye(len(own))
-            right = np.concatenate([gaps.real, gaps.imag]).T[..., None]
+            right = np.stack([gaps.real, gaps.imag], axis=1).reshape(len(own), -1).T[..., None]
             turns = np.linalg.solve(matrix, -right)[..., 0].T
             x = np.where(settled, x, x + turns)
-            settled |= np.abs(turns).max(axis=0) <= TOLERANCE
-        lost = ~(settled & (np.abs(x - guesses).max(axis=0) <= TRUSTED))
+            settled |= np.abs(turns / sizes).max(axis=0) <= TOLERANCE
+        lost = ~(settled & (np.abs((x - guesses) / sizes).max(axis=0) <= TRUSTED))
         self._fail(lost, open_loops(block.number))
-        self._u[own] = np.exp(1j * s * x)
+        self._move(block, x)
+
+    def _move(self, block: Block, x: Array) -> None:
+        """Take coordinates of a block's bodies, shape (number of unknowns, k)."""
+        # What turns first: what slides is turned by it.
+        slides = [self._structure.bodies[j].slides for j in block.unknowns]
+        for _, j, line in sorted(zip(slides, block.unknowns, range(len(x)), strict=True)):
+            self._u[j] = joints.vector(self._structure, self._u, j, x[line])
+
+    def _gaps(self, block: Block) -> Complex:
+        """Return by how much each loop of a block is open."""
+        gaps = (sum((w * self._u[j] for j, w in terms.items()), c) for terms, c in block.rows)
+        return np.array([*gaps])
 
     def _fail(self, which: NDArray[np.bool_], reason: Any) -> None:
         """Note why the poses are not there that were not given up before."""

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
+from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.linkage import Linkage
 import numpy as np
 from numpy.typing import NDArray
@@ -92,18 +93,18 @@ def rates(linkage: Linkage, u: Complex) -> tuple[NDArray[np.float64], Complex]:
     `u` are the bodies' vectors, shape (n, k); NaN at a singular pose. Block by block, each as in
     the velocity of one pose: Phi of its own bodies against what the others open its loops by.
     """
-    count = u.shape[1]
+    count, structure = u.shape[1], linkage.structure
     x_1 = np.zeros((len(u), count))
     x_1[0] = 1.0
     u_1 = np.zeros_like(u)
     u_1[0] = 1j * linkage.structure.senses[0] * u[0]
     singular = np.zeros(count, dtype=bool)
     for block in linkage.blocks:
+        for j in block.unknowns:
+            # What slides is turned by what is placed already.
+            u_1[j] = joints.carried(structure, u, x_1, j, block.unknowns)
         opened = np.array(
-            [
-                sum((w * u_1[j] for j, w in terms.items() if j not in block.unknowns), 0j * u[0])
-                for terms, _ in block.rows
-            ]
+            [sum((w * u_1[j] for j, w in terms.items()), 0j * u[0]) for terms, _ in block.rows]
         )
         right = np.stack([opened.real, opened.imag], axis=1).reshape(-1, count).T
         matrix = block.jacobian(u)
@@ -112,9 +113,9 @@ def rates(linkage: Linkage, u: Complex) -> tuple[NDArray[np.float64], Complex]:
         matrix[gone] = np.eye(matrix.shape[-1])
         own = np.linalg.solve(matrix, -right[..., None])[..., 0].T
         own[:, gone] = np.nan
-        for j, rate in zip(block.unknowns, own, strict=True):
-            x_1[j] = rate
-            u_1[j] = 1j * linkage.structure.senses[j] * u[j] * rate
+        x_1[list(block.unknowns)] = own
+        for j in block.unknowns:
+            u_1[j] = joints.moved(structure, u, x_1, j)
     x_1[:, singular] = u_1[:, singular] = np.nan
     return x_1, u_1
 

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.linkage import as_linkage
 import numpy as np
 
@@ -17,7 +19,7 @@ def loop_errors(leg: Any, angles: Array) -> Array:
     leg : Linkage, KlannGeometry, FourBarGeometry or leg
         What moves.
     angles : numpy.ndarray, shape (n, number of angles)
-        All angles of each pose, the crank's first [rad].
+        All coordinates of each pose, the crank's first: angles [rad], and distances [m].
 
     Returns
     -------
@@ -28,7 +30,7 @@ def loop_errors(leg: Any, angles: Array) -> Array:
     linkage = as_linkage(leg)
     w, c = linkage.equations
     with np.errstate(invalid='ignore', over='ignore'):
-        gaps = np.exp(linkage.i_s * angles) @ w.T + c
+        gaps = np.stack(joints.vectors(linkage.structure, [*angles.T]), axis=-1) @ w.T + c
         errors: Array = np.sqrt((gaps.real**2 + gaps.imag**2).sum(axis=1))
     return errors
 
@@ -38,15 +40,36 @@ def feet(leg: Any, angles: Array) -> Array:
     linkage = as_linkage(leg)
     terms, constant = linkage.point_rows[linkage.foot]
     with np.errstate(invalid='ignore', over='ignore'):
-        h = np.full(len(angles), constant)
+        h = np.full(len(angles), constant, dtype=np.complex128)
+        u = joints.vectors(linkage.structure, [*angles.T])
         for j, w in terms.items():
-            h += w * np.exp(linkage.i_s[j] * angles[:, j])
+            h += w * u[j]
     return np.column_stack([h.real, h.imag])
+
+
+def differences(leg: Any, one: Array, other: Array) -> Array:
+    """
+    Return the differences of poses' coordinates without the crank's, shape (n, k - 1).
+
+    Angles modulo a turn, in [-pi, pi] [rad]; distances of what slides in the linkage's size.
+    """
+    linkage = as_linkage(leg)
+    slides = np.array([body.slides for body in linkage.structure.bodies[1:]])
+    with np.errstate(invalid='ignore', over='ignore'):
+        apart = one - other
+        return np.where(slides, apart / linkage.size, wrapped(apart))
+
+
+def wrapped(angles: Array) -> Array:
+    """Return angles in [-pi, pi], exact where they are small already; NaN for infinite ones."""
+    with np.errstate(over='ignore', invalid='ignore'):
+        found: Array = angles - TURN * np.round(angles / TURN)
+    return found
 
 
 def transmission_angles(leg: Any, angles: Array) -> Array:
     """Return the transmission angles of each pose, one a block [rad]; see `loop_errors`."""
     linkage = as_linkage(leg)
     with np.errstate(invalid='ignore', over='ignore'):
-        u = np.exp(linkage.i_s * angles).T
+        u = joints.vectors(linkage.structure, [*angles.T])
         return np.column_stack([block.transmission_angle(u) for block in linkage.blocks])

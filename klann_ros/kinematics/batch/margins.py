@@ -143,7 +143,7 @@ def _arcs_of_part(linkage: Linkage) -> list[Arc] | None:
     # Near the limit `reachable_arcs` decides, for all.
     if linkage.is_dyadic:
         clearances = turn_clearances(Variants(linkage, {}))[0]
-        if (clearances > CLEAR * sum(linkage.blocks[0].radii)).all():
+        if (clearances > CLEAR * linkage.size).all():
             return None
     arcs = reachable_arcs(linkage)
     return None if arcs == [(0.0, TURN)] else arcs
@@ -167,9 +167,13 @@ def _farthest(linkage: Linkage, dimension: Dimension) -> tuple[float, float]:
     """Return values at or beyond which a loop is no polygon, or that mean no change at all."""
     value = linkage.dimensions[dimension.name]
     if dimension.kind == 'bend':
-        return value - TURN, value + TURN
+        return -inf, inf
     paths = linkage.structure.paths.loops
     loops = _loops_of(linkage.structure, dimension)
+    slides = {j for j, body in enumerate(linkage.structure.bodies) if body.slides}
+    if any(slides & linkage.rows[k][0].keys() for k in loops):
+        # A line has no end, so nothing else is too long for it.
+        return 0.0 if dimension.is_length else -inf, inf
     if dimension.is_length:
         totals = []
         for k in loops:

@@ -5,6 +5,7 @@ A linkage turns fully where none is negative. Those given need not close: so a n
 changed until the crank turns no more.
 """
 
+from collections.abc import Callable
 from sys import float_info
 from typing import Any
 
@@ -17,7 +18,10 @@ import numpy as np
 from .numpy_kernel import NumpyKernel
 from .program import Array, constants, Numbers, program
 from .searches import Indices, least_near
+from .sliding import SlidingDyads
 
+# Of linkages by their rows, and of the crank's cosines and sines, shape (n, k): clearances [m].
+Clearance = Callable[[Any, Array, Array], Array]
 # Crank angles of the search, an even number.
 SAMPLES = 360
 # So many poses are held at once: what the processor's own memory holds.
@@ -35,11 +39,15 @@ def turn_clearances(variants: Variants) -> Array:
     """
     if not variants.base.is_dyadic:
         return np.array([[_turns(variants, i)] for i in range(len(variants))])
-    found = _Clearances(variants)
+    slides = variants.base.structure.slides
+    found = _SlidingClearances(variants) if slides else _Clearances(variants)
     clearances = np.full((len(variants), len(variants.base.blocks)), np.nan)
     closing = np.arange(len(variants))
     for k, block in enumerate(variants.base.blocks):
-        least = found.driven(k)[closing] if is_driven(block) else found.least(k, closing)
+        if isinstance(found, _Clearances) and is_driven(block):
+            least = found.driven(k)[closing]
+        else:
+            least = found.least(k, closing)
         clearances[closing, k] = np.where(np.isnan(least), -np.inf, least)
         closing = closing[least >= 0.0]
     return clearances
@@ -48,7 +56,7 @@ def turn_clearances(variants: Variants) -> Array:
 def driven_clearances(variants: Variants) -> Array:
     """Return the least clearance of the dyads that the crank alone drives, shape (n,) [m]."""
     least = np.full(len(variants), np.inf)
-    if variants.base.is_dyadic:
+    if variants.base.two_circles:
         found = _Clearances(variants)
         for k, block in enumerate(variants.base.blocks):
             if is_driven(block):
@@ -100,7 +108,6 @@ class _Clearances:
         with np.errstate(invalid='ignore', divide='ignore'):
             ground = -np.asarray(self._numbers.fixed(path) / self._numbers.body(path, 0))
         start = self._structure.senses[0] * np.angle(ground)[part, None]
-        step = TURN / SAMPLES
         r_a, r_b = (np.abs(link)[part, None] for link in self._numbers.links(k))
         own, folded, stretched = self._constants[:, part], abs(r_a - r_b), r_a + r_b
 
@@ -112,17 +119,56 @@ class _Clearances:
             found: Array = np.minimum(stretched[rows] - distance, distance - folded[rows])
             return found
 
-        def refined(rows: Indices, alphas: Array) -> Array:
-            return clearance(rows, np.cos(alphas), np.sin(alphas))
+        return _least_over_turn(clearance, start, stretched[:, 0])
 
-        # Of the sum of two angles: many times as fast.
-        turned = np.exp(1j * start) * np.exp(1j * step * np.arange(SAMPLES))
-        values = clearance(slice(None), turned.real, turned.imag)
-        middle = start[:, 0] + step * _lowest(values)
-        rounding = 2.0 * float_info.epsilon * stretched[:, 0]
-        _, least = least_near(refined, middle, step, rounding)
-        least = np.fmin(least, np.fmin.reduce(values, axis=1))
-        return np.where(np.isfinite(least), least, -np.inf)
+
+class _SlidingClearances:
+    """The clearances of dyads of which some slide."""
+
+    def __init__(self, variants: Variants) -> None:
+        self._variants = variants
+
+    def least(self, k: int, which: Indices) -> Array:
+        """Return the least of a dyad for some of the linkages, shape (n,) [m]."""
+        step = max(1, POSES_HELD // SAMPLES)
+        parts = [which[first : first + step] for first in range(0, len(which), step)]
+        return np.concatenate([np.empty(0), *(self._least(k, part) for part in parts)])
+
+    def _least(self, k: int, part: Indices) -> Array:
+        dyads = SlidingDyads(self._variants, part)
+        if not dyads.closings[k].two_branches:
+            return np.full(len(part), np.inf)
+
+        def clearance(rows: Any, cos: Array, sin: Array) -> Array:
+            """Return it at crank angles, shape (n, number of angles); NaN behind others."""
+            some = dyads if isinstance(rows, slice) else SlidingDyads(self._variants, part[rows])
+            with np.errstate(all='ignore'):
+                u = some.vectors(np.arctan2(sin, cos), k)
+                found: Array = some.closings[k].clearance(some.way(k, u), u)
+            return found
+
+        numbers = self._variants.numbers[:, part]
+        return _least_over_turn(clearance, np.zeros((len(part), 1)), np.abs(numbers).max(axis=0))
+
+
+def _least_over_turn(clearance: Clearance, start: Array, sizes: Array) -> Array:
+    """
+    Return the least of clearances over a turn from a start, shape (n, 1) [rad]; -inf for none.
+
+    What is rounding of them is that of their sizes, shape (n,) [m].
+    """
+
+    def refined(rows: Indices, alphas: Array) -> Array:
+        return clearance(rows, np.cos(alphas), np.sin(alphas))
+
+    step = TURN / SAMPLES
+    # Of the sum of two angles: many times as fast.
+    turned = np.exp(1j * start) * np.exp(1j * step * np.arange(SAMPLES))
+    values = clearance(slice(None), turned.real, turned.imag)
+    middle = start[:, 0] + step * _lowest(values)
+    _, least = least_near(refined, middle, step, 2.0 * float_info.epsilon * sizes)
+    least = np.fmin(least, np.fmin.reduce(values, axis=1))
+    return np.where(np.isfinite(least), least, -np.inf)
 
 
 def _lowest(values: Array) -> Indices:

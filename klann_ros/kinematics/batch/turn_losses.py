@@ -1,6 +1,5 @@
 """Where on the way from a linkage's numbers to others its crank first turns fully no more."""
 
-from math import inf
 from sys import float_info
 
 from klann_ros.kinematics.angles import TURN
@@ -13,6 +12,8 @@ from .program import Array
 from .searches import Indices, last_kept, least_near
 from .turn_clearance import turn_clearances
 
+# As long as nothing is, in the linkage's size.
+LONG = 1e3
 # Values between a number's own and its farthest, and how many are tried at once, outward.
 CANDIDATES, AT_ONCE = 64, 13
 
@@ -28,7 +29,7 @@ class TurnLosses:
     names : list of str
         The numbers, each to be changed alone.
     farthest : numpy.ndarray, shape (n,)
-        Values at or beyond which a loop is no polygon, or that mean no change at all [m or rad].
+        Values at or beyond which a loop is no polygon [m or rad]; infinite where there is none.
 
     """
 
@@ -39,8 +40,12 @@ class TurnLosses:
         places = by_name(dimensions)
         self._places = np.array([places[name] for name in names], dtype=np.intp)
         self._own = np.array(linkage.numbers)[self._places]
-        self._outward: Array = farthest - self._own
-        self._bounded = np.array([dimensions[place].unit == 'm' for place in self._places])
+        self._turns = np.array([dimensions[place].unit == 'rad' for place in self._places])
+        # A bend is searched for a whole turn both ways, and what has no end for long.
+        most = np.where(self._turns, TURN, LONG * linkage.size)
+        self._outward: Array = np.where(
+            np.isinf(farthest), np.copysign(most, farthest), farthest - self._own
+        )
 
     def first(self) -> Array:
         """Return the first value of each number, going outward, at which the turn is lost."""
@@ -63,7 +68,7 @@ class TurnLosses:
             own: Array = np.fmin.reduce(self._clearances(rows[of], roots), axis=1)
             return own
 
-        unlimited = np.where(self._bounded, self._farthest, np.copysign(inf, self._outward))
+        unlimited = self._farthest.copy()
         unlimited[rows] = self._value(rows, last_kept(clearance, keeps[rows], loses[rows]))
         return unlimited
 
@@ -73,9 +78,9 @@ class TurnLosses:
 
     def _clearances(self, ways: Indices, roots: Array) -> Array:
         numbers = np.repeat(np.array(self._linkage.numbers)[:, None], len(ways), axis=1)
-        # A bend is searched for a whole turn both ways; none is beyond one.
         value = self._value(ways, roots)
-        value = np.where(self._bounded[ways], value, np.fmod(value, TURN))
+        # No bend is beyond a turn.
+        value = np.where(self._turns[ways], np.fmod(value, TURN), value)
         numbers[self._places[ways], np.arange(len(ways))] = value
         changes = dict(zip(self._linkage.dimensions, numbers, strict=True))
         return turn_clearances(Variants(self._linkage, changes))

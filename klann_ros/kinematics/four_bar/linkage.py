@@ -110,7 +110,7 @@ class FourBarPose(LinkagePose):
 
         """
         x, y = self.points[1].tolist()
-        along = complex(u, v) * self.unit_vectors[1]
+        along = complex(u, v) * complex(self.vectors[1])
         return x + along.real, y + along.imag
 
 

@@ -4,8 +4,8 @@ from math import inf, nan, pi, radians, sqrt
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics.angles import crank_angle
-from klann_ros.kinematics.linkage.blocks import TOUCHES
 from klann_ros.kinematics.linkage.circles import placed, seed
+from klann_ros.kinematics.linkage.dyads import TOUCHES
 from klann_ros.kinematics.linkage.reach import limits, opening
 import numpy as np
 
@@ -57,7 +57,7 @@ def transmission_angle(geometry: 'FourBarGeometry', theta2: float) -> float:
     theta2 = crank_angle(theta2)
     (dyad,) = geometry.linkage.blocks
     a = complex(*geometry.crank_pin(theta2))
-    if dyad.misses(geometry.ground - a) > TOUCHES * dyad.rounding:
+    if -dyad.placing.clearance(geometry.ground - a) > TOUCHES * dyad.rounding:
         placed(geometry.linkage, theta2)  # which says by how much they do not meet
     l_3, l_4 = geometry.coupler, geometry.rocker
     return opening(l_3, l_4, abs(geometry.ground - a))

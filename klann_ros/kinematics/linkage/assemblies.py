@@ -22,6 +22,7 @@ from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
 from numpy.typing import NDArray
 
+from . import joints
 from .circles import placed
 from .linkage import as_linkage, Linkage
 from .pose import closed_pose, LinkagePose
@@ -109,14 +110,18 @@ def assembly_poses(linkage: Any, alpha: float) -> list[LinkagePose]:
 
 def possible_assemblies(linkage: Linkage) -> Iterator[tuple[int, ...]]:
     """Yield what `assemblies` returns, one after the other: of ten dyads there are a thousand."""
-    signs = product((1, -1), repeat=len(linkage.structure.groups))
+    signs = product(*_ways(linkage))
     return (one for one in signs if closes_somewhere(linkage.in_assembly(one)))
 
 
+def _ways(linkage: Linkage) -> list[tuple[int, ...]]:
+    """Return the signs that each block can have: two lines meet in one way only."""
+    return [(1, -1) if block.two_branches else (1,) for block in linkage.blocks]
+
+
 def _of_dyads(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
-    count = len(linkage.structure.groups)
     stuck: tuple[int, ...] = ()
-    for signs in product((1, -1), repeat=count):
+    for signs in product(*_ways(linkage)):
         # What fails at a dyad fails whatever the signs from there on.
         if stuck and signs[: len(stuck) - 1] == stuck[:-1]:
             continue
@@ -133,7 +138,7 @@ def _of_coupled_loops(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
     found: list[NDArray[np.float64]] = []
     for guess in _guesses(linkage):
         x = _newton(linkage, alpha, guess)
-        if x is None or any(_apart(x, other).max() <= SAME for other in found):
+        if x is None or any(_apart(linkage, x, other) <= SAME for other in found):
             continue
         found.append(x)
         start = [alpha, *x.tolist()]
@@ -145,7 +150,7 @@ def _of_coupled_loops(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
         except GeometryError:
             # Singular, so that two assemblies meet there.
             continue
-        yield closed_pose(one, one.directions(one.start), alpha)
+        yield closed_pose(one, one.vectors(one.start[0], one.start[1:]).tolist(), alpha)
 
 
 def _guesses(linkage: Linkage) -> NDArray[np.float64]:
@@ -157,7 +162,10 @@ def _guesses(linkage: Linkage) -> NDArray[np.float64]:
         root = (1.0 + root) ** (1.0 / (count + 1))
     steps = root ** -np.arange(1.0, count + 1)
     guesses: NDArray[np.float64] = np.arange(1, STARTS + 1)[:, None] * steps % 1.0
-    return (2.0 * guesses - 1.0) * pi
+    # Distances within what the linkage can reach, most likely.
+    largest = [2.0 * linkage.size if body.slides else pi for body in linkage.structure.bodies[1:]]
+    spread: NDArray[np.float64] = (2.0 * guesses - 1.0) * np.array(largest)
+    return spread
 
 
 def _newton(
@@ -174,14 +182,13 @@ def _newton(
         )
     except (NotConvergedError, LoopsOpenError):
         return None
-    return np.array([wrap(angle) for angle in iterates[-1].tolist()])
+    found = zip(linkage.structure.bodies[1:], iterates[-1].tolist(), strict=True)
+    return np.array([x if body.slides else wrap(x) for body, x in found])
 
 
-def _apart(x: Any, other: Any) -> NDArray[np.float64]:
-    """Return by how much two poses differ, modulo whole turns [rad]."""
-    difference = np.asarray(x) - np.asarray(other)
-    apart: NDArray[np.float64] = np.abs((difference + pi) % (2.0 * pi) - pi)
-    return apart
+def _apart(linkage: Linkage, x: Any, other: Any) -> float:
+    """Return by how much two poses differ at most, modulo whole turns [rad]: see `joints`."""
+    return max(map(abs, joints.differences(linkage, x, other)))
 
 
 def nearest_assembly(linkage: Linkage, start: tuple[float, ...]) -> float:
@@ -189,9 +196,9 @@ def nearest_assembly(linkage: Linkage, start: tuple[float, ...]) -> float:
     alpha, *x = start
     # Where Newton-Raphson leads to comes first: there may be thousands of assemblies.
     reached = _newton(linkage, alpha, np.array(x))
-    nearest = [_apart(reached, x).max()] if reached is not None else []
+    nearest = [_apart(linkage, reached, x)] if reached is not None else []
     if linkage.is_dyadic and len(linkage.structure.groups) <= 8:
-        nearest += [_apart(pose.x, x).max() for pose in _of_dyads(linkage, alpha)]
+        nearest += [_apart(linkage, pose.x, x) for pose in _of_dyads(linkage, alpha)]
     return float(min(nearest, default=np.inf))
 
 
@@ -215,8 +222,11 @@ def named_assemblies(linkage: Linkage, alpha: float, *, in_degrees: bool) -> str
         return f'in no assembly it closes at {at}{_elsewhere(linkage, shown, unit)}'
     texts = []
     for pose in poses[:MOST_NAMED]:
-        pairs = zip(linkage.joint_names[1:], pose.x, strict=True)
-        angles = ', '.join(f'{name} {shown(angle):.4g}' for name, angle in pairs)
-        texts.append(f'{list(pose.linkage.assembly)} ({angles} {unit})')
+        pairs = list(zip(linkage.structure.bodies[1:], pose.x, strict=True))
+        angles = [f'{body.angle} {shown(x):.4g}' for body, x in pairs if not body.slides]
+        lengths = [f'{body.angle} {x:.4g}' for body, x in pairs if body.slides]
+        told = [', '.join(angles) + f' {unit}'] if angles else []
+        told += [', '.join(lengths) + ' m'] if lengths else []
+        texts.append(f'{list(pose.linkage.assembly)} ({", ".join(told)})')
     more = ' and others' if len(poses) > MOST_NAMED else ''
     return f'at {at} there are the assemblies {"; ".join(texts)}{more}'

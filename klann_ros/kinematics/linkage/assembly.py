@@ -1,11 +1,11 @@
 """
 The order in which a linkage is assembled: which bodies must be placed together.
 
-Bodies and points make a graph, a body being joined to each of its points; the pivots belong to the
-ground. Its independent loops, edges - nodes + parts, have two equations each. The fewest bodies
-that close a loop for every two of them can be placed by themselves: two bodies and one loop are a
-dyad, more are coupled loops (Assur groups of a higher class). One group after the other, this
-makes the Jacobian block lower triangular.
+Bodies and points make a graph, a body being joined to each of its points, and to the body that it
+slides along; the pivots belong to the ground. Its independent loops, edges - nodes + parts, have
+two equations each. The fewest bodies that close a loop for every two of them can be placed by
+themselves: two bodies and one loop are a dyad, more are coupled loops (Assur groups of a higher
+class). One group after the other, this makes the Jacobian block lower triangular.
 """
 
 from collections.abc import Iterable, Sequence
@@ -26,20 +26,24 @@ class _Graph(NamedTuple):
     pivots: Sequence[str]
     bodies: Sequence[Sequence[str]]
     names: Sequence[str]
+    along: Sequence[int | None]
 
 
 def assembly_order(
-    pivots: Sequence[str], bodies: Sequence[Sequence[str]], names: Sequence[str]
+    pivots: Sequence[str],
+    bodies: Sequence[Sequence[str]],
+    names: Sequence[str],
+    along: Sequence[int | None],
 ) -> list[Group]:
     """
     Return the groups of bodies in the order in which they are placed; the crank is body 0.
 
     Two bodies are a dyad, four or more coupled loops. A GeometryError says why the crank does not
     move the linkage in one definite way: the loops have fewer or more equations than unknown
-    angles, as a whole or in a part. Bodies are given by their points, and by their names in
-    errors.
+    angles, as a whole or in a part. Bodies are given by their points, by their names in errors,
+    and by what they slide along: a body, -1 for the ground, None for one that turns.
     """
-    graph = _Graph(pivots, bodies, names)
+    graph = _Graph(pivots, bodies, names, along)
     _check_connected(graph)
     if _loops(graph, (0,)):
         msg = f'the crank {names[0]} holds two pivots and cannot turn'
@@ -63,6 +67,8 @@ def _next_group(graph: _Graph, known: Group, rest: Group) -> Group:
     before = _loops(graph, known)
     for size in range(1, len(rest) + 1):
         for group in combinations(rest, size):
+            if not _stands(graph, (*known, *group)):
+                continue
             closed = _loops(graph, known + group) - before
             if 2 * closed > size:
                 names = ', '.join(graph.names[j] for j in group)
@@ -86,6 +92,11 @@ def _next_group(graph: _Graph, known: Group, rest: Group) -> Group:
     raise GeometryError(msg)
 
 
+def _stands(graph: _Graph, bodies: Group) -> bool:
+    """Return whether all that bodies slide along is among them: it says how they are turned."""
+    return all(graph.along[j] in {None, -1, *bodies} for j in bodies)
+
+
 def _loops(graph: _Graph, bodies: Iterable[int]) -> int:
     """Return how many independent loops some bodies and the ground close."""
     parent: dict[str, str] = {}
@@ -96,13 +107,14 @@ def _loops(graph: _Graph, bodies: Iterable[int]) -> int:
         return node
 
     loops = 0
-    joined = [graph.pivots, *(graph.bodies[j] for j in bodies)]
-    for number, points in enumerate(joined):
-        for point in points:
-            # The space keeps a body's node apart from every point's name.
-            body_root, point_root = root(f'body {number}'), root(point)
-            loops += body_root == point_root
-            parent[body_root] = point_root
+    # The space keeps a body's node apart from every point's name; the ground is body -1.
+    joined = [(-1, point) for point in graph.pivots]
+    joined += [(j, point) for j in bodies for point in graph.bodies[j]]
+    joined += [(j, f'body {graph.along[j]}') for j in bodies if graph.along[j] is not None]
+    for body, other in joined:
+        body_root, other_root = root(f'body {body}'), root(other)
+        loops += body_root == other_root
+        parent[body_root] = other_root
     return loops
 
 
@@ -110,14 +122,17 @@ def _check_connected(graph: _Graph) -> None:
     if len(graph.bodies) > MOST_BODIES:
         msg = f'there are {len(graph.bodies)} bodies: more than {MOST_BODIES} are not solved'
         raise GeometryError(msg)
-    reached, rest = set(graph.pivots), list(range(len(graph.bodies)))
+    reached: set[str | int] = {-1, *graph.pivots}
+    rest = list(range(len(graph.bodies)))
     while rest:
-        joined = [j for j in rest if not reached.isdisjoint(graph.bodies[j])]
+        joined = [
+            j for j in rest if graph.along[j] in reached or not reached.isdisjoint(graph.bodies[j])
+        ]
         if not joined:
             msg = (
                 f'body {graph.names[rest[0]]} ({"-".join(graph.bodies[rest[0]])}) is connected to '
                 f'no pivot, not even by other bodies: the pivots are {", ".join(graph.pivots)}'
             )
             raise GeometryError(msg)
-        reached.update(*(graph.bodies[j] for j in joined))
+        reached.update(joined, *(graph.bodies[j] for j in joined))
         rest = [j for j in rest if j not in joined]

@@ -4,26 +4,26 @@ What of a linkage is solved one after the other: dyads, and coupled loops.
 Position, velocity and acceleration all come down to one linear step: by which turns d of its
 bodies does a block open its loops by a given -r,
 
-    sum over its bodies of i s_j W_j u_j d_j = -r.
+    sum over its bodies of W du = -r,    with du of its bodies by d: see `joints`.
 
 The determinant of that step over the product of the columns' lengths is the sine of the angle
 between the links of a dyad, and stands for it where loops are coupled.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import hypot, pi
-from sys import float_info
+from math import hypot, prod
 from typing import Any
 
-from klann_ros.kinematics import dyad
 from klann_ros.kinematics.errors import UnreachableError
 import numpy as np
 
+from .dyads import Closing, closing, longest, Pair, ROUNDING
+from .joints import tangent, Vectors
+from .structure import Structure
+
 Terms = Mapping[int, complex]
-# Circles that miss each other by less than this part of a loop's rounding touch.
-TOUCHES = 0.75
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +39,8 @@ class Block:
         Of each loop what the bodies add to it, and what the pivots do [m].
     unknowns : tuple of int
         The bodies that it places.
-    senses : tuple of int
-        +1 or -1 for each body of the linkage.
+    structure : Structure
+        The linkage's.
     names : tuple of str
         What the two ends and the two links of a dyad are called.
     outside : bool
@@ -51,25 +51,50 @@ class Block:
     number: int
     rows: tuple[tuple[Terms, complex], ...]
     unknowns: tuple[int, ...]
-    senses: tuple[int, ...]
+    structure: Structure
     names: tuple[str, str, str, str]
     outside: bool = False
 
     @property
     def is_dyad(self) -> bool:
-        """Return whether it is one loop of two bodies, which circles place."""
+        """Return whether it is one loop of two bodies that are placed without iteration."""
         return len(self.rows) == 1
+
+    @cached_property
+    def slides(self) -> bool:
+        """Return whether any of its bodies slides."""
+        structure = self.structure
+        return structure.slides and any(structure.bodies[j].slides for j in self.unknowns)
+
+    @property
+    def two_branches(self) -> bool:
+        """Return whether a dyad can be put together in two ways; its sign is +1 where not."""
+        return self.closing is None or self.closing.two_branches
+
+    @property
+    def sense(self) -> int:
+        """Return the product of its angles' senses: which way they are measured is no branch."""
+        turning = (j for j in self.unknowns if not self.structure.bodies[j].slides)
+        return prod(self.structure.senses[j] for j in turning)
+
+    @cached_property
+    def closing(self) -> Closing | None:
+        """Return how a dyad is placed; None where loops are coupled."""
+        if len(self.rows) > 1:
+            return None
+        (terms, constant), (a, b) = self.rows[0], self.unknowns
+        return closing(Pair(self.structure, (a, b), terms, constant))
 
     @cached_property
     def rounding(self) -> float:
         """Return what its loops can lose to rounding [m]."""
-        return 8.0 * float_info.epsilon * max(
-            abs(value) for terms, constant in self.rows for value in (constant, *terms.values())
-        )  # fmt: skip
+        return float(ROUNDING * longest(self.structure, self.rows))
 
     @cached_property
     def scale(self) -> float:
-        """Return what its determinant is divided by to be a sine; of a dyad r_a r_b."""
+        """Return what its determinant is divided by to be a sine; of two circles r_a r_b."""
+        if self.closing is not None:
+            return self.closing.scale
         own = np.array([[abs(terms.get(j, 0.0)) for j in self.unknowns] for terms, _ in self.rows])
         # Rows first: a small loop would make all of it look singular.
         longest = own.max(axis=1)
@@ -79,8 +104,10 @@ class Block:
     @cached_property
     def rounding_of_sine(self) -> float:
         """Return the sine that rounding alone can make of 0, near the middle of the reach."""
+        if self.closing is not None:
+            return self.rounding / self.closing.least_length
         links = [abs(terms[j]) for terms, _ in self.rows for j in self.unknowns if j in terms]
-        return self.rounding / (min(links) if self.is_dyad else max(links))
+        return self.rounding / max(links)
 
     @property
     def singular_sine(self) -> float:
@@ -94,20 +121,14 @@ class Block:
 
     # Of a dyad.
 
-    @property
-    def radii(self) -> tuple[float, float]:
-        """Return the lengths of a dyad's links [m]."""
-        (terms, _), (a, b) = self.rows[0], self.unknowns
-        return abs(terms[a]), abs(terms[b])
-
-    def way(self, u: Sequence[complex]) -> complex:
-        """Return the vector from end to end of a dyad, W_a u_a + W_b u_b, by all others [m]."""
+    def way(self, u: Vectors) -> Any:
+        """Return what a dyad's W_a u_a + W_b u_b must be, by all others [m]."""
         terms, constant = self.rows[0]
         return -sum((w * u[j] for j, w in terms.items() if j not in self.unknowns), constant)
 
-    def place(self, u: Sequence[complex], alpha: float, sign: int) -> tuple[complex, complex]:
+    def place(self, u: Vectors, alpha: float, sign: int) -> tuple[complex, complex]:
         """
-        Return the unit vectors of a dyad's two bodies by the geometric method: two circles.
+        Return the vectors of a dyad's two bodies by the geometric method.
 
         Where they miss each other by no more than rounding the links are in line: a change-point
         linkage, such as a parallelogram, passes such poses.
@@ -115,40 +136,47 @@ class Block:
         Raises
         ------
         UnreachableError
-            The circles do not meet, or everywhere.
+            They do not meet, or everywhere.
 
         """
-        way, (r_a, r_b) = self.way(u), self.radii
-        meet = dyad.joint((0.0, 0.0), (way.real, way.imag), r_a, r_b, sign)
-        if meet is None and self.misses(way) <= TOUCHES * self.rounding < abs(way):
-            folded_back = abs(way) < max(r_a, r_b) and r_a < r_b
-            at = (-r_a if folded_back else r_a) * way / abs(way)
-            meet = at.real, at.imag
-        if meet is None:
-            short, stretched = max(0.0, self.misses(way)), abs(way) > r_a + r_b
-            raise UnreachableError(alpha, self.number, short, stretched, self.names)
-        (terms, _), (a, b), joint = self.rows[0], self.unknowns, complex(*meet)
-        return joint / terms[a], (way - joint) / terms[b]
+        way, found = self.way(u), self.placing
+        u_a, u_b = found.place(u, way, sign)
+        if u_a != u_a or u_b != u_b:  # noqa: PLR0124 - NaN
+            short = max(0.0, -float(found.clearance(way, u)))
+            far = bool(found.is_far(way))
+            raise UnreachableError(alpha, self.number, short, far, self.names)
+        return complex(u_a), complex(u_b)
 
-    def misses(self, way: complex) -> float:
-        """Return how far the ends of a dyad are out of its reach [m]; negative inside."""
-        return -dyad.clearance((0.0, 0.0), (way.real, way.imag), *self.radii)
+    @property
+    def placing(self) -> Closing:
+        """Return how a dyad is placed."""
+        if self.closing is None:
+            raise AssertionError('coupled loops are no dyad')
+        return self.closing
 
-    # Figures of a pose, given the unit vectors of all bodies; or of many, given arrays of them.
+    # Figures of a pose, given the vectors of all bodies; or of many, given arrays of them.
 
     def jacobian(self, u: Any) -> Any:
         """Return its part of Phi, shape (..., 2 k, 2 k) [m/rad]: of each loop x, then y."""
-        rows = [
-            [1j * self.senses[j] * terms.get(j, 0.0) * u[j] for j in self.unknowns]
-            for terms, _ in self.rows
-        ]
+        rows = [[self._column(terms, u, i) for i in self.unknowns] for terms, _ in self.rows]
         table = np.array([part for r in rows for part in (np.real(r), np.imag(r))])
         return np.moveaxis(table, (0, 1), (-2, -1))
 
+    def _column(self, terms: Terms, u: Any, i: int) -> Any:
+        """Return by what a loop opens with the coordinate of a body."""
+        if not self.structure.slides:
+            return 1j * self.structure.senses[i] * terms.get(i, 0.0) * u[i]
+        parts = (w * tangent(self.structure, u, j, i) for j, w in terms.items())
+        return sum(parts) + np.zeros(np.shape(u[i]))
+
     def sine(self, u: Any) -> Any:
         """Return the determinant over `scale`, in [-1, 1]; its sign is the assembly."""
-        if not self.is_dyad:
+        if self.closing is None:
             return np.linalg.det(self.jacobian(u)) / self.scale
+        if self.slides:
+            p, q = self.closing.pair.columns(u)
+            sine = self.sense * np.imag(np.conj(p) * q) / self.closing.lengths(self.way(u))
+            return sine if self.two_branches else abs(sine)
         p, q = self.links(u)
         return (p.imag * q.real - p.real * q.imag) / self.scale
 
@@ -158,25 +186,28 @@ class Block:
         return terms[a] * u[a], terms[b] * u[b]
 
     def transmission_angle(self, u: Any) -> Any:
-        """Return the angle between a dyad's links; of coupled loops asin(sine) [rad]."""
-        if not self.is_dyad:
-            return np.arcsin(np.minimum(1.0, np.abs(self.sine(u))))
-        p, q = self.links(u)
-        along = np.abs(np.angle(q * np.conj(p)))
-        return along if self.outside else pi - along
+        """
+        Return the angle between a dyad's links; of coupled loops asin(sine) [rad].
 
-    def clearance(self, u: Sequence[complex]) -> float:
+        Of a link and a line it is the angle between the ways in which its end can move by the one
+        and by the other: the same for two links.
+        """
+        if self.closing is None:
+            return np.arcsin(np.minimum(1.0, np.abs(self.sine(u))))
+        return self.closing.transmission_angle(u, outside=self.outside)
+
+    def clearance(self, u: Vectors) -> float:
         """
         Return how far a dyad's ends are inside its reach [m].
 
         Of coupled loops it is the least singular value of their part of Phi [m/rad].
         """
-        if self.is_dyad:
-            return -self.misses(self.way(u))
+        if self.closing is not None:
+            return float(self.closing.clearance(self.way(u), u))
         jacobian = self.jacobian(u)
         return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
 
-    def gap(self, u: Sequence[complex]) -> float:
+    def gap(self, u: Vectors) -> float:
         """Return by how much its loops are open [m]."""
         gaps = [sum((w * u[j] for j, w in terms.items()), c) for terms, c in self.rows]
         return hypot(*(part for gap in gaps for part in (gap.real, gap.imag)))

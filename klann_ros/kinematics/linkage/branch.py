@@ -11,12 +11,13 @@ from collections.abc import Sequence
 from math import isnan, pi
 from typing import NamedTuple, TYPE_CHECKING
 
-from klann_ros.kinematics.angles import TURN, wrap
+from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arcs import Arc
 from klann_ros.kinematics.errors import GeometryError, LoopsOpenError
 import numpy as np
 from numpy.typing import NDArray
 
+from . import joints
 from .step import TRUSTED
 
 if TYPE_CHECKING:
@@ -71,11 +72,11 @@ class Branch:
             )
             raise GeometryError(msg)
         rows = self._walk(first, 1.0)
-        if not _is_closed(rows):
+        if not _is_closed(linkage, rows):
             rows = _one_turn([*reversed(self._walk(first, -1.0)[1:]), *rows], start)
         self._rows = rows
         self._first, self._last = rows[0].alpha, rows[-1].alpha
-        self._is_turn = _is_closed(rows)
+        self._is_turn = _is_closed(linkage, rows)
         self._check_seam()
 
     @property
@@ -159,13 +160,13 @@ class Branch:
         return min(neighbours, key=lambda row: abs(row.alpha - at))
 
 
-def _is_closed(rows: Sequence[Row]) -> bool:
+def _is_closed(linkage: 'Linkage', rows: Sequence[Row]) -> bool:
     """Return whether rows are a whole turn, after which the loops are back where they were."""
     start, end = rows[0], rows[-1]
     if end.alpha - start.alpha < TURN:
         return False
     back = end.ahead(start.alpha + TURN - end.alpha)
-    return max(abs(wrap(a - b)) for a, b in zip(back, start.x, strict=True)) <= TRUSTED
+    return max(map(abs, joints.differences(linkage, back, start.x))) <= TRUSTED
 
 
 def _one_turn(rows: list[Row], start: float) -> list[Row]:

@@ -1,12 +1,14 @@
 """
-The geometric method: two circles a dyad, no iteration.
+The geometric method: two circles a dyad, or what `dyads` has for it, and no iteration.
 
 It shares no equation with the Newton solver, so each is the other's oracle. Coupled loops have no
 closed form: theirs is the nearest pose of their branch, refined.
 """
 
-from cmath import phase, rect
+from cmath import rect
 from typing import TYPE_CHECKING
+
+from . import joints
 
 if TYPE_CHECKING:
     from .linkage import Linkage
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
 
 def placed(linkage: 'Linkage', alpha: float) -> list[complex]:
     """
-    Return the unit vectors of all bodies at a crank angle [rad], in the linkage's assembly.
+    Return the vectors of all bodies at a crank angle [rad], in the linkage's assembly.
 
     An UnreachableError says which dyad does not close there, a LoopsOpenError which loops.
     """
@@ -28,12 +30,16 @@ def placed(linkage: 'Linkage', alpha: float) -> list[complex]:
             continue
         if known is None:
             known = linkage.branch.x(alpha)
+        x = [alpha, *[0.0] * (len(senses) - 1)]
+        for j in linkage.head_bodies[1:]:
+            x[j] = known[linkage.head_bodies.index(j) - 1]
+        moved = joints.vectors(linkage.structure, x)
         for j in block.unknowns:
-            u[j] = rect(1.0, senses[j] * known[linkage.head_bodies.index(j) - 1])
+            u[j] = complex(moved[j])
     return u
 
 
 def seed(linkage: 'Linkage', alpha: float) -> tuple[float, ...]:
-    """Return the other angles at a crank angle [rad]; parameters and errors as `placed`."""
-    u = placed(linkage, alpha)
-    return tuple(s * phase(v) for s, v in zip(linkage.structure.senses[1:], u[1:], strict=True))
+    """Return the other coordinates at a crank angle; parameters and errors as `placed`."""
+    u, structure = placed(linkage, alpha), linkage.structure
+    return tuple(float(joints.coordinate(structure, u, j)) for j in range(1, len(u)))

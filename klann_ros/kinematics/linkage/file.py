@@ -13,7 +13,7 @@ from klann_ros.untrusted.text import did_you_mean, printable, printable_line
 from klann_ros.untrusted.yaml_text import LONGEST, parse, YamlError
 
 from .file_assembly import IN_DEGREES, reached, stated
-from .file_names import check_start, misspelt
+from .file_names import check_start, every_bar, misspelt
 from .linkage import Linkage
 from .structure import Bar, Body, Brace, Structure
 
@@ -138,12 +138,12 @@ def _linkage(content: Mapping[str, Any]) -> Linkage:
         _ = structure.groups
     except GeometryError as error:
         raise GeometryError(f'{error}{misspelt(content, _structure)}') from error
-    bars = [bar for name in order for bar in bodies[name]['bars']]
+    bars = [bar for name in order for bar in every_bar(bodies[name])]
     _check_bends(content, turn)
     given: dict[str, Callable[[int], float]] = {
         'length': lambda place: metre * bars[place]['length'],
         'brace': lambda place: metre * bars[place]['brace']['length'],
-        'bend': lambda place: turn(bars[place].get('bend', 0.0)),
+        'bend': lambda place: turn(bars[place].get('bend', bars[place].get('direction', 0.0))),
         'x': lambda place: metre * content['pivots'][structure.pivots[place]][0],
         'y': lambda place: metre * content['pivots'][structure.pivots[place]][1],
     }
@@ -159,8 +159,11 @@ def _linkage(content: Mapping[str, Any]) -> Linkage:
     signs = content.get('assembly')
     if start is None:
         return stated(plain, signs or ())
-    angles = [turn(start[name]) for name in order]
-    return reached(plain, angles, signs, in_degrees=turn is radians)
+    given_start = [
+        metre * start[body.angle] if body.slides else turn(start[body.angle])
+        for body in structure.bodies
+    ]
+    return reached(plain, given_start, signs, in_degrees=turn is radians)
 
 
 def _order(content: Mapping[str, Any]) -> list[str]:
@@ -176,9 +179,10 @@ def _structure(content: Mapping[str, Any], bodies: Mapping[str, Any]) -> Structu
 def _body(name: str, content: Mapping[str, Any]) -> Body:
     bars = [
         Bar(bar['from'], bar['to'], _brace(bar['brace']) if 'brace' in bar else None)
-        for bar in content['bars']
+        for bar in every_bar(content)
     ]
-    return Body(name, tuple(bars), content.get('clockwise', False))
+    along = content['slides']['along'] if 'slides' in content else ''
+    return Body(name, tuple(bars), content.get('clockwise', False), along=along)
 
 
 def _brace(brace: Mapping[str, Any]) -> Brace:
@@ -187,8 +191,10 @@ def _brace(brace: Mapping[str, Any]) -> Brace:
 
 def _check_bends(content: Mapping[str, Any], turn: Callable[[float], float]) -> None:
     for name, body in content['bodies'].items():
-        for place, bar in enumerate(body['bars']):
-            if abs(turn(bar.get('bend', 0.0))) > TURN:
+        given = {f'bars[{n}].bend': bar.get('bend') for n, bar in enumerate(body.get('bars', ()))}
+        given['slides.direction'] = body.get('slides', {}).get('direction')
+        for place, angle in given.items():
+            if angle is not None and abs(turn(angle)) > TURN:
                 limit = '+-360 deg' if turn is radians else f'+-2 pi rad; {IN_DEGREES}'
-                msg = f'bodies.{name}.bars[{place}].bend: {bar["bend"]:g} must be within {limit}'
+                msg = f'bodies.{name}.{place}: {angle:g} must be within {limit}'
                 raise GeometryError(msg)

@@ -28,7 +28,7 @@ def reached(
     plain : Linkage
         The linkage in whatever assembly.
     start : sequence of float
-        An angle for every body, the crank's first [rad].
+        An angle for every body, the crank's first [rad], and a distance for what slides [m].
     signs : sequence of int, optional
         The assembly that the file states beside it.
     in_degrees : bool
@@ -83,11 +83,13 @@ def _unknowns(structure: Structure) -> list[list[str]]:
 
 def _check_degrees(linkage: Linkage, start: tuple[float, ...]) -> None:
     """Refuse a start [rad] that can only be degrees."""
-    beyond = any(abs(angle) > TURN for angle in start)
+    slides = [body.slides for body in linkage.structure.bodies]
+    beyond = any(abs(x) > TURN for x, slide in zip(start, slides, strict=True) if not slide)
     near = nearest_assembly(linkage, start) <= NEAR
     if near and not beyond:
         return
-    as_degrees = tuple(map(radians, start))
+    pairs = zip(start, slides, strict=True)
+    as_degrees = tuple(x if slide else radians(x) for x, slide in pairs)
     near_in_degrees = nearest_assembly(linkage, as_degrees) <= NEAR
     if near_in_degrees or (beyond and not near):
         given = ', '.join(f'{n} {a:g}' for n, a in zip(linkage.joint_names, start, strict=True))

@@ -47,7 +47,14 @@ def misspelt(content: Mapping[str, Any], structure: Callable[..., Structure]) ->
 
 
 def _points(body: Mapping[str, Any]) -> list[str]:
-    return list(dict.fromkeys(point for bar in body['bars'] for point in (bar['from'], bar['to'])))
+    bars = every_bar(body)
+    return list(dict.fromkeys(point for bar in bars for point in (bar['from'], bar['to'])))
+
+
+def every_bar(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the bars of a body in a file, the line that it slides along being the first."""
+    line = [body['slides']] if 'slides' in body else []
+    return [*line, *body.get('bars', ())]
 
 
 def _joins(
@@ -58,12 +65,15 @@ def _joins(
 ) -> bool:
     """Return whether it is a linkage with a point of a body renamed."""
     body = content['bodies'][name]
-    bars = [
-        {**bar, **{end: renamed.get(bar[end], bar[end]) for end in ('from', 'to')}}
-        for bar in body['bars']
-    ]
+
+    def other(bar: Mapping[str, Any]) -> dict[str, Any]:
+        return {**bar, **{end: renamed.get(bar[end], bar[end]) for end in ('from', 'to')}}
+
+    changed = {**body, 'bars': [other(bar) for bar in body.get('bars', ())]}
+    if 'slides' in body:
+        changed['slides'] = other(body['slides'])
     try:
-        _ = structure(content, {**content['bodies'], name: {**body, 'bars': bars}}).groups
+        _ = structure(content, {**content['bodies'], name: changed}).groups
     except GeometryError:
         return False
     return True

@@ -1,6 +1,6 @@
 """A linkage ready to be solved: its structure, its numbers, its branch."""
 
-from cmath import phase, rect
+from cmath import phase
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from math import degrees
@@ -13,9 +13,10 @@ from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
 from numpy.typing import NDArray
 
-from . import shape
+from . import joints, shape
 from .blocks import Block
 from .branch import Branch
+from .dyads import longest
 from .pose import LinkagePose
 from .step import Step, step
 from .structure import by_name, Structure
@@ -122,13 +123,7 @@ class Linkage:
 
         """
         new = {**(changes or {}), **named}
-        numbers, places = list(self.numbers), by_name(self.structure.dimensions, new)
-        for name, value in new.items():
-            numbers[places[name]] = value
-        # The signs say how it is put together; only coupled loops need a start beside them.
-        start = None if self.is_dyadic else self.start
-        assembly = self.assembly if self.is_dyadic else None
-        return _made(self.structure, numbers, assembly, start, self.name, self.source)
+        return self._varied(new, () if self.is_dyadic else self.start)
 
     def in_assembly(self, assembly: Sequence[int]) -> 'Linkage':
         """
@@ -199,7 +194,18 @@ class Linkage:
         """
         lengths = [d.name for d in self.structure.dimensions if d.unit == 'm']
         factor = validation.factor(factor)
-        return self.varied({name: factor * self.dimensions[name] for name in lengths})
+        changes = {name: factor * self.dimensions[name] for name in lengths}
+        start = zip(self.structure.bodies, () if self.is_dyadic else self.start, strict=False)
+        return self._varied(changes, [factor * x if body.slides else x for body, x in start])
+
+    def _varied(self, changes: Mapping[str, float], start: Sequence[float]) -> 'Linkage':
+        """Return it with some numbers replaced; the start is that of coupled loops."""
+        numbers, places = list(self.numbers), by_name(self.structure.dimensions, changes)
+        for name, value in changes.items():
+            numbers[places[name]] = value
+        # The signs say how it is put together; only coupled loops need a start beside them.
+        assembly, given = (self.assembly, None) if self.is_dyadic else (None, start)
+        return _made(self.structure, numbers, assembly, given, self.name, self.source)
 
     def mirrored(self) -> 'Linkage':
         """Return the linkage mirrored in the x axis: every angle has the other sign."""
@@ -207,8 +213,15 @@ class Linkage:
         pairs = zip(self.structure.dimensions, self.numbers, strict=True)
         numbers = [turned.get(dimension.kind, 1.0) * number for dimension, number in pairs]
         # Only coupled loops need a start; what its signs are then follows from it.
-        start = None if self.is_dyadic else [-angle for angle in self.start]
-        signs = tuple(-sign for sign in self.assembly) if self.is_dyadic else None
+        start = None
+        if not self.is_dyadic:
+            bodies = zip(self.structure.bodies, self.start, strict=True)
+            start = [x if body.slides else -x for body, x in bodies]
+        signs = None
+        if self.is_dyadic:
+            # A distance is what it was in the mirror, and an angle is not.
+            blocks = zip(self.blocks, self.assembly, strict=True)
+            signs = tuple(sign if block.slides else -sign for block, sign in blocks)
         made = self.structure.mirrored()
         return _made(made, numbers, signs, start, self.name, self.source)
 
@@ -222,7 +235,7 @@ class Linkage:
                 number,
                 tuple(self.rows[k] for k in loops),
                 group,
-                structure.senses,
+                structure,
                 names,
                 number in structure.outside,
             )
@@ -231,8 +244,13 @@ class Linkage:
 
     @property
     def is_dyadic(self) -> bool:
-        """Return whether every block is a dyad, so that two circles each give the pose."""
+        """Return whether every block is a dyad, so that the geometric method gives the pose."""
         return all(len(rows) == 1 for rows in self.structure.paths.rows)
+
+    @property
+    def two_circles(self) -> bool:
+        """Return whether every block is a dyad that turns, which two circles place."""
+        return self.is_dyadic and not self.structure.slides
 
     @cached_property
     def rows(self) -> tuple[tuple[dict[int, complex], complex], ...]:
@@ -260,6 +278,11 @@ class Linkage:
     def step(self) -> Step:
         """Return its Newton-Raphson and its derivatives as functions made for it."""
         return step(self, LinkagePose)
+
+    @cached_property
+    def size(self) -> float:
+        """Return its longest vector [m]: what distances of what slides are measured against."""
+        return float(longest(self.structure, self.rows))
 
     # Coupled loops.
 
@@ -302,11 +325,6 @@ class Linkage:
         """Return Q, shape (p, n), and q, shape (p,), of p = Q u + q [m]."""
         return shape.matrix(self.point_rows, len(self.structure.bodies))
 
-    @cached_property
-    def i_s(self) -> NDArray[np.complex128]:
-        """Return i s_j of every body: u_j = exp(i s_j phi_j), du_j/dphi_j = i s_j u_j."""
-        return 1j * np.array(self.structure.senses)
-
     def f(self, alpha: float, x: Sequence[float] | Array) -> Array:
         """
         Return the loop equations' left-hand sides; the linkage is closed where f = 0.
@@ -316,7 +334,8 @@ class Linkage:
         alpha : float
             Crank angle [rad].
         x : sequence of float, shape (n - 1,)
-            The other angles, in the order of `joint_names` [rad].
+            The other coordinates, in the order of `joint_names`: angles [rad], and distances [m]
+            of what slides.
 
         Returns
         -------
@@ -325,7 +344,7 @@ class Linkage:
 
         """
         w, c = self.equations
-        return _real_rows(w @ self.unit_vectors(alpha, x) + c)
+        return _real_rows(w @ self.vectors(alpha, x) + c)
 
     def phi(self, alpha: float, x: Sequence[float] | Array) -> Array:
         """Return the Jacobian df/dx, shape (n - 1, n - 1) [m/rad]; parameters as in `f`."""
@@ -339,24 +358,29 @@ class Linkage:
     def points(self, alpha: float, x: Sequence[float] | Array) -> Array:
         """Return the points, shape (p, 2), in the order of the structure's [m]."""
         q_u, q = self.point_equations
-        return _plane(q_u @ self.unit_vectors(alpha, x) + q)
+        return _plane(q_u @ self.vectors(alpha, x) + q)
 
     def points_moved(self, vectors: NDArray[np.complex128]) -> Array:
-        """Return the points' derivative, shape (p, 2), from that of the bodies' unit vectors."""
+        """Return the points' derivative, shape (p, 2), from that of the bodies' vectors."""
         return _plane(self.point_equations[0] @ vectors)
 
-    def unit_vectors(self, alpha: Any, x: Any) -> NDArray[np.complex128]:
-        """Return u_j = exp(i s_j phi_j) of every body, shape (n,)."""
-        u: NDArray[np.complex128] = np.exp(self.i_s * np.array([alpha, *x]))
+    def vectors(self, alpha: Any, x: Any) -> NDArray[np.complex128]:
+        """Return u_j of every body, shape (n,): exp(i s_j phi_j), or what slides: see `joints`."""
+        if self.structure.slides:
+            return np.array(joints.vectors(self.structure, [alpha, *x]))
+        u: NDArray[np.complex128] = np.exp(self._i_s * np.array([alpha, *x]))
         return u
 
-    def directions(self, angles: Sequence[float]) -> list[complex]:
-        """Return u_j of every body, for its angles, as plain numbers."""
-        pairs = zip(self.structure.senses, angles, strict=True)
-        return [rect(1.0, sense * angle) for sense, angle in pairs]
+    @cached_property
+    def _i_s(self) -> NDArray[np.complex128]:
+        """Return i s_j of every body, for linkages in which nothing slides: most of them."""
+        return 1j * np.array(self.structure.senses)
 
     def _jacobian(self, alpha: float, x: Sequence[float] | Array) -> Array:
-        return _real_rows(self.equations[0] * (self.i_s * self.unit_vectors(alpha, x)))
+        u, w = self.vectors(alpha, x), self.equations[0]
+        if self.structure.slides:
+            return _real_rows(w @ joints.tangents(self.structure, u))
+        return _real_rows(w * (self._i_s * u))
 
     def _checked_signs(self, assembly: Sequence[int]) -> tuple[int, ...]:
         """Return signs as a tuple, if there is one for each block."""
@@ -386,7 +410,7 @@ class Linkage:
             )
         except NotConvergedError as error:
             w, c = self.equations
-            gaps = np.abs(w @ self.unit_vectors(alpha, guess) + c)
+            gaps = np.abs(w @ self.vectors(alpha, guess) + c)
             widest = int(np.argmax(gaps))
             msg = (
                 f'it cannot be assembled near its start: Newton-Raphson finds no pose at the '
@@ -395,10 +419,11 @@ class Linkage:
                 f'{gaps[widest]:.3g} m, check its lengths and these angles'
             )
             raise NotAssembledError(msg) from error
-        return (alpha, *(wrap(angle) for angle in iterates[-1].tolist()))
+        found = zip(self.structure.bodies[1:], iterates[-1].tolist(), strict=True)
+        return (alpha, *(x if body.slides else wrap(x) for body, x in found))
 
     def _signs(self) -> tuple[int, ...]:
-        u = self.directions(self.start)
+        u = self.vectors(self.start[0], self.start[1:])
         sines = [block.sine(u) for block in self.blocks]
         pairs = zip(sines, self.blocks, strict=True)
         if any(abs(s) <= max(LEAST_START_SINE, b.singular_sine) for s, b in pairs):

@@ -1,12 +1,12 @@
 """A solved pose of a linkage, and how it moves."""
 
-from cmath import phase
 from math import nan
 from typing import Any, NamedTuple, TYPE_CHECKING
 
-from klann_ros.kinematics.angles import wrap
 import numpy as np
 from numpy.typing import NDArray
+
+from . import joints
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,7 +38,8 @@ class LinkagePose(NamedTuple):
     alpha : float
         Crank angle as given, not wrapped [rad].
     x : tuple of float
-        The other angles, in the order of the linkage's `joint_names`, in (-pi, pi] [rad].
+        The other coordinates, in the order of the linkage's `joint_names`: angles in (-pi, pi]
+        [rad], and distances of what slides [m].
     h : tuple of float
         The foot (x, y) [m].
     iterations : int
@@ -46,7 +47,7 @@ class LinkagePose(NamedTuple):
     residual : float
         Euclidean norm of f at this pose [m]: by how much the loops do not close.
     coefficients : tuple of float
-        Kinematic coefficients dx/dalpha; NaN at a singular pose.
+        Kinematic coefficients dx/dalpha [1, m/rad]; NaN at a singular pose.
     sines : tuple of float
         |sin| of each dyad's transmission angle: 1 transmits best, 0 is singular. Of coupled loops
         what stands for it: see `Block`.
@@ -72,7 +73,7 @@ class LinkagePose(NamedTuple):
 
     @property
     def joints(self) -> tuple[float, ...]:
-        """Return every angle, the crank's first [rad]."""
+        """Return every coordinate, the crank's first [rad, m]."""
         return (self[0], *self.x)
 
     @property
@@ -81,9 +82,9 @@ class LinkagePose(NamedTuple):
         return self.linkage.points(self[0], self.x)
 
     @property
-    def unit_vectors(self) -> list[complex]:
-        """Return u_j = exp(i s_j phi_j) of every body."""
-        return self.linkage.directions(self.joints)
+    def vectors(self) -> NDArray[np.complex128]:
+        """Return u_j of every body, shape (n,): see `Linkage.vectors`."""
+        return self.linkage.vectors(self[0], self.x)
 
     @property
     def transmission_angles(self) -> tuple[float, ...]:
@@ -93,7 +94,7 @@ class LinkagePose(NamedTuple):
         pi/2 transmits best; at 0 and pi the dyad is folded or stretched out, and singular. Of
         coupled loops it is the angle whose sine is theirs.
         """
-        u = self.unit_vectors
+        u = self.vectors
         return tuple(float(block.transmission_angle(u)) for block in self.linkage.blocks)
 
     @property
@@ -103,7 +104,7 @@ class LinkagePose(NamedTuple):
 
         Of coupled loops it is the least singular value of their part of Phi [m/rad].
         """
-        u = self.unit_vectors
+        u = self.vectors
         return tuple(block.clearance(u) for block in self.linkage.blocks)
 
     @property
@@ -124,7 +125,7 @@ class LinkageMotion(NamedTuple):
     Attributes
     ----------
     joints : tuple of float
-        Of every angle, the crank's first [rad/s] or [rad/s^2].
+        Of every coordinate, the crank's first [rad/s, m/s] or [rad/s^2, m/s^2].
     h : tuple of float
         Of the foot (x, y) [m/s] or [m/s^2].
     pose : LinkagePose
@@ -141,16 +142,12 @@ class LinkageMotion(NamedTuple):
 
     @property
     def vectors(self) -> NDArray[np.complex128]:
-        """
-        Return that of the bodies' unit vectors, shape (n,), complex.
-
-        du_j/dt = i s_j phi_j' u_j, and d2u_j/dt2 = (i s_j phi_j'' - phi_j'^2) u_j.
-        """
-        factors = self.pose.linkage.i_s * np.array(self.joints)
+        """Return that of the bodies' vectors, shape (n,), complex: see `joints`."""
+        structure, u = self.pose.linkage.structure, self.pose.vectors
+        moved: NDArray[np.complex128] = joints.tangents(structure, u) @ np.array(self.joints)
         if self.velocity is not None:
-            factors = factors - np.array(self.velocity.joints) ** 2
-        vectors: NDArray[np.complex128] = factors * np.array(self.pose.unit_vectors)
-        return vectors
+            moved += joints.bent(structure, u, self.velocity.joints)
+        return moved
 
     @property
     def points(self) -> Array:
@@ -159,11 +156,12 @@ class LinkageMotion(NamedTuple):
 
 
 def closed_pose(linkage: 'Linkage', u: 'Sequence[complex]', alpha: float) -> LinkagePose:
-    """Return the pose whose bodies have these unit vectors, by circles and not by iteration."""
-    x = tuple(wrap(s * phase(v)) for s, v in zip(linkage.structure.senses, u, strict=True))[1:]
+    """Return the pose whose bodies have these vectors, by circles and not by iteration."""
+    structure = linkage.structure
+    x = tuple(float(joints.coordinate(structure, u, j)) for j in range(1, len(u)))
     rows, constant = linkage.point_rows[linkage.foot]
     foot = sum((w * u[j] for j, w in rows.items()), constant)
-    sines = tuple(abs(block.sine(u)) for block in linkage.blocks)
+    sines = tuple(float(abs(block.sine(u))) for block in linkage.blocks)
     residual = float(np.hypot.reduce([block.gap(u) for block in linkage.blocks]))
     rates = _coefficients(linkage, alpha, x, u)
     return LinkagePose(alpha, x, (foot.real, foot.imag), 0, residual, rates, sines, linkage)

@@ -76,20 +76,21 @@ def closes_somewhere(linkage: Linkage) -> bool:
 
 
 def is_driven(block: 'Block') -> bool:
-    """Return whether a block is a dyad whose ends are moved by the crank alone."""
+    """Return whether a block is a dyad of two links whose ends the crank alone moves."""
     (terms, _), *others = block.rows
-    return not others and {0, *block.unknowns} == terms.keys()
+    return not others and not block.slides and {0, *block.unknowns} == terms.keys()
 
 
 def driven_arcs(block: 'Block') -> list[Arc]:
     """Return the arcs at which a dyad closes that the crank alone drives [rad]."""
     terms, constant = block.rows[0]
-    lengths = abs(constant), abs(terms[0]), *block.radii
+    a, b = block.unknowns
+    lengths = abs(constant), abs(terms[0]), abs(terms[a]), abs(terms[b])
     if not closes(lengths):
         return []
     least, greatest = limits(lengths) if constant else (0.0, pi)
     # Where the crank points to the fixed end.
-    toward = block.senses[0] * phase(-constant / terms[0])
+    toward = block.structure.senses[0] * phase(-constant / terms[0])
     if least == 0.0 and greatest == pi:
         return [(0.0, TURN)]
     if least == 0.0:

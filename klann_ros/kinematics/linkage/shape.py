@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .paths import Path
-from .structure import Structure
+from .structure import FIXED, Structure
 
 # A complex number, or an array of them.
 Vector = Any
@@ -35,6 +35,11 @@ def vectors(structure: Structure, numbers: Sequence[Any]) -> tuple[list[Vector],
     bars: list[Vector] = []
     places: dict[tuple[int, str], Vector] = {}
     for number, (body, bar) in enumerate(structure.bars):
+        if number in structure.lines:
+            # Its length is what the body slides by: see `joints`.
+            bars.append(turned(1.0, given.get(('bend', number), 0.0)))
+            places[body, bar.end] = 0j
+            continue
         length = given['length', number]
         start = places.setdefault((body, bar.start), 0j)
         if bar.brace is None:
@@ -72,12 +77,13 @@ def apex(base: Vector, r_p: Any, r_q: Any, side: int) -> Vector:
 def row(
     structure: Structure, path: Path, pivots: Sequence[Vector], bars: Sequence[Vector]
 ) -> tuple[dict[int, Vector], Vector]:
-    """Return what each body adds to a path, by its number, and what the pivots add [m]."""
+    """Return what each body adds to a path, by its number, and what does not move adds [m]."""
     bodies: dict[int, Vector] = {}
     for number, times in path.bars:
-        body = structure.bars[number][0]
+        body = structure.carriers[number]
         bodies[body] = bodies.get(body, 0.0) + times * bars[number]
-    return bodies, sum(times * pivots[place] for place, times in path.pivots)
+    fixed = bodies.pop(FIXED, 0.0)
+    return bodies, sum((times * pivots[place] for place, times in path.pivots), fixed)
 
 
 def matrix(

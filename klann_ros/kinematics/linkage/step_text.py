@@ -15,6 +15,7 @@ and coupled loops take Gauss's elimination with pivots.
 """
 
 from collections.abc import Iterable, Sequence
+from math import inf, prod
 from typing import TYPE_CHECKING
 
 from .elimination import elimination
@@ -48,6 +49,11 @@ class Writer:
             found |= {f'least{b}': -block.rounding_of_sine * block.scale}
             found |= {f'singular{b}': block.singular_sine * block.scale}
             found |= {f'inverse{b}': 1.0 / block.scale}
+            if block.closing is not None and not block.closing.two_branches:
+                # It closes in one way only, whichever sign that has.
+                found[f'least{b}'] = -inf
+        if self._structure.slides:
+            found['size'] = linkage.size
         return found
 
     @property
@@ -61,13 +67,22 @@ class Writer:
         group, loops = self._structure.groups[block], self._paths.rows[block]
         if len(loops) > 1:
             return 1
+        if self._slides(block):
+            turning = (j for j in group if not self._structure.bodies[j].slides)
+            return prod(self._senses[j] for j in turning)
         terms = self._vectors.loops[loops[0]]
         a, b = group
         return -terms[a][0] * terms[b][0]
 
     def _determinants(self, indent: int) -> None:
         for block, (group, loops) in enumerate(self._pairs()):
-            if len(loops) == 1:
+            if len(loops) == 1 and self._slides(block):
+                for side, j in zip('gh', group, strict=True):
+                    column = self._vectors.turned(self._vectors.loops[loops[0]], {j: (1, '')})
+                    for axis, terms in zip('xy', column, strict=True):
+                        self._write(indent, f'{side}{block}{axis} = {joined(terms)}')
+                self._write(indent, f'D{block} = g{block}x * h{block}y - g{block}y * h{block}x')
+            elif len(loops) == 1:
                 (_, p), (_, q) = (self._vectors.loops[loops[0]][j] for j in group)
                 self._write(indent, f'D{block} = v{p}x * v{q}y - v{p}y * v{q}x')
 
@@ -88,6 +103,11 @@ class Writer:
         if len(loops) > 1:
             return self._eliminate(block, right, letter, indent)
         (a, b), own, (x, y) = group, self._vectors.loops[loops[0]], right
+        if self._slides(block):
+            g, h = f'g{block}', f'h{block}'
+            self._write(indent, f'{letter}{a} = ({x} * {h}y - {y} * {h}x) / D{block}')
+            self._write(indent, f'{letter}{b} = ({g}x * {y} - {g}y * {x}) / D{block}')
+            return {a: (-1, f'{letter}{a}'), b: (-1, f'{letter}{b}')}
         (sign_a, p), (sign_b, q) = own[a], own[b]
         self._write(indent, f'{letter}{a} = (v{q}x * {x} + v{q}y * {y}) / D{block}')
         self._write(indent, f'{letter}{b} = (v{p}x * {x} + v{p}y * {y}) / D{block}')
@@ -109,6 +129,14 @@ class Writer:
         given = ', '.join([*entries, *right])
         self._write(indent, f'D{block}, {found} = solve{len(group)}({given})')
         return {j: (-1, f'{letter}{j}') for j in group}
+
+    def _slides(self, block: int) -> bool:
+        """Return whether a body of a block slides."""
+        return any(self._structure.bodies[j].slides for j in self._structure.groups[block])
+
+    def _turning(self) -> list[int]:
+        """Return the bodies that turn, without the crank."""
+        return [j for j, body in enumerate(self._structure.bodies) if j and not body.slides]
 
     def _pairs(self) -> Iterable[tuple[tuple[int, ...], tuple[int, ...]]]:
         return zip(self._structure.groups, self._paths.rows, strict=True)
@@ -153,6 +181,9 @@ class Writer:
         others = range(1, len(self._structure.bodies))
         if self._is_coupled:
             self._write(2, f'{_tuple("o", others)} = {_tuple("p", others)}')
+        if self._structure.slides:
+            # Distances are as precise as angles, in the linkage's size.
+            self._write(2, 'span = tolerance * size')
         self._compute([0], self._vectors.in_loops, 2)
         for k, terms in enumerate(self._vectors.loops):
             crank = [terms[0]] if 0 in terms else []
@@ -180,7 +211,8 @@ class Writer:
         turns = self._corrections()
         for j, (sign, name) in turns.items():
             self._write(3, f'p{j} {"+" if sign > 0 else "-"}= {name}')
-        small = [f'-tolerance <= e{j} <= tolerance' for j in others]
+        limits = ['span' if body.slides else 'tolerance' for body in self._structure.bodies]
+        small = [f'-{limits[j]} <= e{j} <= {limits[j]}' for j in others]
         self._write(3, f'settled = {" and ".join(small)}')
         self._write(2, 'else:')
         self._write(3, 'return None')
@@ -209,21 +241,27 @@ class Writer:
         )
         if self._is_coupled:
             # The signs alone do not tell the branches of coupled loops apart.
-            trusted = [f'-TRUSTED <= p{j} - o{j} <= TRUSTED' for j in others]
+            sizes = [' * size' if body.slides else '' for body in self._structure.bodies]
+            trusted = [f'-TRUSTED{sizes[j]} <= p{j} - o{j} <= TRUSTED{sizes[j]}' for j in others]
             self._write(2, f'if not ({" and ".join(trusted)}):', '    return None')
-        inside = [f'-pi < p{j} <= pi' for j in others]
-        self._write(2, f'if not ({" and ".join(inside)}):')
-        near = [f'-FAR < p{j} < FAR' for j in others]
-        self._write(3, f'if not ({" and ".join(near)}):', '    return None')
-        for j in others:
-            self._write(3, f'p{j} = wrap(p{j})')
+        self._wrap()
+        singular = [
+            f'abs(size{b}) <= singular{b}' if self._slides(b) else f'size{b} <= singular{b}'
+            for b in blocks
+        ]
         self._write(
             2,
-            f'if {" or ".join(f"size{b} <= singular{b}" for b in blocks)}:',
+            f'if {" or ".join(singular)}:',
             f'    coefficients = ({"nan, " * len(others)})',
         )
         gaps = ', '.join(f'f{k}{axis}' for k in range(len(self._vectors.loops)) for axis in 'xy')
-        sines = ', '.join(f'abs(size{b}) * inverse{b}' for b in blocks)
+        # The columns of what slides along a link are as long as the distance is.
+        sines = ', '.join(
+            f'abs(size{b}) / (hypot(g{b}x, g{b}y) * hypot(h{b}x, h{b}y))'
+            if self._slides(b) and len(loops) == 1
+            else f'abs(size{b}) * inverse{b}'
+            for b, (_, loops) in enumerate(self._pairs())
+        )
         foot = []
         for axis in 'xy':
             parts = [(sign, f'v{v}{axis}') for sign, v in self._vectors.foot.values()]
@@ -235,6 +273,18 @@ class Writer:
             f'    hypot({gaps}), coefficients, ({sines},), linkage,',
             '))',
         )
+
+    def _wrap(self) -> None:
+        """Write what brings angles into (-pi, pi]."""
+        turning = self._turning()
+        if not turning:
+            return
+        inside = [f'-pi < p{j} <= pi' for j in turning]
+        self._write(2, f'if not ({" and ".join(inside)}):')
+        near = [f'-FAR < p{j} < FAR' for j in turning]
+        self._write(3, f'if not ({" and ".join(near)}):', '    return None')
+        for j in turning:
+            self._write(3, f'p{j} = wrap(p{j})')
 
     def _tangent(self) -> None:
         """Write the derivatives by the crank angle, by the same substitution; and the foot."""

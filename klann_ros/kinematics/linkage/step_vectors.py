@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from .structure import Structure
+from .structure import FIXED, Structure
 
 if TYPE_CHECKING:
     from .linkage import Linkage
@@ -47,7 +47,8 @@ class Vectors:
         found: dict[str, float] = {}
         for (body, bars), v in self._numbers.items():
             w = sum(n * linkage.bars[bar] for bar, n in bars)
-            sense = self._structure.senses[body]
+            frame = self._structure.frames[body]
+            sense = 1 if frame == FIXED else self._structure.senses[frame]
             found |= {f'a{v}': w.real, f'd{v}': sense * w.real}
             if not self._is_straight(bars):
                 found |= {f'b{v}': w.imag, f'g{v}': -sense * w.imag}
@@ -56,9 +57,16 @@ class Vectors:
     def lines(self, bodies: Iterable[int], wanted: set[int]) -> list[str]:
         """Return what computes the vectors that are wanted, of some bodies."""
         lines = []
-        for body in bodies:
+        # What slides is turned by what turns.
+        for body in sorted(bodies, key=lambda j: self._structure.bodies[j].slides):
             numbers = self._numbers.items()
             own = [(v, bars) for (j, bars), v in numbers if j == body and v in wanted]
+            if self._structure.bodies[body].slides:
+                for v, _ in own:
+                    lines += self._slid(body, v)
+                continue
+            if body in self._structure.frames[body + 1 :] + self._structure.frames[:body]:
+                lines += [f'C{body} = cos(p{body})', f'S{body} = sin(p{body})']
             if len(own) == 1 and self._is_straight(own[0][1]):
                 v = own[0][0]
                 lines += [f'v{v}x = a{v} * cos(p{body})', f'v{v}y = d{v} * sin(p{body})']
@@ -73,22 +81,47 @@ class Vectors:
         return lines
 
     def turned(self, terms: Terms, rates: dict[int, Term]) -> Sum:
-        """Return the sum of i s_j W_j u_j times a rate, over the bodies that have one."""
+        """Return the sum of W_j du_j over the bodies that have a rate: see `joints`."""
         x, y = [], []
         for body, (sign, v) in terms.items():
-            if body in rates:
-                times, rate = rates[body]
-                sense = self._structure.senses[body] * sign * times
+            frame = self._structure.frames[body]
+            if frame in rates:
+                times, rate = rates[frame]
+                sense = self._structure.senses[frame] * sign * times
                 factor = f' * {rate}' if rate else ''
                 x.append((-sense, f'v{v}y{factor}'))
                 y.append((sense, f'v{v}x{factor}'))
+            if frame != body and body in rates:
+                times, rate = rates[body]
+                factor = f' * {rate}' if rate else ''
+                x.append((sign * times, f'l{v}x{factor}'))
+                y.append((sign * times, f'l{v}y{factor}'))
         return x, y
 
     def slowed(self, terms: Terms, squares: dict[int, str]) -> Sum:
-        """Return the sum of -W_j u_j times the square of a rate."""
-        x = [(-s, f'v{v}x * {squares[j]}') for j, (s, v) in terms.items() if j in squares]
-        y = [(-s, f'v{v}y * {squares[j]}') for j, (s, v) in terms.items() if j in squares]
+        """Return the sum of what the rates' squares and products alone add to W_j d2u_j."""
+        x, y = [], []
+        for body, (sign, v) in terms.items():
+            frame = self._structure.frames[body]
+            if frame in squares:
+                x.append((-sign, f'v{v}x * {squares[frame]}'))
+                y.append((-sign, f'v{v}y * {squares[frame]}'))
+                if frame != body:
+                    turned = self._structure.senses[frame] * sign
+                    x.append((-turned, f'l{v}y * 2.0 * q{body} * q{frame}'))
+                    y.append((turned, f'l{v}x * 2.0 * q{body} * q{frame}'))
         return x, y
+
+    def _slid(self, body: int, v: int) -> list[str]:
+        """Return what computes the vector of a body that slides, and that along its line."""
+        frame = self._structure.frames[body]
+        along = [f'l{v}x = a{v}', f'l{v}y = b{v}']
+        if frame != FIXED:
+            along = [
+                f'l{v}x = a{v} * C{frame} + g{v} * S{frame}',
+                f'l{v}y = b{v} * C{frame} + d{v} * S{frame}',
+            ]
+        return [*along, f'v{v}x = p{body} * l{v}x', f'v{v}y = p{body} * l{v}y']
 
     def _is_straight(self, bars: Bars) -> bool:
         """Return whether a vector lies along its body's angle, whatever the numbers are."""
@@ -97,8 +130,11 @@ class Vectors:
     def _terms(self, bars: Bars) -> Terms:
         """Return a sum of bars as one vector a body: its sign, and its number."""
         found = {}
-        for body in dict.fromkeys(self._structure.bars[bar][0] for bar, _ in bars):
-            own = tuple(item for item in bars if self._structure.bars[item[0]][0] == body)
+        carriers = self._structure.carriers
+        for body in dict.fromkeys(carriers[bar] for bar, _ in bars):
+            if body == FIXED:
+                continue
+            own = tuple(item for item in bars if carriers[item[0]] == body)
             sign = own[0][1]
             key = body, tuple((bar, sign * times) for bar, times in own)
             found[body] = sign, self._numbers.setdefault(key, len(self._numbers))

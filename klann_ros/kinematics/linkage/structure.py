@@ -1,4 +1,4 @@
-"""What a linkage is made of, without a number: bodies of bars, pivots, the crank, the foot."""
+"""What a linkage is made of, without a number: bodies that turn or slide, pivots, the foot."""
 
 from collections.abc import Iterable, Sequence, Set as AbstractSet
 from dataclasses import dataclass, replace
@@ -13,6 +13,8 @@ from .assembly import assembly_order, Group
 from .paths import loop_paths, Path
 
 UNITS = {'length': 'm', 'brace': 'm', 'x': 'm', 'y': 'm', 'bend': 'rad'}
+# What is slid along where no body is; and its number, where bodies have theirs.
+GROUND, FIXED = 'ground', -1
 
 
 class Brace(NamedTuple):
@@ -37,19 +39,23 @@ class Bar(NamedTuple):
 
 class Body(NamedTuple):
     """
-    A rigid body: bars that turn by one angle.
+    A rigid body: bars that turn by one angle, or slide by one distance.
 
     Attributes
     ----------
     angle : str
-        The name of its angle, under which it is published.
+        The name of its angle, or of its distance, under which it is published.
     bars : tuple of Bar
         The first leads from a point of another body, or from a pivot; each of the others from a
-        point that this body has already.
+        point that this body has already. Of a body that slides the first is the line: from a point
+        of what it slides along to its own first point, as long as the distance is.
     clockwise : bool
         Whether its angle is measured clockwise.
     label : str
         What people call it; its angle's name where left out.
+    along : str
+        The body that it slides along, or GROUND, with whose angle its bars turn; empty for a body
+        that turns by an angle of its own.
 
     """
 
@@ -57,6 +63,17 @@ class Body(NamedTuple):
     bars: tuple[Bar, ...]
     clockwise: bool = False
     label: str = ''
+    along: str = ''
+
+    @property
+    def slides(self) -> bool:
+        """Return whether it slides along a line."""
+        return bool(self.along)
+
+    @property
+    def unit(self) -> str:
+        """Return the unit of its angle, or of its distance."""
+        return 'm' if self.slides else 'rad'
 
     @property
     def sense(self) -> int:
@@ -65,8 +82,9 @@ class Body(NamedTuple):
 
     @property
     def points(self) -> tuple[str, ...]:
-        """Return its points, the one that it starts from first."""
-        return (self.bars[0].start, *(bar.end for bar in self.bars))
+        """Return its points; of one that turns the one that it starts from first."""
+        start = () if self.slides else (self.bars[0].start,)
+        return (*start, *(bar.end for bar in self.bars))
 
 
 class Dimension(NamedTuple):
@@ -145,10 +163,13 @@ class Structure:
         names = self.angles
         for name in names:
             _must(names.count(name) == 1, f'there are two bodies called {name}')
+        self._check_slides()
         moving = (point for body in self.bodies for point in body.points)
         points = tuple(dict.fromkeys([*self.pivots, *moving]))
         crank, known, fixed = self.crank.points[0], ', '.join(points), ', '.join(self.pivots)
         turns = crank in self.pivots
+        slides = self.crank.slides
+        _must(not slides, f'the crank {self.crank.angle} slides: what is driven must turn')
         _must(turns, f'the crank starts from {crank}, which is no pivot: these are {fixed}')
         _must(self.foot not in self.pivots, f'the foot {self.foot} is a pivot and does not move')
         near = did_you_mean(self.foot, points)
@@ -192,21 +213,61 @@ class Structure:
         return tuple(body.sense for body in self.bodies)
 
     @cached_property
+    def along(self) -> tuple[int | None, ...]:
+        """Return what each body slides along, FIXED for the ground; None for one that turns."""
+        names = {**{name: j for j, name in enumerate(self.angles)}, GROUND: FIXED, '': None}
+        return tuple(names[body.along] for body in self.bodies)
+
+    @cached_property
+    def frames(self) -> tuple[int, ...]:
+        """Return with which body each one turns: itself, the one it slides along, or FIXED."""
+        return tuple(self._frame(j) for j in range(len(self.bodies)))
+
+    @cached_property
+    def slides(self) -> bool:
+        """Return whether anything slides."""
+        return any(body.slides for body in self.bodies)
+
+    @cached_property
     def bars(self) -> tuple[tuple[int, Bar], ...]:
         """Return all bars, each with its body."""
         return tuple((j, bar) for j, body in enumerate(self.bodies) for bar in body.bars)
 
     @cached_property
+    def lines(self) -> frozenset[int]:
+        """Return the bars that are as long as a distance: the first of each body that slides."""
+        return self._firsts - self.straight
+
+    @cached_property
     def straight(self) -> frozenset[int]:
-        """Return the bars that lie along their bodies' angles: the first of each."""
+        """Return the bars that lie along their bodies' angles: the first of each that turns."""
+        bars = self.bars
+        return frozenset(n for n in self._firsts if not self.bodies[bars[n][0]].slides)
+
+    @cached_property
+    def carriers(self) -> tuple[int, ...]:
+        """Return of each bar the body whose vector it multiplies, FIXED for none: see `joints`."""
+        return tuple(
+            body if number in self.lines else self.frames[body]
+            for number, (body, _) in enumerate(self.bars)
+        )
+
+    @cached_property
+    def _firsts(self) -> frozenset[int]:
         firsts = {body: number for number, (body, _) in reversed([*enumerate(self.bars)])}
         return frozenset(firsts.values())
+
+    def _frame(self, j: int) -> int:
+        along = self.along[j] if j >= 0 else None
+        return j if along is None else self._frame(along)
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
         """Return the bodies that are placed together, in the order in which they are placed."""
         return tuple(
-            assembly_order(self.pivots, [body.points for body in self.bodies], self.angles)
+            assembly_order(
+                self.pivots, [body.points for body in self.bodies], self.angles, self.along
+            )
         )
 
     @cached_property
@@ -229,9 +290,9 @@ class Structure:
         placed = {*self.pivots, *self.crank.points}
         found = []
         for group in self.groups:
-            bodies = [self.bodies[j].points for j in group]
+            bodies = [self.bodies[j] for j in group]
             found.append(_names(bodies[0], bodies[1], placed))
-            placed.update(*bodies)
+            placed.update(*(body.points for body in bodies))
         return tuple(found)
 
     def with_foot(self, foot: str) -> 'Structure':
@@ -277,6 +338,26 @@ class Structure:
         bodies = tuple(body for j, body in enumerate(self.bodies) if j in kept)
         return Structure(self.pivots, bodies, bodies[0].points[-1])
 
+    def _check_slides(self) -> None:
+        """Refuse a line that starts nowhere, or that leads round to where it started."""
+        owners = {body.angle: body for body in self.bodies}
+        known = ', '.join([GROUND, *owners])
+        for body in self.bodies:
+            if not body.slides:
+                continue
+            text, along = f'{body.angle} slides along {body.along}', body.along
+            seen = {body.angle}
+            _must(body.angle != GROUND, f'a body cannot be called {GROUND}')
+            _must(along == GROUND or along in owners, f'{text}, which is no body: {known}')
+            points = self.pivots if along == GROUND else owners[along].points
+            start = body.bars[0].start
+            there = ', '.join(points)
+            _must(start in points, f'{text} from {start}, which is none of its points: {there}')
+            while along != GROUND and owners[along].slides:
+                _must(along not in seen, f'{text}, which slides along it in turn')
+                seen.add(along)
+                along = owners[along].along
+
 
 class Paths(NamedTuple):
     """
@@ -306,6 +387,9 @@ def _dimensions(structure: Structure) -> list[Dimension]:
     found = []
     for number, (body, bar) in enumerate(structure.bars):
         angle = structure.bodies[body].angle
+        if number in structure.lines:
+            found.append((f'direction of {bar.start}-{bar.end}', angle, 'bend', number))
+            continue
         found.append((f'{bar.start}-{bar.end}', angle, 'length', number))
         if bar.brace is not None:
             found.append((f'{bar.brace.start}-{bar.end}', angle, 'brace', number))
@@ -321,13 +405,26 @@ def _dimensions(structure: Structure) -> list[Dimension]:
     return dimensions
 
 
-def _names(
-    a: Sequence[str], b: Sequence[str], placed: AbstractSet[str]
+def _names(a: Body, b: Body, placed: AbstractSet[str]) -> tuple[str, str, str, str]:
+    if a.slides or b.slides:
+        link, slider = sorted((a, b), key=lambda body: body.slides)
+        return _names_of_slide(link, slider, placed)
+    one, other = a.points, b.points
+    joint = next((point for point in one if point in other and point not in placed), '')
+    p, q = (next((point for point in body if point in placed), '?') for body in (one, other))
+    links = (''.join(name for name in body if name in (p, q, joint)) for body in (one, other))
+    return p, q, *links  # type: ignore[return-value]  # two links
+
+
+def _names_of_slide(
+    link: Body, slider: Body, placed: AbstractSet[str]
 ) -> tuple[str, str, str, str]:
-    joint = next((point for point in a if point in b and point not in placed), '')
-    p, q = (next((point for point in body if point in placed), '?') for body in (a, b))
-    one, other = (''.join(name for name in body if name in (p, q, joint)) for body in (a, b))
-    return p, q, one, other
+    """Return the placed end, what slides, and the link between them; there is no second link."""
+    p = next((point for point in (*link.points, *slider.points) if point in placed), '?')
+    if slider.along == link.angle:
+        pinned = next((point for point in slider.points if point in placed), slider.points[0])
+        return p, pinned, link.angle, ''
+    return p, slider.angle, ''.join(link.points[:2]), ''
 
 
 def _other_side(brace: Brace | None) -> Brace | None:
@@ -336,8 +433,13 @@ def _other_side(brace: Brace | None) -> Brace | None:
 
 def _check_body(body: Body) -> None:
     _must(bool(body.bars), f'body {body.angle} has no bars')
-    have = [body.bars[0].start]
-    for bar in body.bars:
+    line = body.bars[0]
+    have = [line.end if body.slides else line.start]
+    if body.slides:
+        text = f'the line {line.start}-{line.end} of body {body.angle}'
+        _must(line.brace is None, f'{text} has a brace: it needs a direction')
+        _must(line.start != line.end, f'{text} has only one point')
+    for bar in body.bars[body.slides :]:
         text = f'bar {bar.start}-{bar.end} of body {body.angle}'
         known = f'it has {", ".join(have)}{did_you_mean(bar.start, have)}'
         missing = f'{text} starts from a point that the body does not have yet: {known}'

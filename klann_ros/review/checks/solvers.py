@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 
+from klann_ros.kinematics.batch.given_angles import differences, wrapped
 from klann_ros.log.wording import counted, in_words, verb
 from klann_ros.review.answering import repeated, Surplus
 from klann_ros.review.finding import Finding, Severity
@@ -9,13 +10,14 @@ from klann_ros.review.limits import Limits
 from klann_ros.review.loading.layouts import Floats, Times
 from klann_ros.review.pairing import found_in
 from klann_ros.review.recording import LegRecording
-from klann_ros.review.resolved import wrapped
 from klann_ros.review.reviewed import Review, ReviewedLeg
 from klann_ros.untrusted.text import listed
 import numpy as np
 
 from .unanswered import SOON
 
+# Returns how values differ from others of the same shape.
+Difference = Callable[[Floats, Floats], Floats]
 # Under a simulated clock the stamps do not tell whose answer is whose. Then so many answers to a
 # question are more than what comes of edges ...
 _MORE = 1.25
@@ -101,17 +103,25 @@ def _apart(leg: LegRecording, surplus: Surplus, limits: Limits) -> str:
     """Return by how much the answers to the same question differ; '' for not at all."""
     rows = surplus.rows[surplus.alone]
     stamps = leg.poses.stamps[rows]
-    angle = _spread(stamps, leg.poses.values[rows], wrapped)
+    angle = _spread(stamps, leg.poses.values[rows], _difference(leg))
     of_them = found_in(leg.feet.stamps, stamps)
-    foot = _spread(leg.feet.stamps[of_them], leg.feet.values[of_them], np.asarray)
+    foot = _spread(leg.feet.stamps[of_them], leg.feet.values[of_them], np.subtract)
     told = [f'{angle:.3g} rad'] if angle > limits.angle else []
     told += [f'{foot:.3g} m'] if foot > limits.foot else []
     return f', up to {" and ".join(told)} apart' if told else ''
 
 
-def _spread(stamps: Times, values: Floats, difference: Callable[[Floats], Floats]) -> float:
+def _difference(leg: LegRecording) -> Difference:
+    """Return how two poses differ, by what is known of the leg."""
+    known = leg.solver.leg
+    if known is None:
+        return lambda one, other: wrapped(one - other)
+    return lambda one, other: differences(known, one[:, 1:], other[:, 1:])
+
+
+def _spread(stamps: Times, values: Floats, difference: Difference) -> float:
     """Return how far apart values with the same stamp are at most."""
     order = np.argsort(stamps, kind='stable')
     stamps, values = stamps[order], values[order]
-    apart = np.abs(difference(values - values[np.searchsorted(stamps, stamps)]))
+    apart = np.abs(difference(values, values[np.searchsorted(stamps, stamps)]))
     return float(np.fmax.reduce(apart, axis=None, initial=0.0))

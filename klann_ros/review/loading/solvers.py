@@ -57,6 +57,13 @@ class LegSolver:
         """Return the names of its angles, the crank's first; a Klann leg's where nobody tells."""
         return JOINTS if self.leg is None else self.leg.joint_names
 
+    @property
+    def slides(self) -> tuple[bool, ...]:
+        """Return which of them are distances along lines [m]; the others are angles."""
+        if self.leg is None:
+            return (False,) * len(JOINTS)
+        return tuple(body.slides for body in self.leg.linkage.structure.bodies)
+
 
 def solver_records(metadata: Metadata) -> list[SolverParameters]:
     """Return what the records of a run say about solvers, in the order of time."""

@@ -1,6 +1,6 @@
 """A run as CSV, for spreadsheets and pandas: one row a pose, units in the header."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 import csv
 from io import TextIOWrapper
 from typing import Any, BinaryIO, TextIO
@@ -33,24 +33,27 @@ def save(review: Review, file: BinaryIO) -> None:
 
 def _write(review: Review, file: TextIO) -> None:
     writer = csv.writer(file, lineterminator='\n')
-    joints = list(
-        dict.fromkeys(j for leg in review.legs for j in leg.recording.solver.joint_names)
-    )
+    units: dict[str, str] = {}
+    for leg in review.legs:
+        solver = leg.recording.solver
+        for joint, slides in zip(solver.joint_names, solver.slides, strict=True):
+            units.setdefault(joint, 'm' if slides else 'rad')
+    joints = list(units)
     several = len(review.legs) > 1
-    writer.writerow(_header(joints, several=several))
+    writer.writerow(_header(units, several=several))
     for leg in review.legs:
         title = [_cell(leg.recording.title)] if several else []
         for rows in _blocks(leg, joints):
             writer.writerows([*title, *row] for row in rows)
 
 
-def _header(joints: Sequence[str], *, several: bool) -> list[str]:
+def _header(units: Mapping[str, str], *, several: bool) -> list[str]:
     return [
         *(['leg'] if several else []),
         'log_time [s]',
         'stamp [s]',
-        *(f'{joint} [rad]' for joint in joints),
-        *(f'{joint}_rate [rad/s]' for joint in joints),
+        *(f'{joint} [{unit}]' for joint, unit in units.items()),
+        *(f'{joint}_rate [{unit}/s]' for joint, unit in units.items()),
         'h_x [m]',
         'h_y [m]',
         'residual [m]',

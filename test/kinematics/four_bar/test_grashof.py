@@ -1,6 +1,6 @@
 """Grashof's law: what it says is what the linkage does."""
 
-from itertools import permutations
+from itertools import combinations, permutations
 import math
 
 from four_bars import COURSE, four_bars, NAMES, turning_links, ULP, untimed
@@ -71,8 +71,12 @@ def test_each_kind_has_its_name(
 @example(bar_of(5, 3, 1, 7))
 @example(bar_of(5, 7, 3, 1))
 def test_the_roles_in_every_inversion_are_what_the_linkage_does(bar: FourBar) -> None:
-    margin = abs(bar.grashof.margin) / max(bar.geometry.lengths)
+    longest = max(bar.geometry.lengths)
+    margin = abs(bar.grashof.margin) / longest
     assume(margin == 0.0 or margin > 0.01)
+    # Nearly a kite has change points too near to each other for the motion to be followed through.
+    apart = [abs(a - b) / longest for a, b in combinations(bar.geometry.lengths, 2)]
+    assume(all(each == 0.0 or each > 0.01 for each in apart))
     turning = turning_links(bar)
     for fixed, kind in bar.grashof.inversions.items():
         for name in NAMES:

@@ -62,7 +62,9 @@ def per_loop(linkage: Linkage) -> list:
 
 
 def split(body: Body) -> Body:
-    """Return a body whose first bar has three points more on it."""
+    """Return a body whose first bar has three points more on it; a line has no length to part."""
+    if body.slides:
+        return body
     first, *others = body.bars
     names = [first.start, *(f'{first.start}{k}{body.angle}' for k in range(3)), first.end]
     parts = [Bar(p, q) for p, q in pairwise(names)]

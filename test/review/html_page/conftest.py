@@ -30,7 +30,6 @@ HOSTILE = 'x\'"><img src=http://a.test/ onerror=bad()></script><script>bad()</sc
 KLANN = KlannLeg().geometry
 LONGER = replace(KLANN, l_ab=1.01 * KLANN.l_ab)
 PHASES = {name: k * math.pi / 2 for k, name in enumerate(LEGS)}
-JANSEN = shipped_linkage('jansen')
 
 # Of a picture: its points' names, where they are in it, and how it is scaled.
 PLACES = """(svg, group) => [...svg.querySelectorAll(`.${group} [data-point]`)].map((node) => {
@@ -120,17 +119,20 @@ def browser() -> Iterator[Any]:
         opened.close()
 
 
+def linkage_run(name: str) -> LegRun:
+    """Return a run of a shipped linkage."""
+    text = Path(shipped_text(name)).read_text(encoding='utf-8')
+    leg = LinkageLeg(shipped_linkage(name))
+    return LegRun(legs={'': leg}, parameters={'linkage_description': text})
+
+
 @pytest.fixture(scope='session')
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Return the page of each run, and of two runs side by side."""
     folder = tmp_path_factory.mktemp('pages')
-    jansen = Path(shipped_text('jansen'))
     runs = {
         **RUNS,
-        'jansen': LegRun(
-            legs={'': LinkageLeg(JANSEN)},
-            parameters={'linkage_description': jansen.read_text(encoding='utf-8')},
-        ),
+        **{name: linkage_run(name) for name in ('jansen', 'quick_return')},
     }
     reviews = {
         name: review_run(run.write(folder / name), rates='f4') for name, run in runs.items()

@@ -11,8 +11,8 @@ if find() is None:
     pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
 
 ALL = (
-    *('klann', 'faulty', 'walker', 'jansen', 'changed', 'feet', 'bare', 'nothing', 'garbled'),
-    *('hostile', 'two'),
+    *('klann', 'faulty', 'walker', 'jansen', 'quick_return', 'changed', 'feet', 'bare'),
+    *('nothing', 'garbled', 'hostile', 'two'),
 )
 NEAR = 1e-6
 PAPER = 'getComputedStyle(document.body).backgroundColor'
@@ -58,13 +58,14 @@ def test_the_slider_moves_the_leg_to_the_pose_of_that_time(klann, runs, number: 
     )
 
 
-def test_another_linkage_is_drawn_by_its_own_terms(visit) -> None:
-    opened, run = visit('jansen'), LegRun()
+@pytest.mark.parametrize('name', ['jansen', 'quick_return'])
+def test_another_linkage_is_drawn_by_its_own_terms(visit, name: str) -> None:
+    opened, run = visit(name), LegRun()
     opened.slide(pose_time(run, 140))
-    pose = LinkageLeg(shipped_linkage('jansen')).solve(run.alpha(140))
+    pose = LinkageLeg(shipped_linkage(name)).solve(run.alpha(140))
     points = opened.points()
-    for name, at in zip(pose.linkage.structure.points, pose.points, strict=True):
-        assert np.abs(points[name] - at).max() <= NEAR
+    for point, at in zip(pose.linkage.structure.points, pose.points, strict=True):
+        assert np.abs(points[point] - at).max() <= NEAR
 
 
 def test_it_plays_and_pauses(klann) -> None:

@@ -91,6 +91,9 @@ def test_every_stretch_keeps_its_peak() -> None:
 def placed(shape: dict, phases: np.ndarray) -> np.ndarray:
     """Return the points as the page's script has them."""
     u = np.exp(1j * np.array(shape['senses']) * phases)
+    for j, frame in enumerate(shape['frames']):
+        if frame is not None:
+            u[j] = phases[j] * (1.0 if frame < 0 else u[frame])
     at = [
         complex(*point['at']) + sum(complex(re, im) * u[j] for j, re, im in point['terms'])
         for point in shape['points']

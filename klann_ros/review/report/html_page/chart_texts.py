@@ -7,18 +7,26 @@ from klann_ros.review.loading.layouts import Floats
 from klann_ros.review.reviewed import ReviewedLeg
 from klann_ros.untrusted.text import printable
 import numpy as np
+from numpy.typing import NDArray
 
 
 def chart_texts(leg: ReviewedLeg) -> dict[str, str]:
     """Return a sentence for each chart."""
     recording, figures = leg.recording, leg.figures
-    names = recording.solver.joint_names
+    names, slides = recording.solver.joint_names, np.array(recording.solver.slides)
+    poses = recording.poses.values.T
+    turning, sliding = (
+        [name for name, one in zip(names, slides, strict=True) if one == kind]
+        for kind in (False, True)
+    )
     texts = {
         'path': f'The recorded foot covers {_metres(np.ptp(recording.feet.values, axis=0))}'
         if len(recording.feet)
         else 'No foot is recorded',
-        'angles': _ranges(names[1:], np.degrees(recording.poses.values.T[1:]), 'deg'),
-        'rates': _ranges(names, recording.rates.T, 'rad/s'),
+        'angles': _ranges(turning[1:], np.degrees(poses[~slides][1:]), 'deg'),
+        'distances': _ranges(sliding, poses[slides], 'm'),
+        'rates': _ranges(turning, _of(recording.rates.T, ~slides), 'rad/s'),
+        'speeds': _ranges(sliding, _of(recording.rates.T, slides), 'm/s'),
         'iterations': _iterations(recording.iterations.values),
     }
     if leg.resolved is not None and not isnan(figures.worst_transmission_angle):
@@ -28,6 +36,11 @@ def chart_texts(leg: ReviewedLeg) -> dict[str, str]:
             f'The worst is {mu:.1f} deg from in line; solver_node warns below 20 deg by default'
         )
     return {name: f'{text}.' for name, text in texts.items()}
+
+
+def _of(rates: Floats, which: NDArray[np.bool_]) -> Floats:
+    """Return the rates of some joints; none where none are recorded."""
+    return rates[which] if len(rates) else rates
 
 
 def _iterations(most: Floats) -> str:

@@ -34,7 +34,10 @@ def pose_rows(leg: ReviewedLeg, review: Review, most_bytes: float) -> dict[str, 
         'of': count,
         'times': packed.times((poses.times[rows] - review.recording.start) / 1e9),
         'turns': packed.turns(kept[:, 0]),
-        'angles': [packed.angles(column) for column in kept.T],
+        'angles': [
+            packed.floats(column) if slides else packed.angles(column)
+            for column, slides in zip(kept.T, leg.recording.solver.slides, strict=True)
+        ],
         'rates': [packed.floats(column) for column in rates[rows].T] if has_rates else None,
         'foot': [packed.floats(column) for column in feet[rows].T],
         'residuals': packed.floats(residuals[rows]),

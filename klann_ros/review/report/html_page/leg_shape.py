@@ -16,19 +16,21 @@ def leg_shape(leg: AnyLeg) -> dict[str, Any]:
     """
     Return a leg's shape.
 
-    The point p is at the sum of w_j exp(i s_j phi_j) over the bodies, plus a constant: `terms` has
-    its j, Re w_j and Im w_j, `senses` has the s_j.
+    The point p is at the sum of w_j u_j over the bodies, plus a constant: `terms` has its j, Re
+    w_j and Im w_j. A body that turns has u_j = exp(i s_j x_j), and `senses` has the s_j; one that
+    slides has u_j = x_j u_f, and `frames` has its f: -1 for the ground, null for what turns.
     """
     linkage = leg.linkage
     structure, (q_u, q) = linkage.structure, linkage.point_equations
     names = structure.points
     shape = {
         'senses': structure.senses,
+        'frames': [None if f == j else f for j, f in enumerate(structure.frames)],
         'pivots': _indices(structure.pivots, names),
         'foot': structure.foot,
     }
     bodies = [
-        (label, [(bar.start, bar.end) for bar in body.bars])
+        (label, [(bar.start, bar.end) for bar in body.bars], body.slides)
         for body, label in zip(structure.bodies, structure.labels, strict=True)
     ]
     return {
@@ -38,7 +40,13 @@ def leg_shape(leg: AnyLeg) -> dict[str, Any]:
             for name, row, at in zip(names, q_u, q.tolist(), strict=True)
         ],
         'bodies': [
-            {'name': name, 'bars': [_indices(bar, names) for bar in bars]} for name, bars in bodies
+            {
+                'name': name,
+                'bars': [_indices(bar, names) for bar in bars[slides:]],
+                # The line that it slides along.
+                'line': _indices(bars[0], names) if slides else None,
+            }
+            for name, bars, slides in bodies
         ],
         **_path(leg),
     }

@@ -41,6 +41,7 @@ def _leg(leg: ReviewedLeg, review: Review, most_bytes: float) -> dict[str, Any]:
     return {
         'title': printable(recording.title),
         'joints': list(map(printable, solver.joint_names)),
+        'slides': solver.slides,
         'shape': leg_shape(solver.leg) if solver.leg is not None else None,
         # Before that it had another shape, and is not drawn [s].
         'since': (solver.leg_time - start) / 1e9 if solver.leg_time else 0.0,

@@ -14,14 +14,33 @@ const KINDS = [
     unit: 'angle / deg',
     digits: 2,
     columns: (leg) =>
-      leg.angles.map((angle, j) => column(leg.joints[j], aroundTheirMean(angle), j, j === 0)),
+      joints(leg, leg.angles, false).map(([angle, j]) =>
+        column(leg.joints[j], aroundTheirMean(angle), j, j === 0),
+      ),
+  },
+  {
+    key: 'distances',
+    title: 'Distances along lines',
+    unit: 'distance / m',
+    digits: 4,
+    columns: (leg) =>
+      joints(leg, leg.angles, true).map(([distance, j]) => column(leg.joints[j], distance, j)),
   },
   {
     key: 'rates',
     title: 'Joint velocities',
     unit: 'velocity / rad/s',
     digits: 3,
-    columns: (leg) => leg.rates.map((rate, j) => column(leg.joints[j], rate, j)),
+    columns: (leg) =>
+      joints(leg, leg.rates, false).map(([rate, j]) => column(leg.joints[j], rate, j)),
+  },
+  {
+    key: 'speeds',
+    title: 'Velocities along lines',
+    unit: 'velocity / m/s',
+    digits: 4,
+    columns: (leg) =>
+      joints(leg, leg.rates, true).map(([rate, j]) => column(leg.joints[j], rate, j)),
   },
   {
     key: 'transmission',
@@ -62,6 +81,11 @@ const KINDS = [
       leg.iterations.times.length ? [column('iterations', leg.iterations.most, 4)] : [],
   },
 ];
+
+/** Return the values of those joints that slide, or of those that turn, each with its number. */
+function joints(leg, values, slide) {
+  return values.map((each, j) => [each, j]).filter(([, j]) => leg.slides[j] === slide);
+}
 
 function column(name, values, colour, isHidden = false) {
   return { name, values, colour, isHidden };

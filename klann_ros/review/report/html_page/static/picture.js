@@ -115,7 +115,9 @@ class Bodies {
       bars: body.bars,
       corners: [...new Set(body.bars.flat())],
       plate: body.bars.length > 1 ? make('path', `plate colour-${i % BODY_COLOURS}`) : null,
-      line: make('path', `bar colour-${i % BODY_COLOURS}`),
+      line: body.line,
+      rail: body.line ? make('path', `rail colour-${i % BODY_COLOURS}`) : null,
+      stroke: make('path', `bar colour-${i % BODY_COLOURS}`),
     }));
     this.joints = this.shape.points.map((point, i) => {
       const isPivot = this.shape.pivots.includes(i);
@@ -135,7 +137,8 @@ class Bodies {
     const at = points.map((point) => this.picture.at(point));
     for (const body of this.drawn) {
       const lines = body.bars.map(([p, q]) => `M${at[p].join(' ')}L${at[q].join(' ')}`);
-      body.line.setAttribute('d', lines.join(''));
+      body.stroke.setAttribute('d', lines.join(''));
+      if (body.rail) body.rail.setAttribute('d', `M${body.line.map((i) => at[i].join(' ')).join('L')}`);
       if (body.plate) body.plate.setAttribute('d', around(body.corners.map((i) => at[i])));
     }
     this.joints.forEach((joint, i) => place(joint, at[i]));
@@ -146,7 +149,8 @@ class Bodies {
   freeSide(point, at) {
     let [x, y] = [0, 0];
     for (const body of this.drawn) {
-      for (const [p, q] of body.bars.filter((bar) => bar.includes(point))) {
+      const bars = body.line ? [body.line, ...body.bars] : body.bars;
+      for (const [p, q] of bars.filter((bar) => bar.includes(point))) {
         const other = at[p === point ? q : p];
         const [dx, dy] = [at[point][0] - other[0], at[point][1] - other[1]];
         const size = Math.hypot(dx, dy) || 1;

@@ -1,0 +1,312 @@
+"""
+How a dyad is placed without iteration: the geometric method for each pair of joints.
+
+A dyad closes one loop by two bodies a and b, W_a u_a + W_b u_b = M, where M is known. Two that
+turn are where two circles meet. Where one or both slide it is a circle and a line, a circle around
+the line's own pivot, or two lines.
+
+The functions take one pose, or many at once: M and u_j are numbers, or arrays.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import reduce
+from sys import float_info
+from typing import Any, NamedTuple
+
+from klann_ros.kinematics import dyad
+import numpy as np
+
+from .joints import frame, tangent, Vectors
+from .structure import Structure
+
+# Of the longest of a loop.
+ROUNDING = 8.0 * float_info.epsilon
+# What misses by less than this part of a loop's rounding touches.
+TOUCHES = 0.75
+
+
+class Pair(NamedTuple):
+    """
+    Two bodies that close a loop.
+
+    Attributes
+    ----------
+    structure : Structure
+        Whose bodies they are.
+    bodies : (int, int)
+        a and b.
+    terms : mapping of int to complex
+        What they, and others, add to the loop: the W_j [m].
+    constant : complex
+        What does not move adds to it [m].
+
+    """
+
+    structure: Structure
+    bodies: tuple[int, int]
+    terms: Mapping[int, complex]
+    constant: complex
+
+    @property
+    def length(self) -> Any:
+        """Return the longest vector of the loop [m]."""
+        return longest(self.structure, [(self.terms, self.constant)])
+
+    @property
+    def rounding(self) -> Any:
+        """Return what the loop can lose to rounding [m]."""
+        return ROUNDING * self.length
+
+    @property
+    def slides(self) -> tuple[bool, bool]:
+        """Return which of the two slide."""
+        a, b = (self.structure.bodies[j].slides for j in self.bodies)
+        return a, b
+
+    def turning_first(self, sign: Any) -> tuple[int, int, Any]:
+        """Return the body that turns, the one that slides, and the sign for this order."""
+        a, b = self.bodies
+        return (b, a, -sign) if self.slides[0] else (a, b, sign)
+
+    def columns(self, u: Vectors) -> tuple[Any, Any]:
+        """Return by what the loop opens with the coordinate of a, and of b."""
+        a, b = (
+            sum(w * tangent(self.structure, u, j, i) for j, w in self.terms.items())
+            for i in self.bodies
+        )
+        return a, b
+
+    def between_columns(self, u: Vectors) -> Any:
+        """Return the angle between the ways in which a and b can move what joins them [rad]."""
+        p, q = self.columns(u)
+        return np.abs(np.angle(q * np.conj(p)))
+
+    def root(self, square: Any) -> Any:
+        """Return the root of a product that is 0 where it is only rounded below; else NaN."""
+        return np.sqrt(np.where(square < 0.0, np.nan, square))
+
+
+class TwoCircles:
+    """Two bodies that turn: a joint at the distance r_a from one end and r_b from the other."""
+
+    # Whether there are two ways to put it together.
+    two_branches = True
+
+    def __init__(self, pair: Pair) -> None:
+        """Keep the lengths."""
+        self.pair = pair
+        self.radii = abs(pair.terms[pair.bodies[0]]), abs(pair.terms[pair.bodies[1]])
+
+    @property
+    def scale(self) -> float:
+        """Return the product of the lengths [m^2]."""
+        return self.radii[0] * self.radii[1]
+
+    @property
+    def least_length(self) -> float:
+        """Return the shorter one [m]."""
+        return min(self.radii)
+
+    def place(self, _: Vectors, way: Any, sign: Any) -> tuple[Any, Any]:
+        """Return u_a and u_b; NaN where it does not close."""
+        (a, b), terms, (r_a, r_b) = self.pair.bodies, self.pair.terms, self.radii
+        if isinstance(way, np.ndarray):
+            d = way.real**2 + way.imag**2
+            heron = ((r_a + r_b) ** 2 - d) * (d - (r_a - r_b) ** 2)
+            excess = (r_a - r_b) * (r_a + r_b) + 1j * sign * np.sqrt(heron)
+            joint = way * (0.5 + excess / (2.0 * d))
+            return joint / terms[a], (way - joint) / terms[b]
+        meet = dyad.joint((0.0, 0.0), (way.real, way.imag), r_a, r_b, sign)
+        if meet is not None:
+            at = complex(*meet)
+        elif -self.clearance(way) <= TOUCHES * self.pair.rounding < abs(way):
+            # In line: a change-point linkage, such as a parallelogram, passes such poses.
+            folded_back = abs(way) < max(r_a, r_b) and r_a < r_b
+            at = (-r_a if folded_back else r_a) * way / abs(way)
+        else:
+            return complex(np.nan), complex(np.nan)
+        return at / terms[a], (way - at) / terms[b]
+
+    def clearance(self, way: Any, _: Vectors = ()) -> Any:
+        """Return how far the ends are inside its reach [m]; negative outside."""
+        if isinstance(way, np.ndarray):
+            r_a, r_b = self.radii
+            return np.minimum(r_a + r_b - abs(way), abs(way) - abs(r_a - r_b))
+        return dyad.clearance((0.0, 0.0), (way.real, way.imag), *self.radii)
+
+    def is_far(self, way: Any) -> Any:
+        """Return whether it is too far, rather than too near, for it to close."""
+        return abs(way) > sum(self.radii)
+
+    def lengths(self, _: Any) -> float:
+        """Return the product of its columns' lengths [m^2]."""
+        return self.scale
+
+    def transmission_angle(self, u: Vectors, *, outside: bool) -> Any:
+        """Return the angle between the links at their joint, or outside of it [rad]."""
+        (a, b), terms = self.pair.bodies, self.pair.terms
+        along = np.abs(np.angle(terms[b] * u[b] * np.conj(terms[a] * u[a])))
+        return along if outside else np.pi - along
+
+
+class CircleAndLine:
+    """
+    A link that turns, and a body that slides along a known line: the slider-crank's.
+
+    With e = W_b u_f, the unit vector along the line, M = (p + i q) e: the link's end is q off the
+    line, so x_b = p +- sqrt(r^2 - q^2).
+    """
+
+    two_branches = True
+
+    def __init__(self, pair: Pair) -> None:
+        """Keep the length of the link."""
+        self.pair = pair
+        self._link, self._slider, self._order = pair.turning_first(1)
+        self.scale = self.least_length = abs(pair.terms[self._link])
+
+    def place(self, u: Vectors, way: Any, sign: Any) -> tuple[Any, Any]:
+        """Return u_a and u_b; NaN where it does not close."""
+        pair, r = self.pair, self.scale
+        f = frame(pair.structure, u, self._slider)
+        line = pair.terms[self._slider] * f
+        m = way * np.conj(line)
+        beyond = r - abs(m.imag)
+        beyond = np.where((-TOUCHES * pair.rounding <= beyond) & (beyond < 0.0), 0.0, beyond)
+        root = pair.root(beyond * (r + abs(m.imag)))
+        on = -self._order * sign * root
+        link = (on + 1j * m.imag) * line / pair.terms[self._link]
+        return _ordered(pair, link, (m.real - on) * f)
+
+    def clearance(self, way: Any, u: Vectors = ()) -> Any:
+        """Return how much longer the link is than it must be to reach the line [m]."""
+        line = self.pair.terms[self._slider] * frame(self.pair.structure, u, self._slider)
+        return self.scale - abs((way * np.conj(line)).imag)
+
+    def is_far(self, way: Any) -> Any:
+        """Return whether it is too far, rather than too near, for it to close."""
+        return np.ones(np.shape(way), dtype=bool)
+
+    def lengths(self, _: Any) -> float:
+        """Return the product of its columns' lengths [m]."""
+        return self.scale
+
+    def transmission_angle(self, u: Vectors, **_: bool) -> Any:
+        """Return the angle between the ways in which its bodies can move their joint [rad]."""
+        return self.pair.between_columns(u)
+
+
+class LineOnLink:
+    """
+    A body that slides along a link that turns: the inverted slider-crank's.
+
+    M = (c + x_b) W_b u_a with c = W_a / W_b: the line passes the link's pivot at the distance q,
+    the imaginary part of c, so p + x_b = +- sqrt(|M|^2 - q^2).
+    """
+
+    two_branches = True
+
+    def __init__(self, pair: Pair) -> None:
+        """Keep where the line is on the link."""
+        self.pair = pair
+        self._link, self._slider, self._order = pair.turning_first(1)
+        self._c = pair.terms.get(self._link, 0.0) * np.conj(pair.terms[self._slider])
+        self.scale = self.least_length = pair.length
+
+    def place(self, _: Vectors, way: Any, sign: Any) -> tuple[Any, Any]:
+        """Return u_a and u_b; NaN where it does not close, or everywhere."""
+        pair, d, q = self.pair, abs(way), abs(self._c.imag)
+        beyond = d - q
+        beyond = np.where((-TOUCHES * pair.rounding <= beyond) & (beyond < 0.0), 0.0, beyond)
+        root = pair.root(beyond * (d + q))
+        on = -self._order * sign * root
+        with np.errstate(invalid='ignore', divide='ignore'):
+            turned = way / ((on + 1j * self._c.imag) * pair.terms[self._slider])
+            turned = turned / abs(turned)
+        return _ordered(pair, turned, (on - self._c.real) * turned)
+
+    def clearance(self, way: Any, _: Vectors = ()) -> Any:
+        """Return how much further off than the line the end is from the link's pivot [m]."""
+        return abs(way) - abs(self._c.imag)
+
+    def is_far(self, way: Any) -> Any:
+        """Return whether it is too far, rather than too near, for it to close."""
+        return np.zeros(np.shape(way), dtype=bool)
+
+    def lengths(self, way: Any) -> Any:
+        """Return the product of its columns' lengths [m]."""
+        return abs(way)
+
+    def transmission_angle(self, u: Vectors, **_: bool) -> Any:
+        """Return the angle between the ways in which its bodies can move their joint [rad]."""
+        return self.pair.between_columns(u)
+
+
+class TwoLines:
+    """Two bodies that slide along known lines, which meet once: the Scotch yoke's."""
+
+    two_branches = False
+    scale = 1.0
+
+    def __init__(self, pair: Pair) -> None:
+        """Keep the pair."""
+        self.pair = pair
+        self.least_length = pair.length
+
+    def place(self, u: Vectors, way: Any, _: Any) -> tuple[Any, Any]:
+        """Return u_a and u_b; NaN where the lines are parallel."""
+        pair = self.pair
+        frames = [frame(pair.structure, u, j) for j in pair.bodies]
+        a, b = (pair.terms[j] * f for j, f in zip(pair.bodies, frames, strict=True))
+        sine = _cross(a, b)
+        sine = np.where(abs(sine) <= 1e-12, np.nan, sine)
+        return _cross(way, b) / sine * frames[0], _cross(a, way) / sine * frames[1]
+
+    def clearance(self, way: Any, _: Vectors = ()) -> Any:
+        """Return infinity: two lines meet however far off."""
+        return np.full(np.shape(way), np.inf)[()]
+
+    def is_far(self, way: Any) -> Any:
+        """Return whether it is too far, rather than too near, for it to close."""
+        return np.zeros(np.shape(way), dtype=bool)
+
+    def lengths(self, _: Any) -> float:
+        """Return the product of its columns' lengths."""
+        return 1.0
+
+    def transmission_angle(self, u: Vectors, **_: bool) -> Any:
+        """Return the angle between the ways in which its bodies can move their joint [rad]."""
+        return self.pair.between_columns(u)
+
+
+Closing = TwoCircles | CircleAndLine | LineOnLink | TwoLines
+
+
+def closing(pair: Pair) -> Closing:
+    """Return how a pair of bodies is placed."""
+    if not pair.structure.slides or pair.slides == (False, False):
+        return TwoCircles(pair)
+    if pair.slides == (True, True):
+        return TwoLines(pair)
+    link, slider, _ = pair.turning_first(1)
+    if pair.structure.frames[slider] == link:
+        return LineOnLink(pair)
+    return CircleAndLine(pair)
+
+
+def _ordered(pair: Pair, link: Any, slider: Any) -> tuple[Any, Any]:
+    return (slider, link) if pair.slides[0] else (link, slider)
+
+
+def _cross(p: Any, q: Any) -> Any:
+    return np.imag(np.conj(p) * q)
+
+
+def longest(structure: Structure, rows: Sequence[tuple[Mapping[int, complex], complex]]) -> Any:
+    """Return the longest vector of loops [m]; those along lines have no length of their own."""
+    if structure.slides:
+        bodies = structure.bodies
+        rows = [({j: w for j, w in t.items() if not bodies[j].slides}, c) for t, c in rows]
+        # Of many linkages there are arrays.
+        return reduce(np.maximum, [abs(v) for terms, c in rows for v in (c, *terms.values())])
+    return max(abs(value) for terms, c in rows for value in (c, *terms.values()))

@@ -1,0 +1,116 @@
+"""
+How bodies can move: the one place that knows what kinds of joint there are.
+
+Every body has one coordinate x_j and one vector u_j, by which all that is fixed to it is placed.
+One that turns by an angle has u_j = exp(i s_j x_j), with s_j = -1 where its angle is measured
+clockwise. One that slides along a line by a distance has u_j = x_j u_f: the line is turned with
+the body f that it is on, its frame, and the ground has u_f = 1. So loops and points are the same
+sums for both, f = W u + c and p = Q u + q, and all that differs is how u_j moves:
+
+    turning:   du_j = i s_j u_j dx_j           d2u_j = i s_j u_j d2x_j - u_j dx_j^2
+    sliding:   du_j = u_f dx_j + x_j du_f      d2u_j = u_f d2x_j + x_j d2u_f + 2 dx_j du_f
+
+The functions take one pose, or many at once: a coordinate or a vector is a number, or an array.
+"""
+
+from cmath import phase
+from collections.abc import Sequence
+from typing import Any, TYPE_CHECKING, TypeAlias
+
+from klann_ros.kinematics.angles import wrap
+import numpy as np
+
+from .structure import FIXED, Structure
+
+if TYPE_CHECKING:
+    from .linkage import Linkage
+
+# The u_j of every body: complex numbers, or arrays of them.
+Vectors: TypeAlias = Any
+
+
+def vectors(structure: Structure, x: Sequence[Any]) -> list[Any]:
+    """Return u_j of every body by its coordinates, the crank's first [rad, m]."""
+    u: list[Any] = [None] * len(structure.bodies)
+    # What turns first: what slides is turned by it.
+    for j in sorted(range(len(u)), key=lambda j: structure.bodies[j].slides):
+        u[j] = vector(structure, u, j, x[j])
+    return u
+
+
+def vector(structure: Structure, u: Vectors, j: int, x: Any) -> Any:
+    """Return u_j of a body by its coordinate, and by the vectors of those that turn."""
+    if structure.bodies[j].slides:
+        return x * frame(structure, u, j)
+    return np.exp(1j * structure.senses[j] * np.asarray(x))
+
+
+def frame(structure: Structure, u: Vectors, j: int) -> Any:
+    """Return the vector of what a body that slides is turned with."""
+    own = structure.frames[j]
+    return 1.0 if own == FIXED else u[own]
+
+
+def coordinate(structure: Structure, u: Vectors, j: int) -> Any:
+    """Return x_j of a body by the vectors of all: an angle in (-pi, pi], or a distance."""
+    if structure.bodies[j].slides:
+        return np.real(u[j] * np.conj(frame(structure, u, j)))
+    if isinstance(u[j], complex):
+        return wrap(structure.senses[j] * phase(u[j]))
+    angle = structure.senses[j] * np.angle(u[j])
+    angle[angle == -np.pi] = np.pi
+    return angle
+
+
+def tangent(structure: Structure, u: Vectors, j: int, i: int) -> Any:
+    """Return du_j/dx_i."""
+    if structure.bodies[j].slides:
+        if i == j:
+            return frame(structure, u, j)
+        # What it is turned by turns it too.
+        return 1j * structure.senses[i] * u[j] if i == structure.frames[j] else 0.0
+    return 1j * structure.senses[j] * u[j] if i == j else 0.0
+
+
+def tangents(structure: Structure, u: Vectors) -> Any:
+    """Return du_j/dx_i for every j and i of one pose, shape (n, n)."""
+    n = range(len(structure.bodies))
+    table = np.zeros((len(n), len(n)), dtype=np.complex128)
+    for j in n:
+        for i in {j, structure.frames[j]} - {FIXED}:
+            table[j, i] = tangent(structure, u, j, i)
+    return table
+
+
+def moved(structure: Structure, u: Vectors, x_1: Any, j: int) -> Any:
+    """Return du_j of a body by the derivatives of the coordinates."""
+    own = {j, structure.frames[j]} - {FIXED}
+    return sum(tangent(structure, u, j, i) * x_1[i] for i in own)
+
+
+def carried(structure: Structure, u: Vectors, x_1: Any, j: int, unknown: Sequence[int]) -> Any:
+    """Return the part of du_j that is known before some bodies' derivatives are."""
+    f = structure.frames[j]
+    known = f not in {j, FIXED, *unknown}
+    return tangent(structure, u, j, f) * x_1[f] if known else 0.0
+
+
+def bent(structure: Structure, u: Vectors, rates: Sequence[Any]) -> list[Any]:
+    """Return the part of d2u_j/dt2 that the rates dx/dt make."""
+    found = []
+    for j, body in enumerate(structure.bodies):
+        own = structure.frames[j]
+        turning = rates[own] if own != FIXED else 0.0
+        part = -u[j] * turning**2
+        if body.slides and own != FIXED:
+            part = part + 2j * structure.senses[own] * rates[j] * turning * u[own]
+        found.append(part)
+    return found
+
+
+def differences(linkage: 'Linkage', x: Sequence[float], other: Sequence[float]) -> list[float]:
+    """Return the differences of two poses' other coordinates [rad]; lengths by the linkage's."""
+    return [
+        (a - b) / linkage.size if body.slides else wrap(a - b)
+        for body, a, b in zip(linkage.structure.bodies[1:], x, other, strict=True)
+    ]

@@ -1,0 +1,256 @@
+"""Bodies that slide: the textbooks' closed forms, and what cannot be put together."""
+
+import math
+
+from klann_ros.kinematics import (
+    GeometryError,
+    Linkage,
+    linkage_from_text,
+    linkage_poses,
+    LinkageFileError,
+    LinkageLeg,
+    shipped_linkage,
+    UnreachableError,
+)
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+
+Array = NDArray[np.float64]
+SLIDES = 'slides: {along: ground, from: A, to: B}'
+ALPHAS = np.linspace(-7.0, 7.0, 701)
+# Of what is computed here in 50 operations at the most.
+DIGITS = {'rtol': 0.0, 'atol': 1e-12}
+
+
+def motions(linkage: Linkage) -> tuple[Array, Array, Array]:
+    """Return the coordinates over some turns, and their first and second derivatives."""
+    leg = LinkageLeg(linkage)
+    found = []
+    for alpha in ALPHAS.tolist():
+        pose = leg.solve(alpha)
+        motion = leg.acceleration(pose, 1.0, 0.0)
+        assert motion.velocity is not None
+        found.append((pose.x, motion.velocity.joints[1:], motion.joints[1:]))
+    x, first, second = (np.array(column) for column in zip(*found, strict=True))
+    return x, first, second
+
+
+def test_an_offset_slider_crank_is_the_textbooks() -> None:
+    r, rod, e = 0.05, 0.15, 0.02
+    linkage = shipped_linkage('slider_crank').varied({'A-B': r, 'B-C': rod})
+    text = SLIDER.format(offset=e)
+    x, first, second = motions(linkage_from_text(text, 'test'))
+    assert linkage.dimensions['A-B'] == r
+    # x = r cos a + w, w^2 = l^2 - (r sin a - e)^2 and its derivatives.
+    c, s = np.cos(ALPHAS), np.sin(ALPHAS)
+    up = r * s - e
+    w = np.sqrt(rod**2 - up**2)
+    w_1 = -up * r * c / w
+    w_2 = (-(r**2) * c**2 + up * r * s - w_1**2) / w
+    np.testing.assert_allclose(x[:, 1], r * c + w, **DIGITS)
+    np.testing.assert_allclose(first[:, 1], -r * s + w_1, **DIGITS)
+    np.testing.assert_allclose(second[:, 1], -r * c + w_2, **DIGITS)
+    np.testing.assert_allclose(x[:, 0], np.arcsin(-up / rod), **DIGITS)
+    np.testing.assert_allclose(first[:, 0], -r * c / w, **DIGITS)
+
+
+def test_the_quick_return_is_the_textbooks() -> None:
+    linkage = shipped_linkage('quick_return')
+    x, first, second = motions(linkage)
+    d, r, arm, link, level = 0.2, 0.1, 0.4, 0.15, 0.4
+    c, s = np.cos(ALPHAS), np.sin(ALPHAS)
+    far = np.sqrt(d**2 + r**2 + 2 * d * r * s)
+    phi = np.arctan2(d + r * s, r * c)
+    phi_1 = r * (r + d * s) / far**2
+    phi_2 = d * r * c * (d**2 - r**2) / far**4
+    for found, expected in (
+        (x[:, 0], phi),
+        (first[:, 0], phi_1),
+        (second[:, 0], phi_2),
+        (x[:, 1], far),
+        (first[:, 1], d * r * c / far),
+        (second[:, 1], -d * r * s / far - (d * r * c) ** 2 / far**3),
+    ):
+        np.testing.assert_allclose(found, expected, **DIGITS)
+    # The ram is an offset slider-crank that the arm drives.
+    up = arm * np.sin(phi) - level
+    w = np.sqrt(link**2 - up**2)
+    w_1 = -up * arm * np.cos(phi) / w
+    np.testing.assert_allclose(x[:, 3], arm * np.cos(phi) - w, **DIGITS)
+    np.testing.assert_allclose(first[:, 3], (-arm * np.sin(phi) - w_1) * phi_1, **DIGITS)
+
+
+def test_the_quick_return_takes_twice_as_long_out_as_back() -> None:
+    # The arm turns back where the crank is square to it: 180 deg +- 2 asin(r/d), with d = 2 r.
+    x, first, _ = motions(shipped_linkage('quick_return'))
+    leg = LinkageLeg(shipped_linkage('quick_return'))
+    for alpha in (math.radians(210.0), math.radians(330.0)):
+        assert leg.solve(alpha).coefficients[0] == pytest.approx(0.0, abs=1e-15)
+    turn = np.abs(ALPHAS - math.pi) < math.pi
+    share = np.count_nonzero(first[turn, 0] > 0.0) / np.count_nonzero(turn)
+    assert share == pytest.approx(2 / 3, abs=0.005)
+    assert x.shape == (701, 4)
+
+
+def test_the_scotch_yoke_is_a_cosine() -> None:
+    x, first, second = motions(shipped_linkage('scotch_yoke'))
+    c, s = 0.08 * np.cos(ALPHAS), 0.08 * np.sin(ALPHAS)
+    for found, (yoke, pin) in zip((x, first, second), ((c, s), (-s, c), (-c, -s)), strict=True):
+        np.testing.assert_allclose(found[:, 0], yoke, **DIGITS)
+        np.testing.assert_allclose(found[:, 1], pin, **DIGITS)
+
+
+@pytest.mark.parametrize('name', ['slider_crank', 'quick_return', 'scotch_yoke'])
+def test_bulk_is_what_one_pose_after_the_other_is(name: str) -> None:
+    linkage = shipped_linkage(name)
+    leg = LinkageLeg(linkage)
+    poses = linkage_poses(linkage, ALPHAS, angles=True, points=True)
+    assert poses.angles is not None
+    assert poses.points is not None
+    assert not poses.reason.any()
+    for i in range(0, ALPHAS.size, 50):
+        pose = leg.closed_form(float(ALPHAS[i]))
+        np.testing.assert_allclose(poses.angles[i], pose.x, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(poses.points[i], pose.points, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(poses.h[i], pose.h, rtol=0, atol=1e-14)
+
+
+def test_a_piston_out_of_reach_is_told_with_what_is_short() -> None:
+    linkage = linkage_from_text(SLIDER.format(offset=0.12), 'test')
+    leg = LinkageLeg(linkage)
+    # The rod of 0.15 ends where the crank's pin is 0.15 from the line.
+    (start, end), *_ = leg.reachable_arcs()
+    low = math.asin((0.12 - 0.15) / 0.05)
+    assert start == pytest.approx(low % (2 * math.pi), abs=1e-9)
+    assert end - start == pytest.approx(math.pi - 2 * low, abs=1e-9)
+    with pytest.raises(UnreachableError) as caught:
+        leg.solve(math.radians(-90.0))
+    assert caught.value.shortfall == pytest.approx(0.02)
+    assert 'B is 0.02 m further from the line of piston than BC is long' in str(caught.value)
+    poses = linkage_poses(linkage, [math.radians(-90.0), 0.0])
+    assert poses.reason.tolist() == [2, 0]
+    assert np.isnan(poses.h[0]).all()
+
+
+def test_a_slot_that_passes_its_pivot_too_far_off_is_told() -> None:
+    leg = LinkageLeg(linkage_from_text(SLOT, 'test'))
+    with pytest.raises(
+        UnreachableError, match=r'B is 0\.05 m nearer to O than the line along arm'
+    ):
+        leg.solve(math.radians(-90.0))
+    assert leg.solve(0.0).residual < 1e-15
+
+
+def test_a_line_on_a_line_and_a_coupled_one_are_solved() -> None:
+    for text in (CROSSED, COUPLED):
+        leg = LinkageLeg(linkage_from_text(text, 'test'))
+        for alpha in ALPHAS.tolist():
+            pose = leg.solve(alpha)
+            assert pose.residual <= 1e-14
+            other = leg.closed_form(alpha)
+            np.testing.assert_allclose(pose.x, other.x, rtol=0, atol=1e-11)
+            np.testing.assert_allclose(pose.coefficients, other.coefficients, rtol=0, atol=1e-8)
+        poses = linkage_poses(leg.linkage, ALPHAS)
+        assert not poses.reason.any()
+        assert poses.h[-1] == pytest.approx(leg.solve(float(ALPHAS[-1])).h, abs=1e-12)
+
+
+def test_a_start_has_distances_in_the_units_of_the_file() -> None:
+    text = SLIDER.format(offset=0.0)
+    in_mm = text + 'units: {length: mm}'
+    for metres, millimetres in (('0.05', '50'), ('0.15', '150'), ('0.17', '170')):
+        in_mm = in_mm.replace(metres, millimetres)
+    assert linkage_from_text(in_mm, 'test').start == pytest.approx(
+        linkage_from_text(text, 'test').start, abs=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ('change', 'message'),
+    [
+        (('along: ground', 'along: rails'), 'slides along rails, which is no body'),
+        (('from: P, to: C', 'from: B, to: C'), 'from B, which is none of its points: A'),
+        (('along: ground', 'along: piston'), 'slides along piston'),
+        (('to: C}', 'to: P}'), 'has only one point'),
+        (('bars: [{from: A, to: B, length: 0.05}]', SLIDES), 'what is driven must turn'),
+        (('to: C}', 'to: C, direction: x}'), 'direction: '),
+        (('slides: {along: ground, ', 'slides: {'), 'along is missing'),
+        (('slides: {', 'slide: {'), 'slide'),
+    ],
+)
+def test_a_line_that_is_none_is_refused_in_words(change: tuple[str, str], message: str) -> None:
+    text = SLIDER.format(offset=0.0)
+    assert change[0] in text
+    with pytest.raises(LinkageFileError) as caught:
+        linkage_from_text(text.replace(*change), 'test')
+    assert message in str(caught.value)
+    assert '\n' not in str(caught.value)
+
+
+def test_two_bodies_that_slide_along_each_other_are_refused() -> None:
+    text = CROSSED.replace('along: ground, from: A', 'along: pin, from: B')
+    with pytest.raises(GeometryError, match='slides along it in turn'):
+        linkage_from_text(text, 'test')
+
+
+SLIDER = """
+name: slider-crank
+pivots: {{A: [0, 0], P: [0, {offset}]}}
+crank: crank
+foot: C
+bodies:
+  crank: {{bars: [{{from: A, to: B, length: 0.05}}]}}
+  rod: {{bars: [{{from: B, to: C, length: 0.15}}]}}
+  piston:
+    slides: {{along: ground, from: P, to: C}}
+start: {{crank: 1.0, rod: -0.3, piston: 0.17}}
+"""
+
+SLOT = """
+name: a slot that passes its pivot at 0.1
+pivots: {O: [0, 0], A: [0, 0.15]}
+crank: crank
+foot: D
+bodies:
+  crank: {bars: [{from: A, to: B, length: 0.1}]}
+  arm:
+    bars:
+      - {from: O, to: D, length: 0.4}
+      - {from: O, to: E, length: 0.1, bend: 1.5707963267948966}
+  block: {slides: {along: arm, from: E, to: B}}
+start: {crank: 0.0, arm: 0.4, block: 0.15}
+"""
+
+CROSSED = """
+name: a pin in a slanting slot of a yoke
+units: {angle: deg}
+pivots: {A: [0, 0]}
+crank: crank
+foot: C
+bodies:
+  crank: {bars: [{from: A, to: B, length: 0.08}]}
+  yoke: {slides: {along: ground, from: A, to: C, direction: 10}}
+  pin: {slides: {along: yoke, from: C, to: B, direction: 70}}
+start: {crank: 60, yoke: 0.04, pin: 0.07}
+"""
+
+# A six-bar whose output slides, driven in its loop of five: both loops at once.
+COUPLED = """
+name: coupled loops, one with a line
+units: {length: mm, angle: deg}
+pivots: {A: [0, 0], E: [180, 200], L: [0, 90]}
+crank: alpha
+foot: P
+bodies:
+  alpha: {bars: [{from: E, to: F, length: 15}]}
+  beta: {bars: [{from: F, to: G, length: 115}]}
+  gamma: {bars: [{from: A, to: C, length: 160}]}
+  slider: {slides: {along: ground, from: L, to: D}}
+  epsilon:
+    bars:
+      - {from: C, to: D, length: 80}
+      - {from: C, to: G, length: 75, brace: {from: D, length: 70, side: left}}
+      - {from: C, to: P, length: 60, bend: -60}
+start: {alpha: 90, beta: 183, gamma: 83, slider: 60, epsilon: -50}
+"""
