@@ -115,7 +115,7 @@ class LegMarkers:
         markers = [joints]
         for number, body in enumerate(drawn.bodies, start=BODIES_ID):
             bars = self._marker(leg, number, Marker.LINE_LIST, BAR * size, body.colour, stamp)
-            bars.points = _points(drawn.points[name] for bar in body.bars for name in bar)
+            bars.points = _points(drawn.points[name] for bar in body.strokes for name in bar)
             markers.append(bars)
         return markers
 

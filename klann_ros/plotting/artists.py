@@ -7,7 +7,7 @@ from typing import Any, TYPE_CHECKING
 from klann_ros.kinematics import LinkagePose
 import numpy as np
 
-from .drawn import Drawn, PIN, PIVOT, POINT
+from .drawn import Drawn, DrawnBody, line_directions, PIN, PIVOT, POINT
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -41,6 +41,10 @@ class PoseArtists:
         The bars of each body.
     plates : list of matplotlib.patches.Polygon
         What of the bodies is more than a bar.
+    guides : list of matplotlib.lines.Line2D
+        The lines that bodies slide along.
+    blocks : list of matplotlib.patches.Polygon
+        What slides along them.
     joints : dict of str to matplotlib.lines.Line2D
         The joints by their kind.
     letters : dict of str to matplotlib.text.Annotation
@@ -61,6 +65,10 @@ class PoseArtists:
             if len(body.points) > 2:
                 # What is rigid is filled.
                 self.plates += ax.fill(*drawn.outline(body).T, color=body.colour, alpha=0.2, lw=0)
+        self.guides, self.blocks = [], []
+        for body, guide, block in _sliding(drawn, pose):
+            self.guides += ax.plot(*guide.T, '--', color=body.colour, lw=0.35 * width, zorder=1)
+            self.blocks += ax.fill(*block.T, fc='white', ec=body.colour, lw=0.4 * width, zorder=2.5)
         self.joints = {
             kind: ax.plot(*drawn.at(names).T, ls='', zorder=3, **_joint_style(kind, width))[0]
             for kind, names in drawn.joints.items()
@@ -91,16 +99,30 @@ class PoseArtists:
         rigid = (body for body in drawn.bodies if len(body.points) > 2)
         for plate, body in zip(self.plates, rigid, strict=True):
             plate.set_xy(drawn.outline(body))
+        sliding = zip(self.guides, self.blocks, _sliding(drawn, pose), strict=True)
+        for guide, block, (_, along, corners) in sliding:
+            guide.set_data(*along.T)
+            block.set_xy(corners)
         for kind, joint in self.joints.items():
             joint.set_data(*drawn.at(drawn.joints[kind]).T)
         for name, letter in self.letters.items():
             letter.xy = tuple(drawn.points[name])
             letter.set_position(self._offset(drawn, name))
-        return [*self.plates, *self.bodies, *self.joints.values(), *self.letters.values()]
+        moved = [*self.plates, *self.bodies, *self.guides, *self.blocks]
+        return [*moved, *self.joints.values(), *self.letters.values()]
 
     def _offset(self, drawn: Drawn, name: str) -> tuple[float, float]:
         x, y = drawn.free_side(name)
         return self._far * x, self._far * y
+
+
+def _sliding(drawn: Drawn, pose: LinkagePose) -> list[tuple[DrawnBody, Any, Any]]:
+    """Return each body that slides, with its line's ends and its block's corners."""
+    bodies = [body for body in drawn.bodies if body.line]
+    return [
+        (body, drawn.guide(body, direction), drawn.block(body, direction))
+        for body, direction in zip(bodies, line_directions(pose), strict=True)
+    ]
 
 
 def _joint_style(kind: str, width: float) -> dict[str, Any]:
@@ -133,6 +155,8 @@ def draw_angles(ax: 'Axes', pose: LinkagePose, radius: float) -> None:
     """
     drawn, structure = Drawn.of(pose), pose.linkage.structure
     for body, angle in zip(structure.bodies, pose.joints, strict=True):
+        if body.slides:
+            continue
         turn = body.sense * remainder(angle, tau)
         at = drawn.points[body.bars[0].start]
         draw_angle(ax, at, radius, (0.0, degrees(turn)), symbol(body.angle))

@@ -6,13 +6,17 @@ from math import atan2, cos, radians, sin, tau
 from typing import NamedTuple
 
 from klann_ros.kinematics import LinkagePose
+from klann_ros.kinematics.linkage.joints import frame
 import numpy as np
 from numpy.typing import NDArray
 
 # Bodies take the colours in turn; those of the Klann leg are crank, coupler, both rockers, leg.
 COLOURS = ('#d1495b', '#30638e', '#7a9e7e', '#edae49', '#003d5b', '#8f5c38', '#66618c')
 # Kinds of joints: what turns on the ground, what turns on another body, and a mere point of one.
+# What slides is drawn as a block on its line.
 PIVOT, PIN, POINT = 'pivot', 'pin', 'point'
+# Length and height of a block, as parts of the drawing's size.
+BLOCK = (0.07, 0.045)
 # Where the ground is, as seen from a pivot [rad].
 SUPPORT = (radians(225.0), radians(315.0))
 
@@ -29,17 +33,25 @@ class DrawnBody(NamedTuple):
         Its bars, by their points.
     label, colour : str
         What it is called, and its colour.
+    line : (str, str) or None
+        The line that it slides along: from a point of what has the line to its own first.
 
     """
 
     bars: list[tuple[str, str]]
     label: str
     colour: str
+    line: tuple[str, str] | None = None
 
     @property
     def points(self) -> list[str]:
         """Return its points."""
         return list(dict.fromkeys(name for bar in self.bars for name in bar))
+
+    @property
+    def strokes(self) -> list[tuple[str, str]]:
+        """Return its bars, and the way along its line."""
+        return [*([self.line] if self.line else ()), *self.bars]
 
 
 class Drawn(NamedTuple):
@@ -67,12 +79,12 @@ class Drawn(NamedTuple):
         structure = pose.linkage.structure
         points = dict(zip(structure.points, pose.points, strict=True))
         bodies = [
-            DrawnBody([(bar.start, bar.end) for bar in body.bars], label, colour_of(i))
+            _body([(bar.start, bar.end) for bar in body.bars], body.slides, label, colour_of(i))
             for i, (body, label) in enumerate(zip(structure.bodies, structure.labels, strict=True))
         ]
         joints: dict[str, list[str]] = {PIVOT: [], PIN: [], POINT: []}
         for name in points:
-            several = sum(name in body.points for body in bodies) > 1
+            several = sum(name in body.points for body in structure.bodies) > 1
             kind = PIVOT if name in structure.pivots else PIN if several else POINT
             joints[kind].append(name)
         return cls(points, bodies, joints)
@@ -88,6 +100,8 @@ class Drawn(NamedTuple):
 
     def line(self, body: DrawnBody) -> Array:
         """Return the points along a body's bars, shape (n, 2); NaN where a bar starts anew."""
+        if not body.bars:
+            return np.empty((0, 2))
         last, *_ = body.bars[0]
         line = [self.points[last]]
         for start, end in body.bars:
@@ -104,15 +118,59 @@ class Drawn(NamedTuple):
         ordered: Array = corners[np.argsort(np.arctan2(y, x))]
         return ordered
 
+    @property
+    def size(self) -> float:
+        """Return the larger side of what is drawn [m]."""
+        return float(np.ptp([*self.points.values()], axis=0).max())
+
+    def guide(self, body: DrawnBody, direction: complex) -> Array:
+        """Return the ends of the line of a body that slides, a little beyond both points."""
+        start, end = (complex(*self.points[name]) for name in body.line or ())
+        beyond = BLOCK[0] * self.size * direction
+        first, last = sorted((start, end), key=lambda at: (at * direction.conjugate()).real)
+        return _plane([first - beyond, last + beyond])
+
+    def block(self, body: DrawnBody, direction: complex) -> Array:
+        """Return the corners of the block of a body that slides, shape (4, 2) [m]."""
+        _, end = body.line or ('', '')
+        length, height = (0.5 * part * self.size for part in BLOCK)
+        corners = [complex(x, y) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        middle = complex(*self.points[end])
+        return _plane([middle + direction * complex(c.real * length, c.imag * height) for c in corners])
+
     def free_side(self, name: str) -> tuple[float, float]:
         """Return the direction farthest from the bars at a point, and from its support."""
-        bars = [bar for body in self.bodies for bar in body.bars if name in bar]
+        bars = [bar for body in self.bodies for bar in body.strokes if name in bar]
         ends = [self.points[q if p == name else p] - self.points[name] for p, q in bars]
+        # Where something has slid to the start of its line there is no way along it.
+        ends = [end for end in ends if end.any()]
         taken = [atan2(y, x) % tau for x, y in ends]
-        taken = sorted([*taken, *(SUPPORT if name in self.pivots else ())])
+        taken = sorted([*taken, *(SUPPORT if name in self.pivots else ())]) or [0.0]
         gaps = [(b - a, (a + b) / 2.0) for a, b in pairwise([*taken, taken[0] + tau])]
         _, middle = max(gaps)
         return cos(middle), sin(middle)
+
+
+def _body(bars: list[tuple[str, str]], slides: bool, label: str, colour: str) -> DrawnBody:
+    if slides:
+        return DrawnBody(bars[1:], label, colour, bars[0])
+    return DrawnBody(bars, label, colour)
+
+
+def line_directions(pose: LinkagePose) -> list[complex]:
+    """Return the direction of each line that something slides along, in the bodies' order."""
+    linkage, u = pose.linkage, pose.vectors
+    structure = linkage.structure
+    found = []
+    for j, body in enumerate(structure.bodies):
+        if body.slides:
+            bar = next(n for n in structure.lines if structure.bars[n][0] == j)
+            found.append(complex(linkage.bars[bar] * frame(structure, u, j)))
+    return found
+
+
+def _plane(places: Sequence[complex]) -> Array:
+    return np.array([(at.real, at.imag) for at in places])
 
 
 def colour_of(body: int) -> str:
