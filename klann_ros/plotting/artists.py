@@ -68,7 +68,9 @@ class PoseArtists:
         self.guides, self.blocks = [], []
         for body, guide, block in _sliding(drawn, pose):
             self.guides += ax.plot(*guide.T, '--', color=body.colour, lw=0.35 * width, zorder=1)
-            self.blocks += ax.fill(*block.T, fc='white', ec=body.colour, lw=0.4 * width, zorder=2.5)
+            self.blocks += ax.fill(
+                *block.T, fc='white', ec=body.colour, lw=0.4 * width, zorder=2.5
+            )
         self.joints = {
             kind: ax.plot(*drawn.at(names).T, ls='', zorder=3, **_joint_style(kind, width))[0]
             for kind, names in drawn.joints.items()

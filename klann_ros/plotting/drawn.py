@@ -136,7 +136,9 @@ class Drawn(NamedTuple):
         length, height = (0.5 * part * self.size for part in BLOCK)
         corners = [complex(x, y) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         middle = complex(*self.points[end])
-        return _plane([middle + direction * complex(c.real * length, c.imag * height) for c in corners])
+        return _plane(
+            [middle + direction * complex(c.real * length, c.imag * height) for c in corners]
+        )
 
     def free_side(self, name: str) -> tuple[float, float]:
         """Return the direction farthest from the bars at a point, and from its support."""
