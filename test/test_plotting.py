@@ -19,7 +19,7 @@ from klann_ros.kinematics import (
     shipped_linkages,
     UnreachableError,
 )
-from klann_ros.plotting.artists import draw_angles
+from klann_ros.plotting.artists import draw_angles, PoseArtists
 from klann_ros.plotting.drawn import Drawn
 import numpy as np
 import pytest
@@ -320,3 +320,23 @@ def test_without_matplotlib_there_is_one_clear_line(tmp_path: Path) -> None:
         text=True,
     )
     assert done.stdout == 5 * "a plot needs matplotlib: pip install 'klann_ros[plot]'\n"
+
+
+@pytest.mark.parametrize('alpha', [0.0, 1.0, math.pi / 2])
+@pytest.mark.parametrize('name', ['slider_crank', 'quick_return', 'scotch_yoke'])
+def test_what_slides_is_a_block_along_its_line(name: str, alpha: float) -> None:
+    leg = LinkageLeg(shipped_linkage(name))
+    artists = PoseArtists(new_axes(), leg.closed_form(2.0))
+    pose = leg.closed_form(alpha)
+    artists.move(pose)
+    points = dict(zip(leg.linkage.structure.points, pose.points, strict=True))
+    sliding = [body for body in leg.linkage.structure.bodies if body.slides]
+    assert len(artists.blocks) == len(artists.guides) == len(sliding)
+    for body, block, guide in zip(sliding, artists.blocks, artists.guides, strict=True):
+        corners, (first, last) = block.get_xy()[:4], guide.get_xydata()
+        start, end = points[body.bars[0].start], points[body.bars[0].end]
+        np.testing.assert_allclose(corners.mean(axis=0), end, rtol=0, atol=1e-12)
+        along = (last - first) / np.hypot(*(last - first))
+        for way in (corners[1] - corners[0], end - start):
+            assert abs(along[0] * way[1] - along[1] * way[0]) <= 1e-12
+        assert (start - first) @ along > 0 < (last - end) @ along
