@@ -22,7 +22,8 @@ from .foot.stance import NoStanceError, Stance
 from .four_bar.dead_points import DeadPoint, RockerLimits
 from .four_bar.geometry import FourBarGeometry
 from .four_bar.grashof import Grashof
-from .four_bar.linkage import FourBar, FourBarMotion, FourBarPose
+from .four_bar.linkage import FourBar
+from .four_bar.pose import FourBarMotion, FourBarPose
 from .four_bar.table import FourBarTable
 from .four_bar.transmission import TransmissionExtremes
 from .klann.geometry import KlannGeometry

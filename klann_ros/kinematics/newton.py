@@ -97,10 +97,10 @@ class Iterations:
     ----------
     alpha : float
         The driving angle [rad].
-    names : tuple of str
-        What the unknown angles are called.
+    names, units : tuple of str
+        What the unknowns are called, and their units: 'rad', or 'm' of what slides.
     x : numpy.ndarray, shape (k, n)
-        The iterates, the guess first [rad].
+        The iterates, the guess first.
     f : numpy.ndarray, shape (k, n)
         The equations' left-hand sides at each [m].
     phi : numpy.ndarray, shape (k, n, n)
@@ -110,13 +110,14 @@ class Iterations:
 
     alpha: float
     names: tuple[str, ...]
+    units: tuple[str, ...]
     x: Array
     f: Array
     phi: Array
 
     @property
     def corrections(self) -> Array:
-        """Return what was added to each iterate but the last, shape (k - 1, n) [rad]."""
+        """Return what was added to each iterate but the last, shape (k - 1, n) [rad, m]."""
         return np.diff(self.x, axis=0)
 
     @property
@@ -126,17 +127,20 @@ class Iterations:
         return largest
 
     def __str__(self) -> str:
-        """Return a table: of each iterate the angles [deg], f [m] and the correction [rad]."""
+        """Return a table: of each iterate the angles in deg, f, and the correction in rad."""
         count = len(self.names)
         heads = [
             *self.names,
             *(f'f{k + 1}' for k in range(count)),
             *(f'd {n}' for n in self.names),
         ]
-        lines = ['angles [deg], f [m], corrections d [rad]']
+        slides = 'm' in self.units
+        unit = ('deg, m', 'rad, m') if slides else ('deg', 'rad')
+        lines = [f'{", ".join(self.names)} [{unit[0]}], f [m], corrections d [{unit[1]}]']
         lines += [' k' + ''.join(f'{head:>11}' for head in heads)]
+        shown = np.where([each == 'rad' for each in self.units], np.degrees(self.x), self.x)
         blank = np.full((1, count), np.nan)
-        rows = np.hstack([np.degrees(self.x), self.f, np.vstack([self.corrections, blank])])
+        rows = np.hstack([shown, self.f, np.vstack([self.corrections, blank])])
         for k, row in enumerate(rows.tolist(), 1):
             cells = [f'{value:11.5f}' for value in row[:count]]
             cells += [' ' * 11 if isnan(value) else f'{value:11.3e}' for value in row[count:]]

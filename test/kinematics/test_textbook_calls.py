@@ -52,6 +52,16 @@ def test_a_run_is_its_iterates_f_phi_and_corrections(leg: KlannLeg, guess: np.nd
     )
 
 
+def test_a_distance_is_shown_as_one() -> None:
+    leg = LinkageLeg(shipped_linkage('slider_crank'))
+    run = leg.iterations(0.3, [0.0, 0.2])
+    assert run.units == ('rad', 'm')
+    lines = str(run).splitlines()
+    assert lines[0].startswith('rod, piston [deg, m], f [m]')
+    last = [float(cell) for cell in lines[-1].split()[1:3]]
+    assert last == pytest.approx([math.degrees(run.x[-1, 0]), run.x[-1, 1]], abs=1e-5)
+
+
 def test_it_stops_where_the_course_does() -> None:
     bar, guess = BAR
     for residual in (1e-4, 1e-5, 50.0, 1.5):

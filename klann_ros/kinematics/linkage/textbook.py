@@ -185,4 +185,5 @@ class Textbook:
         )
         for array in (x, *found):
             array.setflags(write=False)
-        return Iterations(crank_angle(alpha), self.joint_names[1:], x, *found)
+        units = tuple(body.unit for body in self.linkage.structure.bodies[1:])
+        return Iterations(crank_angle(alpha), self.joint_names[1:], units, x, *found)
