@@ -206,7 +206,29 @@ def chebyshev_lambda(crank: float) -> dict[str, complex]:
     return {'A': 0j, 'D': -20.0 + 0j, 'B': b, 'C': c, 'P': 2.0 * c - b}
 
 
+def slider_crank(crank: float) -> dict[str, complex]:
+    """Construct the slider-crank by Pythagoras, in cm."""
+    b = 5.0 * cmath.exp(1j * crank)
+    return {'A': 0j, 'B': b, 'C': b.real + math.sqrt(15.0**2 - b.imag**2) + 0j}
+
+
+def quick_return(crank: float) -> dict[str, complex]:
+    """Construct the quick return: the arm points from O to the crank's pin, in cm."""
+    a, level = 20j, 40.0
+    b = a + 10.0 * cmath.exp(1j * crank)
+    d = 40.0 * b / abs(b)
+    e = d.real - math.sqrt(15.0**2 - (level - d.imag) ** 2) + 1j * level
+    return {'O': 0j, 'A': a, 'P': 1j * level, 'B': b, 'D': d, 'E': e}
+
+
+def scotch_yoke(crank: float) -> dict[str, complex]:
+    """Construct the Scotch yoke: it is where its pin is, in cm."""
+    b = 8.0 * cmath.exp(1j * crank)
+    return {'A': 0j, 'B': b, 'C': b.real + 0j, 'E': b.real + 20.0 + 0j}
+
+
 CONSTRUCTED = [
+    *(slider_crank, quick_return, scotch_yoke),
     *(jansen, chebyshev_lambda, chebyshev, hoecken, roberts, peaucellier, strider, trotbot),
     *(ghassaei, walker_four_bar, walker_six_bar, watt_six_bar, andrews),
     *(klann_patent, klann_lego, klann_long_legs, klann_high_step),
