@@ -67,7 +67,8 @@ def test_every_point_of_any_linkage_is_drawn_once_as_its_joint(linkage: Linkage)
     alpha = linkage.start[0]
     ax = plotting.plot_pose(linkage, alpha, ax=new_axes())
     pose = LinkageLeg(linkage).closed_form(alpha)
-    joints = [line for line in ax.lines if line.get_linestyle() == 'None']
+    # Blocks are beneath the joints.
+    joints = [line for line in ax.lines if line.get_zorder() == 3]
     drawn = np.vstack([line.get_xydata() for line in joints])
     assert sorted(map(tuple, drawn)) == sorted(map(tuple, pose.points))
     assert {text.get_text() for text in ax.texts} == set(linkage.structure.points)
@@ -231,7 +232,7 @@ def test_convergence_is_that_of_newtons_iterates() -> None:
 
 
 def test_what_there_is_not_is_refused_with_what_there_is() -> None:
-    with pytest.raises(ValueError, match="'speed' is refused: it must be one of angles, trans"):
+    with pytest.raises(ValueError, match="'speed' is refused: it must be one of angles, dist"):
         plotting.plot_turn(KlannLeg(), 'speed')
     with pytest.raises(ValueError, match="'speed' is refused: it must be one of errors, corr"):
         plotting.plot_convergence(KlannLeg(), ALPHA, GUESS, 'speed')
@@ -333,10 +334,32 @@ def test_what_slides_is_a_block_along_its_line(name: str, alpha: float) -> None:
     sliding = [body for body in leg.linkage.structure.bodies if body.slides]
     assert len(artists.blocks) == len(artists.guides) == len(sliding)
     for body, block, guide in zip(sliding, artists.blocks, artists.guides, strict=True):
-        corners, (first, last) = block.get_xy()[:4], guide.get_xydata()
+        corners, (first, last) = block.get_marker().vertices, guide.get_xydata()
         start, end = points[body.bars[0].start], points[body.bars[0].end]
-        np.testing.assert_allclose(corners.mean(axis=0), end, rtol=0, atol=1e-12)
+        np.testing.assert_array_equal(block.get_xydata(), [end])
+        np.testing.assert_allclose(corners[:4].mean(axis=0), 0.0, atol=1e-15)
         along = (last - first) / np.hypot(*(last - first))
         for way in (corners[1] - corners[0], end - start):
             assert abs(along[0] * way[1] - along[1] * way[0]) <= 1e-12
         assert (start - first) @ along > 0 < (last - end) @ along
+
+
+SLIDING = [one for one in every_linkage() if one.structure.slides]
+
+
+@pytest.mark.parametrize('linkage', SLIDING, ids=lambda linkage: linkage.name)
+def test_distances_and_angles_have_charts_of_their_own(linkage: Linkage) -> None:
+    leg, bodies = LinkageLeg(linkage), linkage.structure.bodies
+    for what, slides in (('angles', False), ('distances', True)):
+        places = [j for j, body in enumerate(bodies) if j and body.slides == slides]
+        if not places:
+            with pytest.raises(ValueError, match=f'the linkage has no {what}'):
+                plotting.plot_turn(leg, what, ax=new_axes())
+            continue
+        ax = plotting.plot_turn(leg, what, ax=new_axes())
+        assert ax.get_ylabel().endswith(' / m' if slides else ' / °')
+        for line, j in zip(ax.lines, places, strict=True):
+            alphas, values = line.get_xydata()[::60].T
+            expected = [leg.closed_form(math.radians(alpha)).joints[j] for alpha in alphas]
+            shown = values if slides else np.radians(values)
+            assert np.abs(np.sin((shown - expected) / 2.0)).max() < 1e-12

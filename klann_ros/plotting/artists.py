@@ -68,9 +68,8 @@ class PoseArtists:
         self.guides, self.blocks = [], []
         for body, guide, block in _sliding(drawn, pose):
             self.guides += ax.plot(*guide.T, '--', color=body.colour, lw=0.35 * width, zorder=1)
-            self.blocks += ax.fill(
-                *block.T, fc='white', ec=body.colour, lw=0.4 * width, zorder=2.5
-            )
+            at = drawn.at(body.line[1:] if body.line else ())
+            self.blocks += ax.plot(*at.T, marker=block, **_block_style(body, width))
         self.joints = {
             kind: ax.plot(*drawn.at(names).T, ls='', zorder=3, **_joint_style(kind, width))[0]
             for kind, names in drawn.joints.items()
@@ -102,9 +101,10 @@ class PoseArtists:
         for plate, body in zip(self.plates, rigid, strict=True):
             plate.set_xy(drawn.outline(body))
         sliding = zip(self.guides, self.blocks, _sliding(drawn, pose), strict=True)
-        for guide, block, (_, along, corners) in sliding:
-            guide.set_data(*along.T)
-            block.set_xy(corners)
+        for guide, block, (body, ends, marker) in sliding:
+            guide.set_data(*ends.T)
+            block.set_data(*drawn.at(body.line[1:] if body.line else ()).T)
+            block.set_marker(marker)
         for kind, joint in self.joints.items():
             joint.set_data(*drawn.at(drawn.joints[kind]).T)
         for name, letter in self.letters.items():
@@ -115,14 +115,16 @@ class PoseArtists:
 
     def _offset(self, drawn: Drawn, name: str) -> tuple[float, float]:
         x, y = drawn.free_side(name)
-        return self._far * x, self._far * y
+        is_block = any(body.line and body.line[1] == name for body in drawn.bodies)
+        far = self._far * (1.3 if is_block else 1.0)
+        return far * x, far * y
 
 
 def _sliding(drawn: Drawn, pose: LinkagePose) -> list[tuple[DrawnBody, Any, Any]]:
-    """Return each body that slides, with its line's ends and its block's corners."""
+    """Return each body that slides, with its line's ends and its block as a marker."""
     bodies = [body for body in drawn.bodies if body.line]
     return [
-        (body, drawn.guide(body, direction), drawn.block(body, direction))
+        (body, drawn.guide(body, direction), _block(direction))
         for body, direction in zip(bodies, line_directions(pose), strict=True)
     ]
 
@@ -136,6 +138,20 @@ def _joint_style(kind: str, width: float) -> dict[str, Any]:
         POINT: {'color': 'black', 'marker': 'o', 'markersize': 1.2 * width},
     }
     return styles[kind]
+
+
+def _block_style(body: DrawnBody, width: float) -> dict[str, Any]:
+    """Return how the block of a sliding joint is drawn."""
+    edge = {'markeredgecolor': body.colour, 'markeredgewidth': 0.4 * width}
+    return {'color': 'white', 'markersize': 5.0 * width, 'ls': '', 'zorder': 2.5, **edge}
+
+
+def _block(direction: complex) -> Any:
+    """Return a block that lies along a line."""
+    from matplotlib.path import Path  # noqa: PLC0415 - matplotlib is optional
+
+    corners = np.array([-1 - 0.55j, 1 - 0.55j, 1 + 0.55j, -1 + 0.55j, -1 - 0.55j]) * direction
+    return Path(np.column_stack([corners.real, corners.imag]), closed=True)
 
 
 def _support() -> Any:

@@ -37,9 +37,14 @@ class _Quantity(NamedTuple):
     unit: str = ''
 
 
-def _of_bodies(leg: AnyLeg) -> list[tuple[str, str]]:
-    names = leg.joint_names[1:]
-    return [(symbol(name), colour_of(j)) for j, name in enumerate(names, 1)]
+def _of_bodies(leg: AnyLeg, *, slides: bool) -> list[tuple[str, str]]:
+    bodies = [*enumerate(leg.linkage.structure.bodies)][1:]
+    return [(symbol(body.angle), colour_of(j)) for j, body in bodies if body.slides == slides]
+
+
+def _coordinates(pose: LinkagePose, *, slides: bool) -> list[float]:
+    pairs = zip(pose.linkage.structure.bodies[1:], pose.x, strict=True)
+    return [x for body, x in pairs if body.slides == slides]
 
 
 def _of_blocks(leg: AnyLeg) -> list[tuple[str, str]]:
@@ -52,7 +57,16 @@ def _of_blocks(leg: AnyLeg) -> list[tuple[str, str]]:
 
 
 QUANTITIES = {
-    'angles': _Quantity(_of_bodies, lambda pose: pose.x, unit=DEG),
+    'angles': _Quantity(
+        lambda leg: _of_bodies(leg, slides=False),
+        lambda pose: _coordinates(pose, slides=False),
+        unit=DEG,
+    ),
+    'distances': _Quantity(
+        lambda leg: _of_bodies(leg, slides=True),
+        lambda pose: _coordinates(pose, slides=True),
+        unit='m',
+    ),
     'transmission': _Quantity(_of_blocks, lambda pose: pose.transmission_angles, r'$\mu$', DEG),
     'condition': _Quantity(
         lambda _: [(r'cond $\Phi$', colour_of(0))], lambda pose: (pose.condition,)
@@ -72,7 +86,8 @@ def plot_turn(given: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -> 
     given : Linkage, KlannGeometry, FourBarGeometry or leg
         The linkage.
     what : str
-        'angles', of every body but the crank, without jumps of a turn; 'transmission', the
+        'angles', of every body but the crank, without jumps of a turn; 'distances', of every body
+        that slides; 'transmission', the
         transmission angle of each block, over a band from 40 to 140 deg, which is good practice;
         'condition', the condition number of Phi; 'foot', the foot's coordinates.
     ax : matplotlib.axes.Axes, optional
@@ -86,7 +101,7 @@ def plot_turn(given: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -> 
     Raises
     ------
     ValueError
-        There is no such quantity.
+        There is no such quantity, or nothing that slides.
     NoFootPathError
         The crank reaches no angle.
     TypeError
@@ -99,6 +114,9 @@ def plot_turn(given: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -> 
         msg = f'what = {what!r} is refused: it must be one of {", ".join(QUANTITIES)}'
         raise ValueError(msg)
     leg, quantity = leg_of(given), QUANTITIES[what]
+    curves = quantity.curves(leg)
+    if not curves:
+        raise ValueError(f'what = {what!r} is refused: the linkage has no {what}')
     arcs = leg.reachable_arcs()
     if not arcs:
         raise NoFootPathError
@@ -109,7 +127,6 @@ def plot_turn(given: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -> 
     if what == 'transmission':
         ax.axhspan(*GOOD, color=COLOURS[2], alpha=0.15, linewidth=0)
         ax.set(ylim=(0.0, 180.0), yticks=(0.0, GOOD[0], 90.0, GOOD[1], 180.0))
-    curves = quantity.curves(leg)
     for (name, colour), column in zip(curves, values.T, strict=True):
         ax.plot(alphas, column, color=colour, label=name)
     label = quantity.label or ', '.join(name for name, _ in curves)
@@ -144,8 +161,8 @@ def plot_convergence(
         The other angles of the first iterate, as of `Leg.newton` [rad].
     what : str
         'errors', of each iterate x_k against the last, x; 'corrections', to the next iterate;
-        each the greatest of a block's angles [rad]; or 'residuals', the norm of a block's loop
-        equations at each iterate [m].
+        each the greatest of a block's angles [rad] and distances [m]; or 'residuals', the norm of
+        a block's loop equations at each iterate [m].
     ax : matplotlib.axes.Axes, optional
         Where to draw; a new figure where left out.
     **stop
@@ -173,6 +190,8 @@ def plot_convergence(
         raise ValueError(msg)
     leg = leg_of(given)
     values, label, unit = CONVERGENCE[what]
+    if unit == 'rad' and leg.linkage.structure.slides:
+        unit = 'rad, m'
     table = values(leg.iterations(alpha, guess, **stop))
     structure, names = leg.linkage.structure, leg.joint_names
     ax = axes_of(ax)

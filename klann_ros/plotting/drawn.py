@@ -15,8 +15,8 @@ COLOURS = ('#d1495b', '#30638e', '#7a9e7e', '#edae49', '#003d5b', '#8f5c38', '#6
 # Kinds of joints: what turns on the ground, what turns on another body, and a mere point of one.
 # What slides is drawn as a block on its line.
 PIVOT, PIN, POINT = 'pivot', 'pin', 'point'
-# Length and height of a block, as parts of the drawing's size.
-BLOCK = (0.07, 0.045)
+# How far a line is drawn beyond both its points, as a part of the drawing's size.
+BEYOND = 0.1
 # Where the ground is, as seen from a pivot [rad].
 SUPPORT = (radians(225.0), radians(315.0))
 
@@ -126,24 +126,17 @@ class Drawn(NamedTuple):
     def guide(self, body: DrawnBody, direction: complex) -> Array:
         """Return the ends of the line of a body that slides, a little beyond both points."""
         start, end = (complex(*self.points[name]) for name in body.line or ())
-        beyond = BLOCK[0] * self.size * direction
+        beyond = BEYOND * self.size * direction
         first, last = sorted((start, end), key=lambda at: (at * direction.conjugate()).real)
         return _plane([first - beyond, last + beyond])
-
-    def block(self, body: DrawnBody, direction: complex) -> Array:
-        """Return the corners of the block of a body that slides, shape (4, 2) [m]."""
-        _, end = body.line or ('', '')
-        length, height = (0.5 * part * self.size for part in BLOCK)
-        corners = [complex(x, y) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-        middle = complex(*self.points[end])
-        return _plane(
-            [middle + direction * complex(c.real * length, c.imag * height) for c in corners]
-        )
 
     def free_side(self, name: str) -> tuple[float, float]:
         """Return the direction farthest from the bars at a point, and from its support."""
         bars = [bar for body in self.bodies for bar in body.strokes if name in bar]
         ends = [self.points[q if p == name else p] - self.points[name] for p, q in bars]
+        lines = [body.line[::-1] for body in self.bodies if body.line and body.line[1] == name]
+        # A block lies to both sides of its point.
+        ends += [self.points[p] - self.points[q] for p, q in lines]
         # Where something has slid to the start of its line there is no way along it.
         ends = [end for end in ends if end.any()]
         taken = [atan2(y, x) % tau for x, y in ends]
