@@ -17,7 +17,10 @@ PAGE = Path(__file__).parents[1] / 'docs/published_linkages.md'
 Values = tuple[float, ...]
 
 # A shipped linkage without a number of others, and why.
-WITHOUT = {'stephenson': 'Its dimensions are of klann_ros.'}
+WITHOUT = dict.fromkeys(
+    ['quick_return', 'scotch_yoke', 'slider_crank', 'stephenson'],
+    'Its dimensions are of klann_ros.',
+)
 
 
 @dataclass(frozen=True)
