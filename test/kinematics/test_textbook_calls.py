@@ -47,9 +47,8 @@ def test_a_run_is_its_iterates_f_phi_and_corrections(leg: KlannLeg, guess: np.nd
             array[0] = 0.0
     lines = str(run).splitlines()
     assert len(lines) == 2 + len(run.x)
-    assert [float(cell) for cell in lines[2].split()[1 : 1 + len(guess)]] == pytest.approx(
-        np.degrees(guess)
-    )
+    end = 1 + len(guess)
+    assert [float(cell) for cell in lines[2].split()[1:end]] == pytest.approx(np.degrees(guess))
 
 
 def test_a_distance_is_shown_as_one() -> None:

@@ -73,7 +73,7 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
 
     def varied(self, changes: Mapping[str, float] | None = None, **numbers: float) -> 'FourBar':
         """
-        Return the four-bar with some of its lengths replaced, as in `varied(coupler=0.26)` [m].
+        Return the four-bar with some of its lengths replaced, by their names [m].
 
         Raises
         ------
@@ -96,8 +96,8 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         Return the four-bar with another of its links held.
 
         The next link in the order ground, crank, coupler, rocker plays the crank then, as in
-        `Grashof.inversions`: with the crank held, the coupler is driven, and the ground turns
-        about as the coupler.
+        `Grashof.inversions`: with the crank held, the coupler is driven, the rocker couples, and
+        the ground is led as the rocker was.
 
         Parameters
         ----------
