@@ -1,4 +1,42 @@
-"""Kinematics of leg linkages: geometry in, poses out; knows nothing of ROS."""
+"""
+Kinematics of leg linkages: geometry in, poses out; knows nothing of ROS.
+
+>>> from math import radians
+>>> from klann_ros.kinematics import foot_path, KlannLeg
+>>> leg = KlannLeg()  # SEM 104's
+>>> pose = leg.solve(radians(60))
+>>> pose
+KlannPose(alpha=1.047198, gamma=0.1860426, beta=1.175121, delta=0.6015098, theta=0.7980158, \
+h=(0.7960057, -0.3037628))
+>>> leg.velocity(pose, 2.0)  # the crank at 2 rad/s
+KlannMotion(alpha=2, gamma=..., theta=..., h=(-0.3882752, 0.04400816))
+>>> round(foot_path(leg).stride, 6)
+0.490957
+
+What there is, by what one asks for. Angles are in rad, lengths in m.
+
+=====================  ================================================================
+Legs that are solved   `KlannLeg`, `FourBar`, `LinkageLeg`: `solve`, `closed_form`,
+                       `newton`, `velocity`, `acceleration`, `crank_torque`,
+                       `foot_force`, `reachable_arcs`
+What they are made of  `KlannGeometry`, `FourBarGeometry`, `Linkage`; `shipped_linkage`,
+                       `shipped_linkages`, `linkage_from_file`, `linkage_from_text`
+What they answer       `KlannPose`, `FourBarPose`, `LinkagePose`, their motions;
+                       `Iterations`
+How they are put       `assemblies`, `assembly_poses`, `reachable_arcs`
+together
+The foot               `foot_path`: `FootPath`, `Stance`, `Nearest`
+Many at once           `linkage_poses`, `klann_poses`: `LinkagePoses`, `Reason`;
+                       `Variants`
+Lengths that are off   `turns_fully`, `length_margins`: `Margin`;
+                       `tolerance_study`: `ToleranceStudy`
+The four-bar's course  `Grashof`, `DeadPoint`, `RockerLimits`, `TransmissionExtremes`,
+                       `FourBarTable`
+What can go wrong      `KinematicsError`: `GeometryError`, `LinkageFileError`,
+                       `CrankAngleError`, `UnreachableError`, `LoopsOpenError`,
+                       `NotConvergedError`, ...
+=====================  ================================================================
+"""
 
 from .batch.batch import LinkagePoses
 from .batch.margins import length_margins, Margin, PartialTurnError, turns_fully

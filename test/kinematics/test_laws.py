@@ -420,3 +420,30 @@ def test_the_points_are_a_copy() -> None:
     pose = fresh('sem104').solve(1.0)
     pose.points[7] = 0.0
     assert pose.points[7].tolist() == pytest.approx(pose.h)
+
+
+def test_a_pose_of_another_linkage_is_refused_and_one_of_an_equal_one_is_not() -> None:
+    klann, jansen = fresh('sem104'), fresh('jansen')
+    pose = jansen.solve(1.0)
+    for ask in (
+        lambda: klann.velocity(pose, 1.0),
+        lambda: klann.acceleration(pose, 1.0, 0.0),
+        lambda: klann.crank_torque(pose, (0.0, 1.0)),
+        lambda: klann.foot_force(pose, 1.0, (0.0, 1.0)),
+    ):
+        with pytest.raises(ValueError, match=r"another linkage, 'Jansen leg' with m, j, b"):
+            ask()
+    assert (
+        klann.velocity(fresh('sem104').solve(1.0), 1.0).h
+        == klann.velocity(klann.solve(1.0), 1.0).h
+    )
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_a_pose_and_its_motion_are_shown_in_a_line(name: str) -> None:
+    leg = fresh(name)
+    pose = leg.closed_form(leg.reachable_arcs()[0][0] + 0.5)
+    for shown in (repr(pose), repr(leg.velocity(pose, 1.0))):
+        assert len(shown) < 300
+        assert all(f'{joint}=' in shown for joint in leg.joint_names)
+        assert 'h=(' in shown

@@ -21,8 +21,9 @@ def last_kept(function: Callable[[Indices, Array], Array], keeps: Array, loses: 
     """
     Return the last arguments at which functions are not negative, between two of each.
 
-    Chandrupatla's method, as in `foot.roots`: inverse quadratic interpolation where the last three
-    values promise that it converges, else bisection; where a value is infinite or NaN as well.
+    Chandrupatla's method, as in `foot.extremes`: inverse quadratic interpolation where the last
+    three values promise that it converges, else bisection; where a value is infinite or NaN as
+    well.
 
     Parameters
     ----------

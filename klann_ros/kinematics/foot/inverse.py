@@ -7,10 +7,8 @@ from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN
 
-from .coordinate import Coordinate
-from .extremes import pieces, turning_points
-from .roots import root
-from .track import Track
+from .extremes import pieces, root, turning_points
+from .track import Coordinate, Track
 
 # What a coordinate can lose to rounding, as a part of the leg's size.
 ROUNDING = 16.0 * float_info.epsilon

@@ -16,13 +16,11 @@ from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 import numpy as np
 
 from . import inverse
-from .coordinate import Array, Coordinate, X, Y
 from .extremes import pieces
 from .inverse import Nearest, ROUNDING
 from .quadrature import enclosed_area, path_length
-from .span import Span
 from .stance import NoStanceError, Stance, stances
-from .track import Track
+from .track import Array, Coordinate, Span, Track, X, Y
 
 # Part of the lift that the foot may be above the ground. Between their two lowest points the feet
 # of both known legs rise by a fifteenth (SEM 104) and a tenth (patent) of their lift.
@@ -255,7 +253,7 @@ def foot_path(
     >>> from klann_ros.kinematics import FourBar
     >>> curve = foot_path(FourBar(0.2, 0.1, 0.25, 0.25), point=('theta3', 0.5, 0.0))
     >>> round(curve.stride, 3), curve.full_turn
-    (0.4, True)
+    (0.47, True)
 
     """
     samples = validation.count('samples', samples, FEWEST_SAMPLES)

@@ -7,8 +7,7 @@ from typing import NamedTuple, TYPE_CHECKING
 from klann_ros.kinematics.angles import TURN
 import numpy as np
 
-from .coordinate import Array
-from .track import Track
+from .track import Array, Track
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -15,11 +15,10 @@ from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import KinematicsError
 import numpy as np
 
-from .coordinate import Coordinate, X, Y
 from .extremes import pieces, slope_range, turning_points
 from .inverse import parameters_at
 from .quadrature import nodes
-from .track import Track
+from .track import Coordinate, Track, X, Y
 
 # Panels of the quadrature over a stance, 8 nodes each.
 PANELS = 24

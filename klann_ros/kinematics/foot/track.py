@@ -1,16 +1,100 @@
-"""The foot along one arc of crank angles: sampled once, and solved anew between the samples."""
+"""The foot along an arc of crank angles, and what of its position is asked."""
 
 from collections.abc import Iterator
 from contextlib import suppress
-from math import nan, pi
+from dataclasses import dataclass
+from math import cos, nan, pi, sin
 from typing import Any
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import KinematicsError, SingularPoseError
 import numpy as np
+from numpy.typing import NDArray
 
-from .coordinate import Array, Coordinate
-from .span import Span
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """
+    s = u H.x + v H.y + k |H - P|^2 / 2; arrays of shape (..., 2) in, (...) out.
+
+    With k = 0 it is how far H is along a direction (u, v), with k = 1 alone half the square of its
+    distance from a point P.
+    """
+
+    along: tuple[float, float] = (0.0, 0.0)
+    point: tuple[float, float] = (0.0, 0.0)
+    k: float = 0.0
+
+    def value(self, h: Array) -> Array:
+        """Return s(H)."""
+        from_p = h - self.point
+        return _dot(self.along, h) + self.k * _dot(from_p, from_p) / 2.0
+
+    def slope(self, h: Array, h_1: Array) -> Array:
+        """Return ds/dalpha for H and dH/dalpha."""
+        return _dot(self.along, h_1) + self.k * _dot(h - self.point, h_1)
+
+    def curvature(self, h: Array, h_1: Array, h_2: Array) -> Array:
+        """Return d2s/dalpha2 for H and its first two derivatives."""
+        round_p = _dot(h_1, h_1) + _dot(h - self.point, h_2)
+        return _dot(self.along, h_2) + self.k * round_p
+
+
+X, Y = Coordinate((1.0, 0.0)), Coordinate((0.0, 1.0))
+
+
+def _dot(p: Array | tuple[float, float], q: Array) -> Array:
+    (x, y) = (p[..., 0], p[..., 1]) if isinstance(p, np.ndarray) else p
+    return np.asarray(x * q[..., 0] + y * q[..., 1], dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Span:
+    """
+    An arc from start to end [rad] with the parameter t from 0 to pi.
+
+    At the end of an arc a dyad is in line, and the pose changes with the square root of the crank
+    angle's distance from it. Over part of a turn therefore
+
+        alpha = start + (end - start) sin^2(t/2),
+
+    of which the root is smooth in t. A whole turn has no ends: alpha = start + 2 t.
+    """
+
+    start: float
+    end: float
+
+    @property
+    def is_turn(self) -> bool:
+        """Return whether it is a whole turn, which ends where it starts."""
+        return self.end - self.start >= TURN
+
+    def alpha(self, t: float) -> float:
+        """Return the crank angle [rad]."""
+        if self.is_turn:
+            return self.start + 2.0 * t
+        width = self.end - self.start
+        # From the nearer end, so that both keep their digits.
+        if t <= pi / 2.0:
+            return self.start + width * sin(t / 2.0) ** 2
+        return self.end - width * sin((pi - t) / 2.0) ** 2
+
+    def alpha_1(self, t: float) -> float:
+        """Return dalpha/dt."""
+        return 2.0 if self.is_turn else (self.end - self.start) / 2.0 * sin(t)
+
+    def alpha_2(self, t: float) -> float:
+        """Return d2alpha/dt2."""
+        return 0.0 if self.is_turn else (self.end - self.start) / 2.0 * cos(t)
+
+    def samples(self, n: int) -> list[float]:
+        """Return n values of t: of a turn without its end, of another arc with both."""
+        steps = n if self.is_turn else n - 1
+        # The quotient first: so the last is pi and not the next float.
+        return [pi * (k / steps) for k in range(n)]
+
 
 # At the very end of an arc rounding decides whether a pose can be solved; how far before it the
 # foot is looked for then [rad].

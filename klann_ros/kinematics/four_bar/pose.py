@@ -74,11 +74,6 @@ class FourBarPose(LinkagePose):
         """Return the distance of Z from | L3 - L4 | and L3 + L4, where it is singular [m]."""
         return self.clearances[0]
 
-    def __repr__(self) -> str:
-        angles = ', '.join(f'theta{n}={a!r}' for n, a in enumerate(self.joints, 2))
-        rest = zip(self._fields[2:], self[2:], strict=True)
-        return f'FourBarPose({angles}, {", ".join(f"{name}={value!r}" for name, value in rest)})'
-
     def coupler_point(self, u: float, v: float) -> Vector:
         """
         Return a point that is fixed to the coupler.

@@ -12,8 +12,7 @@ from klann_ros.untrusted.files import read_plain
 from klann_ros.untrusted.text import did_you_mean, printable, printable_line
 from klann_ros.untrusted.yaml_text import LONGEST, parse, YamlError
 
-from .file_assembly import IN_DEGREES, reached, stated
-from .file_names import check_start, every_bar, misspelt
+from .file_checks import check_start, every_bar, IN_DEGREES, misspelt, reached, stated
 from .linkage import Linkage
 from .structure import Bar, Body, Brace, Structure
 

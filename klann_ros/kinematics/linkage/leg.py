@@ -16,6 +16,7 @@ from klann_ros.kinematics.tracking import (
     Settings,
     track,
 )
+from klann_ros.untrusted.text import listed
 import numpy as np
 
 from .branch import STEP
@@ -219,15 +220,26 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
         SingularPoseError
             The pose has no velocity.
         ValueError
-            The rate is not finite.
+            The rate is not finite, or the pose is one of another linkage.
 
         """
+        if pose.linkage is not self._linkage:
+            self._check_own(pose)
         if isnan(pose.coefficients[0]):
             raise SingularPoseError(pose.crank_angle)
         validation.rate('alpha_rate', alpha_rate)
         found = pose.linkage.step.velocity(pose.crank_angle, pose.x, pose.coefficients, alpha_rate)
         moving: Any = self.motion_class._make((*found, pose, None))
         return moving  # type: ignore[no-any-return]  # its own
+
+    def _check_own(self, pose: LinkagePose) -> None:
+        """Refuse a pose of another linkage; of an equal one it may be."""
+        if pose.linkage != self._linkage:
+            msg = (
+                f'the pose is one of another linkage, {pose.linkage.name!r} with '
+                f'{listed(pose.linkage.joint_names, 8)}: take one that this leg has solved'
+            )
+            raise ValueError(msg)
 
     def acceleration(self, pose: PoseT, alpha_rate: float, alpha_acceleration: float) -> MotionT:
         """

@@ -65,6 +65,10 @@ class LinkagePose(NamedTuple):
     sines: tuple[float, ...]
     linkage: 'Linkage'
 
+    def __repr__(self) -> str:
+        # `linkage`, `coefficients` and the rest are there to be asked for.
+        return f'{type(self).__name__}({_named(self.linkage, self.joints)}, h={_short(self.h)})'
+
     @property
     def crank_angle(self) -> float:
         """Return the crank's angle as given, whatever the linkage calls it [rad]."""
@@ -140,6 +144,10 @@ class LinkageMotion(NamedTuple):
     pose: LinkagePose
     velocity: 'LinkageMotion | None' = None
 
+    def __repr__(self) -> str:
+        named = _named(self.pose.linkage, self.joints)
+        return f'{type(self).__name__}({named}, h={_short(self.h)})'
+
     @property
     def vectors(self) -> NDArray[np.complex128]:
         """Return that of the bodies' vectors, shape (n,), complex: see `joints`."""
@@ -153,6 +161,16 @@ class LinkageMotion(NamedTuple):
     def points(self) -> Array:
         """Return that of every point, shape (p, 2) [m/s] or [m/s^2]; made at each use."""
         return self.pose.linkage.points_moved(self.vectors)
+
+
+def _named(linkage: 'Linkage', numbers: 'Sequence[float]') -> str:
+    """Return numbers with the joints' names, as far as one reads them."""
+    pairs = zip(linkage.joint_names, numbers, strict=True)
+    return ', '.join(f'{name}={number:.7g}' for name, number in pairs)
+
+
+def _short(vector: Vector) -> str:
+    return f'({vector[0]:.7g}, {vector[1]:.7g})'
 
 
 def closed_pose(linkage: 'Linkage', u: 'Sequence[complex]', alpha: float) -> LinkagePose:

@@ -18,8 +18,7 @@ from collections.abc import Iterable, Sequence
 from math import inf, prod
 from typing import TYPE_CHECKING
 
-from .elimination import elimination
-from .step_vectors import joined, Sum, Term, Vectors
+from .step_vectors import elimination, joined, Sum, Term, Vectors
 from .structure import Structure
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 import math
 
 from hypothesis import given, strategies as st
-from klann_ros.kinematics.foot.roots import MOST_CALLS, root
+from klann_ros.kinematics.foot.extremes import MOST_CALLS, root
 import pytest
 
 roots = st.floats(-10.0, 10.0)

@@ -1,0 +1,34 @@
+"""The examples in the docstrings do what they show."""
+
+import doctest
+import importlib
+import pkgutil
+
+import klann_ros.kinematics
+import pytest
+
+MODULES = [
+    module.name
+    for module in pkgutil.walk_packages(klann_ros.kinematics.__path__, 'klann_ros.kinematics.')
+    # It can be imported only where numba is.
+    if not module.name.endswith('numba_kernel')
+]
+
+
+@pytest.mark.parametrize('name', ['klann_ros.kinematics', *MODULES])
+def test_the_examples_are_true(name: str) -> None:
+    options = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+    result = doctest.testmod(importlib.import_module(name), optionflags=options)
+    assert result.failed == 0
+
+
+def test_there_are_examples_and_every_public_name_is_in_the_table() -> None:
+    text = klann_ros.kinematics.__doc__ or ''
+    assert text.count('>>>') >= 5
+    rest = {name for name in klann_ros.kinematics.__all__ if f'`{name}`' not in text}
+    assert rest == {
+        # Named by what they belong to.
+        *('AnyLeg', 'Leg', 'KlannMotion', 'FourBarMotion', 'LinkageMotion'),
+        *('ImmobileDirectionError', 'NoFootPathError', 'NoStanceError', 'NotAssembledError'),
+        *('PartialTurnError', 'SingularPoseError'),
+    }
