@@ -8,7 +8,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from klann_ros import __version__
-from klann_ros.untrusted.arguments import ArgumentParser
+from klann_ros.untrusted.arguments import ArgumentParser, path
 from klann_ros.untrusted.text import LONGEST_LINE, printable, printable_line
 
 from .errors import LogError, NotALogError
@@ -44,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     """
     arguments = _parser().parse_args(argv)
-    output = arguments.output or default_output(arguments.log)
+    output = arguments.output or default_output(Path(arguments.log))
     try:
         recovery = recover(arguments.log, output)
     except NotALogError as error:
@@ -70,7 +70,7 @@ def _parser() -> ArgumentParser:
         prog='recover', description='Make a readable run out of a damaged one.', epilog=_EPILOG
     )
     parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
-    parser.add_argument('log', metavar='LOG', type=Path, help=LOG_HELP)
+    parser.add_argument('log', metavar='LOG', type=path, help=LOG_HELP)
     parser.add_argument(
         '-o',
         '--output',

@@ -6,7 +6,7 @@ from itertools import islice, pairwise
 from typing import Any
 
 from klann_ros.log import yaml_text
-from klann_ros.untrusted.files import read_plain
+from klann_ros.untrusted.files import NotAPlainFileError, open_plain, read_plain
 from klann_ros.untrusted.text import printable
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -51,6 +51,25 @@ def complaints(node: Node, executable: str, arguments: Sequence[str]) -> list[st
         *islice(_without_effect(node, files), MOST_LINES + 1),
     ]
     return lines if len(lines) <= MOST_LINES else [*lines[:MOST_LINES], '... and more of the kind']
+
+
+def endless_file(arguments: Sequence[str]) -> str:
+    """
+    Return a line about the first parameter file that is none; '' if all may be one.
+
+    For a pipe that nobody writes ROS would wait without end, deaf to every signal.
+    """
+    for file in _behind(arguments, '--params-file'):
+        # What a shell has opened, as in `--params-file <(...)`, has somebody who writes it.
+        if file.startswith(('/dev/fd/', '/proc/self/fd/')):
+            continue
+        try:
+            open_plain(file).close()
+        except NotAPlainFileError as error:
+            return f'{printable(file)} cannot be read: {error.strerror}'
+        except (OSError, ValueError):
+            continue  # ROS says so
+    return ''
 
 
 def unknown_parameter(name: str, executable: str, known: Collection[str]) -> str:

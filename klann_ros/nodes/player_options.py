@@ -6,6 +6,7 @@ from math import inf, nan
 
 from klann_ros.log.playing.timeline import RATES
 from klann_ros.log.reading.run_files import LOG_HELP
+from klann_ros.untrusted.arguments import path
 
 from .process import arguments, command_line
 
@@ -38,7 +39,7 @@ def options_of(argv: Sequence[str]) -> argparse.Namespace:
 def _parser() -> argparse.ArgumentParser:
     parser = command_line('player_node', DESCRIPTION, EPILOG)
     add = parser.add_argument
-    add('log', metavar='LOG', help=LOG_HELP)
+    add('log', metavar='LOG', type=path, help=LOG_HELP)
     add('--rate', type=_within(*RATES), default=1.0, metavar='R', help='2 is twice as fast')
     add('--loop', action='store_true', help='play again and again')
     add('--start-offset', type=_not_negative, default=0.0, metavar='S', help='leave out S seconds')

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from .given_parameters import complaints
+from .given_parameters import complaints, endless_file
 from .lean_loop import LeanLoop
 from .parameters import look_at_sets, StartError
 from .spinning import spin_on
@@ -134,6 +134,9 @@ def run(
             finished.set_result(code)
 
     for_ros = split(argv)[1]
+    endless = endless_file(for_ros)
+    if endless:
+        return _refused(name, StartError(endless))
     try:
         # Signals are this process's own affair: see StopSignals.
         rclpy.init(args=for_ros, signal_handler_options=SignalHandlerOptions.NO)

@@ -10,7 +10,7 @@ from klann_ros import __version__
 from klann_ros.kinematics import AnyLeg
 from klann_ros.log.errors import LogError
 from klann_ros.log.reading.run_files import LOG_HELP
-from klann_ros.untrusted.arguments import ArgumentParser
+from klann_ros.untrusted.arguments import ArgumentParser, path
 from klann_ros.untrusted.text import printable_line
 
 from .comparing import compare
@@ -113,8 +113,10 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
-    parser.add_argument('log', metavar='LOG', help=LOG_HELP)
-    parser.add_argument('log2', metavar='LOG2', nargs='?', help='another run to compare it with')
+    parser.add_argument('log', metavar='LOG', type=path, help=LOG_HELP)
+    parser.add_argument(
+        'log2', metavar='LOG2', nargs='?', type=path, help='another run to compare it with'
+    )
     parser.add_argument('--json', metavar='FILE', help='the report for machines')
     parser.add_argument('--html', metavar='FILE', help='the page: the leg animated, and charts')
     parser.add_argument('--csv', metavar='FILE', help='a row a pose, for spreadsheets and pandas')

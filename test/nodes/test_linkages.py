@@ -41,6 +41,34 @@ def test_what_is_no_plain_file_ends_it_at_once(ros: World, tmp_path: Path, kind:
     assert solver.errors.count('\n') == 1
 
 
+@pytest.mark.parametrize('kind', ['a named pipe', 'a device', 'a folder'])
+def test_a_parameter_file_that_is_no_plain_file_ends_it_at_once(
+    ros: World, tmp_path: Path, kind: str
+) -> None:
+    file = tmp_path / 'x.yaml'
+    if kind == 'a named pipe':
+        os.mkfifo(file)
+    elif kind == 'a device':
+        file.symlink_to('/dev/zero')
+    else:
+        file.mkdir()
+    solver = ros.start('solver_node', '--ros-args', '--params-file', str(file))
+    assert solver.wait() == 1
+    reason = f'{file} cannot be read: it is {kind}, not a regular file'
+    assert solver.errors == f'solver_node: {reason}\n'
+
+
+def test_a_parameter_file_may_come_out_of_a_shells_pipe(ros: World) -> None:
+    read, write = os.pipe()
+    os.write(write, b'solver_node: {ros__parameters: {l_ab: -1.0}}')
+    os.close(write)
+    arguments = ('--ros-args', '--params-file', f'/dev/fd/{read}')
+    solver = ros.start_by([], 'solver_node', *arguments, pass_fds=[read])
+    os.close(read)
+    assert solver.wait() == 1
+    assert 'l_ab = -1 m is refused' in solver.errors
+
+
 @pytest.mark.parametrize('name', ['jansen', 'stephenson', 'quick_return'])
 def test_its_joints_and_its_foot_are_published(ros: World, name: str) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')

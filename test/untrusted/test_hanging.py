@@ -80,6 +80,14 @@ def test_a_log_that_is_none_is_one_line(tmp_path: Path, kind: str) -> None:
         assert complaint.count('\n') == 1
 
 
+@pytest.mark.parametrize('tool', ['review', 'recover', 'player_node'])
+def test_an_empty_path_is_not_the_folder_one_is_in(tool: str) -> None:
+    code, said, complaint = called(tool, '')
+    assert (code, said) == (2, '')
+    *_, line = complaint.splitlines()
+    assert line == f'{tool}: error: argument LOG: it is empty; is a variable not set?'
+
+
 @pytest.mark.parametrize('kind', ['pipe', 'sparse'])
 def test_a_second_log_that_is_none_is_one_line(run: Path, tmp_path: Path, kind: str) -> None:
     make(kind, tmp_path / 'log.mcap')
