@@ -50,8 +50,9 @@ def recover() -> int:
 
 def _node(name: str, *, uses_terminal: bool = False) -> int:
     stop = StopSignals(uses_terminal=uses_terminal)
+    room = name.removesuffix('_node')
     try:
-        module = import_module(f'klann_ros.nodes.{name}')
+        module = import_module(f'klann_ros.nodes.{room}.node')
     except ModuleNotFoundError as error:
         if (error.name or '').startswith('klann_ros'):
             raise

@@ -151,14 +151,12 @@ class _Elsewhere:
 
     def __init__(self) -> None:
         # They all use this module; and only whoever gave something wrong waits for them.
-        from . import (  # noqa: PLC0415
-            crank_node,
-            leg_declarations,
-            player_steering,
-            recorder_node,
-            solver,
-        )
+        from . import leg_declarations  # noqa: PLC0415
+        from .crank import node as crank_node  # noqa: PLC0415
         from .geometry_parameters import NAMES  # noqa: PLC0415
+        from .player import steering as player_steering  # noqa: PLC0415
+        from .recorder import node as recorder_node  # noqa: PLC0415
+        from .solver import solver  # noqa: PLC0415
 
         own = {
             'player_node': player_steering.declared(1.0, 0.0, 0.0),

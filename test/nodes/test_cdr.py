@@ -6,7 +6,7 @@ from typing import Any
 
 from geometry_msgs.msg import PointStamped, TwistStamped
 from hypothesis import example, given, strategies as st
-from klann_ros.nodes import cdr, cdr_templates
+from klann_ros.nodes.solver import cdr, cdr_templates
 import pytest
 from rclpy._rclpy_pybind11 import RMWError
 from rclpy.serialization import deserialize_message, serialize_message

@@ -3,7 +3,7 @@
 import math
 
 from hypothesis import given, strategies as st
-from klann_ros.nodes.crank_motion import CrankMotion, CrankMotionError, MODES
+from klann_ros.nodes.crank.motion import CrankMotion, CrankMotionError, MODES
 import pytest
 
 numbers = st.floats(-10.0, 10.0)

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from klann_ros.nodes.crank_motion import CrankMotion
+from klann_ros.nodes.crank.motion import CrankMotion
 import pytest
 from ros_world import World
 from sensor_msgs.msg import JointState

@@ -12,7 +12,7 @@ from typing import Any
 
 from bags import COUNT, write_bag
 from hypothesis import given, strategies
-from klann_ros.nodes.keyboard import KeyParser, LONGEST
+from klann_ros.nodes.player.keyboard import KeyParser, LONGEST
 import pytest
 from ros_world import PACKAGE, Process, World
 from std_msgs.msg import Float64
@@ -254,7 +254,7 @@ def test_the_terminal_is_as_it_was_after_the_log(terminal: Open) -> None:
 def test_the_terminal_is_as_it_was_after_any_end_of_python(job: Open, end: str) -> None:
     code = f"""
 import os, sys, threading
-from klann_ros.nodes.keyboard import Keyboard
+from klann_ros.nodes.player.keyboard import Keyboard
 keyboard, pressed = Keyboard(), threading.Event()
 keyboard.start(lambda key: pressed.set(), lambda: None)
 def close():

@@ -13,7 +13,7 @@ from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import Log, open_log
 from klann_ros.log.run_parameters import losses, solver_parameters, topic_counts
-from klann_ros.nodes.solver_node import SolverNode
+from klann_ros.nodes.solver.node import SolverNode
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import pytest

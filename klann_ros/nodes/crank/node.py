@@ -6,6 +6,10 @@ from functools import partial
 from math import inf, isfinite
 from typing import Any, TYPE_CHECKING
 
+from klann_ros.nodes import qos_overrides
+from klann_ros.nodes.parameters import declare, Declared, must, StartError, usage
+from klann_ros.nodes.process import arguments, command_line, Finish, run
+from klann_ros.nodes.qos import OUTPUT
 from klann_ros.stop_signals import StopSignals
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
@@ -13,11 +17,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from . import qos_overrides
-from .crank_motion import CrankMotion, CrankMotionError, MODES
-from .parameters import declare, Declared, must, StartError, usage
-from .process import arguments, command_line, Finish, run
-from .qos import OUTPUT
+from .motion import CrankMotion, CrankMotionError, MODES
 
 if TYPE_CHECKING:
     from rclpy.time import Time

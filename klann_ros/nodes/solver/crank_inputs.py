@@ -6,17 +6,17 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics import KinematicsError
 from klann_ros.log.loss import LossCounter
+from klann_ros.nodes import qos_overrides
+from klann_ros.nodes.lean_loop import LeanCallbackGroup
+from klann_ros.nodes.qos import INPUT
+from klann_ros.nodes.taking import Info
 from klann_ros.untrusted.text import printable
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from . import qos_overrides
 from .cdr import JointReader, read_float64
-from .lean_loop import LeanCallbackGroup
-from .qos import INPUT
-from .taking import Info
 
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription

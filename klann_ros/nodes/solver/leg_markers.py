@@ -6,6 +6,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
 from klann_ros.kinematics import foot_path, KinematicsError, LinkagePose
+from klann_ros.nodes import qos_overrides
 from klann_ros.plotting.drawn import Drawn
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
@@ -13,7 +14,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from . import qos_overrides
 from .solved_leg import SolvedLeg
 
 # At most so often [s], and only while somebody looks.

@@ -10,17 +10,17 @@ from klann_ros.log.errors import LogError
 from klann_ros.log.playing.playback import length, Playback, Selection
 from klann_ros.log.reader import Log, open_log
 from klann_ros.log.records import Topic
+from klann_ros.nodes.parameters import declare
+from klann_ros.nodes.process import Finish, ProcessNode, run
 from klann_ros.stop_signals import StopSignals
 from klann_ros.untrusted.text import listed, printable, printable_line
 from rclpy.clock import Clock, ClockType
 
 from .keyboard import Keyboard
 from .log_clock import LogClock, TOPIC as CLOCK
-from .parameters import declare
+from .options import options_of
 from .played_topics import PlayedTopics
-from .player_options import options_of
-from .player_steering import declared, KEYS_IN_WORDS, PlayerSteering
-from .process import Finish, ProcessNode, run
+from .steering import declared, KEYS_IN_WORDS, PlayerSteering
 
 # What is under way at the end is waited for at most so long [s].
 LAST_WORDS = 2.0

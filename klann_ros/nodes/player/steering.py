@@ -6,12 +6,11 @@ from functools import partial
 
 from klann_ros.log.playing.timeline import RATES
 from klann_ros.log.playing.transport import PlaybackError, Transport
+from klann_ros.nodes.parameters import Declared
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
-
-from .parameters import Declared
 
 KEYS_IN_WORDS = (
     'space pauses and resumes, right arrow plays the next message of a paused log, up and down '

@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray
+from klann_ros.nodes import qos_overrides
+from klann_ros.nodes.qos import OUTPUT
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from . import diagnostics, qos_overrides
+from . import diagnostics
 from .crank_inputs import CrankInputs
-from .qos import OUTPUT
 from .solved_leg import SolvedLeg
 
 

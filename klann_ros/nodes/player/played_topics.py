@@ -7,16 +7,15 @@ from klann_ros.log.errors import MalformedQosError
 from klann_ros.log.qos import latched_count, Qos, QosTexts
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.wording import verb
+from klann_ros.nodes.message_types import message_class, UnknownMessageTypeError
+from klann_ros.nodes.process import ros_error, ROS_ERRORS
+from klann_ros.nodes.qos import to_publish
+from klann_ros.nodes.topic_names import refusal
 from klann_ros.untrusted.text import printable, printable_line
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
-
-from .message_types import message_class, UnknownMessageTypeError
-from .process import ros_error, ROS_ERRORS
-from .qos import to_publish
-from .topic_names import refusal
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher

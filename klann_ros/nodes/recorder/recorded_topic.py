@@ -11,15 +11,14 @@ from klann_ros.log.records import Message, Topic
 from klann_ros.log.writing.heard_twice import HeardTwice
 from klann_ros.log.writing.ledger import Ledger
 from klann_ros.log.writing.pauses import Pauses
+from klann_ros.nodes.message_types import message_class
+from klann_ros.nodes.qos import recorded, to_receive
+from klann_ros.nodes.taking import Info, waiting
 from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
-
-from .message_types import message_class
-from .qos import recorded, to_receive
-from .taking import Info, waiting
 
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription

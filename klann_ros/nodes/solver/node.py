@@ -4,14 +4,14 @@ from collections.abc import Sequence
 from textwrap import fill
 from typing import Any
 
+from klann_ros.nodes import geometry_parameters
+from klann_ros.nodes.leg_declarations import drive, LEGS, place, SETTINGS
+from klann_ros.nodes.parameters import usage
+from klann_ros.nodes.process import arguments, command_line, Finish, run
+from klann_ros.nodes.qos_overrides import USAGE
 from klann_ros.stop_signals import StopSignals
 from rclpy.node import Node
 
-from . import geometry_parameters
-from .leg_declarations import drive, LEGS, place, SETTINGS
-from .parameters import usage
-from .process import arguments, command_line, Finish, run
-from .qos_overrides import USAGE
 from .solver import PARAMETERS, Solver
 
 
@@ -76,6 +76,6 @@ def _make(_: Finish) -> SolverNode:
 
 def _make_managed(_: Finish) -> Node:
     # It takes a tenth of a second to load, which others need not wait for.
-    from .managed_solver_node import ManagedSolverNode  # noqa: PLC0415
+    from .managed_node import ManagedSolverNode  # noqa: PLC0415
 
     return ManagedSolverNode()

@@ -11,7 +11,7 @@ from klann_ros.kinematics import (
     SingularPoseError,
 )
 
-from .solver_figures import SolverFigures
+from .figures import SolverFigures
 
 
 @dataclass(frozen=True)

@@ -8,18 +8,18 @@ from klann_ros.log.errors import LogError
 from klann_ros.log.records import Message
 from klann_ros.log.writing.ledger import Ledger
 from klann_ros.log.writing.pauses import Pauses
+from klann_ros.nodes.lean_loop import LeanCallbackGroup
+from klann_ros.nodes.message_types import UnknownMessageTypeError
+from klann_ros.nodes.process import ros_error, ROS_ERRORS
+from klann_ros.nodes.topic_names import refusal
 from klann_ros.untrusted.text import printable, printable_line
 from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from .graph_watch import GraphWatch, topics_and_types
-from .lean_loop import LeanCallbackGroup
-from .message_types import UnknownMessageTypeError
-from .process import ros_error, ROS_ERRORS
 from .recorded_topic import RecordedTopic
-from .recording_reports import RecordingReports
+from .reports import RecordingReports
 from .solver_watch import SolverWatch
-from .topic_names import refusal
 
 # Discovery tells of a publisher before it tells its node: so long is it looked at again [s].
 SETTLING = 1.0

@@ -5,14 +5,14 @@ from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray
 from klann_ros.log.writing.recording import RecordingState
+from klann_ros.nodes import qos_overrides
+from klann_ros.nodes.qos import OUTPUT
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
-from . import qos_overrides
-from .qos import OUTPUT
-from .recording_status import status
+from .status import status
 
 PERIOD = 1.0
 # What is under way at the end is waited for at most so long [s].

@@ -10,13 +10,13 @@ from klann_ros.kinematics import AnyLeg, GeometryError, KlannLeg, linkage_from_t
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.linkage.file import linkage_text, SHIPPED, shipped_linkages
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
+from klann_ros.nodes import geometry_parameters
+from klann_ros.nodes.leg_declarations import COMMON, drive, own
+from klann_ros.nodes.parameters import declare, declare_constant, refusal, StartError
 from klann_ros.untrusted.text import printable
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from . import geometry_parameters
-from .leg_declarations import COMMON, drive, own
-from .parameters import declare, declare_constant, refusal, StartError
 from .solved_leg import Mounting, SolvedLeg
 
 _NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')

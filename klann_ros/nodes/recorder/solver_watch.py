@@ -7,6 +7,9 @@ from time import monotonic, time_ns
 from typing import Any
 
 from klann_ros.log.run_parameters import SolverParameters
+from klann_ros.nodes import geometry_parameters
+from klann_ros.nodes.process import ros_error
+from klann_ros.nodes.topic_names import refusal
 from rcl_interfaces.msg import ParameterEvent, ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.client import Client
@@ -15,10 +18,6 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 from rclpy.task import Future
 from rclpy.topic_endpoint_info import TopicEndpointInfo
-
-from . import geometry_parameters
-from .process import ros_error
-from .topic_names import refusal
 
 _UNKNOWN = '_UNKNOWN_'
 # An answer is lost where a server has not discovered yet who asks. The time after which it is

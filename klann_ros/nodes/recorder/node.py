@@ -17,17 +17,17 @@ from klann_ros.log.writing.recording import Recording
 from klann_ros.log.writing.split_limits import SplitLimits
 from klann_ros.log.writing.unfinished import remove_old_reserves, unfinished_runs
 from klann_ros.log.writing.writer import RunWriter
+from klann_ros.nodes.parameters import declare, Declared, StartError, usage
+from klann_ros.nodes.process import arguments, command_line, Finish, ProcessNode, run
+from klann_ros.nodes.spinning import spin_on
 from klann_ros.stop_signals import StopSignals
 from klann_ros.untrusted.text import printable
 from rclpy.executors import SingleThreadedExecutor
 
-from .parameters import declare, Declared, StartError, usage
-from .process import arguments, command_line, Finish, ProcessNode, run
-from .recorder_services import offer, SERVICES
-from .recording_reports import RecordingReports
+from .reports import RecordingReports
 from .run_descriptions import describe_recorder, describe_solver
+from .services import offer, SERVICES
 from .solver_watch import SolverWatch
-from .spinning import spin_on
 from .topic_watch import TopicWatch
 
 TOPICS = (

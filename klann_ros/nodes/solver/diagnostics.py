@@ -6,7 +6,7 @@ from math import degrees, tau
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from klann_ros.log.wording import verb
 
-from .solver_figures import SolverFigures
+from .figures import SolverFigures
 
 # Inputs are stale when there was none for so long [s].
 STALE_AFTER = 2.0

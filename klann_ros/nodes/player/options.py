@@ -6,9 +6,8 @@ from math import inf, nan
 
 from klann_ros.log.playing.timeline import RATES
 from klann_ros.log.reading.run_files import LOG_HELP
+from klann_ros.nodes.process import arguments, command_line
 from klann_ros.untrusted.arguments import path
-
-from .process import arguments, command_line
 
 DESCRIPTION = """\
 Play a run back onto its topics: the recorded bytes, with the recorded quality of service.

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from math import pi
 
 from klann_ros.kinematics import CrankAngleError, GeometryError, KinematicsError
+from klann_ros.nodes.parameters import declare, Declared
 from klann_ros.untrusted.text import printable
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
@@ -14,8 +15,7 @@ from .crank_inputs import Crank, CrankInputs, Stamp
 from .leg_markers import LegMarkers
 from .leg_messages import LegMessages
 from .leg_parameters import LegParameters
-from .parameters import declare, Declared
-from .solver_reports import SolverReports
+from .reports import SolverReports
 
 PARAMETERS = (
     Declared('frame_id', 'leg_plane', 'frame of the published point: the plane of the leg'),

@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 from geometry_msgs.msg import PointStamped, TwistStamped
 from klann_ros.kinematics import LinkageMotion, LinkagePose
+from klann_ros.nodes import qos_overrides
+from klann_ros.nodes.qos import OUTPUT
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from . import qos_overrides
 from .cdr_templates import JointStateTemplate, PointTemplate, TwistTemplate
 from .crank_inputs import Stamp
-from .qos import OUTPUT
 from .solved_leg import SolvedLeg
 
 # Publishes bytes as they are.

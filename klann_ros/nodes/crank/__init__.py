@@ -1,0 +1,1 @@
+"""`crank_node`: what turns the crank."""

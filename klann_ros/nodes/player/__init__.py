@@ -1,0 +1,1 @@
+"""`player_node`: a run back onto its topics."""

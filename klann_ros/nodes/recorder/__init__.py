@@ -1,0 +1,1 @@
+"""`recorder_node`: leg topics in, a run out."""

@@ -1,0 +1,1 @@
+"""`solver_node`: crank angle in, poses of the legs out."""
