@@ -156,12 +156,12 @@ class Cited:
 
     @property
     def ours(self) -> Values:
-        """The same numbers of the shipped linkage."""
+        """Return the same numbers of the shipped linkage."""
         return self.find()
 
     @property
     def deviation(self) -> float:
-        """The largest difference of a number of ours from the cited one."""
+        """Return the largest difference of a number of ours from the cited one."""
         return max(abs(a - b) for a, b in zip(self.values, self.ours, strict=True))
 
 

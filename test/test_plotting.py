@@ -21,12 +21,11 @@ from klann_ros.kinematics import (
 )
 from klann_ros.plotting.artists import draw_angles, PoseArtists
 from klann_ros.plotting.drawn import Drawn
+import matplotlib
+from matplotlib.figure import Figure
+from matplotlib.patches import Arc
 import numpy as np
 import pytest
-
-matplotlib = pytest.importorskip('matplotlib')
-from matplotlib.figure import Figure  # noqa: E402 - after it is known to be there
-from matplotlib.patches import Arc  # noqa: E402 - as above
 
 matplotlib.use('Agg')
 ALPHA, GUESS = math.radians(60.0), np.radians([15.0, 60.0, 45.0, 60.0])

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from .artists import draw_angles, label_plane, PALE, PoseArtists, WIDTH
 from .given import axes_of, leg_of
 
-Array = NDArray[np.float64]
-
 if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
+Array = NDArray[np.float64]
 # How long a turn of an animation takes [ms], and its fewest frames.
 TURN_TIME, FEWEST_FRAMES = 4000, 2
 # The ends of arcs are this near to their samples [rad].

@@ -96,8 +96,8 @@ class _Clearances:
     def least(self, k: int, which: Indices) -> Array:
         """Return the least of any other dyad for some of the linkages, shape (n,) [m]."""
         step = max(1, POSES_HELD // SAMPLES)
-        parts = [which[first : first + step] for first in range(0, len(which), step)]
-        names = self._program.distances[k : k + 1]
+        parts = [which[slice(n, n + step)] for n in range(0, len(which), step)]
+        names = (self._program.distances[k],)
         kernel = NumpyKernel(self._program, names, SAMPLES * min(step, len(which)))
         return np.concatenate([np.empty(0), *(self._least(k, kernel, part) for part in parts)])
 
@@ -131,7 +131,7 @@ class _SlidingClearances:
     def least(self, k: int, which: Indices) -> Array:
         """Return the least of a dyad for some of the linkages, shape (n,) [m]."""
         step = max(1, POSES_HELD // SAMPLES)
-        parts = [which[first : first + step] for first in range(0, len(which), step)]
+        parts = [which[slice(n, n + step)] for n in range(0, len(which), step)]
         return np.concatenate([np.empty(0), *(self._least(k, part) for part in parts)])
 
     def _least(self, k: int, part: Indices) -> Array:

@@ -65,7 +65,7 @@ class Vectors:
                 for v, _ in own:
                     lines += self._slid(body, v)
                 continue
-            if body in self._structure.frames[body + 1 :] + self._structure.frames[:body]:
+            if any(frame == body for j, frame in enumerate(self._structure.frames) if j != body):
                 lines += [f'C{body} = cos(p{body})', f'S{body} = sin(p{body})']
             if len(own) == 1 and self._is_straight(own[0][1]):
                 v = own[0][0]

@@ -439,7 +439,7 @@ def _check_body(body: Body) -> None:
         text = f'the line {line.start}-{line.end} of body {body.angle}'
         _must(line.brace is None, f'{text} has a brace: it needs a direction')
         _must(line.start != line.end, f'{text} has only one point')
-    for bar in body.bars[body.slides :]:
+    for bar in body.bars[1:] if body.slides else body.bars:
         text = f'bar {bar.start}-{bar.end} of body {body.angle}'
         known = f'it has {", ".join(have)}{did_you_mean(bar.start, have)}'
         missing = f'{text} starts from a point that the body does not have yet: {known}'
