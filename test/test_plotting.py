@@ -21,13 +21,13 @@ from klann_ros.kinematics import (
 )
 from klann_ros.plotting.artists import draw_angles, PoseArtists
 from klann_ros.plotting.drawn import Drawn
-import matplotlib
+import matplotlib as mpl
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 import numpy as np
 import pytest
 
-matplotlib.use('Agg')
+mpl.use('Agg')
 ALPHA, GUESS = math.radians(60.0), np.radians([15.0, 60.0, 45.0, 60.0])
 BODIES = {
     'crank': 'AB',
@@ -40,7 +40,7 @@ BODIES = {
 TRIPLE_ROCKER = FourBar(0.180, 0.120, 0.130, 0.140)
 
 
-def new_axes() -> 'matplotlib.axes.Axes':
+def new_axes() -> 'mpl.axes.Axes':
     return Figure().add_subplot()
 
 
