@@ -1,19 +1,30 @@
 """
-The complete text of a message type's definition, from the .msg files that are installed.
+Message types: the grammar of their names, who is installed, and the text of their definitions.
 
-The format is MCAP's ``ros2msg``: the type's own .msg file, then for each type it is made of, depth
-first and each once, a line of 80 ``=``, a line ``MSG: pkg/Type`` and that type's file.
+A name, by a log or a publisher, is taken apart and looked up in ament's index before anything is
+done with it: it becomes a path here and a module elsewhere, and to import a module is to run it.
+
+The format of a definition is MCAP's ``ros2msg``: the type's own .msg file, then for each type it
+is made of, depth first and each once, a line of 80 ``=``, a line ``MSG: pkg/Type`` and that type's
+file.
 """
 
-from collections.abc import Iterable, Iterator
+from __future__ import annotations
+
 import os
 from pathlib import Path
 import re
+import sys
+from typing import TYPE_CHECKING
 
 from klann_ros.untrusted.files import is_plain, open_plain
 
-from .errors import AnyPath, UnknownTypeError
-from .type_names import default_prefixes, split_type
+from .errors import UnknownTypeError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from .errors import AnyPath
 
 SEPARATOR = '=' * 80
 
@@ -24,6 +35,14 @@ _PRIMITIVES = {
     'uint32', 'int64', 'uint64', 'string', 'wstring',
 }  # fmt: skip
 _FIELD = re.compile(r'\s*([A-Za-z][\w/]*)', re.ASCII)
+
+INDEX = Path('share', 'ament_index', 'resource_index', 'rosidl_interfaces')
+"""Where a prefix has a file for each package of interfaces that is installed under it."""
+
+# As rosidl has it for packages, letters of both cases: .idl files may have names that .msg files
+# may not.
+_WORD = '[A-Za-z][A-Za-z0-9]*(?:_[A-Za-z0-9]+)*'
+_NAME = re.compile(f'({_WORD})/(msg/)?({_WORD})')
 
 
 def definition(type_name: str, prefixes: Iterable[AnyPath] | None = None) -> str:
@@ -103,3 +122,42 @@ def _field_types(text: str) -> Iterator[str]:
 
 def _line_end(text: str) -> str:
     return text if not text or text.endswith('\n') else f'{text}\n'
+
+
+def split_type(name: str, *, short: bool = False) -> tuple[str, str] | None:
+    """
+    Return the package and the message of a type such as ``std_msgs/msg/Float64``.
+
+    Parameters
+    ----------
+    name
+        The name, by anybody.
+    short
+        Whether ``std_msgs/Float64``, as definitions write it, is taken as well.
+
+    Returns
+    -------
+    tuple of str, or None
+        None for whatever is not written like a message type.
+
+    """
+    match = _NAME.fullmatch(name)
+    if match is None or not (short or match[2]):
+        return None
+    return match[1], match[3]
+
+
+def is_installed(package: str, prefixes: Iterable[AnyPath] | None = None) -> bool:
+    """
+    Return whether a package is one of interfaces, by ament's index under these prefixes.
+
+    Where AMENT_PREFIX_PATH is not set, as beside pip's wheels, ament's own library knows none.
+    """
+    places = default_prefixes() if prefixes is None else prefixes
+    return any(is_plain(Path(place) / INDEX / package) for place in places)
+
+
+def default_prefixes() -> list[Path]:
+    """Return the prefixes of a sourced ROS, then the one of this Python."""
+    sourced = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    return [Path(prefix) for prefix in [*sourced, sys.prefix] if prefix]

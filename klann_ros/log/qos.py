@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+from klann_ros.untrusted import yaml_text
 from klann_ros.untrusted.text import printable
 
-from . import yaml_text
 from .errors import MalformedQosError
 
 INFINITE = 2**63 - 1

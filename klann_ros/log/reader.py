@@ -7,24 +7,21 @@ damaged is left out and told by :attr:`Log.problem`. An OSError comes of the dis
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .errors import NotALogError
-from .reading.opening import open_storage
-from .reading.repeats import attachment_key, metadata_key, Repeats
-from .reading.run_files import run_files
+from .reading.opening import open_files
 from .reading.sources import in_time_order, latest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
     from types import TracebackType
 
     from typing_extensions import Self
 
     from .errors import AnyPath
     from .reading.block import Block
-    from .reading.run_files import RunFiles
     from .reading.storage import Storage
     from .records import Attachment, Message
 
@@ -215,33 +212,23 @@ def open_log(path: AnyPath) -> Log:
     return Log(Path(path), files, found.missing + found.remarks)
 
 
-def open_files(path: AnyPath) -> tuple[list[Storage], RunFiles]:
-    """
-    Return those files of a log that are logs, and what is wrong with the others.
+class Repeats:
+    """Tells what was met in an earlier file of a run already; within one file nothing is one."""
 
-    Raises
-    ------
-    NotALogError
-        There is nothing at the path, or none of its files is one.
+    def __init__(self) -> None:
+        self._met: dict[Hashable, Path] = {}
 
-    """
-    found = run_files(path)
-    tried = [_try(file_path, found.packed.get(file_path)) for file_path in found.paths]
-    files = [file for file in tried if not isinstance(file, NotALogError)]
-    failures = [failure for failure in tried if isinstance(failure, NotALogError)]
-    if not files:
-        raise failures[0]
-    found.missing += [str(failure) for failure in failures]
-    return files, found
+    def is_one(self, path: Path, key: Hashable) -> bool:
+        """Return whether an earlier file than this one has the same."""
+        return self._met.setdefault(key, path) != path
 
 
-def _try(path: Path, packed: Path | None) -> Storage | NotALogError:
-    """Open a file; if it is not all that is in it as it was packed, that one."""
-    try:
-        storage = open_storage(path)
-    except NotALogError as error:
-        return error if packed is None else _try(packed, None)
-    if packed is None or not storage.problems:
-        return storage
-    other = _try(packed, None)
-    return storage if isinstance(other, NotALogError) or other.problems else other
+def metadata_key(name: str, content: Mapping[str, str]) -> Hashable:
+    """Return what makes two metadata records the same."""
+    return name, tuple(sorted(content.items()))
+
+
+def attachment_key(attachment: Attachment) -> Hashable:
+    """Return what makes two attachments the same: all but when they were attached."""
+    digest = hashlib.sha256(attachment.data).digest()
+    return attachment.name, attachment.media_type, digest

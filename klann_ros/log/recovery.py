@@ -1,7 +1,7 @@
 """
 Make a readable run out of a damaged one.
 
-The files are walked record by record (:mod:`klann_ros.log.reading.walk`); every message,
+The files are walked record by record (:mod:`klann_ros.log.reading.mcap.walk`); every message,
 attachment and metadata record that is intact goes into a new run as it was: times, sequence
 numbers, schemas and channel metadata. The files of a split run become one. The input is opened for
 reading only.
@@ -24,8 +24,8 @@ from klann_ros.untrusted.text import printable
 from .bag_metadata import RECORD_NAME
 from .errors import MalformedQosError, NotALogError, UnwritableError
 from .qos import QosTexts
-from .reader import open_files
-from .reading.repeats import attachment_key, metadata_key, Repeats
+from .reader import attachment_key, metadata_key, Repeats
+from .reading.opening import open_files
 from .writing.writer import RunWriter
 
 if TYPE_CHECKING:

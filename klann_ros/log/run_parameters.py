@@ -59,8 +59,7 @@ def solver_parameters(record: Mapping[str, str]) -> SolverParameters:
         parameters = dict(json.loads(record['parameters']))
         return SolverParameters(record['node'], int(record['time']), parameters)
     except _GARBLED:
-        msg = f'not a record of a solver: {printable(dict(record))}'
-        raise ValueError(msg) from None
+        raise ValueError(f'not a record of a solver: {printable(dict(record))}') from None
 
 
 @dataclass(frozen=True)
@@ -143,8 +142,7 @@ def pause_of(record: Mapping[str, str]) -> Pause:
         left_out = {name: int(n) for name, n in json.loads(record['left_out']).items()}
         return Pause(int(record['from']), int(record['to']), left_out)
     except _GARBLED:
-        msg = f'not a record of a pause: {printable(dict(record))}'
-        raise ValueError(msg) from None
+        raise ValueError(f'not a record of a pause: {printable(dict(record))}') from None
 
 
 def loss_record(counts: Mapping[str, TopicCount]) -> dict[str, str]:
@@ -182,8 +180,7 @@ def topic_counts(record: Mapping[str, str]) -> dict[str, TopicCount]:
     try:
         return {name: _topic_count(json.loads(text)) for name, text in record.items()}
     except _GARBLED:
-        msg = f'not a record of losses: {printable(dict(record))}'
-        raise ValueError(msg) from None
+        raise ValueError(f'not a record of losses: {printable(dict(record))}') from None
 
 
 def losses(record: Mapping[str, str]) -> dict[str, int | None]:

@@ -5,7 +5,7 @@ from difflib import get_close_matches
 from itertools import islice, pairwise
 from typing import Any
 
-from klann_ros.log import yaml_text
+from klann_ros.untrusted import yaml_text
 from klann_ros.untrusted.files import NotAPlainFileError, open_plain, read_plain
 from klann_ros.untrusted.text import printable
 from rclpy.node import Node

@@ -9,7 +9,7 @@ that name comes first on Python's own path, such as in a folder of PYTHONPATH, i
 from importlib import import_module
 from typing import Any
 
-from klann_ros.log.type_names import is_installed, split_type
+from klann_ros.log.definitions import is_installed, split_type
 from klann_ros.untrusted.text import printable
 from rclpy.type_support import check_is_valid_msg_type
 

@@ -1,4 +1,9 @@
-"""YAML as users mean it: no anchors, no key twice, 1e-3 a number, one line for a mistake."""
+"""
+YAML in and out: whatever a text is, it is read at a cost like its length, or refused in one line.
+
+There are two kinds. :func:`parse` reads what users write for this package, as they mean it: no
+anchors, no key twice, 1e-3 a number. :func:`load` reads what other tools write, as they mean it.
+"""
 
 from collections.abc import Callable, Hashable
 from math import isfinite
@@ -7,21 +12,33 @@ from typing import Any
 
 import yaml
 
-# No file that is meant is deeper, or longer.
+from .text import printable_line
+
+# No file of a user that is meant is deeper, or longer.
 DEEPEST = 20
 LONGEST = 1_000_000
-# Values with a tag of their own, such as !!int, raise whatever comes of them.
+
+MAX_SIZE = 4 * 1024 * 1024
+"""A longer text of a tool is refused [bytes]; metadata of a thousand topics have half of that."""
+
+# What all nodes may weigh, each as often as it is referred to: a node takes about 1 KB.
+_MAX_WEIGHT = 100_000
+_CHARACTERS_A_NODE = 100
+
+# What PyYAML's safe loader raises beside its own errors: on `!!int x`, `!!timestamp x`,
+# `!!bool x`, `!!set 1` and on a thousand opening brackets.
 _LOADER_ERRORS = (
     yaml.YAMLError,
     ArithmeticError,
     AttributeError,
     LookupError,
+    RecursionError,
     TypeError,
     ValueError,
 )
 
 
-class PlainLoader(yaml.SafeLoader):
+class _PlainLoader(yaml.SafeLoader):
     """
     A SafeLoader to which a number to the base of 60 is a text, as to YAML 1.2 and everybody else.
 
@@ -29,16 +46,16 @@ class PlainLoader(yaml.SafeLoader):
     """
 
 
-def _plain(construct: Callable[[PlainLoader, yaml.ScalarNode], Any]) -> Callable[..., Any]:
-    def number(loader: PlainLoader, node: yaml.ScalarNode) -> Any:
+def _plain(construct: Callable[[_PlainLoader, yaml.ScalarNode], Any]) -> Callable[..., Any]:
+    def number(loader: _PlainLoader, node: yaml.ScalarNode) -> Any:
         value = loader.construct_scalar(node)
         return value if ':' in str(value) else construct(loader, node)
 
     return number
 
 
-PlainLoader.add_constructor('tag:yaml.org,2002:int', _plain(yaml.SafeLoader.construct_yaml_int))
-PlainLoader.add_constructor(
+_PlainLoader.add_constructor('tag:yaml.org,2002:int', _plain(yaml.SafeLoader.construct_yaml_int))
+_PlainLoader.add_constructor(
     'tag:yaml.org,2002:float', _plain(yaml.SafeLoader.construct_yaml_float)
 )
 
@@ -59,24 +76,21 @@ def parse(text: str) -> Any:
 
     """
     if len(text) > LONGEST:
-        msg = f'it has {len(text)} characters, more than {LONGEST}'
-        raise YamlError(msg)
+        raise YamlError(f'it has {len(text)} characters, more than {LONGEST}')
     try:
-        content = yaml.load(text, Loader=_Loader)  # noqa: S506 - it is a SafeLoader
+        content = yaml.load(text, Loader=_UserLoader)  # noqa: S506 - it is a SafeLoader
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = f'line {mark.line + 1}, column {mark.column + 1}: ' if mark else ''
-        msg = f'{place}{error.problem or error.context}'
-        raise YamlError(msg) from error
+        raise YamlError(f'{place}{error.problem or error.context}') from error
     except _LOADER_ERRORS as error:
         reason = ' '.join(str(error).split())[:200]
-        msg = f'it holds a value that cannot be read: {reason}'
-        raise YamlError(msg) from error
+        raise YamlError(f'it holds a value that cannot be read: {reason}') from error
     _check_finite(content, '')
     return content
 
 
-class _Loader(PlainLoader):
+class _UserLoader(_PlainLoader):
     """A loader that takes no aliases, which may grow beyond all measure, and no key twice."""
 
     def __init__(self, text: str) -> None:
@@ -108,7 +122,7 @@ class _Loader(PlainLoader):
 
 
 # YAML 1.1 wants a dot and a sign in 1.0e-3; nobody else does.
-_Loader.add_implicit_resolver(
+_UserLoader.add_implicit_resolver(
     'tag:yaml.org,2002:float',
     re.compile(r'^[-+]?\d+(?:\.\d*)?[eE][-+]?\d+$'),
     list('-+0123456789'),
@@ -123,5 +137,58 @@ def _check_finite(content: Any, place: str) -> None:
         for i, value in enumerate(content):
             _check_finite(value, f'{place}[{i}]')
     elif isinstance(content, float) and not isfinite(content):
-        msg = f'{place.lstrip(".")}: {content} must be a finite number'
-        raise YamlError(msg)
+        raise YamlError(f'{place.lstrip(".")}: {content} must be a finite number')
+
+
+def load(text: str) -> Any:
+    """
+    Return the data of a YAML text.
+
+    Raises
+    ------
+    ValueError
+        The text is not YAML, or unfolds to too much; the message is one line.
+
+    """
+    if len(text) > MAX_SIZE:
+        raise ValueError(f'it is longer than {MAX_SIZE} bytes')
+    try:
+        return yaml.load(text, _WeighingLoader)  # noqa: S506 - derived from the safe one
+    except _LOADER_ERRORS as error:
+        raise ValueError(f'not YAML: {printable_line(error)}') from None
+
+
+def dump(data: object) -> str:
+    """Return data as YAML in block style, keys in their own order, without a final newline."""
+    text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=10**6)
+    return text.rstrip('\n')
+
+
+class _WeighingLoader(_PlainLoader):
+    """
+    The plain loader, for texts that may unfold without end.
+
+    An anchor that is referred to twice, in an anchor that is referred to twice, and so on, is some
+    lines of text and gigabytes of data, when they are merged or told in a message.
+    """
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._weight = 0
+        self._weights: dict[yaml.Node, int] = {}
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """Compose a node, unless all that was met so far is too much."""
+        before = self._weight
+        node = super().compose_node(parent, index)
+        if node is None:
+            return None
+        if node in self._weights:
+            self._weight += self._weights[node]
+        else:
+            size = len(node.value) if isinstance(node, yaml.ScalarNode) else 0
+            self._weight += 1 + size // _CHARACTERS_A_NODE
+            self._weights[node] = self._weight - before
+        if self._weight > _MAX_WEIGHT:
+            raise yaml.YAMLError(f'it unfolds to more than {_MAX_WEIGHT} entries')
+        return node

@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 from klann_ros.log.definitions import definition
-from klann_ros.log.reading.chunks import MIN_LIMIT
+from klann_ros.log.reading.mcap.chunks import MIN_LIMIT
 from mcap_bytes import records as mcap
 from mcap_bytes.hostile import file_of_chunks, HEADER, named_often, overlapping, packed_chunk
 import pytest

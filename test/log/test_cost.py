@@ -7,7 +7,7 @@ import sys
 from klann_ros.log.errors import LogError
 from klann_ros.log.qos import LONGEST, MOST_DIFFERENT, MOST_TEXTS, Qos, qos_to_yaml
 from klann_ros.log.reader import open_log
-from klann_ros.log.reading import chunks, patience
+from klann_ros.log.reading.mcap import chunks, content
 from klann_ros.log.records import Topic
 from klann_ros.log.recovery import recover
 from mcap_bytes import records as mcap
@@ -86,7 +86,7 @@ def test_zeros_in_a_chunk_are_no_records(read, tmp_path):
 
 @pytest.mark.parametrize('shape', INSIDE)
 def test_many_chunks_of_no_use_cost_hardly_more_than_some(read, shape, monkeypatch):
-    monkeypatch.setattr(patience, '_ONCE', 2**22)
+    monkeypatch.setattr(content, '_ONCE', 2**22)
     some, _ = read(file_of_chunks(shape, 2**20, 5))
     many, _ = read(file_of_chunks(shape, 2**20, 50))
     size = len(file_of_chunks(shape, 2**20, 45))
@@ -95,7 +95,7 @@ def test_many_chunks_of_no_use_cost_hardly_more_than_some(read, shape, monkeypat
 
 def test_what_is_unpacked_in_vain_is_limited(read, monkeypatch):
     """Each unpacks to 10 MB that have another CRC: all of it is needed to know that."""
-    monkeypatch.setattr(patience, '_ONCE', 2**25)
+    monkeypatch.setattr(content, '_ONCE', 2**25)
     unpacked = []
     unpack = chunks._UNPACK['zstd']
 
@@ -108,11 +108,11 @@ def test_what_is_unpacked_in_vain_is_limited(read, monkeypatch):
     chunk = packed_chunk(EMPTY * (10 * 2**20 // len(EMPTY)), crc=1)
     read(HEADER + chunk * 30)
     passes = 2
-    assert sum(unpacked) <= passes * (2**25 + 2 * 10 * 2**20 + patience.FREE * 31 * len(chunk))
+    assert sum(unpacked) <= passes * (2**25 + 2 * 10 * 2**20 + content.FREE * 31 * len(chunk))
 
 
 def test_what_stands_behind_so_much_that_is_of_no_use_is_read_all_the_same(read, monkeypatch):
-    monkeypatch.setattr(patience, '_ONCE', 2**20)
+    monkeypatch.setattr(content, '_ONCE', 2**20)
     _, found = read(
         file_of_chunks('private records', 2**20, 3) + packed_chunk(CHANNEL + EMPTY * 100)
     )
@@ -120,7 +120,7 @@ def test_what_stands_behind_so_much_that_is_of_no_use_is_read_all_the_same(read,
 
 
 def test_a_limit_that_was_met_is_told(read, tmp_path, monkeypatch):
-    monkeypatch.setattr(patience, '_ONCE', 2**20)
+    monkeypatch.setattr(content, '_ONCE', 2**20)
     read(file_of_chunks('private records', 2**20, 3))
     with open_log(tmp_path / 'x.mcap') as log:
         assert any('more records in it that are no messages' in text for text in log.problems)
@@ -129,7 +129,7 @@ def test_a_limit_that_was_met_is_told(read, tmp_path, monkeypatch):
 
 def test_private_records_around_messages_are_no_waste(read, monkeypatch):
     """A recorder may put some of its own beside each message; a sound file has no limit."""
-    monkeypatch.setattr(patience, '_ONCE', 2**20)
+    monkeypatch.setattr(content, '_ONCE', 2**20)
     chunk = packed_chunk(CHANNEL + (EMPTY + mcap.record(0x80, b'mine') * 5) * 2000)
     _, found = read(HEADER + chunk * 20)
     assert found == 40_000

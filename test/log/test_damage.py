@@ -7,7 +7,7 @@ import tracemalloc
 
 from klann_ros.log.errors import LogError, NotALogError
 from klann_ros.log.reader import open_log
-from klann_ros.log.reading.chunks import MIN_LIMIT
+from klann_ros.log.reading.mcap.chunks import MIN_LIMIT
 from mcap.writer import MCAP0_MAGIC
 import pytest
 import zstandard

@@ -4,9 +4,8 @@ import os
 from pathlib import Path
 import sys
 
-from klann_ros.log.definitions import definition
+from klann_ros.log.definitions import default_prefixes, definition
 from klann_ros.log.errors import UnknownTypeError
-from klann_ros.log.type_names import default_prefixes
 import pytest
 from rosbags.typesys import get_types_from_msg
 

@@ -7,8 +7,7 @@ from disk_scripts import can_mount, run_script, UNSHARE
 from klann_ros.log.errors import LowSpaceError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import LOSS_RECORD, topic_counts
-from klann_ros.log.writing.disk_reserve import DiskReserve, SIZE
-from klann_ros.log.writing.free_space import check_free_space, free_space
+from klann_ros.log.writing.disk_space import check_free_space, DiskReserve, free_space, SIZE
 from klann_ros.log.writing.writer import RunWriter
 import pytest
 from rosbags.highlevel import AnyReader

@@ -6,13 +6,13 @@ from typing import Any
 
 from hypothesis import given, strategies as st
 from klann_ros.log.loss import LossCounter
-from klann_ros.log.loss_report import losses_in_words
 from klann_ros.log.run_parameters import (
     loss_record,
     solver_parameters,
     topic_counts,
     TopicCount,
 )
+from klann_ros.log.writing.recording import losses_in_words
 import pytest
 
 KNOWN, NOTHING = 'as far as can be counted', 'nothing is known'

@@ -3,7 +3,7 @@
 from hypothesis import given, strategies as st
 from klann_ros.log.run_parameters import Pause, pause_of, pause_record
 from klann_ros.log.writing.ledger import Ledger
-from klann_ros.log.writing.pauses import Pauses
+from klann_ros.log.writing.recording import Pauses
 import pytest
 
 TIMES = st.integers(0, 100)

@@ -162,7 +162,7 @@ def test_what_rosbag2_says_of_a_bag_is_in_its_metadata(tmp_path, sent):
 
 
 def test_nothing_that_was_unpacked_is_left(sent, tmp_path, monkeypatch):
-    monkeypatch.setattr('klann_ros.log.reading.unpacking.temporary._folder', lambda _: tmp_path)
+    monkeypatch.setattr('klann_ros.log.reading.temporary._folder', lambda _: tmp_path)
     bag = write_bag(tmp_path / 'bag', sent, StoragePlugin.MCAP, CompressionMode.FILE)
     with open_log(bag) as log:
         assert len(list(tmp_path.iterdir())) == 2

@@ -8,8 +8,7 @@ from time import sleep, time_ns
 
 from klann_ros.log import writing
 from klann_ros.log.reader import open_log
-from klann_ros.log.writing.background_writer import BackgroundWriter
-from klann_ros.log.writing.split_limits import SplitLimits
+from klann_ros.log.writing.background_writer import BackgroundWriter, SplitLimits
 from klann_ros.log.writing.writer import RunWriter
 import pytest
 from rosbags.highlevel import AnyReader
@@ -81,13 +80,11 @@ def test_a_file_without_a_message_is_not_split(tmp_path, batches):
 
 
 def test_limits_are_of_size_and_time():
-    class File:
-        file_size, file_duration = 1000, 2.0
-
-    assert not SplitLimits().are_reached(File)
-    assert SplitLimits(size=1000).are_reached(File)
-    assert not SplitLimits(size=1001, duration=2.1).are_reached(File)
-    assert SplitLimits(size=1001, duration=2.0).are_reached(File)
+    file = 1000, 2.0
+    assert not SplitLimits().are_reached(*file)
+    assert SplitLimits(size=1000).are_reached(*file)
+    assert not SplitLimits(size=1001, duration=2.1).are_reached(*file)
+    assert SplitLimits(size=1001, duration=2.0).are_reached(*file)
 
 
 def test_the_files_of_a_split_run_follow_each_other_in_time(tmp_path, runs):

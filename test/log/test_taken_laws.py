@@ -9,7 +9,7 @@ from hypothesis.stateful import precondition, rule, RuleBasedStateMachine
 from klann_ros.log.errors import RunHarmedError
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.writing.faults import Faults
+from klann_ros.log.writing.file_watch import Faults
 from klann_ros.log.writing.writer import RunWriter
 import pytest
 from taken_away import HARMS, information

@@ -8,7 +8,7 @@ import sys
 from db3_files import make_db3
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
-from klann_ros.log.reading.unpacking import temporary, whole_file
+from klann_ros.log.reading import temporary, zstd_file
 from klann_ros.log.recover_command import main as recover
 import pytest
 from rosbag2_bags import told, write_bag
@@ -89,7 +89,7 @@ def test_a_packed_file_of_something_else_is_refused(content, file):
 
 
 def test_a_file_unpacks_to_no_more_than_its_size_allows(file, monkeypatch):
-    monkeypatch.setattr(whole_file, 'MIN_LIMIT', 8 * MB)
+    monkeypatch.setattr(zstd_file, 'MIN_LIMIT', 8 * MB)
     packed = pack(file, file.read_bytes() + bytes(400 * MB))
     with pytest.raises(NotALogError, match='unpack it by `zstd -d` first') as caught:
         open_log(packed)

@@ -13,7 +13,7 @@ import sys
 
 from klann_ros.log.errors import RunHarmedError
 from klann_ros.log.reader import open_log
-from klann_ros.log.writing.faults import Faults
+from klann_ros.log.writing.file_watch import Faults
 from klann_ros.log.writing.writer import RunWriter
 
 

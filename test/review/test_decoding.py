@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 from klann_ros.log.definitions import definition
 from klann_ros.log.reader import open_log
 from klann_ros.log.reading import block as blocks
-from klann_ros.log.reading.content import content_of
+from klann_ros.log.reading.mcap.content import content_of
 from klann_ros.log.records import Topic
 from klann_ros.review.loading.layouts import CRANK_ANGLE, FOOT, JOINT_STATE
 from klann_ros.review.loading.pieces import _FIELDS, TopicReader

@@ -11,7 +11,7 @@ import sys
 
 import klann_ros
 from klann_ros.kinematics import KlannLeg
-from klann_ros.log.reading.container import MAGIC
+from klann_ros.log.reading.mcap.container import MAGIC
 from leg_runs import LegRun
 import pytest
 

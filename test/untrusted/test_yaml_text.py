@@ -3,11 +3,10 @@
 from contextlib import suppress
 
 from hypothesis import given, strategies as st
-from klann_ros.log import yaml_text as of_logs
-from klann_ros.untrusted import yaml_text as of_users
+from klann_ros.untrusted import yaml_text
 import pytest
 
-LOADERS = pytest.mark.parametrize('load', [of_logs.load, of_users.parse], ids=['log', 'user'])
+LOADERS = pytest.mark.parametrize('load', [yaml_text.load, yaml_text.parse], ids=['log', 'user'])
 
 
 @LOADERS

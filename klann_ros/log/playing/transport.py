@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from klann_ros.log.errors import LogError
 
-from .lateness import Lateness
-from .timeline import Timeline
+from .timeline import Lateness, Timeline
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -1,1 +1,1 @@
-"""Reading MCAP files of any recorder and in any state: bytes, records, chunks, files."""
+"""Reading logs however they are stored: a storage for each kind of file, `mcap/` and `sqlite/`."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from klann_ros.log.records import Topic
     from numpy.typing import NDArray
 
-    from .content import Content
+    from .mcap.content import Content
 
 HEAD = np.dtype(
     [

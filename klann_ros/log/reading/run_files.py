@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+import json
 from pathlib import Path
 import re
+import shlex
 from typing import Any, TYPE_CHECKING
 
-from klann_ros.log import yaml_text
 from klann_ros.log.bag_metadata import FILE_NAME, ROOT_KEY
 from klann_ros.log.errors import NotALogError
+from klann_ros.untrusted import yaml_text
 from klann_ros.untrusted.files import is_plain, open_plain, read_plain
 from klann_ros.untrusted.text import printable
 
-from .rosbag2_convert import convert_command
-from .unpacking.whole_file import SUFFIXES as PACKED
+from .zstd_file import SUFFIXES as PACKED
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -31,6 +32,8 @@ _MAX_NAME = 1000
 _PLUGINS = ('mcap', 'sqlite3', '')
 _MODES = ('file', 'message', 'none')
 _FORMATS = ('zstd', '')
+# It is there to be copied, and names the folder twice.
+_LONGEST = 2000
 
 
 @dataclass
@@ -187,7 +190,7 @@ def _check_storage(
     )
     if plugin not in _PLUGINS and not readable:
         raise NotALogError(
-            folder, f"rosbag2 stored it by '{printable(plugin)}'; {convert_command(folder)}"
+            folder, f"rosbag2 stored it by '{printable(plugin)}'; {_convert_command(folder)}"
         )
     if (mode.lower() or 'none') not in _MODES:
         shown = f"'{printable(mode)}'"
@@ -195,7 +198,7 @@ def _check_storage(
     elif mode.lower() == 'message' and form not in _FORMATS:
         raise NotALogError(
             folder,
-            f"rosbag2 compressed its messages by '{printable(form)}'; {convert_command(folder)}",
+            f"rosbag2 compressed its messages by '{printable(form)}'; {_convert_command(folder)}",
         )
 
 
@@ -244,3 +247,12 @@ def _metadata(path: Path, remarks: list[str]) -> dict[str, Any]:
 def _natural(path: Path) -> list[tuple[int, str]]:
     parts = re.findall(r'\d+|\D+', path.name)
     return [(int(part), '') if part.isdecimal() else (-1, part) for part in parts]
+
+
+def _convert_command(folder: Path) -> str:
+    """Return the command line, as a half sentence (rosbag2's README, "Converting bags")."""
+    output = json.dumps(f'{folder}_mcap')
+    options = f'output_bags: [{{uri: {output}, storage_id: mcap, all: true}}]'
+    words = f'echo {shlex.quote(options)} > to.yaml && ros2 bag convert -i '
+    command = f'{words}{shlex.quote(str(folder))} -o to.yaml'
+    return f'`{printable(command, _LONGEST)}` makes a run of it'

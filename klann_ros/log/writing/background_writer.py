@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from threading import Event, Lock, Thread
 from time import monotonic, sleep, time_ns
 
@@ -9,7 +10,6 @@ from klann_ros.log.errors import LogError, MalformedQosError, RunHarmedError, Un
 from klann_ros.log.records import Message
 
 from .ledger import Ledger
-from .split_limits import SplitLimits
 from .writer import RunWriter
 
 # A thread that waits for a slow disk may fall behind by so much [bytes].
@@ -22,6 +22,28 @@ GATHER = 0.05
 SETTLE = 0.1
 
 Entry = Callable[[RunWriter], None]
+
+
+@dataclass(frozen=True)
+class SplitLimits:
+    """
+    A file is finished as soon as it has reached a limit; 0 is none.
+
+    Parameters
+    ----------
+    size
+        Of the file [bytes].
+    duration
+        Between its first and its last message [s].
+
+    """
+
+    size: int = 0
+    duration: float = 0.0
+
+    def are_reached(self, size: int, duration: float) -> bool:
+        """Return whether a file is as large [bytes] or as long [s] as it may be."""
+        return 0 < self.size <= size or 0.0 < self.duration <= duration
 
 
 class BackgroundWriter:
@@ -61,7 +83,7 @@ class BackgroundWriter:
         *,
         flush_period: float,
         on_failure: Callable[[], object],
-        limits: SplitLimits = SplitLimits(),  # noqa: B008 - frozen
+        limits: SplitLimits = SplitLimits(),
         min_free_space: int = 0,
         capacity: int = CAPACITY,
     ) -> None:
@@ -168,7 +190,8 @@ class BackgroundWriter:
                 self._writer.flush()
                 self._check_space()
                 due = monotonic() + self._flush_period
-            if self._split_wanted or self._limits.are_reached(self._writer):
+            file = self._writer.file_size, self._writer.file_duration
+            if self._split_wanted or self._limits.are_reached(*file):
                 self._split()
         self._write_queued()
 

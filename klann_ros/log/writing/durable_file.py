@@ -1,19 +1,32 @@
 """Files that survive: what was synced is on the disk, and a full disk leaves no half record."""
 
+from __future__ import annotations
+
+from collections import deque
 from contextlib import suppress
 import fcntl
 import os
-from typing import BinaryIO
+from typing import BinaryIO, TYPE_CHECKING
 
-from .disk_reserve import DiskReserve
+from mcap.opcode import Opcode
+
 from .file_watch import FileWatch
-from .open_folder import OpenFolder
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from klann_ros.log.bag_metadata import FileSummary
+
+    from .disk_space import DiskReserve
+    from .open_folder import OpenFolder
 
 # Where there is no fdatasync (macOS) its slower brother does the same and more.
 _sync = getattr(os, 'fdatasync', os.fsync)
 
 # What is not handed over yet when the disk is full has to find room in the reserve.
 _BUFFER = 64 * 1024
+
+_CHUNK = bytes([Opcode.CHUNK])
 
 
 class DurableFile:
@@ -146,3 +159,40 @@ def is_being_written(file: BinaryIO) -> bool:
         return False
     fcntl.flock(file.fileno(), fcntl.LOCK_UN)
     return False
+
+
+class NotedFile:
+    """
+    What the MCAP library writes to: a file that notes what is in it whenever a chunk is written.
+
+    Parameters
+    ----------
+    file
+        The file.
+    taken
+        Returns which messages were given to the library so far. All of them are in chunks when a
+        chunk is written.
+
+    """
+
+    def __init__(self, file: DurableFile, taken: Callable[[], FileSummary]) -> None:
+        self.tell, self.flush = file.tell, file.flush
+        self._file, self._taken = file, taken
+        # Where each chunk ends [bytes], and what the file holds up to there.
+        self._chunks = deque([(0, taken())])
+
+    def write(self, data: bytes) -> int:
+        """Take what the library writes: a chunk's record always comes by itself."""
+        if data[:1] == _CHUNK:
+            # Noted before, for to write it may hand it over.
+            self._forget()
+            self._chunks.append((self.tell() + len(data), self._taken()))
+        return self._file.write(data)
+
+    def kept(self) -> FileSummary:
+        """Return what is known to be in the file, after a failure."""
+        return [summary for end, summary in self._chunks if end <= self._file.held][-1]
+
+    def _forget(self) -> None:
+        while len(self._chunks) > 1 and self._chunks[1][0] <= self._file.synced:
+            self._chunks.popleft()

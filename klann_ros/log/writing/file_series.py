@@ -10,12 +10,12 @@ from klann_ros.log.errors import RunExistsError, RunLostError
 from klann_ros.log.wording import counted, verb
 
 from .file_watch import Harm
-from .written_files import FinishedFile, WrittenFiles
+from .ledger import FinishedFile, WrittenFiles
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from .faults import Faults
+    from .file_watch import Faults
     from .mcap_file import McapFile
     from .run_folder import RunFolder
 

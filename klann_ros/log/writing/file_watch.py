@@ -1,4 +1,4 @@
-"""What others do to a file while it is written, and by what it is known again later."""
+"""What others do to a run while it is written, and by what a file is known again later."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ import os
 import stat
 from typing import TYPE_CHECKING
 
+from klann_ros.untrusted.text import printable
+
 from .open_folder import whereabouts
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from .open_folder import OpenFolder
@@ -24,6 +27,9 @@ TAIL = 32
 _NOT_THERE = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.ESTALE)
 # What network disks call a file that was removed while it is open; it goes when it is closed.
 _REMOVED = ('.nfs', '.fuse_hidden')
+
+# A line with the paths of a folder and two files in it.
+_LONGEST = 2000
 
 
 class Harm(Enum):
@@ -190,3 +196,53 @@ def _is_in(descriptor: int, mark: Mark) -> bool:
     except OSError:
         return True  # it cannot be read now, which is another fault
     return found == mark.tail
+
+
+def _nobody(_: str) -> None:
+    """Tell nobody."""
+
+
+class Faults:
+    """
+    What is wrong with a run that is being written, though the disk says nothing.
+
+    Written by the thread that writes the run; any other may ask what lasts.
+
+    Parameters
+    ----------
+    error, warning : callable
+        Are called with a line for each fault, and for what harms nothing but should be known.
+
+    """
+
+    def __init__(
+        self,
+        error: Callable[[str], object] = _nobody,
+        warning: Callable[[str], object] = _nobody,
+    ) -> None:
+        self._error, self._warning = error, warning
+        self._lasting: dict[str, str] = {}
+
+    @property
+    def lasting(self) -> tuple[str, ...]:
+        """Return what is wrong now, a line each; of many files that are gone, the last one."""
+        return tuple(self._lasting.values())
+
+    def note(self, about: str, text: str, now: str = '') -> None:
+        """Note what is wrong about something; the same is told once, with what is done now."""
+        line = printable(text, _LONGEST)
+        if self._lasting.get(about) != line:
+            self._lasting[about] = line
+            self._error(f'{line}; {now}' if now else line)
+
+    def mend(self, about: str) -> None:
+        """Forget what was wrong about something."""
+        self._lasting.pop(about, None)
+
+    def has(self, about: str) -> bool:
+        """Return whether something is wrong about it."""
+        return about in self._lasting
+
+    def mention(self, text: str) -> None:
+        """Tell what harms nothing."""
+        self._warning(printable(text, _LONGEST))

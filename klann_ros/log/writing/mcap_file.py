@@ -15,15 +15,14 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, IndexType, Writer
 
-from .durable_file import DurableFile
-from .noted_file import NotedFile
+from .durable_file import DurableFile, NotedFile
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from klann_ros.log.records import Attachment, Message, Topic
 
-    from .disk_reserve import DiskReserve
+    from .disk_space import DiskReserve
     from .file_watch import FileWatch
     from .open_folder import OpenFolder
 

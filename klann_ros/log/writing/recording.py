@@ -1,24 +1,29 @@
 """A recording as a whole: its run, its pauses, and what became of every message."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from klann_ros.log.loss_report import losses_in_words
 from klann_ros.log.run_parameters import (
     HARM_RECORD,
     harm_record,
     LOSS_RECORD,
     loss_record,
+    Pause,
     PAUSE_RECORD,
     pause_record,
     TopicCount,
 )
 from klann_ros.log.wording import counted, verb
-from klann_ros.untrusted.text import printable
+from klann_ros.untrusted.text import listed, printable
 
 from .background_writer import BackgroundWriter
-from .pauses import Pauses
+from .ledger import Account, Ledger
 from .writer import RunWriter
+
+_WHY = 'several published there at once, or their messages have no numbers'
+# So many topics are named.
+_MOST = 3
 
 
 @dataclass(frozen=True)
@@ -60,6 +65,61 @@ class RecordingState:
     def lost(self) -> int:
         """Return how many messages were lost, of those topics where that can be told."""
         return sum(count.lost or 0 for count in self.counts.values())
+
+
+class Pauses:
+    """
+    Tells the messages that a pause leaves out, by when they were received.
+
+    They are taken later than they were received, so a pause that is over still counts. Times are
+    in [ns since the epoch].
+
+    Parameters
+    ----------
+    ledger : Ledger
+        Where what is left out is counted.
+
+    Attributes
+    ----------
+    paused : bool
+        Whether nothing is recorded now.
+
+    """
+
+    def __init__(self, ledger: Ledger) -> None:
+        self.paused = False
+        self._ledger = ledger
+        self._begin = self._end = 0
+        self._before: Counter[str] = Counter()
+
+    def begin(self, now: int) -> None:
+        """Begin a pause."""
+        self.paused = True
+        self._begin = now
+        self._before = self._ledger.left_out()
+
+    def end(self, now: int) -> None:
+        """End it."""
+        self.paused = False
+        self._end = now
+
+    def leaves_out(self, account: Account, received: int) -> bool:
+        """Return whether a message belongs to the last pause, and count it if so."""
+        if received < self._begin or not (self.paused or received < self._end):
+            return False
+        account.left_out += 1
+        return True
+
+    def last(self) -> Pause:
+        """
+        Return the last pause, when all that was received in it was taken.
+
+        Nothing more belongs to it then, not even when the clock is set back into it.
+        """
+        left_out = self._ledger.left_out() - self._before
+        pause = Pause(self._begin, self._end, dict(left_out))
+        self._begin = self._end = 0
+        return pause
 
 
 class Recording:
@@ -133,3 +193,24 @@ class Recording:
         if self._writer.is_unfinished:
             said = f'{said}; `recover {path}` finishes the run'
         return False, f'the recording stopped early: {failure}; {said}'
+
+
+def losses_in_words(counts: Mapping[str, TopicCount]) -> str:
+    """Return how many messages were lost, and of what nobody can tell."""
+    lost = sum(count.lost or 0 for count in counts.values())
+    early = sum(count.early for count in counts.values())
+    unknown = [name for name, count in counts.items() if count.unheard is None]
+    left = [name for name, count in counts.items() if count.left and count.unheard is not None]
+    limited = ', as far as can be counted' if unknown or left else ''
+    parts = [f'{lost} {verb(lost, "was", "were")} lost{limited}']
+    if early:
+        were = verb(early, 'was', 'were')
+        parts.append(f'{early} {were} sent before the recorder heard their publishers')
+    if left:
+        number = sum(counts[name].left for name in left)
+        publishers = counted(number, 'publisher')
+        last = f'of what {verb(number, "it", "they")} sent last nothing is known'
+        parts.append(f'{publishers} left ({listed(left, _MOST)}), and {last}')
+    if unknown:
+        parts.append(f'of {listed(unknown, _MOST)} nobody can tell: {_WHY}')
+    return '; '.join(parts)

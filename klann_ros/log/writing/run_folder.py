@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from klann_ros.log.bag_metadata import bag_metadata, FILE_NAME, metadata_yaml
 from klann_ros.log.errors import DiskFullError, LowSpaceError, RunExistsError
 
-from .disk_reserve import DiskReserve, SIZE
+from .disk_space import DiskReserve, SIZE
 from .open_folder import OpenFolder
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from klann_ros.log.bag_metadata import FileSummary
     from klann_ros.log.errors import LogError
 
-    from .faults import Faults
+    from .file_watch import Faults
 
 # What a fault is about, beside metadata.yaml.
 _PLACE = 'place'

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from enum import Enum
 from pathlib import Path
 
-from klann_ros.log.reading.container import find_footer, MAGIC
+from klann_ros.log.reading.mcap.container import find_footer, MAGIC
 from klann_ros.untrusted.files import open_plain
 
-from .disk_reserve import remove_old_reserve
+from .disk_space import remove_old_reserve
 from .durable_file import is_being_written
 
 

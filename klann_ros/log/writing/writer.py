@@ -10,8 +10,8 @@ from klann_ros import __version__
 from klann_ros.log.errors import AnyPath, RunClosedError, RunHarmedError, UnwritableError
 from klann_ros.log.records import Attachment, Message
 
-from .faults import Faults
 from .file_series import FileSeries
+from .file_watch import Faults
 from .mcap_file import COMPRESSIONS, McapFile
 from .run_folder import RunFolder
 

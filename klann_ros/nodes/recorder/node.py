@@ -8,13 +8,11 @@ from time import monotonic, time_ns
 from typing import Any
 
 from klann_ros.log.errors import LogError
-from klann_ros.log.writing.background_writer import BackgroundWriter
-from klann_ros.log.writing.faults import Faults
-from klann_ros.log.writing.free_space import check_free_space
+from klann_ros.log.writing.background_writer import BackgroundWriter, SplitLimits
+from klann_ros.log.writing.disk_space import check_free_space
+from klann_ros.log.writing.file_watch import Faults
 from klann_ros.log.writing.mcap_file import COMPRESSIONS
-from klann_ros.log.writing.pauses import Pauses
-from klann_ros.log.writing.recording import Recording
-from klann_ros.log.writing.split_limits import SplitLimits
+from klann_ros.log.writing.recording import Pauses, Recording
 from klann_ros.log.writing.unfinished import remove_old_reserves, unfinished_runs
 from klann_ros.log.writing.writer import RunWriter
 from klann_ros.nodes.parameters import declare, Declared, StartError, usage

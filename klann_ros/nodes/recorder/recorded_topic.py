@@ -8,9 +8,8 @@ from typing import Any, TYPE_CHECKING
 from klann_ros.log.definitions import definition
 from klann_ros.log.qos import qos_to_yaml
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.writing.heard_twice import HeardTwice
 from klann_ros.log.writing.ledger import Ledger
-from klann_ros.log.writing.pauses import Pauses
+from klann_ros.log.writing.recording import Pauses
 from klann_ros.nodes.message_types import message_class
 from klann_ros.nodes.qos import recorded, to_receive
 from klann_ros.nodes.taking import Info, waiting
@@ -25,6 +24,8 @@ if TYPE_CHECKING:
 
 # A latched publisher sends at most so many of those again that were heard from it already.
 HEARD = 2000
+# Two subscriptions to a publisher hear a message at most so many messages apart.
+MEMORY = 16_384
 
 
 class RecordedTopic:
@@ -85,7 +86,7 @@ class RecordedTopic:
         self._left: dict[tuple[Any, Any], int] = {}
         self._count = 0
         self._heard: deque[tuple[int, int]] = deque(maxlen=HEARD)
-        self._heard_twice: HeardTwice | None = None
+        self._repeats: _Repeats | None = None
         self.adapt(publishers)
 
     def adapt(self, publishers: Iterable[TopicEndpointInfo]) -> list[str]:
@@ -121,8 +122,8 @@ class RecordedTopic:
         kind = (profile.reliability, profile.durability)
         if kind in self._subscriptions:
             return
-        if self._subscriptions and self._heard_twice is None:
-            self._heard_twice = HeardTwice(self._heard)
+        if self._subscriptions and self._repeats is None:
+            self._repeats = _Repeats(self._heard)
         self._publishers[kind] = 0
         latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
         self._account.loss.latched = self._account.loss.latched or latched
@@ -155,11 +156,11 @@ class RecordedTopic:
             return
         account, sequence = self._account, info['publication_sequence_number']
         publish_time, log_time = info['source_timestamp'], info['received_timestamp']
-        if self._heard_twice is None:
+        if self._repeats is None:
             if account.loss.count(sequence, self._count):
                 self._changed(self.name)
             self._heard.append((publish_time, sequence or 0))
-        elif self._heard_twice.is_repeat(publish_time, sequence or 0):
+        elif self._repeats.has(publish_time, sequence or 0):
             return
         else:
             # The order in which two subscriptions hear something tells nothing.
@@ -167,3 +168,30 @@ class RecordedTopic:
         account.received += 1
         if not self._pauses.leaves_out(account, log_time):
             self._put(Message(self._topic, data, log_time, publish_time, sequence or 0))
+
+
+class _Repeats:
+    """
+    Tells a message that another subscription heard before, by its source's time and number.
+
+    Parameters
+    ----------
+    before
+        The last ones that came so far.
+
+    """
+
+    def __init__(self, before: Iterable[tuple[int, int]]) -> None:
+        self._order = deque(before)
+        self._known = set(self._order)
+
+    def has(self, source_time: int, sequence: int) -> bool:
+        """Return whether a message came before, and remember it."""
+        identity = (source_time, sequence)
+        if identity in self._known:
+            return True
+        self._known.add(identity)
+        self._order.append(identity)
+        if len(self._order) > MEMORY:
+            self._known.discard(self._order.popleft())
+        return False

@@ -7,7 +7,7 @@ from time import monotonic
 from klann_ros.log.errors import LogError
 from klann_ros.log.records import Message
 from klann_ros.log.writing.ledger import Ledger
-from klann_ros.log.writing.pauses import Pauses
+from klann_ros.log.writing.recording import Pauses
 from klann_ros.nodes.lean_loop import LeanCallbackGroup
 from klann_ros.nodes.message_types import UnknownMessageTypeError
 from klann_ros.nodes.process import ros_error, ROS_ERRORS

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import struct
 from typing import NamedTuple
 
-from klann_ros.log.cdr_cursor import CdrCursor, HEADER_SIZE, ORDERS
+from klann_ros.untrusted.cdr import CdrCursor, HEADER_SIZE, ORDERS
 from klann_ros.untrusted.text import printable
 
 # What is said of a message that has not the joint.

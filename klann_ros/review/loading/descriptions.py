@@ -6,10 +6,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from klann_ros.kinematics import GeometryError, KlannGeometry, KlannLeg
-from klann_ros.log.cdr_cursor import CdrCursor
 from klann_ros.log.reading.block import Block
 from klann_ros.log.records import Topic
 from klann_ros.review.recording import Series
+from klann_ros.untrusted.cdr import CdrCursor
 from klann_ros.untrusted.text import printable
 import numpy as np
 

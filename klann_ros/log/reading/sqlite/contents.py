@@ -13,16 +13,15 @@ from klann_ros.untrusted.files import open_plain
 from klann_ros.untrusted.text import listed, printable
 
 from .database import columns, connect, table_names
-from .journals import left_beside, settled
+from .journals import left_beside, settled, uncommitted
 from .paged_rows import PagedRows
 from .rows import RowsBehind, RowsError, SqlRows
 from .topics import Described, described
-from .uncommitted import uncommitted
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from klann_ros.log.reading.unpacking.temporary import TemporaryFile
+    from klann_ros.log.reading.temporary import TemporaryFile
 
     from .rows import Rows
 

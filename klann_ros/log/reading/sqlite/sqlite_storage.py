@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from klann_ros.log.bag_metadata import RECORD_KEY, RECORD_NAME
 from klann_ros.log.reading.block import block_of_messages, HEAD
-from klann_ros.log.reading.overview import Overview, Problems
 from klann_ros.log.reading.sources import Source
+from klann_ros.log.reading.storage import Overview, Problems
 from klann_ros.log.records import Message
 from klann_ros.log.wording import counted, verb
 from klann_ros.untrusted.text import printable
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from klann_ros.log.reading.block import Block
     from klann_ros.log.reading.sources import Topics
-    from klann_ros.log.reading.unpacking.temporary import TemporaryFile
+    from klann_ros.log.reading.temporary import TemporaryFile
     from klann_ros.log.records import Attachment
 
     from .rows import Piece, Row

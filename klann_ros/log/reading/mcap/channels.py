@@ -17,7 +17,6 @@ from .parsing import parse, parse_schema
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-
 _MAX_SIZE = 32 * 1024 * 1024
 # What an entry takes beside its content.
 _ENTRY = 256

@@ -6,24 +6,23 @@ from typing import TYPE_CHECKING
 
 from klann_ros.log.wording import counted, verb
 
-from .file_blocks import blocks_of
-from .file_messages import messages_in, sources_of
+from .file_messages import blocks_of, messages_in, sources_of
 from .log_file import LogFile
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from klann_ros.log.reading.block import Block
+    from klann_ros.log.reading.sources import Source
+    from klann_ros.log.reading.storage import Overview
     from klann_ros.log.records import Attachment, Message
 
-    from .block import Block
-    from .container import Span
-    from .overview import Overview
-    from .sources import Source
+    from .layout import Span
     from .walk import Walk
 
 
 class McapStorage(LogFile):
-    """An MCAP file (:class:`~klann_ros.log.reading.log_file.LogFile`), and its messages."""
+    """An MCAP file (:class:`~klann_ros.log.reading.mcap.log_file.LogFile`), and its messages."""
 
     def sources(self, overview: Overview) -> Iterator[Source]:
         """Yield what can be read by itself: each chunk in the index, or all messages as one."""

@@ -3,8 +3,8 @@ One pass over the data of a file in the order in which they stand there, whateve
 
 This is how a file without an index is read, and how a damaged one is recovered: damage is stepped
 over, up to the next record that is sound, and all that is left out is listed. Which records are
-believed is decided in :mod:`klann_ros.log.reading.belief`, and where it goes on behind damage in
-:mod:`klann_ros.log.reading.resync`.
+believed is decided in :mod:`klann_ros.log.reading.mcap.belief`, and where it goes on behind damage
+in :mod:`klann_ros.log.reading.mcap.resync`.
 """
 
 from __future__ import annotations
@@ -18,15 +18,12 @@ from mcap.records import Metadata
 from .belief import Belief
 from .chunks import chunk_content
 from .container import MAGIC, name_of, read, span_at
-from .content import message_content
-from .cut_off import is_made_anew
-from .damage import Loss, Losses
+from .content import message_content, Patience, Stretches
+from .damage import is_made_anew, Loss, Losses
 from .evidence import Evidence
 from .layout import fields_end, is_known
 from .parsing import parse
-from .patience import Patience
 from .resync import Search
-from .stretch import Stretches
 from .summary import Summary
 
 if TYPE_CHECKING:
@@ -34,8 +31,8 @@ if TYPE_CHECKING:
     from typing import BinaryIO
 
     from .channels import Channels
-    from .container import Span
     from .content import Content
+    from .layout import Span
 
 _INDEX_HEAD, _INDEX_ENTRY = 6, 16
 _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
@@ -148,8 +145,7 @@ class Walk:
         until = self._summary.first_from(span.start) or self._size
         stretch = self._stretches.at(span.offset, min(until, self._size))
         if stretch is not None:
-            self._next = stretch.end
-            content = stretch.content
+            content, self._next = stretch
         elif span.opcode == Opcode.MESSAGE:
             content = self._read(span)
         else:

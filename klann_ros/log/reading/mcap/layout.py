@@ -8,6 +8,8 @@ own, best of all exactly, is what tells it from bytes of chance.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+import struct
 from typing import TYPE_CHECKING
 
 from mcap.opcode import Opcode
@@ -16,7 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import BinaryIO
 
-    from .container import Span
+
+RECORD_HEAD = struct.Struct('<BQ')
+"""What every record begins with: opcode, and length of the content."""
 
 # Numbers of 1 (B), 2 (H), 4 (I) and 8 (Q) bytes; what has its length before it, in 4 bytes (s: a
 # text, a map, a list) or in 8 (L).
@@ -45,6 +49,25 @@ _LEAST = {
     opcode: sum((_SIZES | _PREFIXES)[field] for field in layout)
     for opcode, layout in _LAYOUTS.items()
 }
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Where a record stands: opcode, offset of the record, length of its content [bytes]."""
+
+    opcode: int
+    offset: int
+    length: int
+
+    @property
+    def start(self) -> int:
+        """Return where the content starts."""
+        return self.offset + RECORD_HEAD.size
+
+    @property
+    def end(self) -> int:
+        """Return where the next record starts."""
+        return self.offset + RECORD_HEAD.size + self.length
 
 
 def least(opcode: int) -> int:

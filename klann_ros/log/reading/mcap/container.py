@@ -16,7 +16,7 @@ from klann_ros.untrusted.files import is_hollow
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
-from .layout import fields_end, is_known
+from .layout import fields_end, is_known, RECORD_HEAD, Span
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,32 +25,12 @@ if TYPE_CHECKING:
 MAGIC = MCAP0_MAGIC
 """The first and the last 8 bytes of a file."""
 
-_HEAD = struct.Struct('<BQ')
 _FOOTER = struct.Struct('<BQQQI')
 _PIECE = 1024 * 1024
 
 # Only these are read though they be longer than that.
 _LARGE = {Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.MESSAGE}
 _MAX_SMALL = 64 * 1024 * 1024
-
-
-@dataclass(frozen=True, slots=True)
-class Span:
-    """Where a record stands: opcode, offset of the record, length of its content [bytes]."""
-
-    opcode: int
-    offset: int
-    length: int
-
-    @property
-    def start(self) -> int:
-        """Return where the content starts."""
-        return self.offset + _HEAD.size
-
-    @property
-    def end(self) -> int:
-        """Return where the next record starts."""
-        return self.offset + _HEAD.size + self.length
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,13 +77,13 @@ def span_at(file: BinaryIO, offset: int, end: int) -> Span:
         # An index may say anything, also what no file can be asked for.
         raise DamagedError('it would be behind the end of the file', offset)
     file.seek(offset)
-    head = file.read(_HEAD.size)
-    left = end - offset - _HEAD.size
+    head = file.read(RECORD_HEAD.size)
+    left = end - offset - RECORD_HEAD.size
     if not any(head[:1]):
         raise DamagedError('what stands there is no record', offset)
-    if left < 0 or len(head) < _HEAD.size:
+    if left < 0 or len(head) < RECORD_HEAD.size:
         raise DamagedError('a record is cut off within its first 9 bytes', offset, head[0])
-    opcode, length = _HEAD.unpack(head)
+    opcode, length = RECORD_HEAD.unpack(head)
     if length > left:
         reason = f'the {name_of(opcode)} should be {length} bytes long, {left} are left'
         raise DamagedError(reason, offset, opcode)
@@ -151,7 +131,7 @@ def find_footer(file: BinaryIO, size: int) -> Footer | None:
     if len(tail) < _FOOTER.size + len(MAGIC) or not tail.endswith(MAGIC):
         return None
     opcode, length, summary_start, _, crc = _FOOTER.unpack_from(tail)
-    if opcode != Opcode.FOOTER or length != _FOOTER.size - _HEAD.size:
+    if opcode != Opcode.FOOTER or length != _FOOTER.size - RECORD_HEAD.size:
         return None
     return Footer(offset, summary_start, crc)
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from enum import IntEnum
 from functools import partial
-import struct
 from typing import TYPE_CHECKING
 
 from klann_ros.log.errors import DamagedError
@@ -20,17 +19,16 @@ from mcap.records import Channel, Metadata
 
 from .chunks import chunk_content
 from .container import read, span_at
-from .layout import fields_end, is_known
+from .layout import fields_end, is_known, RECORD_HEAD
 from .parsing import crc_of_attachment, parse, parse_attachment, parse_schema
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import BinaryIO
 
-    from .container import Span
-    from .patience import Patience
+    from .content import Patience
+    from .layout import Span
 
-_HEAD = struct.Struct('<BQ')
 _PIECE = 1024 * 1024
 _INDEX_HEAD, _INDEX_ENTRY = 6, 16
 # No record of a kind that is known is longer.
@@ -44,7 +42,7 @@ _PARSERS: dict[int, Callable[[bytes], object]] = {
 }
 
 
-class Content(IntEnum):
+class Inside(IntEnum):
     """How much the content of a record says for it."""
 
     NONE = 0
@@ -81,12 +79,12 @@ class Evidence:
         self.size = size
         self._patience = patience
         self._left = 4 * size
-        self._last: tuple[Span, Content] | None = None
+        self._last: tuple[Span, Inside] | None = None
 
-    def content(self, span: Span) -> Content:
+    def inside(self, span: Span) -> Inside:
         """Return what the content of a record says for it."""
         if self._last is None or self._last[0] != span:
-            self._last = span, self._content(span)
+            self._last = span, self._inside(span)
         return self._last[1]
 
     def behind(self, offset: int) -> Behind:
@@ -117,21 +115,21 @@ class Evidence:
             offset = next_data(self.file, offset + _PIECE)
         return True
 
-    def _content(self, span: Span) -> Content:
+    def _inside(self, span: Span) -> Inside:
         end = fields_end(self.file, span)
         if end is None or not is_known(span.opcode):
-            return Content.NONE
+            return Inside.NONE
         if span.opcode == Opcode.MESSAGE:
-            return Content.FITTING
+            return Inside.FITTING
         self._left -= end - span.start
         try:
             if self._left <= 0:
-                return Content.NONE
+                return Inside.NONE
             if self._is_proven(span.opcode, read(self.file, span)):
-                return Content.PROVEN
+                return Inside.PROVEN
         except DamagedError:
-            return Content.NONE
-        return Content.EXACT if end == span.end else Content.FITTING
+            return Inside.NONE
+        return Inside.EXACT if end == span.end else Inside.FITTING
 
     def _is_proven(self, opcode: int, content: bytes) -> bool:
         """Return whether a content has a CRC; raise if it is not what it should be."""
@@ -155,13 +153,13 @@ class Evidence:
         """Return whether a record may have been at an offset, though there is none now."""
         if offset >= self.size:
             return Behind.NOTHING
-        left = self.size - offset - _HEAD.size
+        left = self.size - offset - RECORD_HEAD.size
         self.file.seek(offset)
-        head = self.file.read(min(_HEAD.size, self.size - offset))
+        head = self.file.read(min(RECORD_HEAD.size, self.size - offset))
         if not any(head):
             return Behind.PERHAPS
-        if len(head) < _HEAD.size:
+        if len(head) < RECORD_HEAD.size:
             return Behind.PERHAPS if is_known(head[0]) else Behind.NOTHING
-        opcode, length = _HEAD.unpack(head)
+        opcode, length = RECORD_HEAD.unpack(head)
         longest = _CREDIBLE if is_known(opcode) else left
         return Behind.PERHAPS if opcode and length <= longest else Behind.NOTHING

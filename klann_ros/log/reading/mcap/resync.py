@@ -20,9 +20,9 @@ from klann_ros.untrusted.files import next_data
 from mcap.opcode import Opcode
 
 from .chunks import COMPRESSIONS
-from .container import Span, span_at
-from .evidence import Behind, Content
-from .layout import is_known, least
+from .container import span_at
+from .evidence import Behind, Inside
+from .layout import is_known, least, Span
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
 # What must stand behind a record that is found, at least; nothing makes up for no content.
 _BELIEVED = {
-    Content.FITTING: Behind.RECORD,
-    Content.EXACT: Behind.PERHAPS,
-    Content.PROVEN: Behind.NOTHING,
+    Inside.FITTING: Behind.RECORD,
+    Inside.EXACT: Behind.PERHAPS,
+    Inside.PROVEN: Behind.NOTHING,
 }
 # How many records in a row make a message believable.
 _ROW = 3
@@ -118,8 +118,8 @@ class Search:
     def _is_sound(self, span: Span) -> bool:
         if span.opcode == Opcode.MESSAGE:
             return self._is_row(span.offset)
-        content = self._evidence.content(span)
-        return content in _BELIEVED and self._evidence.behind(span.end) >= _BELIEVED[content]
+        inside = self._evidence.inside(span)
+        return inside in _BELIEVED and self._evidence.behind(span.end) >= _BELIEVED[inside]
 
     def _is_row(self, offset: int) -> bool:
         """Return whether a message is followed by more records, up to the end if that is near."""
@@ -131,7 +131,7 @@ class Search:
                 return True
             if is_known(span.opcode) and span.opcode not in _OUTSIDE:
                 return False
-            if span.opcode == Opcode.MESSAGE and self._evidence.content(span) == Content.NONE:
+            if span.opcode == Opcode.MESSAGE and self._evidence.inside(span) == Inside.NONE:
                 return False
             if self._evidence.behind(span.end) == Behind.NOTHING:
                 return False

@@ -7,23 +7,23 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from klann_ros.log.reading.block import block_of_messages
-from klann_ros.log.reading.chunks import MAX_RATIO, MIN_LIMIT
-from klann_ros.log.reading.sources import Source
 from klann_ros.untrusted.text import printable
 import zstandard
 
-from .zstd_frames import ZSTD_MAGIC
+from .block import block_of_messages
+from .mcap.chunks import MAX_RATIO, MIN_LIMIT
+from .sources import Source
+from .zstd_file import ZSTD_MAGIC
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from klann_ros.log.reading.block import Block
-    from klann_ros.log.reading.overview import Overview, Problems
-    from klann_ros.log.reading.sources import Topics
-    from klann_ros.log.reading.storage import Salvage, Storage
     from klann_ros.log.records import Attachment, Message, Topic
+
+    from .block import Block
+    from .sources import Topics
+    from .storage import Overview, Problems, Salvage, Storage
 
 _ENCODING = 'cdr'
 # A block is finished when its messages are larger [bytes].

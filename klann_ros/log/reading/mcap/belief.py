@@ -11,12 +11,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from klann_ros.log.errors import DamagedError
+from klann_ros.log.reading.storage import Problem
 from mcap.opcode import Opcode
 
-from .container import check_data, contradiction, name_of, Span, span_at
-from .evidence import Behind, Content
-from .layout import fields_end, holds_nothing, is_known
-from .overview import Problem
+from .container import check_data, contradiction, name_of, span_at
+from .evidence import Behind, Inside
+from .layout import fields_end, holds_nothing, is_known, Span
 
 if TYPE_CHECKING:
     from .evidence import Evidence
@@ -64,18 +64,18 @@ class Belief:
         """Return whether a record ends where it says, in a file that has chunks or has none."""
         behind = self._evidence.behind(span.end)
         # What is in one that is followed by another does not matter, and is read later.
-        content = Content.NONE if behind is Behind.RECORD else self._evidence.content(span)
-        believed = _END[behind][content]
+        inside = Inside.NONE if behind is Behind.RECORD else self._evidence.inside(span)
+        believed = _END[behind][inside]
         if believed is _YES:
             return not self._covers_records(span)
-        if believed is _ALONE and self._is_alone(span, content):
+        if believed is _ALONE and self._is_alone(span, inside):
             return True
         return span.opcode == Opcode.MESSAGE and self._is_before_damage(span, chunked=chunked)
 
     def without_end(self, span: Span) -> Span | None:
         """Return as much of a record that does not end where it says as a CRC proves, if any."""
         end = fields_end(self._file, span)
-        if end is None or end == span.end or self._evidence.content(span) < Content.PROVEN:
+        if end is None or end == span.end or self._evidence.inside(span) < Inside.PROVEN:
             return None
         if len(self.wrong) < _MOST:
             text = f'the length of the {name_of(span.opcode)} is damaged, what is in it is whole'
@@ -116,10 +116,10 @@ class Belief:
             self.wrong.append(Problem(end.offset, text))
             return False
 
-    def _is_alone(self, span: Span, content: Content) -> bool:
+    def _is_alone(self, span: Span, inside: Inside) -> bool:
         """Return whether no other record seems to start in one."""
         over = 0
-        if content >= Content.EXACT:
+        if inside >= Inside.EXACT:
             end = fields_end(self._file, span) or span.end
             if end < span.end and self._evidence.behind(end) is Behind.RECORD:
                 return False
@@ -191,6 +191,6 @@ class Belief:
         for kind in _CHECKED:
             other = Span(kind, span.offset, span.length)
             fits = kind != span.opcode and fields_end(self._file, other) == span.end
-            if fits and self._evidence.content(other) is Content.PROVEN:
+            if fits and self._evidence.inside(other) is Inside.PROVEN:
                 return kind
         return None

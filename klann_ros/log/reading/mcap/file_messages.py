@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from functools import partial
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
+from klann_ros.log.reading.block import block_of
+from klann_ros.log.reading.sources import Source
 from klann_ros.log.records import Message
+from klann_ros.log.wording import counted, verb
+import numpy as np
 
 from .chunks import MAX_RATIO, MIN_LIMIT
-from .sources import Source
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from typing import TypeAlias
 
+    from klann_ros.log.reading.block import Block
+    from klann_ros.log.reading.sources import Topics
+    from klann_ros.log.reading.storage import Overview
     from klann_ros.log.records import Topic
     from mcap.records import ChunkIndex
 
     from .content import Content
     from .log_file import LogFile
-    from .overview import Overview
-    from .sources import Topics
+    from .summary import Summary
 
+    # How many messages a chunk holds, and their first and last log time [ns].
+    Held: TypeAlias = tuple[int, int, int]
 
 # So much may be unpacked at once to put messages in the order of time [bytes].
 _MOST_AT_ONCE = 2 * MIN_LIMIT
@@ -114,3 +123,66 @@ def _wanted_topic(file: LogFile, channel: int, offset: int, topics: Topics) -> T
     elif topics is not None and topic.name not in topics:
         return None
     return topic
+
+
+def blocks_of(file: LogFile) -> Iterator[tuple[int, Block]]:
+    """Yield all messages chunk by chunk as they stand in the file, and how far that is."""
+    channels, count = file.channels(), _Count()
+    topics = {number: channels.topic(number) for number in channels.numbers()}
+    known = {number: topic for number, topic in topics.items() if topic is not None}
+    with file.open() as stream:
+        walk = file.walk(stream)
+        for offset, content in walk.contents():
+            block = block_of(content, known)
+            for number in sorted(count.add(offset, block) - known.keys()):
+                file.note(offset, f'messages of channel {number}, which is not known')
+            yield offset, block
+        file.note_losses(walk)
+    wrong = '; '.join(count.disagreements(file.summary))
+    # What is damaged is not there, and nobody can count it.
+    if wrong and not len(walk.losses):
+        file.note(file.size, wrong)
+
+
+class _Count:
+    """Counts what is in a file, to be held against its summary."""
+
+    def __init__(self) -> None:
+        self._chunks: dict[int, Held] = {}
+        self._messages: Counter[int] = Counter()
+
+    def add(self, offset: int, block: Block) -> set[int]:
+        """Count the messages of the chunk or message at an offset; return their channels."""
+        channels, counts = np.unique(block.heads['channel'], return_counts=True)
+        self._messages.update(dict(zip(channels.tolist(), counts.tolist(), strict=True)))
+        times = block.heads['log_time']
+        held = (len(times), int(times.min()), int(times.max())) if len(times) else (0, 0, 0)
+        self._chunks[offset] = held
+        return set(channels.tolist())
+
+    def disagreements(self, summary: Summary) -> Iterator[str]:
+        """Yield what a summary says otherwise, one line each; nothing for what it leaves out."""
+        said = summary.statistics
+        if said is not None:
+            total = self._messages.total()
+            if said.message_count != total:
+                count = counted(said.message_count, 'message')
+                yield f'the statistics count {count}, there {verb(total, "is", "are")} {total}'
+            elif said.channel_message_counts and +Counter(said.channel_message_counts) != +(
+                self._messages
+            ):
+                yield 'the statistics count other messages for each channel than there are'
+        index = {
+            chunk.chunk_start_offset: (chunk.message_start_time, chunk.message_end_time)
+            for chunk in summary.chunks
+        }
+        wrong = sum(self._is_wrong(offset, times) for offset, times in index.items())
+        missing = sum(self._chunks[offset][0] for offset in self._chunks.keys() - index.keys())
+        if wrong:
+            yield f'the index is wrong about {counted(wrong, "chunk")}'
+        if index and missing:
+            yield f'the index leaves out {counted(missing, "message")}'
+
+    def _is_wrong(self, offset: int, times: tuple[int, int]) -> bool:
+        held = self._chunks.get(offset)
+        return held is None or (held[0] > 0 and held[1:] != times)

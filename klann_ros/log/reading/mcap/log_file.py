@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from klann_ros.log.errors import DamagedError, NotALogError
+from klann_ros.log.reading.storage import Overview, Problems
 from klann_ros.untrusted.files import open_plain
 from klann_ros.untrusted.text import printable
 from mcap.opcode import Opcode
@@ -13,11 +14,10 @@ from mcap.records import Header, Metadata
 from .channels import Channels
 from .chunks import chunk_content
 from .container import find_footer, MAGIC, read, span_at
+from .content import Patience
+from .damage import holes
 from .evidence import Evidence
-from .holes import holes
-from .overview import Overview, Problems
 from .parsing import parse, parse_attachment
-from .patience import Patience
 from .resync import Search
 from .summary import read_summary, Summary
 from .walk import Walk
@@ -26,11 +26,10 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import BinaryIO
 
+    from klann_ros.log.reading.temporary import TemporaryFile
     from klann_ros.log.records import Attachment
 
     from .content import Content
-    from .unpacking.temporary import TemporaryFile
-
 
 _NEVER = 2**64
 _START = MAGIC + bytes([Opcode.HEADER])

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from typing import TypeAlias
 
-    from .content import Content
-    from .patience import Patience
+    from .content import Content, Patience
 
     Bytes: TypeAlias = bytes | bytearray
     Unpack: TypeAlias = Callable[[bytes, int], Iterator[bytes]]

@@ -1,11 +1,13 @@
-"""Space on the disk that is kept for the end of a run, so that a full disk leaves it whole."""
+"""Space on the disk: how much is free, and what is kept so that a full disk leaves a run whole."""
 
 from contextlib import suppress
 import errno
 import os
 from pathlib import Path
+import shutil
 import tempfile
 
+from klann_ros.log.errors import LowSpaceError
 from klann_ros.untrusted.files import open_plain
 
 # Enough for what is not written yet when the disk says no: a piece with a chunk and its index, the
@@ -101,3 +103,35 @@ def remove_old_reserve(run: Path) -> None:
             is_empty = not any(any(piece) for piece in iter(lambda: file.read(SIZE), b''))
         if is_empty:
             path.unlink()
+
+
+def free_space(folder: Path) -> int:
+    """
+    Return how much this user may still write on the disk of a folder, there or not [bytes].
+
+    Raises
+    ------
+    OSError
+        The disk does not tell.
+
+    """
+    there = folder.absolute()
+    while not there.exists() and there != there.parent:
+        there = there.parent
+    return shutil.disk_usage(there).free
+
+
+def check_free_space(folder: Path, least: int) -> None:
+    """
+    Let a folder be written to as long as so much is free on its disk [bytes]; 0 is no limit.
+
+    Raises
+    ------
+    LowSpaceError
+        Less is free.
+    OSError
+        The disk does not tell.
+
+    """
+    if least > 0 and (free := free_space(folder)) < least:
+        raise LowSpaceError(folder, free, least)

@@ -1,1 +1,0 @@
-"""What rosbag2 packs: whole files, single messages."""
