@@ -1,35 +1,50 @@
-"""The browser that the review's page is tested in: found, or installed where that is possible."""
+"""The browser that the review's page is tested in: the machine's own, or one brought for it."""
 
 import os
 from pathlib import Path
 import shutil
+import subprocess
+import sys
 
-import processes
+from environment import Environment
+from processes import Command, last_lines, run
 
 NAMES = ('chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable')
 # Debian's, and letters for a machine that has none; Ubuntu's package is but a way to snap.
 PACKAGES = ('chromium', 'fonts-dejavu-core')
-# A mirror that hangs must not keep the tests from running.
+APT = ('apt-get', '-qq', '--yes')
+# A mirror that hangs must not keep the tests from running [s].
 TIMEOUT = 300.0
 
 
-def find() -> str | None:
-    """Return the path of a Chromium, None if there is none."""
-    return next(filter(None, map(shutil.which, NAMES)), None)
+def find(prefix: Path = Path(sys.prefix)) -> str | None:
+    """Return a Chromium that starts: the machine's own, else Playwright's in an environment."""
+    brought = prefix.glob('browsers/*/*/*headless?shell')
+    for path in (*filter(None, map(shutil.which, NAMES)), *map(str, brought)):
+        # Ubuntu's chromium-browser may be but a text; Playwright's may miss libraries.
+        answer = subprocess.run([path, '--version'], capture_output=True, check=False)
+        if answer.returncode == 0:
+            return path
+    return None
 
 
-def provide(work: Path) -> None:
-    """Install Debian's Chromium if there is none, we may, and apt-get is here."""
-    if find() or os.geteuid() != 0 or not shutil.which('apt-get'):
-        return
-    print('Installing Chromium by apt-get, once, for the tests of the page ...')
-    variables = {**os.environ, 'DEBIAN_FRONTEND': 'noninteractive'}
-    for arguments in (
-        ('update', '-qq'),
-        ('install', '-qq', '--yes', '--no-install-recommends', *PACKAGES),
-    ):
-        output = work / 'apt-get.txt'
-        if processes.run(['apt-get', *arguments], output, variables, work, TIMEOUT) != 0:
-            said = output.read_text(encoding='utf-8', errors='replace').strip().splitlines()
-            print(f'... apt-get {arguments[0]} failed: {said[-1] if said else "no output"}')
-            return
+def provide(env: Environment, work: Path) -> str | None:
+    """Bring a browser if there is none; return what to do if none can be brought."""
+    if find(env.folder):
+        return None
+    playwright = [env.python, '-m', 'playwright', 'install', '--only-shell', 'chromium']
+    ways: dict[str, list[Command]] = {'Playwright': [playwright]}
+    if os.geteuid() == 0 and shutil.which('apt-get'):
+        install = [*APT, '--no-install-recommends', 'install', *PACKAGES]
+        ways['apt-get'] = [[*APT, 'update'], install]
+    variables = env.variables | {'DEBIAN_FRONTEND': 'noninteractive'}
+    variables['PLAYWRIGHT_BROWSERS_PATH'] = str(env.folder / 'browsers')
+    for name, commands in ways.items():
+        print(f'No Chromium: {name} installs one, once, for the tests of the page ...')
+        log = work / f'{name}.txt'
+        done = all(run(command, variables, log, TIMEOUT) == 0 for command in commands)
+        if find(env.folder):
+            return None
+        reason = 'what it installed does not start' if done else last_lines(log, 1)
+        print(f'... {name} failed: {reason}')
+    return 'no Chromium for the tests of the page: apt install chromium, or put Chrome into PATH'

@@ -1,11 +1,10 @@
 """A ROS domain that nobody else on this machine uses."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 import random
-import socket
-
-from command_error import CommandError
+from socket import AF_INET, SOCK_DGRAM, socket
 
 # Above 99 the ports would fall into the range that Linux gives to outgoing connections.
 DOMAINS = range(1, 100)
@@ -17,25 +16,23 @@ def own_domain() -> Iterator[int]:
     for domain in random.sample(DOMAINS, len(DOMAINS)):
         # DDS gives a domain 250 ports: 10 is the discovery of its first participant, and 249 that
         # of none. That one says that the domain is taken, before any node has come up.
-        first = 7400 + 250 * domain
-        with _bound(first + 249) as reserved:
-            if reserved and _is_free(first + 10):
+        with socket(AF_INET, SOCK_DGRAM) as claim, socket(AF_INET, SOCK_DGRAM) as discovery:
+            with suppress(OSError):
+                claim.bind(('127.0.0.1', 7400 + 250 * domain + 249))
+                discovery.bind(('127.0.0.1', 7400 + 250 * domain + 10))
+                discovery.close()
+            if discovery.fileno() < 0:
                 yield domain
                 return
-    raise CommandError('no ROS domain id from 1 to 99 is free on this machine')
+    raise OSError('no ROS domain id from 1 to 99 is free on this machine')
 
 
 @contextmanager
-def _bound(port: int) -> Iterator[bool]:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
-        try:
-            holder.bind(('127.0.0.1', port))
-        except OSError:
-            yield False
-        else:
-            yield True
-
-
-def _is_free(port: int) -> bool:
-    with _bound(port) as free:
-        return free
+def own_world(work: Path) -> Iterator[dict[str, str]]:
+    """Yield the variables of nodes that hear each other and nobody else, and log to `work`."""
+    with own_domain() as domain:
+        yield {
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            'ROS_DOMAIN_ID': str(domain),
+            'ROS_LOG_DIR': f'{work}/ros-log',
+        }

@@ -1,37 +1,55 @@
-"""The environment of the commands: a folder `.venv-X.Y` in the checkout, made when needed."""
+"""What the commands run in: a folder `.venv-X.Y` in the checkout, made when it is needed."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+import fcntl
 import hashlib
 from importlib.util import find_spec
-import json
+from itertools import count
 import os
 from pathlib import Path
+import platform
+import subprocess
 import sys
+import tempfile
+import time
+from urllib.request import urlopen
 
-from command_error import CommandError
-from lock import made_folder
-import ros
+from processes import Command, CommandError, last_lines, pause, run
 import source
 
-STAMP = 'klann_ros.json'
+VERSION = '.'.join(platform.python_version_tuple()[:2])
 # What each command needs: extras of setup.py, and more requirements in a file.
-EXTRAS = {'demo': ('plot',), 'test': ('fast', 'plot', 'test'), 'benchmark': ('fast', 'plot')}
-REQUIREMENTS = {
-    'test': source.ROOT / 'scripts' / 'support' / 'checks.txt',
-    'benchmark': source.ROOT / 'scripts' / 'support' / 'benchmarks.txt',
+NEEDS = {
+    'demo': ('plot', None),
+    'test': ('fast,plot,test', Path(__file__).with_name('checks.txt')),
+    'benchmark': ('fast,plot', Path(__file__).with_name('benchmarks.txt')),
 }
+# 70.1: the first that makes wheels by itself; colcon-core wants one below 80.
+BUILD = 'setuptools>=70.1,<80'
+# For a Python whose venv makes environments without pip, as Debian's does.
+PIP = (
+    'https://files.pythonhosted.org/packages/44/3c/d717024885424591d5376220b5e836c2d5293ce201'
+    '1523c9de23ff7bf068/pip-25.3-py3-none-any.whl'
+)
+PIP_SHA256 = '9655943313a94722b7774661c21049070f6bbb0a1516bf02f7c8d5d9201514cd'
+NEEDED = 'a network, and Python 3.10 to 3.14 on x86-64 Linux or a sourced ROS 2 Jazzy'
+STAMP = 'klann_ros.txt'
+# What would send an installation elsewhere, and what the wheels of ROS tell their own children.
+FOREIGN = {'PIP_USER', 'PIP_TARGET', 'PIP_PREFIX', 'PIP_CONSTRAINT', 'PYTHONHOME'}
+FOREIGN |= {'_ROS_WHEELS_BOOTSTRAP_COMPLETE'}
+OF_ROS = {'PYTHONPATH', 'AMENT_PREFIX_PATH', 'LD_LIBRARY_PATH', 'COLCON_PREFIX_PATH'}
+OF_ROS |= {'RMW_IMPLEMENTATION', 'ROS_DISTRO'}
 
 
 @dataclass(frozen=True)
 class Environment:
-    """Where an environment is and what it is made of."""
+    """Where an environment is, what pip has to keep to, and the NumPy of a ROS that is sourced."""
 
     folder: Path
-    base_python: Path
-    sourced: ros.SourcedRos | None
     constraints: str
+    numpy: str
 
     @property
     def python(self) -> Path:
@@ -41,89 +59,140 @@ class Environment:
     @property
     def variables(self) -> dict[str, str]:
         """Return the variables for its programs."""
-        return ros.children_variables(self.folder, self.sourced)
+        # Where wheels are used, nothing of a ROS that is sourced for another Python.
+        foreign = FOREIGN if self.numpy else FOREIGN | OF_ROS
+        variables = {key: value for key, value in os.environ.items() if key not in foreign}
+        # ~/.local must not put a NumPy of its own over the one that ROS was built for.
+        variables |= {'VIRTUAL_ENV': str(self.folder), 'PYTHONNOUSERSITE': '1'}
+        first = {'PATH': self.folder / 'bin', 'AMENT_PREFIX_PATH': self.folder}
+        if self.numpy:
+            # A sourced workspace may hold another klann_ros: the installed one comes before it.
+            first['PYTHONPATH'] = self.folder / 'lib' / f'python{VERSION}' / 'site-packages'
+        for name, path in first.items():
+            variables[name] = os.pathsep.join(filter(None, [str(path), variables.get(name)]))
+        return variables
 
-    @property
-    def identity(self) -> list[str]:
-        """Return what cannot change without making it anew; a moved checkout is such a change."""
-        return [str(self.folder), str(self.base_python), str(self.sourced), self.constraints]
-
-    def tool(self, name: str) -> list[str | Path]:
-        """
-        Return how to start a Python tool, also one that a sourced ROS's Python brought.
-
-        -P: the checkout is the working folder, but the installed klann_ros is what counts.
-        """
+    def tool(self, name: str) -> Command:
+        """Return how to start a Python tool, also one that a sourced ROS's Python brought."""
         script = self.folder / 'bin' / name
+        # -P: the checkout is the working folder, but the installed klann_ros is what counts.
         return [script] if script.exists() else [self.python, '-P', '-m', name]
-
-    def extras(self, command: str) -> list[str]:
-        """Return the extras of setup.py that a command needs here."""
-        return [*EXTRAS[command], *([] if self.sourced else ['ros'])]
-
-    def requirements(self, command: str) -> str:
-        """Return a hash of everything that decides which packages a command needs."""
-        parts = [*self.extras(command), (source.ROOT / 'setup.py').read_text(encoding='utf-8')]
-        if command in REQUIREMENTS:
-            parts.append(REQUIREMENTS[command].read_text(encoding='utf-8'))
-        return hashlib.sha256('\0'.join(parts).encode()).hexdigest()
-
-    def stamp(self) -> dict[str, object]:
-        """Return what was written when it was last finished; empty if it never was."""
-        try:
-            stamp = json.loads((self.folder / STAMP).read_text(encoding='utf-8'))
-        except (OSError, ValueError):
-            return {}
-        # The interpreter it was made with may be gone.
-        whole = stamp.get('identity') == self.identity and self.python.exists()
-        return stamp if whole else {}
-
-    def is_ready(self, command: str) -> bool:
-        """Tell whether everything a command needs is there, built from the present files."""
-        stamp = self.stamp()
-        return (
-            stamp.get(command) == self.requirements(command)
-            and stamp.get('source') == source.digest()
-        )
-
-
-def choose() -> Environment:
-    """Return the environment that belongs to this Python, this shell and PIP_CONSTRAINT."""
-    base = Path(sys.executable).resolve()
-    version = '.'.join(map(str, sys.version_info[:2]))
-    if find_spec('venv') is None or find_spec('ensurepip') is None:
-        raise CommandError(
-            f'{base} cannot make environments: apt install python3-venv (or python{version}-venv)'
-        )
-    sourced = ros.sourced(base)
-    constraints = _constraints()
-    name = f'.venv-{version}'
-    if sourced:
-        name += '-ros'
-    if constraints:
-        name += '-' + hashlib.sha256(constraints.encode()).hexdigest()[:6]
-    return Environment(source.ROOT / name, base, sourced, constraints)
 
 
 @contextmanager
 def environment(command: str) -> Iterator[Environment]:
     """Make what `command` needs, unless it is there already, and keep it as it is while in use."""
-    chosen = choose()
-
-    def make() -> None:
-        # Not needed when everything is there, and then not loaded either.
-        from install import install  # noqa: PLC0415
-
-        install(chosen, command)
-
-    with made_folder(chosen.folder, lambda: chosen.is_ready(command), make):
-        yield chosen
-
-
-def _constraints() -> str:
-    """Return the text of the files that PIP_CONSTRAINT names, one after the other."""
     names = os.environ.get('PIP_CONSTRAINT', '').split()
+    constraints = '\n'.join(Path(name).read_text(encoding='utf-8') for name in names)
+    numpy = _numpy_of_sourced_ros()
+    folder = f'.venv-{VERSION}' + ('-ros' if numpy else '')
+    if constraints:
+        folder += '-' + hashlib.sha256(constraints.encode()).hexdigest()[:6]
+    env = Environment(source.ROOT / folder, constraints, numpy)
+    env.folder.mkdir(exist_ok=True)
+    # Its users share a lock on the folder, and who makes it has that alone.
+    lock = os.open(env.folder, os.O_RDONLY)
     try:
-        return '\n'.join(Path(name).read_text(encoding='utf-8') for name in names)
-    except OSError as error:
-        raise CommandError(f'PIP_CONSTRAINT: {error.filename}: {error.strerror}') from error
+        _acquire(lock, fcntl.LOCK_SH, env)
+        # On the way from one lock to the other somebody else may come first.
+        while not _installed(env).issuperset(_goal(env, command)):
+            _acquire(lock, fcntl.LOCK_EX, env)
+            if not _installed(env).issuperset(_goal(env, command)):
+                _make(env, command)
+            _acquire(lock, fcntl.LOCK_SH, env)
+        yield env
+    finally:
+        os.close(lock)
+
+
+def _numpy_of_sourced_ros() -> str:
+    """Return the NumPy that goes with the ROS 2 of this shell; '' if there is no such ROS."""
+    distro = os.environ.get('ROS_DISTRO')
+    if not distro:
+        return ''
+    reason = 'klann_ros needs jazzy'
+    if distro == 'jazzy':
+        probe = [sys.executable, '-c', 'import rclpy, numpy; print(numpy.__version__)']
+        answer = subprocess.run(probe, capture_output=True, check=False, text=True)
+        if answer.returncode == 0:
+            return answer.stdout.strip()
+        reason = (answer.stderr.strip() or 'no rclpy').splitlines()[-1]
+    print(f'ROS 2 {distro} is sourced, but wheels are used: {reason}')
+    return ''
+
+
+def _acquire(lock: int, kind: int, env: Environment) -> None:
+    for attempt in count():
+        with suppress(BlockingIOError):
+            fcntl.flock(lock, kind | fcntl.LOCK_NB)
+            break
+        if attempt == 0:
+            print(f'Waiting for another command that uses {env.folder.name} ...')
+        pause(0.2)
+
+
+def _goal(env: Environment, command: str) -> tuple[str, str]:
+    """Return the stamp's lines once all is there: what it was made from, what was installed."""
+    extras, more = NEEDS[command]
+    parts = [env.constraints, env.numpy, extras, more.read_text('utf-8') if more else '']
+    installed = hashlib.sha256('\0'.join([*parts, source.digest()]).encode()).hexdigest()
+    return f'{env.folder} {Path(sys.executable).resolve()}', f'{command} {installed}'
+
+
+def _installed(env: Environment) -> set[str]:
+    stamp = env.folder / STAMP
+    # The interpreter may be gone since.
+    whole = stamp.exists() and env.python.exists()
+    return set(stamp.read_text('utf-8').splitlines()) if whole else set()
+
+
+def _make(env: Environment, command: str) -> None:
+    begin = time.monotonic()
+    kind = 'the sourced ROS 2' if env.numpy else 'ROS 2 from wheels'
+    what = f'klann_ros and what scripts/{command} needs into {env.folder.name}'
+    print(f'Installing {what} (Python {platform.python_version()}, {kind}) ...')
+    (made, goal), installed = _goal(env, command), _installed(env)
+    # Without a stamp it is made from nothing: so ends what is interrupted from here on.
+    (env.folder / STAMP).unlink(missing_ok=True)
+    with tempfile.TemporaryDirectory(prefix='klann_ros-') as folder:
+        work = Path(folder)
+        pip = [env.python, '-m', 'pip', 'install', '--quiet', '--no-input']
+        if made not in installed:
+            installed = set()
+            _make_venv(env, work)
+            _run(env, work, [*pip, BUILD])
+        # The message types of a sourced ROS were compiled for its very NumPy.
+        numpy = f'\nnumpy=={env.numpy}' if env.numpy else ''
+        (work / 'constraints.txt').write_text(env.constraints + numpy, encoding='utf-8')
+        source.copy(work / 'source')
+        extras, more = NEEDS[command]
+        wanted = [f'{work}/source[{extras}{"" if env.numpy else ",ros"}]']
+        wanted += ['--requirement', str(more)] if more else []
+        options = ['--no-build-isolation', '--constraint', work / 'constraints.txt']
+        _run(env, work, [*pip, *options, *wanted])
+    others = {line for line in installed if not line.startswith(command)}
+    (env.folder / STAMP).write_text('\n'.join({*others, made, goal}), encoding='utf-8')
+    print(f'... done in {time.monotonic() - begin:.0f} s')
+
+
+def _make_venv(env: Environment, work: Path) -> None:
+    """Make an empty environment with pip, also by a Python that brings none (Debian's)."""
+    if find_spec('venv') is None:
+        raise CommandError(f'{sys.executable} has no venv: apt install python3-venv')
+    options = ['--system-site-packages'] if env.numpy else []
+    options += [] if find_spec('ensurepip') else ['--without-pip']
+    _run(env, work, [sys.executable, '-m', 'venv', '--clear', *options, env.folder])
+    if '--without-pip' in options:
+        with urlopen(PIP, timeout=20) as answer:
+            content = answer.read()
+        if hashlib.sha256(content).hexdigest() != PIP_SHA256:
+            raise CommandError(f'{PIP} is not what it was: apt install python3-venv')
+        wheel = work / Path(PIP).name
+        wheel.write_bytes(content)
+        _run(env, work, [env.python, wheel / 'pip', 'install', '--no-index', wheel])
+
+
+def _run(env: Environment, work: Path, command: Command) -> None:
+    if run(command, env.variables, work / 'log') != 0:
+        said = last_lines(work / 'log', 5)
+        raise CommandError(f'set-up of {env.folder.name} failed; it needs {NEEDED}:\n{said}')

@@ -1,126 +1,104 @@
-"""Child processes: each the leader of a group, ended with all of its own children."""
+"""Child processes, each with a group of its own, and the signals on which all of them end."""
 
-from collections.abc import Mapping, Sequence
-import contextlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 import os
 from pathlib import Path
 import signal
 import subprocess
 import time
 
-import stop
+from source import ROOT
 
+Command = Sequence[object]  # texts and paths
 Process = subprocess.Popen[bytes]
+Variables = Mapping[str, str]
 
-# How long a process may take to end: by itself after SIGINT, then after SIGTERM.
+# How long a process may take to end: by itself after SIGINT, then after SIGTERM [s].
 GRACE = {signal.SIGINT: 8.0, signal.SIGTERM: 3.0}
-# Linux's prctl; where there is none it is done without.
-PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
+_received: list[int] = []
 
 
-def start(
-    arguments: Sequence[str | Path], output: Path, env: Mapping[str, str], cwd: Path
-) -> Process:
+class CommandError(Exception):
+    """What a command cannot go on from, told to its user without a traceback."""
+
+    exit_code = 1
+
+
+def listen() -> None:
     """
-    Start a process without input; it and its children write to the file `output`.
+    Note Ctrl-C, SIGTERM and SIGHUP from now on; `pause` is where they end the command.
+
+    A KeyboardInterrupt could fall between the start of a process and the line that remembers it.
+    """
+    nohup = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda received, _frame: _received.append(received))
+    if nohup:
+        # Not SIG_IGN: children would inherit it, and what they do on SIGHUP is tested.
+        signal.signal(signal.SIGHUP, lambda _received, _frame: None)
+
+
+def pause(seconds: float = 0.05) -> None:
+    """Sleep for a moment; raise CommandError if a signal has come."""
+    time.sleep(seconds)
+    for number in _received:
+        error = CommandError(f'stopped by {signal.Signals(number).name}')
+        error.exit_code = 128 + number
+        raise error
+
+
+@contextmanager
+def running(
+    command: Command, variables: Variables, output: Path | None = None
+) -> Iterator[Process]:
+    """
+    Run a process in the checkout, and end it with its group; it writes to a file or our output.
 
     A session of its own keeps the terminal's Ctrl-C away from it: this program decides the order
     in which things end.
     """
-    with output.open('ab') as file:
-        return subprocess.Popen(
-            [str(argument) for argument in arguments],
+    with output.open('wb') if output else nullcontext() as file:
+        process = subprocess.Popen(
+            list(map(str, command)),
             stdin=subprocess.DEVNULL,
             stdout=file,
-            stderr=subprocess.STDOUT,
-            env=dict(env),
-            cwd=cwd,
+            stderr=subprocess.STDOUT if output else None,
+            env=variables,
+            cwd=ROOT,
             start_new_session=True,
-            # No thread here can hold a lock that the child would wait for.
-            preexec_fn=_prepare_child,  # noqa: PLW1509
         )
-
-
-def run(
-    arguments: Sequence[str | Path],
-    output: Path,
-    env: Mapping[str, str],
-    cwd: Path,
-    timeout: float = 3600.0,
-) -> int | None:
-    """Run a process to its end; return its exit code, or None after `timeout` [s]."""
-    process = start(arguments, output, env, cwd)
     try:
-        return wait(process, timeout)
+        yield process
     finally:
         end(process)
 
 
-def wait(process: Process, timeout: float) -> int | None:
-    """Wait for the end of a process; return its exit code, or None after `timeout` [s]."""
-    deadline = time.monotonic() + timeout
-    while (code := process.poll()) is None and time.monotonic() < deadline:
-        stop.pause()
-    return code
+def run(
+    command: Command, variables: Variables, output: Path | None = None, timeout: float = 3600.0
+) -> int | None:
+    """Run a process to its end; return its exit code, or None after `timeout` [s]."""
+    with running(command, variables, output) as process:
+        deadline = time.monotonic() + timeout
+        while process.poll() is None and time.monotonic() < deadline:
+            pause()
+        return process.returncode
 
 
 def end(process: Process) -> int:
     """End a process and its group, politely first; return the exit code of the process."""
     for number, grace in GRACE.items():
         if process.poll() is None:
-            _signal_group(process.pid, number)
-            with contextlib.suppress(subprocess.TimeoutExpired):
+            os.killpg(process.pid, number)
+            with suppress(subprocess.TimeoutExpired):
                 process.wait(grace)
     # What is left of the group when its leader has gone has nobody to wait for it.
-    _signal_group(process.pid, signal.SIGKILL)
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
     return process.wait()
 
 
-def adopt_orphans() -> None:
-    """Become the parent of every descendant that outlives its own parent (Linux)."""
-    _prctl(PR_SET_CHILD_SUBREAPER, 1)
-
-
-def end_orphans() -> None:
-    """End what a child left behind, such as a node whose test was killed."""
-    for number in (signal.SIGTERM, signal.SIGKILL):
-        deadline = time.monotonic() + 2.0
-        for child in _children():
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(child, number)
-        while _children() and time.monotonic() < deadline:
-            time.sleep(0.05)
-
-
-def _prepare_child() -> None:
-    # nohup is for this command; a child has no terminal, and what it does on SIGHUP is tested.
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    # Of our own kill -9 we cannot tell the children; the kernel does.
-    _prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-
-
-def _prctl(option: int, value: int) -> None:
-    with contextlib.suppress(ImportError, AttributeError, OSError):
-        import ctypes  # noqa: PLC0415 - not every Python is built with it
-
-        ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
-
-
-def _signal_group(group: int, number: int) -> None:
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(group, number)
-
-
-def _children() -> list[int]:
-    """Return the children of this process that still run, and forget those that have ended."""
-    with contextlib.suppress(ChildProcessError):
-        while os.waitpid(-1, os.WNOHANG)[0]:
-            pass
-    me = str(os.getpid())
-    children = []
-    for stat in Path('/proc').glob('[0-9]*/stat'):
-        with contextlib.suppress(OSError):
-            # pid (command) state ppid ...; the command may hold spaces and brackets.
-            if stat.read_text().rpartition(')')[2].split()[1] == me:
-                children.append(int(stat.parent.name))
-    return children
+def last_lines(output: Path, count: int = 1) -> str:
+    """Return the end of what a process has written."""
+    text = output.read_text(encoding='utf-8', errors='replace')
+    return '\n'.join(text.strip().splitlines()[-count:])

@@ -1,0 +1,38 @@
+"""What is run by hand: every benchmark, one after the other, and runs damaged at random."""
+
+import argparse
+import os
+
+from environment import environment
+from processes import run
+from source import ROOT
+
+
+def benchmark(arguments: list[str]) -> int:
+    """Run the benchmarks; return 0 if every one reached its aim."""
+    scripts = {path.stem: path for path in sorted((ROOT / 'benchmarks').glob('*.py'))}
+    parser = argparse.ArgumentParser(
+        prog='scripts/benchmark', description='Measure speed, as ratios of the same work.'
+    )
+    parser.add_argument('name', nargs='*', help=f'of {", ".join(scripts)}; default: all')
+    chosen = parser.parse_args(arguments).name or list(scripts)
+    if unknown := [name for name in chosen if name not in scripts]:
+        parser.error(f'no such benchmark: {", ".join(unknown)}')
+    missed = []
+    with environment('benchmark') as env:
+        for name in chosen:
+            print(f'{name}: ', end='', flush=True)
+            if run([env.python, scripts[name]], env.variables) != 0:
+                missed.append(name)
+    if missed:
+        print(f'missed their aim: {", ".join(missed)}')
+    return 1 if missed else 0
+
+
+def fuzz(arguments: list[str]) -> int:
+    """Run `test/fuzzing` in the environment of the tests; return 0 if no case broke a law."""
+    with environment('test') as env:
+        paths = [str(ROOT / 'test'), env.variables.get('PYTHONPATH', '')]
+        variables = env.variables | {'PYTHONPATH': os.pathsep.join(filter(None, paths))}
+        code = run([env.python, '-m', 'fuzzing', *arguments], variables)
+    return 1 if code is None else code
