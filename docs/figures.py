@@ -1,7 +1,8 @@
 """
 Make the documentation's figures with the package's own code: python docs/figures.py [FOLDER].
 
-They hold letters, symbols and units but no words, so that the pages of both languages share them.
+They hold letters, symbols, units and names but no words, so that the pages of both languages share
+them.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -16,7 +17,7 @@ from klann_ros.plotting.artists import draw_angle, GREY, grid, label_plane, lege
 from klann_ros.plotting.drawn import COLOURS
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch
 import numpy as np
 
 FOLDER = Path(__file__).resolve().parent
@@ -313,6 +314,47 @@ def plots() -> Figure:
     return figure
 
 
+def data_flow() -> Figure:
+    """Return what hears whom: nodes, the topics between them, the run and what opens it."""
+    figure = Figure(figsize=(9.6, 3.5), layout='constrained')
+    axes = figure.add_subplot(aspect='equal', xlim=(-0.1, 15.1), ylim=(-0.1, 5.4))
+    axes.axis('off')
+    boxes = {
+        'crank_node': (1.3, 4.2, BLUE),
+        'robot': (1.3, 2.7, GREY),
+        'solver_node': (6.0, 3.45, BLUE),
+        'RViz, Foxglove': (10.3, 4.7, GREY),
+        'recorder_node': (10.3, 2.6, BLUE),
+        'run (MCAP)': (13.7, 2.6, YELLOW),
+        'player_node': (6.0, 0.5, BLUE),
+        'review': (10.3, 0.5, GREEN),
+        'recover': (13.7, 0.5, GREEN),
+    }
+    width, height = 2.3, 0.64
+    for name, (x, y, colour) in boxes.items():
+        corner = (x - width / 2.0, y - height / 2.0)
+        look = {'facecolor': colour, 'edgecolor': colour, 'alpha': 0.2}
+        axes.add_patch(FancyBboxPatch(corner, width, height, 'round,pad=0.08', **look))
+        axes.text(x, y, name, ha='center', va='center', size=10, weight='bold')
+    right, down = np.array([width / 2.0 + 0.13, 0.0]), np.array([0.0, -height / 2.0 - 0.13])
+    poses = 'joint_states\npoint_h\nvelocity_h'
+    for start, end, side, topics, (dx, dy) in (
+        ('crank_node', 'solver_node', right, 'crank_angle', (0.1, 0.32)),
+        ('robot', 'solver_node', right, 'crank_state', (0.1, -0.3)),
+        ('solver_node', 'RViz, Foxglove', right, 'markers', (-0.5, 0.3)),
+        ('solver_node', 'recorder_node', right, poses, (-0.35, -0.75)),
+        ('recorder_node', 'run (MCAP)', right, '', (0.0, 0.0)),
+        ('run (MCAP)', 'player_node', down, '', (0.0, 0.0)),
+        ('run (MCAP)', 'review', down, '', (0.0, 0.0)),
+        ('run (MCAP)', 'recover', down, '', (0.0, 0.0)),
+    ):
+        p, q = boxes[start][:2] + side, boxes[end][:2] - side
+        axes.add_patch(FancyArrowPatch(p, q, arrowstyle='-|>', mutation_scale=14, color='black'))
+        x, y = (p + q) / 2.0
+        axes.text(x + dx, y + dy, topics, ha='center', va='center', size=9, family='monospace')
+    return figure
+
+
 FIGURES: tuple[Callable[[], Figure], ...] = (
     klann_leg,
     newton_convergence,
@@ -325,6 +367,7 @@ FIGURES: tuple[Callable[[], Figure], ...] = (
     two_discs,
     linkages,
     plots,
+    data_flow,
 )
 
 

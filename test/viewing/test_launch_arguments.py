@@ -7,7 +7,12 @@ from launch_syntax import calls, constants, declared, FILES, included, keywords,
 import pytest
 
 COMMAND = re.compile(r'ros2 launch klann_ros (\w+\.launch\.py)((?: [\w-]+:=[\w./]+)*)')
-DOCUMENTS = [ROOT / 'README.md', *FILES.values(), *(ROOT / 'config').glob('*.yaml')]
+DOCUMENTS = [
+    ROOT / 'README.md',
+    *(ROOT / 'docs').glob('*.md'),
+    *FILES.values(),
+    *(ROOT / 'config').glob('*.yaml'),
+]
 COMMANDS = sorted({found for path in DOCUMENTS for found in COMMAND.findall(path.read_text())})
 
 
@@ -16,7 +21,7 @@ def known(name: str) -> set[object]:
     return set(declared(name)).union(*(known(other) for other in included(name)))
 
 
-def test_the_readme_shows_commands() -> None:
+def test_the_manual_shows_commands() -> None:
     assert len(COMMANDS) > 5
 
 

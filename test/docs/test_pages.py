@@ -1,0 +1,125 @@
+"""README and manual: links that lead somewhere, examples that run, nothing that is not so."""
+
+from collections.abc import Iterator
+import os
+from pathlib import Path
+import re
+import subprocess
+import sys
+
+from klann_ros import executables
+from leg_runs import LegRun
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+README = ROOT / 'README.md'
+MANUAL = sorted((ROOT / 'docs').glob('*.md'))
+PAGES = [README, ROOT / 'CONTRIBUTING.md', ROOT / 'SECURITY.md', *MANUAL]
+# Their blocks are held to more by tests of their own.
+RUN_ELSEWHERE = {'courses.md', 'theory.md', 'teoria.md'}
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    text = page.read_text(encoding='utf-8')
+    return re.findall(rf'^```{language}\n(.*?)^```', text, re.DOTALL | re.MULTILINE)
+
+
+def prose(page: Path) -> str:
+    return re.sub(
+        r'^```.*?^```', '', page.read_text(encoding='utf-8'), flags=re.DOTALL | re.MULTILINE
+    )
+
+
+def anchors(page: Path) -> set[str]:
+    """Return the names that a page's headings get where Markdown is shown."""
+    titles = re.findall(r'^#+ (.*)$', prose(page), re.MULTILINE)
+    return {re.sub(r'[^\w\- ]', '', title.lower()).replace(' ', '-') for title in titles}
+
+
+def links(page: Path) -> Iterator[tuple[Path, str]]:
+    """Yield the relative links of a page: the file, and the place in it."""
+    for link in re.findall(r'\]\(([^)\s]+)\)', prose(page)):
+        if '://' not in link:
+            name, _, place = link.partition('#')
+            yield ((page.parent / name).resolve() if name else page), place
+
+
+def run(source: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    package = str(Path(executables.__file__).resolve().parents[1])
+    paths = os.pathsep.join(filter(None, [package, os.environ.get('PYTHONPATH', '')]))
+    return subprocess.run(
+        [sys.executable, '-c', source],
+        env=os.environ | {'PYTHONPATH': paths, 'MPLBACKEND': 'Agg'},
+        cwd=folder,
+        capture_output=True,
+        check=False,
+        text=True,
+        timeout=600,
+    )
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_every_relative_link_leads_somewhere(page: Path) -> None:
+    broken = [
+        f'{file}#{place}'
+        for file, place in links(page)
+        if not file.exists() or (place and place not in anchors(file))
+    ]
+    assert broken == []
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_every_file_that_is_named_exists(page: Path) -> None:
+    tops = 'klann_ros|examples|scripts|benchmarks|test|docs|config|launch|urdf|foxglove'
+    named = re.findall(rf'`((?:{tops})/[\w/.]+)`', prose(page))
+    missing = [name for name in named if not (ROOT / name).exists()]
+    assert missing == []
+
+
+def test_every_page_of_the_manual_is_found_from_its_contents() -> None:
+    index = ROOT / 'docs' / 'index.md'
+    linked = {file for file, _ in links(index) if file.suffix in {'.md', '.rst'}}
+    assert {*MANUAL} - linked == {index}
+    # And so from the contents of the built pages.
+    (contents,) = re.findall(
+        r'^```\{toctree\}\n.*?\n\n(.*?)^```', index.read_text(), re.DOTALL | re.MULTILINE
+    )
+    listed = {(index.parent / name).resolve() for name in contents.split()}
+    assert listed == {file.with_suffix('') for file in linked}
+
+
+def test_the_readme_is_read_at_one_sitting() -> None:
+    assert len(README.read_text(encoding='utf-8').splitlines()) <= 150
+
+
+def test_the_readme_names_every_executable() -> None:
+    source = Path(executables.__file__).read_text(encoding='utf-8')
+    for name in re.findall(r'^def (\w+)\(', source, re.MULTILINE):
+        assert name.startswith('_') or f'| `{name}' in README.read_text(encoding='utf-8')
+
+
+def test_the_readmes_first_example_is_warm_started() -> None:
+    done = run(blocks(README, 'python')[0], ROOT)
+    assert (done.returncode, done.stderr) == (0, '')
+    steps = [line.split() for line in done.stdout.splitlines() if line[0] != '[']
+    assert [int(step[0]) for step in steps] == list(range(0, 360, 10))
+    # A step that is split takes the iterations of all its parts.
+    assert max(int(step[-1]) for step in steps) <= 5
+
+
+@pytest.mark.parametrize(
+    'page',
+    [page for page in PAGES if page.name not in RUN_ELSEWHERE and blocks(page, 'python')],
+    ids=lambda page: page.name,
+)
+def test_the_examples_of_a_page_run(page: Path, tmp_path: Path) -> None:
+    # One after the other, as a reader types them: a later one knows the names of the earlier.
+    source = '\n'.join(blocks(page, 'python'))
+    if 'klann_ros.plotting' in source:
+        pytest.importorskip('matplotlib')
+    LegRun(count=600).write(tmp_path / 'runs' / 'first')
+    if page.name == 'adding_a_linkage.md':
+        (described,) = blocks(page, 'yaml')
+        (tmp_path / 'watt.yaml').write_text(described, encoding='utf-8')
+    done = run(source, tmp_path)
+    assert (done.returncode, done.stderr) == (0, '')
