@@ -13,6 +13,7 @@ HERE = Path(__file__).resolve().parent
 # without a distribution of that name. package.xml names it for rosdep, the extra "ros" for pip.
 EXTRAS = {
     'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
+    'pandas': ['pandas'],
     'plot': ['matplotlib'],
     'fast': ['numba'],
 }

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from klann_ros.review.reviewed import Review
+from klann_ros.review.model.review import Review
 from klann_ros.review.reviewing import review_run
 
 

@@ -1,1 +1,61 @@
-"""What happened in a run, and whether it can be trusted."""
+"""
+What happened in a run, and whether it can be trusted; knows nothing of ROS.
+
+>>> from klann_ros.review import pose_arrays, review_run
+>>> review = review_run('runs/first', rates='f8')  # a folder, or a file of any recorder
+>>> review.is_healthy
+True
+>>> for finding in review.findings:
+...     print(finding.severity.name, finding.check, finding.text, finding.time)
+>>> leg = review.legs[0]
+>>> round(leg.figures.turns, 3)
+2.0
+>>> poses = pose_arrays(leg)
+>>> poses['alpha [rad]'].shape, float(poses['residual [m]'].max()) < 1e-12
+((400,), True)
+
+With pandas, `pose_frame(review)` is a DataFrame of all legs, and `.plot('time [s]', 'gamma [rad]')`
+draws one of its columns.
+
+======================  ===============================================================
+A run                   `review_run`: `Review`, its `ReviewedLeg`s and `TopicFigures`
+What is wrong with it   `Finding`, `Severity`; `Limits`, `limits_from_file`
+Its poses               `pose_arrays`, `pose_frame`
+Two runs                `compare`: `Comparison`, `Difference`
+The leg to hold it      `leg_of`: by the name of a file or of a shipped leg
+against
+What can go wrong       `klann_ros.log.errors.LogError`: `NotALogError`,
+                        `LegFileError`, `LimitsFileError`; `NoPandasError`
+======================  ===============================================================
+"""
+
+from klann_ros.log.errors import NotALogError
+
+from .comparing import compare, Comparison, Difference
+from .loading.leg_file import leg_of, LegFileError
+from .model.limits import Limits, limits_from_file, LimitsFileError
+from .model.review import Finding, Review, ReviewedLeg, Severity
+from .model.topics import TopicFigures
+from .report.pose_table import NoPandasError, pose_arrays, pose_frame
+from .reviewing import review_run
+
+__all__ = [
+    'Comparison',
+    'Difference',
+    'Finding',
+    'LegFileError',
+    'Limits',
+    'LimitsFileError',
+    'NoPandasError',
+    'NotALogError',
+    'Review',
+    'ReviewedLeg',
+    'Severity',
+    'TopicFigures',
+    'compare',
+    'leg_of',
+    'limits_from_file',
+    'pose_arrays',
+    'pose_frame',
+    'review_run',
+]

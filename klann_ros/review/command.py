@@ -1,7 +1,8 @@
 """`review`: what happened in a run, and whether it can be trusted."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 import os
 import sys
@@ -10,19 +11,40 @@ from klann_ros import __version__
 from klann_ros.kinematics import AnyLeg
 from klann_ros.log.errors import LogError
 from klann_ros.log.reading.run_files import LOG_HELP
+from klann_ros.review.loading.leg_file import leg_of, preset_names
+from klann_ros.review.model.limits import Limits, limits_from_file, NAMES
+from klann_ros.review.model.review import Review
+from klann_ros.review.report.html_page import page
+from klann_ros.review.report.outputs import Output, OutputError, outputs, Save
+from klann_ros.review.report.picture import NoPictureError, picture_format, save_picture
 from klann_ros.untrusted.arguments import ArgumentParser, path
 from klann_ros.untrusted.text import printable_line
+from tqdm import tqdm
 
 from .comparing import compare
-from .leg_file import leg_of, preset_names
-from .limits import Limits, limits_from_file, NAMES
-from .outputs import Output, OutputError, outputs, Save
-from .picture import NoPictureError, picture_format, save_picture
-from .progress import progress
-from .report import csv_file, json_report, text
-from .report.html_page import page
-from .reviewed import Review
-from .reviewing import review_run
+from .report import json_report, pose_table, text
+from .reviewing import Progress, review_run
+
+# What takes less than this shows nothing [s].
+_PATIENCE = 1.0
+
+
+@contextmanager
+def progress() -> Iterator[Progress]:
+    """Show a bar on stderr, if that is a terminal and it takes long; yield what moves it."""
+    form = '{desc}: {percentage:3.0f} %|{bar}| {remaining}'
+    with tqdm(
+        total=1.0, bar_format=form, delay=_PATIENCE, leave=False, file=sys.stderr, disable=None
+    ) as bar:
+
+        def tell(what: str, part: float) -> None:
+            if part < bar.n:
+                bar.reset()
+            bar.set_description_str(what, refresh=False)
+            bar.update(part - bar.n)
+
+        yield tell
+
 
 NOT_READ, NOT_WRITTEN = 2, 3
 DESCRIPTION = """\
@@ -71,7 +93,7 @@ def _review(options: argparse.Namespace) -> int:
     savers: dict[str, Save] = {
         '--json': partial(json_report.save, reviews[0], comparison),
         '--html': partial(page.save, reviews, comparison),
-        '--csv': partial(csv_file.save, reviews[0]),
+        '--csv': partial(pose_table.save_csv, reviews[0]),
         '--picture': partial(save_picture, reviews[0], form),
     }
     saved = [_is_saved(file, savers[file.option]) for file in files]
@@ -85,7 +107,7 @@ def _one(path: str, options: argparse.Namespace, given: AnyLeg | None, limits: L
     # A chart shows seven digits.
     rates = 'f8' if options.csv else 'f4' if options.html else ''
     with progress() as tell:
-        return review_run(path, given=given, limits=limits, rates=rates, progress=tell)
+        return review_run(path, leg=given, limits=limits, rates=rates, progress=tell)
 
 
 def _is_saved(file: Output, save: Save) -> bool:

@@ -3,21 +3,46 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from math import inf, isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 from klann_ros.kinematics import AnyLeg
-from klann_ros.kinematics.batch.given_angles import differences, feet
+from klann_ros.kinematics.batch.given_angles import feet
+from klann_ros.review.model.limits import Limits
+from klann_ros.review.model.pose_errors import solved_blocks
+from klann_ros.review.model.recording import LegSolver
+from klann_ros.review.model.review import Review, ReviewedLeg
+from klann_ros.review.model.times import Floats
 from klann_ros.untrusted.text import printable
 import numpy as np
 
-from .dimensions import Dimension, dimensions
-from .limits import Limits
-from .loading.layouts import Floats
-from .pairing import pairs
-from .resolved import solved_again
-from .reviewed import Review, ReviewedLeg
 
-_BLOCK = 65536
+class Dimension(NamedTuple):
+    """A number with its unit."""
+
+    value: float
+    unit: str = ''
+
+    def __str__(self) -> str:
+        """Return it for people."""
+        return f'{self.value:.9g} {self.unit}'.rstrip()
+
+
+def dimensions(solver: LegSolver) -> dict[str, Dimension | str]:
+    """Return all of a leg, as far as it is told."""
+    leg = solver.leg
+    found: dict[str, Dimension | str] = {
+        'direction': Dimension(solver.direction),
+        'phase': Dimension(solver.phase, 'rad'),
+    }
+    if leg is not None:
+        linkage = leg.linkage
+        found |= {'linkage': linkage.name, 'foot': linkage.structure.foot}
+        for body in linkage.structure.bodies:
+            found[f'sense of {body.angle}'] = Dimension(body.sense)
+        for dimension, number in zip(linkage.structure.dimensions, linkage.numbers, strict=True):
+            found[dimension.name] = Dimension(number, dimension.unit)
+        found['assembly'] = str(list(leg.assembly))
+    return found
 
 
 @dataclass(frozen=True)
@@ -155,7 +180,7 @@ def _motion(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterator[Di
     moved = other
     if leg is None:
         leg, moved = other.recording.solver.leg, one
-    if leg is None or moved.judged.poses.values.shape[1] != len(leg.joint_names):
+    if leg is None or moved.evaluated.poses.values.shape[1] != len(leg.joint_names):
         return
     angle, path = _distances(moved, leg, limits)
     if angle > limits.compare_angle:
@@ -172,25 +197,19 @@ def _distances(moved: ReviewedLeg, leg: AnyLeg, limits: Limits) -> tuple[float, 
 
     What is wrong by the run's own geometry is a finding in that run, and no difference.
     """
-    poses, feet_ = moved.judged.poses, moved.judged.feet
-    sound = np.ones(len(poses), dtype=bool)
-    if moved.resolved is not None:
-        sound = moved.resolved.angle_errors <= limits.compare_angle
+    run, errors = moved.evaluated, moved.errors
+    sound, right = np.ones(len(run.poses), dtype=bool), np.ones(len(run.feet), dtype=bool)
+    if errors is not None:
+        sound = errors.angle_errors <= limits.compare_angle
+        right = errors.foot_errors <= limits.compare_path
     worst_angle = worst_foot = 0.0
-    of_feet, of_poses = pairs(feet_.stamps, poses.stamps)
-    if moved.resolved is not None:
-        right = moved.resolved.foot_errors[of_feet] <= limits.compare_path
-        of_feet, of_poses = of_feet[right & sound[of_poses]], of_poses[right & sound[of_poses]]
-    for begin in range(0, len(poses), _BLOCK):
-        end = min(begin + _BLOCK, len(poses))
-        angles = poses.values[slice(begin, end)]
-        expected, _ = solved_again(leg, angles[:, 0])
-        apart = np.abs(differences(leg, angles[:, 1:], expected))[sound[slice(begin, end)]]
-        worst_angle = max(worst_angle, _worst(apart))
-        paired = slice(*np.searchsorted(of_poses, [begin, end]))
-        h = feet(leg, np.column_stack([angles[:, 0], expected])[of_poses[paired] - begin])
+    for block in solved_blocks(run, leg):
+        sound_here = sound[block.rows]
+        worst_angle = max(worst_angle, _worst(block.angle_errors(leg)[sound_here]))
+        both = right[block.of_feet] & sound_here[block.of_poses]
+        h = feet(leg, block.solved[block.of_poses[both]])
         with np.errstate(over='ignore'):
-            distances = np.hypot(*(feet_.values[of_feet[paired]] - h).T)
+            distances = np.hypot(*(run.feet.values[block.of_feet[both]] - h).T)
         worst_foot = max(worst_foot, _worst(distances))
     return worst_angle, worst_foot
 

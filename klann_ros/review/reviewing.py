@@ -1,23 +1,25 @@
 """A review from a log's path to its findings: load, solve again, judge."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from klann_ros.kinematics import AnyLeg
 from klann_ros.log.errors import AnyPath
 from klann_ros.log.reader import open_log
+from klann_ros.review.loading.load import load
+from klann_ros.review.model.answering import answering
+from klann_ros.review.model.figures import leg_figures
+from klann_ros.review.model.limits import Limits
+from klann_ros.review.model.pose_errors import pose_errors
+from klann_ros.review.model.recording import LegRecording, RunRecording
+from klann_ros.review.model.review import Review, ReviewedLeg
+from klann_ros.review.model.topics import topic_figures
+from klann_ros.review.model.unanswered import Silence, silences, unanswered
 from klann_ros.untrusted.text import printable
 import numpy as np
 
-from .answering import answering
-from .checks.all_checks import findings
-from .figures import leg_figures
-from .limits import Limits
-from .loading.load import load
-from .recording import LegRecording
-from .resolved import resolve
-from .reviewed import Review, ReviewedLeg
-from .topic_figures import topic_figures
+from .checks import findings
 
 # Is given what is being done, and how much of it is done, from 0 to 1.
 Progress = Callable[[str, float], object]
@@ -26,7 +28,7 @@ Progress = Callable[[str, float], object]
 def review_run(
     path: AnyPath,
     *,
-    given: AnyLeg | None = None,
+    leg: AnyLeg | None = None,
     limits: Limits | None = None,
     rates: str = '',
     progress: Progress | None = None,
@@ -38,7 +40,7 @@ def review_run(
     ----------
     path : str or path
         A run's folder, or a file of any recorder's.
-    given : Leg, optional
+    leg : KlannLeg, FourBar or LinkageLeg, optional
         What to hold the run against, instead of the legs that it tells.
     limits : Limits, optional
         What is still all right.
@@ -54,28 +56,37 @@ def review_run(
         The path is no log that can be read.
 
     """
-    tell = progress or _tell_nobody
+    tell, held_against = progress or (lambda _, __: None), limits or Limits()
     with open_log(path) as log:
-        recording = load(log, given, rates=rates, progress=lambda part: tell('reading', part))
-    review = Review(
-        recording,
-        tuple(map(topic_figures, recording.topics)),
-        tuple(_judged(leg, tell) for leg in recording.legs),
-        limits or Limits(),
-    )
-    return replace(review, findings=findings(review))
-
-
-def _judged(recording: LegRecording, tell: Progress) -> ReviewedLeg:
-    judged, leg, resolved = recording.judged(), recording.solver.leg, None
-    if leg is not None and len(judged.poses):
-        what = f'solving {printable(recording.title) or "the poses"} again'
-        resolved = resolve(judged, leg, lambda done, of: tell(what, done / of))
-    figures = leg_figures(judged, resolved)
-    # A log may hold any number.
+        recording = load(log, leg, rates=rates, progress=lambda part: tell('reading', part))
+    # A log may hold any number: what overflows is infinite, and what has no value is NaN.
     with np.errstate(over='ignore', invalid='ignore'):
-        return ReviewedLeg(recording, judged, resolved, figures, answering(judged))
+        quiet = tuple(
+            silence for topic in recording.topics for silence in silences(topic, held_against)
+        )
+        review = Review(
+            recording,
+            tuple(map(topic_figures, recording.topics)),
+            tuple(_reviewed(each, recording, quiet, tell) for each in recording.legs),
+            quiet,
+            held_against,
+        )
+        return replace(review, findings=findings(review))
 
 
-def _tell_nobody(_: str, __: float) -> None:
-    pass
+def _reviewed(
+    leg: LegRecording, recording: RunRecording, quiet: Sequence[Silence], tell: Progress
+) -> ReviewedLeg:
+    evaluated, errors = leg.evaluated(), None
+    if leg.solver.leg is not None and len(evaluated.poses):
+        what = f'solving {printable(leg.title) or "the poses"} again'
+        errors = pose_errors(evaluated, leg.solver.leg, partial(tell, what))
+    answers = answering(evaluated)
+    return ReviewedLeg(
+        leg,
+        evaluated,
+        errors,
+        leg_figures(evaluated, errors),
+        answers,
+        unanswered(recording, evaluated, answers, quiet),
+    )

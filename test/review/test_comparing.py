@@ -5,9 +5,8 @@ from pathlib import Path
 from klann_ros.kinematics import KlannGeometry, linkage_from_file, LinkageLeg
 from klann_ros.kinematics.klann.geometry import COORDINATES, LENGTHS
 from klann_ros.review.command import main
-from klann_ros.review.comparing import compare
-from klann_ros.review.dimensions import dimensions
-from klann_ros.review.loading.solvers import LegSolver
+from klann_ros.review.comparing import compare, dimensions
+from klann_ros.review.model.recording import LegSolver
 from klann_ros.review.reviewing import review_run
 import pytest
 

@@ -12,7 +12,7 @@ from klann_ros.kinematics import KlannGeometry, KlannLeg, LinkageLeg, shipped_li
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
 from klann_ros.review.command import main
-from klann_ros.review.leg_file import leg_of, LegFileError
+from klann_ros.review.loading.leg_file import leg_of, LegFileError
 from klann_ros.review.reviewing import review_run
 from leg_runs import LegRun, START
 import pytest
@@ -96,7 +96,7 @@ def test_a_bag_of_another_recorder_is_judged(untold, make_run, write_messages, t
             bag.write(connections[m.topic.name], m.log_time, m.data)
     review = review_run(tmp_path / 'bag')
     assert checks(review) == []
-    assert len(review.legs[0].judged.poses) == 400
+    assert len(review.legs[0].evaluated.poses) == 400
 
 
 def test_a_walker_is_judged_though_nobody_tells_its_phases(tmp_path, write_messages) -> None:
@@ -115,8 +115,8 @@ def test_a_walker_is_judged_though_nobody_tells_its_phases(tmp_path, write_messa
     first = Message(latched, text(WALKER), START, START, 1)
     both = sorted([first, *messages, *cranks], key=lambda m: m.log_time)
     review = review_run(write_messages(run, both))
-    judged = {leg.recording.title: len(leg.judged.poses) for leg in review.legs}
-    assert judged == dict.fromkeys(names, 400)
+    evaluated = {leg.recording.title: len(leg.evaluated.poses) for leg in review.legs}
+    assert evaluated == dict.fromkeys(names, 400)
     assert checks(review) == []
 
 
@@ -140,12 +140,12 @@ def test_only_what_is_younger_than_a_new_description_is_judged(untold, make_run)
         script.answers[n] = answer
     (leg,) = (review := review_run(make_run(script))).legs
     assert checks(review) == []
-    assert len(leg.judged.poses) == 200
+    assert len(leg.evaluated.poses) == 200
 
 
 def test_a_description_that_comes_again_is_no_change(untold, make_run) -> None:
     (leg,) = review_run(make_run(untold(URDF, URDF, URDF, every=0.5))).legs
-    assert len(leg.judged.poses) == 400
+    assert len(leg.evaluated.poses) == 400
 
 
 HOSTILE = '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">]>' + URDF

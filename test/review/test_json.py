@@ -4,7 +4,7 @@ import json
 import math
 
 from klann_ros.review.command import main
-from klann_ros.review.limits import Limits
+from klann_ros.review.model.limits import Limits
 import pytest
 
 NUMBER = (int, float)

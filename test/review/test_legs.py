@@ -49,8 +49,8 @@ def two_legs(make_script):
 def test_legs_in_several_namespaces_are_all_judged(two_legs, make_run) -> None:
     review = review_run(make_run(two_legs))
     assert checks(review) == []
-    judged = {leg.recording.title: len(leg.judged.poses) for leg in review.legs}
-    assert judged == {'a': 400, 'b': 400}
+    evaluated = {leg.recording.title: len(leg.evaluated.poses) for leg in review.legs}
+    assert evaluated == {'a': 400, 'b': 400}
     assert review.legs[1].recording.solver.leg.geometry == KlannGeometry.patent()
 
 
@@ -71,7 +71,7 @@ def test_a_leg_without_a_solver_of_its_namespace_takes_the_last(healthy, make_ru
     healthy.in_namespace('/a').namespace = '/elsewhere'
     review = review_run(make_run(healthy))
     assert checks(review) == []
-    assert review.legs[0].resolved is not None
+    assert review.legs[0].errors is not None
 
 
 @pytest.fixture

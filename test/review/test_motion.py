@@ -6,8 +6,8 @@ import math
 from findings import checks, moments
 from klann_ros.kinematics import KlannLeg
 from klann_ros.log.qos import Qos, qos_to_yaml
-from klann_ros.review.finding import Severity
-from klann_ros.review.limits import Limits
+from klann_ros.review.model.limits import Limits
+from klann_ros.review.model.review import Severity
 from klann_ros.review.reviewing import review_run
 import pytest
 

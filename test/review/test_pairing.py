@@ -3,8 +3,8 @@
 from collections import defaultdict
 
 from hypothesis import given, strategies as st
-from klann_ros.review.loading.holes import covered, joined, overlap
-from klann_ros.review.pairing import alone, found_in, many_to_one, pairs
+from klann_ros.review.model.pairing import alone, found_in, many_to_one, pairs
+from klann_ros.review.model.times import covered, joined, overlap
 import numpy as np
 
 stamps = st.lists(st.integers(-3, 8), max_size=12).map(lambda some: np.array(some, dtype=np.int64))

@@ -126,8 +126,10 @@ def test_what_is_shipped_gives_a_healthy_run(tmp_path, path, namespace) -> None:
     titles = {'/'.join(part for part in (namespace[1:], leg) if part) for leg in legs}
     assert {leg.recording.title for leg in review.legs} == titles
     for leg in review.legs:
-        assert leg.resolved is not None
-        assert len(leg.judged.poses) == len(leg.judged.feet) == len(leg.judged.cranks) == 120
+        assert leg.errors is not None
+        assert (
+            len(leg.evaluated.poses) == len(leg.evaluated.feet) == len(leg.evaluated.cranks) == 120
+        )
         assert leg.figures.worst_foot_error < 1e-12
         first, *_, last = crank_angles(parameters, 120)
         assert abs(leg.figures.turns) == pytest.approx((last - first) / (2 * np.pi))

@@ -6,8 +6,8 @@ from pathlib import Path
 from domain import own_domain
 from findings import checks
 from klann_ros.nodes.qos import OUTPUT
-from klann_ros.review.limits import Limits
-from klann_ros.review.reviewed import Review
+from klann_ros.review.model.limits import Limits
+from klann_ros.review.model.review import Review
 from klann_ros.review.reviewing import review_run
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile

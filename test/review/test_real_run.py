@@ -6,8 +6,8 @@ from typing import Any
 
 from domain import own_domain
 from findings import checks
-from klann_ros.review.limits import Limits
-from klann_ros.review.reviewed import Review
+from klann_ros.review.model.limits import Limits
+from klann_ros.review.model.review import Review
 from klann_ros.review.reviewing import review_run
 import pytest
 from ros_world import Process, RecorderReports, World, world
@@ -93,21 +93,21 @@ def said(review: Review) -> list[Any]:
 def test_a_real_run_is_healthy(reviews) -> None:
     review = reviews['healthy']
     assert said(review) == []
-    legs = {leg.recording.title: len(leg.judged.poses) for leg in review.legs}
+    legs = {leg.recording.title: len(leg.evaluated.poses) for leg in review.legs}
     walker = {f'walker/{leg}' for leg in LEGS}
     assert legs.keys() == {'', *walker}
     assert min(legs.values()) >= 30
     for leg in review.legs:
-        assert leg.resolved is not None
+        assert leg.errors is not None
         assert leg.figures.worst_angle_error < 1e-9
         assert leg.figures.worst_foot_error < 1e-9
 
 
 def test_every_pose_of_a_real_run_is_matched_with_its_input(reviews) -> None:
     for leg in reviews['healthy'].legs:
-        asked = set(leg.judged.cranks.stamps.tolist())
+        asked = set(leg.evaluated.cranks.stamps.tolist())
         # What was asked before the recorder listened is not in the run, nor what came at its end.
-        inside = [s for s in leg.judged.poses.stamps.tolist() if min(asked) <= s <= max(asked)]
+        inside = [s for s in leg.evaluated.poses.stamps.tolist() if min(asked) <= s <= max(asked)]
         assert len(inside) >= 30
         assert asked.issuperset(inside)
 

@@ -8,7 +8,7 @@ from findings import checks, found, moments
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
-from klann_ros.review.finding import Severity
+from klann_ros.review.model.review import Severity
 from klann_ros.review.reviewing import review_run
 import pytest
 
@@ -211,5 +211,5 @@ def test_legs_of_two_nodes_in_one_namespace_are_all_judged(make_script, make_run
     first.others.append(second)
     review = review_run(make_run(first))
     assert checks(review) == []
-    judged = {leg.recording.title: len(leg.judged.poses) for leg in review.legs}
-    assert judged == {'left': 400, 'right': 400}
+    evaluated = {leg.recording.title: len(leg.evaluated.poses) for leg in review.legs}
+    assert evaluated == {'left': 400, 'right': 400}

@@ -28,8 +28,7 @@ from klann_ros.log.run_parameters import (
     TopicCount,
 )
 from klann_ros.log.writing.writer import RunWriter
-from klann_ros.review.checks.unanswered import unanswered
-from klann_ros.review.finding import Severity
+from klann_ros.review.model.review import Severity
 from klann_ros.review.report import json_report
 from klann_ros.review.reviewing import review_run
 from leg_runs import LegRun, START
@@ -142,7 +141,7 @@ def test_the_number_of_unanswered_crank_angles_is_true(runs: Runs, fate: Fates) 
     (leg,) = review.legs
     asked = [n for n in range(COUNT) if fate.has_question(n)]
     truth = [n for n in asked if not fate.has_answer(n)]
-    told = unanswered(review, leg)
+    told = leg.unanswered
     assert (leg.answering.asked, leg.answering.answers) == (len(asked), len(asked) - len(truth))
     assert told.count == len(truth)
     shares = told.in_silences, told.at_holes, told.lost, told.unexplained
@@ -174,7 +173,7 @@ def test_of_questions_with_one_stamp_as_many_are_missing_as_answers_are(
     review = review_run(runs.write(fate, stamped))
     (leg,) = review.legs
     assert leg.answering.asked == COUNT
-    assert unanswered(review, leg).count == len(single)
+    assert leg.unanswered.count == len(single)
 
 
 def state(stamp: bytes, alpha: bytes) -> bytes:

@@ -1,1 +1,29 @@
-"""What is wrong with a run: each file a kind of check, `all_checks` all of them."""
+"""What is wrong with a run: each file a kind of check, CHECKS all of them."""
+
+from klann_ros.review.model.review import Finding, Review
+
+from .answers import check_answers
+from .clocks import check_clocks
+from .completeness import check_container, check_losses
+from .gaps import check_gaps
+from .motion import check_motion
+from .poses import check_poses
+from .solvers import check_solvers
+
+CHECKS = (
+    check_container,
+    check_solvers,
+    check_poses,
+    check_answers,
+    check_losses,
+    check_gaps,
+    check_clocks,
+    check_motion,
+)
+"""Each yields what it finds in a review; the cause at its source first."""
+
+
+def findings(review: Review) -> tuple[Finding, ...]:
+    """Return what is wrong with a run, the gravest first; nothing for a healthy one."""
+    found = (finding for check in CHECKS for finding in check(review))
+    return tuple(sorted(found, key=lambda finding: -finding.severity))

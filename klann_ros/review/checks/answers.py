@@ -3,35 +3,33 @@
 from collections.abc import Iterator
 
 from klann_ros.log.wording import verb
-from klann_ros.review.answering import asked_angles, Cause
-from klann_ros.review.finding import Finding, Severity
-from klann_ros.review.reviewed import Review, ReviewedLeg
+from klann_ros.review.model.answering import asked_angles, Cause
+from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.untrusted.text import printable
 import numpy as np
 
 from .poses import wrong_poses
-from .unanswered import unanswered
 
 
-def check(review: Review) -> Iterator[Finding]:
+def check_answers(review: Review) -> Iterator[Finding]:
     """Yield poses for another angle than the one that was asked, and questions without answer."""
     for leg in review.legs:
-        if len(leg.judged.poses):
+        if len(leg.evaluated.poses):
             yield from _wrong_questions(review, leg)
             yield from _refused(review, leg)
             yield from _unanswered(review, leg)
 
 
 def _wrong_questions(review: Review, reviewed: ReviewedLeg) -> Iterator[Finding]:
-    leg = reviewed.judged
+    leg = reviewed.evaluated
     rows, asked = asked_angles(leg)
     alphas = leg.poses.values[rows, 0]
     # A double comes through unchanged. What is not finite is wrong by itself, and found as such.
     wrong = np.zeros(len(leg.poses), dtype=bool)
     wrong[rows] = np.isfinite(alphas) & (alphas != asked)
-    if wrong.any() and reviewed.resolved is not None:
+    if wrong.any() and reviewed.errors is not None:
         # What is no pose of this leg is found as such, whatever its alpha.
-        wrong &= ~wrong_poses(reviewed, reviewed.resolved, review.limits).any()
+        wrong &= ~wrong_poses(reviewed, reviewed.errors, review.limits).any()
     wrong[reviewed.answering.surplus.excused(wrong)] = False
     if wrong.any():
         count = int(wrong.sum())
@@ -46,7 +44,7 @@ def _wrong_questions(review: Review, reviewed: ReviewedLeg) -> Iterator[Finding]
 
 def _refused(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
     """Yield what was asked and cannot be answered."""
-    found, times = leg.answering, leg.judged.cranks.times
+    found, times = leg.answering, leg.evaluated.cranks.times
     rows = found.of(Cause.NO_ANGLE)
     if rows.size:
         yield Finding(
@@ -72,14 +70,14 @@ def _refused(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
 
 def _unanswered(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
     """Yield what was asked and not answered, if not all of it is a gap, a hole or a loss."""
-    found = unanswered(review, leg)
+    found = leg.unanswered
     if found.unexplained <= 0:
         return
-    judged = leg.judged
+    evaluated = leg.evaluated
     unknown = [
         topic
         for topic in review.recording.topics
-        if topic.name in judged.pose_topics and topic.lost is None
+        if topic.name in evaluated.pose_topics and topic.lost is None
     ]
     severity = Severity.WARNING
     meaning = 'the solver did not keep up, was not running, or the question was lost on its way'
@@ -96,6 +94,6 @@ def _unanswered(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
         f'{found.count} of {leg.answering.asked} crank angles '
         f'{verb(found.count, "was", "were")} not answered{found}',
         meaning,
-        review.recording.since_start(judged.cranks.times[found.elsewhere[0]]),
+        review.recording.since_start(evaluated.cranks.times[found.elsewhere[0]]),
         leg.recording.title,
     )

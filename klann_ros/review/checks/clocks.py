@@ -3,10 +3,8 @@
 from collections.abc import Collection, Iterator
 
 from klann_ros.log.wording import times, verb
-from klann_ros.review.finding import Finding, Severity
-from klann_ros.review.recording import TopicRecording
-from klann_ros.review.reviewed import Review, ReviewedLeg
-from klann_ros.review.topic_figures import TopicFigures
+from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
+from klann_ros.review.model.topics import TopicFigures, TopicRecording
 from klann_ros.untrusted.text import listed, printable
 import numpy as np
 
@@ -19,7 +17,7 @@ _STEADY = 0.2
 _LEAST = 10
 
 
-def check(review: Review) -> Iterator[Finding]:
+def check_clocks(review: Review) -> Iterator[Finding]:
     """Yield what is wrong with times."""
     yield from _order(review)
     both = zip(review.topics, review.recording.topics, strict=True)
@@ -50,15 +48,18 @@ def _order(review: Review) -> Iterator[Finding]:
         if leg.recording.solver.sim_time or leg.answering.surplus.solvers > 1:
             continue
         # Two that turn the crank are found as such.
-        if overtaken & leg.recording.pose_topics or back_and_forth(leg.judged, review.limits).size:
+        if (
+            overtaken & leg.recording.pose_topics
+            or back_and_forth(leg.evaluated, review.limits).size
+        ):
             continue
-        rows = np.flatnonzero(np.diff(leg.judged.poses.stamps) < 0)
+        rows = np.flatnonzero(np.diff(leg.evaluated.poses.stamps) < 0)
         if rows.size:
             count = int(rows.size)
             stamps = verb(count, 'stamp of 1 pose is', f'stamps of {count} poses are')
             text = f'the {stamps} earlier than that of the pose before'
             meaning = 'inputs came out of order; robot_state_publisher drops such poses'
-            time = review.recording.since_start(leg.judged.poses.times[rows[0] + 1])
+            time = review.recording.since_start(leg.evaluated.poses.times[rows[0] + 1])
             yield Finding('order', Severity.WARNING, text, meaning, time, leg.recording.title)
 
 
@@ -119,7 +120,7 @@ def _stamps(review: Review) -> Iterator[Finding]:
 
 def _offset(leg: ReviewedLeg) -> float:
     """Return how far the stamps are ahead of the log times, in the median [s]; 0 if unknown."""
-    poses = leg.judged.poses
+    poses = leg.evaluated.poses
     if leg.recording.solver.sim_time or not len(poses):
         return 0.0
     return float(np.median(poses.stamps - poses.times)) / 1e9

@@ -1,28 +1,26 @@
 """Silence: topics that paused, and topics that ended before the run did."""
 
 from collections.abc import Iterator
+from itertools import groupby
+from operator import attrgetter
 
 from klann_ros.log.wording import counted, verb
-from klann_ros.review.finding import Finding, Severity
-from klann_ros.review.loading.holes import Hole, joined
-from klann_ros.review.reviewed import Review
+from klann_ros.review.model.review import Finding, Review, Severity
+from klann_ros.review.model.times import Hole, joined
+from klann_ros.review.model.unanswered import refusals, Silence, without_holes
 from klann_ros.untrusted.text import listed
-
-from .silences import Silence, silences
-from .unanswered import refused, unanswered
 
 # What a solver publishes beside the poses.
 _ANSWERS = ('point_h', 'velocity_h')
 
 
-def check(review: Review) -> Iterator[Finding]:
+def check_gaps(review: Review) -> Iterator[Finding]:
     """Yield silences inside the run, and topics that went silent for good."""
-    recording = review.recording
     holes = _holes(review)
     found = [
         silence
-        for topic in recording.topics
-        for silence in silences(topic, holes.get(topic.name, recording.holes), review.limits)
+        for (topic,), own in groupby(review.silences, key=attrgetter('topics'))
+        for silence in without_holes(list(own), holes.get(topic, review.recording.holes))
     ]
     if found:
         yield _gap(review, _together(found))
@@ -33,7 +31,7 @@ def _holes(review: Review) -> dict[str, tuple[Hole, ...]]:
     """Return by topic when the solver could say nothing, or the log has holes."""
     found: dict[str, list[Hole]] = {}
     for leg in review.legs:
-        of_leg = refused(leg)
+        of_leg = refusals(leg.evaluated, leg.answering)
         place = f'{leg.recording.namespace}/{leg.recording.name}'.rstrip('/')
         for topic in (*leg.recording.pose_topics, *(f'{place}/{name}' for name in _ANSWERS)):
             found.setdefault(topic, list(review.recording.holes)).extend(of_leg)
@@ -73,7 +71,7 @@ def _unanswered(review: Review) -> int:
     counts: dict[frozenset[str], int] = {}
     for leg in review.legs:
         topics = leg.recording.crank_topics
-        counts[topics] = max(counts.get(topics, 0), unanswered(review, leg).in_silences)
+        counts[topics] = max(counts.get(topics, 0), leg.unanswered.in_silences)
     return sum(counts.values())
 
 
@@ -81,7 +79,7 @@ def _ended(review: Review) -> Iterator[Finding]:
     """Yield answers that ended while their questions went on; whoever else ends may do so."""
     recording = review.recording
     for leg in review.legs:
-        poses, cranks = leg.judged.poses, leg.judged.cranks
+        poses, cranks = leg.evaluated.poses, leg.evaluated.cranks
         if not (len(poses) and len(cranks)):
             continue
         silent = (int(cranks.times[-1]) - int(poses.times[-1])) / 1e9
@@ -91,7 +89,7 @@ def _ended(review: Review) -> Iterator[Finding]:
                 'stale',
                 Severity.WARNING,
                 f'the poses ended {silent:.1f} s before the crank did; {after} came after them',
-                'the solver stopped, every angle was refused, or its poses no longer came here',
+                'the solver stopped, every angle was refusals, or its poses no longer came here',
                 recording.since_start(poses.times[-1]),
                 leg.recording.title,
             )

@@ -5,19 +5,14 @@ from math import nan
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 from klann_ros.log.wording import times as times_
-from klann_ros.review.finding import Finding, Severity
-from klann_ros.review.limits import Limits
-from klann_ros.review.loading.holes import overlap
-from klann_ros.review.loading.layouts import Floats
-from klann_ros.review.pairing import pairs, Rows
-from klann_ros.review.recording import LegRecording
-from klann_ros.review.reviewed import Review
-from klann_ros.review.topic_figures import intervals
+from klann_ros.review.model.limits import Limits
+from klann_ros.review.model.pairing import pairs
+from klann_ros.review.model.recording import LegRecording
+from klann_ros.review.model.review import Finding, Review, Severity
+from klann_ros.review.model.times import Flags, Floats, intervals, overlap, RowIndices
 from klann_ros.untrusted.text import listed
 import numpy as np
-from numpy.typing import NDArray
 
-Flags = NDArray[np.bool_]
 _TURN = 2 * np.pi
 # A change that is so many times the usual one is a jump, and not a fast crank.
 _UNUSUAL = 5.0
@@ -35,22 +30,24 @@ _SEVERAL, _OFTEN = 10, 0.1
 _STANDSTILL = 2.0
 
 
-def check(review: Review) -> Iterator[Finding]:
+def check_motion(review: Review) -> Iterator[Finding]:
     """Yield how the motion is not that of a leg."""
     for leg in review.legs:
-        if len(leg.judged.cranks):
-            swaps = back_and_forth(leg.judged, review.limits)
+        if len(leg.evaluated.cranks):
+            swaps = back_and_forth(leg.evaluated, review.limits)
             yield from (
-                _swaps(review, leg.judged, swaps) if swaps.size else _jumps(review, leg.judged)
+                _swaps(review, leg.evaluated, swaps)
+                if swaps.size
+                else _jumps(review, leg.evaluated)
             )
-            yield from _standstill(review, leg.judged)
+            yield from _standstill(review, leg.evaluated)
         # Else the geometry has judged every foot, and more strictly; two solvers have two legs.
         alone = leg.answering.surplus.solvers == 1
-        if leg.resolved is None and len(leg.judged.feet) and alone:
-            yield from _drift(review, leg.judged)
+        if leg.errors is None and len(leg.evaluated.feet) and alone:
+            yield from _drift(review, leg.evaluated)
 
 
-def back_and_forth(leg: LegRecording, limits: Limits) -> Rows:
+def back_and_forth(leg: LegRecording, limits: Limits) -> RowIndices:
     """Return after which inputs the crank jumps, and at once back: two sources have two angles."""
     steps = np.diff(leg.cranks.values[:, 0])
     there, back = steps[:-1], steps[1:]
@@ -62,7 +59,7 @@ def back_and_forth(leg: LegRecording, limits: Limits) -> Rows:
     return rows if len(rows) > max(_SEVERAL, _OFTEN * len(steps)) else rows[:0]
 
 
-def _swaps(review: Review, leg: LegRecording, rows: Rows) -> Iterator[Finding]:
+def _swaps(review: Review, leg: LegRecording, rows: RowIndices) -> Iterator[Finding]:
     by = np.abs(np.diff(leg.cranks.values[:, 0])[rows]).max()
     text = f'the crank angle jumps back and forth {times_(rows.size)}, by up to {by:.3g} rad'
     shared = any(t.shared for t in review.recording.topics if t.name in leg.crank_topics)

@@ -4,17 +4,15 @@ from collections.abc import Callable, Iterator
 
 from klann_ros.kinematics.batch.given_angles import differences, wrapped
 from klann_ros.log.wording import counted, in_words, verb
-from klann_ros.review.answering import repeated, Surplus
-from klann_ros.review.finding import Finding, Severity
-from klann_ros.review.limits import Limits
-from klann_ros.review.loading.layouts import Floats, Times
-from klann_ros.review.pairing import found_in
-from klann_ros.review.recording import LegRecording
-from klann_ros.review.reviewed import Review, ReviewedLeg
+from klann_ros.review.model.answering import repeated, Surplus
+from klann_ros.review.model.limits import Limits
+from klann_ros.review.model.pairing import found_in
+from klann_ros.review.model.recording import LegRecording
+from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
+from klann_ros.review.model.times import Floats, Times
+from klann_ros.review.model.unanswered import SOON
 from klann_ros.untrusted.text import listed
 import numpy as np
-
-from .unanswered import SOON
 
 # Returns how values differ from others of the same shape.
 Difference = Callable[[Floats, Floats], Floats]
@@ -25,10 +23,10 @@ _MORE = 1.25
 _LEAST = 10
 
 
-def check(review: Review) -> Iterator[Finding]:
+def check_solvers(review: Review) -> Iterator[Finding]:
     """Yield legs that several solvers answer for, and questions that were answered twice."""
     for leg in review.legs:
-        yield from _stamped(review, leg) if len(leg.judged.cranks) else _unstamped(review, leg)
+        yield from _stamped(review, leg) if len(leg.evaluated.cranks) else _unstamped(review, leg)
 
 
 def _stamped(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
@@ -38,7 +36,7 @@ def _stamped(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
         asked = counted(found.asked, 'question')
         yield _several(review, leg, found.surplus, f'{found.answers} answers to {asked}')
     elif len(found.surplus.rows):
-        first = leg.judged.poses.times[found.surplus.rows.min()]
+        first = leg.evaluated.poses.times[found.surplus.rows.min()]
         count = len(np.unique(found.surplus.questions))
         were = verb(count, 'angle was', 'angles were')
         yield Finding(
@@ -53,24 +51,24 @@ def _stamped(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
 
 def _unstamped(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
     """Yield what can be told without stamps of questions, if several publish the answers."""
-    judged = leg.judged
-    if not any(t.shared for t in review.recording.topics if t.name in judged.pose_topics):
+    evaluated = leg.evaluated
+    if not any(t.shared for t in review.recording.topics if t.name in evaluated.pose_topics):
         return
-    if judged.solver.sim_time:
+    if evaluated.solver.sim_time:
         yield from _by_number(review, leg)
         return
-    surplus = repeated(judged.poses.stamps)
+    surplus = repeated(evaluated.poses.stamps)
     if surplus.solvers > 1:
-        stamps = np.unique(judged.poses.stamps)
+        stamps = np.unique(evaluated.poses.stamps)
         yield _several(
-            review, leg, surplus, f'{len(judged.poses)} answers with {len(stamps)} stamps'
+            review, leg, surplus, f'{len(evaluated.poses)} answers with {len(stamps)} stamps'
         )
 
 
 def _by_number(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
     """Yield that there are more answers than questions, where no question can be lost unseen."""
-    asked, answers = leg.judged.unstamped, leg.judged.poses.times
-    of_cranks = [t for t in review.recording.topics if t.name in leg.judged.crank_topics]
+    asked, answers = leg.evaluated.unstamped, leg.evaluated.poses.times
+    of_cranks = [t for t in review.recording.topics if t.name in leg.evaluated.crank_topics]
     lost = sum(topic.lost or 0 for topic in of_cranks)
     if not len(asked) or any(topic.lost is None for topic in of_cranks):
         return
@@ -84,17 +82,17 @@ def _by_number(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
 
 
 def _several(review: Review, leg: ReviewedLeg, surplus: Surplus, counts: str) -> Finding:
-    judged = leg.judged
-    names = sorted(judged.solver.nodes)
+    evaluated = leg.evaluated
+    names = sorted(evaluated.solver.nodes)
     who = f'{in_words(surplus.solvers)} solvers'
     who += f' ({listed(names)})' if len(names) > 1 else ''
-    apart = _apart(judged, surplus, review.limits)
+    apart = _apart(evaluated, surplus, review.limits)
     return Finding(
         'solvers',
         Severity.ERROR if apart else Severity.WARNING,
-        f'{who} answer on {listed(sorted(judged.pose_topics))}: {counts}{apart}',
+        f'{who} answer on {listed(sorted(evaluated.pose_topics))}: {counts}{apart}',
         'whoever listens gets all of them: end one, or give it a namespace of its own',
-        review.recording.since_start(judged.poses.times[surplus.rows.min()]),
+        review.recording.since_start(evaluated.poses.times[surplus.rows.min()]),
         leg.recording.title,
     )
 

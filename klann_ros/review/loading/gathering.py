@@ -1,7 +1,7 @@
 """Which numbers of a run are whose: cranks, poses and feet by leg."""
 
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import ClassVar
 
@@ -9,14 +9,14 @@ from klann_ros.kinematics import AnyLeg
 from klann_ros.log.reading.block import Block
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import SolverParameters
-from klann_ros.review.recording import Undecoded
+from klann_ros.review.model.recording import LegSolver, Undecoded
+from klann_ros.review.model.times import nanoseconds, RowIndices, Times
 import numpy as np
 
-from .columns import Columns, prefixes
-from .growing import Growing
-from .layouts import CRANK_ANGLE, FOOT, JOINT_STATE, LAYOUTS, Times
-from .pieces import nanoseconds, Piece, Rows, TopicReader
-from .solvers import GIVEN, leg_solvers, LegSolver, parent
+from .columns import GrowingArray, SeriesColumns
+from .layouts import CRANK_ANGLE, FOOT, JOINT_STATE, LAYOUTS
+from .pieces import DecodedRows, TopicReader
+from .solvers import GIVEN, leg_solvers, parent
 
 # A JointState tells by its joints what it is; of numbers and points there are many others.
 LAST_PARTS = {CRANK_ANGLE: 'crank_angle', FOOT: 'point_h'}
@@ -49,15 +49,15 @@ class Gathering:
 
     Attributes
     ----------
-    poses, rates : dict of Columns
+    poses, rates : dict of SeriesColumns
         By namespace and name of the leg.
     pose_topics : dict of set
         By namespace and name of the leg, where its poses come from.
-    feet : dict of Columns
+    feet : dict of SeriesColumns
         By the namespace of their topic.
-    cranks, crank_topics : dict of Columns, dict of set
+    cranks, crank_topics : dict of SeriesColumns, dict of set
         By namespace and joint: the inputs, and where they come from.
-    unstamped : dict of Growing
+    unstamped : dict of GrowingArray
         By namespace and joint, log times of inputs whose answers nobody can tell.
 
     """
@@ -69,13 +69,13 @@ class Gathering:
         *,
         rates: str = '',
     ) -> None:
-        self.poses: dict[Place, Columns] = {}
-        self.rates: dict[Place, Columns] = {}
-        self.feet: dict[str, Columns] = defaultdict(partial(Columns, 2))
-        self.cranks: dict[Place, Columns] = defaultdict(partial(Columns, 1))
+        self.poses: dict[Place, SeriesColumns] = {}
+        self.rates: dict[Place, SeriesColumns] = {}
+        self.feet: dict[str, SeriesColumns] = defaultdict(partial(SeriesColumns, 2))
+        self.cranks: dict[Place, SeriesColumns] = defaultdict(partial(SeriesColumns, 1))
         self.pose_topics: dict[Place, set[str]] = defaultdict(set)
         self.crank_topics: dict[Place, set[str]] = defaultdict(set)
-        self.unstamped: dict[Place, Growing] = defaultdict(partial(Growing, np.int64))
+        self.unstamped: dict[Place, GrowingArray] = defaultdict(partial(GrowingArray, np.int64))
         self._records = records
         self._given = given
         self._unknown = LegSolver(leg=given, source=GIVEN if given else '')
@@ -92,7 +92,7 @@ class Gathering:
         told = {(space, name) for space, _ in self.poses for name in self._in(space)}
         return sorted(told | self.poses.keys())
 
-    def add(self, topic: Topic, block: Block, rows: Rows) -> None:
+    def add(self, topic: Topic, block: Block, rows: RowIndices) -> None:
         """Add what a topic's messages in a block say."""
         reader = self._reader(topic)
         if reader is None:
@@ -112,7 +112,7 @@ class Gathering:
             if reader.failed
         )
 
-    def _is_torn(self, namespace: str, piece: Piece) -> bool:
+    def _is_torn(self, namespace: str, piece: DecodedRows) -> bool:
         """Return whether joints of a leg have no positions: another robot's may do without."""
         if len(piece.names) in (0, piece.values.shape[1]):
             return False
@@ -133,16 +133,16 @@ class Gathering:
             self._readers[topic] = TopicReader(topic) if wanted else None
         return self._readers[topic]
 
-    def _add_crank_angle(self, topic: str, block: Block, piece: Piece) -> None:
+    def _add_crank_angle(self, topic: str, block: Block, piece: DecodedRows) -> None:
         self._add_crank(topic, ALL_JOINTS, block, piece, 0)
 
-    def _add_foot(self, topic: str, block: Block, piece: Piece) -> None:
+    def _add_foot(self, topic: str, block: Block, piece: DecodedRows) -> None:
         self.feet[parent(topic)].add(_log_times(block, piece), piece.stamps, piece.values[:, :2])
 
-    def _add_joint_state(self, topic: str, block: Block, piece: Piece) -> None:
+    def _add_joint_state(self, topic: str, block: Block, piece: DecodedRows) -> None:
         namespace, names = parent(topic), piece.names
         legs = self._in(namespace) or dict.fromkeys(
-            prefixes(names, self._unknown.joint_names), self._unknown
+            _prefixes(names, self._unknown.joint_names), self._unknown
         )
         found = False
         for name, solver in legs.items():
@@ -159,18 +159,22 @@ class Gathering:
     def _crank_solvers(self, namespace: str) -> Sequence[LegSolver]:
         return tuple(self._in(namespace).values()) or (self._unknown,)
 
-    def _add_pose(self, place: Place, columns: list[int], block: Block, piece: Piece) -> None:
+    def _add_pose(
+        self, place: Place, columns: list[int], block: Block, piece: DecodedRows
+    ) -> None:
         times = _log_times(block, piece)
-        poses = self.poses.setdefault(place, Columns(len(columns)))
+        poses = self.poses.setdefault(place, SeriesColumns(len(columns)))
         poses.add(times, piece.stamps, piece.values[:, columns])
         if self._kind_of_rates:
             known = piece.velocities.shape[1] == len(piece.names)
-            rates = self.rates.setdefault(place, Columns(len(columns), self._kind_of_rates))
+            rates = self.rates.setdefault(place, SeriesColumns(len(columns), self._kind_of_rates))
             missing = np.full((len(times), len(columns)), np.nan)
             with np.errstate(over='ignore'):
                 rates.add(times, piece.stamps, piece.velocities[:, columns] if known else missing)
 
-    def _add_crank(self, topic: str, joint: str, block: Block, piece: Piece, column: int) -> None:
+    def _add_crank(
+        self, topic: str, joint: str, block: Block, piece: DecodedRows, column: int
+    ) -> None:
         """Add crank inputs; the solver takes the source time for a stamp that is zero."""
         namespace = parent(topic)
         self.crank_topics[namespace, joint].add(topic)
@@ -195,5 +199,14 @@ class Gathering:
     }
 
 
-def _log_times(block: Block, piece: Piece) -> Times:
+def _log_times(block: Block, piece: DecodedRows) -> Times:
     return nanoseconds(block.heads['log_time'][piece.rows])
+
+
+def _prefixes(names: Sequence[str], joints: Sequence[str]) -> Iterator[str]:
+    """Yield the legs' names all of whose joints are among the names; '' for the unnamed one."""
+    known = set(names)
+    for name in names:
+        prefix, slash, joint = name.rpartition('/')
+        if joint == joints[0] and all(f'{prefix}{slash}{other}' in known for other in joints):
+            yield prefix

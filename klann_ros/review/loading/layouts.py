@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from klann_ros.untrusted.cdr import CdrCursor, HEADER_SIZE
+from klann_ros.log.records import Topic
+from klann_ros.review.model.times import Flags, Floats, RowIndices, Times
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,8 +20,30 @@ JOINT_STATE = 'sensor_msgs/msg/JointState'
 _STAMP_SIZE = 8
 
 Bytes = NDArray[np.uint8]
-Floats = NDArray[np.float64]
-Times = NDArray[np.int64]
+
+
+_HEADER = {
+    'std_msgs/Header': ('builtin_interfaces/Time stamp', 'string frame_id'),
+    'builtin_interfaces/Time': ('int32 sec', 'uint32 nanosec'),
+}
+_STANDARD_FIELDS = {
+    CRANK_ANGLE: {'': ('float64 data',)},
+    FOOT: {
+        '': ('std_msgs/Header header', 'Point point'),
+        'geometry_msgs/Point': ('float64 x', 'float64 y', 'float64 z'),
+        **_HEADER,
+    },
+    JOINT_STATE: {
+        '': (
+            'std_msgs/Header header',
+            'string[] name',
+            'float64[] position',
+            'float64[] velocity',
+            'float64[] effort',
+        ),
+        **_HEADER,
+    },
+}
 
 
 class Numbers(NamedTuple):
@@ -61,12 +85,12 @@ class Layout(NamedTuple):
     is_stamped: bool
     names: tuple[str, ...]
     numbers: tuple[Numbers, ...]
-    fixed: NDArray[np.intp]
+    fixed: RowIndices
 
-    def alike(self, rows: Bytes) -> NDArray[np.bool_]:
+    def alike(self, rows: Bytes) -> Flags:
         """Return which messages of this size, shape (n, size), differ in nothing but numbers."""
         own = np.frombuffer(self.data, np.uint8)[self.fixed]
-        alike: NDArray[np.bool_] = (rows[:, self.fixed] == own).all(axis=1)
+        alike: Flags = (rows[:, self.fixed] == own).all(axis=1)
         return alike
 
     def doubles(self, rows: Bytes, which: int) -> Floats:
@@ -121,3 +145,23 @@ LAYOUTS: Mapping[str, Callable[[bytes], Layout]] = {
     JOINT_STATE: _joint_state,
 }
 """How to find a message's layout, by its type; a ValueError says that it is no such message."""
+
+
+def has_standard_fields(topic: Topic) -> bool:
+    """Return whether a topic's messages are CDR of the fields that its type has in Jazzy."""
+    if (topic.message_encoding, topic.schema_encoding) != ('cdr', 'ros2msg'):
+        return False
+    return _fields(topic.definition) == _STANDARD_FIELDS.get(topic.type)
+
+
+def _fields(definition: str) -> dict[str, tuple[str, ...]]:
+    """Return the fields of each type in a definition, the first under ''."""
+    found: dict[str, list[str]] = {}
+    name = ''
+    for line in definition.splitlines():
+        words = line.partition('#')[0].split()
+        if words[:1] == ['MSG:']:
+            name = words[-1]
+        elif len(words) == 2:
+            found.setdefault(name, []).append(' '.join(words))
+    return {name: tuple(fields) for name, fields in found.items()}

@@ -1,23 +1,22 @@
 """From a log to a recording: what concerns legs decoded, all the rest counted."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 from klann_ros.kinematics import AnyLeg
 from klann_ros.log.reader import Log
 from klann_ros.log.reading.block import Block
 from klann_ros.log.records import Topic
-from klann_ros.log.run_parameters import HARM_RECORD, PAUSE_RECORD
-from klann_ros.review.recording import LegRecording, no_series, Recording, Series
+from klann_ros.log.run_parameters import HARM_RECORD, pause_of, PAUSE_RECORD
+from klann_ros.review.model.recording import LegRecording, no_series, RunRecording, Series
+from klann_ros.review.model.times import Hole, joined, LAST_TIME, RowIndices
 from klann_ros.untrusted.text import printable_line
 import numpy as np
 
-from .descriptions import Descriptions
+from .columns import Shared
 from .gathering import ALL_JOINTS, Gathering
-from .holes import joined, pauses
-from .iterations import Iterations
-from .pieces import LAST_TIME, Rows
-from .shared import Shared
+from .other_topics import Descriptions, Iterations
 from .solvers import solver_records
 from .topics import recorded_losses, TopicTally
 
@@ -31,7 +30,7 @@ def load(
     *,
     rates: str = '',
     progress: Progress | None = None,
-) -> Recording:
+) -> RunRecording:
     """
     Decode a log.
 
@@ -57,10 +56,10 @@ def load(
             iterations.add(topic, block, rows)
             descriptions.add(topic, block, rows)
     # Reading finds what an index hides, so this comes last.
-    holes = joined([*pauses(log.metadata.get(PAUSE_RECORD, ())), *log.holes])
+    holes = joined([*_pauses(log.metadata.get(PAUSE_RECORD, ())), *log.holes])
     shared = Shared()
     topics = tally.topics(recorded_losses(log.metadata), holes)
-    return Recording(
+    return RunRecording(
         path=str(log.path),
         files=tuple((path.name, path.stat().st_size) for path in log.paths),
         start=min(log.start_time, LAST_TIME),
@@ -81,7 +80,7 @@ def _harm(log: Log, key: str) -> str:
     return printable_line('; '.join(filter(None, found)))
 
 
-def by_topic(block: Block) -> Iterator[tuple[Topic, Rows]]:
+def by_topic(block: Block) -> Iterator[tuple[Topic, RowIndices]]:
     """Yield the topics in a block that are known, and which messages are theirs."""
     channels = block.heads['channel']
     order = np.argsort(channels, kind='stable')
@@ -138,3 +137,11 @@ def _merged(inputs: list[Series]) -> Series:
     stamps = np.concatenate([series.stamps for series in inputs])
     values = np.concatenate([series.values for series in inputs])
     return Series(times[order], stamps[order], values[order])
+
+
+def _pauses(records: Iterable[Mapping[str, str]]) -> Iterator[Hole]:
+    """Yield from when to when the recorder paused [ns], as its records say."""
+    for record in records:
+        with suppress(ValueError):
+            pause = pause_of(record)
+            yield pause.begin, pause.end

@@ -2,10 +2,9 @@
 
 from typing import Any
 
+from klann_ros.review.model.times import Flags, Times
 import numpy as np
 from numpy.typing import NDArray
-
-from .layouts import Times
 
 # Whoever records takes a queue in the order of its source times, and one queue after the other;
 # what was sent again comes late. So messages overtake each other, and no clock is to blame: never
@@ -19,8 +18,6 @@ _MANY = 1000
 _MOST = 90.0
 # Fewer tell nothing.
 _FEW = 20
-
-Flags = NDArray[np.bool_]
 
 
 def clock_steps(latencies: NDArray[np.float32], steps: Times, *, alone: bool) -> Flags:

@@ -1,26 +1,74 @@
 """From a block of a log to numbers: all messages of a topic that are alike at once."""
 
 from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr
+from functools import lru_cache
+from io import StringIO
 from itertools import chain
+import re
 from typing import Any, NamedTuple
 
 from klann_ros.log.reading.block import Block
 from klann_ros.log.records import Topic
+from klann_ros.review.model.times import Floats, LAST_TIME, nanoseconds, RowIndices, Times
+from mcap.records import Schema
+from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 from numpy.typing import NDArray
 
-from .decoders import decoder
-from .layouts import CRANK_ANGLE, Floats, FOOT, JOINT_STATE, Layout, LAYOUTS, Times
-from .standard_fields import has_standard_fields
+from .layouts import CRANK_ANGLE, FOOT, has_standard_fields, JOINT_STATE, Layout, LAYOUTS
 
-Rows = NDArray[np.intp]
+# A message that tells of a leg is much smaller; what a small file unpacks to may be anything.
+MAX_MESSAGE = 256 * 1024
+# A DiagnosticArray's, without comments, has 600 characters.
+MAX_DEFINITION = 16 * 1024
+
+_COMMENT = re.compile('#[^\r\n]*')
+Decode = Callable[[bytes], Any]
+
+
+def decoder(topic: Topic) -> Decode:
+    """
+    Return what decodes a topic's messages; it raises whatever comes of the bytes.
+
+    The library that knows all types prints what it cannot parse, and takes the square of the time
+    for comments and fields that are many. Definitions may be anybody's; so it is given no
+    comments, no definition that is longer than those of legs, and no terminal.
+    """
+    return _decoder(topic.type, topic.definition, topic.schema_encoding, topic.message_encoding)
+
+
+@lru_cache(maxsize=16)
+def _decoder(name: str, definition: str, schema_encoding: str, encoding: str) -> Decode:
+    text = _COMMENT.sub('', definition)
+    if len(text) > MAX_DEFINITION:
+        return _refuse
+    schema = Schema(id=1, data=text.encode(), encoding=schema_encoding, name=name)
+    try:
+        with redirect_stderr(StringIO()):
+            decode = DecoderFactory().decoder_for(encoding, schema)
+    except Exception:  # noqa: BLE001, RUF100 - the text may be anything
+        decode = None
+    if decode is None:
+        return _refuse
+
+    def bounded(data: bytes) -> Any:
+        if len(data) > MAX_MESSAGE:
+            raise ValueError(f'{len(data)} bytes, more than the limit of {MAX_MESSAGE}')
+        return decode(data)
+
+    return bounded
+
+
+def _refuse(_: bytes) -> Any:
+    raise ValueError('no decoder for this topic')
+
+
 # Messages that are all unlike each other are faster read one by one.
 _MOST_LAYOUTS = 16
-# Differences of two times fit in 64 bits with a sign; this one is in the year 2116.
-LAST_TIME = 2**62
 
 
-class Piece(NamedTuple):
+class DecodedRows(NamedTuple):
     """
     What messages of a topic say that have the same joints.
 
@@ -39,17 +87,11 @@ class Piece(NamedTuple):
 
     """
 
-    rows: Rows
+    rows: RowIndices
     stamps: Times
     names: tuple[str, ...]
     values: Floats
     velocities: Floats
-
-
-def nanoseconds(times: NDArray[np.uint64]) -> Times:
-    """Return times as numbers with a sign: a log may hold any 64 bits."""
-    signed: Times = np.minimum(times, np.uint64(LAST_TIME)).astype(np.int64)
-    return signed
 
 
 class TopicReader:
@@ -73,9 +115,9 @@ class TopicReader:
         self._layout: Layout | None = None
         self._decode = decoder(topic)
 
-    def read(self, block: Block, rows: Rows) -> Iterator[Piece]:
+    def read(self, block: Block, rows: RowIndices) -> Iterator[DecodedRows]:
         """Yield what these messages of a block say, in no particular order."""
-        others: list[Rows] = []
+        others: list[RowIndices] = []
         sizes = block.sizes[rows]
         for size in np.unique(sizes).tolist():
             yield from self._of_size(block, rows[sizes == size], size, others)
@@ -91,7 +133,9 @@ class TopicReader:
         self.failed_at = min(self.failed_at, first) if self.failed else first
         self.failed += len(times)
 
-    def _of_size(self, block: Block, rows: Rows, size: int, others: list[Rows]) -> Iterator[Piece]:
+    def _of_size(
+        self, block: Block, rows: RowIndices, size: int, others: list[RowIndices]
+    ) -> Iterator[DecodedRows]:
         """Yield what messages of one size say; add those that no layout fits to `others`."""
         for _ in range(_MOST_LAYOUTS):
             if not rows.size or not size:
@@ -121,11 +165,11 @@ class TopicReader:
             return None
         return self._layout
 
-    def _one(self, block: Block, row: int) -> Piece:
+    def _one(self, block: Block, row: int) -> DecodedRows:
         """Return what one message says, by the library that knows all types."""
         decoded = self._decode(block.message(row))
         stamp, names, values, velocities = _FIELDS[self._type](decoded)
-        return Piece(
+        return DecodedRows(
             np.array([row]),
             np.array([min(max(stamp, -LAST_TIME), LAST_TIME)]),
             tuple(map(str, names)),
@@ -134,12 +178,12 @@ class TopicReader:
         )
 
 
-def _piece(layout: Layout, rows: Rows, data: NDArray[np.uint8]) -> Piece:
+def _piece(layout: Layout, rows: RowIndices, data: NDArray[np.uint8]) -> DecodedRows:
     count = len(rows)
     stamps = layout.stamps(data) if layout.is_stamped else np.zeros(count, dtype=np.int64)
     joints = len(layout.numbers) > 1
     velocities = layout.doubles(data, 1) if joints else np.empty((count, 0))
-    return Piece(rows, stamps, layout.names, layout.doubles(data, 0), velocities)
+    return DecodedRows(rows, stamps, layout.names, layout.doubles(data, 0), velocities)
 
 
 Fields = tuple[int, Any, Any, Any]

@@ -1,68 +1,20 @@
 """What a run tells of the solver that made its poses."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 import sys
 from typing import Any
 
 from klann_ros.kinematics import AnyLeg
-from klann_ros.kinematics.klann.leg import JOINTS
 from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD, SolverParameters
-from klann_ros.review.leg_file import leg_from_parameters
+from klann_ros.review.model.recording import LegSolver
 from klann_ros.untrusted.text import printable
 
-CRANK_JOINT = 'crank'
+from .leg_file import leg_from_parameters
+
 # Who tells the leg that a run is held against.
 GIVEN = '--geometry'
 Metadata = Mapping[str, Sequence[Mapping[str, str]]]
-
-
-@dataclass(frozen=True)
-class LegSolver:
-    """
-    The solver of a leg.
-
-    Attributes
-    ----------
-    crank_joint : str
-        The joint that turns its crank.
-    sim_time : bool
-        Whether it stamps by a simulated clock what has no stamp.
-    leg : KlannLeg, LinkageLeg or None
-        What it solves at last; None where the run does not tell.
-    leg_time : int
-        The log time since which it has it [ns]; 0 when it never had another.
-    direction, phase : float
-        The leg's crank angle is direction * crank + phase [rad].
-    nodes : tuple of str
-        Full names of the nodes that solve it, as far as the run tells; without any, direction
-        and phase are not told either.
-    source : str
-        Who tells the leg; '' where nobody does.
-
-    """
-
-    crank_joint: str = CRANK_JOINT
-    sim_time: bool = False
-    leg: AnyLeg | None = None
-    leg_time: int = 0
-    direction: float = 1
-    phase: float = 0.0
-    nodes: tuple[str, ...] = ()
-    source: str = ''
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Return the names of its angles, the crank's first; a Klann leg's where nobody tells."""
-        return JOINTS if self.leg is None else self.leg.joint_names
-
-    @property
-    def slides(self) -> tuple[bool, ...]:
-        """Return which of them are distances along lines [m]; the others are angles."""
-        if self.leg is None:
-            return (False,) * len(JOINTS)
-        return tuple(body.slides for body in self.leg.linkage.structure.bodies)
 
 
 def solver_records(metadata: Metadata) -> list[SolverParameters]:
@@ -115,7 +67,7 @@ def _solver(own: Sequence[SolverParameters], name: str, given: AnyLeg | None) ->
     ]
     last = told[-1]
     return LegSolver(
-        crank_joint=str(last.get('crank_joint') or CRANK_JOINT),
+        crank_joint=str(last.get('crank_joint') or LegSolver.crank_joint),
         sim_time=any(record.parameters.get('use_sim_time') is True for record in own),
         leg=legs[-1],
         leg_time=changes[-1] if changes else 0,

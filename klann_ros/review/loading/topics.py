@@ -8,15 +8,13 @@ import re
 from klann_ros.log.reading.block import Block
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import LOSS_RECORD, topic_counts, TopicCount
-from klann_ros.review.recording import TopicRecording
+from klann_ros.review.model.times import Hole, LAST_TIME, nanoseconds, overlap, RowIndices, Times
+from klann_ros.review.model.topics import TopicRecording
 import numpy as np
 from numpy.typing import NDArray
 
-from .growing import Growing
-from .holes import Hole, overlap
-from .layouts import Times
+from .columns import GrowingArray
 from .order import clock_steps
-from .pieces import LAST_TIME, nanoseconds, Rows
 from .solvers import Metadata
 
 # As words or, until Humble, as a number of rmw.
@@ -25,9 +23,9 @@ _LATCHED = re.compile('durability: *(transient_local|1)\\b')
 
 @dataclass
 class _Seen:
-    times: Growing = field(default_factory=partial(Growing, np.int64))
-    latencies: Growing = field(default_factory=partial(Growing, np.float32))
-    back: Growing = field(default_factory=partial(Growing, np.int64, 3))
+    times: GrowingArray = field(default_factory=partial(GrowingArray, np.int64))
+    latencies: GrowingArray = field(default_factory=partial(GrowingArray, np.float32))
+    back: GrowingArray = field(default_factory=partial(GrowingArray, np.int64, 3))
     end: int = 0
     published_end: int = 0
     publishers: int = 0
@@ -37,7 +35,7 @@ class _Seen:
     # By the sequence numbers, which begin at 1; 0 is what recorders write that know none.
     last: int = 0
     numbered: int = 0
-    missing: Growing = field(default_factory=partial(Growing, np.int64, 3))
+    missing: GrowingArray = field(default_factory=partial(GrowingArray, np.int64, 3))
     steps_back: int = 0
     early: int = 0
 
@@ -109,7 +107,7 @@ class TopicTally:
         self._seen: dict[tuple[str, str], _Seen] = {}
         self._offers: dict[str, tuple[int, bool]] = {}
 
-    def add(self, topic: Topic, block: Block, rows: Rows) -> None:
+    def add(self, topic: Topic, block: Block, rows: RowIndices) -> None:
         """Count a topic's messages in a block."""
         seen = self._seen.setdefault((topic.name, topic.type), _Seen())
         # The files of a split run may know a topic by different profiles.

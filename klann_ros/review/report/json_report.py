@@ -7,10 +7,9 @@ from math import isfinite
 from typing import Any, BinaryIO
 
 from klann_ros import __version__
-from klann_ros.review.answering import Cause
-from klann_ros.review.checks.unanswered import unanswered
 from klann_ros.review.comparing import Comparison
-from klann_ros.review.reviewed import Review, ReviewedLeg
+from klann_ros.review.model.answering import Cause
+from klann_ros.review.model.review import Review, ReviewedLeg
 
 # Counts up when what stands in the report changes its meaning.
 VERSION = 1
@@ -37,10 +36,10 @@ def report(review: Review, comparison: Comparison | None = None) -> str:
             {
                 'leg': leg.recording.title,
                 'poses': len(leg.recording.poses),
-                'judged_poses': len(leg.judged.poses) if leg.resolved is not None else 0,
+                'judged_poses': len(leg.evaluated.poses) if leg.errors is not None else 0,
                 'geometry_source': leg.recording.solver.source,
                 **asdict(leg.figures),
-                'crank_angles': _crank_angles(review, leg),
+                'crank_angles': _crank_angles(leg),
             }
             for leg in review.legs
         ],
@@ -55,9 +54,9 @@ def report(review: Review, comparison: Comparison | None = None) -> str:
     return json.dumps(finite(content), indent=2) + '\n'
 
 
-def _crank_angles(review: Review, leg: ReviewedLeg) -> dict[str, int | None]:
+def _crank_angles(leg: ReviewedLeg) -> dict[str, int | None]:
     """Return what became of what a leg was asked; None where the run does not tell."""
-    found, left = leg.answering, unanswered(review, leg)
+    found, left = leg.answering, leg.unanswered
     counts: dict[str, int | None] = {
         'before_the_first_answer': found.early,
         'asked': found.asked,
@@ -70,7 +69,7 @@ def _crank_angles(review: Review, leg: ReviewedLeg) -> dict[str, int | None]:
         'unanswered_elsewhere': left.unexplained,
         'after_the_last_answer': found.late,
     }
-    return counts if len(leg.judged.cranks) else dict.fromkeys(counts)
+    return counts if len(leg.evaluated.cranks) else dict.fromkeys(counts)
 
 
 def finite(value: Any) -> Any:

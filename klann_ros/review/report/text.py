@@ -5,9 +5,8 @@ from math import degrees, isnan
 
 from klann_ros.log.wording import counted
 from klann_ros.review.comparing import Comparison
-from klann_ros.review.finding import Finding, Severity
-from klann_ros.review.reviewed import Review, ReviewedLeg
-from klann_ros.review.topic_figures import MORE, TopicFigures, WHY_MORE
+from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
+from klann_ros.review.model.topics import MORE, TopicFigures, WHY_MORE
 from klann_ros.untrusted.text import printable, printable_line
 
 # Gives a text a colour (SGR code), or leaves it as it is.
@@ -95,7 +94,7 @@ def _findings(review: Review, paint: _Paint) -> Iterator[str]:
     for finding in review.findings:
         yield from _finding(finding, paint)
     for leg in review.legs:
-        left_out = len(leg.recording.poses) - len(leg.judged.poses)
+        left_out = len(leg.recording.poses) - len(leg.evaluated.poses)
         if left_out:
             since = review.recording.since_start(leg.recording.solver.leg_time)
             yield (
@@ -118,12 +117,14 @@ def _of(title: str) -> str:
 
 def _nothing(review: Review) -> str:
     """Return what it means that nothing is found: no more than was judged."""
-    judged = sum(len(leg.judged.poses) for leg in review.legs if leg.resolved is not None)
-    if not judged:
+    evaluated = sum(len(leg.evaluated.poses) for leg in review.legs if leg.errors is not None)
+    if not evaluated:
         return 'nothing found, but no pose was judged'
     whole = sum(len(leg.recording.poses) for leg in review.legs)
     which = (
-        'every pose is' if judged == whole else f'each of the {counted(judged, "judged pose")} is'
+        'every pose is'
+        if evaluated == whole
+        else f'each of the {counted(evaluated, "judged pose")} is'
     )
     return f'nothing found: {which} the right one for its crank angle'
 

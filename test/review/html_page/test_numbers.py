@@ -14,11 +14,10 @@ from klann_ros.kinematics import (
     UnreachableError,
 )
 from klann_ros.review.report.html_page import packed
-from klann_ros.review.report.html_page.kept_rows import kept_rows
-from klann_ros.review.report.html_page.leg_shape import leg_shape
+from klann_ros.review.report.html_page.leg_data import kept_rows, leg_shape
 from klann_ros.review.report.html_page.markup import element, joined, Markup
 from klann_ros.review.report.html_page.page import as_script
-from klann_ros.review.report.html_page.timing import A_DECADE, FIRST, histogram
+from klann_ros.review.report.html_page.run_data import A_DECADE, FIRST, histogram
 import numpy as np
 import pytest
 from strategies import legs

@@ -1,6 +1,6 @@
-"""HTML elements whose texts are escaped by how they are made: a log may hold any text."""
+"""Tables of the page; those that are too wide for it scroll by themselves."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 
 from klann_ros.untrusted.text import printable
@@ -55,3 +55,17 @@ def _attribute(key: str, value: str | float | bool) -> str:
         return ''
     name = key.rstrip('_').replace('_', '-')
     return f' {name}' if value is True else f' {name}="{escape(printable(value, _LONGEST))}"'
+
+
+def scrolling_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
+    """Return a table; each row begins with what it is of."""
+    head = element('tr', *(element('th', text, scope='col') for text in heads))
+    table = element('table', element('thead', head), element('tbody', *map(_row, rows)))
+    # What scrolls must be reached by keys.
+    return element('div', table, class_='scrolls', tabindex='0', role='region', aria_label=name)
+
+
+def _row(texts: Sequence[str]) -> Markup:
+    first, *others = texts
+    cells = (element('td', text) for text in others)
+    return element('tr', element('th', first, scope='row'), *cells)

@@ -4,7 +4,7 @@ from base64 import b64encode
 from math import pi
 from typing import Any
 
-from klann_ros.review.loading.layouts import Floats
+from klann_ros.review.model.times import Floats
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,19 +1,91 @@
 """A review as one HTML file that opens offline."""
 
-from collections.abc import Sequence
+from base64 import b64encode
+from collections.abc import Iterable, Sequence
+import hashlib
 import json
 from pathlib import Path
 from string import Template
 from typing import BinaryIO
 
 from klann_ros.review.comparing import Comparison
+from klann_ros.review.model.review import Review
 from klann_ros.review.report.json_report import finite
-from klann_ros.review.reviewed import Review
 
-from . import assets, sections
-from .figure_tiles import figures
-from .markup import element, Markup
+from . import sections
+from .markup import element, joined, Markup
 from .run_data import run_data
+
+_FOLDER = Path(__file__).resolve().parent / 'static'
+_UPLOT = ('uplot/uPlot.iife.min.js', 'uplot/uPlot.min.css')
+STYLES = (
+    _UPLOT[1],
+    'theme.css',
+    'page.css',
+    'layout.css',
+    'cards.css',
+    'picture.css',
+    'charts.css',
+    'tables.css',
+    'player.css',
+    'phone.css',
+    'print.css',
+)
+# In this order: each uses what stands above it.
+SCRIPTS = (
+    _UPLOT[0],
+    'packed.js',
+    'leg.js',
+    'run.js',
+    'player.js',
+    'theme.js',
+    'picture.js',
+    'axes.js',
+    'legend.js',
+    'chart.js',
+    'envelope.js',
+    'leg_charts.js',
+    'path_lines.js',
+    'path_chart.js',
+    'timing_chart.js',
+    'controls.js',
+    'page.js',
+)
+
+
+def _text(name: str) -> str:
+    """Return a file of the page."""
+    return (_FOLDER / name).read_text(encoding='utf-8')
+
+
+def _styles() -> Markup:
+    """Return all styles."""
+    return joined(element('style', Markup(_text(name))) for name in STYLES)
+
+
+def _scripts() -> Markup:
+    """Return all scripts, with the licence of the library among them."""
+    licence = Markup(f'<!-- uPlot\n{_text("uplot/LICENSE")}-->')
+    return joined([licence, *(element('script', Markup(_text(name))) for name in SCRIPTS)])
+
+
+def _content_security_policy() -> str:
+    """Return what the page may do: run these very scripts, and load nothing from anywhere."""
+    return '; '.join(
+        (
+            "default-src 'none'",
+            f'script-src {_hashes(SCRIPTS)}',
+            f'style-src {_hashes(STYLES)}',
+            "base-uri 'none'",
+            "form-action 'none'",
+        )
+    )
+
+
+def _hashes(names: Iterable[str]) -> str:
+    digests = (hashlib.sha256(_text(name).encode()).digest() for name in names)
+    return ' '.join(f"'sha256-{b64encode(digest).decode('ascii')}'" for digest in digests)
+
 
 # What the numbers of all runs may take [bytes]; as text it is a third more, below 12 MB. Ten
 # minutes of a Klann leg at 200 Hz are kept whole.
@@ -30,21 +102,21 @@ def page(reviews: Sequence[Review], comparison: Comparison | None = None) -> str
     """Return the page of one run, or of two."""
     data = [run_data(review, MOST / len(reviews)) for review in reviews]
     names = ' and '.join(Path(review.recording.path).name for review in reviews)
-    return Template(assets.text('page.html')).substitute(
+    return Template(_text('page.html')).substitute(
         title=element('title', f'Review of {names}'),
         policy=element(
             'meta',
             http_equiv='Content-Security-Policy',
-            content=assets.content_security_policy(),
+            content=_content_security_policy(),
         ),
-        styles=assets.styles(),
+        styles=_styles(),
         header=sections.header(reviews, comparison),
-        tiles=figures(reviews),
+        tiles=sections.figures(reviews),
         findings=sections.findings(reviews),
         differences=sections.differences(comparison),
         topics=sections.topics(reviews),
         data=element('script', as_script(data), id='data', type='application/json'),
-        scripts=assets.scripts(),
+        scripts=_scripts(),
     )
 
 

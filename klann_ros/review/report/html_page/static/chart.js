@@ -6,7 +6,54 @@ const HEIGHT = 220;
 const CRANK_STEPS = [1, 2, 5, 10, 15, 30, 45, 90];
 const FONT = '12px system-ui, sans-serif';
 
-class Chart {
+/** What all charts have: a title, a plot as wide as there is room, a sentence about it. */
+class PlotFigure {
+  constructor(holder, className, title, text) {
+    this.figure = document.createElement('figure');
+    this.figure.className = className;
+    const heading = document.createElement('h3');
+    heading.textContent = title;
+    this.canvas = document.createElement('div');
+    this.canvas.setAttribute('role', 'img');
+    this.canvas.setAttribute('aria-label', `${title}. ${text}`);
+    const caption = document.createElement('figcaption');
+    caption.textContent = text;
+    this.figure.append(heading, this.canvas, caption);
+    holder.append(this.figure);
+  }
+
+  draw(options, data) {
+    this.plot = new uPlot(options, data, this.canvas);
+    this.observer = new ResizeObserver(() => this.fit());
+    this.observer.observe(this.canvas);
+  }
+
+  width() {
+    return Math.max(Math.floor(this.canvas.clientWidth), 200);
+  }
+
+  height() {
+    return HEIGHT;
+  }
+
+  fit() {
+    const width = this.width();
+    if (width !== this.plot.width) this.plot.setSize({ width, height: this.height() });
+  }
+
+  redraw() {
+    this.fit();
+    this.plot.redraw(false, true);
+  }
+
+  remove() {
+    this.observer.disconnect();
+    this.plot.destroy();
+    this.figure.remove();
+  }
+}
+
+class Chart extends PlotFigure {
   /**
    * Make a chart.
    *
@@ -23,29 +70,18 @@ class Chart {
    * gaps: for each line, pairs of x between which there is nothing
    */
   constructor(holder, settings) {
+    super(holder, 'card chart', settings.title, settings.text);
     this.settings = settings;
     this.onPick = settings.onPick || (() => {});
     this.onRange = settings.onRange || (() => {});
-    this.figure = document.createElement('figure');
-    this.figure.className = 'card chart';
-    this.title = document.createElement('h3');
-    this.title.textContent = settings.title;
-    this.canvas = document.createElement('div');
-    this.canvas.setAttribute('role', 'img');
-    this.canvas.setAttribute('aria-label', `${settings.title}. ${settings.text}`);
-    this.caption = document.createElement('figcaption');
-    this.caption.textContent = settings.text;
     this.legend = new Legend(settings, (line, isShown) => this.show(line, isShown));
-    this.figure.append(this.title, this.legend.node, this.canvas, this.caption);
-    holder.append(this.figure);
-    this.plot = new uPlot(this.options(), settings.data, this.canvas);
+    this.canvas.before(this.legend.node);
+    this.draw(this.options(), settings.data);
     this.now = document.createElement('div');
     this.now.className = 'now';
     this.plot.over.append(this.now);
     this.x = NaN;
     pickByClick(this.plot, (u) => this.onPick(u.posToVal(u.cursor.left, 'x')));
-    this.observer = new ResizeObserver(() => this.fit());
-    this.observer.observe(this.canvas);
   }
 
   options() {
@@ -131,25 +167,9 @@ class Chart {
     if (x.min !== min || x.max !== max) this.plot.setScale('x', { min, max });
   }
 
-  width() {
-    return Math.max(Math.floor(this.canvas.clientWidth), 200);
-  }
-
   fit() {
-    const width = this.width();
-    if (width !== this.plot.width) this.plot.setSize({ width, height: HEIGHT });
+    super.fit();
     this.moveNow();
-  }
-
-  redraw() {
-    this.fit();
-    this.plot.redraw(false, true);
-  }
-
-  remove() {
-    this.observer.disconnect();
-    this.plot.destroy();
-    this.figure.remove();
   }
 }
 

@@ -6,31 +6,18 @@ const PATH_HEIGHT = 380;
 // Both scales are set together.
 const exactly = (u, min, max) => [min, max];
 
-class PathChart {
+class PathChart extends PlotFigure {
   /** Make the chart for legs, one of each run; `onPick` gets the time of the row clicked at. */
   constructor(holder, legs, onPick) {
-    this.legs = legs;
-    this.lines = legs.flatMap((leg, run) => pathLines(leg, run, legs.length > 1));
-    this.extent = extentOf(this.lines);
-    this.node = document.createElement('figure');
-    this.node.className = 'chart';
-    this.canvas = document.createElement('div');
-    this.caption = document.createElement('figcaption');
     const text = legs
       .map((leg, run) => `${legs.length > 1 ? `${'AB'[run]}: ` : ''}${leg.texts.path}`)
       .join(' ');
-    this.caption.textContent = text;
-    this.canvas.setAttribute('role', 'img');
-    this.canvas.setAttribute('aria-label', `Path of the foot. ${text}`);
-    const title = document.createElement('h3');
-    title.textContent = 'Path of the foot';
-    this.node.append(title, pathLegend(this.lines), this.canvas, this.caption);
-    holder.replaceChildren(this.node);
-    this.plot = new uPlot(
-      this.options(),
-      [null, ...this.lines.map((line) => line.data)],
-      this.canvas,
-    );
+    super(holder, 'chart', 'Path of the foot', text);
+    this.legs = legs;
+    this.lines = legs.flatMap((leg, run) => pathLines(leg, run, legs.length > 1));
+    this.extent = extentOf(this.lines);
+    this.canvas.before(pathLegend(this.lines));
+    this.draw(this.options(), [null, ...this.lines.map((line) => line.data)]);
     this.now = document.createElement('div');
     this.now.className = 'now-point';
     this.hover = document.createElement('output');
@@ -38,8 +25,6 @@ class PathChart {
     this.plot.over.append(this.now, this.hover);
     this.row = -1;
     pickByClick(this.plot, () => this.pick(onPick));
-    this.observer = new ResizeObserver(() => this.fit());
-    this.observer.observe(this.canvas);
     this.showAll();
   }
 
@@ -138,29 +123,13 @@ class PathChart {
     this.now.style.transform = `translate(${x}px, ${y}px)`;
   }
 
-  width() {
-    return Math.max(Math.floor(this.canvas.clientWidth), 200);
-  }
-
   height() {
     return Math.min(PATH_HEIGHT, Math.round(0.85 * this.width()) + 40);
   }
 
   fit() {
-    const width = this.width();
-    if (width === this.plot.width) return;
-    this.plot.setSize({ width, height: this.height() });
+    if (this.width() === this.plot.width) return;
+    super.fit();
     this.showAll();
-  }
-
-  redraw() {
-    this.fit();
-    this.plot.redraw(false, true);
-  }
-
-  remove() {
-    this.observer.disconnect();
-    this.plot.destroy();
-    this.node.remove();
   }
 }

@@ -38,23 +38,10 @@ class TimingCharts {
   }
 }
 
-class HistogramChart {
+class HistogramChart extends PlotFigure {
   constructor(holder, title, histograms) {
-    const text = histograms.map((each) => each.text).join(' ');
-    this.figure = document.createElement('figure');
-    this.figure.className = 'card chart';
-    const heading = document.createElement('h3');
-    heading.textContent = title;
-    this.canvas = document.createElement('div');
-    this.canvas.setAttribute('role', 'img');
-    this.canvas.setAttribute('aria-label', `${title}. ${text}`);
-    const caption = document.createElement('figcaption');
-    caption.textContent = text;
-    this.figure.append(heading, this.canvas, caption);
-    holder.append(this.figure);
-    this.plot = new uPlot(this.options(histograms), table(histograms), this.canvas);
-    this.observer = new ResizeObserver(() => this.fit());
-    this.observer.observe(this.canvas);
+    super(holder, 'card chart', title, histograms.map((each) => each.text).join(' '));
+    this.draw(this.options(histograms), table(histograms));
   }
 
   options(histograms) {
@@ -89,26 +76,6 @@ class HistogramChart {
         })),
       ],
     };
-  }
-
-  fit() {
-    const width = this.width();
-    if (width !== this.plot.width) this.plot.setSize({ width, height: HEIGHT });
-  }
-
-  redraw() {
-    this.fit();
-    this.plot.redraw(false, true);
-  }
-
-  width() {
-    return Math.max(Math.floor(this.canvas.clientWidth), 200);
-  }
-
-  remove() {
-    this.observer.disconnect();
-    this.plot.destroy();
-    this.figure.remove();
   }
 }
 

@@ -7,11 +7,10 @@ from typing import NamedTuple
 from klann_ros.kinematics import linkage_poses, Reason
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 import numpy as np
-from numpy.typing import NDArray
 
-from .loading.layouts import Floats, Times
-from .pairing import alone, Counted, counted, found_in, many_to_one, rises, Rows
+from .pairing import alone, Counted, counted, found_in, many_to_one, rises
 from .recording import LegRecording
+from .times import Flags, Floats, RowIndices, Times
 
 
 class Cause(IntEnum):
@@ -39,17 +38,17 @@ class Surplus(NamedTuple):
 
     """
 
-    rows: Rows
-    questions: Rows
-    alone: NDArray[np.bool_]
+    rows: RowIndices
+    questions: RowIndices
+    alone: Flags
     solvers: int
 
-    def excused(self, wrong: NDArray[np.bool_]) -> Rows:
+    def excused(self, wrong: Flags) -> RowIndices:
         """Return which poses are wrong, while another answer to the same question is right."""
         is_wrong = wrong[self.rows]
         answered = np.zeros(int(self.questions.max(initial=-1)) + 1, dtype=bool)
         answered[self.questions[~is_wrong]] = True
-        excused: Rows = self.rows[is_wrong & answered[self.questions]]
+        excused: RowIndices = self.rows[is_wrong & answered[self.questions]]
         return excused
 
 
@@ -78,13 +77,13 @@ class Answering:
     asked: int
     late: int
     answers: int
-    rows: Rows
-    causes: NDArray[np.intp]
+    rows: RowIndices
+    causes: RowIndices
     surplus: Surplus
 
-    def of(self, cause: Cause) -> Rows:
+    def of(self, cause: Cause) -> RowIndices:
         """Return which questions were not answered for a cause."""
-        rows: Rows = self.rows[self.causes == cause]
+        rows: RowIndices = self.rows[self.causes == cause]
         return rows
 
 
@@ -117,7 +116,7 @@ def repeated(stamps: Times) -> Surplus:
     return _NO_SURPLUS if rises(stamps) else _surplus(stamps, counted(np.unique(stamps), stamps))
 
 
-def asked_angles(leg: LegRecording) -> tuple[Rows, Floats]:
+def asked_angles(leg: LegRecording) -> tuple[RowIndices, Floats]:
     """
     Return for which poses the run tells the crank angle that was asked, and these angles [rad].
 
@@ -139,7 +138,9 @@ def _turned(leg: LegRecording, alphas: Floats) -> Floats:
     return leg.solver.direction * alphas + leg.solver.phase
 
 
-def _unanswered(leg: LegRecording, inside: Rows, stamps: Counted) -> tuple[Rows, NDArray[np.intp]]:
+def _unanswered(
+    leg: LegRecording, inside: RowIndices, stamps: Counted
+) -> tuple[RowIndices, RowIndices]:
     """
     Return which inputs have no answer, and why.
 
@@ -154,7 +155,7 @@ def _unanswered(leg: LegRecording, inside: Rows, stamps: Counted) -> tuple[Rows,
     place = np.arange(len(rows)) - np.searchsorted(groups, groups)
     kept = np.flatnonzero((place < lacking[groups]) | (causes != Cause.UNKNOWN))
     kept = kept[np.argsort(rows[kept])]
-    found: Rows = inside[rows[kept]]
+    found: RowIndices = inside[rows[kept]]
     return found, causes[kept]
 
 
@@ -174,7 +175,7 @@ def _surplus(answers: Times, stamps: Counted) -> Surplus:
     return Surplus(rows, places[rows], stamps.first[places[rows]] == 1, solvers)
 
 
-def _causes(leg: LegRecording, rows: Rows) -> NDArray[np.intp]:
+def _causes(leg: LegRecording, rows: RowIndices) -> RowIndices:
     """Return why a solver would not answer some inputs."""
     alphas, solved = _turned(leg, leg.cranks.values[rows, 0]), leg.solver.leg
     if solved is None or not (leg.solver.nodes or len(asked_angles(leg)[0])):

@@ -1,24 +1,29 @@
-"""Where a log has nothing for reasons of its own: a pause of the recorder, or damage."""
+"""Times of a run in nanoseconds, and the stretches in which a log has nothing to say."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Sequence
 
-from klann_ros.log.run_parameters import pause_of
 import numpy as np
 from numpy.typing import NDArray
 
-from .layouts import Times
-from .pieces import LAST_TIME
-
+Floats = NDArray[np.float64]
+Times = NDArray[np.int64]
+RowIndices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+# Differences of two times fit in 64 bits with a sign; this one is in the year 2116.
+LAST_TIME = 2**62
 Hole = tuple[int, int]
+"""From when to when [ns]."""
 
 
-def pauses(records: Iterable[Mapping[str, str]]) -> Iterator[Hole]:
-    """Yield from when to when the recorder paused [ns], as its records say."""
-    for record in records:
-        with suppress(ValueError):
-            pause = pause_of(record)
-            yield pause.begin, pause.end
+def nanoseconds(times: NDArray[np.uint64]) -> Times:
+    """Return times as numbers with a sign: a log may hold any 64 bits."""
+    signed: Times = np.minimum(times, np.uint64(LAST_TIME)).astype(np.int64)
+    return signed
+
+
+def intervals(times: Times) -> Floats:
+    """Return the times between messages, shape (n - 1,) [s]."""
+    return np.diff(times) / 1e9
 
 
 def joined(holes: Iterable[Hole]) -> tuple[Hole, ...]:
@@ -33,7 +38,7 @@ def joined(holes: Iterable[Hole]) -> tuple[Hole, ...]:
     return tuple(found)
 
 
-def overlap(begins: Times, ends: Times, holes: Sequence[Hole]) -> NDArray[np.bool_]:
+def overlap(begins: Times, ends: Times, holes: Sequence[Hole]) -> Flags:
     """Return which stretches from begins to ends, shape (n,) [ns], touch a hole; holes joined."""
     if not holes:
         return np.zeros(len(begins), dtype=bool)
@@ -41,7 +46,7 @@ def overlap(begins: Times, ends: Times, holes: Sequence[Hole]) -> NDArray[np.boo
     # The first hole that ends at a stretch's begin or later is the only one that can matter.
     first = np.searchsorted(stops, begins)
     known = first < len(holes)
-    touched: NDArray[np.bool_] = known & (starts[np.where(known, first, 0)] <= ends)
+    touched: Flags = known & (starts[np.where(known, first, 0)] <= ends)
     return touched
 
 

@@ -7,9 +7,9 @@ from klann_ros.kinematics import AnyLeg, foot_path, KinematicsError
 from klann_ros.kinematics.foot.stance import Stance
 import numpy as np
 
-from .loading.layouts import Floats
+from .pose_errors import PoseErrors
 from .recording import LegRecording
-from .resolved import Resolved
+from .times import Floats
 
 _TURN = 2 * np.pi
 
@@ -52,7 +52,7 @@ class LegFigures:
     worst_foot_error: float
 
 
-def leg_figures(recording: LegRecording, resolved: Resolved | None) -> LegFigures:
+def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigures:
     """Return the figures of the judged part of a leg's run."""
     alphas, feet = (_finite(of.values) for of in (recording.poses, recording.feet))
     alphas = alphas[:, 0]
@@ -68,10 +68,10 @@ def leg_figures(recording: LegRecording, resolved: Resolved | None) -> LegFigure
         lift=float(lift),
         duty_factor=_duty(alphas, stance) if stance else nan,
         straightness=stance.straightness if stance else nan,
-        worst_transmission_angle=_from_singular(resolved) if resolved else nan,
-        worst_residual=_worst(resolved.residuals) if resolved else nan,
-        worst_angle_error=_worst(resolved.angle_errors) if resolved else nan,
-        worst_foot_error=_worst(resolved.foot_errors) if resolved else nan,
+        worst_transmission_angle=_from_singular(errors) if errors else nan,
+        worst_residual=_worst(errors.residuals) if errors else nan,
+        worst_angle_error=_worst(errors.angle_errors) if errors else nan,
+        worst_foot_error=_worst(errors.foot_errors) if errors else nan,
     )
 
 
@@ -101,8 +101,8 @@ def _duty(alphas: Floats, stance: Stance) -> float:
     return float(np.mean(turned < stance.end - stance.start)) if turned.size else nan
 
 
-def _from_singular(resolved: Resolved) -> float:
-    mu = resolved.transmission_angles
+def _from_singular(errors: PoseErrors) -> float:
+    mu = errors.transmission_angles
     least = np.fmin.reduce(np.minimum(mu, np.pi - mu), axis=None, initial=inf)
     return nan if np.isinf(least) else float(least)
 

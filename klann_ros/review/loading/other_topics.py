@@ -1,21 +1,65 @@
-"""The geometry of legs from `robot_description`, for runs in which no solver tells it."""
+"""What topics beside a leg's own tell of it: its geometry, and the iterations of its solver."""
 
 from collections import defaultdict
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from klann_ros.kinematics import GeometryError, KlannGeometry, KlannLeg
 from klann_ros.log.reading.block import Block
 from klann_ros.log.records import Topic
-from klann_ros.review.recording import Series
 from klann_ros.untrusted.cdr import CdrCursor
+from klann_ros.review.model.recording import LegSolver, no_series, Series
+from klann_ros.review.model.times import nanoseconds, RowIndices
 from klann_ros.untrusted.text import printable
 import numpy as np
 
+from .columns import SeriesColumns, Shared
 from .klann_urdf import klann_legs_in_urdf, LONGEST
-from .pieces import nanoseconds, Rows
-from .solvers import LegSolver
+from .pieces import decoder
+
+DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+# How a solver calls its only leg.
+_UNNAMED = 'leg'
+
+
+class Iterations:
+    """Gathers the iterations from diagnostics: the most that a pose took since the last report."""
+
+    def __init__(self) -> None:
+        self._columns: dict[str, SeriesColumns] = defaultdict(partial(SeriesColumns, 1))
+        self._solvers: dict[str, set[str]] = defaultdict(set)
+        self._decoders: dict[Topic, Any] = {}
+
+    def add(self, topic: Topic, block: Block, rows: RowIndices) -> None:
+        """Add what a topic's messages in a block report."""
+        if topic.type != DIAGNOSTICS:
+            return
+        if topic not in self._decoders:
+            self._decoders[topic] = decoder(topic)
+        for row in rows.tolist():
+            # A message that is none tells nothing of a leg.
+            with suppress(Exception):
+                message = self._decoders[topic](block.message(row))
+                self._report(message, nanoseconds(block.heads['log_time'][[row]]))
+
+    def series(self, name: str) -> Series:
+        """Return what is reported of a leg; nothing where several solvers have one of the name."""
+        name = name or _UNNAMED
+        if name not in self._columns or len(self._solvers[name]) > 1:
+            return no_series(1)
+        return self._columns[name].series(Shared())
+
+    def _report(self, message: Any, time: 'np.ndarray[Any, np.dtype[np.int64]]') -> None:
+        for status in message.status:
+            solver, _, leg = str(status.name).rpartition(': ')
+            for value in status.values:
+                if solver and value.key == 'iterations':
+                    self._solvers[leg].add(solver)
+                    self._columns[leg].add(time, time, np.array([[float(value.value)]]))
+
 
 TEXT, NAME = 'std_msgs/msg/String', 'robot_description'
 # A robot that is described anew at each message is none.
@@ -38,7 +82,7 @@ class Descriptions:
         self._last: dict[str, bytes] = {}
         self._found: dict[str, list[_Described]] = defaultdict(list)
 
-    def add(self, topic: Topic, block: Block, rows: Rows) -> None:
+    def add(self, topic: Topic, block: Block, rows: RowIndices) -> None:
         """Add what a topic's messages in a block describe."""
         namespace, _, name = topic.name.rpartition('/')
         if (topic.type, name) != (TEXT, NAME):

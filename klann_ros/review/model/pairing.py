@@ -3,23 +3,20 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .loading.layouts import Times
-
-Rows = NDArray[np.intp]
+from .times import Flags, RowIndices, Times
 
 
 class _Groups(NamedTuple):
     """Rows by stamp: the stamps, each once, where its rows begin in `order`, how many it has."""
 
     stamps: Times
-    begins: Rows
-    counts: Rows
-    order: Rows
+    begins: RowIndices
+    counts: RowIndices
+    order: RowIndices
 
 
-def pairs(first: Times, second: Times) -> tuple[Rows, Rows]:
+def pairs(first: Times, second: Times) -> tuple[RowIndices, RowIndices]:
     """
     Return which rows of the first belong to which of the second, in the order of the second.
 
@@ -38,7 +35,7 @@ def pairs(first: Times, second: Times) -> tuple[Rows, Rows]:
     return of_a[by_b], of_b[by_b]
 
 
-def alone(stamps: Times) -> Rows:
+def alone(stamps: Times) -> RowIndices:
     """Return the rows whose stamp no other row has."""
     if rises(stamps):
         return np.arange(len(stamps))
@@ -46,7 +43,7 @@ def alone(stamps: Times) -> Rows:
     return np.sort(groups.order[groups.begins[groups.counts == 1]])
 
 
-def many_to_one(stamps: Times, single: Times) -> tuple[Rows, Rows]:
+def many_to_one(stamps: Times, single: Times) -> tuple[RowIndices, RowIndices]:
     """Return which rows have a stamp that is in `single`, once at most, and where it is there."""
     if not len(single):
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
@@ -59,7 +56,7 @@ def many_to_one(stamps: Times, single: Times) -> tuple[Rows, Rows]:
     return known, place[known] if order is None else order[place[known]]
 
 
-def found_in(stamps: Times, among: Times) -> NDArray[np.bool_]:
+def found_in(stamps: Times, among: Times) -> Flags:
     """Return which stamps are among others."""
     found = np.zeros(len(stamps), dtype=bool)
     found[many_to_one(stamps, among if rises(among) else np.unique(among))[0]] = True
@@ -82,9 +79,9 @@ class Counted(NamedTuple):
     """
 
     stamps: Times
-    of_first: Rows
-    first: Rows
-    second: Rows
+    of_first: RowIndices
+    first: RowIndices
+    second: RowIndices
 
 
 def counted(first: Times, second: Times) -> Counted:
@@ -106,10 +103,10 @@ def _groups(stamps: Times) -> _Groups:
     return _Groups(found, begins, counts, order)
 
 
-def _rows(groups: _Groups, which: Rows) -> Rows:
+def _rows(groups: _Groups, which: RowIndices) -> RowIndices:
     """Return the rows of some groups, one group after the other."""
     begins, counts = groups.begins[which], groups.counts[which]
     ends = np.cumsum(counts)
     within = np.arange(ends[-1] if len(ends) else 0) - np.repeat(ends - counts, counts)
-    rows: Rows = groups.order[np.repeat(begins, counts) + within]
+    rows: RowIndices = groups.order[np.repeat(begins, counts) + within]
     return rows

@@ -1,16 +1,70 @@
-"""A topic's figures: how many messages, how often, how late."""
+"""A topic of a run: how its messages came, and its figures: how many, how often, how late."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import nan
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .loading.layouts import Times
-from .recording import TopicRecording
+from .times import intervals, Times
 
 MORE = '+'
 """Stands behind a number of lost messages that is the least."""
 WHY_MORE = 'publishers left, and of what they sent last nothing is known'
+
+
+@dataclass(frozen=True, eq=False)
+class TopicRecording:
+    """
+    How the messages of a topic came.
+
+    Attributes
+    ----------
+    name, type : str
+        The topic and its message type; the type is '' if nothing of it is in the run.
+    times : numpy.ndarray, shape (n,)
+        Log times, sorted [ns].
+    latencies : numpy.ndarray of float32, shape (n,)
+        Times from publishing to receiving [s]; NaN of what a latched publisher sent before it
+        was heard, which waited for whoever would come.
+    lost : int or None
+        Messages lost on the way into the run; None where nobody can tell.
+    dropped : int
+        How many of them the recorder had received.
+    early : int
+        What publishers that came later had sent before the recorder heard them.
+    left : int
+        How many publishers left: of what each sent last nothing is known.
+    shared : bool
+        Whether several publishers were there at once, as their numbers or the recorder tell.
+    missing : numpy.ndarray, shape (k, 3)
+        Where sequence numbers are missing: the log times before and after [ns], and how many.
+    set_back : numpy.ndarray, shape (k, 2)
+        Where the recorder's clock was set back: the log times after that, and by how much at
+        least [ns].
+    overtaken : int
+        How many other messages are logged earlier than the one before them in the file: those of
+        several publishers come in turns, and some are sent again.
+
+    """
+
+    name: str
+    type: str  # noqa: A003, RUF100 - as all tools call it; ruff lets it be
+    times: Times
+    latencies: NDArray[np.float32]
+    lost: int | None
+    early: int = 0
+    left: int = 0
+    shared: bool = False
+    missing: Times = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
+    set_back: Times = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    overtaken: int = 0
+    dropped: int = 0
+
+    @property
+    def lost_at(self) -> int | None:
+        """Return the log time of the first message behind a gap in the numbers [ns]."""
+        return int(self.missing[0, 1]) if len(self.missing) else None
 
 
 @dataclass(frozen=True)
@@ -80,8 +134,3 @@ def topic_figures(topic: TopicRecording) -> TopicFigures:
         early=topic.early,
         publishers_left=topic.left,
     )
-
-
-def intervals(times: Times) -> 'np.ndarray[tuple[int], np.dtype[np.float64]]':
-    """Return the times between messages, shape (n - 1,) [s]."""
-    return np.diff(times) / 1e9

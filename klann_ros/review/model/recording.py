@@ -3,65 +3,13 @@
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
+from klann_ros.kinematics import AnyLeg
+from klann_ros.kinematics.klann.leg import JOINTS
 import numpy as np
-from numpy.typing import NDArray
 
-from .loading.layouts import Floats, Times
-from .loading.solvers import LegSolver
-
-
-@dataclass(frozen=True, eq=False)
-class TopicRecording:
-    """
-    How the messages of a topic came.
-
-    Attributes
-    ----------
-    name, type : str
-        The topic and its message type; the type is '' if nothing of it is in the run.
-    times : numpy.ndarray, shape (n,)
-        Log times, sorted [ns].
-    latencies : numpy.ndarray of float32, shape (n,)
-        Times from publishing to receiving [s]; NaN of what a latched publisher sent before it
-        was heard, which waited for whoever would come.
-    lost : int or None
-        Messages lost on the way into the run; None where nobody can tell.
-    dropped : int
-        How many of them the recorder had received.
-    early : int
-        What publishers that came later had sent before the recorder heard them.
-    left : int
-        How many publishers left: of what each sent last nothing is known.
-    shared : bool
-        Whether several publishers were there at once, as their numbers or the recorder tell.
-    missing : numpy.ndarray, shape (k, 3)
-        Where sequence numbers are missing: the log times before and after [ns], and how many.
-    set_back : numpy.ndarray, shape (k, 2)
-        Where the recorder's clock was set back: the log times after that, and by how much at
-        least [ns].
-    overtaken : int
-        How many other messages are logged earlier than the one before them in the file: those of
-        several publishers come in turns, and some are sent again.
-
-    """
-
-    name: str
-    type: str  # noqa: A003, RUF100 - as all tools call it; ruff lets it be
-    times: Times
-    latencies: NDArray[np.float32]
-    lost: int | None
-    early: int = 0
-    left: int = 0
-    shared: bool = False
-    missing: Times = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
-    set_back: Times = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
-    overtaken: int = 0
-    dropped: int = 0
-
-    @property
-    def lost_at(self) -> int | None:
-        """Return the log time of the first message behind a gap in the numbers [ns]."""
-        return int(self.missing[0, 1]) if len(self.missing) else None
+from .pairing import pairs
+from .times import Floats, Times
+from .topics import TopicRecording
 
 
 @dataclass(frozen=True)
@@ -126,6 +74,53 @@ def no_series(width: int) -> Series:
     return Series(nothing, nothing.copy(), np.empty((0, width)))
 
 
+@dataclass(frozen=True)
+class LegSolver:
+    """
+    The solver of a leg.
+
+    Attributes
+    ----------
+    crank_joint : str
+        The joint that turns its crank.
+    sim_time : bool
+        Whether it stamps by a simulated clock what has no stamp.
+    leg : KlannLeg, LinkageLeg or None
+        What it solves at last; None where the run does not tell.
+    leg_time : int
+        The log time since which it has it [ns]; 0 when it never had another.
+    direction, phase : float
+        The leg's crank angle is direction * crank + phase [rad].
+    nodes : tuple of str
+        Full names of the nodes that solve it, as far as the run tells; without any, direction
+        and phase are not told either.
+    source : str
+        Who tells the leg; '' where nobody does.
+
+    """
+
+    crank_joint: str = 'crank'
+    sim_time: bool = False
+    leg: AnyLeg | None = None
+    leg_time: int = 0
+    direction: float = 1
+    phase: float = 0.0
+    nodes: tuple[str, ...] = ()
+    source: str = ''
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Return the names of its angles, the crank's first; a Klann leg's where nobody tells."""
+        return JOINTS if self.leg is None else self.leg.joint_names
+
+    @property
+    def slides(self) -> tuple[bool, ...]:
+        """Return which of them are distances along lines [m]; the others are angles."""
+        if self.leg is None:
+            return (False,) * len(JOINTS)
+        return tuple(body.slides for body in self.leg.linkage.structure.bodies)
+
+
 @dataclass(frozen=True, eq=False)
 class LegRecording:
     """
@@ -173,7 +168,14 @@ class LegRecording:
         """Return how to call it: '' for the unnamed leg in the root namespace."""
         return '/'.join(part for part in (self.namespace.lstrip('/'), self.name) if part)
 
-    def judged(self) -> 'LegRecording':
+    def paired_feet(self) -> Floats:
+        """Return the foot H of each pose, shape (n, 2) [m]; NaN where there is none."""
+        feet = np.full((len(self.poses), 2), np.nan)
+        of_feet, of_poses = pairs(self.feet.stamps, self.poses.stamps)
+        feet[of_poses] = self.feet.values[of_feet]
+        return feet
+
+    def evaluated(self) -> 'LegRecording':
         """Return the part of the run that its leg holds for."""
         since = self.solver.leg_time
         if not since:
@@ -190,7 +192,7 @@ class LegRecording:
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class RunRecording:
     """
     A run, decoded.
 

@@ -7,11 +7,10 @@ from typing import BinaryIO
 from klann_ros.kinematics import AnyLeg, KinematicsError, LinkagePose
 from klann_ros.plotting import plot_pose
 from klann_ros.plotting.artists import legend_beside, PALE
+from klann_ros.review.model.recording import LegRecording
+from klann_ros.review.model.review import Review
 from klann_ros.untrusted.text import printable
 import numpy as np
-
-from .recording import LegRecording
-from .reviewed import Review
 
 # matplotlib cannot scale an axis to the largest doubles.
 LARGEST = 1e60
@@ -65,7 +64,7 @@ def save_picture(review: Review, form: str, file: BinaryIO) -> None:
     """
     if not review.legs:
         raise NoPictureError('there is no leg in the run')
-    recording = review.legs[0].judged
+    recording = review.legs[0].evaluated
     if recording.solver.leg is None:
         raise NoPictureError('a picture needs a geometry, and the run tells none: --geometry FILE')
     pose = _last_that_closes(recording, recording.solver.leg)

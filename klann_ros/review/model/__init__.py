@@ -1,0 +1,1 @@
+"""What a review knows of a run: what was recorded, and what follows from that."""

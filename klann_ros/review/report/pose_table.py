@@ -1,0 +1,161 @@
+"""A run as a table, one row a pose, units in the heads: as CSV, as arrays, for pandas."""
+
+from collections.abc import Iterable, Mapping
+import csv
+from io import TextIOWrapper
+from typing import Any, BinaryIO, TextIO, TYPE_CHECKING
+
+from klann_ros.review.model.review import Review, ReviewedLeg
+from klann_ros.review.model.times import Floats, Times
+from klann_ros.untrusted.text import printable
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# So many rows are made to text at once.
+_BLOCK = 16384
+_NS = 10**9
+_FORMULA = ('=', '+', '-', '@')
+
+
+class NoPandasError(ImportError):
+    """A data frame that cannot be made; the text says what to install."""
+
+    def __str__(self) -> str:
+        return "a data frame needs pandas: pip install 'klann_ros[pandas]'"
+
+
+def save_csv(review: Review, file: BinaryIO) -> None:
+    """
+    Write every pose of every leg to an open file.
+
+    A row has the leg (of a run with several), log time and stamp, the angles, the velocities, the
+    foot H, and what came of solving the pose again. What a run does not tell is an empty field;
+    numbers are written so that reading them gives the same doubles.
+    """
+    text = TextIOWrapper(file, newline='', encoding='utf-8')
+    _write(review, text)
+    text.flush()
+    # The file is its opener's to close.
+    text.detach()
+
+
+def _write(review: Review, file: TextIO) -> None:
+    writer = csv.writer(file, lineterminator='\n')
+    units, several = _units(review.legs), len(review.legs) > 1
+    leg_head = ['leg'] if several else []
+    writer.writerow([*leg_head, 'log_time [s]', 'stamp [s]', *_heads(units)])
+    for leg in review.legs:
+        poses, title = leg.recording.poses, [_cell(leg.recording.title)] if several else []
+        columns = _columns(leg, units)
+        for begin in range(0, len(poses), _BLOCK):
+            rows = slice(begin, begin + _BLOCK)
+            times, stamps = _seconds(poses.times[rows]), _seconds(poses.stamps[rows])
+            numbers = np.column_stack([column[rows] for column in columns]).tolist()
+            writer.writerows(
+                [*title, time, stamp, *map(_text, values)]
+                for time, stamp, values in zip(times, stamps, numbers, strict=True)
+            )
+
+
+def pose_arrays(leg: ReviewedLeg) -> dict[str, NDArray[Any]]:
+    """
+    Return the poses of a leg as columns, by their names and units.
+
+    Log time and stamp are in nanoseconds; then come the angles, the velocities (of a review with
+    `rates`), the foot H, and what came of solving the pose again. What a run does not tell is NaN.
+    """
+    poses = leg.recording.poses
+    times: dict[str, NDArray[Any]] = {'log_time [ns]': poses.times, 'stamp [ns]': poses.stamps}
+    units = _units([leg])
+    return times | dict(zip(_heads(units), _columns(leg, units), strict=True))
+
+
+def pose_frame(review: Review) -> 'pd.DataFrame':
+    """
+    Return the poses of all legs as a pandas DataFrame, one row a pose.
+
+    Its columns are those of `pose_arrays`, after the time from the start of the run and, of a run
+    with several legs, the leg.
+
+    Raises
+    ------
+    NoPandasError
+        pandas is not installed.
+
+    """
+    try:
+        import pandas as pd  # noqa: PLC0415 - optional, and slow to import
+    except ModuleNotFoundError as error:
+        raise NoPandasError from error
+    frames = []
+    for leg in review.legs:
+        frame = pd.DataFrame(pose_arrays(leg), copy=True)
+        since = (leg.recording.poses.times - review.recording.start) / 1e9
+        frame.insert(0, 'time [s]', since)
+        if len(review.legs) > 1:
+            frame.insert(0, 'leg', leg.recording.title)
+        frames.append(frame)
+    return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+
+
+def _units(legs: Iterable[ReviewedLeg]) -> dict[str, str]:
+    """Return the units of the joints of some legs."""
+    units: dict[str, str] = {}
+    for leg in legs:
+        solver = leg.recording.solver
+        for joint, slides in zip(solver.joint_names, solver.slides, strict=True):
+            units.setdefault(joint, 'm' if slides else 'rad')
+    return units
+
+
+def _heads(units: Mapping[str, str]) -> list[str]:
+    return [
+        *(f'{joint} [{unit}]' for joint, unit in units.items()),
+        *(f'{joint}_rate [{unit}/s]' for joint, unit in units.items()),
+        'h_x [m]',
+        'h_y [m]',
+        'residual [m]',
+        'angle_error [rad]',
+    ]
+
+
+def _columns(leg: ReviewedLeg, joints: Iterable[str]) -> list[Floats]:
+    """Return what stands below the heads; NaN for joints that another leg has."""
+    recording, names = leg.recording, leg.recording.solver.joint_names
+    unknown = np.broadcast_to(np.nan, len(recording.poses))
+    errors = [unknown, unknown]
+    if leg.errors is not None:
+        both = leg.errors.residuals, leg.errors.angle_errors
+        errors = [leg.for_all_poses(values) for values in both]
+    tables = (
+        dict(zip(names, recording.poses.values.T, strict=True)),
+        # Empty where they were not asked for.
+        dict(zip(names, recording.rates.T, strict=False)),
+    )
+    numbers = [table.get(joint, unknown) for table in tables for joint in joints]
+    return [*numbers, *recording.paired_feet().T, *errors]
+
+
+def _cell(text: str) -> str:
+    """
+    Return a name as a spreadsheet may show it: on one line, and never computed.
+
+    No name that ROS takes begins with a sign that begins a formula.
+    """
+    shown = printable(text)
+    return f"'{shown}" if shown.startswith(_FORMULA) else shown
+
+
+def _seconds(times: Times) -> list[str]:
+    """Return times [ns] as seconds, to the last digit."""
+    return [
+        f'{"-" if time < 0 else ""}{abs(time) // _NS}.{abs(time) % _NS:09d}'
+        for time in times.tolist()
+    ]
+
+
+def _text(value: float) -> str:
+    return '' if value != value else repr(value)  # noqa: PLR0124 - NaN is not itself

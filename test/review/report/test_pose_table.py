@@ -1,0 +1,112 @@
+"""The poses of a reviewed run as a notebook wants them: columns, a data frame."""
+
+import doctest
+from pathlib import Path
+import subprocess
+import sys
+
+from klann_ros import review as face
+from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.review import NoPandasError, pose_arrays, pose_frame, review_run
+from klann_ros.review.command import main
+from leg_runs import LegRun, START
+import numpy as np
+import pandas as pd
+import pytest
+
+PARAMETERS = KlannGeometry().as_dict()
+LEG = ('alpha', 'gamma', 'beta', 'delta', 'theta')
+
+
+@pytest.fixture(scope='module')
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return LegRun(parameters=PARAMETERS).write(tmp_path_factory.mktemp('runs') / 'first')
+
+
+def test_the_example_of_the_package_runs(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(run.parents[0])
+    Path('runs').symlink_to('.')
+    result = doctest.testmod(face, optionflags=doctest.ELLIPSIS)
+    assert (result.attempted > 5, result.failed) == (True, 0)
+
+
+def test_all_that_the_package_names_is_there() -> None:
+    assert [name for name in face.__all__ if not hasattr(face, name)] == []
+
+
+def test_columns_are_what_the_messages_say(run: Path) -> None:
+    (leg,) = review_run(run, rates='f8').legs
+    columns, made, solver = pose_arrays(leg), LegRun(), KlannLeg()
+    poses = [solver.solve(made.alpha(n)) for n in range(made.count)]
+    angles = np.array([pose.joints for pose in poses])
+    for name, values in zip(LEG, angles.T, strict=True):
+        assert columns[f'{name} [rad]'].tolist() == values.tolist()
+    assert columns['h_y [m]'].tolist() == [pose.h[1] for pose in poses]
+    assert columns['stamp [ns]'][:2].tolist() == [START, START + 5_000_000]
+    assert columns['log_time [ns]'][0] == START + 150_000
+    assert np.isfinite(columns['theta_rate [rad/s]']).all()
+    assert np.abs(columns['residual [m]']).max() < 1e-12
+
+
+def test_what_a_run_does_not_tell_is_nan(tmp_path: Path) -> None:
+    (leg,) = review_run(LegRun(rates=False).write(tmp_path / 'run'), rates='f8').legs
+    columns = pose_arrays(leg)
+    untold = {name for name, values in columns.items() if np.isnan(values).all()}
+    assert untold == {f'{name}_rate [rad/s]' for name in LEG} | {
+        'residual [m]',
+        'angle_error [rad]',
+    }
+
+
+def test_poses_before_another_geometry_have_no_errors(tmp_path: Path) -> None:
+    later = (100, KlannGeometry.patent().as_dict())
+    run = LegRun(parameters=PARAMETERS, later=later).write(tmp_path / 'run')
+    residuals = pose_arrays(review_run(run).legs[0])['residual [m]']
+    assert np.isnan(residuals).tolist() == [True] * 100 + [False] * 300
+
+
+def test_a_frame_has_the_numbers_of_the_csv_file(run: Path, tmp_path: Path) -> None:
+    main([str(run), '--csv', str(tmp_path / 'run.csv')])
+    written = pd.read_csv(tmp_path / 'run.csv')
+    frame = pose_frame(review_run(run, rates='f8'))
+    assert list(frame)[:3] == ['time [s]', 'log_time [ns]', 'stamp [ns]']
+    pd.testing.assert_frame_equal(written.iloc[:, 2:], frame.iloc[:, 3:], check_exact=True)
+    assert frame['time [s]'].tolist()[:2] == pytest.approx([0.0, 0.00502])
+
+
+def test_a_frame_of_several_legs_names_them(tmp_path: Path) -> None:
+    names = ['front', 'rear']
+    run = LegRun(
+        legs={name: KlannLeg() for name in names}, parameters={**PARAMETERS, 'legs': names}
+    ).write(tmp_path / 'run')
+    frame = pose_frame(review_run(run))
+    assert frame.groupby('leg').size().to_dict() == {'front': 400, 'rear': 400}
+    assert frame.index.tolist() == list(range(800))
+
+
+def test_a_frame_is_ones_own(run: Path) -> None:
+    review = review_run(run)
+    frame = pose_frame(review)
+    frame.loc[0, 'alpha [rad]'] = 7.0
+    assert review.legs[0].recording.poses.values[0, 0] != 7.0
+
+
+def test_a_run_without_legs_is_an_empty_frame(tmp_path: Path) -> None:
+    run = LegRun(legs={}, iterations=False).write(tmp_path / 'run')
+    assert len(pose_frame(review_run(run))) == 0
+
+
+def test_without_pandas_one_line_tells_what_to_install(
+    run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, 'pandas', None)
+    review = review_run(run)
+    with pytest.raises(NoPandasError) as caught:
+        pose_frame(review)
+    assert str(caught.value) == "a data frame needs pandas: pip install 'klann_ros[pandas]'"
+    assert pose_arrays(review.legs[0])
+
+
+def test_reviewing_does_not_import_pandas() -> None:
+    code = 'import sys, klann_ros.review; sys.exit("pandas" in sys.modules)'
+    assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0
