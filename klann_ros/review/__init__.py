@@ -14,8 +14,8 @@ True
 >>> poses['alpha [rad]'].shape, float(poses['residual [m]'].max()) < 1e-12
 ((400,), True)
 
-With pandas, `pose_frame(review)` is a DataFrame of all legs, and `.plot('time [s]', 'gamma [rad]')`
-draws one of its columns.
+With pandas, `pose_frame(review)` is a DataFrame of all legs, of which
+`.plot('time [s]', 'gamma [rad]')` draws a column.
 
 ======================  ===============================================================
 A run                   `review_run`: `Review`, its `ReviewedLeg`s and `TopicFigures`

@@ -1,9 +1,9 @@
 """Two runs side by side: what differs, and by how much."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import inf, isfinite
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from klann_ros.kinematics import AnyLeg
 from klann_ros.kinematics.batch.given_angles import feet
@@ -97,10 +97,6 @@ class Comparison:
         """Return what it means that there is no difference: no more than could be compared."""
         as_far = ', as far as they can be compared' if self.remarks else ''
         return f'the two runs do not differ{as_far}'
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return asdict(self)
 
 
 def compare(first: Review, second: Review) -> Comparison:

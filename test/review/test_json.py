@@ -1,5 +1,6 @@
 """The report for machines: what stands where, and null for what no number says."""
 
+from dataclasses import asdict
 import json
 import math
 
@@ -63,7 +64,7 @@ SHAPE = {
             'crank_angles': dict.fromkeys(CRANK_ANGLES, (int, type(None))),
         }
     ],
-    'limits': dict.fromkeys(Limits().as_dict(), NUMBER),
+    'limits': dict.fromkeys(asdict(Limits()), NUMBER),
     'findings': [
         {
             'check': str,

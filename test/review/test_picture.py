@@ -11,7 +11,9 @@ def test_the_last_pose_that_closes_is_drawn(
     healthy, make_run, tmp_path, capsys, *, monkeypatch, alpha
 ) -> None:
     drawn = []
-    monkeypatch.setattr('klann_ros.review.report.picture.plot_pose', lambda pose, **_: drawn.append(pose))
+    monkeypatch.setattr(
+        'klann_ros.review.report.picture.plot_pose', lambda pose, **_: drawn.append(pose)
+    )
     healthy.answers[-1].pose[0] = alpha
     main([str(make_run(healthy)), '--picture', str(tmp_path / 'leg.png')])
     capsys.readouterr()

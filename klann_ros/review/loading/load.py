@@ -20,33 +20,15 @@ from .other_topics import Descriptions, Iterations
 from .solvers import solver_records
 from .topics import recorded_losses, TopicTally
 
-# Is given how much of the log was read, from 0 to 1.
-Progress = Callable[[float], object]
-
 
 def load(
     log: Log,
     given: AnyLeg | None = None,
     *,
     rates: str = '',
-    progress: Progress | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> RunRecording:
-    """
-    Decode a log.
-
-    Parameters
-    ----------
-    log : Log
-        An open log.
-    given : Leg, optional
-        What to hold the run against, instead of the legs in it.
-    rates : str
-        Whether the velocities of the joints are wanted: 'f8' as they are, 'f4' in half the memory,
-        '' not at all.
-    progress : callable, optional
-        Is called now and then with how much of it was read, from 0 to 1.
-
-    """
+    """Decode an open log; see `review_run`. `progress` gets how much was read, from 0 to 1."""
     gathering = Gathering(solver_records(log.metadata), given, rates=rates)
     tally, iterations, descriptions = TopicTally(), Iterations(), Descriptions()
     for block in log.blocks(progress):

@@ -4,7 +4,6 @@ from collections import defaultdict
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import GeometryError, KlannGeometry, KlannLeg
@@ -19,6 +18,7 @@ import numpy as np
 from .columns import SeriesColumns, Shared
 from .klann_urdf import klann_legs_in_urdf, LONGEST
 from .pieces import decoder
+from .solvers import last_change
 
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 # How a solver calls its only leg.
@@ -105,14 +105,9 @@ class Descriptions:
         legs = [_leg(described.legs.get(name), assembly) for described in told]
         if solver.leg is not None or not legs or legs[-1] is None:
             return solver
-        geometries = [leg and leg.geometry for leg in legs]
-        changes = [
-            described.time
-            for described, (before, after) in zip(told[1:], pairwise(geometries), strict=True)
-            if before != after
-        ]
+        times = [described.time for described in told]
         source = f'{printable(f"{space}/{NAME}")}, put together as its poses are'
-        return replace(solver, leg=legs[-1], leg_time=changes[-1] if changes else 0, source=source)
+        return replace(solver, leg=legs[-1], leg_time=last_change(times, legs), source=source)
 
 
 def _text(data: bytes) -> str:

@@ -186,29 +186,23 @@ def _piece(layout: Layout, rows: RowIndices, data: NDArray[np.uint8]) -> Decoded
     return DecodedRows(rows, stamps, layout.names, layout.doubles(data, 0), velocities)
 
 
-Fields = tuple[int, Any, Any, Any]
-
-
 def _stamp(decoded: Any) -> int:
     stamp = decoded.header.stamp
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
-def _crank_angle(decoded: Any) -> Fields:
-    return 0, (), (float(decoded.data),), ()
+def _point(decoded: Any) -> tuple[float, ...]:
+    return tuple(float(getattr(decoded.point, axis)) for axis in 'xyz')
 
 
-def _foot(decoded: Any) -> Fields:
-    point = decoded.point
-    return _stamp(decoded), (), tuple(map(float, (point.x, point.y, point.z))), ()
-
-
-def _joint_state(decoded: Any) -> Fields:
-    return _stamp(decoded), decoded.name, tuple(decoded.position), tuple(decoded.velocity)
-
-
-_FIELDS: dict[str, Callable[[Any], Fields]] = {
-    CRANK_ANGLE: _crank_angle,
-    FOOT: _foot,
-    JOINT_STATE: _joint_state,
+# Stamp, names, values and velocities.
+_FIELDS: dict[str, Callable[[Any], tuple[int, Any, Any, Any]]] = {
+    CRANK_ANGLE: lambda decoded: (0, (), (float(decoded.data),), ()),
+    FOOT: lambda decoded: (_stamp(decoded), (), _point(decoded), ()),
+    JOINT_STATE: lambda decoded: (
+        _stamp(decoded),
+        decoded.name,
+        tuple(decoded.position),
+        tuple(decoded.velocity),
+    ),
 }

@@ -1,7 +1,7 @@
 """What a run tells of the solver that made its poses."""
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from contextlib import suppress
 import sys
 from typing import Any
 
@@ -21,9 +21,8 @@ def solver_records(metadata: Metadata) -> list[SolverParameters]:
     """Return what the records of a run say about solvers, in the order of time."""
     found = []
     for record in metadata.get(SOLVER_RECORD, ()):
-        solver = _parameters(record)
-        if solver is not None:
-            found.append(solver)
+        with suppress(ValueError):
+            found.append(solver_parameters(record))
     return sorted(found, key=lambda solver: solver.time)
 
 
@@ -59,27 +58,26 @@ def leg_solvers(
 def _solver(own: Sequence[SolverParameters], name: str, given: AnyLeg | None) -> LegSolver:
     told = [_of_leg(record.parameters, name) for record in own]
     legs = [given] if given else [_leg(parameters) for parameters in told]
-    geometries = [leg and leg.linkage for leg in legs]
-    changes = [
-        record.time
-        for record, (before, after) in zip(own[1:], pairwise(geometries), strict=False)
-        if before != after
-    ]
-    last = told[-1]
+    last, source = told[-1], GIVEN if given else ''
+    if legs[-1] and not given:
+        source = f'the parameters of {printable(own[-1].node)}'
     return LegSolver(
         crank_joint=str(last.get('crank_joint') or LegSolver.crank_joint),
         sim_time=any(record.parameters.get('use_sim_time') is True for record in own),
         leg=legs[-1],
-        leg_time=changes[-1] if changes else 0,
+        leg_time=0 if given else last_change([record.time for record in own], legs),
         direction=_number(last.get('direction'), 1),
         phase=_number(last.get('phase'), 0.0),
         nodes=tuple(dict.fromkeys(record.node for record in own)),
-        source=GIVEN
-        if given
-        else f'the parameters of {printable(own[-1].node)}'
-        if legs[-1]
-        else '',
+        source=source,
     )
+
+
+def last_change(times: Sequence[int], legs: Sequence[AnyLeg | None]) -> int:
+    """Return the time at which a leg became another one for the last time; 0 if it never did."""
+    linkages = [leg and leg.linkage for leg in legs]
+    changes = zip(times[1:], linkages, linkages[1:], strict=False)
+    return max((time for time, before, after in changes if before != after), default=0)
 
 
 def _of_leg(parameters: Mapping[str, Any], name: str) -> Mapping[str, Any]:
@@ -107,13 +105,6 @@ def _number(value: Any, otherwise: float) -> float:
 def parent(name: str) -> str:
     """Return the namespace of a full name; '' for the root."""
     return name.rpartition('/')[0]
-
-
-def _parameters(record: Mapping[str, str]) -> SolverParameters | None:
-    try:
-        return solver_parameters(record)
-    except ValueError:
-        return None
 
 
 def _leg(parameters: Mapping[str, Any]) -> AnyLeg | None:

@@ -1,7 +1,7 @@
 """What is still all right: the limits of the checks, and a file to change them."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from math import inf
 import sys
 from typing import Any
@@ -61,10 +61,6 @@ class Limits:
     compare_path: float = 1e-6
     compare_angle: float = 1e-6
     compare_length: float = 0.0
-
-    def as_dict(self) -> dict[str, float]:
-        """Return the limits by name."""
-        return asdict(self)
 
 
 # YAML knows integers that are larger.

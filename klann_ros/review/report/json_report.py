@@ -43,14 +43,14 @@ def report(review: Review, comparison: Comparison | None = None) -> str:
             }
             for leg in review.legs
         ],
-        'limits': review.limits.as_dict(),
+        'limits': asdict(review.limits),
         'findings': [
             {**asdict(finding), 'severity': finding.severity.name.lower()}
             for finding in review.findings
         ],
     }
     if comparison is not None:
-        content['comparison'] = comparison.as_dict()
+        content['comparison'] = asdict(comparison)
     return json.dumps(finite(content), indent=2) + '\n'
 
 

@@ -1,4 +1,4 @@
-"""Tables of the page; those that are too wide for it scroll by themselves."""
+"""HTML elements whose texts are escaped by how they are made: a log may hold any text."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -58,7 +58,7 @@ def _attribute(key: str, value: str | float | bool) -> str:
 
 
 def scrolling_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
-    """Return a table; each row begins with what it is of."""
+    """Return a table, which scrolls where it is too wide; each row begins with what it is of."""
     head = element('tr', *(element('th', text, scope='col') for text in heads))
     table = element('table', element('thead', head), element('tbody', *map(_row, rows)))
     # What scrolls must be reached by keys.

@@ -1,4 +1,4 @@
-"""The key figures of a run: tiles of a single leg, a table of several."""
+"""The parts of a page that need no script: what the run is, its figures, findings and topics."""
 
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
@@ -44,7 +44,7 @@ def findings(reviews: Sequence[Review]) -> Markup:
     return joined(
         element(
             'section',
-            element('h2', _name('Findings', '', n, len(reviews))),
+            element('h2', _of_run('Findings', n, len(reviews))),
             element('ul', *map(_finding, review.findings), class_='findings'),
         )
         for n, review in enumerate(reviews)
@@ -80,13 +80,12 @@ def topics(reviews: Sequence[Review]) -> Markup:
     return joined(
         element(
             'section',
-            element('h2', _name('Topics', '', n, len(reviews))),
-            scrolling_table(
-                _name('Topics', '', n, len(reviews)), _TOPIC_HEADS, map(_topic, review.topics)
-            ),
+            element('h2', name),
+            scrolling_table(name, _TOPIC_HEADS, map(_topic, review.topics)),
             _legend(review.topics),
         )
         for n, review in enumerate(reviews)
+        for name in [_of_run('Topics', n, len(reviews))]
     )
 
 
@@ -158,10 +157,8 @@ def _number(value: float, factor: float, digits: int) -> str:
     return NOT_TOLD if isnan(value) else f'{factor * value:.{digits}f}'
 
 
-def _name(what: str, title: str, number: int, of: int) -> str:
-    run = f' of run {"AB"[number]}' if of > 1 else ''
-    leg = f', leg {title}' if title else ''
-    return f'{what}{run}{leg}'
+def _of_run(what: str, number: int, of: int) -> str:
+    return f'{what} of run {"AB"[number]}' if of > 1 else what
 
 
 def _of(title: str) -> str:
@@ -177,44 +174,40 @@ class _Figure(NamedTuple):
 
 
 def figures(reviews: Sequence[Review]) -> Markup:
-    """Return the key figures of every leg; of two runs both."""
-    found = [
-        (_title(leg.recording.title, n, len(reviews)), list(_figures(leg.figures)))
+    """Return the key figures of every leg, of two runs both: tiles of one, a table of several."""
+    legs = [
+        (_leg_title(leg.recording.title, n, len(reviews)), leg)
         for n, review in enumerate(reviews)
         for leg in review.legs
     ]
-    if not found:
+    if not legs:
         return Markup()
-    content = (
-        _table(found)
-        if len(found) > 1
-        else element('dl', *map(_tile, found[0][1]), class_='tiles')
+    rows = [(title, list(_figures(leg.figures))) for title, leg in legs]
+    if len(legs) > 1:
+        heads = ['Leg', *(f'{figure.name}, {figure.unit}' for figure in rows[0][1])]
+        texts = ([title, *(figure.value for figure in row)] for title, row in rows)
+        content = scrolling_table('Figures', heads, texts)
+    else:
+        content = element('dl', *map(_tile, rows[0][1]), class_='tiles')
+    sources = {title: leg.recording.solver.source for title, leg in legs}
+    told = {title: source for title, source in sources.items() if source}
+    if len(set(told.values())) == 1:
+        # Once where all legs have their geometry from there.
+        told = {'': next(iter(told.values()))}
+    lines = (
+        f'{title}{": " * bool(title)}the geometry is that of {source}.'
+        for title, source in told.items()
     )
-    sources = (
-        element(
-            'p', f'{title}{": " * bool(title)}the geometry is that of {source}.', class_='quiet'
-        )
-        for title, source in _sources(reviews).items()
+    return element(
+        'section',
+        element('h2', 'Figures'),
+        content,
+        *(element('p', line, class_='quiet') for line in lines),
     )
-    return element('section', element('h2', 'Figures'), content, *sources)
 
 
-def _sources(reviews: Sequence[Review]) -> dict[str, str]:
-    """Return who tells the geometry, once where all legs have it from there."""
-    told = {
-        _title(leg.recording.title, n, len(reviews)): leg.recording.solver.source
-        for n, review in enumerate(reviews)
-        for leg in review.legs
-        if leg.recording.solver.source
-    }
-    sources = set(told.values())
-    return {'': sources.pop()} if len(sources) == 1 else told
-
-
-def _table(found: Sequence[tuple[str, Sequence[_Figure]]]) -> Markup:
-    heads = ['Leg', *(f'{figure.name}, {figure.unit}' for figure in found[0][1])]
-    rows = ([title, *(figure.value for figure in figures)] for title, figures in found)
-    return scrolling_table('Figures', heads, rows)
+def _leg_title(title: str, number: int, of: int) -> str:
+    return ', '.join(filter(None, (_of_run('', number, of).removeprefix(' of '), title)))
 
 
 def _tile(figure: _Figure) -> Markup:
@@ -235,8 +228,3 @@ def _figures(figures: LegFigures) -> Iterator[_Figure]:
 
 def _figure(name: str, number: float, form: str, unit: str) -> _Figure:
     return _Figure(name, NOT_TOLD if isnan(number) else format(number, form), unit)
-
-
-def _title(title: str, number: int, of: int) -> str:
-    run = f'run {"AB"[number]}' if of > 1 else ''
-    return ', '.join(part for part in (run, title) if part)
