@@ -89,7 +89,7 @@ def _ended(review: Review) -> Iterator[Finding]:
                 'stale',
                 Severity.WARNING,
                 f'the poses ended {silent:.1f} s before the crank did; {after} came after them',
-                'the solver stopped, every angle was refusals, or its poses no longer came here',
+                'the solver stopped, every angle was refused, or its poses no longer came here',
                 recording.since_start(poses.times[-1]),
                 leg.recording.title,
             )

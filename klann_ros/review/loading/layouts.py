@@ -8,9 +8,9 @@ stand is found in one of them, and read from all that are like it at once.
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from klann_ros.untrusted.cdr import CdrCursor, HEADER_SIZE
 from klann_ros.log.records import Topic
 from klann_ros.review.model.times import Flags, Floats, RowIndices, Times
+from klann_ros.untrusted.cdr import CdrCursor, HEADER_SIZE
 import numpy as np
 from numpy.typing import NDArray
 

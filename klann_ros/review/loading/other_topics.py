@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 from klann_ros.kinematics import GeometryError, KlannGeometry, KlannLeg
 from klann_ros.log.reading.block import Block
 from klann_ros.log.records import Topic
-from klann_ros.untrusted.cdr import CdrCursor
 from klann_ros.review.model.recording import LegSolver, no_series, Series
 from klann_ros.review.model.times import nanoseconds, RowIndices
+from klann_ros.untrusted.cdr import CdrCursor
 from klann_ros.untrusted.text import printable
 import numpy as np
 

@@ -20,7 +20,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 import xacro
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 STORE = get_typestore(Stores.ROS2_JAZZY)
 STRING, FLOAT = 'std_msgs/msg/String', 'std_msgs/msg/Float64'
 URDF = (ROOT / 'urdf' / 'klann.urdf').read_text(encoding='utf-8')

@@ -12,7 +12,7 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 STORE = get_typestore(Stores.ROS2_JAZZY)
 SEM104 = str(ROOT / 'config' / 'sem104.yaml')
 

@@ -13,7 +13,7 @@ from strategies import legs
 import xacro
 import yaml
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 XACRO = ROOT / 'urdf' / 'klann.urdf.xacro'
 SEM104 = KlannGeometry.sem104()
 URDF = (ROOT / 'urdf' / 'klann.urdf').read_text(encoding='utf-8')

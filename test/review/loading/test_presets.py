@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 import yaml
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 CONFIGS = sorted((ROOT / 'config').glob('*.yaml'))
 LINKAGES = sorted((ROOT / 'klann_ros' / 'linkages').glob('*.yaml'))
 START, PERIOD = 1_700_000_000_000_000_000, 10_000_000

@@ -10,7 +10,7 @@ import pytest
 from rosbag2_bags import convert, KINDS, NAMES
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-GEOMETRY = Path(__file__).parents[2] / 'config' / 'sem104.yaml'
+GEOMETRY = Path(__file__).parents[3] / 'config' / 'sem104.yaml'
 
 
 @pytest.fixture(scope='module')

@@ -4,7 +4,6 @@ from collections import defaultdict
 
 from hypothesis import given, strategies as st
 from klann_ros.review.model.pairing import alone, found_in, many_to_one, pairs
-from klann_ros.review.model.times import covered, joined, overlap
 import numpy as np
 
 stamps = st.lists(st.integers(-3, 8), max_size=12).map(lambda some: np.array(some, dtype=np.int64))
@@ -53,26 +52,3 @@ def test_each_row_finds_its_stamp(some, single, random) -> None:
 def test_what_is_found_is_among_the_others(some, others) -> None:
     expected = [stamp in set(others.tolist()) for stamp in some.tolist()]
     assert found_in(some, others).tolist() == expected
-
-
-times = st.integers(-20, 20)
-holes = st.lists(st.tuples(times, times), max_size=5)
-
-
-@given(holes, st.lists(st.tuples(times, st.integers(0, 9)), min_size=1, max_size=5))
-def test_a_stretch_touches_a_hole_if_a_moment_of_it_is_in_one(some, stretches) -> None:
-    inside = {t for begin, end in some for t in range(begin, end + 1)}
-    begins = np.array([begin for begin, _ in stretches])
-    ends = np.array([begin + length for begin, length in stretches])
-    # Holes and stretches end at whole numbers, so that these are moments enough.
-    touched = [
-        not inside.isdisjoint(range(begin, end + 1))
-        for begin, end in zip(begins.tolist(), ends.tolist(), strict=True)
-    ]
-    assert overlap(begins, ends, joined(some)).tolist() == touched
-    full = {t for begin, end in some for t in range(begin, end)}
-    parts = [
-        len(full & set(range(begin, end)))
-        for begin, end in zip(begins.tolist(), ends.tolist(), strict=True)
-    ]
-    assert covered(begins, ends, joined(some)).tolist() == parts
