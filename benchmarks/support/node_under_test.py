@@ -10,7 +10,7 @@ import time
 from typing import Any
 
 from geometry_msgs.msg import PointStamped
-from klann_ros.nodes.qos import OUTPUT
+from klann_ros.nodes.endpoints import OUTPUT
 import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from sensor_msgs.msg import JointState

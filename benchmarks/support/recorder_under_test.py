@@ -9,7 +9,7 @@ import sys
 import time
 
 from klann_ros.log.reader import open_log
-from klann_ros.nodes.qos import OUTPUT
+from klann_ros.nodes.endpoints import OUTPUT
 import rclpy
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState

@@ -5,7 +5,7 @@ from contextlib import suppress
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PointStamped
-from klann_ros.nodes.qos import INPUT, OUTPUT
+from klann_ros.nodes.endpoints import INPUT, OUTPUT
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node

@@ -38,7 +38,6 @@ class ExecutorWatch:
     def __init__(
         self, executor: Any, wake: Callable[[], object], condition: Callable[[], bool]
     ) -> None:
-        """Prepare the thread."""
         self.is_ready = False
         self._executor = executor
         self._wake = wake

@@ -34,22 +34,22 @@ from rclpy.task import Future
 
 from . import executor_watch
 from .executor_watch import ExecutorWatch
-from .spinning import spin_plain
 
 # Where this environment variable is set and not empty, every loop is a plain one.
 PLAIN = 'KLANN_ROS_PLAIN_LOOP'
 # So many messages of a topic are taken before all else has its turn, that a flood starves nothing.
 BURST = 64
+# What the middleware knows about a message.
+Info = dict[str, Any]
 
 
 class LeanCallbackGroup(MutuallyExclusiveCallbackGroup):
     """
     Subscriptions whose messages a LeanLoop takes, while there is one.
 
-    They are made with `raw=True` and a callback that takes bytes and info, no coroutine. Their
-    events are the
-    loop's too: Fast DDS tells of both by one condition, so that whoever waits for the events wakes
-    up for every message. Put nothing else into the group.
+    They are made with `raw=True` and a callback that takes bytes and Info, no coroutine. Their
+    events are the loop's too: Fast DDS tells of both by one condition, so that whoever waits for
+    the events wakes up for every message. Put nothing else into the group.
     """
 
     def __init__(self) -> None:
@@ -95,7 +95,7 @@ class LeanLoop:
         What a callback raises is raised, and ExternalShutdownException when the context ends.
         """
         if self._plain:
-            spin_plain(self._executor, future)
+            _spin_plain(self._executor, future)
             return
         self._ended = False
         self._guard = GuardCondition(None, None, context=self._executor.context)
@@ -192,11 +192,11 @@ class LeanLoop:
     def _run_events(self, events: list[Any], wait_set: Any) -> None:
         for event in events:
             if event.is_ready(wait_set):
-                told = None
+                data = None
                 with suppress(InvalidHandle):  # as above
-                    told = event.take_data()
-                if told is not None:
-                    event.callback(told)
+                    data = event.take_data()
+                if data is not None:
+                    event.callback(data)
 
 
 def _fill(wait_set: Any, guard: Any, handles: list[Any], events: list[Any]) -> None:
@@ -230,3 +230,31 @@ def _is_possible(executor: Any) -> bool:
         and hasattr(rclpy_implementation, 'WaitSet')
         and hasattr(rclpy_implementation.Subscription, 'take_message')
     )
+
+
+def _spin_plain(executor: Any, future: Future) -> None:
+    """Let an executor run callbacks until a future is done, or the executor is shut down."""
+
+    def wake(_: Future) -> None:
+        executor.wake()
+
+    future.add_done_callback(wake)
+    try:
+        executor.spin_until_future_complete(_Awaited(future))
+    finally:
+        future.remove_done_callback(wake)
+
+
+class _Awaited:
+    """
+    A future, as an executor may wait for it for days.
+
+    rclpy adds a callback to the future for each thing that it does, and keeps them all: 264 bytes
+    each, 2 GB a day at 100 Hz.
+    """
+
+    def __init__(self, future: Future) -> None:
+        self.done, self.cancelled = future.done, future.cancelled
+
+    def add_done_callback(self, callback: Any) -> None:
+        """Do without: whoever made this wakes the executor."""

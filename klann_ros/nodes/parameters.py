@@ -1,7 +1,8 @@
 """Parameters: declared with description and unit, refused with the reason."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, KW_ONLY
+from difflib import get_close_matches
 from functools import partial
 import json
 from typing import Any
@@ -12,10 +13,8 @@ from rclpy.exceptions import InvalidParameterTypeException, ParameterNotDeclared
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from .given_parameters import given, unknown_parameter
-
-# Of a value that is refused [characters].
-LONGEST_VALUE = 100
+# Of a value that is refused, and of a name that is none [characters].
+LONGEST_VALUE = LONGEST_NAME = 100
 
 
 class StartError(Exception):
@@ -34,9 +33,9 @@ class UnknownParameterError(ParameterNotDeclaredException):
 
 
 @dataclass(frozen=True)
-class Declared:
+class Declaration:
     """
-    A parameter as it is declared.
+    A parameter as a node declares it.
 
     Attributes
     ----------
@@ -97,7 +96,26 @@ class Declared:
         return '' if self.allows(value) else refusal(self.name, value, self.allowed)
 
 
-def declare(node: Node, parameters: Sequence[Declared]) -> dict[str, Any]:
+def refusal(name: str, value: Any, what: str) -> str:
+    """Return the line that says that a value is refused, and what it must be."""
+    return f'{name} = {printable(repr(value), LONGEST_VALUE)} is refused: it must be {what}'
+
+
+def must(condition: bool, name: str, value: Any, what: str) -> None:
+    """
+    Refuse a parameter at start.
+
+    Raises
+    ------
+    StartError
+        The condition does not hold.
+
+    """
+    if not condition:
+        raise StartError(refusal(name, value, what))
+
+
+def declare(node: Node, parameters: Sequence[Declaration]) -> dict[str, Any]:
     """
     Declare parameters and return their values by name.
 
@@ -116,6 +134,20 @@ def declare_constant(node: Node, name: str, value: str, description: str) -> Non
     node.declare_parameter(name, value, descriptor, ignore_override=True)
 
 
+def overrides(node: Node) -> Mapping[str, Parameter]:
+    """Return what the command line and parameter files give a node, whether declared or not."""
+    # rclpy tells of those only that are declared. Without this no more than that is told.
+    given: Mapping[str, Parameter] = getattr(node, '_parameter_overrides', {})
+    return given
+
+
+def unknown_parameter(name: str, executable: str, known: Collection[str]) -> str:
+    """Return a line about a name that is no parameter."""
+    near = _nearest(name, known)
+    hint = f'did you mean {near}?' if near else f'{executable} --help lists them'
+    return f"parameter {printable(name, LONGEST_NAME)} is none of {executable}'s; {hint}"
+
+
 def look_at_sets(node: Node, executable: str) -> None:
     """
     Have a node tell the nearest name of a parameter that it has not, and hold doubles as doubles.
@@ -131,7 +163,7 @@ def look_at_sets(node: Node, executable: str) -> None:
     node.add_pre_set_parameters_callback(partial(_as_held, node, executable))
 
 
-def usage(groups: Mapping[str, Sequence[Declared]]) -> str:
+def usage(groups: Mapping[str, Sequence[Declaration]]) -> str:
     """Return the part of an executable's help that tells its parameters, group by group."""
     lines = ['Parameters are given as --ros-args -p NAME:=VALUE or --ros-args --params-file FILE:']
     for title, parameters in groups.items():
@@ -139,7 +171,7 @@ def usage(groups: Mapping[str, Sequence[Declared]]) -> str:
     return '\n'.join(filter(None, lines))
 
 
-def _declare(node: Node, parameter: Declared) -> Any:
+def _declare(node: Node, parameter: Declaration) -> Any:
     # What is read only cannot be declared anew, as a number may have to be.
     first = _descriptor(parameter, read_only=parameter.read_only and not parameter.any_number)
     try:
@@ -147,8 +179,7 @@ def _declare(node: Node, parameter: Declared) -> Any:
     except InvalidParameterTypeException as error:
         raise StartError(_wrong_type(node, parameter)) from error
     if value is None:
-        msg = f'parameter {parameter.name} has no value'
-        raise StartError(msg)
+        raise StartError(f'parameter {parameter.name} has no value')
     reason = parameter.refusal(value)
     if reason:
         raise StartError(reason)
@@ -160,7 +191,7 @@ def _declare(node: Node, parameter: Declared) -> Any:
     return list(value) if isinstance(parameter.default, list) else value
 
 
-def _descriptor(parameter: Declared, *, read_only: bool) -> ParameterDescriptor:
+def _descriptor(parameter: Declaration, *, read_only: bool) -> ParameterDescriptor:
     return ParameterDescriptor(
         description=parameter.description,
         additional_constraints=parameter.allowed,
@@ -169,9 +200,9 @@ def _descriptor(parameter: Declared, *, read_only: bool) -> ParameterDescriptor:
     )
 
 
-def _wrong_type(node: Node, parameter: Declared) -> str:
+def _wrong_type(node: Node, parameter: Declaration) -> str:
     kind = Parameter.Type.from_parameter_value(parameter.default).name.lower()
-    wrong = given(node)[parameter.name].value if parameter.name in given(node) else None
+    wrong = overrides(node)[parameter.name].value if parameter.name in overrides(node) else None
     right = _meant(wrong, parameter.default)
     hint = '' if right is None else f' (write {_shown(right)}, not {_shown(wrong)})'
     return f'parameter {parameter.name} must be of type {kind}{hint}'
@@ -221,20 +252,12 @@ def _is_any_double(node: Node, name: str) -> bool:
     return is_double and bool(node.describe_parameter(name).dynamic_typing)
 
 
-def refusal(name: str, value: Any, what: str) -> str:
-    """Return the line that says that a value is refused, and what it must be."""
-    return f'{name} = {printable(repr(value), LONGEST_VALUE)} is refused: it must be {what}'
-
-
-def must(condition: bool, name: str, value: Any, what: str) -> None:
-    """
-    Refuse a parameter at start.
-
-    Raises
-    ------
-    StartError
-        The condition does not hold.
-
-    """
-    if not condition:
-        raise StartError(refusal(name, value, what))
+def _nearest(name: str, known: Collection[str]) -> str:
+    """Return the known name that was most likely meant; '' if none is near."""
+    family, dot, _ = name[: 2 * LONGEST_NAME].rpartition('.')
+    siblings = [other for other in known if dot and other.rpartition('.')[0] == family]
+    # What all siblings begin with says nothing of which one is meant.
+    start = len(family) + 1 if siblings else 0
+    candidates = {other[start:]: other for other in siblings or known}
+    near = get_close_matches(name[start:][:LONGEST_NAME], candidates, n=1)
+    return candidates[near[0]] if near else ''

@@ -4,7 +4,9 @@ import argparse
 from collections.abc import Callable, Sequence
 from functools import partial
 import gc
+from pathlib import Path
 import sys
+import traceback
 from typing import Protocol
 
 from klann_ros import __version__
@@ -14,15 +16,14 @@ from klann_ros.untrusted.text import printable, printable_line
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.exceptions import NameValidationException, ParameterException
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from .given_parameters import complaints, endless_file
+from .complaints import complaints, endless_file
 from .lean_loop import LeanLoop
 from .parameters import look_at_sets, StartError
-from .spinning import spin_on
 
 # What users forget to write --ros-args before.
 FOR_ROS = ('-p', '--param', '--params-file', '-r', '--remap', '--log-level', '-e', '--enclave')
@@ -30,6 +31,8 @@ FOR_ROS = ('-p', '--param', '--params-file', '-r', '--remap', '--log-level', '-e
 ROS_ERRORS = (NameValidationException, RCLError, RuntimeError, ValueError)
 # And when a node or its parameters make none.
 START_ERRORS = (StartError, ParameterException, *ROS_ERRORS)
+# How often a failed callback is logged at most [s].
+THROTTLE = 2.0
 
 
 class Finish(Protocol):
@@ -191,3 +194,43 @@ def _refused(name: str, error: Exception) -> int:
 def ros_error(error: Exception) -> str:
     """Return an error's text on one line, without the places in ROS's C sources."""
     return printable_line(error).partition(', at /')[0]
+
+
+def spin_on(spin: Callable[[], None], node: Node) -> None:
+    """
+    Spin, and go on after a callback has failed, which is logged.
+
+    rclpy itself raises for messages that anybody may send: a parameter of an unknown type, a clock
+    before 1970. Nobody's message may end a node that turns a leg or records a run.
+
+    Parameters
+    ----------
+    spin : callable
+        Runs callbacks until all ends; raises what they raise.
+    node : rclpy.node.Node
+        Whose callbacks they are.
+
+    """
+    while not _has_ended(spin, node):
+        pass
+
+
+def _has_ended(spin: Callable[[], None], node: Node) -> bool:
+    try:
+        spin()
+    except ExternalShutdownException:
+        raise
+    except Exception as error:
+        node.get_logger().error(
+            f'a callback failed, and the node goes on: {described(error)}',
+            throttle_duration_sec=THROTTLE,
+        )
+        return False
+    return True
+
+
+def described(error: Exception) -> str:
+    """Return on one line what an error says, and where it was raised."""
+    *_, last = traceback.extract_tb(error.__traceback__)
+    place = f'{Path(last.filename).name}:{last.lineno}'
+    return f'{type(error).__name__}: {printable(error)} ({place})'

@@ -6,7 +6,7 @@ from typing import Any
 
 from geometry_msgs.msg import PointStamped, TwistStamped
 from hypothesis import example, given, strategies as st
-from klann_ros.nodes.solver import cdr, cdr_templates
+from klann_ros.nodes.solver import cdr
 import pytest
 from rclpy._rclpy_pybind11 import RMWError
 from rclpy.serialization import deserialize_message, serialize_message
@@ -65,11 +65,11 @@ def same(a: object, b: object) -> bool:
     return repr(a) == repr(b)
 
 
-def expected(message: JointState, index: int) -> cdr.Joint:
+def expected(message: JointState, index: int) -> cdr.JointReading:
     names, velocities, stamp = message.name, message.velocity, message.header.stamp
     index = list(names).index(names[index])
     velocity = velocities[index] if len(velocities) == len(names) else None
-    return cdr.Joint(message.position[index], velocity, stamp.sec, stamp.nanosec)
+    return cdr.JointReading(message.position[index], velocity, stamp.sec, stamp.nanosec)
 
 
 @given(doubles)
@@ -165,17 +165,17 @@ def written(
     if kind == 'point':
         message = PointStamped()
         message.point.x, message.point.y = x, y
-        data = cdr_templates.PointTemplate(frame_id).fill(*stamp, x, y)
+        data = cdr.PointTemplate(frame_id).fill(*stamp, x, y)
     elif kind == 'twist':
         message = TwistStamped()
         message.twist.linear.x, message.twist.linear.y = x, y
-        data = cdr_templates.TwistTemplate(frame_id).fill(*stamp, x, y)
+        data = cdr.TwistTemplate(frame_id).fill(*stamp, x, y)
     else:
         count = len(names)
         positions = numbers[:count]
         velocities = numbers[::-1][:count] if kind == 'rates' else []
         message = JointState(name=names, position=positions, velocity=velocities)
-        template = cdr_templates.JointStateTemplate(names, frame_id)
+        template = cdr.JointStateTemplate(names, frame_id)
         data = template.fill(*stamp, positions, velocities)
     message.header.frame_id = frame_id
     message.header.stamp.sec, message.header.stamp.nanosec = stamp

@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from klann_ros.nodes.given_parameters import LONGEST_NAME, MOST_LINES
+from klann_ros.nodes.complaints import MOST_LINES
+from klann_ros.nodes.parameters import LONGEST_NAME
 import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically

@@ -5,7 +5,7 @@ import sys
 
 from hypothesis import example, given, strategies as st
 from klann_ros.log.definitions import default_prefixes, INDEX
-from klann_ros.nodes.message_types import message_class, UnknownMessageTypeError
+from klann_ros.nodes.endpoints import message_class, UnknownMessageTypeError
 import pytest
 from std_msgs.msg import Float64
 

@@ -1,7 +1,8 @@
 """With which quality of service a recorded topic is published."""
 
 from klann_ros.log.qos import latched_count, Qos
-from klann_ros.nodes.qos import DEPTH, LATCHED_DEPTH, MOST_DEPTH, to_publish
+from klann_ros.nodes.endpoints import DEPTH
+from klann_ros.nodes.player.topics import LATCHED_DEPTH, MOST_DEPTH, publishing_profile
 import pytest
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
@@ -39,20 +40,22 @@ def test_a_latched_topic_offers_what_its_publishers_kept(offered: list[Qos], cou
 def test_a_queue_is_as_deep_as_it_was_and_a_volatile_one_deep(
     offered: list[Qos], depth: int
 ) -> None:
-    assert to_publish(offered).depth == depth
+    assert publishing_profile(offered).depth == depth
 
 
 def test_whoever_heard_one_of_the_publishers_hears_the_replay() -> None:
-    both = to_publish([BEST_EFFORT, LATCHED])
+    both = publishing_profile([BEST_EFFORT, LATCHED])
     assert both.reliability == ReliabilityPolicy.RELIABLE
     assert both.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    one = to_publish([BEST_EFFORT])
+    one = publishing_profile([BEST_EFFORT])
     assert one.reliability == ReliabilityPolicy.BEST_EFFORT
     assert one.durability == DurabilityPolicy.VOLATILE
 
 
 def test_durations_are_those_that_were_recorded() -> None:
-    profile = to_publish([Qos(deadline=10**8, lifespan=10**9, liveliness='manual_by_topic')])
+    profile = publishing_profile(
+        [Qos(deadline=10**8, lifespan=10**9, liveliness='manual_by_topic')]
+    )
     assert profile.deadline.nanoseconds == 10**8
     assert profile.lifespan.nanoseconds == 10**9
     assert profile.liveliness.name == 'MANUAL_BY_TOPIC'

@@ -5,7 +5,7 @@ from threading import Thread
 import time
 
 from klann_ros.nodes.lean_loop import LeanCallbackGroup, LeanLoop
-from klann_ros.nodes.spinning import described, spin_on
+from klann_ros.nodes.process import described, spin_on
 import pytest
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context

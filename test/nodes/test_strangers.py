@@ -8,7 +8,7 @@ from klann_ros.log.definitions import definition
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD
-from klann_ros.nodes.geometry_parameters import NAMES
+from klann_ros.nodes.solver.declarations import GEOMETRY_NAMES
 from mcap.writer import Writer
 import pytest
 from rcl_interfaces.msg import ParameterType, ParameterValue
@@ -184,7 +184,7 @@ class Liar:
         node.create_service(GetParameters, f'{name}/get_parameters', self._get)
 
     def _list(self, _: object, response: ListParameters.Response) -> ListParameters.Response:
-        response.result.names = [*NAMES, 'a\x1b[2J']
+        response.result.names = [*GEOMETRY_NAMES, 'a\x1b[2J']
         return response
 
     def _get(self, _: object, response: GetParameters.Response) -> GetParameters.Response:
@@ -207,8 +207,8 @@ def test_a_recorder_survives_what_a_solver_may_answer(ros: World, tmp_path: Path
     odd = ParameterValue(type=ParameterType.PARAMETER_BYTE_ARRAY, byte_array_value=[b'\xff'])
     liars = [
         Liar(ros.probe, 'too_few', [odd]),
-        Liar(ros.probe, 'no_type', [ParameterValue(type=77)] * (len(NAMES) + 1)),
-        Liar(ros.probe, 'odd', [odd] * (len(NAMES) + 1)),
+        Liar(ros.probe, 'no_type', [ParameterValue(type=77)] * (len(GEOMETRY_NAMES) + 1)),
+        Liar(ros.probe, 'odd', [odd] * (len(GEOMETRY_NAMES) + 1)),
     ]
     ros.probe.until(lambda: all(liar.asked for liar in liars))
     complained = 'does not answer for its parameters: '

@@ -3,7 +3,7 @@
 import re
 
 from hypothesis import example, given, strategies as st
-from klann_ros.nodes.topic_names import refusal
+from klann_ros.nodes.endpoints import name_refusal
 
 # https://docs.ros.org: a slash before each part, which begins with a letter or an underscore.
 FULL_NAME = re.compile('(/[A-Za-z_][A-Za-z0-9_]*)+')
@@ -16,7 +16,7 @@ FULL_NAME = re.compile('(/[A-Za-z_][A-Za-z0-9_]*)+')
 @example('/\udcff')
 def test_just_the_full_names_of_ros_are_taken(name: str) -> None:
     good = FULL_NAME.fullmatch(name) is not None and len(name) <= 247
-    reason = refusal(name)
+    reason = name_refusal(name)
     assert (reason == '') == good
     assert reason.isprintable()
     assert len(reason) < 120

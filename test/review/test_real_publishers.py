@@ -5,7 +5,7 @@ from pathlib import Path
 
 from domain import own_domain
 from findings import checks
-from klann_ros.nodes.qos import OUTPUT
+from klann_ros.nodes.endpoints import OUTPUT
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.review import Review
 from klann_ros.review.reviewing import review_run

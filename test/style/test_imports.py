@@ -1,7 +1,7 @@
-"""ROS is known to `klann_ros.nodes` only, and imports go downward."""
+"""ROS is known to `klann_ros.nodes` only, imports go downward, and none goes in a circle."""
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 import os
 from pathlib import Path
 import subprocess
@@ -44,6 +44,10 @@ for name in sys.argv[1:]:
 """
 
 
+def test_no_import_goes_in_a_circle() -> None:
+    assert list(circles(PACKAGE)) == []
+
+
 def test_everything_but_the_nodes_imports_without_ros() -> None:
     assert list(needing_ros(PACKAGE)) == []
 
@@ -61,12 +65,12 @@ def test_imports_go_downward() -> None:
         'from builtin_interfaces.msg import Time',
         'from std_srvs.srv import Trigger',
         'from ament_index_python import get_package_prefix',
-        'from ..nodes import solver_node',
+        'from ..nodes import solver',
     ],
 )
 def test_a_module_that_needs_ros_is_found(line: str, tmp_path: Path) -> None:
     package = made_up(tmp_path, 'kinematics', line)
-    (package / 'nodes' / 'solver_node.py').write_text('import rclpy')
+    (package / 'nodes' / 'solver.py').write_text('import rclpy')
     (problem,) = needing_ros(package)
     assert problem.startswith('made_up.kinematics.offender: ')
 
@@ -84,7 +88,7 @@ def test_nodes_may_need_ros(tmp_path: Path) -> None:
         ('kinematics', 'def late():\n    from .. import nodes'),
         ('log', 'from made_up import kinematics'),
         ('log', 'from .. import kinematics'),
-        ('review', 'from ..nodes import solver_node'),
+        ('review', 'from ..nodes import solver'),
         ('nodes', 'from ..executables import solver_node'),
         ('nodes', 'from made_up import executables'),
     ],
@@ -111,6 +115,42 @@ def test_other_imports_are_not(part: str, line: str, tmp_path: Path) -> None:
 def test_a_part_that_nobody_has_placed_is_found(tmp_path: Path) -> None:
     problems = list(upward_imports(made_up(tmp_path, 'utils', '')))
     assert 'utils/offender.py belongs to no known part' in problems
+
+
+@pytest.mark.parametrize(
+    ('line', 'other'),
+    [
+        ('from .other import NAME', 'from .offender import NAME'),
+        ('from . import other', 'from made_up.kinematics.offender import NAME'),
+        ('import made_up.kinematics.other', 'def late():\n    from . import offender'),
+    ],
+)
+def test_a_circle_is_found(line: str, other: str, tmp_path: Path) -> None:
+    package = made_up(tmp_path, 'kinematics', line)
+    (package / 'kinematics' / 'other.py').write_text(other)
+    names = ['made_up.kinematics.offender', 'made_up.kinematics.other']
+    assert list(circles(package)) == [names]
+
+
+def test_a_circle_by_way_of_a_face_is_found(tmp_path: Path) -> None:
+    package = made_up(tmp_path, 'log', 'from made_up.log import NAME')
+    (package / 'log' / '__init__.py').write_text('from .third import NAME')
+    (package / 'log' / 'third.py').write_text('from .offender import NAME')
+    assert [len(circle) for circle in circles(package)] == [3]
+
+
+@pytest.mark.parametrize(
+    'other',
+    [
+        'from . import errors',
+        'if TYPE_CHECKING:\n    from .offender import NAME',
+        'from made_up.log.offender import NAME',
+    ],
+)
+def test_what_is_no_circle_is_not(other: str, tmp_path: Path) -> None:
+    package = made_up(tmp_path, 'kinematics', 'from .other import NAME')
+    (package / 'kinematics' / 'other.py').write_text(other)
+    assert list(circles(package)) == []
 
 
 def made_up(folder: Path, part: str, line: str) -> Path:
@@ -157,17 +197,75 @@ def upward_imports(package: Path) -> Iterator[str]:
 
 def imported_parts(package: Path, path: Path) -> set[str]:
     """Return the parts of the package that a module imports, anywhere in it."""
-    full_names = []
+    full_names = imported_names(package, path, ast.walk(ast.parse(path.read_text('utf-8'))))
+    split = [name.split('.') for name in full_names]
+    parts = {name[1] for name in split if name[0] == package.name and len(name) > 1}
+    return {
+        name for name in parts if (package / name).is_dir() or (package / f'{name}.py').exists()
+    }
+
+
+def imported_names(package: Path, path: Path, tree: Iterable[ast.AST]) -> Iterator[str]:
+    """Yield the full names of what a module imports, whether they are modules or in one."""
     here = [package.name, *path.relative_to(package).parts[:-1]]
-    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+    for node in tree:
         if isinstance(node, ast.Import):
-            full_names += [alias.name for alias in node.names]
+            yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             base = here[: len(here) + 1 - node.level] if node.level else []
             base = base + (node.module.split('.') if node.module else [])
-            full_names += ['.'.join([*base, alias.name]) for alias in node.names]
-    split = [name.split('.') for name in full_names]
-    found = {name[1] for name in split if name[0] == package.name and len(name) > 1}
-    return {
-        name for name in found if (package / name).is_dir() or (package / f'{name}.py').exists()
+            yield from ('.'.join([*base, alias.name]) for alias in node.names)
+
+
+def circles(package: Path) -> Iterator[list[str]]:
+    """Yield the groups of modules that import each other, directly or by way of others."""
+    imports = imported_modules(package)
+    reached = {name: reachable(imports, name) for name in imports}
+    in_circles = [name for name in imports if name in reached[name]]
+    while in_circles:
+        first = in_circles[0]
+        circle = [name for name in in_circles if name in reached[first] and first in reached[name]]
+        yield circle
+        in_circles = [name for name in in_circles if name not in circle]
+
+
+def reachable(imports: Mapping[str, set[str]], start: str) -> set[str]:
+    """Return the modules that one imports, those that these import, and so on."""
+    reached: set[str] = set()
+    due = [*imports[start]]
+    while due:
+        name = due.pop()
+        if name not in reached:
+            reached.add(name)
+            due += imports[name]
+    return reached
+
+
+def imported_modules(package: Path) -> dict[str, set[str]]:
+    """Return which modules of the package each module imports, anywhere in it but for types."""
+    paths = {
+        '.'.join(path.relative_to(package.parent).with_suffix('').parts): path
+        for path in sorted(package.rglob('*.py'))
     }
+    imports = {}
+    for name, path in paths.items():
+        full_names = imported_names(package, path, executed(ast.parse(path.read_text('utf-8'))))
+        modules = (module_of(full_name, paths) for full_name in full_names)
+        imports[name] = {module for module in modules if module and module != name}
+    return imports
+
+
+def module_of(full_name: str, modules: Collection[str]) -> str | None:
+    """Return the module that a full name is, or that it is in; None for another package's."""
+    around = full_name.rpartition('.')[0]
+    candidates = (full_name, f'{full_name}.__init__', around, f'{around}.__init__')
+    return next((name for name in candidates if name in modules), None)
+
+
+def executed(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield what is below a node, but for what only a checker of types looks at."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == 'TYPE_CHECKING':
+            continue
+        yield node
+        yield from executed(node)

@@ -1,10 +1,11 @@
-"""How a crank is driven: the angle and its rate as functions of time alone."""
+"""How a crank is driven: the parameters, and angle and rate as functions of time alone."""
 
 from dataclasses import dataclass
 from math import cos, floor, isfinite, pi, sin
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import KinematicsError
+from klann_ros.nodes.parameters import Declaration
 
 MODES = ('constant', 'sine', 'sweep', 'step')
 # Periods of sine, sweep and step [s].
@@ -55,25 +56,26 @@ class CrankMotion:
     def __post_init__(self) -> None:
         """Refuse what cannot be driven, with the reason."""
         if self.mode not in MODES:
-            msg = f'mode = {self.mode!r} is refused: it must be one of {", ".join(MODES)}'
-            raise CrankMotionError(msg)
+            raise CrankMotionError(
+                f'mode = {self.mode!r} is refused: it must be one of {", ".join(MODES)}'
+            )
         for name in ('speed', 'start', 'amplitude', 'frequency'):
             value = getattr(self, name)
             if not (isinstance(value, int | float) and isfinite(value)):
-                msg = f'{name} = {value!r} is refused: it must be a finite number'
-                raise CrankMotionError(msg)
+                raise CrankMotionError(
+                    f'{name} = {value!r} is refused: it must be a finite number'
+                )
         if self.mode in ('sine', 'step') and self.frequency <= 0.0:
-            msg = f'frequency = {self.frequency:g} Hz is refused: it must be > 0'
-            raise CrankMotionError(msg)
+            raise CrankMotionError(f'frequency = {self.frequency:g} Hz is refused: it must be > 0')
         if self.mode == 'sweep' and 0.0 in (self.speed, self.amplitude):
-            msg = 'a sweep is refused without speed and amplitude: both must be other than 0'
-            raise CrankMotionError(msg)
+            raise CrankMotionError(
+                'a sweep is refused without speed and amplitude: both must be other than 0'
+            )
         if self.mode != 'constant' and not SHORTEST <= self.period <= LONGEST:
-            msg = (
+            raise CrankMotionError(
                 f'a period of {self.period:g} s is refused: '
                 f'it must be within {SHORTEST:g} .. {LONGEST:g} s'
             )
-            raise CrankMotionError(msg)
 
     @property
     def period(self) -> float:
@@ -113,3 +115,38 @@ class CrankMotion:
         if there < 1.0:
             return self.start + self.amplitude * there, rate
         return self.start + self.amplitude * (2.0 - there), -rate
+
+
+_DEFAULT = CrankMotion()
+OUTPUTS = ('crank_angle', 'crank_state')
+MOTION = (
+    Declaration('mode', _DEFAULT.mode, 'how the crank moves', choices=MODES),
+    Declaration(
+        'speed', _DEFAULT.speed, 'rate of constant and sweep [rad/s]', constraint='finite'
+    ),
+    Declaration('start', _DEFAULT.start, 'crank angle at the start [rad]', constraint='finite'),
+    Declaration(
+        'amplitude', _DEFAULT.amplitude, 'size of sine, sweep and step [rad]', constraint='finite'
+    ),
+    Declaration(
+        'frequency', _DEFAULT.frequency, 'of sine and step [Hz]', constraint='finite, > 0'
+    ),
+)
+PARAMETERS = (
+    Declaration('rate', 100.0, 'messages a second [Hz]', limits=(1e-3, 1e4)),
+    Declaration(
+        'revolutions',
+        0,
+        'turns, or periods, until the node ends; 0: endless',
+        constraint='an integer or a double, >= 0',
+        any_number=True,
+    ),
+    Declaration('output', 'crank_angle', 'the topic to publish', choices=OUTPUTS),
+    Declaration('crank_joint', 'crank', 'name of the joint in crank_state'),
+    Declaration(
+        'min_subscribers',
+        0,
+        'the crank waits until so many listen, so that none misses the start',
+        limits=(0, 1000),
+    ),
+)

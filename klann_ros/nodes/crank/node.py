@@ -6,10 +6,9 @@ from functools import partial
 from math import inf, isfinite
 from typing import Any, TYPE_CHECKING
 
-from klann_ros.nodes import qos_overrides
-from klann_ros.nodes.parameters import declare, Declared, must, StartError, usage
+from klann_ros.nodes.endpoints import create_publisher, QOS_USAGE
+from klann_ros.nodes.parameters import declare, must, StartError, usage
 from klann_ros.nodes.process import arguments, command_line, Finish, run
-from klann_ros.nodes.qos import OUTPUT
 from klann_ros.stop_signals import StopSignals
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
@@ -17,40 +16,11 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from .motion import CrankMotion, CrankMotionError, MODES
+from .motion import CrankMotion, CrankMotionError, MOTION, PARAMETERS
 
 if TYPE_CHECKING:
     from rclpy.time import Time
 
-_DEFAULT = CrankMotion()
-OUTPUTS = ('crank_angle', 'crank_state')
-MOTION = (
-    Declared('mode', _DEFAULT.mode, 'how the crank moves', choices=MODES),
-    Declared('speed', _DEFAULT.speed, 'rate of constant and sweep [rad/s]', constraint='finite'),
-    Declared('start', _DEFAULT.start, 'crank angle at the start [rad]', constraint='finite'),
-    Declared(
-        'amplitude', _DEFAULT.amplitude, 'size of sine, sweep and step [rad]', constraint='finite'
-    ),
-    Declared('frequency', _DEFAULT.frequency, 'of sine and step [Hz]', constraint='finite, > 0'),
-)
-PARAMETERS = (
-    Declared('rate', 100.0, 'messages a second [Hz]', limits=(1e-3, 1e4)),
-    Declared(
-        'revolutions',
-        0,
-        'turns, or periods, until the node ends; 0: endless',
-        constraint='an integer or a double, >= 0',
-        any_number=True,
-    ),
-    Declared('output', 'crank_angle', 'the topic to publish', choices=OUTPUTS),
-    Declared('crank_joint', 'crank', 'name of the joint in crank_state'),
-    Declared(
-        'min_subscribers',
-        0,
-        'the crank waits until so many listen, so that none misses the start',
-        limits=(0, 1000),
-    ),
-)
 # Time for a subscriber to match the publisher once the publisher knows of it [s].
 SETTLE = 0.3
 # A node that was stopped for longer than this goes on from where it was, without a burst [s].
@@ -121,8 +91,7 @@ class CrankNode(Node):
             'crank_state': (JointState, self._publish_state),
         }
         kind, publish = kinds[output]
-        profile = qos_overrides.of_publisher(self, output, OUTPUT)
-        self._publisher = self.create_publisher(kind, output, profile)
+        self._publisher = create_publisher(self, kind, output)
         self._publish: Callable[[float, float, float], None] = partial(publish, kind())
         self._crank_joint = crank_joint
 
@@ -176,7 +145,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     parser = command_line(
         'crank_node',
         'Drive the crank: publish its angle on crank_angle, or angle and rate on crank_state.',
-        f'{usage({"": [*MOTION, *PARAMETERS]})}\n{qos_overrides.USAGE}',
+        f'{usage({"": [*MOTION, *PARAMETERS]})}\n{QOS_USAGE}',
     )
     arguments(parser, argv)
     return run('crank_node', CrankNode, argv, stop)

@@ -1,7 +1,7 @@
 """`player_node`: an MCAP run back onto topics."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 import sys
 from threading import Event, Thread
@@ -11,17 +11,29 @@ from klann_ros.log.playing.playback import length, Playback, Selection
 from klann_ros.log.reader import Log, open_log
 from klann_ros.log.records import Topic
 from klann_ros.nodes.parameters import declare
-from klann_ros.nodes.process import Finish, ProcessNode, run
+from klann_ros.nodes.process import arguments, command_line, Finish, ProcessNode, run
 from klann_ros.stop_signals import StopSignals
 from klann_ros.untrusted.text import listed, printable, printable_line
 from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock as ClockMessage
 
+from .controls import (
+    add_options,
+    declarations,
+    DESCRIPTION,
+    EPILOG,
+    KEYS_IN_WORDS,
+    PlayerControls,
+)
 from .keyboard import Keyboard
-from .log_clock import LogClock, TOPIC as CLOCK
-from .options import options_of
-from .played_topics import PlayedTopics
-from .steering import declared, KEYS_IN_WORDS, PlayerSteering
+from .topics import PlayedTopics
 
+# Nodes listen there whatever their namespace is.
+CLOCK = '/clock'
+# A message cannot hold later times [ns].
+LATEST = 2**31 * 10**9 - 1
 # What is under way at the end is waited for at most so long [s].
 LAST_WORDS = 2.0
 # How often late messages are told of at most while it plays [s].
@@ -56,16 +68,15 @@ class PlayerNode(ProcessNode):
     def __init__(
         self, log: Log, options: argparse.Namespace, keyboard: Keyboard, finish: Finish
     ) -> None:
-        """Make the publishers, and begin."""
         super().__init__('player_node')
         self._log = log
         self._delay: float = options.delay
         self._finish = finish
         self._said = {'', log.problem}
         end = min(length(log), options.start_offset + options.duration)
-        parameters = declared(options.rate, options.start_offset, end)
+        parameters = declarations(options.rate, options.start_offset, end)
         values = declare(self, parameters)
-        self._topics = PlayedTopics(self, _chosen(log, options), options.remap)
+        self._topics = PlayedTopics(self, _chosen(log, options), dict(options.remap))
         self._playback = Playback(
             log,
             Selection(
@@ -78,19 +89,19 @@ class PlayerNode(ProcessNode):
             rate=float(values['rate']),
             paused=options.start_paused,
         )
-        steering = PlayerSteering(self, self._playback.transport, parameters)
+        controls = PlayerControls(self, self._playback.transport, parameters)
         self.get_logger().info(self._summary(options))
         self._warn(options)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(REPORT_PERIOD, self._report, clock=steady)
-        self._log_clock = LogClock(self, options.clock, self._time) if options.clock else None
+        self._log_clock = _LogClock(self, options.clock, self._time) if options.clock else None
         self._stopped = Event()
         self._thread = Thread(target=self._play, name='player', daemon=True)
         self._thread.start()
         self._keyboard = keyboard
         if not options.disable_keyboard_controls:
             keyboard.start(
-                steering.press, lambda: self.get_logger().info(f'keys: {KEYS_IN_WORDS}')
+                controls.press, lambda: self.get_logger().info(f'keys: {KEYS_IN_WORDS}')
             )
 
     def close(self) -> int:
@@ -108,7 +119,7 @@ class PlayerNode(ProcessNode):
             for messages in self._playback.passes():
                 # The messages after a jump are of the new time.
                 if self._log_clock is not None:
-                    self._log_clock.tell()
+                    self._log_clock.publish()
                 for message in messages:
                     self._topics.publish(message)
                 self._report()
@@ -141,7 +152,7 @@ class PlayerNode(ProcessNode):
         """Say what is wrong with the log, and why nothing will be heard."""
         warnings = [self._log.problem] if self._log.problem else []
         names = sorted({topic.name for topic in self._log.topics})
-        unknown = sorted((options.topics or set()) - set(names))
+        unknown = sorted(set(options.topics or ()) - set(names))
         has = listed(names) or 'no topics'
         warnings += [f'{printable(name)} is not in the log; it has {has}' for name in unknown]
         short = options.start_offset - length(self._log)
@@ -169,9 +180,41 @@ def _chosen(log: Log, options: argparse.Namespace) -> list[Topic]:
     ]
 
 
+class _LogClock:
+    """
+    Simulated time: publish the log's all the while, also before the first message and while it
+    stands still.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Whose publisher and timer they are.
+    rate : float
+        How often a second of real time.
+    time : callable
+        Returns the time [ns].
+
+    """
+
+    def __init__(self, node: Node, rate: float, time: Callable[[], int]) -> None:
+        self._time = time
+        self._publisher = node.create_publisher(ClockMessage, CLOCK, QoSProfile(depth=10))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(1.0 / rate, self.publish, clock=steady)
+
+    def publish(self) -> None:
+        """Publish it now."""
+        message = ClockMessage()
+        time = min(self._time(), LATEST)
+        message.clock.sec, message.clock.nanosec = divmod(time, 10**9)
+        self._publisher.publish(message)
+
+
 def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return the exit code."""
-    options = options_of(argv)
+    parser = command_line('player_node', DESCRIPTION, EPILOG)
+    add_options(parser)
+    options = arguments(parser, argv)
     try:
         log = open_log(options.log)
     except (LogError, OSError) as error:

@@ -3,71 +3,40 @@
 from collections.abc import Sequence
 from datetime import datetime, timezone
 from functools import partial
+from importlib.metadata import PackageNotFoundError, version
+import os
 from pathlib import Path
+import platform
 from time import monotonic, time_ns
 from typing import Any
 
+from klann_ros import __version__
 from klann_ros.log.errors import LogError
+from klann_ros.log.run_parameters import (
+    RECORDER_RECORD,
+    SOLVER_RECORD,
+    solver_record,
+    SolverParameters,
+)
 from klann_ros.log.writing.background_writer import BackgroundWriter, SplitLimits
 from klann_ros.log.writing.disk_space import check_free_space
 from klann_ros.log.writing.file_watch import Faults
-from klann_ros.log.writing.mcap_file import COMPRESSIONS
 from klann_ros.log.writing.recording import Pauses, Recording
 from klann_ros.log.writing.unfinished import remove_old_reserves, unfinished_runs
 from klann_ros.log.writing.writer import RunWriter
-from klann_ros.nodes.parameters import declare, Declared, StartError, usage
-from klann_ros.nodes.process import arguments, command_line, Finish, ProcessNode, run
-from klann_ros.nodes.spinning import spin_on
+from klann_ros.nodes.endpoints import create_trigger
+from klann_ros.nodes.parameters import declare, StartError, usage
+from klann_ros.nodes.process import arguments, command_line, Finish, ProcessNode, run, spin_on
 from klann_ros.stop_signals import StopSignals
 from klann_ros.untrusted.text import printable
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.utilities import get_rmw_implementation_identifier
+import yaml
 
-from .reports import RecordingReports
-from .run_descriptions import describe_recorder, describe_solver
-from .services import offer, SERVICES
+from .interface import PARAMETERS, RecordingDiagnostics, SERVICES
 from .solver_watch import SolverWatch
 from .topic_watch import TopicWatch
 
-TOPICS = (
-    'crank_angle',
-    'crank_state',
-    'joint_states',
-    'point_h',
-    'velocity_h',
-    '*/point_h',
-    '*/velocity_h',
-    'markers',
-    'robot_description',
-    '/diagnostics',
-)
-PARAMETERS = (
-    Declared(
-        'output', '', 'folder of the run; empty: runs/<UTC time>', constraint='not there yet'
-    ),
-    Declared('topics', list(TOPICS), 'names of the topics; * stands for anything'),
-    Declared('all_topics', False, 'record every topic that is not hidden'),
-    Declared('compression', 'zstd', 'of the chunks', choices=tuple(COMPRESSIONS)),
-    Declared('flush_period', 0.5, 'a crash costs at most this much [s]', limits=(0.01, 60.0)),
-    Declared(
-        'max_file_size',
-        0,
-        'a larger file is finished, and the next one begun [bytes]; 0: no limit',
-        limits=(0, 2**62),
-    ),
-    Declared(
-        'max_file_duration',
-        0.0,
-        'a longer file is finished, and the next one begun [s]; 0: no limit',
-        limits=(0.0, 1e9),
-        any_number=True,
-    ),
-    Declared(
-        'min_free_space',
-        500_000_000,
-        'the recording ends when less is free on the disk [bytes]; 0: when it is full',
-        limits=(0, 2**62),
-    ),
-)
 # A finished chunk is what a full disk has to have room for yet [bytes].
 CHUNK_SIZE = 128 * 1024
 # How long the end waits for a solver's parameters that have been asked for [s].
@@ -110,12 +79,12 @@ class RecorderNode(ProcessNode):
             limits=SplitLimits(values['max_file_size'], values['max_file_duration']),
             min_free_space=values['min_free_space'],
         )
-        self._background.put_entry(describe_recorder)
+        self._background.put_entry(_describe_recorder)
         self._pauses = Pauses(self._background.ledger)
         self._solvers = SolverWatch(
-            self, lambda solver: self._background.put_entry(partial(describe_solver, solver))
+            self, lambda solver: self._background.put_entry(partial(_describe_solver, solver))
         )
-        self._reports = RecordingReports(self)
+        self._diagnostics = RecordingDiagnostics(self)
         self._watch = TopicWatch(
             self,
             ['*'] if values['all_topics'] else self._resolved(values['topics']),
@@ -123,11 +92,13 @@ class RecorderNode(ProcessNode):
             ledger=self._background.ledger,
             pauses=self._pauses,
             solvers=self._solvers,
-            reports=self._reports,
+            diagnostics=self._diagnostics,
         )
         self._recording = Recording(self._writer, self._background, self._pauses)
-        self._reports.start(self._recording.state)
-        offer(self, self._recording.split, self._pause, self._resume)
+        self._diagnostics.start(self._recording.state)
+        create_trigger(self, 'split', self._recording.split)
+        create_trigger(self, 'pause', self._pause)
+        create_trigger(self, 'resume', self._resume)
         teller.info(f'recording to {printable(self._writer.path)}')
 
     def close(self) -> int:
@@ -142,8 +113,8 @@ class RecorderNode(ProcessNode):
             self.get_logger().info(said)
         else:
             self.get_logger().error(said)
-            self._reports.report(self._recording.state())
-            self._reports.flush()
+            self._diagnostics.report(self._recording.state())
+            self._diagnostics.flush()
         return 0 if is_well else 1
 
     def _await_answers(self) -> None:
@@ -205,6 +176,40 @@ def _open(values: dict[str, Any], faults: Faults) -> RunWriter:
         )
     except (LogError, OSError) as error:
         raise StartError(str(error)) from error
+
+
+def _describe_recorder(run: RunWriter) -> None:
+    """Write which versions of what record, and where."""
+    run.add_metadata(
+        RECORDER_RECORD,
+        {
+            'version': __version__,
+            'host': platform.node(),
+            'system': platform.platform(),
+            'python': platform.python_version(),
+            'ros_distro': os.environ.get('ROS_DISTRO', 'jazzy'),
+            'rclpy': _version('rclpy'),
+            'rmw': get_rmw_implementation_identifier(),
+            'mcap': _version('mcap'),
+            'started': datetime.now(timezone.utc).isoformat(),
+        },
+        in_every_file=True,
+    )
+
+
+def _describe_solver(solver: SolverParameters, run: RunWriter) -> None:
+    """Write a solver's parameters: as a record, and as the file that starts it so again."""
+    name = f'{solver.node.strip("/").replace("/", "_")}.yaml'
+    file = yaml.safe_dump({solver.node: {'ros__parameters': solver.parameters}}).encode()
+    run.add_metadata(SOLVER_RECORD, solver_record(solver), in_every_file=True)
+    run.attach(name, 'text/yaml', file, solver.time, in_every_file=True)
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return 'unknown'
 
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:

@@ -1,22 +1,21 @@
 """One topic of a recording: its subscriptions, its place in the run, and what was lost of it."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import Any, TYPE_CHECKING
 
 from klann_ros.log.definitions import definition
-from klann_ros.log.qos import qos_to_yaml
+from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.writing.ledger import Ledger
 from klann_ros.log.writing.recording import Pauses
-from klann_ros.nodes.message_types import message_class
-from klann_ros.nodes.qos import recorded, to_receive
-from klann_ros.nodes.taking import Info, waiting
+from klann_ros.nodes.endpoints import DEPTH, message_class
+from klann_ros.nodes.lean_loop import Info
 from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 if TYPE_CHECKING:
@@ -76,7 +75,6 @@ class RecordedTopic:
         changed: Callable[[str], object],
         is_own: Callable[[bytes], bool] | None = None,
     ) -> None:
-        """Subscribe."""
         self.name, self.type = name, publishers[0].topic_type
         self._class, self._definition = message_class(self.type), definition(self.type)
         self._node, self._group, self._put, self._pauses = node, group, put, pauses
@@ -103,18 +101,18 @@ class RecordedTopic:
         if heard and not self._account.received:
             self._topic = self._describe(heard)
         for publisher in heard:
-            self._hear(to_receive([publisher.qos_profile]))
+            self._hear(_to_receive(publisher.qos_profile))
         self._account.loss.identify(tuple(heard[0].endpoint_gid) if len(heard) == 1 else None)
         return sorted({publisher.topic_type for publisher in publishers} - {self.type})
 
     def take_waiting(self) -> None:
         """Take what waits, as before the end, when no loop will take it any more."""
         for subscription in self._subscriptions.values():
-            for data, info in waiting(subscription):
+            for data, info in _waiting(subscription):
                 self._on_message(data, info)
 
     def _describe(self, publishers: Sequence[TopicEndpointInfo]) -> Topic:
-        profiles = (recorded(publisher.qos_profile) for publisher in publishers)
+        profiles = (_recorded(publisher.qos_profile) for publisher in publishers)
         type_hash = str(publishers[0].topic_type_hash)
         return Topic(self.name, self.type, self._definition, qos_to_yaml(profiles), type_hash)
 
@@ -195,3 +193,45 @@ class _Repeats:
         if len(self._order) > MEMORY:
             self._known.discard(self._order.popleft())
         return False
+
+
+def _recorded(profile: QoSProfile) -> Qos:
+    """Return a profile as a log holds it."""
+    return Qos(
+        history=profile.history.name.lower(),
+        depth=profile.depth,
+        reliability=profile.reliability.name.lower(),
+        durability=profile.durability.name.lower(),
+        deadline=profile.deadline.nanoseconds,
+        lifespan=profile.lifespan.nanoseconds,
+        liveliness=profile.liveliness.name.lower(),
+        liveliness_lease_duration=profile.liveliness_lease_duration.nanoseconds,
+        avoid_ros_namespace_conventions=profile.avoid_ros_namespace_conventions,
+    )
+
+
+def _to_receive(offered: QoSProfile) -> QoSProfile:
+    """
+    Return the profile that receives the most from publishers with this profile.
+
+    A reliable or latched subscription gets nothing from a publisher that is not, so it asks for
+    either only where the publisher offers it.
+    """
+    reliable = offered.reliability == ReliabilityPolicy.RELIABLE
+    latched = offered.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    return QoSProfile(
+        depth=DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def _waiting(subscription: Any) -> Iterator[tuple[bytes, Info]]:
+    """Take and yield the messages that wait, with what the middleware knows about each."""
+    # No more than the queue holds, so that a flood cannot starve timers and services.
+    for _ in range(subscription.qos_profile.depth):
+        with subscription.handle:
+            message = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+        if message is None:
+            return
+        yield message

@@ -7,9 +7,9 @@ from time import monotonic, time_ns
 from typing import Any
 
 from klann_ros.log.run_parameters import SolverParameters
-from klann_ros.nodes import geometry_parameters
+from klann_ros.nodes.endpoints import name_refusal
 from klann_ros.nodes.process import ros_error
-from klann_ros.nodes.topic_names import refusal
+from klann_ros.nodes.solver.declarations import GEOMETRY_NAMES
 from rcl_interfaces.msg import ParameterEvent, ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.client import Client
@@ -71,7 +71,7 @@ class SolverWatch:
     ----------
     node : rclpy.node.Node
         Who asks.
-    found : callable
+    on_parameters : callable
         Is given a solver's parameters when they are others than before; a node without a leg's
         geometry is none.
 
@@ -82,11 +82,10 @@ class SolverWatch:
 
     """
 
-    def __init__(self, node: Node, found: Callable[[SolverParameters], None]) -> None:
-        """Know of no solver yet."""
+    def __init__(self, node: Node, on_parameters: Callable[[SolverParameters], None]) -> None:
         self.waiting: set[str] = set()
         self._node = node
-        self._found = found
+        self._on_parameters = on_parameters
         self._questions: dict[str, _Question] = {}
         self._known: set[tuple[int, ...]] = set()
         self._due: set[str] = set()
@@ -104,7 +103,7 @@ class SolverWatch:
             if identity not in self._known and _UNKNOWN not in name:
                 self._known.add(identity)
                 # A node that is none of ROS may have any name, and has no parameters.
-                if not refusal(f'{name}/list_parameters'):
+                if not name_refusal(f'{name}/list_parameters'):
                     self._want(name)
 
     def ask(self) -> None:
@@ -126,12 +125,12 @@ class SolverWatch:
         parameters = (*event.new_parameters, *event.changed_parameters)
         # A named leg's length has its name before it.
         changed = {parameter.name.rpartition('.')[2] for parameter in parameters}
-        if event.node in self._questions and changed & set(geometry_parameters.NAMES):
+        if event.node in self._questions and changed & set(GEOMETRY_NAMES):
             self._want(event.node)
 
     def _on_names(self, name: str, future: Future) -> None:
         names = list(future.result().result.names)
-        if set(geometry_parameters.NAMES) <= set(names):
+        if set(GEOMETRY_NAMES) <= set(names):
             question = self._questions[name]
             answer = partial(self._on_values, name, names)
             question.send(question.values, GetParameters.Request(names=names), answer)
@@ -151,7 +150,7 @@ class SolverWatch:
         # What a solver says of itself at its start may come before and after it was asked.
         if plain != self._questions[name].parameters:
             self._questions[name].parameters = plain
-            self._found(SolverParameters(name, time_ns(), plain))
+            self._on_parameters(SolverParameters(name, time_ns(), plain))
 
     def _is_answered(self, name: str) -> None:
         self._questions[name].is_answered()
@@ -161,7 +160,7 @@ class SolverWatch:
 
 def _plain(value: ParameterValue) -> Any:
     """Return a parameter's value as a log can hold it: arrays are lists, bytes are numbers."""
-    found = parameter_value_to_python(value)
-    if isinstance(found, str) or not isinstance(found, Sequence | array):
-        return found
-    return [item[0] if isinstance(item, bytes) else item for item in found]
+    plain = parameter_value_to_python(value)
+    if isinstance(plain, str) or not isinstance(plain, Sequence | array):
+        return plain
+    return [item[0] if isinstance(item, bytes) else item for item in plain]

@@ -1,26 +1,28 @@
 """Which topics are recorded: each from when it appears, with all of its publishers."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from fnmatch import fnmatchcase
+from threading import Event, Thread
 from time import monotonic
 
 from klann_ros.log.errors import LogError
 from klann_ros.log.records import Message
 from klann_ros.log.writing.ledger import Ledger
 from klann_ros.log.writing.recording import Pauses
+from klann_ros.nodes.endpoints import name_refusal, UnknownMessageTypeError
 from klann_ros.nodes.lean_loop import LeanCallbackGroup
-from klann_ros.nodes.message_types import UnknownMessageTypeError
 from klann_ros.nodes.process import ros_error, ROS_ERRORS
-from klann_ros.nodes.topic_names import refusal
 from klann_ros.untrusted.text import printable, printable_line
-from rclpy.node import Node
+from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from .graph_watch import GraphWatch, topics_and_types
+from .interface import RecordingDiagnostics
 from .recorded_topic import RecordedTopic
-from .reports import RecordingReports
 from .solver_watch import SolverWatch
 
+# How often new topics are looked for, and how often without news where something is awaited [s].
+PERIOD, PATIENCE = 0.1, 1.0
 # Discovery tells of a publisher before it tells its node: so long is it looked at again [s].
 SETTLING = 1.0
 # Anybody may publish, so often that a log of complaints would fill the disk.
@@ -47,7 +49,7 @@ class TopicWatch:
         What is left out.
     solvers : SolverWatch
         Is told who publishes joint states.
-    reports : RecordingReports
+    diagnostics : RecordingDiagnostics
         What is published by the node itself, and not recorded.
 
     Attributes
@@ -66,19 +68,19 @@ class TopicWatch:
         ledger: Ledger,
         pauses: Pauses,
         solvers: SolverWatch,
-        reports: RecordingReports,
+        diagnostics: RecordingDiagnostics,
     ) -> None:
         """Look at once, and from then on."""
         self.topics: dict[str, RecordedTopic] = {}
         self._node, self._patterns, self._solvers = node, patterns, solvers
         self._put, self._ledger = put, ledger
-        self._pauses, self._reports = pauses, reports
+        self._pauses, self._diagnostics = pauses, diagnostics
         self._group = LeanCallbackGroup()
         self._refused: set[tuple[str, str]] = set()
         self._complaints: set[str] = set()
         self._unsettled: dict[str, float] = {}
         self._silent: set[str] = set()
-        self._graph = GraphWatch(node, self._silent.copy, self._is_due, self._look)
+        self._graph = _GraphWatch(node, self._silent.copy, self._is_due, self._look)
 
     def stop(self) -> None:
         """Look for new topics no more."""
@@ -90,7 +92,7 @@ class TopicWatch:
             topic.take_waiting()
 
     def _look(self) -> None:
-        for name, kinds in topics_and_types(self._node):
+        for name, kinds in _topics_and_types(self._node):
             if all(self._is_known(name, kind) for kind in kinds):
                 continue
             if name in self.topics:
@@ -118,7 +120,7 @@ class TopicWatch:
 
     def _try(self, name: str, kinds: Sequence[str]) -> None:
         # A middleware tells of names that ROS refuses: not all that it meets comes from ROS.
-        reason = refusal(name)
+        reason = name_refusal(name)
         if reason:
             for kind in kinds:
                 self._refuse(name, kind, reason)
@@ -138,6 +140,7 @@ class TopicWatch:
             self._silent.add(name)
             return
         self._silent.discard(name)
+        own = self._diagnostics
         try:
             self.topics[name] = RecordedTopic(
                 self._node,
@@ -148,7 +151,7 @@ class TopicWatch:
                 ledger=self._ledger,
                 pauses=self._pauses,
                 changed=self._on_change,
-                is_own=self._reports.has_told if name == self._reports.topic else None,
+                is_own=own.has_published if name == own.topic else None,
             )
         except TOPIC_ERRORS as error:
             self._refuse(name, publishers[0].topic_type, ros_error(error))
@@ -192,3 +195,77 @@ class TopicWatch:
         if len(self._complaints) == MOST_COMPLAINTS:
             text += '; and that is enough of such complaints'
         self._node.get_logger().warning(printable_line(text))
+
+
+class _GraphWatch:
+    """
+    Call back in the executor's thread when topics or publishers have appeared.
+
+    A timer would have the executor build its wait set anew each time, which takes fifty times as
+    long as to look.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Who looks.
+    silent : callable
+        Returns the names of topics whose first publisher is awaited.
+    is_due : callable
+        Returns whether to call back without news, given whether that is a second since the last.
+    on_news : callable
+        Is called back.
+
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        silent: Callable[[], Iterable[str]],
+        is_due: Callable[[bool], bool],
+        on_news: Callable[[], object],
+    ) -> None:
+        self._node, self._silent, self._is_due = node, silent, is_due
+        self._stopped = Event()
+        self._guard = node.create_guard_condition(on_news)
+        self._thread = Thread(target=self._look, name='graph', daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Look no more."""
+        self._stopped.set()
+        self._thread.join()
+
+    def _look(self) -> None:
+        before: object = None
+        looks = 0
+        while not self._stopped.wait(PERIOD):
+            looks += 1
+            is_late = looks >= PATIENCE / PERIOD
+            now = self._facts()
+            if now != before or self._is_due(is_late):
+                self._guard.trigger()
+                before, looks = now, 0
+
+    def _facts(self) -> object:
+        node = self._node
+        counts = [(name, node.count_publishers(name)) for name in list(self._silent())]
+        return _topics_and_types(node), counts
+
+
+def _topics_and_types(node: Node) -> list[tuple[str, list[str]]]:
+    """
+    Return what is published or heard, and the types of it.
+
+    DDS takes any bytes for a name, and rclpy tells none at all where one is no text. Then the
+    nodes are asked one by one, and whose names are no text is left out.
+    """
+    with suppress(UnicodeDecodeError):
+        known: list[tuple[str, list[str]]] = node.get_topic_names_and_types()
+        return known
+    types: dict[str, set[str]] = {}
+    with suppress(UnicodeDecodeError):
+        for name, namespace in node.get_node_names_and_namespaces():
+            with suppress(UnicodeDecodeError, NodeNameNonExistentError):
+                for topic, kinds in node.get_publisher_names_and_types_by_node(name, namespace):
+                    types.setdefault(topic, set()).update(kinds)
+    return [(topic, sorted(types[topic])) for topic in sorted(types)]

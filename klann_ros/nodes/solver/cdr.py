@@ -1,13 +1,18 @@
 """
-Reading messages as they are on the wire (CDR), by `struct` alone.
+Messages as they are on the wire (CDR), read and written by `struct` alone.
 
-To make a Python message of bytes costs more than to solve a pose. Here only the numbers that are
-wanted are unpacked, and what stays the same from message to message is read once.
+To make a Python message of bytes, or bytes of it, costs more than to solve a pose. Here only the
+numbers that are wanted are unpacked and packed, and what stays the same from message to message is
+read, or made, once.
 
 A message begins with four bytes, the second of which tells the byte order. What follows is
 aligned from there on: a number begins at a multiple of its size, and strings and sequences begin
 with their length. Bytes behind the end of a message are not looked at, nor does rclpy look at
 them: `serialize_message()` leaves some.
+
+What a template's `fill` returns goes to `Publisher.publish`, and a subscriber receives it byte for
+byte as if the message had been published. Only between two fields, where a number is aligned, a
+typed publish leaves whatever was there before, and a template leaves zeros.
 """
 
 from collections.abc import Sequence
@@ -21,9 +26,11 @@ from klann_ros.untrusted.text import printable
 MOST_NAMES, LONGEST_NAME = 5, 40
 _STAMP_SIZE = 8
 _FLOAT64 = {code: struct.Struct(f'{order}d') for code, order in ORDERS.items()}
+# Of what is written: little-endian, as every machine that ROS 2 supports.
+_HEADER = b'\0\1\0\0'
 
 
-class Joint(NamedTuple):
+class JointReading(NamedTuple):
     """
     What a JointState says about a joint.
 
@@ -73,11 +80,10 @@ class JointReader:
     """
 
     def __init__(self, name: str) -> None:
-        """Have read nothing yet."""
         self._name = name
         self._layout: _Layout | None = None
 
-    def read(self, data: bytes) -> Joint:
+    def read(self, data: bytes) -> JointReading:
         """
         Return what a message says about the joint.
 
@@ -104,9 +110,9 @@ class _Layout(NamedTuple):
     def fits(self, data: bytes) -> bool:
         return len(data) == self.size and all(map(data.startswith, self.fixed, self.places))
 
-    def joint(self, data: bytes) -> Joint:
+    def joint(self, data: bytes) -> JointReading:
         sec, nanosec, position, *velocity = self.numbers.unpack_from(data)
-        return Joint(position, velocity[0] if velocity else None, sec, nanosec)
+        return JointReading(position, velocity[0] if velocity else None, sec, nanosec)
 
 
 def _listed(names: Sequence[bytes]) -> str:
@@ -125,8 +131,9 @@ def _layout(data: bytes, joint: str) -> _Layout:
     except ValueError as error:
         raise ValueError(f'{len(data)} bytes are no sensor_msgs/msg/JointState') from error
     if len(names) != counts[0]:
-        msg = f'{len(names)} names and {counts[0]} positions: there must be as many of each'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{len(names)} names and {counts[0]} positions: there must be as many of each'
+        )
     if joint.encode() not in names:
         shown = printable(joint, LONGEST_NAME)
         raise ValueError(f'there is no joint {shown} among its {len(names)} ({_listed(names)})')
@@ -149,3 +156,73 @@ def _layout(data: bytes, joint: str) -> _Layout:
         tuple(begin for begin, _ in spans),
         struct.Struct(numbers),
     )
+
+
+class JointStateTemplate:
+    """
+    A sensor_msgs/JointState of which only stamp, positions and velocities change.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The names of the joints, at least one.
+    frame_id : str
+        The frame.
+
+    """
+
+    def __init__(self, names: Sequence[str], frame_id: str = '') -> None:
+        count = len(names)
+        head = _aligned(_string(b'', frame_id), 4) + struct.pack('<I', count)
+        for name in names:
+            head = _string(head, name)
+        self._head = _aligned(_aligned(head, 4) + struct.pack('<I', count), 8)
+        self._middle = struct.pack('<I4x', count)
+        layout = f'<4siI{len(self._head)}s{count}d'
+        self._without = struct.Struct(f'{layout}8x')
+        self._with = struct.Struct(f'{layout}8s{count}d4x')
+
+    def fill(
+        self,
+        sec: int,
+        nanosec: int,
+        positions: Sequence[float],
+        velocities: Sequence[float] = (),
+    ) -> bytes:
+        """Return the message; there are as many velocities as names, or none."""
+        if velocities:
+            return self._with.pack(
+                _HEADER, sec, nanosec, self._head, *positions, self._middle, *velocities
+            )
+        return self._without.pack(_HEADER, sec, nanosec, self._head, *positions)
+
+
+class PointTemplate:
+    """A geometry_msgs/PointStamped of which only stamp, x and y change; z is 0."""
+
+    _rest = 8
+
+    def __init__(self, frame_id: str) -> None:
+        self._head = _aligned(_string(b'', frame_id), 8)
+        self._layout = struct.Struct(f'<4siI{len(self._head)}s2d{self._rest}x')
+
+    def fill(self, sec: int, nanosec: int, x: float, y: float) -> bytes:
+        """Return the message."""
+        return self._layout.pack(_HEADER, sec, nanosec, self._head, x, y)
+
+
+class TwistTemplate(PointTemplate):
+    """A geometry_msgs/TwistStamped of which only stamp, linear x and y change; the rest is 0."""
+
+    _rest = 32
+
+
+def _string(head: bytes, text: str) -> bytes:
+    """Append a string to what stands before it."""
+    encoded = text.encode() + b'\0'
+    return _aligned(head, 4) + struct.pack('<I', len(encoded)) + encoded
+
+
+def _aligned(head: bytes, size: int) -> bytes:
+    """Fill up to where a number of a size begins; the stamp stands before, and fills 8 bytes."""
+    return head + bytes(-len(head) % size)

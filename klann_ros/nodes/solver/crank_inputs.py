@@ -6,10 +6,8 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics import KinematicsError
 from klann_ros.log.loss import LossCounter
-from klann_ros.nodes import qos_overrides
-from klann_ros.nodes.lean_loop import LeanCallbackGroup
-from klann_ros.nodes.qos import INPUT
-from klann_ros.nodes.taking import Info
+from klann_ros.nodes.endpoints import INPUT, overridden
+from klann_ros.nodes.lean_loop import Info, LeanCallbackGroup
 from klann_ros.untrusted.text import printable
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -124,7 +122,7 @@ class CrankInputs:
 
     def _on_crank_state(self, data: bytes, info: Info) -> None:
         self._states.count(info)
-        found, problem, stamp = {}, '', (0, 0)
+        cranks, problem, stamp = {}, '', (0, 0)
         for joint, reader in self._readers.items():
             try:
                 position, velocity, *at = reader.read(data)
@@ -132,20 +130,20 @@ class CrankInputs:
                 problem = str(error)
                 continue
             known = velocity is not None and isfinite(velocity)
-            found[joint] = Crank(position, velocity if known else None)
+            cranks[joint] = Crank(position, velocity if known else None)
             stamp = at[0], at[1]
-        if found:
-            self._answer(found, stamp, info)
+        if cranks:
+            self._answer(cranks, stamp, info)
         else:
             self._reject(BadMessageError(f'crank_state: {problem} (parameter crank_joint)'))
 
-    def _answer(self, found: Mapping[str, Crank], stamp: Stamp, info: Info) -> None:
+    def _answer(self, cranks: Mapping[str, Crank], stamp: Stamp, info: Info) -> None:
         if stamp == (0, 0):
             stamp = self._now(info)
         if stamp < self._last_stamp:
             self.out_of_order += 1
         self._last_stamp = stamp
-        self._turn(found, stamp)
+        self._turn(cranks, stamp)
 
     def _now(self, info: Info) -> Stamp:
         """Return the source's time for a message without a stamp, or simulated time."""
@@ -165,7 +163,7 @@ class _Source:
         self.publishers = 0
         self._heard = False
         self._node = node
-        self._profile = qos_overrides.of_subscription(node, topic, INPUT)
+        self._profile = overridden(node, topic, 'subscription', INPUT)
         self._arguments = (kind, topic, callback, self._profile)
         self._group = LeanCallbackGroup()
         self._subscription: Subscription | None = None

@@ -1,112 +1,161 @@
-"""The solver's figures as a diagnostic status."""
+"""The diagnostics of a solver: one status a leg, at a steady rate."""
 
 from collections.abc import Sequence
 from math import degrees, tau
+from typing import NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from klann_ros.log.wording import verb
+from klann_ros.nodes.endpoints import create_publisher
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
 
-from .figures import SolverFigures
+from .crank_inputs import CrankInputs
+from .driven_leg import DrivenLeg
 
 # Inputs are stale when there was none for so long [s].
 STALE_AFTER = 2.0
 
 
-def status(
-    name: str,
-    figures: SolverFigures,
-    *,
-    lost: int,
-    lost_now: int,
-    out_of_order: int,
-    period: float,
-    silence: float,
-    min_transmission_angle: float,
-    assembly: Sequence[int],
-    sources: str = '',
-    note: str = '',
-) -> DiagnosticStatus:
+class _Inputs(NamedTuple):
     """
-    Return the status of a leg.
+    What came to all legs.
 
-    Parameters
+    Attributes
     ----------
-    name : str
-        The status's name.
-    figures : SolverFigures
-        What happened since the last report.
     lost, lost_now : int
         Inputs lost since the start and since the last report.
     out_of_order : int
         Inputs older than the one before, since the start.
     period : float
         Time since the last report [s].
-    silence : float
-        Time since the last input [s].
-    min_transmission_angle : float
-        Below this a leg is worth a warning [rad].
-    assembly : sequence of int
-        The leg's assembly, which every published pose has.
     sources : str
         Who turns the crank, where it is more than one.
-    note : str
-        What is always worth saying about this leg.
 
     """
-    level, message = _verdict(figures, lost_now, silence, min_transmission_angle, sources)
-    if note:
-        message = f'{message}; {note}'
-    return DiagnosticStatus(
-        level=level,
-        name=name,
-        message=message,
-        hardware_id=name,
-        values=[
-            KeyValue(key=key, value=str(value))
-            for key, value in _values(figures, lost, out_of_order, period, assembly).items()
-        ],
-    )
+
+    lost: int
+    lost_now: int
+    out_of_order: int
+    period: float
+    sources: str
+
+    @property
+    def complaint(self) -> str:
+        """Return what was lost, and who turns the crank together."""
+        were = verb(self.lost_now, 'input was', 'inputs were')
+        lost = f'{self.lost_now} {were} lost' if self.lost_now else ''
+        turned = f'the crank is turned by more than one: {self.sources}' if self.sources else ''
+        return '; '.join(filter(None, (lost, turned)))
 
 
-def _verdict(
-    figures: SolverFigures,
-    lost_now: int,
-    silence: float,
-    min_transmission_angle: float,
-    sources: str,
-) -> tuple[bytes, str]:
-    """Return the level and the most important thing to say."""
-    if silence > STALE_AFTER:
-        return DiagnosticStatus.STALE, f'no input for {silence:.1f} s'
-    if figures.failure:
-        return DiagnosticStatus.ERROR, figures.failure
-    if figures.rejection:
-        return DiagnosticStatus.WARN, figures.rejection
-    if lost_now or sources:
-        were = verb(lost_now, 'input was', 'inputs were')
-        lost = f'{lost_now} {were} lost' if lost_now else ''
-        turned = f'the crank is turned by more than one: {sources}' if sources else ''
-        return DiagnosticStatus.WARN, '; '.join(filter(None, (lost, turned)))
-    if figures.from_singular < min_transmission_angle:
-        angle = degrees(figures.from_singular)
-        return (
-            DiagnosticStatus.WARN,
-            f'nearly singular: the links of a dyad are {angle:.1f} deg from in line',
+class SolverDiagnostics:
+    """
+    Publisher of a solver's diagnostics.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Who publishes.
+    legs : sequence of DrivenLeg
+        The legs.
+    inputs : CrankInputs
+        What turns them.
+    period : float
+        Time between diagnostics [s].
+    min_transmission_angle : float
+        Below this a leg is worth a warning [rad].
+
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        legs: Sequence[DrivenLeg],
+        inputs: CrankInputs,
+        *,
+        period: float,
+        min_transmission_angle: float,
+    ) -> None:
+        self._node, self._legs, self._inputs = node, legs, inputs
+        self._min_transmission_angle = min_transmission_angle
+        self._lost_reported = 0
+        # Silence is measured on a clock that neither jumps nor stands still.
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._last_report = self._steady.now()
+        self._last_inputs = [self._last_report] * len(legs)
+        self._publisher = create_publisher(node, DiagnosticArray, '/diagnostics')
+        self.legs_changed()
+        node.create_timer(period, self._report, clock=self._steady)
+
+    def legs_changed(self) -> None:
+        """Say anew which crank angles the legs cannot take."""
+        self._notes = [_missing_arcs(leg.leg.reachable_arcs()) for leg in self._legs]
+
+    def _report(self) -> None:
+        now = self._steady.now()
+        lost = self._inputs.lost
+        inputs = _Inputs(
+            lost=lost,
+            lost_now=lost - self._lost_reported,
+            out_of_order=self._inputs.out_of_order,
+            period=(now - self._last_report).nanoseconds / 1e9,
+            sources=self._inputs.sources(),
         )
-    return DiagnosticStatus.OK, 'solving'
+        array = DiagnosticArray()
+        for i, leg in enumerate(self._legs):
+            if leg.figures.inputs:
+                # Known to a period only, which is far less than what counts as silence.
+                self._last_inputs[i] = now
+            silence = (now - self._last_inputs[i]).nanoseconds / 1e9
+            level, message = self._verdict(leg, inputs, silence)
+            name = f'{self._node.get_name()}: {leg.name or "leg"}'
+            status = DiagnosticStatus(
+                level=level,
+                name=name,
+                message='; '.join(filter(None, (message, self._notes[i]))),
+                hardware_id=name,
+                values=[
+                    KeyValue(key=key, value=str(value))
+                    for key, value in _values(leg, inputs).items()
+                ],
+            )
+            array.status.append(status)
+            leg.figures.begin_report()
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(array)
+        self._lost_reported, self._last_report = lost, now
+
+    def _verdict(self, leg: DrivenLeg, inputs: _Inputs, silence: float) -> tuple[bytes, str]:
+        """Return the level and the most important thing to say."""
+        figures = leg.figures
+        if silence > STALE_AFTER:
+            return DiagnosticStatus.STALE, f'no input for {silence:.1f} s'
+        if figures.failure:
+            return DiagnosticStatus.ERROR, figures.failure
+        if figures.rejection:
+            return DiagnosticStatus.WARN, figures.rejection
+        if inputs.lost_now or inputs.sources:
+            return DiagnosticStatus.WARN, inputs.complaint
+        if figures.from_singular < self._min_transmission_angle:
+            angle = degrees(figures.from_singular)
+            return (
+                DiagnosticStatus.WARN,
+                f'nearly singular: the links of a dyad are {angle:.1f} deg from in line',
+            )
+        return DiagnosticStatus.OK, 'solving'
 
 
-def _values(
-    figures: SolverFigures, lost: int, out_of_order: int, period: float, assembly: Sequence[int]
-) -> dict[str, object]:
+def _values(leg: DrivenLeg, inputs: _Inputs) -> dict[str, object]:
+    figures, assembly = leg.figures, leg.leg.assembly
     angles = enumerate(figures.transmission_angles(len(assembly)), start=1)
     return {
         'solved': figures.solved,
         'rejected': figures.rejected,
         'failed': figures.failed,
-        'lost': lost,
-        'out_of_order': out_of_order,
-        'rate': f'{figures.inputs / period:.3f}',
+        'lost': inputs.lost,
+        'out_of_order': inputs.out_of_order,
+        'rate': f'{figures.inputs / inputs.period:.3f}',
         'iterations': figures.iterations,
         'residual': f'{figures.residual:.3e}',
         'condition': f'{figures.condition:.4g}',
@@ -115,7 +164,7 @@ def _values(
     }
 
 
-def missing_arcs(arcs: Sequence[tuple[float, float]]) -> str:
+def _missing_arcs(arcs: Sequence[tuple[float, float]]) -> str:
     """Return which crank angles are in none of a leg's arcs, in words; empty for a full turn."""
     ends = [(end, arcs[(i + 1) % len(arcs)][0]) for i, (_, end) in enumerate(arcs)]
     gaps = [f'{degrees(a) % 360:.2f} .. {degrees(b) % 360:.2f}' for a, b in ends]

@@ -4,15 +4,14 @@ from collections.abc import Sequence
 from textwrap import fill
 from typing import Any
 
-from klann_ros.nodes import geometry_parameters
-from klann_ros.nodes.leg_declarations import drive, LEGS, place, SETTINGS
+from klann_ros.nodes.endpoints import QOS_USAGE
 from klann_ros.nodes.parameters import usage
 from klann_ros.nodes.process import arguments, command_line, Finish, run
-from klann_ros.nodes.qos_overrides import USAGE
 from klann_ros.stop_signals import StopSignals
 from rclpy.node import Node
 
-from .solver import PARAMETERS, Solver
+from .declarations import drive, GEOMETRY, GEOMETRY_NAMES, LEGS, place, PUBLISHED, SETTINGS
+from .solver import Solver
 
 
 class SolverNode(Node):
@@ -54,16 +53,16 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
 def help_on_parameters() -> str:
     """Return the part of the help that tells the parameters."""
     groups = {
-        'the leg, which can be changed while it runs': geometry_parameters.declared(),
-        'which legs, and what turns them': [*LEGS, *drive('')],
+        'the leg, which can be changed while it runs': GEOMETRY,
+        'which legs, and what turns them': [*LEGS, *drive()],
         'solving': SETTINGS,
-        'what is published': PARAMETERS,
+        'what is published': PUBLISHED,
         'each of several legs, LEG being its name in legs': [*drive('LEG.'), *place('LEG')],
     }
-    geometry = ' '.join(f'LEG.{name}' for name in geometry_parameters.NAMES)
+    geometry = ' '.join(f'LEG.{name}' for name in GEOMETRY_NAMES)
     return (
         f'{usage(groups)}\n{fill(geometry, 97, initial_indent="  ", subsequent_indent="  ")}:\n'
-        f'    its own geometry; what is not given is that of all legs\n{USAGE}\n\n'
+        f'    its own geometry; what is not given is that of all legs\n{QOS_USAGE}\n\n'
         'Service ~/reset (std_srvs/srv/Trigger): the next pose starts from the closed form.\n\n'
         'Presets are in share/klann_ros/config (sem104.yaml, patent.yaml), linkages in\n'
         'share/klann_ros/linkages (jansen.yaml, ...): -p linkage:=FILE.'

@@ -1,33 +1,21 @@
 """What `solver_node` does: crank angle in, poses of the legs out."""
 
 from collections.abc import Mapping, Sequence
-from math import pi
 
 from klann_ros.kinematics import CrankAngleError, GeometryError, KinematicsError
-from klann_ros.nodes.parameters import declare, Declared
+from klann_ros.nodes.endpoints import create_trigger
+from klann_ros.nodes.parameters import declare
 from klann_ros.untrusted.text import printable
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from std_srvs.srv import Trigger
 
 from .crank_inputs import Crank, CrankInputs, Stamp
-from .leg_markers import LegMarkers
-from .leg_messages import LegMessages
+from .declarations import PUBLISHED
+from .diagnostics import SolverDiagnostics
 from .leg_parameters import LegParameters
-from .reports import SolverReports
+from .leg_publishers import LegMarkers, LegMessages
 
-PARAMETERS = (
-    Declared('frame_id', 'leg_plane', 'frame of the published point: the plane of the leg'),
-    Declared(
-        'min_transmission_angle',
-        0.349,
-        'diagnostics warn when min(mu, pi - mu) of a dyad is below it [rad]',
-        limits=(0.0, pi / 2),
-    ),
-    Declared('publish_markers', True, 'whether the legs are published as markers'),
-    Declared('diagnostics_period', 1.0, 'time between diagnostics [s]', limits=(0.01, 3600.0)),
-)
 # How often a complaint about inputs is logged at most [s].
 THROTTLE = 2.0
 
@@ -53,11 +41,11 @@ class Solver:
         self._node = node
         self._leg_parameters = LegParameters(node)
         self._legs = self._leg_parameters.legs
-        values = declare(node, PARAMETERS)
+        values = declare(node, PUBLISHED)
         self._messages = LegMessages(node, self._legs, values['frame_id'])
-        joints = dict.fromkeys(leg.mounting.crank_joint for leg in self._legs)
+        joints = dict.fromkeys(leg.crank_joint for leg in self._legs)
         self._inputs = CrankInputs(node, list(joints), self._turn, self._reject)
-        self._reports = SolverReports(
+        self._diagnostics = SolverDiagnostics(
             node,
             self._legs,
             self._inputs,
@@ -67,7 +55,7 @@ class Solver:
         self._markers = (
             LegMarkers(node, self._legs, values['frame_id']) if values['publish_markers'] else None
         )
-        node.create_service(Trigger, '~/reset', self._on_reset)
+        create_trigger(node, 'reset', self._on_reset)
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
 
@@ -94,7 +82,7 @@ class Solver:
     def _turn(self, cranks: Mapping[str, Crank], stamp: Stamp) -> None:
         answers = []
         for leg in self._legs:
-            crank = cranks.get(leg.mounting.crank_joint)
+            crank = cranks.get(leg.crank_joint)
             if crank is None:
                 continue
             try:
@@ -102,7 +90,7 @@ class Solver:
             except CrankAngleError as error:
                 self._complain(error)
             except KinematicsError as error:
-                name = f'{leg.mounting.name}: ' if leg.mounting.name else ''
+                name = f'{leg.name}: ' if leg.name else ''
                 self._node.get_logger().error(f'{name}{error}', throttle_duration_sec=THROTTLE)
         if answers:
             self._messages.publish(answers, stamp)
@@ -127,14 +115,12 @@ class Solver:
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         changed = self._leg_parameters.changed(parameters)
         for leg in self._legs:
-            leg.leg = changed.get(leg.mounting.name, leg.leg)
+            leg.leg = changed.get(leg.name, leg.leg)
         if changed:
-            self._reports.legs_changed()
+            self._diagnostics.legs_changed()
         if changed and self._markers:
             self._markers.legs_changed()
 
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_reset(self) -> tuple[bool, str]:
         self.reset()
-        response.success = True
-        response.message = 'the next pose starts from the closed form'
-        return response
+        return True, 'the next pose starts from the closed form'

@@ -15,7 +15,7 @@ from klann_ros.log.run_parameters import (
     SolverParameters,
 )
 from klann_ros.log.writing.writer import RunWriter
-from klann_ros.nodes.solver.cdr_templates import JointStateTemplate, PointTemplate
+from klann_ros.nodes.solver.cdr import JointStateTemplate, PointTemplate
 from klann_ros.review.reviewing import review_run
 import numpy as np
 import pytest

@@ -7,15 +7,25 @@ from klann_ros.log.errors import MalformedQosError
 from klann_ros.log.qos import latched_count, Qos, QosTexts
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.wording import verb
-from klann_ros.nodes.message_types import message_class, UnknownMessageTypeError
+from klann_ros.nodes.endpoints import (
+    DEPTH,
+    message_class,
+    name_refusal,
+    OUTPUT,
+    UnknownMessageTypeError,
+)
 from klann_ros.nodes.process import ros_error, ROS_ERRORS
-from klann_ros.nodes.qos import to_publish
-from klann_ros.nodes.topic_names import refusal
 from klann_ros.untrusted.text import printable, printable_line
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    LivelinessPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+)
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
@@ -24,6 +34,10 @@ if TYPE_CHECKING:
 THROTTLE = 2.0
 # A log may have any number of topics that cannot be played; so many are named.
 MOST_NAMED = 20
+# A log may be damaged; nobody keeps more.
+MOST_DEPTH = 100_000
+# Where a log does not tell how many messages a latched topic kept; most keep 1.
+LATCHED_DEPTH = 10
 
 
 class UnplayableTopicError(Exception):
@@ -51,7 +65,6 @@ class PlayedTopics:
     """
 
     def __init__(self, node: Node, topics: Iterable[Topic], renamed: Mapping[str, str]) -> None:
-        """Make the publishers."""
         self._node = node
         self._renamed = renamed
         self._made: dict[Topic, Publisher] = {}
@@ -109,14 +122,14 @@ class PlayedTopics:
                     f'{printable(first.type)}'
                 )
         offered = [qos for topic in alike for qos in self._offered(topic)]
-        publisher = self._node.create_publisher(kind, full, to_publish(offered))
+        publisher = self._node.create_publisher(kind, full, publishing_profile(offered))
         self._made.update(dict.fromkeys(alike, publisher))
         if offered and latched_count(offered):
             self.latched[name] = latched_count(offered)
 
     def _full_name(self, name: str) -> str:
         full = f'{self._node.get_namespace().rstrip("/")}/{name.removeprefix("/")}'
-        reason = refusal(full)
+        reason = name_refusal(full)
         if reason:
             raise UnplayableTopicError(reason)
         return full
@@ -149,3 +162,43 @@ def _kind(topic: Topic) -> type:
 
 def _is_alike(topic: Topic, other: Topic) -> bool:
     return (topic.type, topic.message_encoding) == (other.type, other.message_encoding)
+
+
+def publishing_profile(offered: Sequence[Qos]) -> QoSProfile:
+    """
+    Return the profile that everybody hears who heard one of the recorded publishers.
+
+    It is reliable or latched where one of them was; durations and liveliness are the first's.
+    Discovery does not tell a publisher's history and depth, so most logs do not know them.
+    """
+    if not offered:
+        return OUTPUT
+    first = offered[0]
+    latched = latched_count(offered)
+    known = any(profile.depth or profile.history == 'keep_all' for profile in offered)
+    # Who comes late to a latched topic shall not hear more than there was; the others' queues
+    # are as deep as this package's own at least.
+    least = (1 if known else LATCHED_DEPTH) if latched else DEPTH
+    depth = min(max(latched or first.depth, least), MOST_DEPTH)
+    words = {
+        _policy(ReliabilityPolicy, p.reliability, ReliabilityPolicy.RELIABLE) for p in offered
+    }
+    reliable = ReliabilityPolicy.RELIABLE in words
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        deadline=Duration(nanoseconds=first.deadline),
+        lifespan=Duration(nanoseconds=first.lifespan),
+        liveliness=_policy(LivelinessPolicy, first.liveliness, LivelinessPolicy.AUTOMATIC),
+        liveliness_lease_duration=Duration(nanoseconds=first.liveliness_lease_duration),
+        avoid_ros_namespace_conventions=first.avoid_ros_namespace_conventions,
+    )
+
+
+def _policy(policies: type, word: str, otherwise: object) -> object:
+    """Return the policy of a recorded word; what a publisher cannot offer becomes `otherwise`."""
+    if word in ('unknown', 'system_default', 'best_available'):
+        return otherwise
+    return policies.__members__.get(word.upper(), otherwise)  # type: ignore[attr-defined]

@@ -1,7 +1,6 @@
-"""What users give a node that is no parameter of its own: told, with the nearest name that is."""
+"""What users give a node and does nothing there: said, with the nearest name that would."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from difflib import get_close_matches
+from collections.abc import Collection, Iterator, Sequence
 from itertools import islice, pairwise
 from typing import Any
 
@@ -9,21 +8,14 @@ from klann_ros.untrusted import yaml_text
 from klann_ros.untrusted.files import NotAPlainFileError, open_plain, read_plain
 from klann_ros.untrusted.text import printable
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+
+from .parameters import LONGEST_NAME, overrides, unknown_parameter
 
 # A file may hold any number of names, and names any number of letters.
 MOST_LINES = 10
 MOST_NAMES = 5
-LONGEST_NAME = 100
 # A longer file is not looked at [bytes]; one of six legs has 3000.
 LONGEST_FILE = 50_000
-
-
-def given(node: Node) -> Mapping[str, Parameter]:
-    """Return what the command line and parameter files give a node, whether declared or not."""
-    # rclpy tells of those only that are declared. Without this no more than that is told.
-    parameters: Mapping[str, Parameter] = getattr(node, '_parameter_overrides', {})
-    return parameters
 
 
 def complaints(node: Node, executable: str, arguments: Sequence[str]) -> list[str]:
@@ -72,20 +64,13 @@ def endless_file(arguments: Sequence[str]) -> str:
     return ''
 
 
-def unknown_parameter(name: str, executable: str, known: Collection[str]) -> str:
-    """Return a line about a name that is no parameter."""
-    near = _nearest(name, known)
-    hint = f'did you mean {near}?' if near else f'{executable} --help lists them'
-    return f"parameter {printable(name, LONGEST_NAME)} is none of {executable}'s; {hint}"
-
-
 def _behind(arguments: Sequence[str], *flags: str) -> Iterator[str]:
     return (value for flag, value in pairwise(arguments) if flag in flags)
 
 
 def _unknown(node: Node, executable: str, rules: Sequence[str]) -> Iterator[str]:
     """Yield a line for each name, or each leg, that the node does not know."""
-    names = sorted(name for name in given(node) if not node.has_parameter(name))
+    names = sorted(name for name in overrides(node) if not node.has_parameter(name))
     if not names:
         return
     known = node.list_parameters([], 0).names
@@ -112,7 +97,7 @@ def _for_others(node: Node, rules: Sequence[str]) -> Iterator[str]:
     """Yield a line for each `-p NODE:NAME:=VALUE` for a node of another name."""
     for rule in rules:
         of, _, name = rule.partition(':=')[0].rpartition(':')
-        if of and name not in given(node):
+        if of and name not in overrides(node):
             yield f'-p {printable(rule, LONGEST_NAME)} is not for {_full_name(node)}'
 
 
@@ -126,7 +111,7 @@ def _without_effect(node: Node, files: Sequence[str]) -> Iterator[str]:
         names = set(_names(content))
         if not names:
             yield f'{printable(file)} holds no parameters (NODE: ros__parameters: NAME: VALUE)'
-        elif names.isdisjoint(given(node)):
+        elif names.isdisjoint(overrides(node)):
             sections = _listed([str(key) for key in content])
             yield f'{printable(file)} has nothing for {_full_name(node)}; it is for {sections}'
 
@@ -150,29 +135,32 @@ class _Elsewhere:
     """The parameters of all nodes of this package."""
 
     def __init__(self) -> None:
-        # They all use this module; and only whoever gave something wrong waits for them.
-        from . import leg_declarations  # noqa: PLC0415
-        from .crank import node as crank_node  # noqa: PLC0415
-        from .geometry_parameters import NAMES  # noqa: PLC0415
-        from .player import steering as player_steering  # noqa: PLC0415
-        from .recorder import node as recorder_node  # noqa: PLC0415
-        from .solver import solver  # noqa: PLC0415
+        # Only whoever gave something wrong waits for them.
+        from .crank import motion as crank  # noqa: PLC0415
+        from .player import controls as player  # noqa: PLC0415
+        from .recorder import interface as recorder  # noqa: PLC0415
+        from .solver import declarations as solver  # noqa: PLC0415
 
         own = {
-            'player_node': player_steering.declared(1.0, 0.0, 0.0),
-            'recorder_node': recorder_node.PARAMETERS,
-            'crank_node': [*crank_node.MOTION, *crank_node.PARAMETERS],
-            'solver_node': [
-                *leg_declarations.COMMON,
-                *leg_declarations.drive(''),
-                *solver.PARAMETERS,
-            ],
+            'player_node': player.declarations(1.0, 0.0, 0.0),
+            'recorder_node': recorder.PARAMETERS,
+            'crank_node': (*crank.MOTION, *crank.PARAMETERS),
+            'solver_node': (
+                *solver.GEOMETRY,
+                *solver.LEGS,
+                *solver.SETTINGS,
+                *solver.drive(),
+                *solver.PUBLISHED,
+            ),
         }
         self.owners = {p.name: node for node, of_node in own.items() for p in of_node}
-        of_a_leg = (*leg_declarations.drive('LEG.'), *leg_declarations.place('LEG'))
-        self._of_legs = {*NAMES, *(p.name.removeprefix('LEG.') for p in of_a_leg)}
-        self._for_others = set(leg_declarations.FOR_OTHERS)
-        self._topics = {topic.rpartition('/')[2] for topic in recorder_node.TOPICS}
+        of_a_leg = (*solver.drive('LEG.'), *solver.place('LEG'))
+        self._of_legs = {
+            *solver.GEOMETRY_NAMES,
+            *(p.name.removeprefix('LEG.') for p in of_a_leg),
+        }
+        self._for_others = set(solver.FOR_OTHERS)
+        self._topics = {topic.rpartition('/')[2] for topic in recorder.TOPICS}
 
     def has(self, name: str, known: Collection[str]) -> bool:
         """Return whether a file may hold it for a node that knows others."""
@@ -183,17 +171,6 @@ class _Elsewhere:
         if family and 'legs' not in known and last in self._of_legs:
             return True
         return name in self.owners or last in self._for_others
-
-
-def _nearest(name: str, known: Collection[str]) -> str:
-    """Return the known name that was most likely meant; '' if none is near."""
-    family, dot, _ = name[: 2 * LONGEST_NAME].rpartition('.')
-    siblings = [other for other in known if dot and other.rpartition('.')[0] == family]
-    # What all siblings begin with says nothing of which one is meant.
-    start = len(family) + 1 if siblings else 0
-    candidates = {other[start:]: other for other in siblings or known}
-    near = get_close_matches(name[start:][:LONGEST_NAME], candidates, n=1)
-    return candidates[near[0]] if near else ''
 
 
 def _listed(names: Sequence[str]) -> str:

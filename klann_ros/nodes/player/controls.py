@@ -1,17 +1,36 @@
-"""What users steer a playback with: services, parameters, and keys."""
+"""How users control a playback: by the command line; by services, parameters and keys."""
 
+import argparse
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
+from math import inf, nan
 
 from klann_ros.log.playing.timeline import RATES
 from klann_ros.log.playing.transport import PlaybackError, Transport
-from klann_ros.nodes.parameters import Declared
+from klann_ros.log.reading.run_files import LOG_HELP
+from klann_ros.nodes.endpoints import create_trigger
+from klann_ros.nodes.parameters import Declaration
+from klann_ros.untrusted.arguments import path
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from std_srvs.srv import Trigger
 
+DESCRIPTION = """\
+Play a run back onto its topics: the recorded bytes, with the recorded quality of service.
+Play under a namespace or remap, so that a replay does not meet the live topics:
+  player_node runs/x --ros-args -r __ns:=/replay"""
+EPILOG = """\
+While it plays:
+  services ~/pause, ~/resume, and ~/step, which plays exactly the next message of a paused log
+  parameter rate: 2 is twice as fast; parameter position: set it to go there [s]
+  keys, in the foreground of a terminal, as ros2 bag play has them:
+    space           pause and resume
+    right arrow     play exactly the next message of a paused log
+    up, down arrow  10 % faster, slower
+Latched topics offer at each start what they offered there in the log. A loop, or going back, is a
+jump back in time: give --clock to let nodes with use_sim_time follow."""
+CLOCK_RATES = (1e-3, 1e4)
 KEYS_IN_WORDS = (
     'space pauses and resumes, right arrow plays the next message of a paused log, up and down '
     'arrow make it 10 % faster and slower'
@@ -22,10 +41,80 @@ FASTER = 1.1
 MOST_KEYS = 20
 
 
-def declared(rate: float, position: float, length: float) -> tuple[Declared, Declared]:
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a player; names of topics become full names."""
+    add = parser.add_argument
+    add('log', metavar='LOG', type=path, help=LOG_HELP)
+    add('--rate', type=_within(*RATES), default=1.0, metavar='R', help='2 is twice as fast')
+    add('--loop', action='store_true', help='play again and again')
+    add('--start-offset', type=_not_negative, default=0.0, metavar='S', help='leave out S seconds')
+    add('--duration', type=_positive, default=inf, metavar='S', help='play S seconds of the log')
+    add(
+        '--delay',
+        type=_not_negative,
+        default=0.5,
+        metavar='S',
+        help='wait S seconds first, so that subscribers find the publishers (default: 0.5)',
+    )
+    add('--topics', nargs='+', type=_full, metavar='T', help='play these topics only')
+    add(
+        '--remap',
+        nargs='+',
+        type=_renaming,
+        default=[],
+        metavar='OLD:=NEW',
+        help='publish OLD as NEW',
+    )
+    add(
+        '--clock',
+        type=_within(*CLOCK_RATES),
+        metavar='HZ',
+        help="publish the log's time on /clock, so often a second; a recorded /clock is left out",
+    )
+    add('--start-paused', action='store_true', help='wait for ~/resume, ~/step or a key')
+    add('--disable-keyboard-controls', action='store_true', help='leave the terminal alone')
+
+
+def _positive(text: str) -> float:
+    return _checked(text, lambda number: 0.0 < number <= inf, 'a number > 0')
+
+
+def _not_negative(text: str) -> float:
+    return _checked(text, lambda number: 0.0 <= number < inf, 'a number >= 0')
+
+
+def _within(least: float, most: float) -> Callable[[str], float]:
+    def number(text: str) -> float:
+        return _checked(text, lambda n: least <= n <= most, f'within {least:g} .. {most:g}')
+
+    return number
+
+
+def _checked(text: str, allows: Callable[[float], bool], what: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = nan  # which fails every comparison
+    if not allows(number):
+        raise argparse.ArgumentTypeError(f'{text} is refused: it must be {what}')
+    return number
+
+
+def _renaming(text: str) -> tuple[str, str]:
+    old, given, new = text.partition(':=')
+    if not (old and given and new):
+        raise argparse.ArgumentTypeError(f'{text} is refused: write OLD:=NEW')
+    return _full(old), _full(new)
+
+
+def _full(name: str) -> str:
+    return name if name.startswith('/') else f'/{name}'
+
+
+def declarations(rate: float, position: float, length: float) -> tuple[Declaration, Declaration]:
     """Return the parameters, with what they are at start, of a log of some length [s]."""
     return (
-        Declared(
+        Declaration(
             'rate',
             rate,
             'how fast the log is played; 2 is twice as fast',
@@ -33,7 +122,7 @@ def declared(rate: float, position: float, length: float) -> tuple[Declared, Dec
             read_only=False,
             any_number=True,
         ),
-        Declared(
+        Declaration(
             'position',
             position,
             'set it to go there; after that, a pause or a step it tells where it is, counted from '
@@ -45,7 +134,7 @@ def declared(rate: float, position: float, length: float) -> tuple[Declared, Dec
     )
 
 
-class PlayerSteering:
+class PlayerControls:
     """
     Services, parameters and keys of a node that steer a transport.
 
@@ -55,24 +144,25 @@ class PlayerSteering:
         Whose they are; it has declared the parameters.
     transport : Transport
         What they steer.
-    parameters : sequence of Declared
+    parameters : sequence of Declaration
         The parameters.
 
     """
 
-    def __init__(self, node: Node, transport: Transport, parameters: Sequence[Declared]) -> None:
-        """Offer them."""
+    def __init__(
+        self, node: Node, transport: Transport, parameters: Sequence[Declaration]
+    ) -> None:
         self._node = node
         self._transport = transport
         self._declared = {parameter.name: parameter for parameter in parameters}
-        self._telling = False
+        self._shows = False
         self._actions = {
             'pause': (transport.pause, 'paused at'),
             'resume': (transport.resume, 'playing from'),
             'step': (transport.step, 'one message on, at'),
         }
         for name in self._actions:
-            node.create_service(Trigger, f'~/{name}', partial(self._answer, name))
+            create_trigger(node, name, partial(self._do, name))
         self._keys: deque[str] = deque(maxlen=MOST_KEYS)
         self._pressed = node.create_guard_condition(self._on_keys)
         node.add_on_set_parameters_callback(self._validate)
@@ -91,7 +181,7 @@ class PlayerSteering:
             act()
         except PlaybackError as error:
             return False, str(error)
-        return True, f'{said} {self._tell_position():.6f} s'
+        return True, f'{said} {self._show_position():.6f} s'
 
     def _toggle(self) -> tuple[bool, str]:
         return self._do('resume' if self._transport.paused else 'pause')
@@ -103,10 +193,6 @@ class PlayerSteering:
         return result.successful, result.reason or f'rate {rate:g}'
 
     # Who asks.
-
-    def _answer(self, name: str, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        answer.success, answer.message = self._do(name)
-        return answer
 
     def _on_keys(self) -> None:
         actions: dict[str, Callable[[], tuple[bool, str]]] = {
@@ -122,12 +208,12 @@ class PlayerSteering:
             else:
                 self._node.get_logger().warning(said)
 
-    def _tell_position(self) -> float:
+    def _show_position(self) -> float:
         """Let the parameter tell where it is, which is no wish to go there."""
         position = self._transport.position
-        self._telling = True
+        self._shows = True
         self._node.set_parameters([Parameter('position', value=position)])
-        self._telling = False
+        self._shows = False
         return position
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
@@ -142,5 +228,5 @@ class PlayerSteering:
         values = {p.name: p.value for p in parameters if p.name in self._declared}
         if 'rate' in values:
             self._transport.set_rate(float(values['rate']))
-        if 'position' in values and not self._telling:
+        if 'position' in values and not self._shows:
             self._transport.seek(float(values['position']))

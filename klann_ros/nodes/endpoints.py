@@ -1,0 +1,179 @@
+"""
+What it takes to open a topic: a name that ROS takes, a message class, a quality of service; and
+services without arguments.
+
+Who names a topic or a type may be a stranger: a log, or a publisher on the network.
+"""
+
+from collections.abc import Callable
+from copy import copy
+from importlib import import_module
+from typing import Any
+
+from klann_ros.log.definitions import is_installed, split_type
+from klann_ros.untrusted.text import printable
+from rclpy.duration import Duration
+from rclpy.exceptions import NameValidationException
+from rclpy.node import Node
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    LivelinessPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+from rclpy.type_support import check_is_valid_msg_type
+from rclpy.validate_full_topic_name import validate_full_topic_name
+from std_srvs.srv import Trigger
+
+from .parameters import Declaration, declare, overrides
+
+# Bursts overwrite a shallow queue before anyone can take them.
+DEPTH = 2000
+INPUT = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+OUTPUT = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
+
+# Quality of service as parameters: `qos_overrides.TOPIC.publisher.POLICY`, as ROS 2 has it.
+_WORDS = {
+    'history': HistoryPolicy,
+    'reliability': ReliabilityPolicy,
+    'durability': DurabilityPolicy,
+    'liveliness': LivelinessPolicy,
+}
+_DURATIONS = ('deadline', 'lifespan', 'liveliness_lease_duration')
+# Hardly anybody needs the others, which are parameters only where they are given: `ros2 param
+# list` is to be read by people.
+_COMMON = ('history', 'depth', 'reliability', 'durability')
+_RARE = ('deadline', 'lifespan', 'liveliness', 'liveliness_lease_duration')
+_MOST_DEPTH = 1_000_000
+_LONGEST = 2**63 - 1
+QOS_USAGE = f"""\
+ quality of service of each topic, by its full name:
+  qos_overrides./TOPIC.publisher.POLICY, or qos_overrides./TOPIC.subscription.POLICY; policies:
+  {', '.join(_COMMON)}; in ns: {', '.join(_DURATIONS)};
+  liveliness"""
+
+
+class UnknownMessageTypeError(Exception):
+    """A message type that is not installed, or none at all; the text says which."""
+
+
+def name_refusal(name: str) -> str:
+    """Return why ROS refuses a full name of a topic or service; '' for a good one."""
+    # ROS's own check ends at a NUL, and calls what stands before it good; a lone surrogate is
+    # nothing that it can be given.
+    if '\0' in name or not name.isascii():
+        return "topic name must not contain characters other than alphanumerics, '_', or '/'"
+    try:
+        validate_full_topic_name(name)
+    except NameValidationException as error:
+        # The name follows, which may be anything, and a line that points into it.
+        return str(error).partition(':\n')[0].removeprefix('Invalid topic name: ')
+    return ''
+
+
+def message_class(type_name: str) -> Any:
+    """
+    Return the class of a message type such as `sensor_msgs/msg/JointState`.
+
+    To import a module is to run it, so only packages are imported that are installed as packages
+    of interfaces. Whether one of that name comes first on Python's own path, such as in a folder
+    of PYTHONPATH, is beyond this.
+
+    Raises
+    ------
+    UnknownMessageTypeError
+        The type is not installed, or the name is no message type's.
+
+    """
+    shown = printable(type_name)
+    named = split_type(type_name)
+    if named is None:
+        raise UnknownMessageTypeError(f"'{shown}' is no message type, such as std_msgs/msg/String")
+    package, name = named
+    try:
+        kind = (
+            getattr(import_module(f'{package}.msg'), name, None) if is_installed(package) else None
+        )
+        if kind is not None:
+            check_is_valid_msg_type(kind)
+    # A package that is installed by halves raises whatever it likes.
+    except Exception as error:
+        reason = f"message type '{shown}' cannot be used: {printable(error)}"
+        raise UnknownMessageTypeError(reason) from error
+    if kind is None:
+        raise UnknownMessageTypeError(f"message type '{shown}' is not installed")
+    return kind
+
+
+def create_publisher(
+    node: Node, kind: type, topic: str, profile: QoSProfile = OUTPUT, **options: Any
+) -> Any:
+    """
+    Make a publisher with a quality of service, but for what parameters say of it.
+
+    Raises
+    ------
+    StartError
+        A parameter is refused; the text says why.
+
+    """
+    return node.create_publisher(
+        kind, topic, overridden(node, topic, 'publisher', profile), **options
+    )
+
+
+def create_trigger(node: Node, name: str, action: Callable[[], tuple[bool, str]]) -> None:
+    """Offer a service ~/NAME whose action returns whether it was done, and what to say."""
+
+    def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success, response.message = action()
+        return response
+
+    node.create_service(Trigger, f'~/{name}', answer)
+
+
+def overridden(node: Node, topic: str, kind: str, profile: QoSProfile) -> QoSProfile:
+    """
+    Return the profile of a publisher or subscription: the given one, but for what parameters say.
+
+    rclpy's own QoSOverridingOptions leaves durability out, without a word, declares only when the
+    publisher is made, which may be long after the start, and changes the profile for everybody.
+
+    Raises
+    ------
+    StartError
+        A parameter is refused; the text says why.
+
+    """
+    prefix = f'qos_overrides.{node.resolve_topic_name(topic)}.{kind}.'
+    # Who receives has no say in how long a message is worth sending.
+    possible = [policy for policy in _RARE if (kind, policy) != ('subscription', 'lifespan')]
+    rare = [policy for policy in possible if f'{prefix}{policy}' in overrides(node)]
+    # Others use the same profile.
+    own = copy(profile)
+    for policy in (*_COMMON, *rare):
+        setattr(own, policy, _value(node, prefix, policy, getattr(profile, policy)))
+    return own
+
+
+def _value(node: Node, prefix: str, policy: str, default: Any) -> Any:
+    """Return what a policy's parameter says; two endpoints of one topic share it."""
+    parameter = _declaration(prefix, policy, default)
+    if not node.has_parameter(parameter.name):
+        declare(node, [parameter])
+    value = node.get_parameter(parameter.name).value
+    if policy in _WORDS:
+        return _WORDS[policy][value.upper()]
+    return Duration(nanoseconds=value) if policy in _DURATIONS else value
+
+
+def _declaration(prefix: str, policy: str, default: Any) -> Declaration:
+    name, description = f'{prefix}{policy}', f'{policy} of the topic'
+    if policy in _WORDS:
+        known = [word.name.lower() for word in _WORDS[policy] if word.name != 'UNKNOWN']
+        return Declaration(name, default.name.lower(), description, choices=known)
+    if policy in _DURATIONS:
+        limits = (0, _LONGEST)
+        return Declaration(name, default.nanoseconds, f'{description} [ns]', limits=limits)
+    return Declaration(name, default, description, limits=(1, _MOST_DEPTH))

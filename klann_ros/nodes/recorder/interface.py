@@ -1,0 +1,148 @@
+"""What a recorder offers: its parameters, its services, and its diagnostics."""
+
+from collections import deque
+from collections.abc import Callable
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from klann_ros.log.wording import counted, verb
+from klann_ros.log.writing.mcap_file import COMPRESSIONS
+from klann_ros.log.writing.recording import RecordingState
+from klann_ros.nodes.endpoints import create_publisher
+from klann_ros.nodes.parameters import Declaration
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+
+TOPICS = (
+    'crank_angle',
+    'crank_state',
+    'joint_states',
+    'point_h',
+    'velocity_h',
+    '*/point_h',
+    '*/velocity_h',
+    'markers',
+    'robot_description',
+    '/diagnostics',
+)
+PARAMETERS = (
+    Declaration(
+        'output', '', 'folder of the run; empty: runs/<UTC time>', constraint='not there yet'
+    ),
+    Declaration('topics', list(TOPICS), 'names of the topics; * stands for anything'),
+    Declaration('all_topics', False, 'record every topic that is not hidden'),
+    Declaration('compression', 'zstd', 'of the chunks', choices=tuple(COMPRESSIONS)),
+    Declaration('flush_period', 0.5, 'a crash costs at most this much [s]', limits=(0.01, 60.0)),
+    Declaration(
+        'max_file_size',
+        0,
+        'a larger file is finished, and the next one begun [bytes]; 0: no limit',
+        limits=(0, 2**62),
+    ),
+    Declaration(
+        'max_file_duration',
+        0.0,
+        'a longer file is finished, and the next one begun [s]; 0: no limit',
+        limits=(0.0, 1e9),
+        any_number=True,
+    ),
+    Declaration(
+        'min_free_space',
+        500_000_000,
+        'the recording ends when less is free on the disk [bytes]; 0: when it is full',
+        limits=(0, 2**62),
+    ),
+)
+SERVICES = """Services (std_srvs/srv/Trigger):
+  ~/split: finish the file and go on in a new one, whose name is the answer
+  ~/pause: leave out what comes from now on; the run says when, and how much it was
+  ~/resume: record again"""
+PERIOD = 1.0
+# What is under way at the end is waited for at most so long [s].
+LAST_WORDS = 1.0
+
+
+class RecordingDiagnostics:
+    """
+    Publisher of a recording's diagnostics, which are not a part of what it records.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Who publishes.
+
+    Attributes
+    ----------
+    topic : str
+        Where they are published.
+
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._lost = 0
+        self._published: deque[bytes] = deque(maxlen=10)
+        self._publisher = create_publisher(node, DiagnosticArray, '/diagnostics')
+        self.topic = self._publisher.topic_name
+
+    def start(self, state: Callable[[], RecordingState]) -> None:
+        """Tell once a second what is returned here."""
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._node.create_timer(PERIOD, lambda: self.report(state()), clock=clock)
+
+    def report(self, state: RecordingState) -> None:
+        """Tell how a recording stands."""
+        array = DiagnosticArray()
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        name = f'{self._node.get_name()}: recording'
+        level, message = _verdict(state, state.lost - self._lost)
+        values = [KeyValue(key=key, value=str(value)) for key, value in _values(state).items()]
+        status = DiagnosticStatus(
+            level=level, name=name, message=message, hardware_id=name, values=values
+        )
+        array.status.append(status)
+        data = serialize_message(array)
+        self._published.append(data)
+        self._publisher.publish(data)
+        self._lost = state.lost
+
+    def flush(self) -> None:
+        """Wait until the last report has arrived, but not for ever."""
+        self._publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
+
+    def has_published(self, data: bytes) -> bool:
+        """Return whether a message is one of these."""
+        return data in self._published
+
+
+def _verdict(state: RecordingState, lost_now: int) -> tuple[bytes, str]:
+    """Return the level and the most important thing to say."""
+    if state.failure:
+        return DiagnosticStatus.ERROR, f'the recording has ended: {state.failure}'
+    if state.faults:
+        return DiagnosticStatus.ERROR, '; '.join(state.faults)
+    if lost_now > 0:
+        return (
+            DiagnosticStatus.WARN,
+            f'{counted(lost_now, "message")} {verb(lost_now, "was", "were")} lost',
+        )
+    return DiagnosticStatus.OK, 'paused' if state.paused else 'recording'
+
+
+def _values(state: RecordingState) -> dict[str, object]:
+    values: dict[str, object] = {
+        'file': state.file,
+        'size': state.size,
+        'free': 'unknown' if state.free is None else state.free,
+        'queued': state.queued,
+        'paused': str(state.paused).lower(),
+    }
+    for name, count in state.counts.items():
+        values[f'{name} received'] = count.received
+        values[f'{name} written'] = count.written
+        values[f'{name} lost'] = 'unknown' if count.lost is None else count.lost
+        # What is not lost and not in the run, and where nothing can be known.
+        values[f'{name} sent before heard'] = count.early
+        values[f'{name} publishers left'] = count.left
+    return values

@@ -1,0 +1,127 @@
+"""The parameters of `solver_node` as it declares them: its legs', each leg's, and its own."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import pi
+from typing import Any
+
+from klann_ros.kinematics import KlannGeometry
+from klann_ros.kinematics.klann.geometry import BENDS, LENGTHS, NUMBERS
+from klann_ros.nodes.parameters import Declaration
+
+_WORDS = {
+    'l_ab': 'length of the crank AB',
+    'l_bc': 'length of the coupler from the crank pin B to the elbow C',
+    'l_dc': 'length of the lower rocker DC',
+    'l_cg': 'length of the coupler from the elbow C to the hip G',
+    'l_ef': 'length of the upper rocker EF',
+    'l_fg': 'length of the leg from the knee F to the hip G',
+    'l_gh': 'length of the leg from the hip G to the foot H',
+    'x_d': 'x of the lower rocker pivot D, whose y is 0',
+    'y_a': 'y of the crank axle A, whose x is 0',
+    'x_e': 'x of the upper rocker pivot E',
+    'y_e': 'y of the upper rocker pivot E',
+    'angle_bcg': 'bend of the coupler at C',
+    'angle_fgh': 'bend of the leg at G',
+}
+_CONSTRAINTS = {
+    **dict.fromkeys(LENGTHS, 'finite, > 0'),
+    **dict.fromkeys(BENDS, 'radians, not degrees: within +-2 pi'),
+}
+_SEM104 = KlannGeometry.sem104()
+# A Klann leg's geometry, named and ordered as the interface has it.
+GEOMETRY = (
+    *(
+        Declaration(
+            name,
+            getattr(_SEM104, name),
+            f'{_WORDS[name]} [{"rad" if name in BENDS else "m"}]',
+            constraint=_CONSTRAINTS.get(name, 'finite'),
+            read_only=False,
+        )
+        for name in NUMBERS
+    ),
+    Declaration(
+        'assembly',
+        list(_SEM104.assembly),
+        'assembly branch: the signs of sin(gamma + beta) and sin(delta + theta)',
+        constraint='two signs, each +1 or -1',
+        read_only=False,
+    ),
+)
+GEOMETRY_NAMES = tuple(parameter.name for parameter in GEOMETRY)
+LEGS = (
+    Declaration(
+        'legs', [''], 'names of the legs; none for one unnamed leg', constraint='names, all others'
+    ),
+    Declaration('linkage', '', "a linkage's YAML file; empty: the Klann leg of the lengths"),
+    Declaration('crank_joint', 'crank', 'the joint in crank_state that turns the crank'),
+)
+SETTINGS = (
+    Declaration(
+        'tolerance',
+        1e-12,
+        'largest correction of a converged pose [rad]',
+        constraint='> 0, <= 1e-3',
+    ),
+    Declaration(
+        'max_crank_step', 0.35, 'larger crank steps are split [rad]', constraint='finite, > 0'
+    ),
+)
+PUBLISHED = (
+    Declaration('frame_id', 'leg_plane', 'frame of the published point: the plane of the leg'),
+    Declaration(
+        'min_transmission_angle',
+        0.349,
+        'diagnostics warn when min(mu, pi - mu) of a dyad is below it [rad]',
+        limits=(0.0, pi / 2),
+    ),
+    Declaration('publish_markers', True, 'whether the legs are published as markers'),
+    Declaration('diagnostics_period', 1.0, 'time between diagnostics [s]', limits=(0.01, 3600.0)),
+)
+# What leg files may hold for others: masses and sizes, which a solver does not need.
+FOR_OTHERS = ('bar_density', 'foot_mass', 'body_mass', 'body_size', 'body_centre')
+_UPRIGHT = (pi / 2, 0.0, 0.0)
+
+
+def drive(prefix: str = '') -> tuple[Declaration, ...]:
+    """Return the parameters of how a leg is driven."""
+    return (
+        Declaration(
+            f'{prefix}phase',
+            0.0,
+            "the leg's crank angle where the crank is at 0 [rad]",
+            constraint='finite',
+            any_number=True,
+        ),
+        Declaration(
+            f'{prefix}direction',
+            1,
+            '+1, or -1 for a leg whose crank turns the other way',
+            constraint='+1 or -1',
+            any_number=True,
+        ),
+    )
+
+
+def place(name: str) -> tuple[Declaration, ...]:
+    """Return the parameters that only a named leg has."""
+    return (
+        Declaration(f'{name}.crank_joint', '', 'its own joint in crank_state; empty: crank_joint'),
+        Declaration(f'{name}.mount_xyz', [0.0] * 3, 'where its plane is in base_link [m]'),
+        Declaration(f'{name}.mount_rpy', list(_UPRIGHT), 'how its plane is turned in it [rad]'),
+    )
+
+
+def named_leg(name: str, common: Mapping[str, Any]) -> tuple[Declaration, ...]:
+    """Return the parameters of a named leg; its geometry is the common one where not given."""
+    geometry = (
+        replace(
+            p,
+            name=f'{name}.{p.name}',
+            default=common[p.name],
+            description=f'{name}: {p.description}',
+        )
+        for p in GEOMETRY
+    )
+    return (*geometry, *drive(f'{name}.'), *place(name))

@@ -1,0 +1,171 @@
+"""One of the legs that a node solves: its crank, its solver, and what that did so far."""
+
+from dataclasses import dataclass, field
+from math import nan, pi
+
+from klann_ros.kinematics import (
+    AnyLeg,
+    CrankAngleError,
+    KinematicsError,
+    LinkageMotion,
+    LinkagePose,
+    SingularPoseError,
+)
+
+
+class SolverFigures:
+    """
+    Counts since the start, and the worst figures since the last report.
+
+    Attributes
+    ----------
+    solved, rejected, failed : int
+        Answers published; inputs that were no crank angle; angles that could not be solved. Since
+        the start.
+    failure : str
+        What failed last since the last report; empty when nothing did.
+    rejection : str
+        What was rejected last since the last report; empty when nothing was.
+    iterations : int
+        The most Newton iterations of a pose.
+    residual : float
+        The largest residual [m]; NaN without any pose.
+    worst : list of pose
+        For each dyad, the pose in which it was nearest to singular; empty without any pose.
+    inputs : int
+        Inputs since the last report.
+
+    """
+
+    def __init__(self) -> None:
+        self.solved = self.rejected = self.failed = 0
+        self.begin_report()
+
+    def begin_report(self) -> None:
+        """Forget the worst figures, keep the counts."""
+        self.failure = self.rejection = ''
+        self.inputs = self.iterations = 0
+        self.residual = nan
+        self.worst: list[LinkagePose] = []
+        self._least: list[float] = []
+
+    def solve(self, pose: LinkagePose) -> None:
+        """Count a solved pose."""
+        self.solved += 1
+        self.inputs += 1
+        self.iterations = max(self.iterations, pose.iterations)
+        self.residual = max(pose.residual, self.residual)
+        sines = pose.sines
+        if not self.worst:
+            self.worst, self._least = [pose] * len(sines), list(sines)
+        for i, sine in enumerate(sines):
+            if sine < self._least[i]:
+                self._least[i], self.worst[i] = sine, pose
+
+    def reject(self, reason: str) -> None:
+        """Count an input that was no crank angle."""
+        self.rejected += 1
+        self.inputs += 1
+        self.rejection = reason
+
+    def fail(self, reason: str) -> None:
+        """Count a crank angle that could not be solved."""
+        self.failed += 1
+        self.inputs += 1
+        self.failure = reason
+
+    def transmission_angles(self, count: int) -> tuple[float, ...]:
+        """Return the worst angle of each of so many dyads [rad]; NaN without any pose."""
+        worst = (pose.transmission_angles[i] for i, pose in enumerate(self.worst))
+        return tuple(worst) or (nan,) * count
+
+    @property
+    def from_singular(self) -> float:
+        """Return the least min(mu, pi - mu) of all dyads [rad]; NaN without any pose."""
+        angles = self.transmission_angles(len(self.worst))
+        return min((min(mu, pi - mu) for mu in angles), default=nan)
+
+    @property
+    def condition(self) -> float:
+        """Return the condition of Phi where a dyad was nearest to singular; NaN without pose."""
+        return max((pose.condition for pose in self.worst), default=nan)
+
+
+@dataclass(eq=False)
+class DrivenLeg:
+    """
+    A leg with the crank that drives it, and what its solver did since the last report.
+
+    Attributes
+    ----------
+    name : str
+        The leg's name; empty for the only, unnamed one.
+    crank_joint : str
+        The joint in crank_state that turns its crank.
+    phase : float
+        Its crank angle where the crank is at 0 [rad].
+    direction : int
+        +1, or -1 for a leg whose crank turns the other way.
+    leg : AnyLeg
+        Its solver.
+    figures : SolverFigures
+        What its solver did.
+    last : LinkagePose or None
+        The last pose; None before the first.
+
+    """
+
+    name: str
+    crank_joint: str
+    phase: float
+    direction: int
+    leg: AnyLeg
+    figures: SolverFigures = field(default_factory=SolverFigures, init=False)
+    last: LinkagePose | None = field(default=None, init=False)
+
+    def prefixed(self, word: str) -> str:
+        """Return a joint's, topic's or frame's name as it is for this leg."""
+        return f'{self.name}/{word}' if self.name else word
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Return the names under which its angles are published, the crank's first."""
+        return tuple(map(self.prefixed, self.leg.joint_names))
+
+    def answer(self, alpha: float, rate: float | None) -> tuple[LinkagePose, LinkageMotion | None]:
+        """
+        Return the pose for a crank angle, and the velocity where there is one.
+
+        alpha_leg = direction * alpha + phase. What fails is counted before it is raised.
+
+        Parameters
+        ----------
+        alpha : float
+            The crank's angle, before direction and phase [rad].
+        rate : float or None
+            Its rate [rad/s]; None where it is not known.
+
+        Raises
+        ------
+        CrankAngleError
+            It is no crank angle.
+        KinematicsError
+            It cannot be solved.
+
+        """
+        try:
+            pose = self.leg.solve(self.direction * alpha + self.phase)
+        except CrankAngleError as error:
+            self.figures.reject(str(error))
+            raise
+        except KinematicsError as error:
+            self.figures.fail(str(error))
+            raise
+        self.figures.solve(pose)
+        self.last = pose
+        if rate is None:
+            return pose, None
+        try:
+            return pose, self.leg.velocity(pose, self.direction * rate)
+        except SingularPoseError:
+            return pose, None
