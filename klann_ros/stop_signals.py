@@ -44,22 +44,22 @@ class StopSignals:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_BLOCK, signals)
         self._stop: Callable[[], object] = _leave
-        self._given_back: Callable[[], AbstractContextManager[None]] = nullcontext
+        self._released: Callable[[], AbstractContextManager[None]] = nullcontext
         threading.Thread(target=self._wait, args=(signals,), name='stop', daemon=True).start()
 
     def on_stop(self, stop: Callable[[], object]) -> None:
         """Name the function to call at each signal; it runs in a thread of its own."""
         self._stop = stop
 
-    def on_suspend(self, given_back: Callable[[], AbstractContextManager[None]]) -> None:
+    def on_suspend(self, released: Callable[[], AbstractContextManager[None]]) -> None:
         """Name what returns a context in which the terminal is as it was."""
-        self._given_back = given_back
+        self._released = released
 
     def _wait(self, signals: set[signal.Signals]) -> None:
         while True:
             number = signal.sigwait(signals)
             if number in _OF_THE_TERMINAL:
-                with self._given_back():
+                with self._released():
                     _deliver(number)
             else:
                 self._stop()

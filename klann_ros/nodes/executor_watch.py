@@ -43,7 +43,7 @@ class ExecutorWatch:
         self._wake = wake
         self._condition = condition
         self._stopped = False
-        self._found: Any = None
+        self._task: Any = None
         self._go_on = Semaphore(0)
         self._thread = Thread(target=self._watch, name='watch', daemon=True)
 
@@ -63,7 +63,7 @@ class ExecutorWatch:
         self._go_on.release()
         self._executor.wake()
         self._thread.join()
-        if kind is None and not isinstance(self._found, Exception):
+        if kind is None and not isinstance(self._task, Exception):
             self.run()
 
     def run(self) -> None:
@@ -78,24 +78,24 @@ class ExecutorWatch:
         """
         if not self.is_ready:
             return
-        found, self._found, self.is_ready = self._found, None, False
-        if isinstance(found, Exception):
-            raise found
-        if found is not None:
-            found()
-            found.result()
+        task, self._task, self.is_ready = self._task, None, False
+        if isinstance(task, Exception):
+            raise task
+        if task is not None:
+            task()
+            task.result()
         self._go_on.release()
 
     def _watch(self) -> None:
         while not self._stopped:
             try:
-                self._found, *_ = self._executor.wait_for_ready_callbacks(
+                self._task, *_ = self._executor.wait_for_ready_callbacks(
                     None, None, self._stop_or_condition
                 )
             except executors.ConditionReachedException:
-                self._found = None
+                self._task = None
             except Exception as error:  # it is the other thread's
-                self._found = error
+                self._task = error
             self.is_ready = True
             self._wake()
             self._go_on.acquire()

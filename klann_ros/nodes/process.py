@@ -222,14 +222,14 @@ def _has_ended(spin: Callable[[], None], node: Node) -> bool:
         raise
     except Exception as error:
         node.get_logger().error(
-            f'a callback failed, and the node goes on: {described(error)}',
+            f'a callback failed, and the node goes on: {error_and_place(error)}',
             throttle_duration_sec=THROTTLE,
         )
         return False
     return True
 
 
-def described(error: Exception) -> str:
+def error_and_place(error: Exception) -> str:
     """Return on one line what an error says, and where it was raised."""
     *_, last = traceback.extract_tb(error.__traceback__)
     place = f'{Path(last.filename).name}:{last.lineno}'

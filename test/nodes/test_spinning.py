@@ -5,7 +5,7 @@ from threading import Thread
 import time
 
 from klann_ros.nodes.lean_loop import LeanCallbackGroup, LeanLoop
-from klann_ros.nodes.process import described, spin_on
+from klann_ros.nodes.process import error_and_place, spin_on
 import pytest
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
@@ -78,7 +78,7 @@ def test_the_end_of_the_context_is_no_failure_to_go_on_after(ros: World) -> None
 def test_an_error_is_one_line_with_its_place() -> None:
     with pytest.raises(ValueError, match='two') as raised:
         raise ValueError('two\nlines \x1b[2J' + 'x' * 1000)
-    text = described(raised.value)
+    text = error_and_place(raised.value)
     assert text.isprintable()
     assert text.startswith('ValueError: two\\nlines \\x1b[2Jxxx')
     assert 'test_spinning.py:' in text

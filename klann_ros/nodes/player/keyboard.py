@@ -70,7 +70,7 @@ class Keyboard:
     Only a terminal in whose foreground the process is, is read and changed: a job in the
     background would be stopped for it (SIGTTIN), and a pipe, a file or nothing is not for us.
     Ctrl-C and Ctrl-Z remain what they are. What a process's end and its suspension leave behind
-    is up to `close` and `given_back`; after kill -9 the shell has to see to it, or `stty sane`.
+    is up to `close` and `released`; after kill -9 the shell has to see to it, or `stty sane`.
     """
 
     def __init__(self) -> None:
@@ -115,13 +115,13 @@ class Keyboard:
         """Give the terminal back, and read no more."""
         with self._lock:
             self._closed = True
-            self._give_back()
+            self._release()
 
     @contextmanager
-    def given_back(self) -> Iterator[None]:
+    def released(self) -> Iterator[None]:
         """Give the terminal back until the context ends."""
         with self._lock:
-            self._give_back()
+            self._release()
             yield
 
     def _read(self, on_key: Callable[[str], object], on_begin: Callable[[], object]) -> None:
@@ -133,7 +133,7 @@ class Keyboard:
             with self._lock:
                 if self._closed:
                     return
-                is_ours, data = self._taken()
+                is_ours, data = self._poll()
                 if is_ours and not has_begun:
                     has_begun = True
                     on_begin()
@@ -143,7 +143,7 @@ class Keyboard:
             if not ready:
                 parser.forget()
 
-    def _taken(self) -> tuple[bool, bytes]:
+    def _poll(self) -> tuple[bool, bytes]:
         """Return whether the terminal is ours, and what was typed on it."""
         # It may be gone, or another's by now: then it is looked at again later.
         with suppress(OSError, termios.error):
@@ -168,7 +168,7 @@ class Keyboard:
         changed[CHARACTERS][termios.VMIN] = changed[CHARACTERS][termios.VTIME] = 0
         termios.tcsetattr(self._terminal, termios.TCSANOW, changed)
 
-    def _give_back(self) -> None:
+    def _release(self) -> None:
         saved, self._saved = self._saved, None
         # In the background it is another's, who has set what he needs.
         with suppress(OSError, termios.error):

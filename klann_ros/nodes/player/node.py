@@ -76,7 +76,7 @@ class PlayerNode(ProcessNode):
         end = min(length(log), options.start_offset + options.duration)
         parameters = declarations(options.rate, options.start_offset, end)
         values = declare(self, parameters)
-        self._topics = PlayedTopics(self, _chosen(log, options), dict(options.remap))
+        self._topics = PlayedTopics(self, _selected_topics(log, options), dict(options.remap))
         self._playback = Playback(
             log,
             Selection(
@@ -171,7 +171,7 @@ class PlayerNode(ProcessNode):
                 self.get_logger().warning(printable_line(text))
 
 
-def _chosen(log: Log, options: argparse.Namespace) -> list[Topic]:
+def _selected_topics(log: Log, options: argparse.Namespace) -> list[Topic]:
     return [
         topic
         for topic in log.topics
@@ -222,5 +222,5 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         return 2
     sys.setswitchinterval(SWITCH_INTERVAL)
     with log, Keyboard() as keyboard:
-        stop.on_suspend(keyboard.given_back)
+        stop.on_suspend(keyboard.released)
         return run('player_node', partial(PlayerNode, log, options, keyboard), argv, stop)

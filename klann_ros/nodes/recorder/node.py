@@ -87,7 +87,7 @@ class RecorderNode(ProcessNode):
         self._diagnostics = RecordingDiagnostics(self)
         self._watch = TopicWatch(
             self,
-            ['*'] if values['all_topics'] else self._resolved(values['topics']),
+            ['*'] if values['all_topics'] else self._full_names(values['topics']),
             put=self._background.put,
             ledger=self._background.ledger,
             pauses=self._pauses,
@@ -105,7 +105,7 @@ class RecorderNode(ProcessNode):
         """Take what still waits, and finish the run."""
         self._await_answers()
         self._watch.stop()
-        self._watch.take_waiting()
+        self._watch.take_queued()
         if self._pauses.paused:
             self._resume()
         is_well, said = self._recording.finish()
@@ -124,7 +124,7 @@ class RecorderNode(ProcessNode):
         end = monotonic() + LAST_ANSWERS
 
         def spin() -> None:
-            while self._solvers.waiting and monotonic() < end:
+            while self._solvers.unanswered and monotonic() < end:
                 executor.spin_once(timeout_sec=0.02)
 
         spin_on(spin, self)
@@ -133,7 +133,7 @@ class RecorderNode(ProcessNode):
     def _pause(self) -> tuple[bool, str]:
         if self._pauses.paused:
             return True, 'it was paused already'
-        self._watch.take_waiting()
+        self._watch.take_queued()
         self._pauses.begin(time_ns())
         return True, 'paused'
 
@@ -142,11 +142,11 @@ class RecorderNode(ProcessNode):
             return True, 'it was recording already'
         self._pauses.end(time_ns())
         # What was received meanwhile is to be in the record of the pause.
-        self._watch.take_waiting()
+        self._watch.take_queued()
         self._recording.describe_pause()
         return True, 'recording again'
 
-    def _resolved(self, names: Sequence[str]) -> list[str]:
+    def _full_names(self, names: Sequence[str]) -> list[str]:
         """Return full names; a pattern is taken in this node's namespace, and not remapped."""
         namespace = self.get_namespace().rstrip('/')
         return [

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rclpy.subscription import Subscription
 
 # A latched publisher sends at most so many of those again that were heard from it already.
-HEARD = 2000
+LATCHED_HISTORY = 2000
 # Two subscriptions to a publisher hear a message at most so many messages apart.
 MEMORY = 16_384
 
@@ -83,7 +83,7 @@ class RecordedTopic:
         self._publishers: dict[tuple[Any, Any], int] = {}
         self._left: dict[tuple[Any, Any], int] = {}
         self._count = 0
-        self._heard: deque[tuple[int, int]] = deque(maxlen=HEARD)
+        self._recent: deque[tuple[int, int]] = deque(maxlen=LATCHED_HISTORY)
         self._repeats: _Repeats | None = None
         self.adapt(publishers)
 
@@ -105,10 +105,10 @@ class RecordedTopic:
         self._account.loss.identify(tuple(heard[0].endpoint_gid) if len(heard) == 1 else None)
         return sorted({publisher.topic_type for publisher in publishers} - {self.type})
 
-    def take_waiting(self) -> None:
+    def take_queued(self) -> None:
         """Take what waits, as before the end, when no loop will take it any more."""
         for subscription in self._subscriptions.values():
-            for data, info in _waiting(subscription):
+            for data, info in _queued(subscription):
                 self._on_message(data, info)
 
     def _describe(self, publishers: Sequence[TopicEndpointInfo]) -> Topic:
@@ -121,7 +121,7 @@ class RecordedTopic:
         if kind in self._subscriptions:
             return
         if self._subscriptions and self._repeats is None:
-            self._repeats = _Repeats(self._heard)
+            self._repeats = _Repeats(self._recent)
         self._publishers[kind] = 0
         latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
         self._account.loss.latched = self._account.loss.latched or latched
@@ -157,7 +157,7 @@ class RecordedTopic:
         if self._repeats is None:
             if account.loss.count(sequence, self._count):
                 self._changed(self.name)
-            self._heard.append((publish_time, sequence or 0))
+            self._recent.append((publish_time, sequence or 0))
         elif self._repeats.has(publish_time, sequence or 0):
             return
         else:
@@ -226,7 +226,7 @@ def _to_receive(offered: QoSProfile) -> QoSProfile:
     )
 
 
-def _waiting(subscription: Any) -> Iterator[tuple[bytes, Info]]:
+def _queued(subscription: Any) -> Iterator[tuple[bytes, Info]]:
     """Take and yield the messages that wait, with what the middleware knows about each."""
     # No more than the queue holds, so that a flood cannot starve timers and services.
     for _ in range(subscription.qos_profile.depth):

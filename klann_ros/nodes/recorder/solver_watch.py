@@ -77,13 +77,13 @@ class SolverWatch:
 
     Attributes
     ----------
-    waiting : set of str
+    unanswered : set of str
         Full names of the nodes whose answers are still to come.
 
     """
 
     def __init__(self, node: Node, on_parameters: Callable[[SolverParameters], None]) -> None:
-        self.waiting: set[str] = set()
+        self.unanswered: set[str] = set()
         self._node = node
         self._on_parameters = on_parameters
         self._questions: dict[str, _Question] = {}
@@ -119,7 +119,7 @@ class SolverWatch:
         if name not in self._questions:
             self._questions[name] = _Question(self._node, name)
         self._due.add(name)
-        self.waiting.add(name)
+        self.unanswered.add(name)
 
     def _on_event(self, event: ParameterEvent) -> None:
         parameters = (*event.new_parameters, *event.changed_parameters)
@@ -155,7 +155,7 @@ class SolverWatch:
     def _is_answered(self, name: str) -> None:
         self._questions[name].is_answered()
         if name not in self._due:
-            self.waiting.discard(name)
+            self.unanswered.discard(name)
 
 
 def _plain(value: ParameterValue) -> Any:

@@ -86,10 +86,10 @@ class TopicWatch:
         """Look for new topics no more."""
         self._graph.stop()
 
-    def take_waiting(self) -> None:
+    def take_queued(self) -> None:
         """Take all that was received so far."""
         for topic in self.topics.values():
-            topic.take_waiting()
+            topic.take_queued()
 
     def _look(self) -> None:
         for name, kinds in _topics_and_types(self._node):
@@ -108,7 +108,7 @@ class TopicWatch:
         self._solvers.ask()
 
     def _is_due(self, is_late: bool) -> bool:
-        return bool(self._unsettled) or (is_late and bool(self._solvers.waiting))
+        return bool(self._unsettled) or (is_late and bool(self._solvers.unanswered))
 
     def _is_known(self, name: str, kind: str) -> bool:
         recorded = self.topics.get(name)

@@ -106,10 +106,10 @@ class CrankInputs:
 
     def sources(self) -> str:
         """Return who turns the crank, where it is more than one; call it once a report."""
-        heard = [source for source in (self._angles, self._states) if source.was_heard()]
-        if sum(source.publishers for source in heard) < 2:
+        active = [source for source in (self._angles, self._states) if source.had_message()]
+        if sum(source.publishers for source in active) < 2:
             return ''
-        return ' and '.join(f'{source.topic} ({source.publishers})' for source in heard)
+        return ' and '.join(f'{source.topic} ({source.publishers})' for source in active)
 
     def _on_crank_angle(self, data: bytes, info: Info) -> None:
         self._angles.count(info)
@@ -161,7 +161,7 @@ class _Source:
     ) -> None:
         self.loss = LossCounter()
         self.publishers = 0
-        self._heard = False
+        self._had_message = False
         self._node = node
         self._profile = overridden(node, topic, 'subscription', INPUT)
         self._arguments = (kind, topic, callback, self._profile)
@@ -191,13 +191,13 @@ class _Source:
         self.loss.forget()
 
     def count(self, info: Info) -> None:
-        self._heard = True
+        self._had_message = True
         self.loss.count(info['publication_sequence_number'], self.publishers)
 
-    def was_heard(self) -> bool:
+    def had_message(self) -> bool:
         """Return whether there was a message since the last call."""
-        heard, self._heard = self._heard, False
-        return heard
+        had, self._had_message = self._had_message, False
+        return had
 
     def _on_matched(self, status: Any) -> None:
         # Whoever comes or goes: the next message may be of another publisher.

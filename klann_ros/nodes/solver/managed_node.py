@@ -22,29 +22,29 @@ class ManagedSolverNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Have nothing to do: what could be refused was declared at the start."""
-        return self._told('configured', super().on_configure(state))
+        return self._logged('configured', super().on_configure(state))
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen."""
         self._solver.listen()
-        return self._told('activated: it answers', super().on_activate(state))
+        return self._logged('activated: it answers', super().on_activate(state))
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen no more."""
         self._solver.ignore()
-        return self._told('deactivated: it does not listen', super().on_deactivate(state))
+        return self._logged('deactivated: it does not listen', super().on_deactivate(state))
 
     def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Forget the warm starts."""
         self._solver.reset()
-        return self._told('cleaned up: unconfigured', TransitionCallbackReturn.SUCCESS)
+        return self._logged('cleaned up: unconfigured', TransitionCallbackReturn.SUCCESS)
 
     def on_shutdown(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Listen no more."""
         self._solver.ignore()
-        return self._told('shut down: it answers no more', TransitionCallbackReturn.SUCCESS)
+        return self._logged('shut down: it answers no more', TransitionCallbackReturn.SUCCESS)
 
-    def _told(self, what: str, result: TransitionCallbackReturn) -> TransitionCallbackReturn:
+    def _logged(self, what: str, result: TransitionCallbackReturn) -> TransitionCallbackReturn:
         if result == TransitionCallbackReturn.SUCCESS:
             self.get_logger().info(what)
         return result

@@ -18,7 +18,7 @@ from ros_world import PACKAGE, Process, World
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-JOB_CONTROL = Path(__file__).resolve().parents[1] / 'job_control.py'
+JOB_CONTROL = Path(__file__).resolve().parents[2] / 'job_control.py'
 SPACE, UP, DOWN, RIGHT = ' ', '\x1b[A', '\x1b[B', '\x1b[C'
 CTRL_C, CTRL_Z, CTRL_BACKSLASH = '\x03', '\x1a', '\x1c'
 # Paused where nothing but numbers comes, and so slow that nothing but the next is ever due.

@@ -18,7 +18,7 @@ from std_msgs.msg import Float64
 from visualization_msgs.msg import Marker, MarkerArray
 import yaml
 
-CONFIG = Path(__file__).resolve().parents[2] / 'config'
+CONFIG = Path(__file__).resolve().parents[3] / 'config'
 JOINTS = ['alpha', 'gamma', 'beta', 'delta', 'theta']
 TWO = {
     'legs': '[left, right]',

@@ -1,11 +1,12 @@
-"""A type's name becomes a module only where ament knows a package of interfaces by that name."""
+"""A type's name is a module only where ament has it, a topic's is refused before ROS is asked."""
 
 from pathlib import Path
+import re
 import sys
 
 from hypothesis import example, given, strategies as st
 from klann_ros.log.definitions import default_prefixes, INDEX
-from klann_ros.nodes.endpoints import message_class, UnknownMessageTypeError
+from klann_ros.nodes.endpoints import message_class, name_refusal, UnknownMessageTypeError
 import pytest
 from std_msgs.msg import Float64
 
@@ -50,6 +51,8 @@ NAMES = st.one_of(
         LETTERS | st.just('Float64'),
     ),
 )
+# https://docs.ros.org: a slash before each part, which begins with a letter or an underscore.
+FULL_NAME = re.compile('(/[A-Za-z_][A-Za-z0-9_]*)+')
 # What a good message brings along is there by now.
 message_class('std_msgs/msg/Float64')
 
@@ -107,7 +110,9 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, *, known:
     return marker
 
 
-def test_a_package_that_ament_does_not_know_is_not_run(tmp_path, monkeypatch) -> None:
+def test_a_package_that_ament_does_not_know_is_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     marker = broken(tmp_path, monkeypatch, 'X = 1', known=False)
     with pytest.raises(UnknownMessageTypeError, match="X' is not installed"):
         message_class(f'half_msgs_{tmp_path.name}/msg/X')
@@ -125,9 +130,22 @@ def test_a_package_that_ament_does_not_know_is_not_run(tmp_path, monkeypatch) ->
     ],
 )
 def test_what_is_no_message_of_an_installed_package_is_said(
-    tmp_path, monkeypatch, text: str, said: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, said: str
 ) -> None:
     marker = broken(tmp_path, monkeypatch, text, known=True)
     with pytest.raises(UnknownMessageTypeError, match=said):
         message_class(f'half_msgs_{tmp_path.name}/msg/X')
     assert marker.exists()
+
+
+@given(st.text('/ab1_{}~ \u00e9\0\n', max_size=8) | st.text() | st.from_regex(FULL_NAME))
+@example('/' + 'x' * 246)
+@example('/' + 'x' * 247)
+@example('/a\0')
+@example('/\udcff')
+def test_just_the_full_names_of_ros_are_taken(name: str) -> None:
+    good = FULL_NAME.fullmatch(name) is not None and len(name) <= 247
+    reason = name_refusal(name)
+    assert (reason == '') == good
+    assert reason.isprintable()
+    assert len(reason) < 120
