@@ -1,6 +1,6 @@
 """Which topics are recorded: each from when it appears, with all of its publishers."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from fnmatch import fnmatchcase
 from threading import Event, Thread
@@ -52,11 +52,6 @@ class TopicWatch:
     diagnostics : RecordingDiagnostics
         What is published by the node itself, and not recorded.
 
-    Attributes
-    ----------
-    topics : dict of str to RecordedTopic
-        Those that are recorded, by name.
-
     """
 
     def __init__(
@@ -71,7 +66,7 @@ class TopicWatch:
         diagnostics: RecordingDiagnostics,
     ) -> None:
         """Look at once, and from then on."""
-        self.topics: dict[str, RecordedTopic] = {}
+        self._topics: dict[str, RecordedTopic] = {}
         self._node, self._patterns, self._solvers = node, patterns, solvers
         self._put, self._ledger = put, ledger
         self._pauses, self._diagnostics = pauses, diagnostics
@@ -80,22 +75,51 @@ class TopicWatch:
         self._complaints: set[str] = set()
         self._unsettled: dict[str, float] = {}
         self._silent: set[str] = set()
-        self._graph = _GraphWatch(node, self._silent.copy, self._is_due, self._look)
+        self._stopped = Event()
+        self._news = node.create_guard_condition(self._look)
+        self._thread = Thread(target=self._watch_graph, name='graph', daemon=True)
+        self._thread.start()
 
     def stop(self) -> None:
         """Look for new topics no more."""
-        self._graph.stop()
+        self._stopped.set()
+        self._thread.join()
 
     def take_queued(self) -> None:
         """Take all that was received so far."""
-        for topic in self.topics.values():
+        for topic in self._topics.values():
             topic.take_queued()
+
+    def _watch_graph(self) -> None:
+        """
+        Have `_look` called when topics or publishers have appeared, in a thread of its own.
+
+        A timer would have the executor build its wait set anew each time, which takes fifty times
+        as long as to look.
+        """
+        before: object = None
+        looks = 0
+        while not self._stopped.wait(PERIOD):
+            looks += 1
+            is_late = looks >= PATIENCE / PERIOD
+            now = self._graph()
+            if now != before or self._is_due(is_late):
+                self._news.trigger()
+                before, looks = now, 0
+
+    def _graph(self) -> object:
+        """Return what may be news: topics, and publishers of those that had none."""
+        counts = [(name, self._node.count_publishers(name)) for name in self._silent.copy()]
+        return _topics_and_types(self._node), counts
+
+    def _is_due(self, is_late: bool) -> bool:
+        return bool(self._unsettled) or (is_late and bool(self._solvers.unanswered))
 
     def _look(self) -> None:
         for name, kinds in _topics_and_types(self._node):
             if all(self._is_known(name, kind) for kind in kinds):
                 continue
-            if name in self.topics:
+            if name in self._topics:
                 # Of another type: no subscription hears of its publisher.
                 self._on_change(name)
             elif self._is_wanted(name):
@@ -107,11 +131,8 @@ class TopicWatch:
                 del self._unsettled[name]
         self._solvers.ask()
 
-    def _is_due(self, is_late: bool) -> bool:
-        return bool(self._unsettled) or (is_late and bool(self._solvers.unanswered))
-
     def _is_known(self, name: str, kind: str) -> bool:
-        recorded = self.topics.get(name)
+        recorded = self._topics.get(name)
         return (name, kind) in self._refused or (recorded is not None and recorded.type == kind)
 
     def _is_wanted(self, name: str) -> bool:
@@ -142,7 +163,7 @@ class TopicWatch:
         self._silent.discard(name)
         own = self._diagnostics
         try:
-            self.topics[name] = RecordedTopic(
+            self._topics[name] = RecordedTopic(
                 self._node,
                 self._group,
                 name,
@@ -171,7 +192,7 @@ class TopicWatch:
         self._unsettled[name] = monotonic() + SETTLING
 
     def _look_at(self, name: str) -> None:
-        topic = self.topics[name]
+        topic = self._topics[name]
         try:
             publishers = self._publishers(name)
             for kind in topic.adapt(publishers):
@@ -195,61 +216,6 @@ class TopicWatch:
         if len(self._complaints) == MOST_COMPLAINTS:
             text += '; and that is enough of such complaints'
         self._node.get_logger().warning(printable_line(text))
-
-
-class _GraphWatch:
-    """
-    Call back in the executor's thread when topics or publishers have appeared.
-
-    A timer would have the executor build its wait set anew each time, which takes fifty times as
-    long as to look.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Who looks.
-    silent : callable
-        Returns the names of topics whose first publisher is awaited.
-    is_due : callable
-        Returns whether to call back without news, given whether that is a second since the last.
-    on_news : callable
-        Is called back.
-
-    """
-
-    def __init__(
-        self,
-        node: Node,
-        silent: Callable[[], Iterable[str]],
-        is_due: Callable[[bool], bool],
-        on_news: Callable[[], object],
-    ) -> None:
-        self._node, self._silent, self._is_due = node, silent, is_due
-        self._stopped = Event()
-        self._guard = node.create_guard_condition(on_news)
-        self._thread = Thread(target=self._look, name='graph', daemon=True)
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Look no more."""
-        self._stopped.set()
-        self._thread.join()
-
-    def _look(self) -> None:
-        before: object = None
-        looks = 0
-        while not self._stopped.wait(PERIOD):
-            looks += 1
-            is_late = looks >= PATIENCE / PERIOD
-            now = self._facts()
-            if now != before or self._is_due(is_late):
-                self._guard.trigger()
-                before, looks = now, 0
-
-    def _facts(self) -> object:
-        node = self._node
-        counts = [(name, node.count_publishers(name)) for name in list(self._silent())]
-        return _topics_and_types(node), counts
 
 
 def _topics_and_types(node: Node) -> list[tuple[str, list[str]]]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from math import degrees, tau
-from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from klann_ros.log.wording import verb
@@ -11,42 +10,10 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from .crank_inputs import CrankInputs
-from .driven_leg import DrivenLeg
+from .driven_leg import DrivenLeg, SolverFigures
 
 # Inputs are stale when there was none for so long [s].
 STALE_AFTER = 2.0
-
-
-class _Inputs(NamedTuple):
-    """
-    What came to all legs.
-
-    Attributes
-    ----------
-    lost, lost_now : int
-        Inputs lost since the start and since the last report.
-    out_of_order : int
-        Inputs older than the one before, since the start.
-    period : float
-        Time since the last report [s].
-    sources : str
-        Who turns the crank, where it is more than one.
-
-    """
-
-    lost: int
-    lost_now: int
-    out_of_order: int
-    period: float
-    sources: str
-
-    @property
-    def complaint(self) -> str:
-        """Return what was lost, and who turns the crank together."""
-        were = verb(self.lost_now, 'input was', 'inputs were')
-        lost = f'{self.lost_now} {were} lost' if self.lost_now else ''
-        turned = f'the crank is turned by more than one: {self.sources}' if self.sources else ''
-        return '; '.join(filter(None, (lost, turned)))
 
 
 class SolverDiagnostics:
@@ -95,20 +62,15 @@ class SolverDiagnostics:
     def _report(self) -> None:
         now = self._steady.now()
         lost = self._inputs.lost
-        inputs = _Inputs(
-            lost=lost,
-            lost_now=lost - self._lost_reported,
-            out_of_order=self._inputs.out_of_order,
-            period=(now - self._last_report).nanoseconds / 1e9,
-            sources=self._inputs.sources(),
-        )
+        complaint = _complaint(lost - self._lost_reported, self._inputs.sources())
+        period = (now - self._last_report).nanoseconds / 1e9
         array = DiagnosticArray()
         for i, leg in enumerate(self._legs):
             if leg.figures.inputs:
                 # Known to a period only, which is far less than what counts as silence.
                 self._last_inputs[i] = now
             silence = (now - self._last_inputs[i]).nanoseconds / 1e9
-            level, message = self._verdict(leg, inputs, silence)
+            level, message = self._verdict(leg.figures, silence, complaint)
             name = f'{self._node.get_name()}: {leg.name or "leg"}'
             status = DiagnosticStatus(
                 level=level,
@@ -117,7 +79,7 @@ class SolverDiagnostics:
                 hardware_id=name,
                 values=[
                     KeyValue(key=key, value=str(value))
-                    for key, value in _values(leg, inputs).items()
+                    for key, value in _values(leg, self._inputs, period).items()
                 ],
             )
             array.status.append(status)
@@ -126,17 +88,18 @@ class SolverDiagnostics:
         self._publisher.publish(array)
         self._lost_reported, self._last_report = lost, now
 
-    def _verdict(self, leg: DrivenLeg, inputs: _Inputs, silence: float) -> tuple[bytes, str]:
+    def _verdict(
+        self, figures: SolverFigures, silence: float, complaint: str
+    ) -> tuple[bytes, str]:
         """Return the level and the most important thing to say."""
-        figures = leg.figures
         if silence > STALE_AFTER:
             return DiagnosticStatus.STALE, f'no input for {silence:.1f} s'
         if figures.failure:
             return DiagnosticStatus.ERROR, figures.failure
         if figures.rejection:
             return DiagnosticStatus.WARN, figures.rejection
-        if inputs.lost_now or inputs.sources:
-            return DiagnosticStatus.WARN, inputs.complaint
+        if complaint:
+            return DiagnosticStatus.WARN, complaint
         if figures.from_singular < self._min_transmission_angle:
             angle = degrees(figures.from_singular)
             return (
@@ -146,7 +109,14 @@ class SolverDiagnostics:
         return DiagnosticStatus.OK, 'solving'
 
 
-def _values(leg: DrivenLeg, inputs: _Inputs) -> dict[str, object]:
+def _complaint(lost: int, sources: str) -> str:
+    """Return how many inputs were lost since the last report, and who turns the crank together."""
+    were = verb(lost, 'input was', 'inputs were')
+    turned = f'the crank is turned by more than one: {sources}'
+    return '; '.join([f'{lost} {were} lost'] * bool(lost) + [turned] * bool(sources))
+
+
+def _values(leg: DrivenLeg, inputs: CrankInputs, period: float) -> dict[str, object]:
     figures, assembly = leg.figures, leg.leg.assembly
     angles = enumerate(figures.transmission_angles(len(assembly)), start=1)
     return {
@@ -155,7 +125,7 @@ def _values(leg: DrivenLeg, inputs: _Inputs) -> dict[str, object]:
         'failed': figures.failed,
         'lost': inputs.lost,
         'out_of_order': inputs.out_of_order,
-        'rate': f'{figures.inputs / inputs.period:.3f}',
+        'rate': f'{figures.inputs / period:.3f}',
         'iterations': figures.iterations,
         'residual': f'{figures.residual:.3e}',
         'condition': f'{figures.condition:.4g}',
