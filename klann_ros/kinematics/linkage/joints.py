@@ -95,7 +95,7 @@ def carried(structure: Structure, u: Vectors, x_1: Any, j: int, unknown: Sequenc
     return tangent(structure, u, j, f) * x_1[f] if known else 0.0
 
 
-def bent(structure: Structure, u: Vectors, rates: Sequence[Any]) -> list[Any]:
+def bent(structure: Structure, u: Vectors, rates: Any) -> list[Any]:
     """Return the part of d2u_j/dt2 that the rates dx/dt make."""
     found = []
     for j, body in enumerate(structure.bodies):

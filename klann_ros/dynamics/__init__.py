@@ -1,0 +1,37 @@
+"""
+Forces of linkages with one crank: what turns it, what its joints carry; knows nothing of ROS.
+
+>>> import numpy as np
+>>> from klann_ros.dynamics import Dynamics, rods
+>>> from klann_ros.kinematics import KlannGeometry
+>>> leg = Dynamics(KlannGeometry.sem104(), rods(KlannGeometry.sem104(), 1.0))  # 1 kg/m
+>>> turn = leg.turn(2.0)  # at 2 rad/s, under its weight
+>>> round(turn.torque.min(), 3), round(turn.torque.max(), 3)
+(-3.537, 1.58)
+
+`Masses` are what a linkage weighs: `rods` makes them of slender rods, `masses_from_file` reads a
+linkage's file. `Dynamics` has the crank torque of a motion, reduced inertia, energies and the
+reactions of the joints, at many crank angles at once; `simulate` gives the motion that a torque
+makes.
+"""
+
+from .balance import Reactions
+from .forces import Dynamics, TurnOfForces
+from .masses import BodyMass, MassError, Masses, masses_from_file, masses_from_text, rods, Spring
+from .simulation import NoScipyError, simulate, Simulation
+
+__all__ = [
+    'BodyMass',
+    'Dynamics',
+    'MassError',
+    'Masses',
+    'NoScipyError',
+    'Reactions',
+    'Simulation',
+    'Spring',
+    'TurnOfForces',
+    'masses_from_file',
+    'masses_from_text',
+    'rods',
+    'simulate',
+]

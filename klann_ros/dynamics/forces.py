@@ -1,0 +1,292 @@
+"""
+Crank torque, energies and joint reactions of a linkage in motion.
+
+With one crank all follows from how points move with its angle a. With c the centres of mass, phi
+by what the bodies turn and V the potential energy, a dash being d/da,
+
+    I  = sum m |c'|^2 + J phi'^2                     the reduced inertia,
+    T  = I a.. + I'/2 a.^2 + V' - sum F . p'         the torque at the crank,
+
+and the forces in the joints balance each body by Newton and Euler, without the energies: so each
+is the other's oracle. (J. J. Uicker, G. R. Pennock, J. E. Shigley, Theory of Machines and
+Mechanisms, the chapters on dynamic force analysis.)
+"""
+
+from collections.abc import Mapping
+from math import pi
+from typing import Any, NamedTuple
+
+from klann_ros.kinematics import Linkage, LinkageLeg, PartialTurnError, reachable_arcs
+from klann_ros.kinematics.linkage.linkage import as_linkage
+from klann_ros.kinematics.validation import rate as checked_rate
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .balance import Reactions, reactions
+from .masses import MassError, Masses, place_of, Spring
+from .motion import Motion, motion, motion_through
+
+Array = NDArray[np.float64]
+# Downwards, as in a leg's plane [m/s^2].
+GRAVITY = (0.0, -9.80665)
+Forces = Mapping[str, tuple[float, float]]
+
+
+class TurnOfForces(NamedTuple):
+    """
+    What a turn of the crank at constant speed takes.
+
+    Attributes
+    ----------
+    alphas : numpy.ndarray, shape (k,)
+        Crank angles, evenly over a turn from 0 on [rad].
+    rate : float
+        Of the crank [rad/s].
+    torque : numpy.ndarray, shape (k,)
+        At the crank [N m], positive where it drives counter-clockwise.
+
+    """
+
+    alphas: Array
+    rate: float
+    torque: Array
+
+    @property
+    def power(self) -> Array:
+        """Return the power at the crank [W]."""
+        return self.torque * self.rate
+
+    @property
+    def mean(self) -> float:
+        """Return the mean torque [N m]: the work of a turn over 2 pi."""
+        return float(self.torque.mean())
+
+    @property
+    def peak(self) -> float:
+        """Return the largest magnitude of the torque [N m]."""
+        return float(np.abs(self.torque).max())
+
+    @property
+    def rms(self) -> float:
+        """Return the root of the mean square of the torque, by which a motor gets warm [N m]."""
+        return float(np.sqrt((self.torque**2).mean()))
+
+    @property
+    def energy_swing(self) -> float:
+        """
+        Return by how much a shaft with the mean torque gains and loses energy in a turn [J].
+
+        The integral of T - mean by the trapezoid rule, exact to rounding for a smooth turn.
+        """
+        excess = self.torque - self.mean
+        # The trapezoid rule between the samples, by Fourier's series: exact for what is smooth.
+        spectrum = np.fft.rfft(excess)
+        orders = np.arange(len(spectrum))
+        spectrum[1:] /= 1j * orders[1:]
+        spectrum[0] = 0.0
+        energy = np.fft.irfft(spectrum, len(excess))
+        return float(np.ptp(energy))
+
+    def flywheel(self, unevenness: float) -> float:
+        """
+        Return the inertia at the crank that keeps its speed even [kg m^2].
+
+        Parameters
+        ----------
+        unevenness : float
+            (greatest - least speed) / mean speed, > 0.
+
+        Raises
+        ------
+        ValueError
+            `unevenness` is not > 0, or the crank rests.
+
+        """
+        if not unevenness > 0.0 or self.rate == 0.0:
+            msg = (
+                f'unevenness = {unevenness!r} is refused: it must be > 0, and the crank must turn'
+            )
+            raise ValueError(msg)
+        return self.energy_swing / (unevenness * self.rate**2)
+
+
+class Dynamics:
+    """
+    A linkage with masses.
+
+    Parameters
+    ----------
+    linkage : Linkage, KlannGeometry, FourBarGeometry or leg
+        What moves.
+    masses : Masses
+        What it weighs.
+    gravity : (float, float)
+        In the linkage's plane [m/s^2].
+
+    Raises
+    ------
+    MassError
+        There is not a mass for each body.
+
+    """
+
+    def __init__(
+        self, linkage: Any, masses: Masses, *, gravity: tuple[float, float] = GRAVITY
+    ) -> None:
+        """Compute nothing yet."""
+        self.linkage: Linkage = as_linkage(linkage)
+        self.masses = masses
+        bodies = len(self.linkage.structure.bodies)
+        if len(masses.bodies) != bodies:
+            raise MassError(f'there are {len(masses.bodies)} masses for {bodies} bodies')
+        self.gravity = place_of(gravity)
+        self._leg = LinkageLeg(self.linkage)
+
+    def reduced_inertia(self, alphas: ArrayLike) -> tuple[Array, Array]:
+        """Return I and dI/dalpha at crank angles, shape (k,) [kg m^2]; NaN at singular poses."""
+        return self._inertia(motion(self.linkage, alphas))
+
+    def potential_energy(self, alphas: ArrayLike) -> Array:
+        """Return the energy of weight and springs at crank angles, shape (k,) [J]."""
+        energy, _ = self._potential(motion(self.linkage, alphas))
+        return energy
+
+    def kinetic_energy(self, alphas: ArrayLike, alpha_rate: ArrayLike) -> Array:
+        """Return the energy of motion at crank angles and rates, shape (k,) [J]."""
+        inertia, _ = self.reduced_inertia(alphas)
+        energy: Array = inertia * np.asarray(alpha_rate, dtype=np.float64) ** 2 / 2.0
+        return energy
+
+    def crank_torque(
+        self,
+        alphas: ArrayLike,
+        alpha_rate: ArrayLike = 0.0,
+        alpha_acceleration: ArrayLike = 0.0,
+        loads: Forces | None = None,
+    ) -> Array:
+        """
+        Return the torque at the crank that a motion takes, shape (k,) [N m].
+
+        Parameters
+        ----------
+        alphas : array-like of float, shape (k,)
+            Crank angles [rad].
+        alpha_rate, alpha_acceleration : array-like of float
+            Rate of the crank [rad/s], and its change [rad/s^2]: one, or one for each angle.
+        loads : mapping of str to (float, float), optional
+            Forces on points [N]; each number may be an array of shape (k,).
+
+        Raises
+        ------
+        MassError
+            There is no such point.
+
+        """
+        moving = motion(self.linkage, alphas)
+        rate = np.asarray(alpha_rate, dtype=np.float64)
+        inertia, inertia_1 = self._inertia(moving)
+        _, slope = self._potential(moving)
+        torque = inertia * np.asarray(alpha_acceleration) + inertia_1 / 2.0 * rate**2 + slope
+        for point, force in self._loads(loads).items():
+            torque = torque - _dot(force, moving.point(point)[1])
+        return np.asarray(torque, dtype=np.float64)
+
+    def inertia_and_torque(self, alpha: float, alpha_rate: float) -> tuple[float, float]:
+        """Return I at a crank angle, and the torque that turns it on at its rate [kg m^2, N m]."""
+        # One after the other they are near to each other, mostly.
+        x = np.array(self._leg.solve(alpha).x)[:, None]
+        moving = motion_through(self.linkage, np.array([alpha]), x)
+        inertia, inertia_1 = self._inertia(moving)
+        _, slope = self._potential(moving)
+        return float(inertia[0]), float(inertia_1[0] / 2.0 * alpha_rate**2 + slope[0])
+
+    def reactions(
+        self,
+        alphas: ArrayLike,
+        alpha_rate: float = 0.0,
+        alpha_acceleration: float = 0.0,
+        loads: Forces | None = None,
+    ) -> Reactions:
+        """Return what the joints carry; parameters and errors as `crank_torque`."""
+        moving = motion(self.linkage, alphas)
+        pulls = [pull for spring in self.masses.springs for pull in _pulls(spring, moving)]
+        rates, acting = (alpha_rate, alpha_acceleration), [*self._loads(loads).items(), *pulls]
+        return reactions(moving, self.masses.bodies, rates, self.gravity, acting)
+
+    def turn(
+        self, alpha_rate: float, loads: Forces | None = None, *, samples: int = 720
+    ) -> TurnOfForces:
+        """
+        Return what a turn of the crank at constant speed takes.
+
+        Raises
+        ------
+        PartialTurnError
+            The crank does not turn fully.
+        MassError, ValueError
+            As `crank_torque`; the rate is not finite.
+
+        """
+        checked_rate('alpha_rate', alpha_rate)
+        arcs = reachable_arcs(self.linkage)
+        if arcs != [(0.0, 2.0 * pi)]:
+            raise PartialTurnError(arcs)
+        alphas = 2.0 * pi * np.arange(samples) / samples
+        return TurnOfForces(
+            alphas, float(alpha_rate), self.crank_torque(alphas, alpha_rate, 0.0, loads)
+        )
+
+    def _inertia(self, moving: Motion) -> tuple[Array, Array]:
+        inertia, inertia_1 = np.zeros(moving.alphas.size), np.zeros(moving.alphas.size)
+        for j, body in enumerate(self.masses.bodies):
+            _, c_1, c_2 = moving.fixed_to(j, body.centre)
+            inertia += body.mass * np.abs(c_1) ** 2 + body.inertia * moving.turning_1[j] ** 2
+            turning = moving.turning_1[j] * moving.turning_2[j]
+            inertia_1 += 2.0 * (body.mass * _dot(c_1, c_2) + body.inertia * turning)
+        return inertia, inertia_1
+
+    def _potential(self, moving: Motion) -> tuple[Array, Array]:
+        energy, slope = np.zeros(moving.alphas.size), np.zeros(moving.alphas.size)
+        for j, body in enumerate(self.masses.bodies):
+            c, c_1, _ = moving.fixed_to(j, body.centre)
+            energy -= body.mass * _dot(self.gravity, c)
+            slope -= body.mass * _dot(self.gravity, c_1)
+        for spring in self.masses.springs:
+            (p, p_1), (q, q_1) = (_end(end, moving) for end in spring.ends)
+            length = np.abs(q - p)
+            stretched = length - spring.free_length
+            energy += spring.stiffness * stretched**2 / 2.0
+            with np.errstate(invalid='ignore', divide='ignore'):
+                way = np.where(length > 0.0, (q - p) / length, 0.0)
+            slope += spring.stiffness * stretched * _dot(way, q_1 - p_1)
+        return energy, slope
+
+    def _loads(self, loads: Forces | None) -> dict[str, Any]:
+        points = self.linkage.structure.points
+        for point in loads or {}:
+            if point not in points:
+                raise MassError(f'load on {point}: no such point; there are {", ".join(points)}')
+        return {point: x + 1j * np.asarray(y) for point, (x, y) in (loads or {}).items()}
+
+
+def _end(end: Any, moving: Motion) -> tuple[Any, Any]:
+    if isinstance(end, str):
+        at, at_1, _ = moving.point(end)
+        return at, at_1
+    zero = np.zeros(moving.alphas.size) + 0j
+    return zero + place_of(end), zero
+
+
+def _pulls(spring: Spring, moving: Motion) -> list[tuple[str, Any]]:
+    """Return the points that a spring pulls at, with its force on them."""
+    (p, _), (q, _) = (_end(end, moving) for end in spring.ends)
+    length = np.abs(q - p)
+    with np.errstate(invalid='ignore', divide='ignore'):
+        way = np.where(length > 0.0, (q - p) / length, 0.0)
+    force = spring.stiffness * (length - spring.free_length) * way
+    ends = zip(spring.ends, (force, -force), strict=True)
+    return [(end, pull) for end, pull in ends if isinstance(end, str)]
+
+
+def _dot(a: Any, b: Any) -> Any:
+    return np.real(a * np.conj(b))

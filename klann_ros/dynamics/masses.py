@@ -1,0 +1,239 @@
+"""What a linkage weighs: a mass, its centre and its inertia for every body, and springs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import isfinite
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from klann_ros.kinematics import Linkage
+from klann_ros.kinematics.linkage.file import LENGTH_UNITS, linkage_text
+from klann_ros.kinematics.linkage.linkage import as_linkage
+from klann_ros.untrusted.text import did_you_mean, printable
+from klann_ros.untrusted.yaml_text import parse
+
+
+class MassError(ValueError):
+    """Masses that are none; the text says which and why."""
+
+
+class BodyMass(NamedTuple):
+    """
+    The mass of a body.
+
+    Attributes
+    ----------
+    mass : float
+        [kg], >= 0.
+    centre : complex
+        Where its centre of mass is, x + i y from the body's first point, x along its angle [m].
+    inertia : float
+        About the centre [kg m^2], >= 0.
+
+    """
+
+    mass: float = 0.0
+    centre: complex = 0j
+    inertia: float = 0.0
+
+    def plus(self, other: 'BodyMass') -> 'BodyMass':
+        """Return both together, by the parallel axis theorem."""
+        mass = self.mass + other.mass
+        if not mass:
+            return BodyMass(0.0, 0j, self.inertia + other.inertia)
+        centre = (self.mass * self.centre + other.mass * other.centre) / mass
+        apart = sum(m.mass * abs(m.centre - centre) ** 2 for m in (self, other))
+        return BodyMass(mass, centre, self.inertia + other.inertia + apart)
+
+
+@dataclass(frozen=True)
+class Spring:
+    """
+    A spring between two points: of the linkage, or fixed places (x, y) [m].
+
+    Attributes
+    ----------
+    ends : (str or (float, float), str or (float, float))
+        What it pulls at.
+    stiffness : float
+        [N/m], >= 0.
+    free_length : float
+        Where it neither pulls nor pushes [m], >= 0.
+
+    """
+
+    ends: tuple[Any, Any]
+    stiffness: float
+    free_length: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no spring."""
+        _not_negative('stiffness', self.stiffness, 'N/m')
+        _not_negative('free_length', self.free_length, 'm')
+
+
+@dataclass(frozen=True)
+class Masses:
+    """
+    What a linkage weighs.
+
+    Attributes
+    ----------
+    bodies : tuple of BodyMass
+        One for every body, the crank's first.
+    springs : tuple of Spring
+        The springs.
+
+    """
+
+    bodies: tuple[BodyMass, ...]
+    springs: tuple[Spring, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse what is no mass."""
+        for number, body in enumerate(self.bodies):
+            _not_negative(f'mass of body {number}', body.mass, 'kg')
+            _not_negative(f'inertia of body {number}', body.inertia, 'kg m^2')
+            if not (isfinite(body.centre.real) and isfinite(body.centre.imag)):
+                raise MassError(f'centre of body {number} is refused: it must be finite')
+
+    @property
+    def total(self) -> float:
+        """Return the mass of all [kg]."""
+        return sum(body.mass for body in self.bodies)
+
+    def with_mass(self, j: int, added: BodyMass) -> 'Masses':
+        """Return them with a mass more on a body, such as a foot's."""
+        bodies = [body.plus(added) if i == j else body for i, body in enumerate(self.bodies)]
+        return replace(self, bodies=tuple(bodies))
+
+
+def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
+    """
+    Return the masses of slender rods: every bar, and every brace, weighs by its length.
+
+    Parameters
+    ----------
+    linkage : Linkage, KlannGeometry, FourBarGeometry or leg
+        Its bars.
+    density : float
+        Of all bars [kg/m].
+    foot_mass : float
+        A point mass at the foot, on the first body that has it [kg].
+
+    Raises
+    ------
+    MassError
+        A number is negative, or none.
+
+    """
+    given = as_linkage(linkage)
+    _not_negative('density', density, 'kg/m')
+    _not_negative('foot_mass', foot_mass, 'kg')
+    places = _places(given)
+    bodies = []
+    for j, body in enumerate(given.structure.bodies):
+        total = BodyMass()
+        for bar in body.bars[1:] if body.slides else body.bars:
+            starts = [bar.start, *([bar.brace.start] if bar.brace else [])]
+            for start in starts:
+                p, q = places[j, start], places[j, bar.end]
+                length = abs(q - p)
+                mass = density * length
+                total = total.plus(BodyMass(mass, (p + q) / 2.0, mass * length**2 / 12.0))
+        bodies.append(total)
+    made = Masses(tuple(bodies))
+    foot = given.structure.foot
+    owner = next(j for j, body in enumerate(given.structure.bodies) if foot in body.points)
+    return made.with_mass(owner, BodyMass(foot_mass, places[owner, foot])) if foot_mass else made
+
+
+def _places(linkage: Linkage) -> dict[tuple[int, str], complex]:
+    """Return where the points of each body are in it, from its first point [m]."""
+    found: dict[tuple[int, str], complex] = {}
+    for number, (j, bar) in enumerate(linkage.structure.bars):
+        if number in linkage.structure.lines:
+            found[j, bar.end] = 0j
+            continue
+        start = found.setdefault((j, bar.start), 0j)
+        found[j, bar.end] = start + complex(linkage.bars[number])
+    return found
+
+
+def masses_from_file(path: str | Path, linkage: Linkage) -> Masses:
+    """
+    Return the masses that a linkage's file holds; parameters and errors as `masses_from_text`.
+
+    A LinkageFileError says that the file cannot be read.
+    """
+    return masses_from_text(linkage_text(path), linkage, str(path))
+
+
+def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses:
+    """
+    Return the masses in the YAML text of a linkage that is known to be sound.
+
+    Each of its bodies may have `mass` [kg], `centre` [x, y] in the body and `inertia` about it
+    [kg m^2]; or the file has one `density` for all bars [kg/m]. `springs` are a list of
+    `{from, to, stiffness, free_length}`.
+
+    Raises
+    ------
+    MassError
+        There are none, or one of them is none; the text says which.
+
+    """
+    content = parse(text)
+    metre = LENGTH_UNITS[content.get('units', {}).get('length', 'm')]
+    springs = tuple(_spring(each, linkage, metre) for each in content.get('springs', ()))
+    bodies = content['bodies']
+    without = [angle for angle in linkage.joint_names if 'mass' not in bodies[angle]]
+    if 'density' in content:
+        if len(without) < len(bodies):
+            msg = f'{printable(name)} has both density and masses: leave one of them out'
+            raise MassError(msg)
+        return replace(rods(linkage, float(content['density'])), springs=springs)
+    if len(without) == len(bodies):
+        msg = (
+            f'{printable(name)} has no masses: give each body mass, centre and inertia, or '
+            f'density [kg/m] for all bars'
+        )
+        raise MassError(msg)
+    if without:
+        raise MassError(f'{printable(name)}: {", ".join(without)} without mass; 0 is one')
+    return Masses(tuple(_body(bodies[angle], metre) for angle in linkage.joint_names), springs)
+
+
+def _body(content: Mapping[str, Any], metre: float) -> BodyMass:
+    x, y = content.get('centre', (0.0, 0.0))
+    return BodyMass(
+        float(content['mass']), metre * complex(x, y), float(content.get('inertia', 0.0))
+    )
+
+
+def _spring(content: Mapping[str, Any], linkage: Linkage, metre: float) -> Spring:
+    def end(given: Any) -> Any:
+        if isinstance(given, str):
+            points = linkage.structure.points
+            if given not in points:
+                hint = did_you_mean(given, points)
+                raise MassError(
+                    f'springs: {given} is none of the points: {", ".join(points)}{hint}'
+                )
+            return given
+        x, y = given
+        return metre * x, metre * y
+
+    ends = end(content['from']), end(content['to'])
+    return Spring(ends, float(content['stiffness']), metre * content.get('free_length', 0.0))
+
+
+def _not_negative(name: str, value: Any, unit: str) -> None:
+    if not isinstance(value, int | float) or not isfinite(value) or value < 0.0:
+        raise MassError(f'{name} = {value!r} {unit} is refused: it must be a number >= 0')
+
+
+def place_of(given: Any) -> complex:
+    """Return a fixed place as a complex number [m]."""
+    x, y = given
+    return complex(x, y)

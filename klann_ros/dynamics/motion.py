@@ -1,0 +1,125 @@
+"""The motion of every body at many crank angles: vectors and their first two derivatives."""
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Any, NamedTuple
+
+from klann_ros.kinematics import Linkage, linkage_poses
+from klann_ros.kinematics.linkage import joints
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+class Motion(NamedTuple):
+    """
+    Poses of a linkage at k crank angles, and their derivatives by the crank angle.
+
+    What is not there, and what is singular, is NaN.
+
+    Attributes
+    ----------
+    linkage : Linkage
+        What moves.
+    alphas : numpy.ndarray, shape (k,)
+        The crank angles [rad].
+    u, u_1, u_2 : numpy.ndarray, shape (n, k)
+        The bodies' vectors, and their derivatives: see `kinematics.linkage.joints`.
+    turning_1, turning_2 : numpy.ndarray, shape (n, k)
+        By what the bodies turn, counter-clockwise [rad/rad, rad/rad^2].
+
+    """
+
+    linkage: Linkage
+    alphas: Array
+    u: Complex
+    u_1: Complex
+    u_2: Complex
+    turning_1: Array
+    turning_2: Array
+
+    def point(self, name: str) -> tuple[Any, Any, Any]:
+        """Return where a point is, and its derivatives, shape (k,) each [m]."""
+        which = self.linkage.structure.points.index(name)
+        terms, constant = self.linkage.point_rows[which]
+        at, at_1, at_2 = (
+            sum((w * u[j] for j, w in terms.items()), np.zeros(self.alphas.size) + 0j)
+            for u in (self.u, self.u_1, self.u_2)
+        )
+        return at + constant, at_1, at_2
+
+    def fixed_to(self, j: int, place: complex) -> tuple[Any, Any, Any]:
+        """Return where a place of a body is, (x, y) from its first point, and its derivatives."""
+        structure = self.linkage.structure
+        at, at_1, at_2 = self.point(structure.bodies[j].points[0])
+        frame = structure.frames[j]
+        if frame < 0:
+            return at + place, at_1, at_2
+        own = (place * u[frame] for u in (self.u, self.u_1, self.u_2))
+        a, b, c = (one + other for one, other in zip((at, at_1, at_2), own, strict=True))
+        return a, b, c
+
+
+def motion(linkage: Linkage, alphas: ArrayLike) -> Motion:
+    """Return the motion at crank angles, shape (k,) [rad]."""
+    angles = np.atleast_1d(np.asarray(alphas, dtype=np.float64))
+    poses = linkage_poses(linkage, angles, angles=True)
+    if poses.angles is None:
+        raise AssertionError('the angles were asked for')
+    return motion_through(linkage, angles + 0.0 * poses.h[:, 0], poses.angles.T)
+
+
+def motion_through(linkage: Linkage, angles: Array, x: Array) -> Motion:
+    """Return the motion through poses, by all coordinates, shapes (k,) and (n - 1, k)."""
+    structure = linkage.structure
+    u = np.array(joints.vectors(structure, [angles, *x]))
+    n = len(u)
+    x_1, x_2 = np.zeros((n, angles.size)), np.zeros((n, angles.size))
+    x_1[0] = 1.0
+    u_1, u_2 = np.zeros_like(u), np.zeros_like(u)
+    u_1[0] = joints.moved(structure, u, x_1, 0)
+    u_2[0] = -u[0]
+    for block, inverse in _blocks(linkage, u):
+        own = list(block.unknowns)
+        for j in own:
+            u_1[j] = joints.carried(structure, u, x_1, j, own)
+        x_1[own] = inverse(u_1)
+        for j in own:
+            u_1[j] = joints.moved(structure, u, x_1, j)
+        bent = joints.bent(structure, u, x_1)
+        for j in own:
+            u_2[j] = bent[j] + joints.carried(structure, u, x_2, j, own)
+        x_2[own] = inverse(u_2)
+        for j in own:
+            u_2[j] = bent[j] + joints.moved(structure, u, x_2, j)
+    turning = [
+        np.array([_turning(structure, x, j) + 0.0 * angles for j in range(n)]) for x in (x_1, x_2)
+    ]
+    return Motion(linkage, angles, u, u_1, u_2, *turning)
+
+
+def _turning(structure: Any, x: Array, j: int) -> Any:
+    frame = structure.frames[j]
+    return 0.0 if frame < 0 else structure.senses[frame] * x[frame]
+
+
+def _blocks(linkage: Linkage, u: Complex) -> Iterator[tuple[Any, Any]]:
+    """Yield each block, with what returns the changes of its coordinates that keep it closed."""
+    for block in linkage.blocks:
+        matrix = block.jacobian(u)
+        singular = ~(np.abs(block.sine(u)) > block.singular_sine)
+        gone = singular | ~np.isfinite(matrix).all(axis=(1, 2))
+        matrix[gone] = np.eye(matrix.shape[-1])
+
+        yield block, partial(_closing, block.rows, matrix, gone)
+
+
+def _closing(rows: Any, matrix: Array, gone: NDArray[np.bool_], du: Complex) -> Array:
+    """Return by which changes of its coordinates a block closes its loops that du opens."""
+    opened = np.array([sum(w * du[j] for j, w in terms.items()) for terms, _ in rows])
+    right = np.stack([opened.real, opened.imag], axis=1).reshape(-1, len(gone)).T
+    found: Array = np.linalg.solve(matrix, -right[..., None])[..., 0].T
+    found[:, gone] = np.nan
+    return found
