@@ -16,11 +16,13 @@ EXTRAS = {
     'pandas': ['pandas'],
     'plot': ['matplotlib'],
     'fast': ['numba'],
+    'dynamics': ['scipy'],
 }
 EXTRAS['all'] = sorted({name for names in EXTRAS.values() for name in names})
 EXTRAS['test'] = [
     'axe-playwright-python',
     'hypothesis',
+    'mujoco',
     'pandas',
     'playwright',
     'pytest>=7.4',

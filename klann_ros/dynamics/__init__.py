@@ -6,7 +6,7 @@ Forces of linkages with one crank: what turns it, what its joints carry; knows n
 >>> from klann_ros.kinematics import KlannGeometry
 >>> leg = Dynamics(KlannGeometry.sem104(), rods(KlannGeometry.sem104(), 1.0))  # 1 kg/m
 >>> turn = leg.turn(2.0)  # at 2 rad/s, under its weight
->>> round(turn.torque.min(), 3), round(turn.torque.max(), 3)
+>>> round(float(turn.torque.min()), 3), round(float(turn.torque.max()), 3)
 (-3.537, 1.58)
 
 `Masses` are what a linkage weighs: `rods` makes them of slender rods, `masses_from_file` reads a

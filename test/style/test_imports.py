@@ -17,6 +17,7 @@ ALLOWED = {
     'untrusted': set(),
     'kinematics': {'untrusted'},
     'log': {'untrusted'},
+    'dynamics': {'untrusted', 'kinematics'},
     'plotting': {'kinematics'},
     'review': {'untrusted', 'kinematics', 'plotting', 'log'},
     'stop_signals': set(),

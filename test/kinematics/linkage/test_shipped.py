@@ -181,7 +181,9 @@ def andrews(crank: float) -> dict[str, complex]:
     f = 0.7 * cmath.exp(1j * crank)
     e = circles(b, f, 3.5, 2.8, -1)
     g, h = circles(a, e, 4.0, 2.0, +1), circles(a, e, 4.0, 2.0, -1)
-    return {'O': 0j, 'A': a, 'B': b, 'F': f, 'E': e, 'G': g, 'H': h}
+    # D is 1.8 cm along the third body, and 2 cm to the left of it.
+    d = b + (1.8 + 2j) * (e - b) / abs(e - b)
+    return {'O': 0j, 'A': a, 'B': b, 'F': f, 'E': e, 'D': d, 'G': g, 'H': h}
 
 
 def chebyshev(phi: float) -> dict[str, complex]:
