@@ -44,7 +44,7 @@ def newton_raphson(
     max_iterations : int
         How many corrections it may make.
     residual : float, optional
-        What every |f| must be below [m]; then the guess may be the root already, if there is no
+        What every `|f|` must be below [m]; then the guess may be the root already, if there is no
         tolerance.
 
     Returns
@@ -122,7 +122,7 @@ class Iterations:
 
     @property
     def residuals(self) -> Array:
-        """Return the largest |f| at each iterate, shape (k,) [m]."""
+        """Return the largest `|f|` at each iterate, shape (k,) [m]."""
         largest: Array = np.abs(self.f).max(axis=1)
         return largest
 

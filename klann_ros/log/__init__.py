@@ -89,6 +89,10 @@ _PLACES = {
 }
 
 
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]
+
+
 def __getattr__(name: str) -> Any:
     """Import what is asked for: a solver counts losses with this package, and needs no MCAP."""
     if name not in __all__:

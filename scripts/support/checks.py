@@ -11,7 +11,7 @@ from environment import Environment, environment
 from processes import Command, last_lines, run
 from source import ROOT
 
-NAMES = ('ruff', 'format', 'ament_flake8', 'ament_pep257', 'mypy', 'colcon', 'pytest')
+NAMES = ('ruff', 'format', 'ament_flake8', 'ament_pep257', 'mypy', 'docs', 'colcon', 'pytest')
 FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'examples', 'docs')
 # Tests that compute beside those that wait for processes; see test/conftest.py.
 WORKERS = ('-n', '3', '--dist', 'loadgroup')
@@ -75,6 +75,7 @@ def _commands(env: Environment, work: Path, pytest_arguments: list[str]) -> dict
         'ament_flake8': [env.python, '-m', 'ament_flake8.main', *FILES],
         'ament_pep257': [env.python, '-m', 'ament_pep257.main', *FILES],
         'mypy': env.tool('mypy'),
+        'docs': [env.python, 'docs/build.py', work / 'docs'],
         'colcon': colcon,
         'pytest': [*env.tool('pytest'), *WORKERS, *pytest_arguments],
     }

@@ -68,7 +68,7 @@ def linkage_poses(
     -------
     LinkagePoses
         The leading shape (...) of its arrays is that of `alphas` for one linkage, (n,
-        *alphas.shape) for n of them.
+        `*alphas.shape`) for n of them.
 
     Raises
     ------

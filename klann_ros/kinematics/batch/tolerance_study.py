@@ -45,7 +45,7 @@ class ToleranceStudy:
     mean : numpy.ndarray, shape (k, 2)
         Mean of H - H_nominal [m].
     rms, p95, p99, largest : numpy.ndarray, shape (k,)
-        Of |H - H_nominal|: root mean square, what 95 and 99 % of the legs keep to, maximum [m].
+        Of `|H - H_nominal|`: root mean square, what 95 and 99 % of the legs keep to, maximum [m].
     box : numpy.ndarray, shape (k, 2, 2)
         Rows: least and greatest x, y of H at each crank angle [m].
     stride, lift : numpy.ndarray, shape (samples,)

@@ -66,7 +66,7 @@ class Stance:
         The greatest distance of the foot from the straight line that fits its path best: least
         squares of the distances from the line, every metre of path counting the same [m].
     speed_mean, speed_least, speed_greatest : float
-        |dx/dalpha|: ground covered for an angle of the crank [m/rad]. The least is 0 where the
+        `|dx/dalpha|`: ground covered for an angle of the crank [m/rad]. The least is 0 where the
         stance ends because the foot turns back, the greatest infinite where the crank's arc ends.
 
     """

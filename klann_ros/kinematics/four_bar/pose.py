@@ -42,7 +42,7 @@ class FourBarPose(LinkagePose):
     @property
     def alpha(self) -> float:
         """
-        Return the course's alpha, the angle at O4 from the rocker to Z = |A O4|, in [0, pi] [rad].
+        Return the course's alpha, the angle at O4 from the rocker to Z = `|A O4|`, 0 to pi [rad].
 
             cos alpha = (Z^2 + L4^2 - L3^2) / (2 Z L4)
 

@@ -35,7 +35,7 @@ class FourBarTable:
     alpha, beta : numpy.ndarray
         The course's angles at O4, as in `FourBarPose` [rad].
     z : numpy.ndarray
-        The diagonal Z = |A O4| [m].
+        The diagonal Z = `|A O4|` [m].
     transmission_angle : numpy.ndarray
         Between coupler and rocker, in [0, pi] [rad].
     mechanical_advantage : numpy.ndarray

@@ -47,7 +47,7 @@ def transmission_angle(geometry: 'FourBarGeometry', theta2: float) -> float:
 
         cos mu = (L3^2 + L4^2 - L1^2 - L2^2 + 2 L1 L2 cos theta2) / (2 L3 L4)
 
-    computed as the angle opposite Z = |A O4|. Both assemblies have the same.
+    computed as the angle opposite Z = `|A O4|`. Both assemblies have the same.
 
     References
     ----------

@@ -49,8 +49,8 @@ class LinkagePose(NamedTuple):
     coefficients : tuple of float
         Kinematic coefficients dx/dalpha [1, m/rad]; NaN at a singular pose.
     sines : tuple of float
-        |sin| of each dyad's transmission angle: 1 transmits best, 0 is singular. Of coupled loops
-        what stands for it: see `Block`.
+        `|sin|` of each dyad's transmission angle: 1 transmits best, 0 is singular. Of coupled
+        loops what stands for it: see `Block`.
     linkage : Linkage
         What it is a pose of.
 

@@ -113,7 +113,7 @@ class Textbook:
             The largest correction of every angle at which it has converged [rad]; the leg's where
             neither it nor `residual` is given.
         residual : float, optional
-            What every |f| must be below [m]: the stop of the four-bar's course.
+            What every `|f|` must be below [m]: the stop of the four-bar's course.
 
         Returns
         -------
