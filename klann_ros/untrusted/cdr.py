@@ -2,7 +2,7 @@
 
 import struct
 
-HEADER_SIZE = 4
+HEADER_SIZE, STAMP_SIZE = 4, 8
 # The byte orders of plain CDR; all else (parameter lists, its second version) is no topic's.
 ORDERS = {b'\0\1': '<', b'\0\0': '>'}
 
@@ -24,7 +24,7 @@ class CdrCursor:
         The byte order, as struct writes it.
     at
         The place [bytes].
-    told
+    structure
         The stretches that say how the message is built: lengths and texts [bytes].
 
     Raises
@@ -39,7 +39,7 @@ class CdrCursor:
             raise ValueError(f'{data[:2]!r} is not how a message begins')
         self.order = ORDERS[data[:2]]
         self.at = at
-        self.told: list[slice] = []
+        self.structure: list[slice] = []
         self._data = data
         self.skip(0)
 
@@ -57,13 +57,13 @@ class CdrCursor:
     def length(self) -> int:
         """Read how long what follows is."""
         self.align(4)
-        begin = self._tell(4)
+        begin = self._structural(4)
         (length,) = struct.unpack_from(f'{self.order}I', self._data, begin)
         return int(length)
 
     def string(self) -> bytes:
         """Read a string; it ends at its first zero."""
-        begin = self._tell(self.length())
+        begin = self._structural(self.length())
         return self._data[slice(begin, self.at)].partition(b'\0')[0]
 
     def strings(self) -> list[bytes]:
@@ -77,7 +77,24 @@ class CdrCursor:
             self.align(8)
         return self.skip(8 * count), count
 
-    def _tell(self, size: int) -> int:
+    def _structural(self, size: int) -> int:
         begin = self.skip(size)
-        self.told.append(slice(begin, self.at))
+        self.structure.append(slice(begin, self.at))
         return begin
+
+
+def read_joint_state(cursor: CdrCursor) -> tuple[list[bytes], list[tuple[int, int]]]:
+    """
+    Pass over a sensor_msgs/JointState.
+
+    Returns
+    -------
+    list of bytes
+        The names of the joints.
+    list of tuple of int
+        Of positions, velocities and efforts each where they begin [bytes], and how many they are.
+
+    """
+    cursor.skip(STAMP_SIZE)
+    cursor.string()
+    return cursor.strings(), [cursor.doubles() for _ in range(3)]

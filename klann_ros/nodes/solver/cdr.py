@@ -19,12 +19,17 @@ from collections.abc import Sequence
 import struct
 from typing import NamedTuple
 
-from klann_ros.untrusted.cdr import CdrCursor, HEADER_SIZE, ORDERS
+from klann_ros.untrusted.cdr import (
+    CdrCursor,
+    HEADER_SIZE,
+    ORDERS,
+    read_joint_state,
+    STAMP_SIZE,
+)
 from klann_ros.untrusted.text import printable
 
 # What is said of a message that has not the joint.
 MOST_NAMES, LONGEST_NAME = 5, 40
-_STAMP_SIZE = 8
 _FLOAT64 = {code: struct.Struct(f'{order}d') for code, order in ORDERS.items()}
 # Of what is written: little-endian, as every machine that ROS 2 supports.
 _HEADER = b'\0\1\0\0'
@@ -124,10 +129,9 @@ def _listed(names: Sequence[bytes]) -> str:
 def _layout(data: bytes, joint: str) -> _Layout:
     """Read all but the numbers of a JointState."""
     try:
-        cursor = CdrCursor(data, HEADER_SIZE + _STAMP_SIZE)
-        cursor.string()
-        names = cursor.strings()
-        begins, counts = zip(*(cursor.doubles() for _ in range(3)), strict=True)
+        cursor = CdrCursor(data)
+        names, sequences = read_joint_state(cursor)
+        begins, counts = zip(*sequences, strict=True)
     except ValueError as error:
         raise ValueError(f'{len(data)} bytes are no sensor_msgs/msg/JointState') from error
     if len(names) != counts[0]:
@@ -139,14 +143,14 @@ def _layout(data: bytes, joint: str) -> _Layout:
         raise ValueError(f'there is no joint {shown} among its {len(names)} ({_listed(names)})')
     offset = 8 * names.index(joint.encode())
     position, velocity = begins[0] + offset, begins[1] + offset
-    numbers = f'{cursor.order}{HEADER_SIZE}xiI{position - HEADER_SIZE - _STAMP_SIZE}xd'
+    numbers = f'{cursor.order}{HEADER_SIZE}xiI{position - HEADER_SIZE - STAMP_SIZE}xd'
     if counts[1] == counts[0]:
         numbers += f'{velocity - position - 8}xd'
     ends = [begin + 8 * count for count, begin in zip(counts, begins, strict=True)]
     # All that is neither stamp nor position, velocity or effort.
     spans = [
         (0, 2),
-        (HEADER_SIZE + _STAMP_SIZE, begins[0]),
+        (HEADER_SIZE + STAMP_SIZE, begins[0]),
         (ends[0], begins[1]),
         (ends[1], begins[2]),
     ]

@@ -10,14 +10,13 @@ from typing import NamedTuple
 
 from klann_ros.log.records import Topic
 from klann_ros.review.model.times import Flags, Floats, RowIndices, Times
-from klann_ros.untrusted.cdr import CdrCursor, HEADER_SIZE
+from klann_ros.untrusted.cdr import CdrCursor, HEADER_SIZE, read_joint_state, STAMP_SIZE
 import numpy as np
 from numpy.typing import NDArray
 
 CRANK_ANGLE = 'std_msgs/msg/Float64'
 FOOT = 'geometry_msgs/msg/PointStamped'
 JOINT_STATE = 'sensor_msgs/msg/JointState'
-_STAMP_SIZE = 8
 
 Bytes = NDArray[np.uint8]
 
@@ -101,7 +100,7 @@ class Layout(NamedTuple):
 
     def stamps(self, rows: Bytes) -> Times:
         """Return the stamps of messages that are alike, shape (n,) [ns]."""
-        columns = np.ascontiguousarray(rows[:, slice(HEADER_SIZE, HEADER_SIZE + _STAMP_SIZE)])
+        columns = np.ascontiguousarray(rows[:, slice(HEADER_SIZE, HEADER_SIZE + STAMP_SIZE)])
         seconds = columns[:, :4].copy().view(f'{self.order}i4')[:, 0].astype(np.int64)
         stamps: Times = seconds * 10**9 + columns[:, 4:].copy().view(f'{self.order}u4')[:, 0]
         return stamps
@@ -114,7 +113,7 @@ def _crank_angle(data: bytes) -> Layout:
 
 def _foot(data: bytes) -> Layout:
     cursor = CdrCursor(data)
-    cursor.skip(_STAMP_SIZE)
+    cursor.skip(STAMP_SIZE)
     cursor.string()
     cursor.align(8)
     return _layout(cursor, data, (), Numbers(cursor.skip(24), 3))
@@ -122,10 +121,9 @@ def _foot(data: bytes) -> Layout:
 
 def _joint_state(data: bytes) -> Layout:
     cursor = CdrCursor(data)
-    cursor.skip(_STAMP_SIZE)
-    cursor.string()
-    names = tuple(name.decode(errors='replace') for name in cursor.strings())
-    return _layout(cursor, data, names, *(Numbers(*cursor.doubles()) for _ in range(3)))
+    joints, sequences = read_joint_state(cursor)
+    names = tuple(name.decode(errors='replace') for name in joints)
+    return _layout(cursor, data, names, *(Numbers(*sequence) for sequence in sequences))
 
 
 def _layout(
@@ -135,8 +133,8 @@ def _layout(
     *numbers: Numbers,
     is_stamped: bool = True,
 ) -> Layout:
-    told = [np.arange(2), *(np.arange(part.start, part.stop) for part in cursor.told)]
-    return Layout(data, cursor.order, is_stamped, names, numbers, np.concatenate(told))
+    fixed = [np.arange(2), *(np.arange(part.start, part.stop) for part in cursor.structure)]
+    return Layout(data, cursor.order, is_stamped, names, numbers, np.concatenate(fixed))
 
 
 LAYOUTS: Mapping[str, Callable[[bytes], Layout]] = {
