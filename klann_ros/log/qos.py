@@ -3,7 +3,8 @@ Quality of service profiles as rosbag2 writes them into a log.
 
 The text is a YAML sequence, one profile a publisher. Since metadata version 9 (Jazzy) the policies
 are words, before they were the numbers of rmw; both are read, words are written. An infinite
-duration is 9223372036 s and 854775807 ns, which is the largest signed 64 bit number of ns.
+duration is 9223372036 s and 854775807 ns, which is the largest signed 64 bit number of ns. What is
+malformed raises a MalformedQosError; rosbag2 cannot open a file with such a text.
 """
 
 from collections.abc import Iterable, Mapping
@@ -37,22 +38,12 @@ _NS = 10**9
 POLICIES = {
     'history': ('system_default', 'keep_last', 'keep_all', 'unknown'),
     'reliability': ('system_default', 'reliable', 'best_effort', 'unknown', 'best_available'),
-    'durability': (
-        'system_default',
-        'transient_local',
-        'volatile',
-        'unknown',
-        'best_available',
-    ),
+    'durability': ('system_default', 'transient_local', 'volatile', 'unknown', 'best_available'),
     'liveliness': (
-        'system_default',
-        'automatic',
-        'manual_by_node',
-        'manual_by_topic',
-        'unknown',
+        'system_default', 'automatic', 'manual_by_node', 'manual_by_topic', 'unknown',
         'best_available',
     ),
-}
+}  # fmt: skip
 
 # What middlewares of Foxy called infinite (sec, nsec).
 _OLD_INFINITE = {(0x7FFFFFFF, 0xFFFFFFFF), (0x7FFFFFFF, 0x7FFFFFFF)}
@@ -105,15 +96,7 @@ def qos_to_data(profile: Qos) -> dict[str, object]:
 
 
 def qos_to_yaml(profiles: Iterable[Qos]) -> str:
-    """
-    Return the text of ``offered_qos_profiles``; '' for no profile.
-
-    Raises
-    ------
-    MalformedQosError
-        As :func:`qos_to_data`.
-
-    """
+    """Return the text of ``offered_qos_profiles``; '' for no profile."""
     data = [qos_to_data(profile) for profile in profiles]
     return yaml_text.dump(data) if data else ''
 
@@ -125,8 +108,7 @@ def qos_from_yaml(text: str) -> list[Qos]:
     Raises
     ------
     MalformedQosError
-        It is not a sequence of mappings with all nine keys, or longer than LONGEST. rosbag2 cannot
-        open a file with such a text, so it is an error here, too, and not an empty list.
+        It is not a sequence of mappings with all nine keys, or longer than LONGEST.
 
     """
     return list(_read(text)[0])
@@ -146,15 +128,7 @@ class QosTexts:
         self._known: dict[str, list[Qos] | MalformedQosError] = {}
 
     def profiles(self, text: str) -> list[Qos]:
-        """
-        Return the profiles in a text, as :func:`qos_from_yaml`.
-
-        Raises
-        ------
-        MalformedQosError
-            As :func:`qos_from_yaml`, or the log's texts are too long together.
-
-        """
+        """Return the profiles in a text, unless the log's texts are too long together."""
         if len(text) > self._left:
             raise MalformedQosError(
                 f'the profiles of all topics have more than {MOST_TEXTS} characters'
@@ -196,15 +170,7 @@ def latched_count(profiles: Iterable[Qos]) -> int:
 
 
 def qos_for_writing(text: str) -> str:
-    """
-    Return a recorded text as a new file may hold it: unchanged, but numbers become words.
-
-    Raises
-    ------
-    MalformedQosError
-        As :func:`qos_from_yaml`.
-
-    """
+    """Return a recorded text as a new file may hold it: unchanged, but numbers become words."""
     profiles, numbered = _read(text)
     return qos_to_yaml(profiles) if numbered else text
 

@@ -17,9 +17,8 @@ from .zstd_file import ZSTD_MAGIC
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from pathlib import Path
 
-    from klann_ros.log.records import Attachment, Message, Topic
+    from klann_ros.log.records import Message, Topic
 
     from .block import Block
     from .sources import Topics
@@ -52,61 +51,13 @@ class PackedMessages:
 
     def __init__(self, packed: Storage) -> None:
         self._packed = packed
-
-    @property
-    def path(self) -> Path:
-        """Return the file that the user has."""
-        return self._packed.path
-
-    @property
-    def name(self) -> str:
-        """Return how to call it in a line to people."""
-        return self._packed.name
-
-    @property
-    def size(self) -> int:
-        """Return how far the places go that blocks tell [bytes]."""
-        return self._packed.size
-
-    @property
-    def profile(self) -> str:
-        """Return the MCAP profile of its content."""
-        return self._packed.profile
-
-    @property
-    def closed(self) -> bool:
-        """Return whether it ends as a file does that was closed."""
-        return self._packed.closed
-
-    @property
-    def problems(self) -> Problems:
-        """Return what was found to be wrong so far, by offset."""
-        return self._packed.problems
-
-    @property
-    def holes(self) -> set[tuple[int, int]]:
-        """Return from when to when messages stood in what is damaged [ns]."""
-        return self._packed.holes
-
-    def overview(self) -> Overview:
-        """Return what it holds."""
-        return self._packed.overview()
-
-    def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
-        """Return the name and content of a metadata record of the overview."""
-        return self._packed.metadata_at(offset)
-
-    def attachment_at(self, offset: int) -> Attachment | None:
-        """Return an attachment of the overview."""
-        return self._packed.attachment_at(offset)
-
-    def first_data(self) -> bytes:
-        """Return the bytes of the message that stands first, as they stand there."""
-        return self._packed.first_data()
-
-    def close(self) -> None:
-        """Let go of what was unpacked or copied to read it."""
-        self._packed.close()
+        # All but its messages is as it is.
+        self.path, self.name, self.size = packed.path, packed.name, packed.size
+        self.profile, self.closed = packed.profile, packed.closed
+        self.problems, self.holes = packed.problems, packed.holes
+        self.overview, self.first_data = packed.overview, packed.first_data
+        self.metadata_at, self.attachment_at = packed.metadata_at, packed.attachment_at
+        self.close = packed.close
 
     def sources(self, overview: Overview) -> Iterator[Source]:
         """Yield what can be read by itself."""
@@ -172,6 +123,7 @@ class _PackedSalvage:
     def __init__(self, packed: Salvage, name: str) -> None:
         self.lost = packed.lost
         self.remarks = packed.remarks
+        self.attachments, self.metadata = packed.attachments, packed.metadata
         self._packed = packed
         self._name = name
 
@@ -182,14 +134,6 @@ class _PackedSalvage:
         yield from filter(None, map(unpacker.message, self._packed.messages()))
         for text, count in damaged.items():
             self.lost.append(f'{self._name}: {count} {text}')
-
-    def attachments(self) -> Iterator[Attachment]:
-        """Yield the intact attachments."""
-        return self._packed.attachments()
-
-    def metadata(self) -> Iterator[tuple[str, dict[str, str]]]:
-        """Yield the names and contents of the intact metadata records."""
-        return self._packed.metadata()
 
 
 def _blocks(block: Block, problems: Problems) -> Iterator[Block]:

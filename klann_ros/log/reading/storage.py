@@ -23,35 +23,31 @@ class Storage(Protocol):
 
     What is damaged is left out, and a problem from then on. A new kind of file is a class like
     this, and a line in :mod:`klann_ros.log.reading.opening`.
+
+    Attributes
+    ----------
+    path, name
+        The file that the user has, and how to call it in a line to people.
+    size
+        How far the places go that blocks tell [bytes].
+    profile
+        The MCAP profile of its content, such as ``ros2``; '' if unknown.
+    closed
+        Whether it ends as a file does that was closed.
+    problems
+        What was found to be wrong so far, by offset; it grows while it is read.
+    holes
+        From when to when messages stood in what is damaged [ns], as far as known; it grows, too.
+
     """
 
-    @property
-    def path(self) -> Path:
-        """Return the file that the user has."""
-
-    @property
-    def name(self) -> str:
-        """Return how to call it in a line to people."""
-
-    @property
-    def size(self) -> int:
-        """Return how far the places go that blocks tell [bytes]."""
-
-    @property
-    def profile(self) -> str:
-        """Return the MCAP profile of its content, such as ``ros2``; '' if unknown."""
-
-    @property
-    def closed(self) -> bool:
-        """Return whether it ends as a file does that was closed."""
-
-    @property
-    def problems(self) -> Problems:
-        """Return what was found to be wrong so far, by offset; it grows while it is read."""
-
-    @property
-    def holes(self) -> set[tuple[int, int]]:
-        """Return from when to when messages stood in what is damaged [ns], as far as known."""
+    path: Path
+    name: str
+    size: int
+    profile: str
+    closed: bool
+    problems: Problems
+    holes: set[tuple[int, int]]
 
     def overview(self) -> Overview:
         """Return what it holds."""

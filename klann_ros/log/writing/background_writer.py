@@ -21,7 +21,7 @@ GATHER = 0.05
 # What was received before a moment has been put so much later [s].
 SETTLE = 0.1
 
-Entry = Callable[[RunWriter], None]
+RunEntry = Callable[[RunWriter], None]
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class BackgroundWriter:
         self._capacity = capacity
         # Each of these is written by one thread only: what was put, and what was dealt with.
         self._put_size = self._done_size = 0
-        self._queue: deque[Message | Entry] = deque()
+        self._queue: deque[Message | RunEntry] = deque()
         self._filled = Event()
         self._closing = False
         self._split_lock = Lock()
@@ -120,7 +120,7 @@ class BackgroundWriter:
         if not self._filled.is_set():
             self._filled.set()
 
-    def put_entry(self, entry: Entry) -> None:
+    def put_entry(self, entry: RunEntry) -> None:
         """Queue a call that writes something else than a message: metadata, an attachment."""
         self._queue.append(entry)
         self._filled.set()
@@ -138,7 +138,7 @@ class BackgroundWriter:
         """Return how many messages and entries wait."""
         return len(self._queue)
 
-    def close(self, last: Entry | None = None) -> Exception | None:
+    def close(self, last: RunEntry | None = None) -> Exception | None:
         """
         Write all that is queued and then a last entry, and finish the run.
 
@@ -157,7 +157,7 @@ class BackgroundWriter:
         self._attempt(self._writer.close)
         return self.failure
 
-    def _write_last(self, last: Entry | None) -> None:
+    def _write_last(self, last: RunEntry | None) -> None:
         if self._writer.failure is None and not self._writer.closed:
             # What it tells of the run is to be true.
             self._writer.look()
@@ -235,7 +235,7 @@ class BackgroundWriter:
             if number % 256 == 255 or (number % 16 == 0 and self._writer.is_full):
                 self._check_space()
 
-    def _write(self, item: Message | Entry) -> None:
+    def _write(self, item: Message | RunEntry) -> None:
         if not isinstance(item, Message):
             item(self._writer)
             return

@@ -122,7 +122,7 @@ class Pauses:
         return pause
 
 
-class Recording:
+class RecordingSession:
     """
     What a recorder does with what it hears.
 

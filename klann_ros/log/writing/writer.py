@@ -17,7 +17,6 @@ from .run_folder import RunFolder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
-    from types import TracebackType
 
     from klann_ros.log.errors import LogError
     from typing_extensions import Self
@@ -70,8 +69,14 @@ class RunWriter:
         There is something at the path already.
     UnwritableError
         The compression is none of the three.
+    RunClosedError
+        By every method that writes: the run is closed.
+    RunLostError
+        By :meth:`flush`, :meth:`look` and :meth:`split`: the file that is written was taken away,
+        and no other can be made. The run is closed.
     OSError
-        The disk said no.
+        By every method: the disk said no; nothing more can be written, the same error is raised
+        again.
 
     """
 
@@ -181,10 +186,6 @@ class RunWriter:
             A time is negative or beyond 64 bits; the message is left out, nothing else is.
         MalformedQosError
             The topic's quality of service is malformed, so that rosbag2 could not open the run.
-        RunClosedError
-            The run is closed.
-        OSError
-            The disk said no; nothing more can be written, the same error is raised again.
 
         """
         self._check()
@@ -200,62 +201,26 @@ class RunWriter:
         *,
         in_every_file: bool = False,
     ) -> None:
-        """
-        Add a file to the run; times in [ns since the epoch].
-
-        Raises
-        ------
-        UnwritableError, RunClosedError, OSError
-            As :meth:`write`.
-
-        """
+        """Add a file to the run; times in [ns since the epoch], as in :meth:`write`."""
         attachment = Attachment(name, media_type, data, log_time, create_time)
         self._add(lambda file: file.attach(attachment), in_every_file=in_every_file)
 
     def add_metadata(
         self, name: str, mapping: Mapping[str, str], *, in_every_file: bool = False
     ) -> None:
-        """
-        Add a metadata record of names and texts.
-
-        Raises
-        ------
-        RunClosedError, OSError
-            As :meth:`write`.
-
-        """
+        """Add a metadata record of names and texts."""
         content = dict(mapping)
         self._add(lambda file: file.add_metadata(name, content), in_every_file=in_every_file)
 
     def flush(self) -> None:
-        """
-        Bring all that was written to the disk: neither kill -9 nor a power cut takes it back.
-
-        Raises
-        ------
-        RunClosedError, OSError
-            As :meth:`write`.
-        RunLostError
-            As :meth:`look`.
-
-        """
+        """Bring all to the disk that was written: no kill -9 and no power cut takes it back."""
         self._check()
         self._file.flush()
         self._flushes += 1
         self.look()
 
     def look(self) -> None:
-        """
-        Look what others have done to the run, and go on in a new file where one is gone.
-
-        Raises
-        ------
-        RunClosedError, OSError
-            As :meth:`write`.
-        RunLostError
-            The file is gone, and no other can be made. The run is closed.
-
-        """
+        """Look what others have done to the run, and go on in a new file where one is gone."""
         self._check()
         self._series.look()
 
@@ -264,14 +229,6 @@ class RunWriter:
         Finish the file and go on in a new one; without a message in the file there is no need.
 
         What was added with `in_every_file` is repeated, so that every file explains itself.
-
-        Raises
-        ------
-        RunClosedError, OSError
-            As :meth:`write`.
-        RunLostError
-            As :meth:`look`.
-
         """
         self.look()
         if not self.file_is_empty:
@@ -322,12 +279,7 @@ class RunWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, _: object, error: BaseException | None, *__: object) -> None:
         try:
             self.close()
         except (OSError, RunHarmedError) as failure:

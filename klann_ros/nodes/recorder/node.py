@@ -21,7 +21,7 @@ from klann_ros.log.run_parameters import (
 from klann_ros.log.writing.background_writer import BackgroundWriter, SplitLimits
 from klann_ros.log.writing.disk_space import check_free_space
 from klann_ros.log.writing.file_watch import Faults
-from klann_ros.log.writing.recording import Pauses, Recording
+from klann_ros.log.writing.recording import Pauses, RecordingSession
 from klann_ros.log.writing.unfinished import remove_old_reserves, unfinished_runs
 from klann_ros.log.writing.writer import RunWriter
 from klann_ros.nodes.endpoints import create_trigger
@@ -94,7 +94,7 @@ class RecorderNode(ProcessNode):
             solvers=self._solvers,
             diagnostics=self._diagnostics,
         )
-        self._recording = Recording(self._writer, self._background, self._pauses)
+        self._recording = RecordingSession(self._writer, self._background, self._pauses)
         self._diagnostics.start(self._recording.state)
         create_trigger(self, 'split', self._recording.split)
         create_trigger(self, 'pause', self._pause)

@@ -16,7 +16,7 @@ from mcap.opcode import Opcode
 
 from .container import check_data, contradiction, name_of, span_at
 from .evidence import Behind, Inside
-from .layout import fields_end, holds_nothing, is_known, Span
+from .layout import fields_end, holds_nothing, is_known, RecordSpan
 
 if TYPE_CHECKING:
     from .evidence import Evidence
@@ -60,7 +60,7 @@ class Belief:
         self.wrong: list[Problem] = []
         self.remarks: list[str] = []
 
-    def in_end(self, span: Span, *, chunked: bool) -> bool:
+    def in_end(self, span: RecordSpan, *, chunked: bool) -> bool:
         """Return whether a record ends where it says, in a file that has chunks or has none."""
         behind = self._evidence.behind(span.end)
         # What is in one that is followed by another does not matter, and is read later.
@@ -72,7 +72,7 @@ class Belief:
             return True
         return span.opcode == Opcode.MESSAGE and self._is_before_damage(span, chunked=chunked)
 
-    def without_end(self, span: Span) -> Span | None:
+    def without_end(self, span: RecordSpan) -> RecordSpan | None:
         """Return as much of a record that does not end where it says as a CRC proves, if any."""
         end = fields_end(self._file, span)
         if end is None or end == span.end or self._evidence.inside(span) < Inside.PROVEN:
@@ -80,7 +80,7 @@ class Belief:
         if len(self.wrong) < _MOST:
             text = f'the length of the {name_of(span.opcode)} is damaged, what is in it is whole'
             self.wrong.append(Problem(span.offset, text))
-        return Span(span.opcode, span.offset, end - span.start)
+        return RecordSpan(span.opcode, span.offset, end - span.start)
 
     def sound_behind(self, start: int, *, chunked: bool) -> tuple[int | None, bool]:
         """Return where to go on behind a damaged record, and whether that is where it ends."""
@@ -91,7 +91,7 @@ class Belief:
         moved = self._search.chunk(start + 1, end, over=over)
         return (end, True) if moved is None else (moved, False)
 
-    def against_content(self, span: Span) -> str:
+    def against_content(self, span: RecordSpan) -> str:
         """Return what is wrong with a record that ends where it says, in one line; '' for none."""
         kind = self._summary.kind_at(span.offset)
         if kind not in (None, span.opcode):
@@ -107,7 +107,7 @@ class Belief:
                 return f'the {name_of(span.opcode)} is a {name_of(kind)} by its content'
         return ''
 
-    def in_data(self, end: Span) -> bool:
+    def in_data(self, end: RecordSpan) -> bool:
         """Return whether all before the end of the data has a CRC that holds."""
         try:
             return check_data(self._file, end)
@@ -116,7 +116,7 @@ class Belief:
             self.wrong.append(Problem(end.offset, text))
             return False
 
-    def _is_alone(self, span: Span, inside: Inside) -> bool:
+    def _is_alone(self, span: RecordSpan, inside: Inside) -> bool:
         """Return whether no other record seems to start in one."""
         over = 0
         if inside >= Inside.EXACT:
@@ -127,7 +127,7 @@ class Belief:
             over = end if span.opcode in _CHECKED else 0
         return self._search.chunk(span.start, span.end, over=over) is None
 
-    def _is_before_damage(self, span: Span, *, chunked: bool) -> bool:
+    def _is_before_damage(self, span: RecordSpan, *, chunked: bool) -> bool:
         """Return whether it is the next record that is damaged, not the length of this message."""
         self._file.seek(span.end)
         opcode = self._file.read(1)
@@ -136,7 +136,7 @@ class Belief:
         found = self._search.record(span.start, chunked=chunked)
         return found is None or found >= span.end
 
-    def _covers_records(self, span: Span) -> bool:
+    def _covers_records(self, span: RecordSpan) -> bool:
         """
         Return whether other records stand behind the fields of one, instead of unknown fields.
 
@@ -172,7 +172,7 @@ class Belief:
             start = span.end
         return True
 
-    def _is_wiped(self, span: Span, end: int) -> bool:
+    def _is_wiped(self, span: RecordSpan, end: int) -> bool:
         """
         Return whether zeros stand over the head of a record, and behind that what it held.
 
@@ -184,12 +184,12 @@ class Belief:
         self._file.seek(end - size)
         return not any(self._file.read(size + 1)) and self._summary.size_at(span.offset) != 0
 
-    def _disguised(self, span: Span) -> Opcode | None:
+    def _disguised(self, span: RecordSpan) -> Opcode | None:
         """Return what a record is by a CRC in it, where its opcode says something else."""
         if self._summary.names_all:
             return None
         for kind in _CHECKED:
-            other = Span(kind, span.offset, span.length)
+            other = RecordSpan(kind, span.offset, span.length)
             fits = kind != span.opcode and fields_end(self._file, other) == span.end
             if fits and self._evidence.inside(other) is Inside.PROVEN:
                 return kind

@@ -44,15 +44,7 @@ class Channels:
         return self._schemas.contradictions() + self._channels.contradictions()
 
     def add(self, opcode: int, content: bytes, offset: int = 0, *, verified: bool = False) -> None:
-        """
-        Take a schema or a channel record; others are ignored.
-
-        Raises
-        ------
-        DamagedError
-            The record cannot be understood; the offset is for its message.
-
-        """
+        """Take a schema or a channel record; others are ignored."""
         if opcode == Opcode.SCHEMA:
             # One with the number 0, which stands for none, is to be ignored.
             if content[:2] == bytes(2):
@@ -70,15 +62,7 @@ class Channels:
     def add_all(
         self, definitions: Iterable[tuple[int, bytes]], offset: int = 0, *, verified: bool = False
     ) -> None:
-        """
-        Take the schemas and channels of a chunk at this offset.
-
-        Raises
-        ------
-        DamagedError
-            As :meth:`add`.
-
-        """
+        """Take the schemas and channels of a chunk at this offset."""
         for opcode, content in definitions:
             self.add(opcode, content, offset, verified=verified)
 

@@ -56,11 +56,6 @@ def chunk_content(record: bytes, offset: int, patience: Patience) -> Content:
     patience
         What it unpacks to in vain is noted there.
 
-    Raises
-    ------
-    DamagedError
-        The chunk cannot be unpacked or its CRC is another one.
-
     """
     chunk = parse(Chunk, record, offset)
     try:

@@ -16,7 +16,7 @@ from klann_ros.untrusted.files import is_hollow
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
-from .layout import fields_end, is_known, RECORD_HEAD, Span
+from .layout import fields_end, is_known, RECORD_HEAD, RecordSpan
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -46,16 +46,8 @@ class Footer:
     crc: int
 
 
-def spans(file: BinaryIO, start: int, end: int) -> Iterator[Span]:
-    """
-    Yield the records between two offsets, without reading their contents.
-
-    Raises
-    ------
-    DamagedError
-        A record is cut off, or what stands there is no record.
-
-    """
+def spans(file: BinaryIO, start: int, end: int) -> Iterator[RecordSpan]:
+    """Yield the records between two offsets, without reading their contents."""
     offset = start
     while offset != end:
         span = span_at(file, offset, end)
@@ -63,16 +55,8 @@ def spans(file: BinaryIO, start: int, end: int) -> Iterator[Span]:
         offset = span.end
 
 
-def span_at(file: BinaryIO, offset: int, end: int) -> Span:
-    """
-    Return the record at an offset, which ends at ``end`` at the latest.
-
-    Raises
-    ------
-    DamagedError
-        As :func:`spans`.
-
-    """
+def span_at(file: BinaryIO, offset: int, end: int) -> RecordSpan:
+    """Return the record at an offset, which ends at ``end`` at the latest."""
     if offset > end:
         # An index may say anything, also what no file can be asked for.
         raise DamagedError('it would be behind the end of the file', offset)
@@ -87,20 +71,11 @@ def span_at(file: BinaryIO, offset: int, end: int) -> Span:
     if length > left:
         reason = f'the {name_of(opcode)} should be {length} bytes long, {left} are left'
         raise DamagedError(reason, offset, opcode)
-    return Span(opcode, offset, length)
+    return RecordSpan(opcode, offset, length)
 
 
-def read(file: BinaryIO, span: Span) -> bytes:
-    """
-    Return a record's content, as far as its fields are known.
-
-    Raises
-    ------
-    DamagedError
-        They do not fit into the record, it is too large to be one of its kind, or the file has
-        become shorter.
-
-    """
+def read(file: BinaryIO, span: RecordSpan) -> bytes:
+    """Return a record's content, as far as its fields are known."""
     name, end = name_of(span.opcode), fields_end(file, span)
     if end is None:
         raise DamagedError(contradiction(span), span.offset, span.opcode)
@@ -116,7 +91,7 @@ def read(file: BinaryIO, span: Span) -> bytes:
     return content
 
 
-def contradiction(span: Span) -> str:
+def contradiction(span: RecordSpan) -> str:
     """Return how to say that the fields of a record do not fit into it."""
     return f'the lengths in the {name_of(span.opcode)} contradict each other'
 
@@ -137,15 +112,7 @@ def find_footer(file: BinaryIO, size: int) -> Footer | None:
 
 
 def check_summary(file: BinaryIO, footer: Footer) -> None:
-    """
-    Check the CRC of the summary and the footer, where there is one.
-
-    Raises
-    ------
-    DamagedError
-        The CRC is another one, or the summary would start outside of the file.
-
-    """
+    """Check the CRC of the summary and the footer, where there is one."""
     if not len(MAGIC) <= footer.summary_start <= footer.offset:
         raise DamagedError('the summary would start outside of the file', footer.offset)
     check_written(file, footer.summary_start, footer.offset, 'summary')
@@ -154,16 +121,8 @@ def check_summary(file: BinaryIO, footer: Footer) -> None:
         _check_crc(file, footer.summary_start, end, footer.crc, 'summary')
 
 
-def check_data(file: BinaryIO, end: Span) -> bool:
-    """
-    Check the CRC of all that is before the record at the end of the data; return whether it has.
-
-    Raises
-    ------
-    DamagedError
-        The CRC is another one.
-
-    """
+def check_data(file: BinaryIO, end: RecordSpan) -> bool:
+    """Check the CRC of all before the record at the end of the data; return whether it has one."""
     crc = int.from_bytes(read(file, end), 'little')
     if crc:
         check_written(file, 0, end.offset, 'data')
@@ -185,15 +144,7 @@ def _check_crc(file: BinaryIO, start: int, end: int, said: int, name: str) -> No
 
 
 def check_written(file: BinaryIO, start: int, end: int, name: str) -> None:
-    """
-    Let a large stretch be read only if most of it was ever written.
-
-    Raises
-    ------
-    DamagedError
-        It is a hole in the file, which may be as long as one likes.
-
-    """
+    """Let a large stretch be read only if most of it was ever written."""
     if end - start > _MAX_SMALL and is_hollow(file, start, end):
         raise DamagedError(f'the {name} of {end - start} bytes was never written', start)
 

@@ -176,15 +176,7 @@ def content_of(data: bytes | bytearray, *, verified: bool, allowed: int = sys.ma
 
 
 def message_content(content: bytes, offset: int) -> Content:
-    """
-    Return what a message record holds that stands outside of chunks.
-
-    Raises
-    ------
-    DamagedError
-        It is too short.
-
-    """
+    """Return what a message record holds that stands outside of chunks."""
     if len(content) < _MESSAGE.size:
         raise DamagedError('the message is too short', offset, Opcode.MESSAGE)
     return content_of(RECORD_HEAD.pack(Opcode.MESSAGE, len(content)) + content, verified=False)

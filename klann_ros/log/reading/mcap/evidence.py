@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from typing import BinaryIO
 
     from .content import Patience
-    from .layout import Span
+    from .layout import RecordSpan
 
 _PIECE = 1024 * 1024
 _INDEX_HEAD, _INDEX_ENTRY = 6, 16
@@ -79,9 +79,9 @@ class Evidence:
         self.size = size
         self._patience = patience
         self._left = 4 * size
-        self._last: tuple[Span, Inside] | None = None
+        self._last: tuple[RecordSpan, Inside] | None = None
 
-    def inside(self, span: Span) -> Inside:
+    def inside(self, span: RecordSpan) -> Inside:
         """Return what the content of a record says for it."""
         if self._last is None or self._last[0] != span:
             self._last = span, self._inside(span)
@@ -115,7 +115,7 @@ class Evidence:
             offset = next_data(self.file, offset + _PIECE)
         return True
 
-    def _inside(self, span: Span) -> Inside:
+    def _inside(self, span: RecordSpan) -> Inside:
         end = fields_end(self.file, span)
         if end is None or not is_known(span.opcode):
             return Inside.NONE

@@ -52,7 +52,7 @@ _LEAST = {
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class RecordSpan:
     """Where a record stands: opcode, offset of the record, length of its content [bytes]."""
 
     opcode: int
@@ -80,7 +80,7 @@ def is_known(opcode: int) -> bool:
     return opcode in _LAYOUTS
 
 
-def fields_end(file: BinaryIO, span: Span) -> int | None:
+def fields_end(file: BinaryIO, span: RecordSpan) -> int | None:
     """
     Return where the fields of a record in a file end [bytes]: at its end, or before it.
 
@@ -91,7 +91,7 @@ def fields_end(file: BinaryIO, span: Span) -> int | None:
     return end
 
 
-def holds_nothing(file: BinaryIO, span: Span) -> bool:
+def holds_nothing(file: BinaryIO, span: RecordSpan) -> bool:
     """Return whether the data of a chunk or an attachment, or all of a metadata record, are ''."""
     end, held = _fields(span.opcode, _numbers_in(file), span.start, span.end)
     all_of_it = end is not None and end - span.start == least(span.opcode)

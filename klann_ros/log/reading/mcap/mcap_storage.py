@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from klann_ros.log.reading.storage import Overview
     from klann_ros.log.records import Attachment, Message
 
-    from .layout import Span
+    from .layout import RecordSpan
     from .walk import Walk
 
 
@@ -65,8 +65,8 @@ class McapSalvage:
         self.lost: list[str] = []
         self.remarks = [f'{file.name}: {item.text}' for item in file.problems.values()]
         self._file = file
-        self._attachments: list[Span] = []
-        self._metadata: list[Span] = []
+        self._attachments: list[RecordSpan] = []
+        self._metadata: list[RecordSpan] = []
         self._unverified = self._unknown = self._unknown_offset = self._other = 0
 
     def messages(self) -> Iterator[Message]:

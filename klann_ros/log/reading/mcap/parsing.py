@@ -32,15 +32,7 @@ class _Content(ReadDataStream):
 
 
 def parse(kind: type[Parsed], content: bytes, offset: int = 0) -> Parsed:
-    """
-    Return a record of one of the library's classes; the offset is for the error's message.
-
-    Raises
-    ------
-    DamagedError
-        The content is none of such a record.
-
-    """
+    """Return a record of one of the library's classes; the offset is for the error's message."""
     try:
         # Each class has a `read`, though their base has none.
         parsed: Parsed = cast('Any', kind).read(_Content(content))
@@ -51,15 +43,7 @@ def parse(kind: type[Parsed], content: bytes, offset: int = 0) -> Parsed:
 
 
 def parse_schema(content: bytes, offset: int = 0) -> records.Schema:
-    """
-    Return a schema; the offset is for the error's message.
-
-    Raises
-    ------
-    DamagedError
-        The content is none of a schema, or what should be the text of a definition is no text.
-
-    """
+    """Return a schema; the offset is for the error's message."""
     schema = parse(records.Schema, content, offset)
     if schema.encoding in _TEXTS:
         try:
@@ -71,15 +55,7 @@ def parse_schema(content: bytes, offset: int = 0) -> records.Schema:
 
 
 def parse_attachment(content: bytes, offset: int = 0) -> Attachment:
-    """
-    Return an attachment, its CRC checked where there is one; the offset is for the error.
-
-    Raises
-    ------
-    DamagedError
-        The content is none of an attachment, or its CRC is another one.
-
-    """
+    """Return an attachment, its CRC checked where there is one; the offset is for the error."""
     record = parse(records.Attachment, content, offset)
     said = crc_of_attachment(content)
     if said not in (0, zlib.crc32(content[:-4])):

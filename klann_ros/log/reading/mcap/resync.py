@@ -22,7 +22,7 @@ from mcap.opcode import Opcode
 from .chunks import COMPRESSIONS
 from .container import span_at
 from .evidence import Behind, Inside
-from .layout import is_known, least, Span
+from .layout import is_known, least, RecordSpan
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -92,11 +92,11 @@ class Search:
         """
         return self._chunks.first(start, stop, over)
 
-    def sound(self, start: int, stop: int, opcodes: tuple[Opcode, ...]) -> Iterator[Span]:
+    def sound(self, start: int, stop: int, opcodes: tuple[Opcode, ...]) -> Iterator[RecordSpan]:
         """Yield the sound records of these kinds that start between two offsets."""
         return filter(self._is_sound, self._heads(start, stop, opcodes))
 
-    def _heads(self, start: int, stop: int, opcodes: tuple[Opcode, ...]) -> Iterator[Span]:
+    def _heads(self, start: int, stop: int, opcodes: tuple[Opcode, ...]) -> Iterator[RecordSpan]:
         """Yield what may be a record of these kinds, and ends in the file."""
         pattern = _heads_pattern(opcodes)
         # No record begins where nothing was ever written.
@@ -109,13 +109,13 @@ class Search:
                 if match.start() >= size:
                     break
                 (length,) = _LENGTH.unpack_from(piece, match.end())
-                span = Span(piece[match.start()], offset + match.start(), length)
+                span = RecordSpan(piece[match.start()], offset + match.start(), length)
                 if span.end <= self._size and length >= least(span.opcode):
                     yield span
             offset = next_data(self._file, offset + size)
             size = min(2 * size, _PIECE)
 
-    def _is_sound(self, span: Span) -> bool:
+    def _is_sound(self, span: RecordSpan) -> bool:
         if span.opcode == Opcode.MESSAGE:
             return self._is_row(span.offset)
         inside = self._evidence.inside(span)
@@ -149,7 +149,7 @@ class _Chunks:
     def __init__(self, search: Search) -> None:
         self._search = search
         self._begin = self._until = 0
-        self._spans: list[Span] = []
+        self._spans: list[RecordSpan] = []
 
     def first(self, start: int, stop: int, over: int) -> int | None:
         """Return where the first chunk starts between two offsets that ends behind a third."""

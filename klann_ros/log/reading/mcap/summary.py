@@ -22,7 +22,7 @@ _INDEX_HEAD = 15
 _INDEX_ENTRY = 16
 
 
-class Place(NamedTuple):
+class RecordPlace(NamedTuple):
     """Of a record its opcode, its end, and how much it holds [bytes], if that is said."""
 
     opcode: int
@@ -59,7 +59,7 @@ class Summary:
     chunks: list[ChunkIndex] = field(default_factory=list)
     metadata: list[int] = field(default_factory=list)
     attachments: list[int] = field(default_factory=list)
-    places: dict[int, Place] = field(default_factory=dict)
+    places: dict[int, RecordPlace] = field(default_factory=dict)
     statistics: Statistics | None = None
 
     @cached_property
@@ -101,7 +101,7 @@ class Summary:
             and self._messages_in_chunks(said)
         )
 
-    def note(self, start: int, place: Place) -> None:
+    def note(self, start: int, place: RecordPlace) -> None:
         """Take up where a record is."""
         self.places[start] = place
 
@@ -147,15 +147,7 @@ class Summary:
 
 
 def read_summary(file: BinaryIO, footer: Footer) -> Summary:
-    """
-    Return the summary of a file; an empty one if it has none.
-
-    Raises
-    ------
-    DamagedError
-        Its CRC does not hold, or what stands there is no summary.
-
-    """
+    """Return the summary of a file; an empty one if it has none."""
     summary = Summary(closed=True)
     if footer.summary_start == 0:
         return summary
@@ -170,16 +162,16 @@ def read_summary(file: BinaryIO, footer: Footer) -> Summary:
             chunk = parse(ChunkIndex, read(file, span), span.offset)
             summary.chunks.append(chunk)
             start, length = chunk.chunk_start_offset, chunk.chunk_length
-            summary.note(start, Place(Opcode.CHUNK, start + length, chunk.compressed_size))
+            summary.note(start, RecordPlace(Opcode.CHUNK, start + length, chunk.compressed_size))
         elif span.opcode == Opcode.METADATA_INDEX:
             found = parse(MetadataIndex, read(file, span), span.offset)
             summary.metadata.append(found.offset)
-            summary.note(found.offset, Place(Opcode.METADATA, found.offset + found.length))
+            summary.note(found.offset, RecordPlace(Opcode.METADATA, found.offset + found.length))
         elif span.opcode == Opcode.ATTACHMENT_INDEX:
             index = parse(AttachmentIndex, read(file, span), span.offset)
             summary.attachments.append(index.offset)
             end = index.offset + index.length
-            summary.note(index.offset, Place(Opcode.ATTACHMENT, end, index.data_size))
+            summary.note(index.offset, RecordPlace(Opcode.ATTACHMENT, end, index.data_size))
         elif span.opcode == Opcode.STATISTICS:
             summary.statistics = parse(Statistics, read(file, span), span.offset)
     return summary

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from .channels import Channels
     from .content import Content
-    from .layout import Span
+    from .layout import RecordSpan
 
 _INDEX_HEAD, _INDEX_ENTRY = 6, 16
 _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
@@ -79,8 +79,8 @@ class Walk:
     def __init__(
         self, file: BinaryIO, size: int, channels: Channels, *, summary: Summary | None = None
     ) -> None:
-        self.metadata: list[Span] = []
-        self.attachments: list[Span] = []
+        self.metadata: list[RecordSpan] = []
+        self.attachments: list[RecordSpan] = []
         self.losses = Losses()
         self.unknown = 0
         self.verified = False
@@ -95,7 +95,7 @@ class Walk:
         self.wrong, self.remarks = self._belief.wrong, self._belief.remarks
         self._stretches = Stretches(file)
         self._chunked = False
-        self._data_end: Span | None = None
+        self._data_end: RecordSpan | None = None
         self._next = len(MAGIC)
         self._lost: Loss | None = None
 
@@ -114,7 +114,7 @@ class Walk:
         if self._data_end is not None and not len(self.losses) and not self.wrong:
             self.verified = self._belief.in_data(self._data_end)
 
-    def _span_at(self, offset: int) -> Span:
+    def _span_at(self, offset: int) -> RecordSpan:
         """Return the record at an offset; raise if its end cannot be relied on."""
         span = span_at(self._file, offset, self._size)
         if self._belief.in_end(span, chunked=self._chunked):
@@ -125,7 +125,7 @@ class Walk:
         reason = f'the {name_of(span.opcode)} or its length is damaged'
         raise DamagedError(reason, offset, span.opcode)
 
-    def _step(self, span: Span) -> Content | None:
+    def _step(self, span: RecordSpan) -> Content | None:
         """Deal with one record, whose damage if any ends where it ends."""
         reason = self._belief.against_content(span)
         if reason:
@@ -139,7 +139,7 @@ class Walk:
             return self._take(span)
         return None
 
-    def _take_loose(self, span: Span) -> Content | None:
+    def _take_loose(self, span: RecordSpan) -> Content | None:
         """Return a message outside of chunks, and those behind it; pass over unknown kinds."""
         content: Content | None
         until = self._summary.first_from(span.start) or self._size
@@ -155,7 +155,7 @@ class Walk:
             self._lost = None
         return content
 
-    def _take(self, span: Span) -> Content | None:
+    def _take(self, span: RecordSpan) -> Content | None:
         if span.opcode in (Opcode.CHUNK, *_DEFINITIONS):
             return self._read(span)
         if span.opcode == Opcode.DATA_END:
@@ -168,7 +168,7 @@ class Walk:
             self._lose_record(span, f'a {name_of(span.opcode)} does not belong there')
         return None
 
-    def _take_metadata(self, span: Span) -> None:
+    def _take_metadata(self, span: RecordSpan) -> None:
         try:
             parse(Metadata, read(self._file, span), span.offset)
         except DamagedError as damage:
@@ -176,13 +176,13 @@ class Walk:
         else:
             self.metadata.append(span)
 
-    def _belongs(self, span: Span) -> bool:
+    def _belongs(self, span: RecordSpan) -> bool:
         if span.opcode == Opcode.HEADER:
             return span.offset == len(MAGIC)
         ended = self._data_end or 0 < self._summary.start <= span.offset
         return ended and span.opcode in _SUMMARY
 
-    def _read(self, span: Span) -> Content | None:
+    def _read(self, span: RecordSpan) -> Content | None:
         """Return what a chunk or a message holds; note it as lost if it is damaged."""
         content = None
         try:
@@ -205,13 +205,13 @@ class Walk:
             self._lose(span, f'the chunk could be read in part only: {content.broken}')
         return content
 
-    def _index(self, span: Span) -> None:
+    def _index(self, span: RecordSpan) -> None:
         """Count the messages that a lost chunk held: its index stands behind it."""
         if self._lost is not None:
             size = (fields_end(self._file, span) or span.end) - span.start - _INDEX_HEAD
             self._lost.messages = (self._lost.messages or 0) + size // _INDEX_ENTRY
 
-    def _lose_record(self, span: Span, reason: str) -> None:
+    def _lose_record(self, span: RecordSpan, reason: str) -> None:
         """Note a record as lost, but for a chunk in it: if bytes are missing it reaches over."""
         self._lost = self._lose(span, reason)
         found = self._search.chunk(span.start, span.end)
@@ -219,7 +219,7 @@ class Walk:
             self._next = found
             self._lost.length = found - span.offset
 
-    def _lose(self, span: Span, reason: str) -> Loss:
+    def _lose(self, span: RecordSpan, reason: str) -> Loss:
         return self.losses.add(span.offset, span.end - span.offset, reason)
 
     def _resume(self, damage: DamagedError) -> None:

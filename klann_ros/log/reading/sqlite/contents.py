@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from klann_ros.log.reading.temporary import TemporaryFile
 
-    from .rows import Rows
+    from .rows import MessageRows
 
 _KIND = "SQLite, rosbag2's .db3"
 _MESSAGES = frozenset(('topic_id', 'timestamp', 'data'))
@@ -52,7 +52,7 @@ class Contents:
 
     """
 
-    rows: Rows
+    rows: MessageRows
     described: Described
     remarks: list[str] = field(default_factory=list)
     losses: list[str] = field(default_factory=list)

@@ -9,7 +9,7 @@ import numpy as np
 
 from .pages import Pages
 from .records import BrokenRowError
-from .rows import Piece, RowsError
+from .rows import RowRange, RowsError
 from .topics import Words
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class PagedRows:
         self.leaves.arrange()
         self.pieces, self.count = self.leaves.pieces, self.leaves.count
 
-    def read(self, piece: Piece, topics: Collection[int] | None = None) -> list[Row]:
+    def read(self, piece: RowRange, topics: Collection[int] | None = None) -> list[Row]:
         """Return the rows of a piece, those of some topics or all; raises RowsError."""
         if topics is not None and piece.topics.isdisjoint(topics):
             return []
@@ -200,7 +200,7 @@ class Leaves:
     """
 
     def __init__(self, page_size: int, behind: int = 0) -> None:
-        self.pieces: list[Piece] = []
+        self.pieces: list[RowRange] = []
         self.count = self.missing = self.missing_behind = 0
         self.holes: list[tuple[int, int]] = []
         self._page_size = page_size
@@ -208,7 +208,7 @@ class Leaves:
         self._rows: list[tuple[int, ...]] = []
         self._topics: list[frozenset[int]] = []
         self._known: dict[frozenset[int], frozenset[int]] = {}
-        self._pages: dict[Piece, list[tuple[int, int]]] = {}
+        self._pages: dict[RowRange, list[tuple[int, int]]] = {}
 
     def add(self, page: int, found: Sequence[Found]) -> None:
         """Take a page and the messages that were found in it, in the order of their numbers."""
@@ -219,7 +219,7 @@ class Leaves:
         topics = frozenset(message.topic for message in found)
         self._topics.append(self._known.setdefault(topics, topics))
 
-    def pages_of(self, piece: Piece) -> list[tuple[int, int]]:
+    def pages_of(self, piece: RowRange) -> list[tuple[int, int]]:
         """Return the pages of a piece, and how many bytes the messages in each have."""
         return self._pages[piece]
 
@@ -262,7 +262,7 @@ class Leaves:
     def _put_together(self, leaves: np.ndarray, rows: list[int]) -> None:
         some = leaves[rows]
         before = self.pieces[-1].last if self.pieces else self._behind
-        piece = Piece(
+        piece = RowRange(
             max(int(some['first'][0]), before + 1),
             int(some['last'][-1]),
             int(some['start'].min()),

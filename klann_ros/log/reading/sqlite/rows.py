@@ -47,7 +47,7 @@ class RowsError(Exception):
 
 
 @dataclass(frozen=True)
-class Piece:
+class RowRange:
     """
     Messages that are read together.
 
@@ -79,14 +79,14 @@ class Piece:
         return f'messages {self.first} to {self.last}'
 
 
-class Rows(Protocol):
+class MessageRows(Protocol):
     """The messages of a file, however they are found; a row is topic, time [ns] and bytes."""
 
-    pieces: list[Piece]
+    pieces: list[RowRange]
     size: int
     count: int
 
-    def read(self, piece: Piece, topics: Collection[int] | None = None) -> list[Row]:
+    def read(self, piece: RowRange, topics: Collection[int] | None = None) -> list[Row]:
         """
         Return the rows of a piece, those of some topics or all, in the order of their numbers.
 
@@ -122,7 +122,7 @@ class SqlRows:
     """
 
     def __init__(self, path: Path, size: int) -> None:
-        self.pieces: list[Piece] = []
+        self.pieces: list[RowRange] = []
         self.count = self.unsound = 0
         self._path = path
         self.size = size
@@ -135,7 +135,7 @@ class SqlRows:
         if rows != self.count + self.unsound:
             raise RowsError('its rows are out of order')
 
-    def read(self, piece: Piece, topics: Collection[int] | None = None) -> list[Row]:
+    def read(self, piece: RowRange, topics: Collection[int] | None = None) -> list[Row]:
         """Return the rows of a piece, those of some topics or all; raises RowsError."""
         wanted = piece.topics if topics is None else piece.topics & set(topics)
         if not wanted:
@@ -187,7 +187,7 @@ class SqlRows:
         if sound:
             start, end = min(row[3] for row in sound), max(row[4] for row in sound)
             topics = frozenset(row[0] for row in sound)
-            self.pieces.append(Piece(first, last, start, end, topics, count, offset))
+            self.pieces.append(RowRange(first, last, start, end, topics, count, offset))
 
 
 class RowsBehind:
@@ -206,7 +206,7 @@ class RowsBehind:
 
     """
 
-    def __init__(self, rows: Rows, others: Rows) -> None:
+    def __init__(self, rows: MessageRows, others: MessageRows) -> None:
         self.pieces = [*rows.pieces, *others.pieces]
         self.size = max(rows.size, others.size)
         self.count = rows.count + others.count
@@ -214,7 +214,7 @@ class RowsBehind:
         self._others = others
         self._last = max((piece.last for piece in rows.pieces), default=-(2**63))
 
-    def read(self, piece: Piece, topics: Collection[int] | None = None) -> list[Row]:
+    def read(self, piece: RowRange, topics: Collection[int] | None = None) -> list[Row]:
         """Return the rows of a piece, those of some topics or all; raises RowsError."""
         rows = self._rows if piece.last <= self._last else self._others
         return rows.read(piece, topics)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from klann_ros.log.reading.temporary import TemporaryFile
     from klann_ros.log.records import Attachment
 
-    from .rows import Piece, Row
+    from .rows import Row, RowRange
 
 _time_of = itemgetter(1)
 
@@ -124,7 +124,7 @@ class SqliteStorage:
         # The file has one time only, and no sequence numbers.
         return None if topic is None else Message(topic, data, time, time, 0)
 
-    def _rows(self, piece: Piece, topics: Collection[int] | None = None) -> list[Row]:
+    def _rows(self, piece: RowRange, topics: Collection[int] | None = None) -> list[Row]:
         """Return the rows of a piece whose topics are known."""
         try:
             rows = self.contents.rows.read(piece, topics)
@@ -138,7 +138,7 @@ class SqliteStorage:
             self.problems.note_whole(f'messages of topic {number}, which is not known')
         return [row for row in rows if row[0] not in unknown] if unknown else rows
 
-    def _in_time_order(self, piece: Piece, names: Topics) -> Iterator[Message]:
+    def _in_time_order(self, piece: RowRange, names: Topics) -> Iterator[Message]:
         topics = self.contents.described.topics
         wanted = None
         if names is not None:
@@ -157,15 +157,7 @@ class SqliteStorage:
 
 
 class SqliteSalvage:
-    """
-    All that is intact in such a file; see :class:`~klann_ros.log.reading.storage.Salvage`.
-
-    Parameters
-    ----------
-    file
-        The file.
-
-    """
+    """All that is intact in such a file; see :class:`~klann_ros.log.reading.storage.Salvage`."""
 
     def __init__(self, file: SqliteStorage) -> None:
         contents = file.contents

@@ -111,7 +111,7 @@ def described(connection: sqlite3.Connection) -> Described:
 
 class Words:
     """
-    Rows of texts that were found without knowing of which table they are.
+    MessageRows of texts that were found without knowing of which table they are.
 
     Parameters
     ----------
