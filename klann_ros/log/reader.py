@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from .errors import AnyPath
-    from .reading.block import Block
+    from .reading.block import MessageBlock
     from .reading.storage import Storage
     from .records import Attachment, Message
 
@@ -151,7 +151,7 @@ class Log:
         """
         return latest(self._sources, counts, before)
 
-    def blocks(self, progress: Callable[[float], object] | None = None) -> Iterator[Block]:
+    def blocks(self, progress: Callable[[float], object] | None = None) -> Iterator[MessageBlock]:
         """
         Yield the messages in large pieces, as they stand in the files.
 

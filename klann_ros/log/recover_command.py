@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 
 from klann_ros import __version__
 from klann_ros.untrusted.arguments import ArgumentParser, path
-from klann_ros.untrusted.text import LONGEST_LINE, printable, printable_line
+from klann_ros.untrusted.text import counted, LONGEST_LINE, printable, printable_line
 
 from .errors import LogError, NotALogError
 from .reading.run_files import LOG_HELP, run_name
 from .recovery import recover
-from .wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

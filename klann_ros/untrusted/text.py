@@ -1,4 +1,4 @@
-"""Texts of others as they may be shown: on a terminal, in a log line, in a report."""
+"""Texts for people: those of others as they may be shown, and numbers in sentences."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -73,3 +73,24 @@ def did_you_mean(name: object, names: Iterable[str]) -> str:
 
 def _escaped(character: str) -> str:
     return character.encode('unicode_escape').decode('ascii')
+
+
+def counted(number: int, one: str, many: str = '') -> str:
+    """Return how many there are of something, such as `1 message` or `2 messages`."""
+    return f'{number} {verb(number, one, many or f"{one}s")}'
+
+
+def verb(number: int, one: str, many: str) -> str:
+    """Return the word that goes with a number, such as `was` or `were`."""
+    return one if number == 1 else many
+
+
+def times(number: int) -> str:
+    """Return how often something is: `once`, `twice` or `3 times`."""
+    return {1: 'once', 2: 'twice'}.get(number, f'{number} times')
+
+
+def in_words(number: int) -> str:
+    """Return a small number as a word."""
+    words = ('no', 'one', 'two', 'three', 'four', 'five', 'six', 'seven', 'eight', 'nine', 'ten')
+    return words[number] if 0 <= number < len(words) else str(number)

@@ -16,8 +16,8 @@ from fuzzing.shown import hold
 from klann_ros.log import recover_command
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
-from klann_ros.log.wording import counted
 from klann_ros.review import command as review_command
+from klann_ros.untrusted.text import counted
 
 MAX_MEMORY = 200 * 2**20
 UNVERIFIED = 'no CRC, so nobody knows'

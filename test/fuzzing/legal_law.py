@@ -5,7 +5,7 @@ import shutil
 
 from fuzzing.commands import run
 from fuzzing.samples import content
-from klann_ros.log import recover_command, wording
+from klann_ros.log import recover_command
 from klann_ros.log.reader import open_log
 from klann_ros.review import command as review_command
 from mcap_bytes.legal import change_file
@@ -39,7 +39,7 @@ def _check(log, sample, case):
         assert others == _others(before), case
     code, text = run(recover_command.main, [str(log), '-o', str(log.with_name('again'))])
     assert code == 0, f'{case}: {text}'
-    kept = wording.counted(len(messages), 'message'), wording.counted(len(others[0]), 'attachment')
+    kept = counted(len(messages), 'message'), counted(len(others[0]), 'attachment')
     assert 'kept: {} in all, {}'.format(*kept) in text, case
     _, text = run(review_command.main, [str(log)])
     assert 'the log is damaged' not in text, f'{case}: {text}'

@@ -33,7 +33,7 @@ _COUNTED = HEAD.itemsize - 9
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class MessageBlock:
     """
     Messages that stand together in a log, in the order in which they stand there.
 
@@ -76,20 +76,20 @@ class Block:
         return found
 
 
-def block_of(content: Content, topics: Mapping[int, Topic]) -> Block:
+def block_of(content: Content, topics: Mapping[int, Topic]) -> MessageBlock:
     """Return the messages of a chunk, or of a message outside of chunks, as arrays."""
     if not len(content):
         nothing = np.empty(0, dtype=np.int64)
-        return Block(content.data, np.empty(0, HEAD), nothing, topics)
+        return MessageBlock(content.data, np.empty(0, HEAD), nothing, topics)
     at = np.frombuffer(content.starts, dtype=np.uint64).astype(np.int64)
     rows = sliding_window_view(np.frombuffer(content.data, np.uint8), HEAD.itemsize)[at]
-    return Block(content.data, rows.view(HEAD)[:, 0], at + HEAD.itemsize, topics)
+    return MessageBlock(content.data, rows.view(HEAD)[:, 0], at + HEAD.itemsize, topics)
 
 
 def block_of_messages(
     heads: NDArray[np.void], messages: Sequence[bytes], topics: Mapping[int, Topic]
-) -> Block:
+) -> MessageBlock:
     """Return messages that do not stand in one piece as a block; the heads get their lengths."""
     sizes = np.fromiter(map(len, messages), dtype=np.int64, count=len(messages))
     heads['length'] = sizes + _COUNTED
-    return Block(memoryview(b''.join(messages)), heads, np.cumsum(sizes) - sizes, topics)
+    return MessageBlock(memoryview(b''.join(messages)), heads, np.cumsum(sizes) - sizes, topics)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from klann_ros.log.records import Message, Topic
 
-    from .block import Block
+    from .block import MessageBlock
     from .sources import Topics
     from .storage import Overview, Problems, Salvage, Storage
 
@@ -64,7 +64,7 @@ class PackedMessages:
         for source in self._packed.sources(overview):
             yield Source(source.start, source.end, partial(self._read, source))
 
-    def blocks(self) -> Iterator[tuple[int, Block]]:
+    def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
         """Yield all messages in large pieces as they stand in it, and where each is [bytes]."""
         for offset, block in self._packed.blocks():
             for piece in _blocks(block, self.problems):
@@ -136,7 +136,7 @@ class _PackedSalvage:
             self.lost.append(f'{self._name}: {count} {text}')
 
 
-def _blocks(block: Block, problems: Problems) -> Iterator[Block]:
+def _blocks(block: MessageBlock, problems: Problems) -> Iterator[MessageBlock]:
     """Yield a block with its messages unpacked, in several if they are large."""
     unpacker = Unpacker(problems.note_whole)
     packed = {number: topic for number, topic in block.topics.items() if _is_cdr(topic)}

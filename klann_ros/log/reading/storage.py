@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from klann_ros.log.records import Attachment, Message, Topic
 
-    from .block import Block
+    from .block import MessageBlock
     from .sources import Source
 
 
@@ -55,7 +55,7 @@ class Storage(Protocol):
     def sources(self, overview: Overview) -> Iterator[Source]:
         """Yield what can be read by itself."""
 
-    def blocks(self) -> Iterator[tuple[int, Block]]:
+    def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
         """Yield all messages in large pieces as they stand in it, and where each is [bytes]."""
 
     def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:

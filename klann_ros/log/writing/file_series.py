@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from klann_ros.log.bag_metadata import FILE_NAME, metadata_record, RECORD_NAME
 from klann_ros.log.errors import RunExistsError, RunLostError
-from klann_ros.log.wording import counted, verb
+from klann_ros.untrusted.text import counted, verb
 
 from .file_watch import Harm
 from .ledger import FinishedFile, WrittenFiles

@@ -14,8 +14,7 @@ from klann_ros.log.run_parameters import (
     pause_record,
     TopicCount,
 )
-from klann_ros.log.wording import counted, verb
-from klann_ros.untrusted.text import listed, printable
+from klann_ros.untrusted.text import counted, listed, printable, verb
 
 from .background_writer import BackgroundWriter
 from .ledger import Account, Ledger

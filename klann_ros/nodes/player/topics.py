@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 from klann_ros.log.errors import MalformedQosError
 from klann_ros.log.qos import latched_count, Qos, QosTexts
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.wording import verb
 from klann_ros.nodes.endpoints import (
     DEPTH,
     message_class,
@@ -15,7 +14,7 @@ from klann_ros.nodes.endpoints import (
     UnknownMessageTypeError,
 )
 from klann_ros.nodes.process import ros_error, ROS_ERRORS
-from klann_ros.untrusted.text import printable, printable_line
+from klann_ros.untrusted.text import printable, printable_line, verb
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
 from rclpy.node import Node

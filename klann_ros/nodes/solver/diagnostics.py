@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from math import degrees, tau
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from klann_ros.log.wording import verb
 from klann_ros.nodes.endpoints import create_publisher
+from klann_ros.untrusted.text import verb
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 

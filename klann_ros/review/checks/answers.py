@@ -2,10 +2,9 @@
 
 from collections.abc import Iterator
 
-from klann_ros.log.wording import verb
 from klann_ros.review.model.answering import asked_angles, Cause
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
-from klann_ros.untrusted.text import printable
+from klann_ros.untrusted.text import printable, verb
 import numpy as np
 
 from .poses import wrong_poses

@@ -2,10 +2,9 @@
 
 from collections.abc import Collection, Iterator
 
-from klann_ros.log.wording import times, verb
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.topics import TopicFigures, TopicRecording
-from klann_ros.untrusted.text import listed, printable
+from klann_ros.untrusted.text import listed, printable, times, verb
 import numpy as np
 
 from .motion import back_and_forth

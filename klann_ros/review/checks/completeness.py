@@ -2,12 +2,11 @@
 
 from collections.abc import Iterator
 
-from klann_ros.log.wording import counted, verb
 from klann_ros.review.loading.leg_file import preset_names
 from klann_ros.review.model.recording import RunRecording
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.topics import TopicRecording
-from klann_ros.untrusted.text import printable
+from klann_ros.untrusted.text import counted, printable, verb
 
 _MOST_PROBLEMS = 3
 

@@ -4,11 +4,10 @@ from collections.abc import Iterator
 from itertools import groupby
 from operator import attrgetter
 
-from klann_ros.log.wording import counted, verb
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.times import Hole, joined
 from klann_ros.review.model.unanswered import refusals, Silence, without_holes
-from klann_ros.untrusted.text import listed
+from klann_ros.untrusted.text import counted, listed, verb
 
 # What a solver publishes beside the poses.
 _ANSWERS = ('point_h', 'velocity_h')

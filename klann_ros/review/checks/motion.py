@@ -4,13 +4,12 @@ from collections.abc import Iterator
 from math import nan
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
-from klann_ros.log.wording import times as times_
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.pairing import pairs
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.times import Flags, Floats, intervals, overlap, RowIndices
-from klann_ros.untrusted.text import listed
+from klann_ros.untrusted.text import listed, times as times_
 import numpy as np
 
 _TURN = 2 * np.pi

@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from klann_ros.log.wording import verb
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.pairing import found_in, pairs
 from klann_ros.review.model.pose_errors import PoseErrors
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.times import Flags, Floats
+from klann_ros.untrusted.text import verb
 import numpy as np
 
 

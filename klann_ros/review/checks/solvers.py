@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator
 
 from klann_ros.kinematics.batch.given_angles import differences, wrapped
-from klann_ros.log.wording import counted, in_words, verb
 from klann_ros.review.model.answering import repeated, Surplus
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.pairing import found_in
@@ -11,7 +10,7 @@ from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.times import Floats, Times
 from klann_ros.review.model.unanswered import SOON
-from klann_ros.untrusted.text import listed
+from klann_ros.untrusted.text import counted, in_words, listed, verb
 import numpy as np
 
 # Returns how values differ from others of the same shape.

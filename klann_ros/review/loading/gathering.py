@@ -6,7 +6,7 @@ from functools import partial
 from typing import ClassVar
 
 from klann_ros.kinematics import AnyLeg
-from klann_ros.log.reading.block import Block
+from klann_ros.log.reading.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import SolverParameters
 from klann_ros.review.model.recording import LegSolver, Undecoded
@@ -92,7 +92,7 @@ class Gathering:
         told = {(space, name) for space, _ in self.poses for name in self._in(space)}
         return sorted(told | self.poses.keys())
 
-    def add(self, topic: Topic, block: Block, rows: RowIndices) -> None:
+    def add(self, topic: Topic, block: MessageBlock, rows: RowIndices) -> None:
         """Add what a topic's messages in a block say."""
         reader = self._reader(topic)
         if reader is None:
@@ -133,13 +133,13 @@ class Gathering:
             self._readers[topic] = TopicReader(topic) if wanted else None
         return self._readers[topic]
 
-    def _add_crank_angle(self, topic: str, block: Block, piece: DecodedRows) -> None:
+    def _add_crank_angle(self, topic: str, block: MessageBlock, piece: DecodedRows) -> None:
         self._add_crank(topic, ALL_JOINTS, block, piece, 0)
 
-    def _add_foot(self, topic: str, block: Block, piece: DecodedRows) -> None:
+    def _add_foot(self, topic: str, block: MessageBlock, piece: DecodedRows) -> None:
         self.feet[parent(topic)].add(_log_times(block, piece), piece.stamps, piece.values[:, :2])
 
-    def _add_joint_state(self, topic: str, block: Block, piece: DecodedRows) -> None:
+    def _add_joint_state(self, topic: str, block: MessageBlock, piece: DecodedRows) -> None:
         namespace, names = parent(topic), piece.names
         legs = self._in(namespace) or dict.fromkeys(
             _prefixes(names, self._unknown.joint_names), self._unknown
@@ -160,7 +160,7 @@ class Gathering:
         return tuple(self._in(namespace).values()) or (self._unknown,)
 
     def _add_pose(
-        self, place: Place, columns: list[int], block: Block, piece: DecodedRows
+        self, place: Place, columns: list[int], block: MessageBlock, piece: DecodedRows
     ) -> None:
         times = _log_times(block, piece)
         poses = self.poses.setdefault(place, SeriesColumns(len(columns)))
@@ -173,7 +173,7 @@ class Gathering:
                 rates.add(times, piece.stamps, piece.velocities[:, columns] if known else missing)
 
     def _add_crank(
-        self, topic: str, joint: str, block: Block, piece: DecodedRows, column: int
+        self, topic: str, joint: str, block: MessageBlock, piece: DecodedRows, column: int
     ) -> None:
         """Add crank inputs; the solver takes the source time for a stamp that is zero."""
         namespace = parent(topic)
@@ -199,7 +199,7 @@ class Gathering:
     }
 
 
-def _log_times(block: Block, piece: DecodedRows) -> Times:
+def _log_times(block: MessageBlock, piece: DecodedRows) -> Times:
     return nanoseconds(block.heads['log_time'][piece.rows])
 
 

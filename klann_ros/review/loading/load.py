@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from klann_ros.kinematics import AnyLeg
 from klann_ros.log.reader import Log
-from klann_ros.log.reading.block import Block
+from klann_ros.log.reading.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import HARM_RECORD, pause_of, PAUSE_RECORD
 from klann_ros.review.model.recording import LegRecording, no_series, RunRecording, Series
@@ -62,7 +62,7 @@ def _harm(log: Log, key: str) -> str:
     return printable_line('; '.join(filter(None, found)))
 
 
-def by_topic(block: Block) -> Iterator[tuple[Topic, RowIndices]]:
+def by_topic(block: MessageBlock) -> Iterator[tuple[Topic, RowIndices]]:
     """Yield the topics in a block that are known, and which messages are theirs."""
     channels = block.heads['channel']
     order = np.argsort(channels, kind='stable')

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import GeometryError, KlannGeometry, KlannLeg
-from klann_ros.log.reading.block import Block
+from klann_ros.log.reading.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.review.model.recording import LegSolver, no_series, Series
 from klann_ros.review.model.times import nanoseconds, RowIndices
@@ -33,7 +33,7 @@ class Iterations:
         self._solvers: dict[str, set[str]] = defaultdict(set)
         self._decoders: dict[Topic, Any] = {}
 
-    def add(self, topic: Topic, block: Block, rows: RowIndices) -> None:
+    def add(self, topic: Topic, block: MessageBlock, rows: RowIndices) -> None:
         """Add what a topic's messages in a block report."""
         if topic.type != DIAGNOSTICS:
             return
@@ -82,7 +82,7 @@ class Descriptions:
         self._last: dict[str, bytes] = {}
         self._found: dict[str, list[_Described]] = defaultdict(list)
 
-    def add(self, topic: Topic, block: Block, rows: RowIndices) -> None:
+    def add(self, topic: Topic, block: MessageBlock, rows: RowIndices) -> None:
         """Add what a topic's messages in a block describe."""
         namespace, _, name = topic.name.rpartition('/')
         if (topic.type, name) != (TEXT, NAME):

@@ -8,7 +8,7 @@ from itertools import chain
 import re
 from typing import Any, NamedTuple
 
-from klann_ros.log.reading.block import Block
+from klann_ros.log.reading.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.review.model.times import Floats, LAST_TIME, nanoseconds, RowIndices, Times
 from mcap.records import Schema
@@ -115,7 +115,7 @@ class TopicReader:
         self._layout: Layout | None = None
         self._decode = decoder(topic)
 
-    def read(self, block: Block, rows: RowIndices) -> Iterator[DecodedRows]:
+    def read(self, block: MessageBlock, rows: RowIndices) -> Iterator[DecodedRows]:
         """Yield what these messages of a block say, in no particular order."""
         others: list[RowIndices] = []
         sizes = block.sizes[rows]
@@ -134,7 +134,7 @@ class TopicReader:
         self.failed += len(times)
 
     def _of_size(
-        self, block: Block, rows: RowIndices, size: int, others: list[RowIndices]
+        self, block: MessageBlock, rows: RowIndices, size: int, others: list[RowIndices]
     ) -> Iterator[DecodedRows]:
         """Yield what messages of one size say; add those that no layout fits to `others`."""
         for _ in range(_MOST_LAYOUTS):
@@ -165,7 +165,7 @@ class TopicReader:
             return None
         return self._layout
 
-    def _one(self, block: Block, row: int) -> DecodedRows:
+    def _one(self, block: MessageBlock, row: int) -> DecodedRows:
         """Return what one message says, by the library that knows all types."""
         decoded = self._decode(block.message(row))
         stamp, names, values, velocities = _FIELDS[self._type](decoded)

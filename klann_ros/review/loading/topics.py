@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from functools import partial
 import re
 
-from klann_ros.log.reading.block import Block
+from klann_ros.log.reading.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import LOSS_RECORD, topic_counts, TopicCount
 from klann_ros.review.model.times import Hole, LAST_TIME, nanoseconds, overlap, RowIndices, Times
@@ -107,7 +107,7 @@ class TopicTally:
         self._seen: dict[tuple[str, str], _Seen] = {}
         self._offers: dict[str, tuple[int, bool]] = {}
 
-    def add(self, topic: Topic, block: Block, rows: RowIndices) -> None:
+    def add(self, topic: Topic, block: MessageBlock, rows: RowIndices) -> None:
         """Count a topic's messages in a block."""
         seen = self._seen.setdefault((topic.name, topic.type), _Seen())
         # The files of a split run may know a topic by different profiles.

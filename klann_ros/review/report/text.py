@@ -3,11 +3,10 @@
 from collections.abc import Callable, Iterator, Sequence
 from math import degrees, isnan
 
-from klann_ros.log.wording import counted
 from klann_ros.review.comparing import Comparison
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.topics import MORE, TopicFigures, WHY_MORE
-from klann_ros.untrusted.text import printable, printable_line
+from klann_ros.untrusted.text import counted, printable, printable_line
 
 # Gives a text a colour (SGR code), or leaves it as it is.
 _Paint = Callable[[str, str], str]

@@ -8,7 +8,7 @@ import struct
 from typing import TYPE_CHECKING
 
 from klann_ros.log.bag_metadata import RECORD_NAME
-from klann_ros.log.wording import counted
+from klann_ros.untrusted.text import counted
 from mcap.opcode import Opcode
 
 from .container import MAGIC

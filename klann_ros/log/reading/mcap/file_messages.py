@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from klann_ros.log.reading.block import block_of
 from klann_ros.log.reading.sources import Source
 from klann_ros.log.records import Message
-from klann_ros.log.wording import counted, verb
+from klann_ros.untrusted.text import counted, verb
 import numpy as np
 
 from .chunks import MAX_RATIO, MIN_LIMIT
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from typing import TypeAlias
 
-    from klann_ros.log.reading.block import Block
+    from klann_ros.log.reading.block import MessageBlock
     from klann_ros.log.reading.sources import Topics
     from klann_ros.log.reading.storage import Overview
     from klann_ros.log.records import Topic
@@ -125,7 +125,7 @@ def _wanted_topic(file: LogFile, channel: int, offset: int, topics: Topics) -> T
     return topic
 
 
-def blocks_of(file: LogFile) -> Iterator[tuple[int, Block]]:
+def blocks_of(file: LogFile) -> Iterator[tuple[int, MessageBlock]]:
     """Yield all messages chunk by chunk as they stand in the file, and how far that is."""
     channels, count = file.channels(), _Count()
     topics = {number: channels.topic(number) for number in channels.numbers()}
@@ -151,7 +151,7 @@ class _Count:
         self._chunks: dict[int, Held] = {}
         self._messages: Counter[int] = Counter()
 
-    def add(self, offset: int, block: Block) -> set[int]:
+    def add(self, offset: int, block: MessageBlock) -> set[int]:
         """Count the messages of the chunk or message at an offset; return their channels."""
         channels, counts = np.unique(block.heads['channel'], return_counts=True)
         self._messages.update(dict(zip(channels.tolist(), counts.tolist(), strict=True)))

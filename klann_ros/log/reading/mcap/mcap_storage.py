@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from klann_ros.log.wording import counted, verb
+from klann_ros.untrusted.text import counted, verb
 
 from .file_messages import blocks_of, messages_in, sources_of
 from .log_file import LogFile
@@ -12,7 +12,7 @@ from .log_file import LogFile
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from klann_ros.log.reading.block import Block
+    from klann_ros.log.reading.block import MessageBlock
     from klann_ros.log.reading.sources import Source
     from klann_ros.log.reading.storage import Overview
     from klann_ros.log.records import Attachment, Message
@@ -28,7 +28,7 @@ class McapStorage(LogFile):
         """Yield what can be read by itself: each chunk in the index, or all messages as one."""
         return sources_of(self, overview)
 
-    def blocks(self) -> Iterator[tuple[int, Block]]:
+    def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
         """Yield all messages chunk by chunk as they stand in it, and how far that is."""
         return blocks_of(self)
 

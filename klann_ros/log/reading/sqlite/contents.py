@@ -8,9 +8,8 @@ import sqlite3
 from typing import TYPE_CHECKING
 
 from klann_ros.log.errors import NotALogError
-from klann_ros.log.wording import counted, verb
 from klann_ros.untrusted.files import open_plain
-from klann_ros.untrusted.text import listed, printable
+from klann_ros.untrusted.text import counted, listed, printable, verb
 
 from .database import columns, connect, table_names
 from .journals import left_beside, settled, uncommitted

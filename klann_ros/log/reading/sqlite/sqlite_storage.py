@@ -11,8 +11,7 @@ from klann_ros.log.reading.block import block_of_messages, HEAD
 from klann_ros.log.reading.sources import Source
 from klann_ros.log.reading.storage import Overview, Problems
 from klann_ros.log.records import Message
-from klann_ros.log.wording import counted, verb
-from klann_ros.untrusted.text import printable
+from klann_ros.untrusted.text import counted, printable, verb
 import numpy as np
 
 from .contents import contents_of
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
     from pathlib import Path
 
-    from klann_ros.log.reading.block import Block
+    from klann_ros.log.reading.block import MessageBlock
     from klann_ros.log.reading.sources import Topics
     from klann_ros.log.reading.temporary import TemporaryFile
     from klann_ros.log.records import Attachment
@@ -88,7 +87,7 @@ class SqliteStorage:
         for piece in self.contents.rows.pieces:
             yield Source(piece.start, piece.end, partial(self._in_time_order, piece))
 
-    def blocks(self) -> Iterator[tuple[int, Block]]:
+    def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
         """Yield all messages in large pieces as they stand in it, and where each is [bytes]."""
         for piece in self.contents.rows.pieces:
             yield piece.offset, self._block(self._rows(piece))
@@ -146,7 +145,7 @@ class SqliteStorage:
         for number, time, data in sorted(self._rows(piece, wanted), key=_time_of):
             yield Message(topics[number], data, time, time, 0)
 
-    def _block(self, rows: list[Row]) -> Block:
+    def _block(self, rows: list[Row]) -> MessageBlock:
         count = len(rows)
         numbers, times, data = zip(*rows, strict=True) if rows else ((), (), ())
         heads = np.zeros(count, dtype=HEAD)

@@ -4,11 +4,10 @@ from collections.abc import Iterable, Iterator
 from math import degrees, isnan
 from typing import Any
 
-from klann_ros.log.wording import verb
 from klann_ros.review.model.review import Review, ReviewedLeg
 from klann_ros.review.model.times import Floats, intervals
 from klann_ros.review.model.topics import TopicRecording
-from klann_ros.untrusted.text import printable
+from klann_ros.untrusted.text import printable, verb
 import numpy as np
 from numpy.typing import NDArray
 
