@@ -88,6 +88,17 @@ def test_every_page_of_the_manual_is_found_from_its_contents() -> None:
     assert listed == {file.with_suffix('') for file in linked}
 
 
+def test_the_page_of_review_explains_every_check() -> None:
+    folder = ROOT / 'klann_ros' / 'review' / 'checks'
+    sources = [path.read_text(encoding='utf-8') for path in folder.glob('*.py')]
+    names = {name for source in sources for name in re.findall(r"Finding\(\s*'(\w+)'", source)}
+    table = re.findall(r'^\| (`.*?) \|', prose(ROOT / 'docs' / 'review.md'), re.MULTILINE)
+    explained = {name for row in table for name in re.findall(r'`(\w+)`', row)}
+    assert len(names) > 12
+    assert names - explained == set()
+    assert {name for name in explained if name.islower()} - names == set()
+
+
 def test_the_readme_is_read_at_one_sitting() -> None:
     assert len(README.read_text(encoding='utf-8').splitlines()) <= 150
 
