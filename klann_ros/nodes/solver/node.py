@@ -1,17 +1,134 @@
 """`solver_node`: a node that answers at once, or one that is managed (`--lifecycle`)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from textwrap import fill
 from typing import Any
 
-from klann_ros.nodes.endpoints import QOS_USAGE
-from klann_ros.nodes.parameters import usage
-from klann_ros.nodes.process import arguments, command_line, Finish, run
+from klann_ros.kinematics import CrankAngleError, GeometryError, KinematicsError
+from klann_ros.nodes.endpoints import create_trigger, QOS_USAGE
+from klann_ros.nodes.parameters import declare, usage
+from klann_ros.nodes.process import arguments, command_line, run
 from klann_ros.stop_signals import StopSignals
+from klann_ros.untrusted.text import printable
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
+from .crank_inputs import Crank, CrankInputs, Stamp
 from .declarations import drive, GEOMETRY, GEOMETRY_NAMES, LEGS, place, PUBLISHED, SETTINGS
-from .solver import Solver
+from .diagnostics import SolverDiagnostics
+from .leg_parameters import LegParameters
+from .leg_publishers import LegMarkers, LegMessages
+
+# How often a complaint about inputs is logged at most [s].
+THROTTLE = 2.0
+
+
+class Solver:
+    """
+    What a node does to answer every crank angle with the joint angles and the feet of the legs.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Whose parameters, topics and services they are; any kind of node.
+
+    Raises
+    ------
+    StartError
+        A parameter is refused; the text says why.
+
+    """
+
+    def __init__(self, node: Node) -> None:
+        """Declare, validate and connect, but do not listen yet."""
+        self._node = node
+        self._leg_parameters = LegParameters(node)
+        self._legs = self._leg_parameters.legs
+        values = declare(node, PUBLISHED)
+        self._messages = LegMessages(node, self._legs, values['frame_id'])
+        joints = dict.fromkeys(leg.crank_joint for leg in self._legs)
+        self._inputs = CrankInputs(node, list(joints), self._turn, self._reject)
+        self._diagnostics = SolverDiagnostics(
+            node,
+            self._legs,
+            self._inputs,
+            period=values['diagnostics_period'],
+            min_transmission_angle=values['min_transmission_angle'],
+        )
+        self._markers = (
+            LegMarkers(node, self._legs, values['frame_id']) if values['publish_markers'] else None
+        )
+        create_trigger(node, 'reset', self._on_reset)
+        node.add_on_set_parameters_callback(self._validate)
+        node.add_post_set_parameters_callback(self._apply)
+
+    @property
+    def summary(self) -> str:
+        """Return which legs it solves, and what turns them, in words."""
+        return f'{self._leg_parameters.summary}, turned by {self._inputs.summary}'
+
+    def listen(self) -> None:
+        """Answer what comes from now on."""
+        self._inputs.listen()
+
+    def ignore(self) -> None:
+        """Answer nothing any more, until told to listen again."""
+        self._inputs.ignore()
+
+    def reset(self) -> None:
+        """Forget the warm starts."""
+        for leg in self._legs:
+            leg.leg.reset()
+
+    # Inputs: ask the legs, answer.
+
+    def _turn(self, cranks: Mapping[str, Crank], stamp: Stamp) -> None:
+        answers = []
+        for leg in self._legs:
+            crank = cranks.get(leg.crank_joint)
+            if crank is None:
+                continue
+            try:
+                answers.append((leg, *leg.answer(*crank)))
+            except CrankAngleError as error:
+                self._complain(error)
+            except KinematicsError as error:
+                name = f'{leg.name}: ' if leg.name else ''
+                self._node.get_logger().error(f'{name}{error}', throttle_duration_sec=THROTTLE)
+        if answers:
+            self._messages.publish(answers, stamp)
+
+    def _reject(self, error: KinematicsError) -> None:
+        for leg in self._legs:
+            leg.figures.reject(str(error))
+        self._complain(error)
+
+    def _complain(self, error: KinematicsError) -> None:
+        self._node.get_logger().warning(f'input rejected: {error}', throttle_duration_sec=THROTTLE)
+
+    # Parameters and services.
+
+    def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        try:
+            self._leg_parameters.changed(parameters)
+        except GeometryError as error:
+            return SetParametersResult(successful=False, reason=printable(error))
+        return SetParametersResult(successful=True)
+
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
+        changed = self._leg_parameters.changed(parameters)
+        for leg in self._legs:
+            leg.leg = changed.get(leg.name, leg.leg)
+        if changed:
+            self._diagnostics.legs_changed()
+        if changed and self._markers:
+            self._markers.legs_changed()
+
+    def _on_reset(self) -> tuple[bool, str]:
+        self.reset()
+        return True, 'the next pose starts from the closed form'
 
 
 class SolverNode(Node):
@@ -33,24 +150,67 @@ class SolverNode(Node):
         self.get_logger().info(f'ready: {solver.summary}')
 
 
+class ManagedSolverNode(LifecycleNode):
+    """
+    The same as a managed node: it answers while it is active.
+
+    Its parameters are validated when it starts: a leg that is none is refused at once.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        """Declare and validate; `options` are those of LifecycleNode."""
+        super().__init__('solver_node', **options)
+        self._solver = Solver(self)
+        self.get_logger().info(f'ready, unconfigured: {self._solver.summary}, while it is active')
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Have nothing to do: what could be refused was declared at the start."""
+        return self._logged('configured', super().on_configure(state))
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Listen."""
+        self._solver.listen()
+        return self._logged('activated: it answers', super().on_activate(state))
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Listen no more."""
+        self._solver.ignore()
+        return self._logged('deactivated: it does not listen', super().on_deactivate(state))
+
+    def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Forget the warm starts."""
+        self._solver.reset()
+        return self._logged('cleaned up: unconfigured', TransitionCallbackReturn.SUCCESS)
+
+    def on_shutdown(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Listen no more."""
+        self._solver.ignore()
+        return self._logged('shut down: it answers no more', TransitionCallbackReturn.SUCCESS)
+
+    def _logged(self, what: str, result: TransitionCallbackReturn) -> TransitionCallbackReturn:
+        if result == TransitionCallbackReturn.SUCCESS:
+            self.get_logger().info(what)
+        return result
+
+
 def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return the exit code."""
     parser = command_line(
         'solver_node',
         'Solve the Klann leg, or any linkage from a file: crank angle in (crank_angle, '
         'crank_state), pose out (joint_states, point_h, velocity_h).',
-        help_on_parameters(),
+        _help_on_parameters(),
     )
     parser.add_argument(
         '--lifecycle',
         action='store_true',
         help='wait for configure and activate, as a managed node does',
     )
-    make = _make_managed if arguments(parser, argv).lifecycle else _make
-    return run('solver_node', make, argv, stop, lean=True)
+    kind = ManagedSolverNode if arguments(parser, argv).lifecycle else SolverNode
+    return run('solver_node', lambda _: kind(), argv, stop, lean=True)
 
 
-def help_on_parameters() -> str:
+def _help_on_parameters() -> str:
     """Return the part of the help that tells the parameters."""
     groups = {
         'the leg, which can be changed while it runs': GEOMETRY,
@@ -67,14 +227,3 @@ def help_on_parameters() -> str:
         'Presets are in share/klann_ros/config (sem104.yaml, patent.yaml), linkages in\n'
         'share/klann_ros/linkages (jansen.yaml, ...): -p linkage:=FILE.'
     )
-
-
-def _make(_: Finish) -> SolverNode:
-    return SolverNode()
-
-
-def _make_managed(_: Finish) -> Node:
-    # It takes a tenth of a second to load, which others need not wait for.
-    from .managed_node import ManagedSolverNode  # noqa: PLC0415
-
-    return ManagedSolverNode()
