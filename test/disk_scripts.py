@@ -20,9 +20,9 @@ def can_mount(folder: Path) -> bool:
 
 
 def run_script(script: Path, *arguments: object, before: tuple[str, ...] = ()) -> Any:
-    """Run a script, which is given its own folder last; return what it prints as JSON."""
+    """Run a script; return what it prints as JSON."""
     done = subprocess.run(
-        [*before, sys.executable, script, *map(str, arguments), script.parent],
+        [*before, sys.executable, script, *map(str, arguments)],
         capture_output=True,
         text=True,
         check=False,

@@ -27,13 +27,13 @@ def message_file():
     return read
 
 
-def test_a_type_of_primitives_is_its_file(message_file):
+def test_a_type_of_primitives_is_its_file(message_file) -> None:
     text = definition('std_msgs/msg/Float64')
     assert text == message_file('std_msgs', 'Float64')
     assert text.endswith('float64 data\n')
 
 
-def test_point_stamped_is_depth_first(message_file):
+def test_point_stamped_is_depth_first(message_file) -> None:
     assert definition('geometry_msgs/msg/PointStamped') == (
         message_file('geometry_msgs', 'PointStamped')
         + LINE + 'MSG: std_msgs/Header\n' + message_file('std_msgs', 'Header')
@@ -42,7 +42,7 @@ def test_point_stamped_is_depth_first(message_file):
     )  # fmt: skip
 
 
-def test_joint_state_has_header_and_time(message_file):
+def test_joint_state_has_header_and_time(message_file) -> None:
     assert definition('sensor_msgs/msg/JointState') == (
         message_file('sensor_msgs', 'JointState')
         + LINE + 'MSG: std_msgs/Header\n' + message_file('std_msgs', 'Header')
@@ -59,14 +59,14 @@ def test_joint_state_has_header_and_time(message_file):
         'rcl_interfaces/msg/ParameterEvent',
     ],
 )
-def test_each_dependency_stands_there_once_and_the_text_parses(name):
+def test_each_dependency_stands_there_once_and_the_text_parses(name) -> None:
     text = definition(name)
     heads = [line for line in text.splitlines() if line.startswith('MSG: ')]
     assert len(heads) == len(set(heads))
     assert name in get_types_from_msg(text, name)
 
 
-def test_constants_defaults_bounds_and_comments_are_no_types(tmp_path):
+def test_constants_defaults_bounds_and_comments_are_no_types(tmp_path: Path) -> None:
     folder = tmp_path / 'share' / 'my_msgs' / 'msg'
     folder.mkdir(parents=True)
     (folder / 'Inner.msg').write_text('int8 x')
@@ -79,7 +79,7 @@ def test_constants_defaults_bounds_and_comments_are_no_types(tmp_path):
     assert text.count('MSG: ') == 1
 
 
-def test_a_type_that_contains_itself_ends(tmp_path):
+def test_a_type_that_contains_itself_ends(tmp_path: Path) -> None:
     folder = tmp_path / 'share' / 'my_msgs' / 'msg'
     folder.mkdir(parents=True)
     (folder / 'Loop.msg').write_text('Loop again\n')
@@ -89,7 +89,7 @@ def test_a_type_that_contains_itself_ends(tmp_path):
 @pytest.mark.parametrize(
     'field', ['my_msgs/../../x/Y', 'my_msgs/msg/../Y', 'a/b/c/Y', 'my_msgs/', 'x/Y/', 'Y__']
 )
-def test_a_field_leads_nowhere_but_to_a_message(tmp_path, field):
+def test_a_field_leads_nowhere_but_to_a_message(tmp_path: Path, field) -> None:
     for name in ('my_msgs', 'x'):
         (tmp_path / 'share' / name / 'msg').mkdir(parents=True)
     (tmp_path / 'share' / 'x' / 'Y.msg').write_text('int8 secret\n')
@@ -99,7 +99,9 @@ def test_a_field_leads_nowhere_but_to_a_message(tmp_path, field):
         definition('my_msgs/msg/Outer', [tmp_path])
 
 
-def test_the_first_prefix_wins_and_a_sourced_ros_comes_first(tmp_path, monkeypatch):
+def test_the_first_prefix_wins_and_a_sourced_ros_comes_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for place in ('a', 'b'):
         folder = tmp_path / place / 'share' / 'my_msgs' / 'msg'
         folder.mkdir(parents=True)
@@ -113,7 +115,7 @@ def test_the_first_prefix_wins_and_a_sourced_ros_comes_first(tmp_path, monkeypat
     'name',
     ['no_such_msgs/msg/Thing', 'std_msgs/msg/NoSuch', 'std_msgs/srv/Empty', '../msg/x', '', 'x'],
 )
-def test_an_unknown_type_is_told(name):
+def test_an_unknown_type_is_told(name) -> None:
     with pytest.raises(UnknownTypeError) as caught:
         definition(name)
     assert '\n' not in str(caught.value)

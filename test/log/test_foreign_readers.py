@@ -7,7 +7,9 @@ import shutil
 import struct
 import subprocess
 import tempfile
+from types import ModuleType
 
+from klann_ros.log.records import Message
 from klann_ros.log.recovery import recover
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
@@ -42,7 +44,9 @@ def damage(data, kind, runs):
 
 
 @pytest.fixture(params=['killed', 'cut', 'rotten chunk', 'wrong length'])
-def recovered(request, run_file, batches, runs, tmp_path):
+def recovered(
+    request, run_file: Path, batches: list[list[Message]], runs: ModuleType, tmp_path: Path
+):
     """Return a recovered run's folder, and the messages that must be in it."""
     data, lost = damage(run_file.read_bytes(), request.param, runs)
     run_file.write_bytes(data)
@@ -56,7 +60,7 @@ def value(message):
     return struct.unpack('<d', message.data[4:])[0]
 
 
-def test_rosbags_reads_all_of_it(recovered):
+def test_rosbags_reads_all_of_it(recovered) -> None:
     folder, kept = recovered
     with AnyReader([folder]) as reader:
         found = [
@@ -66,7 +70,7 @@ def test_rosbags_reads_all_of_it(recovered):
     assert found == [(message.log_time, value(message)) for message in kept]
 
 
-def test_mcap_ros2_support_reads_all_of_it(recovered):
+def test_mcap_ros2_support_reads_all_of_it(recovered) -> None:
     folder, kept = recovered
     with (folder / 'again_0.mcap').open('rb') as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
@@ -103,7 +107,7 @@ def node_reader():
     return Path(shutil.copy(HERE / 'read.mjs', folder))
 
 
-def test_the_readers_of_foxglove_read_all_of_it(recovered, node_reader):
+def test_the_readers_of_foxglove_read_all_of_it(recovered, node_reader) -> None:
     folder, kept = recovered
     done = subprocess.run(
         [shutil.which('node'), node_reader, folder / 'again_0.mcap'],

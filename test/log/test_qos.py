@@ -34,12 +34,12 @@ NUMBERED = """\
 
 
 @given(st.lists(profiles, max_size=4))
-def test_profiles_read_back_are_equal(offered):
+def test_profiles_read_back_are_equal(offered) -> None:
     assert qos_from_yaml(qos_to_yaml(offered)) == offered
 
 
 @given(st.lists(profiles, min_size=1, max_size=3))
-def test_rosbags_reads_the_same_words(offered):
+def test_rosbags_reads_the_same_words(offered) -> None:
     for ours, theirs in zip(offered, parse_qos(qos_to_yaml(offered)), strict=True):
         assert theirs.history.name.lower() == ours.history
         assert theirs.reliability.name.lower() == ours.reliability
@@ -48,7 +48,7 @@ def test_rosbags_reads_the_same_words(offered):
         assert theirs.deadline.sec * 10**9 + theirs.deadline.nsec == ours.deadline
 
 
-def test_the_text_is_a_sequence_with_all_nine_keys():
+def test_the_text_is_a_sequence_with_all_nine_keys() -> None:
     (item,) = yaml.safe_load(qos_to_yaml([Qos()]))
     assert list(item) == [
         'history',
@@ -63,30 +63,30 @@ def test_the_text_is_a_sequence_with_all_nine_keys():
     ]
 
 
-def test_infinite_is_written_as_rosbag2_writes_it():
+def test_infinite_is_written_as_rosbag2_writes_it() -> None:
     (item,) = yaml.safe_load(qos_to_yaml([Qos()]))
     assert item['deadline'] == {'sec': 9223372036, 'nsec': 854775807}
 
 
-def test_numbers_and_old_infinities_are_read():
+def test_numbers_and_old_infinities_are_read() -> None:
     assert qos_from_yaml(NUMBERED) == [
         Qos('keep_last', 5, 'best_effort', 'transient_local', INFINITE, INFINITE,
             'automatic', 1_000_000_500, True)
     ]  # fmt: skip
 
 
-def test_numbers_become_words_in_a_new_file_and_words_stay_as_they_are():
+def test_numbers_become_words_in_a_new_file_and_words_stay_as_they_are() -> None:
     assert 'reliability: best_effort' in qos_for_writing(NUMBERED)
     text = qos_to_yaml([Qos()]) + '\n'
     assert qos_for_writing(text) == text
 
 
 @pytest.mark.parametrize('text', ['', '~', '[]'])
-def test_no_profile_is_an_empty_list(text):
+def test_no_profile_is_an_empty_list(text) -> None:
     assert qos_from_yaml(text) == []
 
 
-def test_no_profile_is_an_empty_text():
+def test_no_profile_is_an_empty_text() -> None:
     assert qos_to_yaml([]) == ''
 
 
@@ -103,19 +103,19 @@ def test_no_profile_is_an_empty_text():
         ('\x00', 'not YAML'),
     ],
 )
-def test_malformed_text_is_an_error_of_one_line(text, reason):
+def test_malformed_text_is_an_error_of_one_line(text, reason) -> None:
     with pytest.raises(MalformedQosError, match=reason) as caught:
         qos_from_yaml(text)
     assert '\n' not in str(caught.value)
 
 
 @given(st.text())
-def test_any_text_is_read_or_is_a_malformed_qos_error(text):
+def test_any_text_is_read_or_is_a_malformed_qos_error(text) -> None:
     with suppress(MalformedQosError):
         assert isinstance(qos_from_yaml(text), list)
 
 
 @pytest.mark.parametrize('profile', [Qos(history='some'), Qos(depth=-1), Qos(deadline=-1)])
-def test_a_profile_that_rosbag2_could_not_read_is_not_written(profile):
+def test_a_profile_that_rosbag2_could_not_read_is_not_written(profile) -> None:
     with pytest.raises(MalformedQosError):
         qos_to_yaml([profile])

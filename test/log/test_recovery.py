@@ -7,8 +7,10 @@ import signal
 import subprocess
 import sys
 import time
+from types import ModuleType
 
 from klann_ros.log.reader import open_log
+from klann_ros.log.records import Message
 from klann_ros.log.recover_command import default_output, main
 import pytest
 from rosbags.highlevel import AnyReader
@@ -23,7 +25,7 @@ def digest(path):
 
 
 @pytest.fixture
-def recovered(tmp_path, capsys):
+def recovered(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     """Return a function that recovers a log: exit code, messages and what was printed."""
 
     def run(log, output=None):
@@ -41,7 +43,9 @@ def recovered(tmp_path, capsys):
     return run
 
 
-def test_a_sound_run_comes_back_equal(run_file, batches, runs, recovered, tmp_path):
+def test_a_sound_run_comes_back_equal(
+    run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered, tmp_path: Path
+) -> None:
     code, messages, text = recovered(run_file.parent)
     assert (code, messages) == (0, runs.joined(batches))
     assert 'kept: 240 messages of /crank_angle' in text
@@ -55,7 +59,7 @@ def test_a_sound_run_comes_back_equal(run_file, batches, runs, recovered, tmp_pa
 KILLED = """
 import sys, time
 sys.path[:0] = {paths!r}
-from conftest import make_messages
+from crank_runs import make_messages
 from klann_ros.log.writing.writer import RunWriter
 writer = RunWriter({folder!r}, compression={compression!r})
 writer.attach('geometry.yaml', 'application/yaml', b'l_ab: 0.12', 1)
@@ -68,10 +72,12 @@ for number, message in enumerate(make_messages(1_000_000)):
 
 
 @pytest.mark.parametrize('compression', ['zstd', 'lz4', 'none'])
-def test_kill_9_costs_nothing_that_was_flushed(compression, runs, recovered, tmp_path):
+def test_kill_9_costs_nothing_that_was_flushed(
+    compression, runs: ModuleType, recovered, tmp_path: Path
+) -> None:
     run = tmp_path / 'walk'
     code = KILLED.format(
-        paths=[str(ROOT), str(Path(__file__).parent)], folder=str(run), compression=compression
+        paths=[str(ROOT), str(ROOT / 'test')], folder=str(run), compression=compression
     )
     with subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE) as process:
         # Some flushes, then the kill falls wherever the process is.
@@ -89,7 +95,9 @@ def test_kill_9_costs_nothing_that_was_flushed(compression, runs, recovered, tmp
         assert sum(1 for _ in reader.messages()) == len(messages)
 
 
-def test_a_flipped_bit_costs_its_chunk_only(run_file, batches, runs, recovered, tmp_path):
+def test_a_flipped_bit_costs_its_chunk_only(
+    run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered, tmp_path: Path
+) -> None:
     data = run_file.read_bytes()
     chunks = [span for span in runs.record_spans(data) if span[0] == CHUNK]
     for number, (_, start, end) in enumerate(chunks):
@@ -103,8 +111,8 @@ def test_a_flipped_bit_costs_its_chunk_only(run_file, batches, runs, recovered, 
 
 
 def test_the_first_chunk_of_a_killed_run_takes_no_other_with_it(
-    run_file, batches, runs, recovered
-):
+    run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered
+) -> None:
     data = bytearray(run_file.read_bytes())
     spans = runs.record_spans(data)
     first = next(span for span in spans if span[0] == CHUNK)
@@ -117,7 +125,9 @@ def test_the_first_chunk_of_a_killed_run_takes_no_other_with_it(
 
 
 @pytest.mark.parametrize('position', [-1, -8, -10, -14, -20, -30, -37, -60, -200])
-def test_a_rotten_footer_or_summary_discards_nothing(run_file, batches, runs, recovered, position):
+def test_a_rotten_footer_or_summary_discards_nothing(
+    run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered, position
+) -> None:
     data = bytearray(run_file.read_bytes())
     data[position] ^= 0x40
     run_file.write_bytes(data)
@@ -126,7 +136,13 @@ def test_a_rotten_footer_or_summary_discards_nothing(run_file, batches, runs, re
     assert 'note: ' in text
 
 
-def test_cut_anywhere_all_intact_chunks_come_back(run_file, batches, runs, tmp_path, capsys):
+def test_cut_anywhere_all_intact_chunks_come_back(
+    run_file: Path,
+    batches: list[list[Message]],
+    runs: ModuleType,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     data = run_file.read_bytes()
     chunks = [span for span in runs.record_spans(data) if span[0] == CHUNK]
     bag = next(start for opcode, start, _ in reversed(runs.record_spans(data)) if opcode == 12)
@@ -154,7 +170,9 @@ def test_cut_anywhere_all_intact_chunks_come_back(run_file, batches, runs, tmp_p
 
 
 @pytest.mark.parametrize('where', ['in a chunk', 'between records'])
-def test_a_zeroed_tail_is_told(run_file, batches, runs, recovered, where):
+def test_a_zeroed_tail_is_told(
+    run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered, where
+) -> None:
     data = run_file.read_bytes()
     chunks = [span for span in runs.record_spans(data) if span[0] == CHUNK]
     start = chunks[3][1] + (60 if where == 'in a chunk' else 0)
@@ -164,14 +182,18 @@ def test_a_zeroed_tail_is_told(run_file, batches, runs, recovered, where):
     assert 'only zeros' in text
 
 
-def test_a_missing_metadata_yaml_is_written_anew(run_file, batches, runs, recovered, tmp_path):
+def test_a_missing_metadata_yaml_is_written_anew(
+    run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered, tmp_path: Path
+) -> None:
     (run_file.parent / 'metadata.yaml').unlink()
     code, messages, _ = recovered(run_file.parent)
     assert (code, messages) == (0, runs.joined(batches))
     assert (tmp_path / 'again' / 'metadata.yaml').exists()
 
 
-def test_a_rotten_attachment_is_told_and_the_messages_are_kept(run_file, batches, runs, recovered):
+def test_a_rotten_attachment_is_told_and_the_messages_are_kept(
+    run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered
+) -> None:
     data = run_file.read_bytes()
     run_file.write_bytes(data.replace(b'l_ab: 0.12', b'l_ab: 0.13'))
     code, messages, text = recovered(run_file.parent)
@@ -180,7 +202,9 @@ def test_a_rotten_attachment_is_told_and_the_messages_are_kept(run_file, batches
 
 
 @pytest.mark.parametrize('content', [None, b'', b'nothing of the kind'])
-def test_what_is_no_log_is_exit_code_2_and_one_line(tmp_path, capsys, content):
+def test_what_is_no_log_is_exit_code_2_and_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content
+) -> None:
     path = tmp_path / 'x.mcap'
     if content is not None:
         path.write_bytes(content)
@@ -191,21 +215,30 @@ def test_what_is_no_log_is_exit_code_2_and_one_line(tmp_path, capsys, content):
     assert not (tmp_path / 'again').exists()
 
 
-def test_an_existing_output_is_refused(run_file, tmp_path, capsys):
+def test_an_existing_output_is_refused(
+    run_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / 'again').mkdir()
     assert main([str(run_file), '-o', str(tmp_path / 'again')]) == 1
     assert 'exists already' in capsys.readouterr().err
     assert [*(tmp_path / 'again').iterdir()] == []
 
 
-def test_an_output_inside_the_log_is_refused(run_file, capsys):
+def test_an_output_inside_the_log_is_refused(
+    run_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     before = digest(run_file.parent)
     assert main([str(run_file.parent), '-o', str(run_file.parent / 'again')]) == 1
     assert 'not to be changed' in capsys.readouterr().err
     assert digest(run_file.parent) == before
 
 
-def test_the_default_output_is_beside_the_log(run_file, tmp_path, monkeypatch, capsys):
+def test_the_default_output_is_beside_the_log(
+    run_file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert default_output(run_file) == run_file.parent / 'walk_0_recovered'
     assert default_output(run_file.parent) == tmp_path / 'walk_recovered'
     monkeypatch.chdir(run_file.parent)
@@ -215,14 +248,19 @@ def test_the_default_output_is_beside_the_log(run_file, tmp_path, monkeypatch, c
 
 
 @pytest.mark.parametrize('option', ['--help', '--version'])
-def test_help_and_version_exit_with_0(option, capsys):
+def test_help_and_version_exit_with_0(option, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main([option])
     assert caught.value.code == 0
     assert capsys.readouterr().out
 
 
-def test_an_interrupt_leaves_neither_traceback_nor_output(run_file, tmp_path, monkeypatch, capsys):
+def test_an_interrupt_leaves_neither_traceback_nor_output(
+    run_file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     def interrupt(*_):
         raise KeyboardInterrupt
 
@@ -233,8 +271,11 @@ def test_an_interrupt_leaves_neither_traceback_nor_output(run_file, tmp_path, mo
 
 
 def test_a_full_disk_is_exit_code_1_and_leaves_no_half_run(
-    run_file, tmp_path, monkeypatch, capsys
-):
+    run_file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     write = os.write
 
     def fill(descriptor, data):

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 import tempfile
+from types import ModuleType
 
 from hypothesis import given, settings, strategies as st
 from klann_ros.log.qos import Qos, qos_to_yaml
@@ -61,7 +62,9 @@ def contents(draw):
     st.lists(st.builds(Attachment, texts, texts, st.binary(max_size=50), U64, U64), max_size=3),
     st.lists(st.tuples(st.sampled_from('ab'), names), max_size=3),
 )
-def test_everything_is_read_back_equal(content, compression, chunk_size, attachments, metadata):
+def test_everything_is_read_back_equal(
+    content, compression, chunk_size, attachments, metadata
+) -> None:
     messages, flushes = content
     with tempfile.TemporaryDirectory() as folder:
         run = Path(folder, 'run')
@@ -92,7 +95,7 @@ def test_everything_is_read_back_equal(content, compression, chunk_size, attachm
 
 
 @pytest.fixture(params=['zstd', 'lz4', 'none'])
-def mixed_run(request, runs, tmp_path):
+def mixed_run(request, runs: ModuleType, tmp_path: Path):
     """Write a run of joint states and crank angles, and what went into it as rosbags' objects."""
     store = get_typestore(Stores.ROS2_JAZZY)
     types = store.types
@@ -122,7 +125,7 @@ def mixed_run(request, runs, tmp_path):
     return run, written
 
 
-def test_rosbags_reads_the_folder(mixed_run):
+def test_rosbags_reads_the_folder(mixed_run) -> None:
     run, written = mixed_run
     with AnyReader([run]) as reader:
         found = [
@@ -141,7 +144,7 @@ def test_rosbags_reads_the_folder(mixed_run):
             assert value.header.stamp.nanosec == content.header.stamp.nanosec
 
 
-def test_rosbags_finds_times_counts_qos_and_hashes(mixed_run, runs):
+def test_rosbags_finds_times_counts_qos_and_hashes(mixed_run, runs: ModuleType) -> None:
     run, _ = mixed_run
     with Reader(run) as reader:
         assert reader.message_count == 100
@@ -153,7 +156,7 @@ def test_rosbags_finds_times_counts_qos_and_hashes(mixed_run, runs):
     assert (qos.history.name, qos.depth, qos.reliability.name) == ('KEEP_LAST', 2000, 'RELIABLE')
 
 
-def test_mcap_ros2_decodes_the_same_values(mixed_run):
+def test_mcap_ros2_decodes_the_same_values(mixed_run) -> None:
     run, written = mixed_run
     with (run / 'mixed_0.mcap').open('rb') as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
@@ -171,7 +174,7 @@ def test_mcap_ros2_decodes_the_same_values(mixed_run):
             assert item.decoded_message.header.stamp.nanosec == content.header.stamp.nanosec
 
 
-def test_the_file_has_what_every_tool_wants(run_file, runs):
+def test_the_file_has_what_every_tool_wants(run_file: Path, runs: ModuleType) -> None:
     with run_file.open('rb') as file:
         reader = make_reader(file)
         header, summary = reader.get_header(), reader.get_summary()
@@ -193,7 +196,7 @@ def test_the_file_has_what_every_tool_wants(run_file, runs):
     assert run_file.read_bytes()[-8:] == MCAP0_MAGIC
 
 
-def test_metadata_yaml_and_the_record_in_the_file_agree(run_file, runs):
+def test_metadata_yaml_and_the_record_in_the_file_agree(run_file: Path, runs: ModuleType) -> None:
     root = yaml.safe_load((run_file.parent / 'metadata.yaml').read_text())
     metadata = root['rosbag2_bagfile_information']
     assert metadata['version'] == 9
@@ -208,7 +211,9 @@ def test_metadata_yaml_and_the_record_in_the_file_agree(run_file, runs):
     assert yaml.safe_load(record['serialized_metadata']) == metadata
 
 
-def test_topics_of_one_type_share_a_schema_and_equal_topics_a_channel(runs, tmp_path):
+def test_topics_of_one_type_share_a_schema_and_equal_topics_a_channel(
+    runs: ModuleType, tmp_path: Path
+) -> None:
     messages = runs.make_messages(5) + runs.make_messages(5) + runs.make_messages(5, '/other')
     path = runs.write_run(tmp_path / 'run', [messages])
     with path.open('rb') as file:

@@ -11,13 +11,13 @@ LOADERS = pytest.mark.parametrize('load', [yaml_text.load, yaml_text.parse], ids
 
 @LOADERS
 @pytest.mark.parametrize('text', ['1:30', '1:30.5', '-190:20:30', '!!int 1:30', '!!float 1:30.5'])
-def test_a_number_to_the_base_of_60_is_a_text(load, text):
+def test_a_number_to_the_base_of_60_is_a_text(load, text) -> None:
     assert load(f'a: {text}') == {'a': text.rpartition(' ')[2]}
 
 
 @LOADERS
 @pytest.mark.parametrize('end', ['', '.5'])
-def test_a_long_one_is_no_number_of_a_million_digits(load, end):
+def test_a_long_one_is_no_number_of_a_million_digits(load, end) -> None:
     text = '1' + ':1' * 400_000 + end
     assert load(f'a: {text}') == {'a': text}
 
@@ -25,13 +25,13 @@ def test_a_long_one_is_no_number_of_a_million_digits(load, end):
 @LOADERS
 @pytest.mark.parametrize('tag', ['int', 'float', 'bool', 'binary', 'timestamp', 'omap', 'pairs'])
 @given(value=st.text(alphabet='0123456789:.-+eExXabfTZ ~[]{}"', max_size=60))
-def test_whatever_stands_behind_a_tag_is_read_or_refused(load, tag, value):
+def test_whatever_stands_behind_a_tag_is_read_or_refused(load, tag, value) -> None:
     with suppress(ValueError):
         load(f'a: !!{tag} {value}')
 
 
 @LOADERS
 @given(value=st.text(alphabet='0123456789:.-+eEx_ ', max_size=400))
-def test_whatever_looks_like_a_number_is_read_or_refused(load, value):
+def test_whatever_looks_like_a_number_is_read_or_refused(load, value) -> None:
     with suppress(ValueError):
         load(f'a: {value}')

@@ -1,0 +1,188 @@
+"""What the specification allows is no damage: each freedom alone, and all of them at once."""
+
+from pathlib import Path
+import struct
+import zlib
+
+from hypothesis import given, HealthCheck, settings, strategies as st
+from klann_ros.log.reader import open_log
+from klann_ros.log.recovery import recover
+from mcap_bytes import records as mcap
+from mcap_bytes.legal import LegalFile, UNKNOWN
+import pytest
+
+TIMES = range(100, 110)
+SCHEMA = mcap.schema(1, 'std_msgs/msg/Empty', 'ros2msg', b'')
+CHANNEL = mcap.channel(1, 1, '/a', 'cdr', {})
+DEFINITIONS = SCHEMA + CHANNEL
+HEADER = mcap.MAGIC + mcap.header('ros2', 'test')
+
+
+def messages(times=TIMES, number=1):
+    empty = b'\0\1\0\0'
+    return b''.join(mcap.message(number, n, time, time, empty) for n, time in enumerate(times))
+
+
+def closed(data, summary=b'', *, end=True):
+    """Return a file of these records with an end, and with a summary if there is one."""
+    data = HEADER + data + (mcap.data_end() if end else b'')
+    return data + summary + mcap.footer(summary, len(data) if summary else 0, 0) + mcap.MAGIC
+
+
+def statistics(count=10, chunks=0, channels=1):
+    times = (TIMES[0], TIMES[-1]) if count else (0, 0)
+    return mcap.statistics((count, 1, channels, 0, 0, chunks), times, {})
+
+
+def indexed(chunk, inner):
+    """Return a file of one chunk that is in the index."""
+    place, sizes = (len(HEADER), len(chunk)), (len(inner), len(inner))
+    index = mcap.chunk_index((TIMES[0], TIMES[-1]), place, ({}, 0), sizes)
+    return closed(chunk, DEFINITIONS + index + statistics(chunks=1))
+
+
+ALL = DEFINITIONS + messages()
+SPAN = (TIMES[0], TIMES[-1])
+SOUND = {
+    'no summary': closed(mcap.chunk(ALL, SPAN)),
+    'no end of the data': closed(ALL, end=False),
+    'no end of the data, but a summary': closed(ALL, DEFINITIONS + statistics(), end=False),
+    'an index': indexed(mcap.chunk(ALL, SPAN), ALL),
+    'an index, and a chunk with fields behind it': indexed(
+        mcap.chunk(ALL, SPAN, pad=b'\xff' * 99), ALL
+    ),
+    'no CRC': closed(mcap.chunk(ALL, SPAN, crc=0)),
+    'an empty chunk': closed(mcap.chunk(b'') + mcap.chunk(ALL, SPAN)),
+    'a chunk without messages': closed(mcap.chunk(DEFINITIONS) + mcap.chunk(messages(), SPAN)),
+    'definitions before the chunk': closed(DEFINITIONS + mcap.chunk(messages(), SPAN)),
+    'definitions again and again': closed(DEFINITIONS * 5 + messages() + DEFINITIONS),
+    'the same topic on several channels': closed(
+        ALL + mcap.channel(2, 1, '/a', 'cdr', {}), DEFINITIONS
+    ),
+    'the highest channel and schema': closed(
+        mcap.schema(65535, 'a/msg/B', 'ros2msg', b'')
+        + mcap.channel(65535, 65535, '/a', 'cdr', {})
+        + messages(number=65535)
+    ),
+    'channel 0 without a schema': closed(mcap.channel(0, 0, '/a', 'cdr', {}) + messages(number=0)),
+    'a schema with the number 0': closed(
+        mcap.schema(0, 'a', 'ros2msg', b'\xff') + mcap.schema(0, 'b', 'ros2msg', b'') + ALL
+    ),
+    'times out of order': closed(DEFINITIONS + messages([5, 3, 9, 0, 1, 2, 8, 4, 7, 6])),
+    'the first and the last time': closed(DEFINITIONS + messages([0] * 5 + [2**64 - 1] * 5)),
+    'a summary of groups in another order': closed(ALL, statistics() + CHANNEL + SCHEMA),
+    'a private record that holds a log': closed(mcap.record(0x90, closed(ALL)) + ALL),
+    'a private record that holds chunks': closed(mcap.record(0x90, mcap.chunk(ALL) * 3) + ALL),
+    'private records before and behind all': closed(
+        mcap.record(0xFF, b'') + ALL + mcap.record(0x80, b'x'),
+        mcap.record(0x7F, b'') + statistics(),
+    ),
+    'only private records in the summary': closed(ALL, mcap.record(0xFE, b'mine') * 3),
+    'every kind that nobody knows': closed(
+        b''.join(mcap.record(opcode, bytes([opcode]) * 40) for opcode in UNKNOWN) + ALL
+    ),
+}
+
+
+# More than a record of most kinds may have.
+MUCH = bytes(65 * 2**20)
+LARGE = {
+    'a large private record': lambda: closed(mcap.record(0x80, MUCH) + ALL),
+    'a small record with much behind it': lambda: closed(mcap.metadata('m', {}, pad=MUCH) + ALL),
+}
+
+
+@pytest.mark.parametrize('freedom', [*SOUND, *LARGE])
+def test_each_freedom_is_taken(tmp_path: Path, freedom) -> None:
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(SOUND[freedom] if freedom in SOUND else LARGE[freedom]())
+    with open_log(path) as log:
+        assert len(list(log.messages())) == 10
+        assert sum(map(len, log.blocks())) == 10
+        assert {topic.name for topic in log.topics} == {'/a'}
+        assert log.problems == ()
+    recovery = recover(path, tmp_path / 'again')
+    assert (recovery.messages, recovery.lost) == (10, [])
+
+
+@pytest.mark.parametrize('content', [b'', mcap.record(0x80, b'x'), mcap.chunk(b''), DEFINITIONS])
+def test_a_log_without_messages_is_sound(tmp_path: Path, content) -> None:
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(closed(content))
+    with open_log(path) as log:
+        assert list(log.messages()) == []
+        assert log.problems == ()
+    assert recover(path, tmp_path / 'again').lost == []
+
+
+def make_file(*, chunked):
+    """Return a file that has of everything, with an index."""
+    data, places = HEADER, []
+    attached = mcap.attachment('a', 'text/plain', b'attached', (1, 2))
+    data += attached + (b'' if chunked else DEFINITIONS)
+    for n in range(4):
+        times = [10 * n + time for time in TIMES]
+        inner = (DEFINITIONS if n == 0 else b'') + messages(times)
+        if not chunked:
+            data += messages(times)
+            continue
+        chunk = mcap.chunk(inner, (times[0], times[-1]))
+        at = [inner.index(messages(times)) + 35 * k for k in range(10)]
+        index = mcap.message_index(1, list(zip(times, at, strict=True)))
+        indexes = {1: len(data) + len(chunk)}, len(index)
+        place = len(data), len(chunk)
+        places.append(((times[0], times[-1]), place, indexes, (len(inner), len(inner))))
+        data += chunk + index
+    note = mcap.metadata('note', {'a': 'b'})
+    noted, data = len(data), data + note
+    data += mcap.data_end(zlib.crc32(data))
+    summary = DEFINITIONS
+    summary += b''.join(mcap.chunk_index(*place) for place in places)
+    summary += mcap.attachment_index((len(HEADER), len(attached)), (1, 2), 8, 'a', 'text/plain')
+    summary += mcap.metadata_index((noted, len(note)), 'note')
+    summary += mcap.statistics((40, 1, 1, 1, 1, len(places)), (TIMES[0], 30 + TIMES[-1]), {1: 40})
+    return data + summary + mcap.footer(summary, len(data), 0) + mcap.MAGIC
+
+
+FILES = {'chunked': make_file(chunked=True), 'unchunked': make_file(chunked=False)}
+
+
+@pytest.mark.parametrize('kind', FILES)
+@settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(chance=st.randoms(use_true_random=False))
+def test_all_of_them_at_once_are_taken(tmp_path: Path, kind, chance) -> None:
+    parts = LegalFile(FILES[kind])
+    parts.change(chance)
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(parts.joined())
+    with open_log(path) as log:
+        assert [message.log_time for message in log.messages()] == [*range(100, 140)]
+        assert sum(map(len, log.blocks())) == 40
+        assert [item.data for item in log.attachments] == [b'attached']
+        assert log.metadata == {'note': [{'a': 'b'}]}
+        assert log.problems == ()
+
+
+@pytest.mark.parametrize('kind', FILES)
+def test_nothing_changed_is_the_same_file(kind) -> None:
+    """The tests' own writer, which the other tests rely on."""
+    assert LegalFile(FILES[kind]).joined() == FILES[kind]
+
+
+def test_records_of_unknown_kinds_are_told_to_be_left_out(tmp_path: Path) -> None:
+    path = tmp_path / 'x.mcap'
+    inner = ALL + mcap.record(0x81, b'y') * 2
+    path.write_bytes(closed(mcap.record(0x80, b'x') + mcap.chunk(inner, SPAN)))
+    (remark,) = recover(path, tmp_path / 'again').remarks
+    assert '3 records of kinds that are private' in remark
+
+
+def test_the_end_of_the_file_is_no_longer_than_it_is(tmp_path: Path) -> None:
+    """The specification says that the footer and the end of the data are never extended."""
+    data = closed(ALL)
+    footer = mcap.record(mcap.FOOTER, struct.pack('<QQI', 0, 0, 0) + b'more')
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(data[: -mcap.FOOTER_SIZE - 8] + footer + mcap.MAGIC)
+    with open_log(path) as log:
+        assert 'not closed' in log.problem
+        assert len(list(log.messages())) == 10

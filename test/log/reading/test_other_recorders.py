@@ -1,0 +1,186 @@
+"""Logs of other recorders and in other shapes are read completely."""
+
+from pathlib import Path
+import random
+import shutil
+from types import ModuleType
+
+from klann_ros.log.bag_metadata import ROOT_KEY
+from klann_ros.log.reader import open_log
+from mcap.writer import CompressionType, IndexType, Writer
+import pytest
+from rosbags import rosbag2
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.typesys import get_typestore, Stores
+import yaml
+
+
+def write_mcap(path, messages, *, profile='ros2', **options):
+    """Write a file with the library alone, in the order of the messages."""
+    with path.open('wb') as file:
+        writer = Writer(file, **options)
+        writer.start(profile)
+        numbers = {}
+        for message in messages:
+            topic = message.topic
+            if topic not in numbers:
+                schema = writer.register_schema(topic.type, 'ros2msg', topic.definition.encode())
+                numbers[topic] = writer.register_channel(
+                    topic.name,
+                    'cdr',
+                    schema,
+                    {'offered_qos_profiles': topic.qos, 'topic_type_hash': topic.type_hash},
+                )
+            writer.add_message(
+                numbers[topic],
+                message.log_time,
+                message.data,
+                message.publish_time,
+                message.sequence,
+            )
+        writer.add_attachment(1, 2, 'a', 'text/plain', b'x')
+        writer.add_metadata('m', {'k': 'v'})
+        writer.finish()
+
+
+SHAPES = {
+    'zstd': {'compression': CompressionType.ZSTD},
+    'lz4': {'compression': CompressionType.LZ4},
+    'none': {'compression': CompressionType.NONE},
+    'without CRC': {'enable_crcs': False},
+    'unchunked': {'use_chunking': False},
+    'without any index': {
+        'index_types': IndexType.NONE,
+        'use_statistics': False,
+        'repeat_channels': False,
+        'repeat_schemas': False,
+        'use_summary_offsets': False,
+    },
+    'without message index': {'index_types': IndexType.CHUNK},
+    'without statistics': {'use_statistics': False},
+    'without repeated channels': {'repeat_channels': False, 'repeat_schemas': False},
+    'without profile': {'profile': ''},
+}
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+def test_a_file_of_any_shape_is_read_completely(shape, runs: ModuleType, tmp_path: Path) -> None:
+    messages = sorted(
+        runs.make_messages(60) + runs.make_messages(60, '/other', 1_500_000),
+        key=lambda message: message.log_time,
+    )
+    path = tmp_path / 'log.mcap'
+    write_mcap(path, messages, **{'chunk_size': 800, **SHAPES[shape]})
+    with open_log(path) as log:
+        assert log.complete, log.problem
+        assert list(log.messages()) == messages
+        assert [message.topic.name for message in log.messages(['/other'])] == ['/other'] * 60
+        assert list(log.messages([])) == []
+        assert {topic.name for topic in log.topics} == {'/crank_angle', '/other'}
+        assert log.start_time == messages[0].log_time
+        assert log.end_time == messages[-1].log_time
+        assert log.metadata == {'m': [{'k': 'v'}]}
+        assert [item.data for item in log.attachments] == [b'x']
+        assert log.complete, log.problem
+
+
+def test_messages_that_stand_out_of_order_come_in_order(runs: ModuleType, tmp_path: Path) -> None:
+    messages = runs.make_messages(200)
+    shuffled = random.Random(4).sample(messages, 200)  # noqa: S311 - no secret
+    write_mcap(tmp_path / 'log.mcap', shuffled, chunk_size=500)
+    with open_log(tmp_path / 'log.mcap') as log:
+        assert list(log.messages()) == messages
+
+
+def test_a_json_channel_is_told_from_a_ros_one(tmp_path: Path) -> None:
+    with (tmp_path / 'log.mcap').open('wb') as file:
+        writer = Writer(file)
+        writer.start('')
+        schema = writer.register_schema('thing', 'jsonschema', b'{}')
+        channel = writer.register_channel('/thing', 'json', schema, {'more': 'yes'})
+        writer.add_message(channel, 1, b'{}', 1)
+        writer.finish()
+    with open_log(tmp_path / 'log.mcap') as log:
+        (topic,) = log.topics
+    assert (topic.message_encoding, topic.schema_encoding) == ('json', 'jsonschema')
+    assert topic.extra == (('more', 'yes'),)
+
+
+def test_a_bag_that_rosbags_wrote_is_read(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    name = 'std_msgs/msg/Float64'
+    with rosbag2.Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection('/crank_angle', name, typestore=store)
+        data = bytes(store.serialize_cdr(store.types[name](1.5), name))
+        for n in range(20):
+            writer.write(connection, n, data)
+    with open_log(tmp_path / 'bag') as log:
+        assert log.complete, log.problem
+        found = list(log.messages())
+    assert [(item.log_time, item.data) for item in found] == [(n, data) for n in range(20)]
+    assert found[0].topic.type == name
+
+
+@pytest.fixture
+def split_run(runs: ModuleType, tmp_path: Path):
+    """Write a run in eleven files, as rosbag2 splits it, whose names sort wrongly as text."""
+    messages = runs.make_messages(220)
+    folder = tmp_path / 'split'
+    folder.mkdir()
+    names = [f'split_{n}.mcap' for n in range(11)]
+    for n, name in enumerate(names):
+        start = 20 * n
+        write_mcap(folder / name, messages[slice(start, start + 20)])
+    metadata = {'rosbag2_bagfile_information': {'version': 9, 'relative_file_paths': names}}
+    (folder / 'metadata.yaml').write_text(yaml.safe_dump(metadata))
+    return folder, messages
+
+
+@pytest.mark.parametrize('with_metadata', [True, False])
+def test_a_split_run_plays_through(split_run, with_metadata) -> None:
+    folder, messages = split_run
+    if not with_metadata:
+        (folder / 'metadata.yaml').unlink()
+    with open_log(folder) as log:
+        assert log.complete, log.problem
+        assert [path.name for path in log.paths] == [f'split_{n}.mcap' for n in range(11)]
+        assert list(log.messages()) == messages
+        assert len(log.topics) == 1
+
+
+def test_a_missing_file_of_a_split_run_is_told(split_run) -> None:
+    folder, messages = split_run
+    (folder / 'split_3.mcap').unlink()
+    with open_log(folder) as log:
+        assert not log.complete
+        assert 'split_3.mcap is missing' in log.problem
+        assert list(log.messages()) == messages[:60] + messages[80:]
+
+
+def test_an_empty_file_of_a_split_run_is_told_and_the_others_are_read(split_run) -> None:
+    folder, messages = split_run
+    (folder / 'split_10.mcap').write_bytes(b'')
+    with open_log(folder) as log:
+        assert 'split_10.mcap is not a readable log: the file is empty' in log.problem
+        assert list(log.messages()) == messages[:200]
+
+
+@pytest.mark.parametrize(
+    'content', ['}{', '[]', '', '1', f'{ROOT_KEY}: 3', f'{ROOT_KEY}: {{compression_mode: flie}}']
+)
+def test_a_damaged_metadata_yaml_is_told_and_the_files_are_read(split_run, content) -> None:
+    folder, messages = split_run
+    (folder / 'metadata.yaml').write_text(content)
+    with open_log(folder) as log:
+        assert 'metadata.yaml is damaged' in log.problem
+        assert list(log.messages()) == messages
+
+
+def test_metadata_yaml_cannot_lead_out_of_the_folder(split_run, tmp_path: Path) -> None:
+    folder, _ = split_run
+    shutil.copy(folder / 'split_0.mcap', tmp_path / 'other.mcap')
+    metadata = {'rosbag2_bagfile_information': {'relative_file_paths': ['../other.mcap']}}
+    (folder / 'metadata.yaml').write_text(yaml.safe_dump(metadata))
+    with open_log(folder) as log:
+        assert 'other.mcap is missing' in log.problem
+        assert all(path.parent == folder for path in log.paths)

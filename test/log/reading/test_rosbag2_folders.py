@@ -1,0 +1,241 @@
+"""Which files of a folder are a bag, and what is said of files that are none."""
+
+import os
+from pathlib import Path
+import shlex
+import shutil
+import subprocess
+import sys
+from types import ModuleType
+
+from db3_files import make_db3
+from klann_ros.log.errors import NotALogError
+from klann_ros.log.reader import open_log
+from klann_ros.log.recover_command import default_output
+import pytest
+from rosbag2_bags import MODES, told, write_bag
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+import yaml
+import zstandard
+
+
+@pytest.fixture
+def messages(runs: ModuleType):
+    return runs.make_messages(50)
+
+
+def write_metadata(folder, **content):
+    root = {'rosbag2_bagfile_information': {'version': 9, **content}}
+    (folder / 'metadata.yaml').write_text(yaml.safe_dump(root))
+
+
+def split(folder, names=('x_0.db3', 'x_1.db3', 'x_10.db3')):
+    """Write a bag whose files go on where the one before ends."""
+    folder.mkdir()
+    for name in names:
+        make_db3(folder / name)
+    return folder
+
+
+@pytest.mark.parametrize('with_metadata', [True, False])
+def test_a_split_bag_of_sqlite_is_one_log(with_metadata, tmp_path: Path) -> None:
+    bag = split(tmp_path / 'x')
+    if with_metadata:
+        write_metadata(bag, relative_file_paths=['x_0.db3', 'x_1.db3'])
+    with open_log(bag) as log:
+        assert [path.name for path in log.paths] == ['x_0.db3', 'x_1.db3', 'x_10.db3']
+        assert sum(1 for _ in log.messages()) == 300
+    said = 'x_10.db3 is not named in metadata.yaml; it continues the run, and is read'
+    assert log.problems == ((said,) if with_metadata else ())
+
+
+@pytest.mark.parametrize('storage', StoragePlugin)
+@pytest.mark.parametrize('mode', MODES)
+def test_a_bag_without_metadata_is_whole(storage, mode, messages, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / 'bag', messages, storage, mode)
+    wanted = told(bag)
+    (bag / 'metadata.yaml').unlink()
+    assert told(bag) == wanted
+
+
+def test_of_two_storages_one_is_the_bag(messages, tmp_path: Path) -> None:
+    """Somebody has converted it to where it was; each message counts once."""
+    bag = write_bag(tmp_path / 'x', messages, StoragePlugin.MCAP, CompressionMode.NONE)
+    (bag / 'metadata.yaml').unlink()
+    make_db3(bag / 'x_0.db3')
+    with open_log(bag) as log:
+        assert [path.name for path in log.paths] == ['x.mcap']
+        assert 'x_0.db3 is left out: x.mcap beside it is of another storage' in log.problem
+
+
+def test_of_two_storages_the_metadata_tell_which_is_the_bag(messages, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / 'x', messages, StoragePlugin.SQLITE3, CompressionMode.NONE)
+    shutil.copy(bag / 'x.db3', tmp_path / 'kept.db3')
+    (bag / 'x_0.mcap').write_bytes(b'')
+    with open_log(bag) as log:
+        assert [path.name for path in log.paths] == ['x.db3']
+        assert log.problems == ('x_0.mcap is not named in metadata.yaml, and is left out',)
+
+
+@pytest.fixture
+def packed(messages, tmp_path: Path):
+    """Return a bag whose file is packed, and the same file unpacked."""
+    bag = write_bag(tmp_path / 'x', messages, StoragePlugin.MCAP, CompressionMode.FILE)
+    whole = zstandard.ZstdDecompressor().stream_reader((bag / 'x.mcap.zstd').read_bytes()).read()
+    return bag, whole
+
+
+def test_what_ros2_bag_play_left_unpacked_is_no_second_file(packed) -> None:
+    bag, whole = packed
+    wanted = told(bag)
+    (bag / 'x.mcap').write_bytes(whole)
+    assert told(bag) == wanted
+    with open_log(bag) as log:
+        assert [path.name for path in log.paths] == ['x.mcap']
+
+
+@pytest.mark.parametrize('part', [0, 8, 500, 1200])
+def test_what_was_unpacked_in_part_only_is_read_packed(part, packed) -> None:
+    bag, whole = packed
+    wanted = told(bag)
+    (bag / 'x.mcap').write_bytes(whole[:part])
+    assert told(bag) == wanted
+
+
+def test_a_file_that_was_unpacked_since_is_found(packed) -> None:
+    bag, whole = packed
+    wanted = told(bag)
+    (bag / 'x.mcap').write_bytes(whole)
+    (bag / 'x.mcap.zstd').unlink()
+    assert told(bag) == wanted
+
+
+@pytest.mark.parametrize('suffix', ['.zstd', '.zst'])
+def test_a_file_that_was_packed_since_is_found(suffix, messages, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / 'x', messages, StoragePlugin.SQLITE3, CompressionMode.NONE)
+    wanted = told(bag)
+    (bag / f'x.db3{suffix}').write_bytes(zstandard.compress((bag / 'x.db3').read_bytes()))
+    (bag / 'x.db3').unlink()
+    assert told(bag) == wanted
+
+
+@pytest.mark.parametrize(
+    'said',
+    [
+        {'storage_identifier': "my plugin's", 'relative_file_paths': ['x_0.mine']},
+        {
+            'storage_identifier': 'sqlite3',
+            'relative_file_paths': ['x_0.db3'],
+            'compression_mode': 'MESSAGE',
+            'compression_format': 'lz4',
+        },
+    ],
+)
+def test_what_only_rosbag2_can_read_is_refused_with_its_command(said, tmp_path: Path) -> None:
+    bag = tmp_path / "somebody's bag"
+    bag.mkdir()
+    (bag / said['relative_file_paths'][0]).write_bytes(b'anything')
+    write_metadata(bag, **said)
+    with pytest.raises(NotALogError, match='ros2 bag convert') as caught:
+        open_log(bag)
+    words = shlex.split(str(caught.value).split('`')[1])
+    assert (words[0], words[2:5]) == ('echo', ['>', 'to.yaml', '&&'])
+    assert words[5:] == ['ros2', 'bag', 'convert', '-i', str(bag), '-o', 'to.yaml']
+    (output,) = yaml.safe_load(words[1])['output_bags']
+    assert output == {'uri': f'{bag}_mcap', 'storage_id': 'mcap', 'all': True}
+
+
+@pytest.mark.parametrize(
+    ('content', 'kind'),
+    [
+        (b'#ROSBAG V2.0\n' + bytes(4096), 'a ROS 1 bag; `rosbags-convert --src'),
+        (b'\xd4\xc3\xb2\xa1' + bytes(100), 'a pcap capture'),
+        (b'\x0a\x0d\x0d\x0a' + bytes(100), 'a pcapng capture'),
+        (b'ULog\x01\x12\x35' + bytes(100), 'a ULog of PX4'),
+        (b'\x1f\x8b\x08' + bytes(100), 'a gzip file; unpack it first'),
+        (b'PK\x03\x04' + bytes(100), 'a zip file; unpack it first'),
+        (bytes(257) + b'ustar\x0000' + bytes(100), 'a tar archive; unpack it first'),
+        (b'time,alpha\n0.0,1.0\n' * 100, 'text'),
+        ('Größe\n'.encode() * 200, 'text'),
+    ],
+)
+def test_what_is_something_else_is_named(content, kind, tmp_path: Path) -> None:
+    path = tmp_path / "a b's.bag"
+    path.write_bytes(content)
+    with pytest.raises(NotALogError, match=f'it is {kind}') as caught:
+        open_log(path)
+    assert '\n' not in str(caught.value)
+
+
+def test_the_command_for_a_ros_1_bag_is_one_that_a_shell_takes(tmp_path: Path) -> None:
+    path = tmp_path / "a b's.bag"
+    path.write_bytes(b'#ROSBAG V2.0\n')
+    with pytest.raises(NotALogError) as caught:
+        open_log(path)
+    words = shlex.split(str(caught.value).split('`')[1])
+    assert words == [
+        *('rosbags-convert', '--src', str(path), '--dst', str(path.with_suffix(''))),
+        *('--dst-storage', 'mcap'),
+    ]
+
+
+def test_the_metadata_of_a_bag_are_not_the_bag(tmp_path: Path) -> None:
+    write_metadata(tmp_path)
+    with pytest.raises(NotALogError, match=f'give the folder, {tmp_path}'):
+        open_log(tmp_path / 'metadata.yaml')
+
+
+def test_a_damaged_mcap_file_that_begins_as_something_else_is_read(
+    messages, tmp_path: Path
+) -> None:
+    bag = write_bag(tmp_path / 'x', messages, StoragePlugin.MCAP, CompressionMode.NONE)
+    path = bag / 'x.mcap'
+    path.write_bytes(b'\x1f\x8b' + path.read_bytes()[2:])
+    with open_log(path) as log:
+        assert len(list(log.messages())) == len(messages)
+
+
+@pytest.mark.parametrize(
+    'name', ['walk_0.mcap', 'walk_0.db3', 'walk_0.mcap.zstd', 'walk_0.db3.zst', 'walk_0']
+)
+def test_a_file_is_recovered_to_a_run_of_its_name(name, tmp_path: Path) -> None:
+    assert default_output(tmp_path / name) == tmp_path / 'walk_0_recovered'
+
+
+def test_what_is_no_bag_of_sqlite_is_told(tmp_path: Path) -> None:
+    (tmp_path / 'empty.db3').touch()
+    with pytest.raises(NotALogError, match=r"should be SQLite, rosbag2's \.db3, and is empty"):
+        open_log(tmp_path / 'empty.db3')
+    (tmp_path / 'torn.db3').write_bytes(bytes(8192))
+    with pytest.raises(NotALogError, match=r"should be SQLite, rosbag2's \.db3, but"):
+        open_log(tmp_path / 'torn.db3')
+    (tmp_path / 'x.mcap.zstd').write_bytes(b'\0' * 100)
+    with pytest.raises(NotALogError, match='it should be a zstd file'):
+        open_log(tmp_path / 'x.mcap.zstd')
+
+
+WITHOUT_SQLITE = """
+import sys
+sys.modules['_sqlite3'] = None
+from klann_ros.log.recover_command import main
+sys.exit(main([sys.argv[1], '-o', sys.argv[2]]))
+"""
+
+
+def test_a_python_without_sqlite_reads_all_else(messages, tmp_path: Path) -> None:
+    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}
+    codes, said = [], ''
+    for storage in StoragePlugin:
+        bag = write_bag(tmp_path / storage.name, messages, storage, CompressionMode.NONE)
+        result = subprocess.run(
+            [sys.executable, '-c', WITHOUT_SQLITE, str(bag), f'{bag}_out'],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        codes.append(result.returncode)
+        said += result.stderr
+    assert codes == [2, 0]
+    assert "it is SQLite, rosbag2's .db3, which this Python was built without" in said
+    assert said.count('\n') == 1
