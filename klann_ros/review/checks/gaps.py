@@ -5,7 +5,7 @@ from itertools import groupby
 from operator import attrgetter
 
 from klann_ros.review.model.review import Finding, Review, Severity
-from klann_ros.review.model.times import Hole, joined
+from klann_ros.review.model.times import Hole, merged
 from klann_ros.review.model.unanswered import refusals, Silence, without_holes
 from klann_ros.untrusted.text import counted, listed, verb
 
@@ -34,20 +34,20 @@ def _holes(review: Review) -> dict[str, tuple[Hole, ...]]:
         place = f'{leg.recording.namespace}/{leg.recording.name}'.rstrip('/')
         for topic in (*leg.recording.pose_topics, *(f'{place}/{name}' for name in _ANSWERS)):
             found.setdefault(topic, list(review.recording.holes)).extend(of_leg)
-    return {topic: joined(holes) for topic, holes in found.items()}
+    return {topic: merged(holes) for topic, holes in found.items()}
 
 
 def _together(silences: list[Silence]) -> list[Silence]:
     """Join silences of several topics that overlap: they have one cause."""
-    joined: list[Silence] = []
+    merged: list[Silence] = []
     for silence in sorted(silences):
-        last = joined[-1] if joined else None
+        last = merged[-1] if merged else None
         if last is not None and silence.begin < last.end:
             topics = tuple(dict.fromkeys((*last.topics, *silence.topics)))
-            joined[-1] = Silence(last.begin, max(last.end, silence.end), topics)
+            merged[-1] = Silence(last.begin, max(last.end, silence.end), topics)
         else:
-            joined.append(silence)
-    return joined
+            merged.append(silence)
+    return merged
 
 
 def _gap(review: Review, silences: list[Silence]) -> Finding:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from klann_ros.review.model.limits import Limits
-from klann_ros.review.model.pairing import found_in, pairs
+from klann_ros.review.model.pairing import are_among, pairs
 from klann_ros.review.model.pose_errors import PoseErrors
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.times import Flags, Floats
@@ -140,6 +140,6 @@ def _follow(leg: ReviewedLeg, wrong: Flags) -> Flags:
     """Return which feet belong to wrong poses, or nobody knows to which."""
     of_feet, of_poses = pairs(leg.evaluated.feet.stamps, leg.evaluated.poses.stamps)
     several = leg.evaluated.poses.stamps[leg.answering.surplus.rows]
-    follow = found_in(leg.evaluated.feet.stamps, several)
+    follow = are_among(leg.evaluated.feet.stamps, several)
     follow[of_feet] |= wrong[of_poses]
     return follow

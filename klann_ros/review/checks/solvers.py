@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from klann_ros.kinematics.batch.given_angles import differences, wrapped
 from klann_ros.review.model.answering import repeated, Surplus
 from klann_ros.review.model.limits import Limits
-from klann_ros.review.model.pairing import found_in
+from klann_ros.review.model.pairing import are_among
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.times import Floats, Times
@@ -101,7 +101,7 @@ def _apart(leg: LegRecording, surplus: Surplus, limits: Limits) -> str:
     rows = surplus.rows[surplus.alone]
     stamps = leg.poses.stamps[rows]
     angle = _spread(stamps, leg.poses.values[rows], _difference(leg))
-    of_them = found_in(leg.feet.stamps, stamps)
+    of_them = are_among(leg.feet.stamps, stamps)
     foot = _spread(leg.feet.stamps[of_them], leg.feet.values[of_them], np.subtract)
     told = [f'{angle:.3g} rad'] if angle > limits.angle else []
     told += [f'{foot:.3g} m'] if foot > limits.foot else []

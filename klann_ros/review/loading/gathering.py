@@ -26,7 +26,7 @@ ALL_JOINTS = ''
 Place = tuple[str, str]
 
 
-def may_tell_a_leg(topic: Topic) -> bool:
+def may_be_of_a_leg(topic: Topic) -> bool:
     """Return whether a topic's messages may say something about a leg."""
     if topic.type not in LAYOUTS:
         return False
@@ -129,7 +129,7 @@ class Gathering:
 
     def _reader(self, topic: Topic) -> TopicReader | None:
         if topic not in self._readers:
-            wanted = may_tell_a_leg(topic)
+            wanted = may_be_of_a_leg(topic)
             self._readers[topic] = TopicReader(topic) if wanted else None
         return self._readers[topic]
 

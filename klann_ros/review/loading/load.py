@@ -10,7 +10,7 @@ from klann_ros.log.reading.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import HARM_RECORD, pause_of, PAUSE_RECORD
 from klann_ros.review.model.recording import LegRecording, no_series, RunRecording, Series
-from klann_ros.review.model.times import Hole, joined, LAST_TIME, RowIndices
+from klann_ros.review.model.times import Hole, LAST_TIME, merged, RowIndices
 from klann_ros.untrusted.text import printable_line
 import numpy as np
 
@@ -38,7 +38,7 @@ def load(
             iterations.add(topic, block, rows)
             descriptions.add(topic, block, rows)
     # Reading finds what an index hides, so this comes last.
-    holes = joined([*_pauses(log.metadata.get(PAUSE_RECORD, ())), *log.holes])
+    holes = merged([*_pauses(log.metadata.get(PAUSE_RECORD, ())), *log.holes])
     shared = Shared()
     topics = tally.topics(recorded_losses(log.metadata), holes)
     return RunRecording(
@@ -86,7 +86,7 @@ def _legs(
         columns = gathering.poses.get((namespace, name))
         poses = columns.series(shared) if columns else no_series(len(solver.joint_names))
         if solver.leg is None:
-            solver = descriptions.tell(solver, namespace, name, poses)
+            solver = descriptions.described(solver, namespace, name, poses)
         rates = gathering.rates.get((namespace, name))
         joints = [(namespace, joint) for joint in (ALL_JOINTS, solver.crank_joint)]
         yield LegRecording(

@@ -95,7 +95,7 @@ class Descriptions:
                 time = int(nanoseconds(block.heads['log_time'][[row]])[0])
                 self._found[namespace].append(_Described(time, klann_legs_in_urdf(_text(data))))
 
-    def tell(self, solver: LegSolver, namespace: str, name: str, poses: Series) -> LegSolver:
+    def described(self, solver: LegSolver, namespace: str, name: str, poses: Series) -> LegSolver:
         """Return a solver that knows nothing of its leg with what is described of it."""
         spaces = [space for space, found in self._found.items() if any(d.legs for d in found)]
         # Who describes the robot is elsewhere, where there is one robot alone.

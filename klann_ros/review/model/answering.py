@@ -8,7 +8,7 @@ from klann_ros.kinematics import linkage_poses, Reason
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 import numpy as np
 
-from .pairing import alone, Counted, counted, found_in, many_to_one, rises
+from .pairing import alone, are_among, many_to_one, rises, stamp_counts, StampCounts
 from .recording import LegRecording
 from .times import Flags, Floats, RowIndices, Times
 
@@ -102,10 +102,10 @@ def answering(leg: LegRecording) -> Answering:
     inside = np.flatnonzero(~(early | late))
     ends = int(np.count_nonzero(early)), int(np.count_nonzero(late))
     if rises(asked) and rises(answers):
-        rows = inside[~found_in(asked[inside], answers)]
+        rows = inside[~are_among(asked[inside], answers)]
         causes, count, surplus = _causes(leg, rows), len(inside) - len(rows), _NO_SURPLUS
     else:
-        stamps = counted(asked[inside], answers)
+        stamps = stamp_counts(asked[inside], answers)
         rows, causes = _unanswered(leg, inside, stamps)
         count, surplus = int(stamps.second.sum()), _surplus(answers, stamps)
     return Answering(ends[0], len(inside), ends[1], count, rows, causes, surplus)
@@ -113,7 +113,9 @@ def answering(leg: LegRecording) -> Answering:
 
 def repeated(stamps: Times) -> Surplus:
     """Return which answers share a stamp, for a run without the questions."""
-    return _NO_SURPLUS if rises(stamps) else _surplus(stamps, counted(np.unique(stamps), stamps))
+    return (
+        _NO_SURPLUS if rises(stamps) else _surplus(stamps, stamp_counts(np.unique(stamps), stamps))
+    )
 
 
 def asked_angles(leg: LegRecording) -> tuple[RowIndices, Floats]:
@@ -139,7 +141,7 @@ def _turned(leg: LegRecording, alphas: Floats) -> Floats:
 
 
 def _unanswered(
-    leg: LegRecording, inside: RowIndices, stamps: Counted
+    leg: LegRecording, inside: RowIndices, stamps: StampCounts
 ) -> tuple[RowIndices, RowIndices]:
     """
     Return which inputs have no answer, and why.
@@ -159,7 +161,7 @@ def _unanswered(
     return found, causes[kept]
 
 
-def _surplus(answers: Times, stamps: Counted) -> Surplus:
+def _surplus(answers: Times, stamps: StampCounts) -> Surplus:
     """Return which answers are to questions that have more than one."""
     many = stamps.second > stamps.first
     if not many.any():

@@ -56,14 +56,14 @@ def many_to_one(stamps: Times, single: Times) -> tuple[RowIndices, RowIndices]:
     return known, place[known] if order is None else order[place[known]]
 
 
-def found_in(stamps: Times, among: Times) -> Flags:
+def are_among(stamps: Times, among: Times) -> Flags:
     """Return which stamps are among others."""
     found = np.zeros(len(stamps), dtype=bool)
     found[many_to_one(stamps, among if rises(among) else np.unique(among))[0]] = True
     return found
 
 
-class Counted(NamedTuple):
+class StampCounts(NamedTuple):
     """
     How often each stamp is there.
 
@@ -84,12 +84,12 @@ class Counted(NamedTuple):
     second: RowIndices
 
 
-def counted(first: Times, second: Times) -> Counted:
+def stamp_counts(first: Times, second: Times) -> StampCounts:
     """Return how often each stamp of the first is there, and how often among the second."""
     stamps, of_first, counts = np.unique(first, return_inverse=True, return_counts=True)
     ordered = np.sort(second)
     begins, ends = (np.searchsorted(ordered, stamps, side=side) for side in ('left', 'right'))
-    return Counted(stamps, of_first, counts, ends - begins)
+    return StampCounts(stamps, of_first, counts, ends - begins)
 
 
 def rises(stamps: Times) -> bool:

@@ -26,7 +26,7 @@ def intervals(times: Times) -> Floats:
     return np.diff(times) / 1e9
 
 
-def joined(holes: Iterable[Hole]) -> tuple[Hole, ...]:
+def merged(holes: Iterable[Hole]) -> tuple[Hole, ...]:
     """Return the holes in the order of time [ns], those that overlap as one."""
     found: list[Hole] = []
     bounded = ([max(-LAST_TIME, min(time, LAST_TIME)) for time in hole] for hole in holes)

@@ -10,7 +10,7 @@ import numpy as np
 from .answering import Answering, Cause
 from .limits import Limits
 from .recording import LegRecording, RunRecording
-from .times import covered, Hole, intervals, joined, overlap, RowIndices
+from .times import covered, Hole, intervals, merged, overlap, RowIndices
 from .topics import TopicRecording
 
 # What is for viewers is published when there is something to see, and somebody who looks.
@@ -140,8 +140,8 @@ def unanswered(
     at_holes = overlap(times - SOON, times + SOON, recording.holes)
     # Silences of its poses are gaps, if it could have been answered in them.
     own = [silence for silence in silences_ if not leg.pose_topics.isdisjoint(silence.topics)]
-    holes = joined([*recording.holes, *refusals(leg, answering)])
-    silent = joined((silence.begin, silence.end) for silence in without_holes(own, holes))
+    holes = merged([*recording.holes, *refusals(leg, answering)])
+    silent = merged((silence.begin, silence.end) for silence in without_holes(own, holes))
     in_silences = ~at_holes & overlap(times, times, silent)
     elsewhere = rows[~at_holes & ~in_silences]
     ends = np.array([end for _, end in silent], dtype=np.int64)

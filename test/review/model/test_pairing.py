@@ -3,7 +3,7 @@
 from collections import defaultdict
 
 from hypothesis import given, strategies as st
-from klann_ros.review.model.pairing import alone, found_in, many_to_one, pairs
+from klann_ros.review.model.pairing import alone, are_among, many_to_one, pairs
 import numpy as np
 
 stamps = st.lists(st.integers(-3, 8), max_size=12).map(lambda some: np.array(some, dtype=np.int64))
@@ -51,4 +51,4 @@ def test_each_row_finds_its_stamp(some, single, random) -> None:
 @given(either, either)
 def test_what_is_found_is_among_the_others(some, others) -> None:
     expected = [stamp in set(others.tolist()) for stamp in some.tolist()]
-    assert found_in(some, others).tolist() == expected
+    assert are_among(some, others).tolist() == expected

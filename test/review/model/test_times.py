@@ -1,7 +1,7 @@
 """Holes of a log, held against the moments in them one by one."""
 
 from hypothesis import given, strategies as st
-from klann_ros.review.model.times import covered, joined, overlap
+from klann_ros.review.model.times import covered, merged, overlap
 import numpy as np
 
 times = st.integers(-20, 20)
@@ -18,10 +18,10 @@ def test_a_stretch_touches_a_hole_if_a_moment_of_it_is_in_one(some, stretches) -
         not inside.isdisjoint(range(begin, end + 1))
         for begin, end in zip(begins.tolist(), ends.tolist(), strict=True)
     ]
-    assert overlap(begins, ends, joined(some)).tolist() == touched
+    assert overlap(begins, ends, merged(some)).tolist() == touched
     full = {t for begin, end in some for t in range(begin, end)}
     parts = [
         len(full & set(range(begin, end)))
         for begin, end in zip(begins.tolist(), ends.tolist(), strict=True)
     ]
-    assert covered(begins, ends, joined(some)).tolist() == parts
+    assert covered(begins, ends, merged(some)).tolist() == parts

@@ -6,7 +6,7 @@ from html import escape
 from klann_ros.untrusted.text import printable
 
 # What stands for a number that nobody knows.
-NOT_TOLD = '\N{EN DASH}'
+UNKNOWN = '\N{EN DASH}'
 # A longer text is nobody's to read.
 _LONGEST = 20_000
 # Elements without content, and without an end.

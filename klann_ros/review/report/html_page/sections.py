@@ -12,7 +12,7 @@ from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.topics import MORE, TopicFigures, WHY_MORE
 from klann_ros.untrusted.text import printable
 
-from .markup import element, joined, Markup, NOT_TOLD, scrolling_table
+from .markup import element, joined, Markup, scrolling_table, UNKNOWN
 
 _TOPIC_HEADS = (
     'Topic',
@@ -154,7 +154,7 @@ def _topic(topic: TopicFigures) -> Sequence[str]:
 
 
 def _number(value: float, factor: float, digits: int) -> str:
-    return NOT_TOLD if isnan(value) else f'{factor * value:.{digits}f}'
+    return UNKNOWN if isnan(value) else f'{factor * value:.{digits}f}'
 
 
 def _of_run(what: str, number: int, of: int) -> str:
@@ -227,4 +227,4 @@ def _figures(figures: LegFigures) -> Iterator[_Figure]:
 
 
 def _figure(name: str, number: float, form: str, unit: str) -> _Figure:
-    return _Figure(name, NOT_TOLD if isnan(number) else format(number, form), unit)
+    return _Figure(name, UNKNOWN if isnan(number) else format(number, form), unit)
