@@ -31,8 +31,8 @@ What can go wrong       `klann_ros.log.errors.LogError`: `NotALogError`,
 
 from klann_ros.log.errors import NotALogError
 
-from .comparing import compare, Comparison, Difference
 from .loading.leg_file import leg_of, LegFileError
+from .model.comparing import compare, Comparison, Difference
 from .model.limits import Limits, limits_from_file, LimitsFileError
 from .model.review import Finding, Review, ReviewedLeg, Severity
 from .model.topics import TopicFigures

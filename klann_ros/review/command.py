@@ -12,6 +12,7 @@ from klann_ros.kinematics import AnyLeg
 from klann_ros.log.errors import LogError
 from klann_ros.log.reading.run_files import LOG_HELP
 from klann_ros.review.loading.leg_file import leg_of, preset_names
+from klann_ros.review.model.comparing import compare
 from klann_ros.review.model.limits import Limits, limits_from_file, NAMES
 from klann_ros.review.model.review import Review
 from klann_ros.review.report.html_page import page
@@ -21,7 +22,6 @@ from klann_ros.untrusted.arguments import ArgumentParser, path
 from klann_ros.untrusted.text import printable_line
 from tqdm import tqdm
 
-from .comparing import compare
 from .report import json_report, pose_table, text
 from .reviewing import Progress, review_run
 

@@ -7,8 +7,8 @@ from math import isfinite
 from typing import Any, BinaryIO
 
 from klann_ros import __version__
-from klann_ros.review.comparing import Comparison
 from klann_ros.review.model.answering import Cause
+from klann_ros.review.model.comparing import Comparison
 from klann_ros.review.model.review import Review, ReviewedLeg
 
 # Counts up when what stands in the report changes its meaning.

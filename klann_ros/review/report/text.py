@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from math import degrees, isnan
 
-from klann_ros.review.comparing import Comparison
+from klann_ros.review.model.comparing import Comparison
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.topics import MORE, TopicFigures, WHY_MORE
 from klann_ros.untrusted.text import counted, printable, printable_line

@@ -5,7 +5,7 @@ from dataclasses import fields
 from findings import checks
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.review.command import main
-from klann_ros.review.comparing import compare
+from klann_ros.review.model.comparing import compare
 from klann_ros.review.model.limits import Limits, limits_from_file, LimitsFileError
 from klann_ros.review.reviewing import review_run
 import pytest

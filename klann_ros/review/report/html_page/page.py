@@ -8,7 +8,7 @@ from pathlib import Path
 from string import Template
 from typing import BinaryIO
 
-from klann_ros.review.comparing import Comparison
+from klann_ros.review.model.comparing import Comparison
 from klann_ros.review.model.review import Review
 from klann_ros.review.report.json_report import finite
 

@@ -6,7 +6,7 @@ from math import degrees, isnan
 from pathlib import Path
 from typing import NamedTuple
 
-from klann_ros.review.comparing import Comparison
+from klann_ros.review.model.comparing import Comparison
 from klann_ros.review.model.figures import LegFigures
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.topics import MORE, TopicFigures, WHY_MORE

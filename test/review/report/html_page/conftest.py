@@ -8,7 +8,7 @@ from typing import Any
 
 from browser import find
 from klann_ros.kinematics import KlannLeg, LinkageLeg, shipped_linkage
-from klann_ros.review.comparing import compare
+from klann_ros.review.model.comparing import compare
 from klann_ros.review.report.html_page.page import save
 from klann_ros.review.reviewing import review_run
 from leg_runs import LegRun

@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 from klann_ros.kinematics import AnyLeg
 from klann_ros.kinematics.batch.given_angles import feet
-from klann_ros.review.model.limits import Limits
-from klann_ros.review.model.pose_errors import solved_blocks
-from klann_ros.review.model.recording import LegSolver
-from klann_ros.review.model.review import Review, ReviewedLeg
-from klann_ros.review.model.times import Floats
 from klann_ros.untrusted.text import printable
 import numpy as np
+
+from .limits import Limits
+from .pose_errors import solved_blocks
+from .recording import LegSolver
+from .review import Review, ReviewedLeg
+from .times import Floats
 
 
 class Dimension(NamedTuple):

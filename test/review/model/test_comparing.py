@@ -5,12 +5,12 @@ from pathlib import Path
 from klann_ros.kinematics import KlannGeometry, linkage_from_file, LinkageLeg
 from klann_ros.kinematics.klann.geometry import COORDINATES, LENGTHS
 from klann_ros.review.command import main
-from klann_ros.review.comparing import compare, dimensions
+from klann_ros.review.model.comparing import compare, dimensions
 from klann_ros.review.model.recording import LegSolver
 from klann_ros.review.reviewing import review_run
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.fixture
