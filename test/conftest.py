@@ -1,6 +1,8 @@
-"""Settings of all tests."""
+"""Settings of all tests, and which of them share a worker."""
 
-from zlib import crc32
+from collections import Counter
+from functools import cached_property
+from typing import Any
 
 from hypothesis import settings
 import pytest
@@ -11,13 +13,36 @@ settings.load_profile('untimed')
 
 # Tests of real processes on real DDS: they wait more than they compute, so two lines of them run
 # side by side, in domains of their own; each is run one by one, so that none starves the others.
-ONE_BY_ONE = ('/test/nodes/', '/test/packaging/', '/test_real_', '/test_launched_')
+ONE_BY_ONE = ('test/nodes/', 'test/packaging/', '/test_real_', '/test_launched_')
+# One browser and one set of pages.
+TOGETHER = 'test/review/html_page/'
 
 
-@pytest.hookimpl(tryfirst=True)  # before the workers look at the groups
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let two workers have the tests that run one by one, whole files each, if there are more."""
-    for item in items:
-        if any(part in item.path.as_posix() for part in ONE_BY_ONE):
-            line = crc32(item.path.name.encode()) % 2
-            item.add_marker(pytest.mark.xdist_group(f'one by one {line}'))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """
+    Give whole files to a worker: what a file shares is made once.
+
+    xdist's own groups are marks that it writes into a test's name, which pytest 9.2 no longer
+    reads.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Scheduler(LoadScopeScheduling):
+        @cached_property
+        def lines(self) -> dict[str, str]:
+            """Two lines with as many tests each, whole files one after the other."""
+            files = Counter(name.split('::')[0] for name in self.collection)
+            lengths, lines = [0, 0], {}
+            for file, count in files.most_common():
+                if any(part in file for part in ONE_BY_ONE):
+                    line = lengths.index(min(lengths))
+                    lengths[line] += count
+                    lines[file] = f'line {line}'
+            return lines
+
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.split('::', maxsplit=1)[0]
+            return TOGETHER if file.startswith(TOGETHER) else self.lines.get(file, file)
+
+    return Scheduler(config, log)

@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 from environment import Environment
-from processes import Command, last_lines, run
+from processes import Command, run
 
 NAMES = ('chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable')
 # Debian's, and letters for a machine that has none; Ubuntu's package is but a way to snap.
@@ -45,6 +45,8 @@ def provide(env: Environment, work: Path) -> str | None:
         done = all(run(command, variables, log, TIMEOUT) == 0 for command in commands)
         if find(env.folder):
             return None
-        reason = 'what it installed does not start' if done else last_lines(log, 1)
-        print(f'... {name} failed: {reason}')
+        lines = log.read_text(encoding='utf-8', errors='replace').splitlines()
+        errors = [line for line in lines if line.startswith(('Error', 'E:'))]
+        reason = (errors or ['no reason given'])[0]
+        print(f'... {name} failed: {"what it installed does not start" if done else reason}')
     return 'no Chromium for the tests of the page: apt install chromium, or put Chrome into PATH'

@@ -23,8 +23,8 @@ import pytest
 AnyLeg = Leg[Any, Any]
 rates = st.floats(-5.0, 5.0)
 STEP = 1e-5
-# Ten examples of each linkage, on average.
-FOR_EACH = settings(max_examples=10 * len(NAMES))
+# Five examples of each linkage, on average.
+FOR_EACH = settings(max_examples=5 * len(NAMES))
 
 
 # Equations.

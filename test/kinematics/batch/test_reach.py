@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 
 LEGS, ANGLES = 10_000, 360
-# What they share is made once, by one worker.
-pytestmark = pytest.mark.xdist_group('reach')
 # Inside of it rounding decides whether an angle can be reached.
 BAND = 1e-12
 
