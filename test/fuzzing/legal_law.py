@@ -8,6 +8,7 @@ from fuzzing.samples import content
 from klann_ros.log import recover_command
 from klann_ros.log.reader import open_log
 from klann_ros.review import command as review_command
+from klann_ros.untrusted.text import counted
 from mcap_bytes.legal import change_file
 
 
@@ -30,10 +31,10 @@ def check_legal(sample, seed, place):
 def _check(log, sample, case):
     with open_log(log) as found:
         messages = [content(message) for message in found.messages()]
-        counted = sum(map(len, found.blocks()))
+        in_blocks = sum(map(len, found.blocks()))
         others = _others(found)
         assert not found.problems, f'{case}: {found.problem}'
-        assert (len(messages), counted) == (len(sample.messages),) * 2, case
+        assert (len(messages), in_blocks) == (len(sample.messages),) * 2, case
         assert set(messages) == sample.messages, case
     with open_log(sample.folder) as before:
         assert others == _others(before), case
