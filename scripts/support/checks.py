@@ -51,6 +51,7 @@ def main(arguments: list[str]) -> int:
 
 def _parse(arguments: list[str]) -> tuple[list[str], list[str]]:
     at = arguments.index('--') if '--' in arguments else len(arguments)
+    pytest_arguments = arguments[at:][1:]
     parser = argparse.ArgumentParser(
         prog='scripts/test',
         description='Run the checks of klann_ros, each in the environment made for them.',
@@ -61,7 +62,7 @@ def _parse(arguments: list[str]) -> tuple[list[str], list[str]]:
     chosen = parser.parse_args(arguments[:at]).check
     if unknown := [name for name in chosen if name not in NAMES]:
         parser.error(f'no such check: {", ".join(unknown)}')
-    return chosen or list(NAMES), arguments[at + 1 :]
+    return chosen or list(NAMES), pytest_arguments
 
 
 def _commands(env: Environment, work: Path, pytest_arguments: list[str]) -> dict[str, Command]:
