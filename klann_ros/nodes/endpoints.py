@@ -1,6 +1,7 @@
 """
-What it takes to open a topic: a name that ROS takes, a message class, a quality of service; and
-services without arguments.
+What it takes to open a topic: a name that ROS takes, a message class, a quality of service.
+
+Services without arguments are here as well.
 
 Who names a topic or a type may be a stranger: a log, or a publisher on the network.
 """

@@ -182,8 +182,9 @@ def _selected_topics(log: Log, options: argparse.Namespace) -> list[Topic]:
 
 class _LogClock:
     """
-    Simulated time: publish the log's all the while, also before the first message and while it
-    stands still.
+    Simulated time: publish the log's all the while.
+
+    Also before the first message, and while it stands still.
 
     Parameters
     ----------

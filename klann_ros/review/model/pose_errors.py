@@ -85,7 +85,8 @@ def solved_blocks(recording: LegRecording, leg: AnyLeg) -> Iterator[SolvedBlock]
     for begin in range(0, len(poses), _BLOCK):
         end = min(begin + _BLOCK, len(poses))
         recorded = poses[slice(begin, end)]
-        angles: Floats = linkage_poses(leg, recorded[:, 0], angles=True).angles  # type: ignore[assignment] # asked for
+        solved = linkage_poses(leg, recorded[:, 0], angles=True)
+        angles: Floats = solved.angles  # type: ignore[assignment]  # asked for
         paired = slice(*np.searchsorted(of_poses, [begin, end]))
         yield SolvedBlock(
             slice(begin, end),

@@ -97,7 +97,7 @@ def bomb(request, tmp_path_factory: pytest.TempPathFactory):
 
 
 @pytest.mark.parametrize('job', ['recover', 'review', 'play'])
-def test_a_small_file_takes_less_than_200_MB(run, bomb, job) -> None:  # noqa: N802, RUF100 - the unit
+def test_a_small_file_takes_less_than_200_mb(run, bomb, job) -> None:
     _, used, _ = run(job, bomb)
     assert used < 200 * MB
 
