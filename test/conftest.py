@@ -29,6 +29,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     from xdist.scheduler import LoadScopeScheduling
 
     class Scheduler(LoadScopeScheduling):
+        """A file is a scope; those of real processes are two lines."""
+
         @cached_property
         def lines(self) -> dict[str, str]:
             """Two lines with as many tests each, whole files one after the other."""
