@@ -77,7 +77,9 @@ def test_all_but_the_last_messages_of_a_killed_recorder_are_read(
     if mode in ('WAL', 'DELETE') and batch == NOT_AT_ALL:
         beside = 'wal' if mode == 'WAL' else 'journal'
         assert f'it was not closed: x_0.db3-{beside} is beside it' in problems[0]
-    assert recover([str(bag), '-o', str(tmp_path / 'run')]) == 0, capsys.readouterr()
+    # Killed while it commits without a journal on the disk, SQLite may leave a page in part.
+    possible = (0, 3) if mode == 'MEMORY' else (0,)
+    assert recover([str(bag), '-o', str(tmp_path / 'run')]) in possible, capsys.readouterr()
     assert len(told(tmp_path / 'run')) == count
     assert digest(bag) == before
 
