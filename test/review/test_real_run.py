@@ -66,8 +66,9 @@ class Scene:
 
 
 def hear_poses(reports: RecorderReports, count: int) -> None:
-    """Wait until the recorder has heard so many poses more, of either solver."""
-    topics = ('/joint_states', '/walker/joint_states')
+    """Wait until the recorder has heard so many poses more, of either solver, and questions."""
+    # It may find whoever asks later than whoever answers.
+    topics = ('/joint_states', '/walker/joint_states', '/crank_state', '/walker/crank_angle')
     before = {topic: reports.count(f'{topic} received') for topic in topics}
     reports.until_heard({topic: count + before[topic] for topic in topics})
 
