@@ -9,7 +9,8 @@ the bodies have equations.
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics.linkage.joints import frame
+from klann_ros.kinematics.linkage import joints
+from klann_ros.kinematics.linkage.structure import FIXED, GROUND
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +18,6 @@ from .masses import BodyMass
 from .motion import Complex, Motion
 
 Array = NDArray[np.float64]
-GROUND = -1
 
 
 class Reactions(NamedTuple):
@@ -64,7 +64,7 @@ def reactions(
         right[:, 3 * j], right[:, 3 * j + 1] = force.real, force.imag
         right[:, 3 * j + 2] = body.inertia * turned
     for point, force in forces:
-        j = next(j for j, body in enumerate(structure.bodies) if point in body.points)
+        j = structure.first_owner(point)
         arm = moving.point(point)[0] - centres[j][0]
         given = force + np.zeros(count, dtype=np.complex128)
         right[:, 3 * j] -= given.real
@@ -80,17 +80,12 @@ class _System:
     def __init__(self, moving: Motion, centres: Sequence[Complex]) -> None:
         structure = moving.linkage.structure
         self._moving, self._centres = moving, centres
-        self._owners = {
-            point: [
-                *([GROUND] if point in structure.pivots else []),
-                *(j for j, body in enumerate(structure.bodies) if point in body.points),
-            ]
-            for point in structure.points
-        }
         self._pins = [
-            (point, owners[0], j) for point, owners in self._owners.items() for j in owners[1:]
+            (point, first, j)
+            for point, (first, *others) in structure.owners.items()
+            for j in others
         ]
-        self._slides = [j for j, body in enumerate(structure.bodies) if body.slides]
+        self._slides = sorted(structure.line_of)
 
     def solved(self, right: Array) -> Reactions:
         """Return what balances the equations' right-hand sides."""
@@ -102,7 +97,7 @@ class _System:
         matrix[gone] = np.eye(size)
         right = np.where(gone[:, None], np.nan, right)
         found = np.linalg.solve(matrix, right[..., None])[..., 0].T
-        names = {GROUND: 'ground', **dict(enumerate(structure.angles))}
+        names = {FIXED: GROUND, **dict(enumerate(structure.angles))}
         pins: dict[tuple[str, str], Complex] = {}
         for k, (point, first, j) in enumerate(self._pins):
             force = found[1 + 2 * k] + 1j * found[2 + 2 * k]
@@ -130,14 +125,13 @@ class _System:
                 columns.append(column)
         structure = self._moving.linkage.structure
         for j in self._slides:
-            line = next(n for n in structure.lines if structure.bars[n][0] == j)
-            at = self._moving.point(structure.bars[line][1].end)[0]
-            along = self._moving.linkage.bars[line] * frame(structure, self._moving.u, j) + zero
+            at = self._moving.point(structure.bodies[j].points[0])[0]
+            along = joints.line(self._moving.linkage, self._moving.u, j) + zero
             on = structure.along[j]
             square, moment = np.zeros((count, size)), np.zeros((count, size))
             self._add(square, j, at, 1j * along)
             moment[:, 3 * j + 2] = 1.0
-            if on is not None and on != GROUND:
+            if on is not None and on != FIXED:
                 self._add(square, on, at, -1j * along)
                 moment[:, 3 * on + 2] = -1.0
             columns += [square, moment]
@@ -145,7 +139,7 @@ class _System:
 
     def _add(self, column: Array, j: int, at: Complex, force: Complex) -> None:
         """Add a force on a body at a place."""
-        if j == GROUND:
+        if j == FIXED:
             return
         column[:, 3 * j] += force.real
         column[:, 3 * j + 1] += force.imag

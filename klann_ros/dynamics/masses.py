@@ -134,7 +134,7 @@ def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
     bodies = []
     for j, body in enumerate(given.structure.bodies):
         total = BodyMass()
-        for bar in body.bars[1:] if body.slides else body.bars:
+        for bar in body.rigid:
             starts = [bar.start, *([bar.brace.start] if bar.brace else [])]
             for start in starts:
                 p, q = places[j, start], places[j, bar.end]
@@ -144,7 +144,7 @@ def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
         bodies.append(total)
     made = Masses(tuple(bodies))
     foot = given.structure.foot
-    owner = next(j for j, body in enumerate(given.structure.bodies) if foot in body.points)
+    owner = given.structure.first_owner(foot)
     return made.with_mass(owner, BodyMass(foot_mass, places[owner, foot])) if foot_mass else made
 
 

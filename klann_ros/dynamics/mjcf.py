@@ -7,11 +7,12 @@ the linkage, in which all joints but the crank are at 0: so it starts closed to 
 """
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from xml.etree.ElementTree import Element, indent, SubElement, tostring
 
 from klann_ros.kinematics import LinkageLeg
-from klann_ros.kinematics.linkage.joints import frame
+from klann_ros.kinematics.linkage import joints
+from klann_ros.kinematics.linkage.structure import FIXED, Structure
 import numpy as np
 
 from .forces import Dynamics
@@ -21,10 +22,10 @@ TINY = 1e-4
 # The engine knows no points: their inertia, as a part of their mass by the size squared.
 POINT = 1e-9
 # How stiff what closes the loops is: ten steps of time; twice as stiff some loops are unstable.
-SOLREF, SOLIMP = '{:.6g} 1', '0.9999 0.9999 0.001 0.5 2'
+SOLREF, SOLIMP = '0.002 1', '0.9999 0.9999 0.001 0.5 2'
 TIME_STEP = 2e-4
-# Of bars and feet, as parts of the linkage's size.
-BAR, FOOT = 0.012, 0.03
+# Of bars, as a part of the linkage's size.
+BAR = 0.012
 
 
 class Hung(NamedTuple):
@@ -54,20 +55,14 @@ def tree(dynamics: Dynamics) -> tuple[list[Hung], list[tuple[str, int, int]]]:
     That is points, each with two bodies that lead to it, -1 being the ground.
     """
     structure = dynamics.linkage.structure
-    owners: dict[str, list[int]] = {point: [] for point in structure.points}
-    for point in structure.pivots:
-        owners[point].append(-1)
-    for j, body in enumerate(structure.bodies):
-        for point in body.points:
-            owners[point].append(j)
-    placed: list[int] = [-1]
+    placed: list[int] = [FIXED]
     hung: list[Hung] = []
     while len(hung) < len(structure.bodies):
-        hung.append(next(_next_hung(dynamics, owners, placed)))
+        hung.append(next(_next_hung(structure, placed)))
         placed.append(hung[-1].body)
     joined = {(h.point, h.parent, h.body) for h in hung if not structure.bodies[h.body].slides}
     closing = []
-    for point, every in owners.items():
+    for point, every in structure.owners.items():
         # One of its bodies has the point; the others hang at it, or are pulled to it.
         first = next((h.parent for h in hung if h.point == point and h.parent in every), every[0])
         closing += [
@@ -76,8 +71,7 @@ def tree(dynamics: Dynamics) -> tuple[list[Hung], list[tuple[str, int, int]]]:
     return hung, closing
 
 
-def _next_hung(dynamics: Dynamics, owners: Any, placed: list[int]) -> Iterator[Hung]:
-    structure = dynamics.linkage.structure
+def _next_hung(structure: Structure, placed: list[int]) -> Iterator[Hung]:
     for j, body in enumerate(structure.bodies):
         along = structure.along[j]
         if j in placed:
@@ -87,7 +81,7 @@ def _next_hung(dynamics: Dynamics, owners: Any, placed: list[int]) -> Iterator[H
                 yield Hung(j, along, body.points[0])
             continue
         for point in body.points:
-            parent = next((i for i in owners[point] if i in placed), None)
+            parent = next((i for i in structure.owners[point] if i in placed), None)
             if parent is not None:
                 yield Hung(j, parent, point)
 
@@ -127,6 +121,8 @@ class _Writer:
         places = (complex(x, y) for x, y in self._pose.points)
         self._points = dict(zip(structure.points, places, strict=True))
         self._hung, self._closing = tree(dynamics)
+        # Where the bodies' frames are in this pose.
+        self._origins = {h.body: self._points[h.point] for h in self._hung} | {FIXED: 0j}
         self._size = float(np.ptp(self._pose.points, axis=0).max())
         self._mass = max(dynamics.masses.total, 1e-6)
 
@@ -144,24 +140,24 @@ class _Writer:
             iterations='200',
             tolerance='1e-14',
         )
-        elements = {-1: SubElement(root, 'worldbody')}
+        elements = {FIXED: SubElement(root, 'worldbody')}
         for point in self._dynamics.linkage.structure.pivots:
             at = _at(self._points[point])
             SubElement(
-                elements[-1], 'site', name=point.lower(), pos=at, size=_number(self._radius)
+                elements[FIXED], 'site', name=point.lower(), pos=at, size=_number(self._radius)
             )
         for hung in self._hung:
             elements[hung.body] = self._body(elements[hung.parent], hung)
         equality = SubElement(root, 'equality')
-        names = {-1: 'world', **dict(enumerate(self._dynamics.linkage.joint_names))}
+        names = {FIXED: 'world', **dict(enumerate(self._dynamics.linkage.joint_names))}
         for point, first, j in self._closing:
             SubElement(
                 equality,
                 'connect',
                 body1=names[j],
                 body2=names[first],
-                anchor=_at(self._points[point] - self._origin(j)),
-                solref=SOLREF.format(10.0 * TIME_STEP),
+                anchor=_at(self._points[point] - self._origins[j]),
+                solref=SOLREF,
                 solimp=SOLIMP,
             )
         actuator = SubElement(root, 'actuator')
@@ -174,28 +170,22 @@ class _Writer:
     def _radius(self) -> float:
         return BAR * self._size / 2.0
 
-    def _origin(self, j: int) -> complex:
-        """Return where a body's frame is, in the pose of the model [m]."""
-        if j < 0:
-            return 0j
-        return self._points[next(h.point for h in self._hung if h.body == j)]
-
     def _body(self, parent: Element, hung: Hung) -> Element:
         j, structure = hung.body, self._dynamics.linkage.structure
-        body, origin = structure.bodies[j], self._origin(hung.body)
-        at = _at(origin - self._origin(hung.parent))
+        body, origin = structure.bodies[j], self._origins[hung.body]
+        at = _at(origin - self._origins[hung.parent])
         element = SubElement(parent, 'body', name=body.angle, pos=at)
         self._joint(element, hung)
         mass = self._dynamics.masses.bodies[j]
         own = structure.frames[j]
-        turned = self._pose.vectors[own] if own >= 0 else 1.0 + 0j
+        turned = self._pose.vectors[own] if own != FIXED else 1.0 + 0j
         centre = self._points[body.points[0]] + complex(mass.centre * turned) - origin
         weight = mass.mass or TINY * self._mass
         inertia = mass.inertia or POINT * weight * self._size**2
         # A plate: what it has about the axes in its plane adds up to what it has about the other.
         flat = f'{_number(inertia / 2.0)} {_number(inertia)} {_number(inertia / 2.0)}'
         SubElement(element, 'inertial', pos=_at(centre), mass=_number(weight), diaginertia=flat)
-        for bar in body.bars[1:] if body.slides else body.bars:
+        for bar in body.rigid:
             ends = ' '.join(_at(self._points[p] - origin) for p in (bar.start, bar.end))
             SubElement(
                 element, 'geom', type='capsule', fromto=ends, size=_number(self._radius),
@@ -218,8 +208,7 @@ class _Writer:
         j, structure = hung.body, self._dynamics.linkage.structure
         body = structure.bodies[j]
         if body.slides:
-            line = next(n for n in structure.lines if structure.bars[n][0] == j)
-            along = self._dynamics.linkage.bars[line] * frame(structure, self._pose.vectors, j)
+            along = joints.line(self._dynamics.linkage, self._pose.vectors, j)
             SubElement(
                 element, 'joint', name=body.angle, type='slide', axis=_at(complex(along)),
                 ref=_number(self._pose.joints[j]),

@@ -6,7 +6,7 @@ from math import atan2, cos, radians, sin, tau
 from typing import NamedTuple
 
 from klann_ros.kinematics import LinkagePose
-from klann_ros.kinematics.linkage.joints import frame
+from klann_ros.kinematics.linkage.joints import line
 import numpy as np
 from numpy.typing import NDArray
 
@@ -79,12 +79,17 @@ class Drawn(NamedTuple):
         structure = pose.linkage.structure
         points = dict(zip(structure.points, pose.points, strict=True))
         bodies = [
-            _body([(bar.start, bar.end) for bar in body.bars], body.slides, label, colour_of(i))
+            DrawnBody(
+                [(bar.start, bar.end) for bar in body.rigid],
+                label,
+                colour_of(i),
+                (body.line.start, body.line.end) if body.line else None,
+            )
             for i, (body, label) in enumerate(zip(structure.bodies, structure.labels, strict=True))
         ]
         joints: dict[str, list[str]] = {PIVOT: [], PIN: [], POINT: []}
         for name in points:
-            several = sum(name in body.points for body in structure.bodies) > 1
+            several = len(structure.owners[name]) > 1
             kind = PIVOT if name in structure.pivots else PIN if several else POINT
             joints[kind].append(name)
         return cls(points, bodies, joints)
@@ -146,22 +151,10 @@ class Drawn(NamedTuple):
         return cos(middle), sin(middle)
 
 
-def _body(bars: list[tuple[str, str]], slides: bool, label: str, colour: str) -> DrawnBody:
-    if slides:
-        return DrawnBody(bars[1:], label, colour, bars[0])
-    return DrawnBody(bars, label, colour)
-
-
 def line_directions(pose: LinkagePose) -> list[complex]:
     """Return the direction of each line that something slides along, in the bodies' order."""
     linkage, u = pose.linkage, pose.vectors
-    structure = linkage.structure
-    found = []
-    for j, body in enumerate(structure.bodies):
-        if body.slides:
-            bar = next(n for n in structure.lines if structure.bars[n][0] == j)
-            found.append(complex(linkage.bars[bar] * frame(structure, u, j)))
-    return found
+    return [complex(line(linkage, u, j)) for j in sorted(linkage.structure.line_of)]
 
 
 def _plane(places: Sequence[complex]) -> Array:

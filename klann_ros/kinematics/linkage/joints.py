@@ -51,6 +51,12 @@ def frame(structure: Structure, u: Vectors, j: int) -> Any:
     return 1.0 if own == FIXED else u[own]
 
 
+def line(linkage: 'Linkage', u: Vectors, j: int) -> Any:
+    """Return the unit vector along the line that a body slides along."""
+    structure = linkage.structure
+    return linkage.bars[structure.line_of[j]] * frame(structure, u, j)
+
+
 def coordinate(structure: Structure, u: Vectors, j: int) -> Any:
     """Return x_j of a body by the vectors of all: an angle in (-pi, pi], or a distance."""
     if structure.bodies[j].slides:

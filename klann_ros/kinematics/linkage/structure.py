@@ -81,6 +81,16 @@ class Body(NamedTuple):
         return -1 if self.clockwise else 1
 
     @property
+    def line(self) -> Bar | None:
+        """Return the way along which it slides; None for a body that turns."""
+        return self.bars[0] if self.slides else None
+
+    @property
+    def rigid(self) -> tuple[Bar, ...]:
+        """Return its bars that have a length of their own: all but the line."""
+        return self.bars[1:] if self.slides else self.bars
+
+    @property
     def points(self) -> tuple[str, ...]:
         """Return its points; of one that turns the one that it starts from first."""
         start = () if self.slides else (self.bars[0].start,)
@@ -234,15 +244,34 @@ class Structure:
         return tuple((j, bar) for j, body in enumerate(self.bodies) for bar in body.bars)
 
     @cached_property
+    def owners(self) -> dict[str, tuple[int, ...]]:
+        """Return the bodies that have each point; FIXED first for a pivot."""
+        return {
+            point: (
+                *([FIXED] if point in self.pivots else []),
+                *(j for j, body in enumerate(self.bodies) if point in body.points),
+            )
+            for point in self.points
+        }
+
+    def first_owner(self, point: str) -> int:
+        """Return the first of the bodies that have a point."""
+        return next(j for j in self.owners[point] if j != FIXED)
+
+    @cached_property
+    def line_of(self) -> dict[int, int]:
+        """Return of each body that slides which bar its line is."""
+        return {j: n for j, n in self._firsts.items() if self.bodies[j].slides}
+
+    @cached_property
     def lines(self) -> frozenset[int]:
         """Return the bars that are as long as a distance: the first of each body that slides."""
-        return self._firsts - self.straight
+        return frozenset(self.line_of.values())
 
     @cached_property
     def straight(self) -> frozenset[int]:
         """Return the bars that lie along their bodies' angles: the first of each that turns."""
-        bars = self.bars
-        return frozenset(n for n in self._firsts if not self.bodies[bars[n][0]].slides)
+        return frozenset(n for j, n in self._firsts.items() if not self.bodies[j].slides)
 
     @cached_property
     def carriers(self) -> tuple[int, ...]:
@@ -253,9 +282,9 @@ class Structure:
         )
 
     @cached_property
-    def _firsts(self) -> frozenset[int]:
-        firsts = {body: number for number, (body, _) in reversed([*enumerate(self.bars)])}
-        return frozenset(firsts.values())
+    def _firsts(self) -> dict[int, int]:
+        """Return the first bar of each body."""
+        return {body: number for number, (body, _) in reversed([*enumerate(self.bars)])}
 
     def _frame(self, j: int) -> int:
         along = self.along[j] if j >= 0 else None
@@ -439,7 +468,7 @@ def _check_body(body: Body) -> None:
         text = f'the line {line.start}-{line.end} of body {body.angle}'
         _must(line.brace is None, f'{text} has a brace: it needs a direction')
         _must(line.start != line.end, f'{text} has only one point')
-    for bar in body.bars[1:] if body.slides else body.bars:
+    for bar in body.rigid:
         text = f'bar {bar.start}-{bar.end} of body {body.angle}'
         known = f'it has {", ".join(have)}{did_you_mean(bar.start, have)}'
         missing = f'{text} starts from a point that the body does not have yet: {known}'

@@ -78,10 +78,7 @@ def leg_shape(leg: AnyLeg) -> dict[str, Any]:
         'pivots': _indices(structure.pivots, names),
         'foot': structure.foot,
     }
-    bodies = [
-        (label, [(bar.start, bar.end) for bar in body.bars], body.slides)
-        for body, label in zip(structure.bodies, structure.labels, strict=True)
-    ]
+    bodies = zip(structure.bodies, structure.labels, strict=True)
     return {
         **shape,
         'points': [
@@ -90,12 +87,12 @@ def leg_shape(leg: AnyLeg) -> dict[str, Any]:
         ],
         'bodies': [
             {
-                'name': name,
-                'bars': [_indices(bar, names) for bar in bars[slides:]],
+                'name': label,
+                'bars': [_indices((bar.start, bar.end), names) for bar in body.rigid],
                 # The line that it slides along.
-                'line': _indices(bars[0], names) if slides else None,
+                'line': _indices((body.line.start, body.line.end), names) if body.line else None,
             }
-            for name, bars, slides in bodies
+            for body, label in bodies
         ],
         **_path(leg),
     }
