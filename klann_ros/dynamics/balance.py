@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.linkage import joints
+from klann_ros.kinematics.linkage.dyads import cross
 from klann_ros.kinematics.linkage.structure import FIXED, GROUND
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +70,7 @@ def reactions(
         given = force + np.zeros(count, dtype=np.complex128)
         right[:, 3 * j] -= given.real
         right[:, 3 * j + 1] -= given.imag
-        right[:, 3 * j + 2] -= _cross(arm, given)
+        right[:, 3 * j + 2] -= cross(arm, given)
     system = _System(moving, [c for c, _, _ in centres])
     return system.solved(right)
 
@@ -143,8 +144,4 @@ class _System:
             return
         column[:, 3 * j] += force.real
         column[:, 3 * j + 1] += force.imag
-        column[:, 3 * j + 2] += _cross(at - self._centres[j], force)
-
-
-def _cross(a: Any, b: Any) -> Any:
-    return np.imag(np.conj(a) * b)
+        column[:, 3 * j + 2] += cross(at - self._centres[j], force)

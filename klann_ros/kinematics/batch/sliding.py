@@ -9,7 +9,7 @@ from typing import Any
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 from klann_ros.kinematics.linkage import joints, shape
-from klann_ros.kinematics.linkage.dyads import Closing, closing, Pair
+from klann_ros.kinematics.linkage.dyads import Closing, closing, cross, Pair
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 from numpy.typing import NDArray
@@ -75,11 +75,11 @@ class SlidingDyads:
             opened = sum(w * u_1[j] for j, w in terms.items())
             placing = self.closings[k]
             p, q = placing.pair.columns(u)
-            determinant = _cross(p, q)
+            determinant = cross(p, q)
             sine = determinant / placing.lengths(self.way(k, u))
             least = np.sqrt(placing.pair.rounding / placing.least_length)
             determinant = np.where(np.abs(sine) <= least, np.nan, determinant)
-            x_1[a], x_1[b] = _cross(q, opened) / determinant, _cross(opened, p) / determinant
+            x_1[a], x_1[b] = cross(q, opened) / determinant, cross(opened, p) / determinant
             for j in (a, b):
                 u_1[j] = joints.moved(structure, u, x_1, j)
         return x_1, u_1
@@ -157,7 +157,3 @@ def _store(dyads: SlidingDyads, part: Array, u: list[Any], *, moved: bool) -> No
     for which in range(len(names)):
         found = dyads.point(u, which, moved=moved)
         part[..., which, 0], part[..., which, 1] = found.real, found.imag
-
-
-def _cross(p: Any, q: Any) -> Any:
-    return np.imag(np.conj(p) * q)

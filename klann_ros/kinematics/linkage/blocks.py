@@ -19,8 +19,8 @@ from typing import Any
 from klann_ros.kinematics.errors import UnreachableError
 import numpy as np
 
-from .dyads import Closing, closing, longest, Pair, ROUNDING
-from .joints import tangent, Vectors
+from .dyads import Closing, closing, cross, longest, Pair, ROUNDING
+from .joints import column, Vectors
 from .structure import Structure
 
 Terms = Mapping[int, complex]
@@ -158,16 +158,11 @@ class Block:
 
     def jacobian(self, u: Any) -> Any:
         """Return its part of Phi, shape (..., 2 k, 2 k) [m/rad]: of each loop x, then y."""
-        rows = [[self._column(terms, u, i) for i in self.unknowns] for terms, _ in self.rows]
+        rows = [
+            [column(self.structure, terms, u, i) for i in self.unknowns] for terms, _ in self.rows
+        ]
         table = np.array([part for r in rows for part in (np.real(r), np.imag(r))])
         return np.moveaxis(table, (0, 1), (-2, -1))
-
-    def _column(self, terms: Terms, u: Any, i: int) -> Any:
-        """Return by what a loop opens with the coordinate of a body."""
-        if not self.structure.slides:
-            return 1j * self.structure.senses[i] * terms.get(i, 0.0) * u[i]
-        parts = (w * tangent(self.structure, u, j, i) for j, w in terms.items())
-        return sum(parts) + np.zeros(np.shape(u[i]))
 
     def sine(self, u: Any) -> Any:
         """Return the determinant over `scale`, in [-1, 1]; its sign is the assembly."""
@@ -175,7 +170,7 @@ class Block:
             return np.linalg.det(self.jacobian(u)) / self.scale
         if self.slides:
             p, q = self.closing.pair.columns(u)
-            sine = self.sense * np.imag(np.conj(p) * q) / self.closing.lengths(self.way(u))
+            sine = self.sense * cross(p, q) / self.closing.lengths(self.way(u))
             return sine if self.two_branches else abs(sine)
         p, q = self.links(u)
         return (p.imag * q.real - p.real * q.imag) / self.scale

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from klann_ros.kinematics import dyad
 import numpy as np
 
-from .joints import frame, tangent, Vectors
+from .joints import column, frame, Vectors
 from .structure import Structure
 
 # Of the longest of a loop.
@@ -70,20 +70,8 @@ class Pair(NamedTuple):
 
     def columns(self, u: Vectors) -> tuple[Any, Any]:
         """Return by what the loop opens with the coordinate of a, and of b."""
-        a, b = (
-            sum(w * tangent(self.structure, u, j, i) for j, w in self.terms.items())
-            for i in self.bodies
-        )
+        a, b = (column(self.structure, self.terms, u, i) for i in self.bodies)
         return a, b
-
-    def between_columns(self, u: Vectors) -> Any:
-        """Return the angle between the ways in which a and b can move what joins them [rad]."""
-        p, q = self.columns(u)
-        return np.abs(np.angle(q * np.conj(p)))
-
-    def root(self, square: Any) -> Any:
-        """Return the root of a product that is 0 where it is only rounded below; else NaN."""
-        return np.sqrt(np.where(square < 0.0, np.nan, square))
 
 
 class TwoCircles:
@@ -149,7 +137,26 @@ class TwoCircles:
         return along if outside else np.pi - along
 
 
-class CircleAndLine:
+class _Sliding:
+    """What dyads have in common in which a body slides."""
+
+    two_branches = True
+
+    def __init__(self, pair: Pair) -> None:
+        """Keep the pair."""
+        self.pair = pair
+
+    def is_far(self, way: Any) -> Any:
+        """Return whether it is too far, rather than too near, for it to close."""
+        return np.zeros(np.shape(way), dtype=bool)
+
+    def transmission_angle(self, u: Vectors, **_: bool) -> Any:
+        """Return the angle between the ways in which its bodies can move their joint [rad]."""
+        p, q = self.pair.columns(u)
+        return np.abs(np.angle(q * np.conj(p)))
+
+
+class CircleAndLine(_Sliding):
     """
     A link that turns, and a body that slides along a known line: the slider-crank's.
 
@@ -157,11 +164,9 @@ class CircleAndLine:
     line, so x_b = p +- sqrt(r^2 - q^2).
     """
 
-    two_branches = True
-
     def __init__(self, pair: Pair) -> None:
         """Keep the length of the link."""
-        self.pair = pair
+        super().__init__(pair)
         self._link, self._slider, self._order = pair.turning_first(1)
         self.scale = self.least_length = abs(pair.terms[self._link])
 
@@ -171,10 +176,7 @@ class CircleAndLine:
         f = frame(pair.structure, u, self._slider)
         line = pair.terms[self._slider] * f
         m = way * np.conj(line)
-        beyond = r - abs(m.imag)
-        beyond = np.where((-TOUCHES * pair.rounding <= beyond) & (beyond < 0.0), 0.0, beyond)
-        root = pair.root(beyond * (r + abs(m.imag)))
-        on = -self._order * sign * root
+        on = -self._order * sign * _root(pair, r, abs(m.imag))
         link = (on + 1j * m.imag) * line / pair.terms[self._link]
         return _ordered(pair, link, (m.real - on) * f)
 
@@ -191,12 +193,8 @@ class CircleAndLine:
         """Return the product of its columns' lengths [m]."""
         return self.scale
 
-    def transmission_angle(self, u: Vectors, **_: bool) -> Any:
-        """Return the angle between the ways in which its bodies can move their joint [rad]."""
-        return self.pair.between_columns(u)
 
-
-class LineOnLink:
+class LineOnLink(_Sliding):
     """
     A body that slides along a link that turns: the inverted slider-crank's.
 
@@ -204,22 +202,17 @@ class LineOnLink:
     the imaginary part of c, so p + x_b = +- sqrt(|M|^2 - q^2).
     """
 
-    two_branches = True
-
     def __init__(self, pair: Pair) -> None:
         """Keep where the line is on the link."""
-        self.pair = pair
+        super().__init__(pair)
         self._link, self._slider, self._order = pair.turning_first(1)
         self._c = pair.terms.get(self._link, 0.0) * np.conj(pair.terms[self._slider])
         self.scale = self.least_length = pair.length
 
     def place(self, _: Vectors, way: Any, sign: Any) -> tuple[Any, Any]:
         """Return u_a and u_b; NaN where it does not close, or everywhere."""
-        pair, d, q = self.pair, abs(way), abs(self._c.imag)
-        beyond = d - q
-        beyond = np.where((-TOUCHES * pair.rounding <= beyond) & (beyond < 0.0), 0.0, beyond)
-        root = pair.root(beyond * (d + q))
-        on = -self._order * sign * root
+        pair = self.pair
+        on = -self._order * sign * _root(pair, abs(way), abs(self._c.imag))
         with np.errstate(invalid='ignore', divide='ignore'):
             turned = way / ((on + 1j * self._c.imag) * pair.terms[self._slider])
             turned = turned / abs(turned)
@@ -229,20 +222,12 @@ class LineOnLink:
         """Return how much further off than the line the end is from the link's pivot [m]."""
         return abs(way) - abs(self._c.imag)
 
-    def is_far(self, way: Any) -> Any:
-        """Return whether it is too far, rather than too near, for it to close."""
-        return np.zeros(np.shape(way), dtype=bool)
-
     def lengths(self, way: Any) -> Any:
         """Return the product of its columns' lengths [m]."""
         return abs(way)
 
-    def transmission_angle(self, u: Vectors, **_: bool) -> Any:
-        """Return the angle between the ways in which its bodies can move their joint [rad]."""
-        return self.pair.between_columns(u)
 
-
-class TwoLines:
+class TwoLines(_Sliding):
     """Two bodies that slide along known lines, which meet once: the Scotch yoke's."""
 
     two_branches = False
@@ -250,7 +235,7 @@ class TwoLines:
 
     def __init__(self, pair: Pair) -> None:
         """Keep the pair."""
-        self.pair = pair
+        super().__init__(pair)
         self.least_length = pair.length
 
     def place(self, u: Vectors, way: Any, _: Any) -> tuple[Any, Any]:
@@ -258,25 +243,17 @@ class TwoLines:
         pair = self.pair
         frames = [frame(pair.structure, u, j) for j in pair.bodies]
         a, b = (pair.terms[j] * f for j, f in zip(pair.bodies, frames, strict=True))
-        sine = _cross(a, b)
+        sine = cross(a, b)
         sine = np.where(abs(sine) <= 1e-12, np.nan, sine)
-        return _cross(way, b) / sine * frames[0], _cross(a, way) / sine * frames[1]
+        return cross(way, b) / sine * frames[0], cross(a, way) / sine * frames[1]
 
     def clearance(self, way: Any, _: Vectors = ()) -> Any:
         """Return infinity: two lines meet however far off."""
         return np.full(np.shape(way), np.inf)[()]
 
-    def is_far(self, way: Any) -> Any:
-        """Return whether it is too far, rather than too near, for it to close."""
-        return np.zeros(np.shape(way), dtype=bool)
-
     def lengths(self, _: Any) -> float:
         """Return the product of its columns' lengths."""
         return 1.0
-
-    def transmission_angle(self, u: Vectors, **_: bool) -> Any:
-        """Return the angle between the ways in which its bodies can move their joint [rad]."""
-        return self.pair.between_columns(u)
 
 
 Closing = TwoCircles | CircleAndLine | LineOnLink | TwoLines
@@ -298,7 +275,15 @@ def _ordered(pair: Pair, link: Any, slider: Any) -> tuple[Any, Any]:
     return (slider, link) if pair.slides[0] else (link, slider)
 
 
-def _cross(p: Any, q: Any) -> Any:
+def _root(pair: Pair, p: Any, q: Any) -> Any:
+    """Return the root of p^2 - q^2; NaN where q is longer by more than rounding."""
+    beyond = p - q
+    beyond = np.where((-TOUCHES * pair.rounding <= beyond) & (beyond < 0.0), 0.0, beyond)
+    return np.sqrt(np.where(beyond < 0.0, np.nan, beyond * (p + q)))
+
+
+def cross(p: Any, q: Any) -> Any:
+    """Return the cross product of vectors that are complex numbers."""
     return np.imag(np.conj(p) * q)
 
 

@@ -14,7 +14,7 @@ The functions take one pose, or many at once: a coordinate or a vector is a numb
 """
 
 from cmath import phase
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TYPE_CHECKING, TypeAlias
 
 from klann_ros.kinematics.angles import wrap
@@ -76,6 +76,14 @@ def tangent(structure: Structure, u: Vectors, j: int, i: int) -> Any:
         # What it is turned by turns it too.
         return 1j * structure.senses[i] * u[j] if i == structure.frames[j] else 0.0
     return 1j * structure.senses[j] * u[j] if i == j else 0.0
+
+
+def column(structure: Structure, terms: Mapping[int, complex], u: Vectors, i: int) -> Any:
+    """Return by what a sum of W_j u_j changes with the coordinate of a body."""
+    if not structure.slides:
+        return 1j * structure.senses[i] * terms.get(i, 0.0) * u[i]
+    parts = (w * tangent(structure, u, j, i) for j, w in terms.items())
+    return sum(parts) + np.zeros(np.shape(u[i]))
 
 
 def tangents(structure: Structure, u: Vectors) -> Any:
