@@ -1,10 +1,9 @@
 """The motion of every body at many crank angles: vectors and their first two derivatives."""
 
-from collections.abc import Iterator
-from functools import partial
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import Linkage, linkage_poses
+from klann_ros.kinematics.batch.derivative import closing_blocks
 from klann_ros.kinematics.linkage import joints
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -81,17 +80,16 @@ def motion_through(linkage: Linkage, angles: Array, x: Array) -> Motion:
     u_1, u_2 = np.zeros_like(u), np.zeros_like(u)
     u_1[0] = joints.moved(structure, u, x_1, 0)
     u_2[0] = -u[0]
-    for block, inverse in _blocks(linkage, u):
-        own = list(block.unknowns)
+    for own, closing in closing_blocks(linkage, u):
         for j in own:
             u_1[j] = joints.carried(structure, u, x_1, j, own)
-        x_1[own] = inverse(u_1)
+        x_1[own] = closing(u_1)
         for j in own:
             u_1[j] = joints.moved(structure, u, x_1, j)
         bent = joints.bent(structure, u, x_1)
         for j in own:
             u_2[j] = bent[j] + joints.carried(structure, u, x_2, j, own)
-        x_2[own] = inverse(u_2)
+        x_2[own] = closing(u_2)
         for j in own:
             u_2[j] = bent[j] + joints.moved(structure, u, x_2, j)
     turning = [
@@ -103,23 +101,3 @@ def motion_through(linkage: Linkage, angles: Array, x: Array) -> Motion:
 def _turning(structure: Any, x: Array, j: int) -> Any:
     frame = structure.frames[j]
     return 0.0 if frame < 0 else structure.senses[frame] * x[frame]
-
-
-def _blocks(linkage: Linkage, u: Complex) -> Iterator[tuple[Any, Any]]:
-    """Yield each block, with what returns the changes of its coordinates that keep it closed."""
-    for block in linkage.blocks:
-        matrix = block.jacobian(u)
-        singular = ~(np.abs(block.sine(u)) > block.singular_sine)
-        gone = singular | ~np.isfinite(matrix).all(axis=(1, 2))
-        matrix[gone] = np.eye(matrix.shape[-1])
-
-        yield block, partial(_closing, block.rows, matrix, gone)
-
-
-def _closing(rows: Any, matrix: Array, gone: NDArray[np.bool_], du: Complex) -> Array:
-    """Return by which changes of its coordinates a block closes its loops that du opens."""
-    opened = np.array([sum(w * du[j] for j, w in terms.items()) for terms, _ in rows])
-    right = np.stack([opened.real, opened.imag], axis=1).reshape(-1, len(gone)).T
-    found: Array = np.linalg.solve(matrix, -right[..., None])[..., 0].T
-    found[:, gone] = np.nan
-    return found

@@ -5,8 +5,8 @@ A program is a list of + - * / and sqrt on whole arrays, and so is its derivativ
 is followed by its rule, and whichever kernel runs the program runs both.
 """
 
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.linkage import joints
@@ -93,31 +93,49 @@ def rates(linkage: Linkage, u: Complex) -> tuple[NDArray[np.float64], Complex]:
     `u` are the bodies' vectors, shape (n, k); NaN at a singular pose. Block by block, each as in
     the velocity of one pose: Phi of its own bodies against what the others open its loops by.
     """
-    count, structure = u.shape[1], linkage.structure
-    x_1 = np.zeros((len(u), count))
+    structure = linkage.structure
+    x_1 = np.zeros(u.shape)
     x_1[0] = 1.0
     u_1 = np.zeros_like(u)
     u_1[0] = 1j * linkage.structure.senses[0] * u[0]
-    singular = np.zeros(count, dtype=bool)
-    for block in linkage.blocks:
-        for j in block.unknowns:
+    for own, closing in closing_blocks(linkage, u):
+        for j in own:
             # What slides is turned by what is placed already.
-            u_1[j] = joints.carried(structure, u, x_1, j, block.unknowns)
-        opened = np.array(
-            [sum((w * u_1[j] for j, w in terms.items()), 0j * u[0]) for terms, _ in block.rows]
-        )
-        right = np.stack([opened.real, opened.imag], axis=1).reshape(-1, count).T
-        matrix = block.jacobian(u)
-        singular |= ~(np.abs(block.sine(u)) > block.singular_sine)
-        gone = singular | ~np.isfinite(matrix).all(axis=(1, 2)) | ~np.isfinite(right).all(axis=1)
-        matrix[gone] = np.eye(matrix.shape[-1])
-        own = np.linalg.solve(matrix, -right[..., None])[..., 0].T
-        own[:, gone] = np.nan
-        x_1[list(block.unknowns)] = own
-        for j in block.unknowns:
+            u_1[j] = joints.carried(structure, u, x_1, j, own)
+        x_1[own] = closing(u_1)
+        for j in own:
             u_1[j] = joints.moved(structure, u, x_1, j)
+    singular = np.isnan(x_1).any(axis=0)
     x_1[:, singular] = u_1[:, singular] = np.nan
     return x_1, u_1
+
+
+def closing_blocks(
+    linkage: Linkage, u: Complex
+) -> Iterator[tuple[list[int], Callable[[Complex], NDArray[np.float64]]]]:
+    """
+    Yield of each block its bodies, and what closes its loops again, at many poses.
+
+    That takes du of all bodies, shape (n, k), and returns the changes of the block's coordinates
+    that make up for it, shape (number of unknowns, k); NaN at a singular pose.
+    """
+    for block in linkage.blocks:
+        matrix = block.jacobian(u)
+        gone = ~(np.abs(block.sine(u)) > block.singular_sine)
+        gone |= ~np.isfinite(matrix).all(axis=(1, 2))
+        matrix[gone] = np.eye(matrix.shape[-1])
+        yield list(block.unknowns), partial(_closed, block.rows, matrix, gone)
+
+
+def _closed(
+    rows: Sequence[Any], matrix: NDArray[np.float64], gone: NDArray[np.bool_], du: Complex
+) -> NDArray[np.float64]:
+    opened = np.array([sum((w * du[j] for j, w in t.items()), 0j * du[0]) for t, _ in rows])
+    right = np.stack([opened.real, opened.imag], axis=1).reshape(-1, len(gone)).T
+    gone = gone | ~np.isfinite(right).all(axis=1)
+    changes: NDArray[np.float64] = np.full(right.T.shape, np.nan)
+    changes[:, ~gone] = np.linalg.solve(matrix[~gone], -right[~gone, :, None])[..., 0].T
+    return changes
 
 
 def angle_rates(links: Any, links_1: Any, sense: int) -> Any:
