@@ -13,6 +13,7 @@ Mechanisms, the chapters on dynamic force analysis.)
 """
 
 from collections.abc import Mapping
+from functools import cached_property
 from math import pi
 from typing import Any, NamedTuple
 
@@ -76,10 +77,9 @@ class TurnOfForces(NamedTuple):
         """
         Return by how much a shaft with the mean torque gains and loses energy in a turn [J].
 
-        The integral of T - mean by the trapezoid rule, exact to rounding for a smooth turn.
+        The integral of T - mean by Fourier's series, exact to rounding for a smooth turn.
         """
         excess = self.torque - self.mean
-        # The trapezoid rule between the samples, by Fourier's series: exact for what is smooth.
         spectrum = np.fft.rfft(excess)
         orders = np.arange(len(spectrum))
         spectrum[1:] /= 1j * orders[1:]
@@ -140,7 +140,11 @@ class Dynamics:
         if len(masses.bodies) != bodies:
             raise MassError(f'there are {len(masses.bodies)} masses for {bodies} bodies')
         self.gravity = place_of(gravity)
-        self._leg = LinkageLeg(self.linkage)
+
+    @cached_property
+    def _leg(self) -> LinkageLeg:
+        """Return what goes from pose to pose."""
+        return LinkageLeg(self.linkage)
 
     def reduced_inertia(self, alphas: ArrayLike) -> tuple[Array, Array]:
         """Return I and dI/dalpha at crank angles, shape (k,) [kg m^2]; NaN at singular poses."""
@@ -183,10 +187,8 @@ class Dynamics:
 
         """
         moving = motion(self.linkage, alphas)
-        rate = np.asarray(alpha_rate, dtype=np.float64)
-        inertia, inertia_1 = self._inertia(moving)
-        _, slope = self._potential(moving)
-        torque = inertia * np.asarray(alpha_acceleration) + inertia_1 / 2.0 * rate**2 + slope
+        inertia, steady = self._inertia_and_torque(moving, np.asarray(alpha_rate))
+        torque = inertia * np.asarray(alpha_acceleration) + steady
         for point, force in self._loads(loads).items():
             torque = torque - _dot(force, moving.point(point)[1])
         return np.asarray(torque, dtype=np.float64)
@@ -196,9 +198,8 @@ class Dynamics:
         # One after the other they are near to each other, mostly.
         x = np.array(self._leg.solve(alpha).x)[:, None]
         moving = motion_through(self.linkage, np.array([alpha]), x)
-        inertia, inertia_1 = self._inertia(moving)
-        _, slope = self._potential(moving)
-        return float(inertia[0]), float(inertia_1[0] / 2.0 * alpha_rate**2 + slope[0])
+        inertia, torque = self._inertia_and_torque(moving, alpha_rate)
+        return float(inertia[0]), float(torque[0])
 
     def reactions(
         self,
@@ -236,6 +237,12 @@ class Dynamics:
             alphas, float(alpha_rate), self.crank_torque(alphas, alpha_rate, 0.0, loads)
         )
 
+    def _inertia_and_torque(self, moving: Motion, rate: Any) -> tuple[Array, Array]:
+        """Return I, and the torque that keeps the rate."""
+        inertia, inertia_1 = self._inertia(moving)
+        _, slope = self._potential(moving)
+        return inertia, inertia_1 / 2.0 * rate**2 + slope
+
     def _inertia(self, moving: Motion) -> tuple[Array, Array]:
         inertia, inertia_1 = np.zeros(moving.alphas.size), np.zeros(moving.alphas.size)
         for j, body in enumerate(self.masses.bodies):
@@ -252,12 +259,9 @@ class Dynamics:
             energy -= body.mass * _dot(self.gravity, c)
             slope -= body.mass * _dot(self.gravity, c_1)
         for spring in self.masses.springs:
-            (p, p_1), (q, q_1) = (_end(end, moving) for end in spring.ends)
-            length = np.abs(q - p)
-            stretched = length - spring.free_length
+            (_, p_1), (_, q_1) = (_end(end, moving) for end in spring.ends)
+            stretched, way = _stretched(spring, moving)
             energy += spring.stiffness * stretched**2 / 2.0
-            with np.errstate(invalid='ignore', divide='ignore'):
-                way = np.where(length > 0.0, (q - p) / length, 0.0)
             slope += spring.stiffness * stretched * _dot(way, q_1 - p_1)
         return energy, slope
 
@@ -277,13 +281,19 @@ def _end(end: Any, moving: Motion) -> tuple[Any, Any]:
     return zero + place_of(end), zero
 
 
-def _pulls(spring: Spring, moving: Motion) -> list[tuple[str, Any]]:
-    """Return the points that a spring pulls at, with its force on them."""
+def _stretched(spring: Spring, moving: Motion) -> tuple[Any, Any]:
+    """Return by how much a spring is too long [m], and the unit vector from end to end."""
     (p, _), (q, _) = (_end(end, moving) for end in spring.ends)
     length = np.abs(q - p)
     with np.errstate(invalid='ignore', divide='ignore'):
         way = np.where(length > 0.0, (q - p) / length, 0.0)
-    force = spring.stiffness * (length - spring.free_length) * way
+    return length - spring.free_length, way
+
+
+def _pulls(spring: Spring, moving: Motion) -> list[tuple[str, Any]]:
+    """Return the points that a spring pulls at, with its force on them."""
+    stretched, way = _stretched(spring, moving)
+    force = spring.stiffness * stretched * way
     ends = zip(spring.ends, (force, -force), strict=True)
     return [(end, pull) for end, pull in ends if isinstance(end, str)]
 
