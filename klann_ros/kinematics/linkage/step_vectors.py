@@ -65,19 +65,25 @@ class Vectors:
                 for v, _ in own:
                     lines += self._slid(body, v)
                 continue
+            c, s = 'c', 's'
             if any(frame == body for j, frame in enumerate(self._structure.frames) if j != body):
-                lines += [f'C{body} = cos(p{body})', f'S{body} = sin(p{body})']
-            if len(own) == 1 and self._is_straight(own[0][1]):
+                # What slides along it asks for them again.
+                c, s = f'C{body}', f'S{body}'
+                lines += [f'{c} = cos(p{body})', f'{s} = sin(p{body})']
+            elif len(own) == 1 and self._is_straight(own[0][1]):
                 v = own[0][0]
                 lines += [f'v{v}x = a{v} * cos(p{body})', f'v{v}y = d{v} * sin(p{body})']
                 continue
-            if own:
+            elif own:
                 lines += [f'c = cos(p{body})', f's = sin(p{body})']
             for v, bars in own:
                 if self._is_straight(bars):
-                    lines += [f'v{v}x = a{v} * c', f'v{v}y = d{v} * s']
+                    lines += [f'v{v}x = a{v} * {c}', f'v{v}y = d{v} * {s}']
                 else:
-                    lines += [f'v{v}x = a{v} * c + g{v} * s', f'v{v}y = b{v} * c + d{v} * s']
+                    lines += [
+                        f'v{v}x = a{v} * {c} + g{v} * {s}',
+                        f'v{v}y = b{v} * {c} + d{v} * {s}',
+                    ]
         return lines
 
     def turned(self, terms: Terms, rates: dict[int, Term]) -> Sum:
