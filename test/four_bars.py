@@ -8,6 +8,19 @@ from hypothesis import assume, settings, strategies as st
 from klann_ros.kinematics import FourBar, FourBarPose, GeometryError, UnreachableError
 
 COURSE = (0.180, 0.080, 0.200, 0.150)
+# The same as a file; its units of angles, and how it is put together, are left open.
+FOUR_BAR = """
+name: four-bar
+units: {length: mm%s}
+pivots: {O2: [0, 0], O4: [180, 0]}
+crank: crank
+foot: B
+bodies:
+  crank: {bars: [{from: O2, to: A, length: 80}]}
+  coupler: {bars: [{from: A, to: B, length: 200}]}
+  rocker: {bars: [{from: O4, to: B, length: 150}]}
+%s
+"""
 ULP = float_info.epsilon
 NAMES = ('ground', 'crank', 'coupler', 'rocker')
 # The machine may be busy: how long an example takes says nothing.

@@ -2,6 +2,7 @@
 
 import math
 
+from four_bars import FOUR_BAR
 from klann_ros.kinematics import (
     assemblies,
     assembly_poses,
@@ -21,18 +22,6 @@ import pytest
 
 DEGREES = ', angle: deg'
 START = 'start: {crank: 60, coupler: 15, rocker: 80}'
-FOUR_BAR = """
-name: four-bar
-units: {length: mm%s}
-pivots: {O2: [0, 0], O4: [180, 0]}
-crank: crank
-foot: B
-bodies:
-  crank: {bars: [{from: O2, to: A, length: 80}]}
-  coupler: {bars: [{from: A, to: B, length: 200}]}
-  rocker: {bars: [{from: O4, to: B, length: 150}]}
-%s
-"""
 
 
 def complaint(end: str, angle: str = DEGREES, text: str = FOUR_BAR) -> str:

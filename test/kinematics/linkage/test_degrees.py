@@ -2,6 +2,7 @@
 
 import math
 
+from four_bars import FOUR_BAR
 from klann_ros.kinematics import (
     GeometryError,
     KlannGeometry,
@@ -19,18 +20,6 @@ import numpy as np
 import pytest
 
 LEG = KlannGeometry.sem104().linkage
-FOUR_BAR = """
-name: four-bar
-units: {length: mm%s}
-pivots: {O2: [0, 0], O4: [180, 0]}
-crank: crank
-foot: B
-bodies:
-  crank: {bars: [{from: O2, to: A, length: 80}]}
-  coupler: {bars: [{from: A, to: B, length: 200}]}
-  rocker: {bars: [{from: O4, to: B, length: 150}]}
-%s
-"""
 
 
 def four_bar(end: str, angle: str = '') -> Linkage:
