@@ -18,6 +18,7 @@ ALLOWED = {
     'kinematics': {'untrusted'},
     'log': {'untrusted'},
     'dynamics': {'untrusted', 'kinematics'},
+    'robot': {'untrusted', 'kinematics', 'dynamics'},
     'plotting': {'kinematics'},
     'review': {'untrusted', 'kinematics', 'plotting', 'log'},
     'stop_signals': set(),

@@ -1,0 +1,171 @@
+"""A robot: legs on a body, each with its crank."""
+
+from dataclasses import dataclass
+from math import cos, pi, sin
+
+from klann_ros.dynamics import Dynamics, MassError, Masses
+from klann_ros.kinematics import Linkage
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Mount:
+    """
+    Where a leg's plane is in base_link: x forward, y left, z up (REP 103).
+
+    Attributes
+    ----------
+    xyz : (float, float, float)
+        The plane's origin [m].
+    rpy : (float, float, float)
+        Roll, pitch and yaw, about the fixed axes x, y, z one after the other, as in a URDF [rad].
+
+    """
+
+    xyz: Triple = (0.0, 0.0, 0.0)
+    rpy: Triple = (pi / 2, 0.0, 0.0)
+
+    @property
+    def rotation(self) -> Array:
+        """Return the axes of the plane in base_link, one a column, shape (3, 3)."""
+        (a, b, c), (d, e, f) = (map(trigonometry, self.rpy) for trigonometry in (cos, sin))
+        about_x = np.array([[1.0, 0.0, 0.0], [0.0, a, -d], [0.0, d, a]])
+        about_y = np.array([[b, 0.0, e], [0.0, 1.0, 0.0], [-e, 0.0, b]])
+        about_z = np.array([[c, -f, 0.0], [f, c, 0.0], [0.0, 0.0, 1.0]])
+        return np.asarray(about_z @ about_y @ about_x)
+
+    def turned(self, vectors: ArrayLike) -> Array:
+        """Return vectors (x, y) of the plane in base_link: shape (..., 2) to (..., 3)."""
+        return np.array(np.asarray(vectors, dtype=np.float64) @ self.rotation[:, :2].T)
+
+    def placed(self, points: ArrayLike) -> Array:
+        """Return points (x, y) of the plane in base_link: shape (..., 2) to (..., 3) [m]."""
+        return self.turned(points) + np.array(self.xyz)
+
+
+@dataclass(frozen=True)
+class RobotLeg:
+    """
+    A leg of a robot.
+
+    Attributes
+    ----------
+    name : str
+        '' for the only, unnamed one.
+    linkage : Linkage
+        Its bars.
+    crank_joint : str
+        The joint that turns its crank.
+    phase : float
+        Its crank angle where the joint is at 0 [rad].
+    direction : int
+        +1, or -1 where its crank turns the other way.
+    mount : Mount
+        Where it is.
+    masses : Masses, optional
+        What it weighs, if the file tells it.
+
+    """
+
+    name: str
+    linkage: Linkage
+    crank_joint: str = 'crank'
+    phase: float = 0.0
+    direction: int = 1
+    mount: Mount = Mount()
+    masses: Masses | None = None
+
+    @property
+    def prefix(self) -> str:
+        """Return what goes before the names of its joints and frames: '' or 'front_left/'."""
+        return f'{self.name}/' if self.name else ''
+
+    def crank_angles(self, joint: ArrayLike) -> Array:
+        """Return its crank angles for angles of its joint [rad]."""
+        return self.direction * np.asarray(joint, dtype=np.float64) + self.phase
+
+
+@dataclass(frozen=True)
+class Body:
+    """
+    The body of a walker: a box.
+
+    Attributes
+    ----------
+    mass : float
+        [kg], > 0.
+    size : (float, float, float)
+        Along x, y and z of base_link [m].
+    centre : (float, float, float)
+        Of the box, which is that of its mass, in base_link [m].
+
+    """
+
+    mass: float
+    size: Triple
+    centre: Triple = (0.0, 0.0, 0.0)
+
+    @property
+    def inertia(self) -> Triple:
+        """Return the moments of inertia of the even box about its centre [kg m^2]."""
+        x, y, z = (self.mass * side * side / 12.0 for side in self.size)
+        return y + z, x + z, x + y
+
+
+@dataclass(frozen=True)
+class Robot:
+    """
+    A leg hung up, or a walker.
+
+    Attributes
+    ----------
+    name : str
+        The file's name, without folder and ending.
+    legs : tuple of RobotLeg
+        Its legs.
+    body : Body, optional
+        What carries them, if the file tells its mass.
+    source : str
+        The file, for messages.
+
+    """
+
+    name: str
+    legs: tuple[RobotLeg, ...]
+    body: Body | None = None
+    source: str = ''
+
+    @property
+    def is_walker(self) -> bool:
+        """Return whether it has several legs."""
+        return len(self.legs) > 1
+
+    @property
+    def crank_joints(self) -> tuple[str, ...]:
+        """Return the joints that turn the cranks, each once."""
+        return tuple(dict.fromkeys(leg.crank_joint for leg in self.legs))
+
+    def on_joint(self, joint: str) -> tuple[RobotLeg, ...]:
+        """Return the legs that a joint turns."""
+        return tuple(leg for leg in self.legs if leg.crank_joint == joint)
+
+    def dynamics(self, leg: RobotLeg) -> Dynamics:
+        """
+        Return a leg with its masses, under gravity as it is mounted: -z of base_link.
+
+        Raises
+        ------
+        MassError
+            The file tells no masses; the text says which are missing.
+
+        """
+        if leg.masses is None:
+            raise MassError(
+                f'{self.source or self.name} has no masses: bar_density [kg/m] is missing'
+            )
+        x, y, _ = leg.mount.rotation.T @ (0.0, 0.0, -9.80665)
+        return Dynamics(leg.linkage, leg.masses, gravity=(float(x), float(y)))

@@ -1,0 +1,75 @@
+"""One door for a leg's file, a walker's and a linkage's; what is none is refused in one line."""
+
+from math import pi
+from pathlib import Path
+
+from klann_ros.dynamics import MassError
+from klann_ros.kinematics import KlannGeometry, shipped_linkages
+from klann_ros.robot import robot_from_file, robot_of, RobotFileError
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+LEG = 'l_ab: 0.12\nbar_density: 1.0\n'
+
+
+def test_a_leg_file_is_one_unnamed_leg_hung_up_upright() -> None:
+    (leg,) = robot_from_file(ROOT / 'config' / 'sem104.yaml').legs
+    assert leg.linkage == KlannGeometry.sem104().linkage
+    assert (leg.name, leg.prefix, leg.crank_joint) == ('', '', 'crank')
+    assert leg.mount.placed([[0.2, -0.3]]) == pytest.approx(np.array([[0.2, 0.0, -0.3]]))
+
+
+def test_a_walker_has_its_legs_where_its_file_mounts_them() -> None:
+    walker = robot_from_file(ROOT / 'config' / 'walker6.yaml')
+    assert [leg.name for leg in walker.legs][::5] == ['front_left', 'rear_right']
+    rear = walker.legs[-1]
+    assert (rear.direction, rear.phase) == (-1, 0.0)
+    # Turned by pi about the vertical: what is in front of its own plane is behind.
+    assert rear.mount.placed([0.1, -0.4]) == pytest.approx([-0.3, -0.2, -0.4])
+    assert walker.is_walker
+
+
+@pytest.mark.parametrize('name', ['sem104', 'patent', *shipped_linkages()])
+def test_every_shipped_name_is_a_robot(name: str) -> None:
+    assert robot_of(name).legs[0].linkage.foot
+
+
+def test_weight_is_down_in_base_link_however_a_leg_is_mounted(tmp_path: Path) -> None:
+    file = tmp_path / 'leg.yaml'
+    file.write_text(LEG + f'mount_rpy: [{-pi / 2}, 0.0, 0.0]\n')
+    robot = robot_from_file(file)
+    gravity = robot.dynamics(robot.legs[0]).gravity
+    assert (gravity.real, gravity.imag) == pytest.approx((0.0, 9.80665))
+
+
+def test_a_leg_without_masses_says_which_are_missing() -> None:
+    robot = robot_of('patent')
+    with pytest.raises(MassError, match='patent has no masses: bar_density'):
+        robot.dynamics(robot.legs[0])
+
+
+@pytest.mark.parametrize(
+    ('text', 'reason'),
+    [
+        ('[]', 'must be a mapping'),
+        ('a: 1', 'none of l_ab'),
+        ('l_ab: -1', 'l_ab'),
+        ('l_ab: 0.12\nbar_density: -1', 'density'),
+        ('l_ab: 0.12\nbar_density: heavy', 'bar_density'),
+        ('l_ab: 0.12\nbar_density: .nan', 'finite'),
+        ('l_ab: 0.12\ndirection: 2', 'direction'),
+        ('l_ab: 0.12\nmount_rpy: [90, 0, 0]', 'radians, not degrees'),
+        ('l_ab: 0.12\nmount_xyz: [0, 0]', 'mount_xyz'),
+        ('l_ab: 0.12\nbody_mass: 20', 'body_size'),
+        ('l_ab: 0.12\nbody_mass: 0\nbody_size: [1, 1, 1]', 'body_mass'),
+        ('legs: [a, a]', 'legs'),
+        ('linkage: not_there.yaml', 'not_there.yaml'),
+    ],
+)
+def test_what_is_no_robot_is_refused_in_one_line(text: str, reason: str, tmp_path: Path) -> None:
+    file = tmp_path / 'robot.yaml'
+    file.write_text(text)
+    with pytest.raises(RobotFileError, match=reason) as refused:
+        robot_from_file(file)
+    assert '\n' not in str(refused.value)
