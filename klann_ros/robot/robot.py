@@ -36,8 +36,7 @@ class Mount:
         about_x = np.array([[1.0, 0.0, 0.0], [0.0, a, -d], [0.0, d, a]])
         about_y = np.array([[b, 0.0, e], [0.0, 1.0, 0.0], [-e, 0.0, b]])
         about_z = np.array([[c, -f, 0.0], [f, c, 0.0], [0.0, 0.0, 1.0]])
-        turned: Array = about_z @ about_y @ about_x
-        return turned
+        return np.asarray(about_z @ about_y @ about_x, dtype=np.float64)
 
     def turned(self, vectors: ArrayLike) -> Array:
         """Return vectors (x, y) of the plane in base_link: shape (..., 2) to (..., 3)."""
