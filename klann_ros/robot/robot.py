@@ -44,7 +44,8 @@ class Mount:
 
     def placed(self, points: ArrayLike) -> Array:
         """Return points (x, y) of the plane in base_link: shape (..., 2) to (..., 3) [m]."""
-        return self.turned(points) + np.array(self.xyz)
+        placed: Array = self.turned(points) + np.array(self.xyz)
+        return placed
 
 
 @dataclass(frozen=True)
