@@ -46,7 +46,8 @@ setup(
     package_data={
         NAME: ['py.typed', 'linkages/*.yaml'],
         f'{NAME}.kinematics.linkage': ['schema.json'],
-        f'{NAME}.review.report.html_page': ['static/*', 'static/uplot/*'],
+        f'{NAME}.page': ['static/*', 'static/uplot/*'],
+        f'{NAME}.review.report.html_page': ['static/*'],
     },
     python_requires='>=3.10',
     install_requires=[

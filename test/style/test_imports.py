@@ -20,9 +20,10 @@ ALLOWED = {
     'dynamics': {'untrusted', 'kinematics'},
     'robot': {'untrusted', 'kinematics', 'dynamics'},
     'plotting': {'kinematics'},
-    'review': {'untrusted', 'kinematics', 'plotting', 'log'},
+    'page': {'untrusted', 'kinematics'},
+    'review': {'untrusted', 'kinematics', 'plotting', 'log', 'page'},
     'stop_signals': set(),
-    'nodes': {'untrusted', 'kinematics', 'plotting', 'log', 'review', 'stop_signals'},
+    'nodes': {'untrusted', 'kinematics', 'plotting', 'log', 'review', 'page', 'stop_signals'},
     'executables': {'untrusted', 'kinematics', 'log', 'review', 'nodes', 'stop_signals'},
 }
 

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from klann_ros.kinematics import AnyLeg, foot_path, KinematicsError
+from klann_ros.page.shape import leg_shape
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.review import Review, ReviewedLeg
 from klann_ros.review.model.times import Floats, RowIndices, Times
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import packed
 
@@ -58,44 +59,9 @@ def _greatest(column: Floats, stretches: int) -> RowIndices:
     return np.append(rows, whole * size + rest.argmax()) if rest.size else rows
 
 
-Complex = NDArray[np.complex128]
-
-
-def leg_shape(leg: AnyLeg) -> dict[str, Any]:
-    """
-    Return a leg's shape.
-
-    The point p is at the sum of w_j u_j over the bodies, plus a constant: `terms` has its j, Re
-    w_j and Im w_j. A body that turns has u_j = exp(i s_j x_j), and `senses` has the s_j; one that
-    slides has u_j = x_j u_f, and `frames` has its f: -1 for the ground, null for what turns.
-    """
-    linkage = leg.linkage
-    structure, (q_u, q) = linkage.structure, linkage.point_equations
-    names = structure.points
-    shape = {
-        'senses': structure.senses,
-        'frames': [None if f == j else f for j, f in enumerate(structure.frames)],
-        'pivots': _indices(structure.pivots, names),
-        'foot': structure.foot,
-    }
-    bodies = zip(structure.bodies, structure.labels, strict=True)
-    return {
-        **shape,
-        'points': [
-            {'name': name, 'at': [at.real, at.imag], 'terms': _terms(row)}
-            for name, row, at in zip(names, q_u, q.tolist(), strict=True)
-        ],
-        'bodies': [
-            {
-                'name': label,
-                'bars': [_indices((bar.start, bar.end), names) for bar in body.rigid],
-                # The line that it slides along.
-                'line': _indices((body.line.start, body.line.end), names) if body.line else None,
-            }
-            for body, label in bodies
-        ],
-        **_path(leg),
-    }
+def drawn_leg(leg: AnyLeg) -> dict[str, Any]:
+    """Return a leg's shape, with the path that its foot has by the geometry."""
+    return {**leg_shape(leg), **_path(leg)}
 
 
 def _path(leg: AnyLeg) -> dict[str, Any]:
@@ -105,14 +71,6 @@ def _path(leg: AnyLeg) -> dict[str, Any]:
     except KinematicsError:
         return {'path': None}
     return {'path': [packed.floats(s) for s in path.h.T], 'closed': path.full_turn}
-
-
-def _terms(row: Complex) -> list[tuple[int, float, float]]:
-    return [(j, w.real, w.imag) for j, w in enumerate(row.tolist()) if w]
-
-
-def _indices(some: Sequence[str], names: Sequence[str]) -> list[int]:
-    return [names.index(name) for name in some]
 
 
 # What a number takes in the page, before base64 [bytes].

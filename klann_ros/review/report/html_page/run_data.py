@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import packed
-from .leg_data import foot_rows, leg_shape, pose_rows
+from .leg_data import drawn_leg, foot_rows, pose_rows
 
 
 def chart_texts(leg: ReviewedLeg) -> dict[str, str]:
@@ -146,7 +146,7 @@ def _leg(leg: ReviewedLeg, review: Review, most_bytes: float) -> dict[str, Any]:
         'title': printable(recording.title),
         'joints': list(map(printable, solver.joint_names)),
         'slides': solver.slides,
-        'shape': leg_shape(solver.leg) if solver.leg is not None else None,
+        'shape': drawn_leg(solver.leg) if solver.leg is not None else None,
         # Before that it had another shape, and is not drawn [s].
         'since': (solver.leg_time - start) / 1e9 if solver.leg_time else 0.0,
         'rows': rows(leg, review, most_bytes),

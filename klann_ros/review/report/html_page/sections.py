@@ -6,13 +6,12 @@ from math import degrees, isnan
 from pathlib import Path
 from typing import NamedTuple
 
+from klann_ros.page.markup import element, joined, Markup, scrolling_table, UNKNOWN
 from klann_ros.review.model.comparing import Comparison
 from klann_ros.review.model.figures import LegFigures
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.topics import MORE, TopicFigures, WHY_MORE
 from klann_ros.untrusted.text import printable
-
-from .markup import element, joined, Markup, scrolling_table, UNKNOWN
 
 _TOPIC_HEADS = (
     'Topic',

@@ -28,6 +28,8 @@ LEGS = ('front_left', 'front_right', 'rear_left', 'rear_right')
 # All that a name may hold in a log, and hostile in HTML, in attributes and in scripts.
 HOSTILE = 'x\'"><img src=http://a.test/ onerror=bad()></script><script>bad()</script>&amp;<!--'
 KLANN = KlannLeg().geometry
+# Wider than a telephone, without a place to break.
+LONG = 'run_' + 60 * '2026' + '_end'
 LONGER = replace(KLANN, l_ab=1.01 * KLANN.l_ab)
 PHASES = {name: k * math.pi / 2 for k, name in enumerate(LEGS)}
 
@@ -43,6 +45,7 @@ PLACES = """(svg, group) => [...svg.querySelectorAll(`.${group} [data-point]`)].
 
 RUNS = {
     'klann': LegRun(parameters=KLANN.as_dict()),
+    LONG: LegRun(parameters=KLANN.as_dict()),
     'longer': LegRun(legs={'': KlannLeg(LONGER)}, parameters=LONGER.as_dict()),
     # It was solved with another crank than it tells, and stood still.
     'faulty': LegRun(parameters=LONGER.as_dict(), pause=(300, 0.4)),

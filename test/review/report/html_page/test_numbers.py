@@ -13,10 +13,11 @@ from klann_ros.kinematics import (
     shipped_linkages,
     UnreachableError,
 )
+from klann_ros.page.markup import element, joined, Markup
+from klann_ros.page.parts import as_script
+from klann_ros.page.shape import leg_shape
 from klann_ros.review.report.html_page import packed
-from klann_ros.review.report.html_page.leg_data import kept_rows, leg_shape
-from klann_ros.review.report.html_page.markup import element, joined, Markup
-from klann_ros.review.report.html_page.page import as_script
+from klann_ros.review.report.html_page.leg_data import kept_rows
 from klann_ros.review.report.html_page.run_data import A_DECADE, FIRST, histogram
 import numpy as np
 import pytest

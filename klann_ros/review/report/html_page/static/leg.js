@@ -76,32 +76,11 @@ class Leg {
   /** Return the points (x, y) at a recorded pose [m]; null where the leg cannot be drawn. */
   points(row) {
     if (row < 0 || row >= this.count || this.hiddenBecause(row)) return null;
-    const vectors = this.angles.map((_, j) => this.vector(j, row));
-    return this.shape.points.map((point) => placed(point, vectors));
+    return pointsOf(
+      this.shape,
+      this.angles.map((angle) => angle[row]),
+    );
   }
-
-  /** Return u_j = exp(i s_j x_j) of a body that turns, x_j u_f of one that slides, as (x, y). */
-  vector(j, row) {
-    const coordinate = this.angles[j][row];
-    const frame = this.shape.frames[j];
-    if (frame === null) {
-      const phase = this.shape.senses[j] * coordinate;
-      return [Math.cos(phase), Math.sin(phase)];
-    }
-    const [x, y] = frame < 0 ? [1, 0] : this.vector(frame, row);
-    return [coordinate * x, coordinate * y];
-  }
-}
-
-/** Return p = q + sum of w_j u_j. */
-function placed(point, vectors) {
-  let [x, y] = point.at;
-  for (const [j, re, im] of point.terms) {
-    const [c, s] = vectors[j];
-    x += re * c - im * s;
-    y += re * s + im * c;
-  }
-  return [x, y];
 }
 
 /** Return the index of the nearest of numbers that rise; -1 of none. */
