@@ -19,6 +19,7 @@ ALLOWED = {
     'log': {'untrusted'},
     'dynamics': {'untrusted', 'kinematics'},
     'robot': {'untrusted', 'kinematics', 'dynamics'},
+    'walking': {'kinematics', 'dynamics', 'robot'},
     'plotting': {'kinematics'},
     'page': {'untrusted', 'kinematics'},
     'review': {'untrusted', 'kinematics', 'plotting', 'log', 'page'},

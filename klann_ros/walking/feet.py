@@ -1,0 +1,211 @@
+"""Where the feet and the centre of mass of a walker are, for any angles of its cranks."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from klann_ros.dynamics.motion import Motion, motion
+from klann_ros.kinematics import foot_path, LinkageLeg, turns_fully
+from klann_ros.kinematics.angles import TURN
+from klann_ros.robot import Robot, RobotLeg
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+# Between so many angles of a turn a cubic is within 1e-9 of a leg's size.
+SAMPLES = 720
+# A crank whose legs are on both sides is in the middle; so far from it they are on one [m].
+MIDDLE = 1e-6
+# Legs that advance by less than this part of the robot's size per radian drive it nowhere.
+IDLE = 1e-6
+
+
+class NoWalkerError(ValueError):
+    """A robot that cannot walk; the text says why."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """
+    Feet and centre of mass in base_link.
+
+    Attributes
+    ----------
+    feet : numpy.ndarray, shape (..., n, 3)
+        Where the n feet touch what they stand on [m].
+    rolled : numpy.ndarray, shape (..., n, 2)
+        By what the ground under them would be passed by their round soles [m]: a foot that rolls
+        moves without sliding.
+    centre : numpy.ndarray, shape (..., 3)
+        The centre of mass of all [m].
+
+    """
+
+    feet: Array
+    rolled: Array
+    centre: Array
+
+
+class Feet:
+    """
+    The feet of a robot over the angles of its cranks.
+
+    A turn of each leg is computed once, as a table of points and derivatives, between which a
+    cubic is exact to some 1e-10 m.
+
+    Parameters
+    ----------
+    robot : Robot
+        Its legs; at least three of them, each of which turns fully.
+    foot_radius : float
+        Of the feet, which are balls around the linkages' feet [m].
+
+    Attributes
+    ----------
+    robot : Robot
+        The robot.
+    joints : tuple of str
+        The joints of its cranks; angles and rates of cranks are in this order.
+
+    Raises
+    ------
+    NoWalkerError
+        It has less than three legs, or one that does not turn fully.
+
+    """
+
+    def __init__(self, robot: Robot, *, foot_radius: float = 0.0) -> None:
+        self.robot, self.joints = robot, robot.crank_joints
+        self._radius = foot_radius
+        if len(robot.legs) < 3:
+            raise NoWalkerError(
+                f'{robot.source or robot.name} is no walker: it has {len(robot.legs)} '
+                f'{"leg" if len(robot.legs) == 1 else "legs"}, and stands on three'
+            )
+        self.crank_of = np.array([self.joints.index(leg.crank_joint) for leg in robot.legs])
+        self._directions = np.array([leg.direction for leg in robot.legs], dtype=np.float64)
+        self._phases = np.array([leg.phase for leg in robot.legs])
+        masses = [leg.masses.total if leg.masses else 0.0 for leg in robot.legs]
+        body = robot.body
+        self._total = sum(masses) + (body.mass if body else 0.0)
+        self._shares = np.array(masses) / (self._total or 1.0)
+        self._fixed = np.zeros(3)
+        if body is not None:
+            self._fixed = np.array(body.centre) * body.mass / self._total
+        tables = {id(leg): _table(leg, self._radius) for leg in robot.legs}
+        # Cubics: by leg, by interval, by power, by column.
+        self._cubics = np.stack([tables[id(leg)] for leg in robot.legs])
+        self._which = np.arange(len(robot.legs))
+
+    @property
+    def count(self) -> int:
+        """Return how many feet there are."""
+        return len(self.robot.legs)
+
+    @property
+    def mass(self) -> float:
+        """Return what the robot weighs [kg]; 0 if its file does not tell."""
+        return self._total
+
+    @cached_property
+    def sides(self) -> Array:
+        """Return on which side each crank drives: +1 left, -1 right, 0 both, shape (c,)."""
+        sides = []
+        for crank in range(len(self.joints)):
+            y = [leg.mount.xyz[1] for leg in self.robot.on_joint(self.joints[crank])]
+            one = min(y) > MIDDLE or max(y) < -MIDDLE
+            sides.append(float(np.sign(y[0])) if one else 0.0)
+        return np.array(sides)
+
+    @cached_property
+    def senses(self) -> Array:
+        """
+        Return which way each crank turns to walk forwards, +1 or -1, shape (c,).
+
+        Raises
+        ------
+        NoWalkerError
+            The legs of a crank drive against each other, or to the sides only.
+
+        """
+        forwards = np.zeros(len(self.joints))
+        for crank, leg in zip(self.crank_of, self.robot.legs, strict=True):
+            drive = foot_path(LinkageLeg(leg.linkage)).stance().speed(leg.direction)
+            forwards[crank] += drive * leg.mount.turned((1.0, 0.0))[0]
+        for joint, forward in zip(self.joints, forwards.tolist(), strict=True):
+            if abs(forward) < IDLE * self.reach:
+                raise NoWalkerError(f'the legs of {joint} drive the robot nowhere')
+        return np.sign(forwards)
+
+    @cached_property
+    def reach(self) -> float:
+        """Return the greatest distance of a foot from base_link over the ground [m]."""
+        placed = self.at(np.linspace(0.0, TURN, 60)[:, None] * np.ones(len(self.joints)))
+        return float(np.hypot(*placed.feet[..., :2].T).max())
+
+    def at(self, cranks: ArrayLike) -> Placed:
+        """
+        Return where the feet are.
+
+        Parameters
+        ----------
+        cranks : array-like of float, shape (..., c)
+            Angles of the cranks [rad].
+
+        """
+        angles = np.asarray(cranks, dtype=np.float64)[..., self.crank_of]
+        turned = (angles * self._directions + self._phases) * (SAMPLES / TURN)
+        whole = np.floor(turned)
+        t = (turned - whole)[..., None]
+        cubic = self._cubics[self._which, whole.astype(np.int64) % SAMPLES]
+        values = ((cubic[..., 3, :] * t + cubic[..., 2, :]) * t + cubic[..., 1, :]) * t
+        values = values + cubic[..., 0, :]
+        centre = self._fixed + self._shares @ values[..., 5:]
+        return Placed(values[..., :3], values[..., 3:5], centre)
+
+
+def _table(leg: RobotLeg, radius: float) -> Array:
+    """Return a leg's turn as cubics, shape (SAMPLES, 4, 8): foot, rolling, centre of mass."""
+    if not turns_fully(leg.linkage):
+        name = leg.name or 'the leg'
+        raise NoWalkerError(f'{name} does not turn fully, so it cannot walk')
+    moving = motion(leg.linkage, np.arange(SAMPLES) * (TURN / SAMPLES))
+    at, at_1 = (_columns(leg, moving, radius, order) for order in (0, 1))
+    step = TURN / SAMPLES
+    p, q = at, np.roll(at, -1, axis=0)
+    v, w = at_1 * step, np.roll(at_1, -1, axis=0) * step
+    return np.stack([p, v, 3.0 * (q - p) - 2.0 * v - w, 2.0 * (p - q) + v + w], axis=1)
+
+
+def _columns(leg: RobotLeg, moving: Motion, radius: float, order: int) -> Array:
+    """Return foot, rolling and centre of mass in base_link, or their derivatives, (k, 8)."""
+    place = leg.mount.turned if order else leg.mount.placed
+    structure = leg.linkage.structure
+    foot = place(_plane(moving.point(structure.foot)[order]))
+    owner = structure.first_owner(structure.foot)
+    turned = moving.turning_1[owner] if order else _turned(moving, owner)
+    # Rolling counter-clockwise, seen from the plane's z, it goes towards -x.
+    along = leg.mount.turned((1.0, 0.0))[:2]
+    # One that turns about itself would roll on from turn to turn: none is known that stands.
+    spins = round(float(moving.turning_1[owner].mean())) != 0
+    rolled = (0.0 if spins else radius) * turned[:, None] * along
+    if not order:
+        foot[:, 2] -= radius
+    centre = np.zeros((moving.alphas.size, 2))
+    masses = leg.masses
+    if masses is not None and masses.total > 0.0:
+        for j, body in enumerate(masses.bodies):
+            share = body.mass / masses.total
+            centre += share * _plane(moving.fixed_to(j, body.centre)[order])
+    return np.concatenate([foot, rolled, place(centre)], axis=1)
+
+
+def _plane(values: NDArray[np.complex128]) -> Array:
+    return np.stack([values.real, values.imag], axis=-1)
+
+
+def _turned(moving: Motion, body: int) -> Array:
+    """Return by what a body has turned since the first angle [rad]."""
+    rate = moving.turning_1[body]
+    step = np.diff(moving.alphas)
+    steps = (rate[1:] + rate[:-1]) / 2.0 * step
+    return np.concatenate([[0.0], np.cumsum(steps)])

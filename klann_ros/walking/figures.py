@@ -1,0 +1,177 @@
+"""What a walker does over a turn of its cranks, before anything is built."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, sin
+
+from klann_ros.kinematics.angles import TURN
+from klann_ros.robot import Robot
+import numpy as np
+from numpy.typing import NDArray
+
+from .feet import Feet, Placed
+from .slip import moved, standing
+from .support import Support, supports, to_polygon
+
+Array = NDArray[np.float64]
+SAMPLES = 720
+
+
+@dataclass(frozen=True, eq=False)
+class WalkFigures:
+    """
+    A turn of a walker whose cranks turn alike, forwards, on level ground.
+
+    Where the body's centre of mass is outside of all feet, it does not rest: supports are empty,
+    the margin is negative, and the attitude NaN.
+
+    Attributes
+    ----------
+    legs : tuple of str
+        The names of the legs.
+    alphas : numpy.ndarray, shape (k,)
+        What the cranks have turned, evenly over a turn from 0 on [rad].
+    loads : numpy.ndarray, shape (k, n)
+        The part of the weight that each foot carries.
+    height : numpy.ndarray, shape (k,)
+        Of base_link's origin above the ground [m].
+    roll, pitch : numpy.ndarray, shape (k,)
+        As in REP 103 [rad].
+    margin : numpy.ndarray, shape (k,)
+        The static margin [m].
+    advance : numpy.ndarray, shape (k, 3)
+        How far it is by then: x, y [m] and yaw [rad], from 0 on; the last is that after a turn.
+    slid : float
+        How far its feet slide in the turn, each by the weight that it carries [m].
+
+    """
+
+    legs: tuple[str, ...]
+    alphas: Array
+    loads: Array
+    height: Array
+    roll: Array
+    pitch: Array
+    margin: Array
+    advance: Array
+    slid: float
+
+    @property
+    def speed(self) -> float:
+        """Return the mean speed at a crank rate of 1 rad/s [m/rad]."""
+        return float(self.advance[-1, 0]) / TURN
+
+    @property
+    def stride(self) -> float:
+        """Return how far it walks in a turn [m]."""
+        return float(self.advance[-1, 0])
+
+    @property
+    def yaw(self) -> float:
+        """Return by how much it turns in a turn of its cranks [rad]; 0 if it walks straight on."""
+        return float(self.advance[-1, 2])
+
+    @property
+    def bob(self) -> float:
+        """Return how far the body goes up and down [m]."""
+        return float(np.nanmax(self.height) - np.nanmin(self.height))
+
+    @property
+    def greatest_pitch(self) -> float:
+        """Return the largest magnitude of the pitch [rad]."""
+        return float(np.nanmax(np.abs(self.pitch)))
+
+    @property
+    def greatest_roll(self) -> float:
+        """Return the largest magnitude of the roll [rad]."""
+        return float(np.nanmax(np.abs(self.roll)))
+
+    @property
+    def least_margin(self) -> float:
+        """Return the least static margin [m]."""
+        return float(self.margin.min())
+
+    @property
+    def rests(self) -> float:
+        """Return the part of the turn during which the body rests on its feet."""
+        return float(np.mean(self.margin >= 0.0))
+
+    @property
+    def standing(self) -> Array:
+        """Return the part of the turn during which each foot carries weight, shape (n,)."""
+        return np.asarray((self.loads > 0.0).mean(axis=0), dtype=np.float64)
+
+    def on(self) -> dict[tuple[str, ...], float]:
+        """Return the part of the turn on each group of feet, the longest first."""
+        groups, counts = np.unique(self.loads > 0.0, axis=0, return_counts=True)
+        order = np.argsort(-counts, kind='stable')
+        names = np.array(self.legs, dtype=object)
+        return {tuple(names[groups[k]]): float(counts[k]) / len(self.alphas) for k in order}
+
+
+def walk_figures(robot: Robot, *, foot_radius: float = 0.0, samples: int = SAMPLES) -> WalkFigures:
+    """
+    Return what a walker does over a turn of its cranks.
+
+    Parameters
+    ----------
+    robot : Robot
+        The walker; without masses its centre of mass is base_link's origin.
+    foot_radius : float
+        Of its feet, which are balls [m].
+    samples : int
+        Into how many steps the turn is divided.
+
+    Raises
+    ------
+    NoWalkerError
+        It has less than three legs, or one that does not turn fully.
+
+    """
+    feet = Feet(robot, foot_radius=foot_radius)
+    alphas = np.linspace(0.0, TURN, samples + 1)
+    placed = feet.at(alphas[:, None] * feet.senses)
+    rests = list(supports(placed))
+    path, slid = _path(placed, rests)
+    loads = np.stack([_loads(rest, feet.count) for rest in rests[:-1]])
+    at = zip(placed.feet.tolist(), placed.centre.tolist(), rests, strict=True)
+    margin = [rest.margin if rest else -to_polygon(points, centre) for points, centre, rest in at]
+    lies = [(r.height, r.roll, r.pitch) if r else (np.nan,) * 3 for r in rests[:-1]]
+    height, roll, pitch = np.array(lies, dtype=np.float64).T
+    return WalkFigures(
+        legs=tuple(leg.name or str(i) for i, leg in enumerate(robot.legs)),
+        alphas=alphas[:-1],
+        loads=loads,
+        height=height,
+        roll=roll,
+        pitch=pitch,
+        margin=np.array(margin[:-1]),
+        advance=path[1:],
+        slid=slid,
+    )
+
+
+def _path(placed: Placed, rests: Sequence[Support | None]) -> tuple[Array, float]:
+    """Return where a body is at every pose, (k, 3), and how far its feet slide."""
+    x = y = yaw = slid = 0.0
+    path, last = [], None
+    poses = zip(placed.feet.tolist(), placed.rolled.tolist(), rests, strict=True)
+    for feet, rolled, rest in poses:
+        # Where it does not rest it falls; nobody knows where to.
+        pose = standing(feet, rolled, rest) if rest else None
+        if last and pose:
+            step = moved(last, pose)
+            middle = yaw + step.yaw / 2.0
+            x += cos(middle) * step.x - sin(middle) * step.y
+            y += sin(middle) * step.x + cos(middle) * step.y
+            yaw, slid = yaw + step.yaw, slid + step.slid
+        last = pose
+        path.append((x, y, yaw))
+    return np.array(path, dtype=np.float64), slid
+
+
+def _loads(rest: Support | None, count: int) -> Array:
+    loads: Array = np.zeros(count)
+    if rest is not None:
+        loads[list(rest.feet)] = rest.loads
+    return loads

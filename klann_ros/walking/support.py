@@ -1,0 +1,188 @@
+"""
+On which feet a body rests, and how it lies on them.
+
+A body that may tilt comes to rest on the facet of its feet's convex hull that is below its centre
+of mass. With feet f and a centre c, and all triples of feet whose triangles contain c, seen from
+above,
+
+    c_xy = sum l_i f_i,xy,   sum l_i = 1,   l_i >= 0,
+
+that facet is the triple whose plane is the lowest below c, min sum l_i f_i,z: by duality it is the
+only plane that touches a triple and has no foot below it. The l_i are the parts of the weight that
+its feet carry.
+
+One pose after the other is computed, in plain numbers: at six feet arrays would cost a hundred
+times what they hold.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+from itertools import combinations
+from math import acos, asin, atan2, cos, hypot, sin, sqrt
+from typing import NamedTuple
+
+from .feet import Placed
+
+Point = Sequence[float]
+Triple = tuple[int, int, int]
+# Triangles smaller than this part of their size squared are lines.
+FLAT = 1e-9
+# A centre that is so little outside, as a part of the whole, is on an edge; and a foot that is so
+# little below a plane stands on it [m].
+ROUNDING, TOUCHING = 1e-12, 1e-12
+
+
+class Support(NamedTuple):
+    """
+    How a body rests on three of its feet.
+
+    Attributes
+    ----------
+    feet : (int, int, int)
+        On which.
+    loads : (float, float, float)
+        The part of the weight that each of them carries.
+    normal : (float, float, float)
+        Upwards, in base_link.
+    height : float
+        Of base_link's origin above the ground [m].
+    margin : float
+        The static margin: the distance of the centre of mass, seen from above, from the nearest
+        edge of the feet that it rests on [m].
+
+    """
+
+    feet: Triple
+    loads: tuple[float, float, float]
+    normal: tuple[float, float, float]
+    height: float
+    margin: float
+
+    @property
+    def pitch(self) -> float:
+        """Return the pitch, positive with the nose down, as in REP 103 [rad]."""
+        return asin(-self.normal[0])
+
+    @property
+    def roll(self) -> float:
+        """Return the roll, positive with the left side up [rad]."""
+        return atan2(self.normal[1], self.normal[2])
+
+    @property
+    def tilt(self) -> float:
+        """Return the angle between base_link's z axis and the vertical [rad]."""
+        return acos(min(1.0, self.normal[2]))
+
+
+def levelled(points: Iterable[Point], roll: float, pitch: float) -> list[tuple[float, float]]:
+    """Return points of base_link, turned by roll and pitch, seen from above [m]."""
+    b, a, d, c = sin(roll), cos(roll), sin(pitch), cos(pitch)
+    return [(c * x + d * (b * y + a * z), a * y - b * z) for x, y, z in points]
+
+
+def supports(placed: Placed) -> Iterator[Support | None]:
+    """Yield how a body rests in poses one after the other; `placed` has one leading axis."""
+    last = None
+    for feet, centre in zip(placed.feet.tolist(), placed.centre.tolist(), strict=True):
+        found = support(feet, centre, last and last.feet)
+        last = found or last
+        yield found
+
+
+def support(feet: Sequence[Point], centre: Point, guess: Triple | None = None) -> Support | None:
+    """
+    Return how a body rests; None where its centre is not above the polygon of its feet.
+
+    Parameters
+    ----------
+    feet : sequence of (float, float, float)
+        Where its feet are in base_link [m].
+    centre : (float, float, float)
+        Its centre of mass [m].
+    guess : (int, int, int), optional
+        The feet that it rested on before; are they so still, no others are looked at.
+
+    """
+    if guess is not None:
+        loads = _loads(feet, centre, guess)
+        if loads is not None:
+            found = _on(feet, centre, guess, loads)
+            if _is_lowest(feet, found):
+                return found
+    rests = []
+    for triple in _triples(len(feet)):
+        loads = _loads(feet, centre, triple)
+        if loads is not None:
+            level = sum(share * feet[i][2] for share, i in zip(loads, triple, strict=True))
+            rests.append((level, triple, loads))
+    least = min((level for level, *_ in rests), default=0.0) + TOUCHING
+    lowest = [_on(feet, centre, triple, loads) for level, triple, loads in rests if level <= least]
+    # On an edge any third foot will do, but for the plane that it is to touch.
+    first = lowest[0] if lowest else None
+    return next((each for each in lowest if _is_lowest(feet, each)), first)
+
+
+@cache
+def _triples(count: int) -> tuple[Triple, ...]:
+    return tuple((a, b, c) for a, b, c in combinations(range(count), 3))
+
+
+def _loads(
+    feet: Sequence[Point], centre: Point, triple: Triple
+) -> tuple[float, float, float] | None:
+    """Return the barycentric coordinates of a centre in a triangle; None where it is outside."""
+    x, y = centre[0], centre[1]
+    (ax, ay, _), (bx, by, _), (cx, cy, _) = (feet[i] for i in triple)
+    ax, ay, bx, by, cx, cy = ax - x, ay - y, bx - x, by - y, cx - x, cy - y
+    a, b, c = bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx
+    whole = a + b + c
+    size = (bx - ax) ** 2 + (by - ay) ** 2 + (cx - ax) ** 2 + (cy - ay) ** 2
+    if abs(whole) <= FLAT * size:
+        return None
+    a, b, c = a / whole, b / whole, c / whole
+    return (a, b, c) if min(a, b, c) >= -ROUNDING else None
+
+
+def _on(
+    feet: Sequence[Point], centre: Point, triple: Triple, loads: tuple[float, float, float]
+) -> Support:
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (feet[i] for i in triple)
+    ux, uy, uz = bx - ax, by - ay, bz - az
+    vx, vy, vz = cx - ax, cy - ay, cz - az
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    size = sqrt(nx * nx + ny * ny + nz * nz)
+    if nz < 0.0:
+        size = -size
+    normal = (nx / size, ny / size, nz / size)
+    height = -(normal[0] * ax + normal[1] * ay + normal[2] * az)
+    corners = [feet[i] for i in triple]
+    margin = min(_from_edge(corners[i], corners[i - 1], centre, normal) for i in range(3))
+    return Support(triple, loads, normal, height, margin)
+
+
+def _from_edge(a: Point, b: Point, centre: Point, normal: Point) -> float:
+    """Return the distance of a centre from the upright plane through two feet [m]."""
+    ex, ey, ez = (b[k] - a[k] for k in range(3))
+    ox = ey * normal[2] - ez * normal[1]
+    oy = ez * normal[0] - ex * normal[2]
+    oz = ex * normal[1] - ey * normal[0]
+    away = ox * (centre[0] - a[0]) + oy * (centre[1] - a[1]) + oz * (centre[2] - a[2])
+    return abs(away) / (sqrt(ox * ox + oy * oy + oz * oz) or 1.0)
+
+
+def _is_lowest(feet: Sequence[Point], found: Support) -> bool:
+    x, y, z = found.normal
+    least = -found.height - TOUCHING
+    return all(f[0] * x + f[1] * y + f[2] * z >= least for f in feet)
+
+
+def to_polygon(feet: Sequence[Point], centre: Point) -> float:
+    """Return how far a centre is outside of the polygon of all feet, seen from above [m]."""
+    return min(_to_segment(a, b, centre) for a, b in combinations(feet, 2))
+
+
+def _to_segment(a: Point, b: Point, centre: Point) -> float:
+    ex, ey = b[0] - a[0], b[1] - a[1]
+    x, y = centre[0] - a[0], centre[1] - a[1]
+    t = max(0.0, min(1.0, (x * ex + y * ey) / ((ex * ex + ey * ey) or 1.0)))
+    return hypot(x - t * ex, y - t * ey)
