@@ -17,10 +17,12 @@ EXTRAS = {
     'plot': ['matplotlib'],
     'fast': ['numba'],
     'dynamics': ['scipy'],
+    'dxf': ['ezdxf'],
 }
 EXTRAS['all'] = sorted({name for names in EXTRAS.values() for name in names})
 EXTRAS['test'] = [
     'axe-playwright-python',
+    'ezdxf',
     'hypothesis',
     'mujoco',
     'pandas',
@@ -85,6 +87,7 @@ setup(
                 'player_node',
                 'review',
                 'recover',
+                'export',
             )
         ],
     },

@@ -48,6 +48,11 @@ def recover() -> int:
     return _tool('recover', 'klann_ros.log.recover_command', untold=1)
 
 
+def export() -> int:
+    """Write a robot as MJCF, URDF, SVG and DXF."""
+    return _tool('export', 'klann_ros.export.command', untold=3)
+
+
 def _node(name: str, *, uses_terminal: bool = False) -> int:
     stop = StopSignals(uses_terminal=uses_terminal)
     room = name.removesuffix('_node')

@@ -130,7 +130,7 @@ def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
     given = as_linkage(linkage)
     _not_negative('density', density, 'kg/m')
     _not_negative('foot_mass', foot_mass, 'kg')
-    places = _places(given)
+    places = body_places(given)
     bodies = []
     for j, body in enumerate(given.structure.bodies):
         total = BodyMass()
@@ -148,8 +148,8 @@ def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
     return made.with_mass(owner, BodyMass(foot_mass, places[owner, foot])) if foot_mass else made
 
 
-def _places(linkage: Linkage) -> dict[tuple[int, str], complex]:
-    """Return where the points of each body are in it, from its first point [m]."""
+def body_places(linkage: Linkage) -> dict[tuple[int, str], complex]:
+    """Return where the points of each body are in it, from its first point, x along it [m]."""
     found: dict[tuple[int, str], complex] = {}
     for number, (j, bar) in enumerate(linkage.structure.bars):
         if number in linkage.structure.lines:

@@ -23,6 +23,7 @@ ALLOWED = {
     'plotting': {'kinematics'},
     'page': {'untrusted', 'kinematics'},
     'review': {'untrusted', 'kinematics', 'plotting', 'log', 'page'},
+    'export': {'untrusted', 'kinematics', 'dynamics', 'plotting', 'robot', 'review'},
     'stop_signals': set(),
     'nodes': {'untrusted', 'kinematics', 'plotting', 'log', 'review', 'page', 'stop_signals'},
     'executables': {'untrusted', 'kinematics', 'log', 'review', 'nodes', 'stop_signals'},

@@ -1,0 +1,33 @@
+"""
+What a robot is given to others as: MJCF and URDF, and its plates for the cutter as SVG and DXF.
+
+>>> from klann_ros.export import plates, urdf
+>>> from klann_ros.robot import robot_of
+>>> robot = robot_of('sem104')
+>>> [plate.title for plate in plates(robot, hole=3.2e-3, width=20e-3)]
+['ground A D E', 'alpha A B', 'gamma B C G', 'beta D C', 'delta E F', 'theta F G H']
+>>> urdf(robot).count('<joint')
+12
+
+Nothing here knows ROS. Of the formats only DXF needs a package, ezdxf, imported when it is used.
+"""
+
+from .drawing import Drawing, drawing
+from .dxf import dxf, NoEzdxfError
+from .mjcf import robot_as_mjcf
+from .plates import ExportError, Plate, plates
+from .svg import svg
+from .urdf import urdf
+
+__all__ = [
+    'Drawing',
+    'ExportError',
+    'NoEzdxfError',
+    'Plate',
+    'drawing',
+    'dxf',
+    'plates',
+    'robot_as_mjcf',
+    'svg',
+    'urdf',
+]

@@ -1,0 +1,59 @@
+"""A drawing as SVG, in millimetres; cuts, holes and labels are groups, as cutters take them."""
+
+from math import atan, sin
+from xml.etree.ElementTree import Element, indent, SubElement, tostring
+
+from .drawing import Corner, Drawing
+
+# What cutters' programs take for a line that is cut, and for what is engraved.
+STYLES = {
+    'CUT': {'fill': 'none', 'stroke': '#ff0000', 'stroke-width': '0.1'},
+    'HOLES': {'fill': 'none', 'stroke': '#0000ff', 'stroke-width': '0.1'},
+    'LABELS': {'fill': '#000000', 'stroke': 'none', 'font-family': 'sans-serif'},
+}
+HEADER = '<?xml version="1.0" encoding="UTF-8"?>\n'
+# A capital letter's height, as a part of the font's.
+CAPITAL = 0.72
+
+
+def svg(given: Drawing) -> str:
+    """Return a drawing as SVG."""
+    wide, high = given.size.real, given.size.imag
+    root = Element(
+        'svg',
+        xmlns='http://www.w3.org/2000/svg',
+        width=f'{wide:.6f}mm',
+        height=f'{high:.6f}mm',
+        viewBox=f'0 0 {wide:.6f} {high:.6f}',
+    )
+    layers = {name: SubElement(root, 'g', {'id': name, **style}) for name, style in STYLES.items()}
+
+    def x_y(at: complex) -> tuple[str, str]:
+        # y is down.
+        return f'{at.real:.6f}', f'{high - at.imag:.6f}'
+
+    def path(outline: tuple[Corner, ...]) -> str:
+        way = [f'M {" ".join(x_y(outline[0].at))}']
+        for corner, following in zip(outline, [*outline[1:], outline[0]], strict=True):
+            end = ' '.join(x_y(following.at))
+            if corner.bulge:
+                chord = abs(following.at - corner.at)
+                radius = chord / (2.0 * sin(2.0 * atan(corner.bulge)))
+                way.append(f'A {radius:.6f} {radius:.6f} 0 0 0 {end}')
+            else:
+                way.append(f'L {end}')
+        return ' '.join([*way, 'Z'])
+
+    for outline in given.outlines:
+        SubElement(layers['CUT'], 'path', d=path(outline))
+    for circle in given.circles:
+        cx, cy = x_y(circle.at)
+        SubElement(layers['HOLES'], 'circle', cx=cx, cy=cy, r=f'{circle.radius:.6f}')
+    for slot in given.slots:
+        SubElement(layers['HOLES'], 'path', d=path(slot))
+    for text in given.texts:
+        x, y = x_y(text.at)
+        size = f'{text.height / CAPITAL:.6f}'
+        SubElement(layers['LABELS'], 'text', {'x': x, 'y': y, 'font-size': size}).text = text.text
+    indent(root)
+    return HEADER + tostring(root, encoding='unicode') + '\n'

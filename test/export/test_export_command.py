@@ -1,0 +1,164 @@
+"""What the command `export` writes, refuses, and leaves alone."""
+
+import os
+from pathlib import Path
+import subprocess
+import sys
+from xml.etree import ElementTree as ET
+
+import ezdxf
+from klann_ros.export.command import main
+from klann_ros.export.mjcf import robot_as_mjcf, weighed
+from klann_ros.kinematics import shipped_linkages
+from klann_ros.robot import robot_of
+import mujoco
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+WALKER = str(ROOT / 'config' / 'walker6.yaml')
+SHIPPED = ['sem104', 'patent', *shipped_linkages()]
+
+
+def test_all_formats_are_written_at_once(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    names = {option: str(tmp_path / f'leg.{option}') for option in ('mjcf', 'urdf', 'svg', 'dxf')}
+    options = [word for option, name in names.items() for word in (f'--{option}', name)]
+    assert main(['sem104', '--bar-density', '0.4', *options]) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        map(os.path.basename, names.values())
+    )
+    assert ET.parse(names['svg']).getroot().tag.endswith('svg')  # noqa: S314 - our own
+    assert ET.parse(names['urdf']).getroot().tag == 'robot'  # noqa: S314
+    assert not ezdxf.readfile(names['dxf']).audit().errors
+    model = mujoco.MjModel.from_xml_path(names['mjcf'])
+    assert model.actuator('crank').id == 0
+    said = capsys.readouterr()
+    assert said.out.count('written: ') == 4
+    assert said.err == ''
+
+
+@pytest.mark.parametrize('name', SHIPPED)
+def test_every_shipped_leg_is_a_model_of_mujoco(name: str) -> None:
+    robot = weighed(robot_of(name), 1.0)
+    model = mujoco.MjModel.from_xml_string(robot_as_mjcf(robot))
+    structure = robot.legs[0].linkage.structure
+    assert model.njnt == len(structure.bodies)
+    assert model.site(structure.foot.lower()).id >= 0
+
+
+def test_a_walker_is_written_with_all_its_legs(tmp_path: Path) -> None:
+    out = tmp_path / 'walker.urdf'
+    assert main([WALKER, '--urdf', str(out)]) == 0
+    links = [link.get('name') for link in ET.parse(out).getroot().iter('link')]  # noqa: S314
+    assert len(links) == 1 + 6 * 11
+    assert 'front_left/h' in links
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'said'),
+    [
+        (['no such leg', '--svg', 'a.svg'], 'cannot be read'),
+        (['sem104', '--svg', 'a.svg', '--width', '3'], 'wider than its hole'),
+        (['sem104', '--mjcf', 'a.xml'], 'bar_density'),
+        (['bad.yaml', '--urdf', 'a.urdf'], 'holds no robot'),
+        (['.', '--urdf', 'a.urdf'], 'cannot be read'),
+    ],
+)
+def test_what_is_refused_is_exit_code_2_in_one_line(
+    arguments: list[str],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path('bad.yaml').write_text('l_ab: \x1b[31m\n')
+    assert main(arguments) == 2
+    told = capsys.readouterr()
+    assert said in told.err
+    assert told.err.startswith('export: ')
+    assert told.err.count('\n') == 1
+    assert '\x1b' not in told.err
+    assert [path.name for path in tmp_path.iterdir()] == ['bad.yaml']
+
+
+@pytest.mark.parametrize(
+    'arguments',
+    [
+        ['sem104'],
+        ['sem104', '--svg', 'a.svg', '--hole', 'nan'],
+        ['sem104', '--svg', 'a.svg', '--scale', '0'],
+        ['sem104', '--svg', 'a.svg', '--hole', '1e400'],
+        ['', '--svg', 'a.svg'],
+    ],
+)
+def test_options_that_are_none_are_exit_code_2(
+    arguments: list[str], capsys: pytest.CaptureFixture
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert end.value.code == 2
+    assert 'Traceback' not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('place', ['no/a.svg', 'leg.yaml', 'other.yml', '.', '', 'link.svg'])
+def test_an_output_that_may_not_be_is_exit_code_3_and_nothing_is_lost(
+    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    content = (ROOT / 'config' / 'sem104.yaml').read_text()
+    Path('leg.yaml').write_text(content)
+    Path('other.yml').write_text('what FILE may name')
+    Path('link.svg').symlink_to('leg.yaml')
+    assert main(['leg.yaml', '--urdf', 'a.urdf', '--svg', place]) == 3
+    told = capsys.readouterr().err
+    assert told.startswith('export: --svg')
+    assert told.count('\n') == 1
+    assert Path('leg.yaml').read_text() == content
+    assert Path('other.yml').read_text() == 'what FILE may name'
+    assert not Path('a.urdf').exists()
+
+
+def test_two_formats_in_one_file_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    out = str(tmp_path / 'a')
+    assert main(['sem104', '--svg', out, '--dxf', out]) == 3
+    assert 'same file' in capsys.readouterr().err
+
+
+def test_without_ezdxf_one_line_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    monkeypatch.setitem(sys.modules, 'ezdxf.filemanagement', None)
+    out = tmp_path / 'a.svg'
+    assert main(['sem104', '--svg', str(out)]) == 0
+    capsys.readouterr()
+    assert main(['sem104', '--svg', str(out), '--dxf', str(tmp_path / 'a.dxf')]) == 3
+    assert 'klann_ros[dxf]' in capsys.readouterr().err
+
+
+def test_holes_that_meet_are_told_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    out = str(tmp_path / 'a.svg')
+    assert main(['andrews', '--svg', out, '--hole', '8', '--width', '9']) == 0
+    told = capsys.readouterr().err.splitlines()
+    assert told
+    assert all(line.startswith('export: ') and 'run into each other' in line for line in told)
+
+
+def test_the_entry_point_keeps_its_exit_code_without_a_reader(tmp_path: Path) -> None:
+    code = 'import sys; from klann_ros.executables import export; sys.exit(export())'
+    reader, writer = os.pipe()
+    os.close(reader)
+    out = tmp_path / 'a.svg'
+    done = subprocess.run(
+        [sys.executable, '-c', code, 'sem104', '--svg', str(out)],
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        check=False,
+        timeout=60,
+    )
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, b'')
+    assert out.exists()

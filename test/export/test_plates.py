@@ -1,0 +1,213 @@
+"""Plates fit the joints, lie apart, and are what SVG and DXF say."""
+
+from io import StringIO
+from itertools import combinations
+from math import cos, sin
+from pathlib import Path
+import re
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import ezdxf
+from klann_ros.export import Drawing, drawing, dxf, ExportError, Plate, plates, svg
+from klann_ros.export.drawing import hull, rounded
+from klann_ros.export.plates import near
+from klann_ros.export.travel import crank_angles
+from klann_ros.kinematics import LinkageLeg, shipped_linkages
+from klann_ros.robot import Robot, robot_of
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SHIPPED = ['sem104', 'patent', *shipped_linkages()]
+HOLE, WIDTH = 2e-3, 8e-3
+MICRON = 1e-3  # in mm
+DXF_CIRCLES = 'CIRCLE[layer=="HOLES"]'
+
+
+def drawn(robot: Robot, **options: float) -> tuple[tuple[Plate, ...], Drawing]:
+    made = plates(robot, hole=HOLE, width=WIDTH, **options)
+    return made, drawing(made, hole=HOLE, width=WIDTH)
+
+
+@pytest.mark.parametrize('name', SHIPPED)
+def test_holes_are_as_far_apart_as_the_joints_of_the_solved_leg(name: str) -> None:
+    robot = robot_of(name)
+    leg = LinkageLeg(robot.legs[0].linkage)
+    made, sheet = drawn(robot)
+    document = ezdxf.read(text_stream(dxf(sheet)))
+    assert not document.audit().errors
+    assert document.header['$INSUNITS'] == ezdxf.units.MM
+    circles = [complex(c.dxf.center.x, c.dxf.center.y) for c in found(document, DXF_CIRCLES)]
+    assert len(circles) == sum(len(plate.holes) for plate in made)
+    assert len(found(document, 'LWPOLYLINE[layer=="CUT"]')) == len(made)
+    rest, seen = iter(circles), 0
+    for plate in made:
+        own = [(hole.name.split(',')[0], next(rest)) for hole in plate.holes]
+        own = [pair for pair in own if pair[0]]
+        if len(own) < 2:
+            continue
+        seen += 1
+        for pose in poses(leg):
+            there = np.array([pose[name] for name, _ in own])
+            here = np.array([at for _, at in own])
+            # Turned and moved, but neither stretched nor mirrored.
+            turn = (there[1] - there[0]) / (here[1] - here[0])
+            assert np.abs(turn / abs(turn) * (here - here[0]) - (there - there[0])).max() < MICRON
+    assert seen >= (1 if robot.legs[0].linkage.structure.slides else len(made) - 1)
+
+
+def found(document: Any, query: str) -> list:
+    return list(document.modelspace().query(query))
+
+
+def poses(leg: LinkageLeg) -> list[dict[str, complex]]:
+    """Return the points of some poses by name [mm]."""
+    angles = crank_angles(leg.linkage, 5)[1:4]
+    assert len(angles) == 3
+    names = leg.linkage.structure.points
+    return [
+        dict(zip(names, (1e3 * complex(x, y) for x, y in pose.points), strict=True))
+        for pose in (leg.closed_form(float(alpha)) for alpha in angles)
+    ]
+
+
+@pytest.mark.parametrize('name', SHIPPED)
+def test_every_point_that_joins_bodies_has_its_hole(name: str) -> None:
+    robot = robot_of(name)
+    structure = robot.legs[0].linkage.structure
+    made = {plate.name: plate for plate in drawn(robot)[0]}
+    for body in structure.bodies:
+        names = {n for hole in made[body.angle].holes for n in hole.name.split(',')}
+        assert {p for p in body.points if len(structure.owners[p]) > 1} <= names
+    assert 'ground' in made
+
+
+@pytest.mark.parametrize('name', SHIPPED)
+def test_no_plate_lies_over_another_and_all_are_on_the_sheet(name: str) -> None:
+    made, sheet = drawn(robot_of(name))
+    boxes = [box(outline) for outline in sheet.outlines]
+    assert len(boxes) == len(made)
+    for low, high in boxes:
+        assert min(low) > 0
+        assert high[0] < sheet.size.real
+        assert high[1] < sheet.size.imag
+    for (low, high), (other_low, other_high) in combinations(boxes, 2):
+        assert any(high[k] < other_low[k] or other_high[k] < low[k] for k in (0, 1))
+
+
+def box(outline: tuple) -> tuple[tuple[float, float], tuple[float, float]]:
+    x, y = zip(*[(at.real, at.imag) for at in sampled(outline)], strict=True)
+    return (min(x), min(y)), (max(x), max(y))
+
+
+def sampled(outline: tuple, count: int = 24) -> list[complex]:
+    """Return points on an outline, by what a bulge is defined as."""
+    found = []
+    for corner, following in zip(outline, [*outline[1:], outline[0]], strict=True):
+        way = following.at - corner.at
+        angle = 4 * np.arctan(corner.bulge)
+        for part in np.linspace(0, 1, count, endpoint=False):
+            if not angle:
+                found.append(corner.at + part * way)
+                continue
+            middle = corner.at + way / 2 + 1j * way / 2 / np.tan(angle / 2)
+            found.append(middle + (corner.at - middle) * np.exp(1j * part * angle))
+    return found
+
+
+@pytest.mark.parametrize('count', [1, 2, 3, 7])
+def test_an_outline_is_as_far_from_its_joints_as_half_the_width(count: int) -> None:
+    random = np.random.default_rng(count)
+    places = [complex(*at) for at in random.uniform(-50, 50, (count, 2))]
+    edge = sampled(rounded(places, 4.0))
+    corners = hull(places)
+    assert all(min(abs(at - corner) for corner in places) >= 4.0 - 1e-9 for at in edge)
+    for corner in corners:
+        assert min(abs(at - corner) for at in edge) == pytest.approx(4.0, abs=1e-9)
+    area = sum((a.conjugate() * b).imag for a, b in zip(edge, [*edge[1:], edge[0]], strict=True))
+    assert area > 0
+
+
+def test_points_on_a_line_make_a_straight_bar() -> None:
+    places = [complex(r * cos(0.3), r * sin(0.3)) for r in (0.0, 11.0, 28.0, 56.0)]
+    assert hull(places) == [places[0], places[-1]]
+    bulges = [corner.bulge for corner in rounded(places, 4.0)]
+    assert bulges == pytest.approx([1, 0, 1, 0])
+
+
+@pytest.mark.parametrize('name', ['quick_return', 'scotch_yoke', 'slider_crank'])
+def test_pins_stay_in_their_slots_all_the_way(name: str) -> None:
+    robot = robot_of(name)
+    linkage = robot.legs[0].linkage
+    made = {plate.name: plate for plate in drawn(robot)[0]}
+    slots = {slot.name: slot for plate in made.values() for slot in plate.slots}
+    sliding = [body for body in linkage.structure.bodies if body.slides]
+    assert {body.angle for body in sliding} == set(slots)
+    leg = LinkageLeg(linkage)
+    for body in sliding:
+        slot, j = slots[body.angle], linkage.joint_names.index(body.angle)
+        x = [leg.closed_form(a).joints[j] for a in np.linspace(0, 7, 40)]
+        stroke = max(x) - min(x)
+        assert stroke - 1e-4 < abs(slot.end - slot.start) < stroke + 5 * WIDTH
+        guides = [hole for hole in made[body.angle].holes if not hole.name]
+        assert bool(guides) is bool(body.rigid)
+
+
+def test_legs_that_are_alike_are_cut_once_with_their_number() -> None:
+    made = plates(robot_of(str(ROOT / 'config' / 'walker6.yaml')), hole=HOLE, width=WIDTH)
+    assert len(made) == 6
+    assert {plate.count for plate in made} == {6}
+    assert 'theta F G H x6' in {plate.title for plate in made}
+
+
+def test_legs_that_differ_are_cut_each(tmp_path: Path) -> None:
+    file = tmp_path / 'two.yaml'
+    file.write_text('legs: [front, rear]\nrear: {l_gh: 0.5}\n')
+    made = plates(robot_of(str(file)), hole=HOLE, width=WIDTH)
+    assert len(made) == 12
+    assert {plate.legs for plate in made} == {'front', 'rear'}
+
+
+def test_holes_that_run_into_each_other_are_told() -> None:
+    robot = robot_of('andrews')
+    assert not any(near(plate, 5e-3) for plate in plates(robot, hole=5e-3, width=9e-3))
+    told = [near(plate, 8e-3) for plate in plates(robot, hole=8e-3, width=9e-3)]
+    assert 'K1: hole O and hole F run into each other' in told
+
+
+@pytest.mark.parametrize(('hole', 'width'), [(8e-3, 8e-3), (0.0, 8e-3), (1e-3, float('nan'))])
+def test_a_bar_without_walls_is_refused(hole: float, width: float) -> None:
+    with pytest.raises(ExportError, match='wider than its hole'):
+        plates(robot_of('sem104'), hole=hole, width=width)
+
+
+def test_scale_moves_the_holes_and_leaves_them_their_size() -> None:
+    (_, one), (_, half) = (drawn(robot_of('patent'), scale=scale) for scale in (1.0, 0.5))
+    apart = [abs(sheet.circles[-1].at - sheet.circles[-2].at) for sheet in (one, half)]
+    assert apart[0] == pytest.approx(2 * apart[1])
+    assert {circle.radius for circle in (*one.circles, *half.circles)} == {1.0}
+
+
+def test_svg_says_the_same_as_dxf() -> None:
+    made, sheet = drawn(robot_of('quick_return'))
+    root = ET.fromstring(svg(sheet))  # noqa: S314 - our own
+    space = '{http://www.w3.org/2000/svg}'
+    assert root.get('width') == f'{sheet.size.real:.6f}mm'
+    assert [group.get('id') for group in root] == ['CUT', 'HOLES', 'LABELS']
+    circles = [(float(c.get('cx')), float(c.get('cy'))) for c in root.iter(f'{space}circle')]
+    expected = [(c.at.real, sheet.size.imag - c.at.imag) for c in sheet.circles]
+    np.testing.assert_allclose(circles, expected, atol=1e-6)
+    paths = [path.get('d') for path in root[0]]
+    assert len(paths) == len(made)
+    # Arcs of the bars' ends, counter-clockwise as it is seen.
+    arcs = [re.findall(r'A (\S+) (\S+) 0 0 0', path) for path in paths]
+    assert all(
+        float(r) == pytest.approx(4.0, abs=1e-5) for arc in arcs for pair in arc for r in pair
+    )
+    titles = [text.text for text in root.iter(f'{space}text')]
+    assert {plate.title for plate in made} <= set(titles)
+
+
+def text_stream(content: bytes) -> StringIO:
+    return StringIO(content.decode())

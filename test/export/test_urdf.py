@@ -1,0 +1,153 @@
+"""The URDF of any linkage: its frames are where the points of the solved leg are."""
+
+import io
+from pathlib import Path
+
+from klann_ros.export import urdf
+from klann_ros.export.travel import crank_angles
+from klann_ros.kinematics import LinkageLeg, shipped_linkages
+from klann_ros.robot import robot_of, RobotLeg
+import numpy as np
+import pytest
+import yourdfpy
+
+ROOT = Path(__file__).resolve().parents[2]
+SHIPPED = ['sem104', 'patent', *shipped_linkages()]
+WALKERS = [str(ROOT / 'config' / f'walker{legs}.yaml') for legs in (4, 6)]
+PLAIN = {'klann': 'sem104', 'walker4': WALKERS[0], 'walker6': WALKERS[1]}
+
+
+def loaded(text: str) -> yourdfpy.URDF:
+    options = {'load_meshes': False, 'build_scene_graph': True}
+    return yourdfpy.URDF.load(io.BytesIO(text.encode()), **options)
+
+
+def published(leg: RobotLeg, alpha: float) -> dict[str, float]:
+    pose = LinkageLeg(leg.linkage).closed_form(alpha)
+    return {
+        f'{leg.prefix}{name}': value
+        for name, value in zip(leg.linkage.joint_names, pose.joints, strict=True)
+    }
+
+
+@pytest.mark.parametrize('name', SHIPPED)
+def test_bars_begin_and_end_where_their_points_are(name: str) -> None:
+    robot = robot_of(name)
+    (leg,) = robot.legs
+    model, structure = loaded(urdf(robot)), leg.linkage.structure
+    angles = crank_angles(leg.linkage, 9)[1:-1:2]
+    assert len(angles)
+    for alpha in angles:
+        pose = LinkageLeg(leg.linkage).closed_form(float(alpha))
+        points = dict(zip(structure.points, pose.points, strict=True))
+        model.update_cfg(published(leg, float(alpha)))
+        seen = 0
+        for body in structure.bodies:
+            for bar in body.rigid:
+                link = bar_link(bar.start, bar.end)
+                frame = model.get_transform(link)
+                far = np.hypot(*(points[bar.end] - points[bar.start]))
+                close(frame[:3, 3], leg.mount.placed(points[bar.start]))
+                close((frame @ [far, 0, 0, 1])[:3], leg.mount.placed(points[bar.end]))
+                seen += 1
+        assert seen
+        foot = model.get_transform(structure.foot.lower())[:3, 3]
+        close(foot, leg.mount.placed(pose.h))
+
+
+def bar_link(start: str, end: str) -> str:
+    return f'{start}{"_" if len(start + end) > 2 else ""}{end}'.lower()
+
+
+def close(found: np.ndarray, expected: np.ndarray) -> None:
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize('name', SHIPPED)
+def test_the_joints_that_nothing_mimics_are_the_published_ones(name: str) -> None:
+    robot = robot_of(name)
+    joints = loaded(urdf(robot)).robot.joints
+    free = {j.name for j in joints if j.type != 'fixed' and j.mimic is None}
+    assert free == set(robot.legs[0].linkage.joint_names)
+    # robot_state_publisher looks a mimicked joint up in the message, not in another mimic.
+    assert {joint.mimic.joint for joint in joints if joint.mimic} <= free
+
+
+@pytest.mark.parametrize('plain', PLAIN)
+def test_a_klann_leg_has_the_joints_and_frames_of_the_plain_urdf(plain: str) -> None:
+    robot = robot_of(PLAIN[plain])
+    ours, theirs = (loaded(text) for text in (urdf(robot), plain_text(plain)))
+    assert {link.name for link in ours.robot.links} == {link.name for link in theirs.robot.links}
+    assert {facts(joint) for joint in ours.robot.joints} == {
+        facts(joint) for joint in theirs.robot.joints
+    }
+    for alpha in np.linspace(-3, 3, 4):
+        for model in (ours, theirs):
+            positions: dict[str, float] = {}
+            for leg in robot.legs:
+                positions |= published(leg, float(leg.crank_angles(alpha)))
+            model.update_cfg(positions)
+        for link in theirs.robot.links:
+            close(ours.get_transform(link.name), theirs.get_transform(link.name))
+
+
+def plain_text(name: str) -> str:
+    return (ROOT / 'urdf' / f'{name}.urdf').read_text()
+
+
+def facts(joint: yourdfpy.Joint) -> tuple:
+    """Return what makes a joint what it is, but for its place."""
+    mimic = joint.mimic and (joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset)
+    axis = None if joint.type == 'fixed' else tuple(map(float, joint.axis))
+    return joint.name, joint.type, joint.parent, joint.child, axis, mimic
+
+
+def test_frames_can_be_renamed_and_joints_keep_their_names() -> None:
+    robot = robot_of('quick_return')
+    text = urdf(robot, base_frame='body', frame_id='plane', frame_prefix='left/')
+    model = loaded(text)
+    assert model.base_link == 'body'
+    assert {link.name.split('/')[0] for link in model.robot.links} == {'body', 'left'}
+    assert set(robot.legs[0].linkage.joint_names) <= set(model.joint_map)
+
+
+HOSTILE = """
+name: hostile
+pivots: {A: [0, 0], mount: [0.2, 0]}
+crank: foot
+foot: leg_plane
+bodies:
+  foot:
+    bars: [{from: A, to: b, length: 0.05}]
+  mount:
+    bars: [{from: b, to: B, length: 0.2}, {from: B, to: leg_plane, length: 0.1}]
+  foot_back:
+    bars: [{from: mount, to: B, length: 0.15}]
+start: {foot: 1.0, mount: 0.7, foot_back: 1.9}
+"""
+
+
+def test_names_that_are_alike_stay_apart(tmp_path: Path) -> None:
+    file = tmp_path / '<a & "b">.yaml'
+    file.write_text(HOSTILE)
+    robot = robot_of(str(file))
+    model = loaded(urdf(robot))
+    links, joints = model.robot.links, model.robot.joints
+    assert len({link.name for link in links}) == len(links)
+    assert len({joint.name for joint in joints}) == len(joints)
+    assert model.robot.name == '<a & "b">'
+    pose = LinkageLeg(robot.legs[0].linkage).closed_form(1.0)
+    model.update_cfg(published(robot.legs[0], 1.0))
+    foot = next(joint.child for joint in joints if joint.name == 'foot_')
+    close(model.get_transform(foot)[:3, 3], robot.legs[0].mount.placed(pose.h))
+
+
+def test_what_slides_has_room_for_its_stroke() -> None:
+    robot = robot_of('slider_crank')
+    linkage = robot.legs[0].linkage
+    sliding = {body.angle for body in linkage.structure.bodies if body.slides}
+    joints = {j.name: j for j in loaded(urdf(robot)).robot.joints if j.type == 'prismatic'}
+    assert set(joints) == sliding
+    for alpha in np.linspace(0, 6, 20):
+        now = published(robot.legs[0], float(alpha))
+        assert all(joints[n].limit.lower < now[n] < joints[n].limit.upper for n in sliding)
