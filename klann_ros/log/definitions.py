@@ -9,22 +9,15 @@ is made of, depth first and each once, a line of 80 ``=``, a line ``MSG: pkg/Typ
 file.
 """
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Iterator
 import os
 from pathlib import Path
 import re
 import sys
-from typing import TYPE_CHECKING
 
 from klann_ros.untrusted.files import is_plain, open_plain
 
-from .errors import UnknownTypeError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from .errors import AnyPath
+from .errors import AnyPath, UnknownTypeError
 
 SEPARATOR = '=' * 80
 

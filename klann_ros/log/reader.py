@@ -5,27 +5,20 @@ Nothing but :class:`~klann_ros.log.errors.NotALogError` comes of what stands in 
 damaged is left out and told by :attr:`Log.problem`. An OSError comes of the disk only.
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager
 import hashlib
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from .errors import AnyPath
+from .reading.block import MessageBlock
 from .reading.opening import open_files
 from .reading.sources import in_time_order, latest
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
-
-    from typing_extensions import Self
-
-    from .errors import AnyPath
-    from .reading.block import MessageBlock
-    from .reading.storage import Storage
-    from .records import Attachment, Message
+from .reading.storage import Storage
+from .records import Attachment, Message
 
 
-class Log:
+class Log(AbstractContextManager['Log']):
     """
     An open log; get one by :func:`open_log`.
 
@@ -179,13 +172,10 @@ class Log:
         for file, _ in self._files:
             file.close()
 
-    def __enter__(self) -> Self:
-        return self
-
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _add_metadata(self, file: Storage, offset: int, repeats: Repeats) -> None:
+    def _add_metadata(self, file: Storage, offset: int, repeats: 'Repeats') -> None:
         record = file.metadata_at(offset)
         if record is not None and not repeats.is_one(file.path, metadata_key(*record)):
             name, content = record

@@ -1,7 +1,5 @@
 """What a log holds, as data: topics, messages, attachments."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from functools import cached_property
 

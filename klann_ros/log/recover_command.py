@@ -1,11 +1,9 @@
 """The command ``recover``: a readable run out of a damaged one."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 import os
 from pathlib import Path
 import sys
-from typing import TYPE_CHECKING
 
 from klann_ros import __version__
 from klann_ros.untrusted.arguments import ArgumentParser, path
@@ -13,12 +11,7 @@ from klann_ros.untrusted.text import counted, LONGEST_LINE, printable, printable
 
 from .errors import LogError, NotALogError
 from .reading.run_files import LOG_HELP, run_name
-from .recovery import recover
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from .recovery import Recovery
+from .recovery import recover, Recovery
 
 NOTHING_LOST = 0
 NOT_WRITTEN = 1

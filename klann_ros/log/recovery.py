@@ -12,28 +12,21 @@ is, and the recovery says how much of the run has no CRC. Of schemas and channel
 either, the version in a chunk or summary whose CRC holds is taken.
 """
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from klann_ros.untrusted.files import is_within
 from klann_ros.untrusted.text import printable
 
 from .bag_metadata import RECORD_NAME
-from .errors import MalformedQosError, NotALogError, UnwritableError
+from .errors import AnyPath, MalformedQosError, NotALogError, UnwritableError
 from .qos import QosTexts
 from .reader import attachment_key, metadata_key, Repeats
 from .reading.opening import open_files
+from .reading.storage import Storage
+from .records import Attachment, Topic
 from .writing.writer import RunWriter
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from .errors import AnyPath
-    from .reading.storage import Storage
-    from .records import Attachment, Topic
 
 
 @dataclass

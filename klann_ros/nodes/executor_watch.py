@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from threading import Semaphore, Thread
-from types import TracebackType
 from typing import Any, TYPE_CHECKING
 
 from rclpy import executors
@@ -52,12 +51,7 @@ class ExecutorWatch:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """End; what was found and not run yet is run, for the executor will not find it again."""
         self._stopped = True
         self._go_on.release()

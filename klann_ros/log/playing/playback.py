@@ -4,22 +4,17 @@ The playback of a log: each message when it is due.
 One thread iterates over :meth:`Playback.passes`; others steer its transport.
 """
 
-from __future__ import annotations
-
 from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from math import inf
 from threading import Condition, Thread
-from typing import TYPE_CHECKING
+
+from klann_ros.log.reader import Log
+from klann_ros.log.records import Message
 
 from .transport import Transport
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-
-    from klann_ros.log.reader import Log
-    from klann_ros.log.records import Message
-    from typing_extensions import Self
 
 NS = 1e9
 
@@ -123,7 +118,7 @@ def length(log: Log) -> float:
     return (log.end_time - log.start_time) / NS
 
 
-class ReadAhead:
+class ReadAhead(AbstractContextManager['ReadAhead']):
     """
     Iterate over messages that another thread has read already.
 
@@ -149,9 +144,6 @@ class ReadAhead:
         with self._changed:
             self._closed = True
             self._changed.notify_all()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -1,7 +1,5 @@
 """Where playback is in a log, as a function of a monotonic time, and how late messages were."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from math import inf
 
@@ -60,25 +58,25 @@ class Timeline:
             return inf
         return self.since + (position - self.position) / self.rate
 
-    def started(self, now: float) -> Timeline:
+    def started(self, now: float) -> 'Timeline':
         """Return it running from where it is."""
         return replace(self, position=self._exact(now), since=now)
 
-    def stopped(self, now: float) -> Timeline:
+    def stopped(self, now: float) -> 'Timeline':
         """Return it standing where it is."""
         return replace(self, position=self._exact(now), since=None)
 
-    def at_rate(self, rate: float, now: float) -> Timeline:
+    def at_rate(self, rate: float, now: float) -> 'Timeline':
         """Return it with another rate from here on."""
         since = None if self.since is None else now
         return replace(self, position=self._exact(now), rate=rate, since=since)
 
-    def moved(self, position: float, now: float) -> Timeline:
+    def moved(self, position: float, now: float) -> 'Timeline':
         """Return it at another position, which may lie behind; it runs if it did."""
         since = None if self.since is None else now
         return replace(self, position=position, since=since, floor=-inf)
 
-    def held_up(self, position: float, now: float) -> Timeline:
+    def held_up(self, position: float, now: float) -> 'Timeline':
         """Return it as if it had come no further than a position, without running backwards."""
         return replace(self.moved(position, now), floor=self.at(now))
 

@@ -1,17 +1,12 @@
 """What moves a playback along a log: its timeline, and everything that can be done to it."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from threading import Condition
 from time import monotonic
-from typing import TYPE_CHECKING
 
 from klann_ros.log.errors import LogError
 
 from .timeline import Lateness, Timeline
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 # A log of one moment is not looped faster than this [s].
 SHORTEST_LOOP = 0.1

@@ -1,20 +1,14 @@
 """The messages of a chunk as arrays, for whoever has millions of them to look at."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from klann_ros.log.records import Topic
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from klann_ros.log.records import Topic
-    from numpy.typing import NDArray
-
-    from .mcap.content import Content
+from .mcap.content import Content
 
 HEAD = np.dtype(
     [

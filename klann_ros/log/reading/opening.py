@@ -4,36 +4,27 @@ Open the files of a log, whatever they are: the first bytes of each tell, not it
 What is no log is named by them as well, with what can be done about it.
 """
 
-from __future__ import annotations
-
 from codecs import getincrementaldecoder
+from collections.abc import Callable
+from pathlib import Path
 import shlex
-from typing import TYPE_CHECKING
+from typing import TypeAlias
 
 from klann_ros.log.bag_metadata import FILE_NAME
-from klann_ros.log.errors import NotALogError
+from klann_ros.log.errors import AnyPath, NotALogError
 from klann_ros.untrusted.files import open_plain
 from klann_ros.untrusted.text import printable
 
 from .mcap.container import MAGIC
 from .mcap.mcap_storage import McapStorage
 from .packed_messages import is_packed, PackedMessages
-from .run_files import run_files
+from .run_files import run_files, RunFiles
 from .sqlite.pages import SQLITE_MAGIC
+from .storage import Storage
+from .temporary import TemporaryFile
 from .zstd_file import SUFFIXES, unpack, ZSTD_MAGIC
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-    from typing import TypeAlias
-
-    from klann_ros.log.errors import AnyPath
-
-    from .run_files import RunFiles
-    from .storage import Storage
-    from .temporary import TemporaryFile
-
-    Kind: TypeAlias = Callable[[Path, TemporaryFile | None], Storage]
+Kind: TypeAlias = Callable[[Path, TemporaryFile | None], Storage]
 
 _PCAP = 'a pcap capture of a network'
 _UNPACK = '; unpack it first'

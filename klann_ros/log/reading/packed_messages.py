@@ -1,28 +1,19 @@
 """A file whose messages were compressed one by one: each is a zstd frame."""
 
-from __future__ import annotations
-
 from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
+from klann_ros.log.records import Message, Topic
 from klann_ros.untrusted.text import printable
 import zstandard
 
-from .block import block_of_messages
+from .block import block_of_messages, MessageBlock
 from .mcap.chunks import MAX_RATIO, MIN_LIMIT
-from .sources import Source
+from .sources import Source, Topics
+from .storage import Overview, Problems, Salvage, Storage
 from .zstd_file import ZSTD_MAGIC
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from klann_ros.log.records import Message, Topic
-
-    from .block import MessageBlock
-    from .sources import Topics
-    from .storage import Overview, Problems, Salvage, Storage
 
 _ENCODING = 'cdr'
 # A block is finished when its messages are larger [bytes].

@@ -1,26 +1,20 @@
 """Which files a log consists of: a run's folder or a single file."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 import json
 from pathlib import Path
 import re
 import shlex
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from klann_ros.log.bag_metadata import FILE_NAME, ROOT_KEY
-from klann_ros.log.errors import NotALogError
+from klann_ros.log.errors import AnyPath, NotALogError
 from klann_ros.untrusted import yaml_text
 from klann_ros.untrusted.files import is_plain, open_plain, read_plain
 from klann_ros.untrusted.text import printable
 
 from .zstd_file import SUFFIXES as PACKED
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from klann_ros.log.errors import AnyPath
 
 SUFFIXES = ('.mcap', '.db3')
 """How the files of a bag are called, before they are packed; the first is the usual one."""

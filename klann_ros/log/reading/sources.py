@@ -1,19 +1,14 @@
 """The parts of a log that can be read one by one, merged into one course of messages."""
 
-from __future__ import annotations
-
 from collections import deque
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import heapq
-from typing import TYPE_CHECKING
+from typing import TypeAlias
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-    from typing import TypeAlias
+from klann_ros.log.records import Message
 
-    from klann_ros.log.records import Message
-
-    Topics: TypeAlias = Collection[str] | None
+Topics: TypeAlias = Collection[str] | None
 
 
 # So many more messages than are wanted are kept at most while the last ones are looked for.

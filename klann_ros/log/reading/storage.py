@@ -1,20 +1,15 @@
 """What any file of a log can be asked, however it is stored."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol, TYPE_CHECKING
+from pathlib import Path
+from typing import Protocol
 
+from klann_ros.log.records import Attachment, Message, Topic
 from klann_ros.untrusted.text import printable_line
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from klann_ros.log.records import Attachment, Message, Topic
-
-    from .block import MessageBlock
-    from .sources import Source
+from .block import MessageBlock
+from .sources import Source
 
 
 class Storage(Protocol):
@@ -46,13 +41,13 @@ class Storage(Protocol):
     size: int
     profile: str
     closed: bool
-    problems: Problems
+    problems: 'Problems'
     holes: set[tuple[int, int]]
 
-    def overview(self) -> Overview:
+    def overview(self) -> 'Overview':
         """Return what it holds."""
 
-    def sources(self, overview: Overview) -> Iterator[Source]:
+    def sources(self, overview: 'Overview') -> Iterator[Source]:
         """Yield what can be read by itself."""
 
     def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
@@ -67,7 +62,7 @@ class Storage(Protocol):
     def first_data(self) -> bytes:
         """Return the bytes of the message that stands first; b'' if there is none."""
 
-    def salvage(self) -> Salvage:
+    def salvage(self) -> 'Salvage':
         """Return a pass over all that is intact in it."""
 
     def close(self) -> None:

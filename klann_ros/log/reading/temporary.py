@@ -5,8 +5,7 @@ They are in one folder of this process under the system's folder for such things
 at the end of the process; that of a process which was killed goes when the next one makes its own.
 """
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 import fcntl
 from functools import cache
@@ -15,16 +14,10 @@ from pathlib import Path
 import shutil
 import tempfile
 import time
-from typing import TYPE_CHECKING
 import weakref
 
-from klann_ros.log.errors import NotALogError
+from klann_ros.log.errors import AnyPath, NotALogError
 from klann_ros.untrusted.files import is_plain
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from klann_ros.log.errors import AnyPath
 
 _PREFIX = 'klann_ros-unpacked-'
 # What marks a folder as one of these, whatever else is called like that.

@@ -1,8 +1,8 @@
 """A file that was compressed as a whole: unpacked piece by piece, to where it can be read."""
 
-from __future__ import annotations
-
-from typing import NamedTuple, TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
 
 from klann_ros.log.errors import NotALogError
 from klann_ros.untrusted.files import open_plain
@@ -10,11 +10,6 @@ from klann_ros.untrusted.text import printable
 import zstandard
 
 from .temporary import TemporaryFile
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
-    from typing import BinaryIO
 
 SUFFIXES = ('.zstd', '.zst')
 """What stands behind the name of such a file."""

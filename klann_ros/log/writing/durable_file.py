@@ -1,24 +1,18 @@
 """Files that survive: what was synced is on the disk, and a full disk leaves no half record."""
 
-from __future__ import annotations
-
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 import fcntl
 import os
-from typing import BinaryIO, TYPE_CHECKING
+from typing import BinaryIO
 
+from klann_ros.log.bag_metadata import FileSummary
 from mcap.opcode import Opcode
 
+from .disk_space import DiskReserve
 from .file_watch import FileWatch
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from klann_ros.log.bag_metadata import FileSummary
-
-    from .disk_space import DiskReserve
-    from .open_folder import OpenFolder
+from .open_folder import OpenFolder
 
 # Where there is no fdatasync (macOS) its slower brother does the same and more.
 _sync = getattr(os, 'fdatasync', os.fsync)

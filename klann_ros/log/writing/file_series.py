@@ -1,23 +1,16 @@
 """The numbered files of a run, and what is done when somebody takes one of them away."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
 from klann_ros.log.bag_metadata import FILE_NAME, metadata_record, RECORD_NAME
 from klann_ros.log.errors import RunExistsError, RunLostError
 from klann_ros.untrusted.text import counted, verb
 
-from .file_watch import Harm
+from .file_watch import Faults, Harm
 from .ledger import FinishedFile, WrittenFiles
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from .file_watch import Faults
-    from .mcap_file import McapFile
-    from .run_folder import RunFolder
+from .mcap_file import McapFile
+from .run_folder import RunFolder
 
 # What a fault is about.
 _FOLDER, _FILES = 'folder', 'files'

@@ -1,24 +1,17 @@
 """What others do to a run while it is written, and by what a file is known again later."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 import errno
 import os
+from pathlib import Path
 import stat
-from typing import TYPE_CHECKING
 
 from klann_ros.untrusted.text import printable
 
-from .open_folder import whereabouts
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from .open_folder import OpenFolder
+from .open_folder import OpenFolder, whereabouts
 
 # How much of the end of what was written is compared [bytes].
 TAIL = 32

@@ -1,22 +1,17 @@
 """What became of every message of a recording: an account for each topic, one sum for all."""
 
-from __future__ import annotations
-
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol, TYPE_CHECKING
+from typing import Protocol
 
+from klann_ros.log.bag_metadata import FileSummary
 from klann_ros.log.loss import LossCounter
+from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import TopicCount
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from klann_ros.log.bag_metadata import FileSummary
-    from klann_ros.log.records import Topic
-
-    from .file_watch import Seal
-    from .mcap_file import McapFile
+from .file_watch import Seal
+from .mcap_file import McapFile
 
 
 @dataclass(slots=True)
@@ -168,11 +163,11 @@ class WrittenFiles:
         finished = [file.summary for file in self.finished]
         return finished if self.current is None else [*finished, self.current.summary()]
 
-    def with_current(self, file: McapFile) -> WrittenFiles:
+    def with_current(self, file: McapFile) -> 'WrittenFiles':
         """Return the same with a file in progress."""
         return replace(self, current=file)
 
-    def with_current_finished(self) -> WrittenFiles:
+    def with_current_finished(self) -> 'WrittenFiles':
         """Return the same when the file in progress is finished."""
         if self.current is None:
             return self
@@ -181,7 +176,7 @@ class WrittenFiles:
         written = self.written + _by_name(summary.counts)
         return replace(self, current=None, finished=(*self.finished, file), written=written)
 
-    def without_current(self) -> WrittenFiles:
+    def without_current(self) -> 'WrittenFiles':
         """Return the same when the file in progress is gone."""
         if self.current is None:
             return self
@@ -189,7 +184,7 @@ class WrittenFiles:
         gone = self.gone + _by_name(kept.counts) + _by_name(lost)
         return replace(self, current=None, gone=gone)
 
-    def without(self, *files: FinishedFile) -> WrittenFiles:
+    def without(self, *files: FinishedFile) -> 'WrittenFiles':
         """Return the same when some of those that were finished are gone."""
         lost, names = Counter[str](), {file.seal.name for file in files}
         for file in files:

@@ -1,30 +1,24 @@
 """One MCAP file being written: topics become schemas and channels, errors become final."""
 
-from __future__ import annotations
-
 from collections import Counter
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, cast, TYPE_CHECKING
+from typing import Any, cast
 
 from klann_ros.log.bag_metadata import FileSummary, HASH_KEY, QOS_KEY
 from klann_ros.log.errors import UnwritableError
 from klann_ros.log.qos import qos_for_writing
+from klann_ros.log.records import Attachment, Message, Topic
 from klann_ros.untrusted.text import printable
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, IndexType, Writer
 
+from .disk_space import DiskReserve
 from .durable_file import DurableFile, NotedFile
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from klann_ros.log.records import Attachment, Message, Topic
-
-    from .disk_space import DiskReserve
-    from .file_watch import FileWatch
-    from .open_folder import OpenFolder
+from .file_watch import FileWatch
+from .open_folder import OpenFolder
 
 COMPRESSIONS = {
     'zstd': CompressionType.ZSTD,

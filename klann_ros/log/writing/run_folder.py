@@ -1,26 +1,17 @@
 """The folder of a run that is being written: its files' names, metadata.yaml, and its space."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 import errno
+from pathlib import Path
 import re
 import shutil
-from typing import TYPE_CHECKING
 
-from klann_ros.log.bag_metadata import bag_metadata, FILE_NAME, metadata_yaml
-from klann_ros.log.errors import DiskFullError, LowSpaceError, RunExistsError
+from klann_ros.log.bag_metadata import bag_metadata, FILE_NAME, FileSummary, metadata_yaml
+from klann_ros.log.errors import DiskFullError, LogError, LowSpaceError, RunExistsError
 
 from .disk_space import DiskReserve, SIZE
+from .file_watch import Faults
 from .open_folder import OpenFolder
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from klann_ros.log.bag_metadata import FileSummary
-    from klann_ros.log.errors import LogError
-
-    from .file_watch import Faults
 
 # What a fault is about, beside metadata.yaml.
 _PLACE = 'place'

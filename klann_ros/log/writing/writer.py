@@ -1,34 +1,26 @@
 """Write a run: a folder with an MCAP file and its metadata, which every tool opens."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from klann_ros import __version__
-from klann_ros.log.errors import AnyPath, RunClosedError, RunHarmedError, UnwritableError
+from klann_ros.log.errors import AnyPath, LogError, RunClosedError, RunHarmedError, UnwritableError
 from klann_ros.log.records import Attachment, Message
 
 from .file_series import FileSeries
 from .file_watch import Faults
+from .ledger import Fate
 from .mcap_file import COMPRESSIONS, McapFile
 from .run_folder import RunFolder
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from klann_ros.log.errors import LogError
-    from typing_extensions import Self
-
-    from .ledger import Fate
 
 LIBRARY = f'klann_ros {__version__}'
 # What the summary of a file says of each chunk [bytes], and how small a chunk may become [bytes].
 INDEX_SIZE, SMALL_CHUNK = 200, 16 * 1024
 
 
-class RunWriter:
+class RunWriter(AbstractContextManager['RunWriter']):
     """
     Writes a run so that it survives a crash up to the last flush; a context manager.
 
@@ -275,9 +267,6 @@ class RunWriter:
         self._closed = True
         self._file.close()
         self._folder.remove()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, _: object, error: BaseException | None, *__: object) -> None:
         try:

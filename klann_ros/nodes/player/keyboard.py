@@ -9,12 +9,7 @@ import signal
 import sys
 import termios
 from threading import Lock, Thread
-from typing import Any, TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from types import TracebackType
-
-    from typing_extensions import Self
+from typing import Any
 
 ESCAPE = 0x1B
 KEYS = {
@@ -79,19 +74,6 @@ class Keyboard:
         self._closed = False
         # The attributes to give back; None while the terminal is as it was.
         self._saved: list[Any] | None = None
-
-    def __enter__(self) -> 'Self':
-        """Do nothing yet."""
-        return self
-
-    def __exit__(
-        self,
-        kind: 'type[BaseException] | None',
-        error: 'BaseException | None',
-        trace: 'TracebackType | None',
-    ) -> None:
-        """Give the terminal back."""
-        self.close()
 
     def start(self, on_key: Callable[[str], object], on_begin: Callable[[], object]) -> None:
         """

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from functools import partial
 import sys
 from threading import Event, Thread
@@ -222,6 +223,6 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         print(f'player_node: {printable_line(error)}', file=sys.stderr)
         return 2
     sys.setswitchinterval(SWITCH_INTERVAL)
-    with log, Keyboard() as keyboard:
+    with log, closing(Keyboard()) as keyboard:
         stop.on_suspend(keyboard.released)
         return run('player_node', partial(PlayerNode, log, options, keyboard), argv, stop)

@@ -6,22 +6,15 @@ that are private or of a later version, whatever is in them. A summary that name
 attachments and metadata records settles what else would be a matter of taste.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 from klann_ros.log.errors import DamagedError
 from klann_ros.log.reading.storage import Problem
 from mcap.opcode import Opcode
 
 from .container import check_data, contradiction, name_of, span_at
-from .evidence import Behind, Inside
+from .evidence import Behind, Evidence, Inside
 from .layout import fields_end, holds_nothing, is_known, RecordSpan
-
-if TYPE_CHECKING:
-    from .evidence import Evidence
-    from .resync import Search
-    from .summary import Summary
+from .resync import Search
+from .summary import Summary
 
 _NO, _ALONE, _YES = 'no', 'unless a sound chunk starts in it', 'yes'
 # Whether a record is believed to end where it says.

@@ -1,10 +1,9 @@
 """Which topic a channel's number stands for."""
 
-from __future__ import annotations
-
 from collections import defaultdict
+from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from klann_ros.log.bag_metadata import HASH_KEY, QOS_KEY
 from klann_ros.log.errors import DamagedError
@@ -13,9 +12,6 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
 from .parsing import parse, parse_schema
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
 
 _MAX_SIZE = 32 * 1024 * 1024
 # What an entry takes beside its content.
@@ -66,10 +62,10 @@ class Channels:
         for opcode, content in definitions:
             self.add(opcode, content, offset, verified=verified)
 
-    def update(self, other: Channels) -> None:
+    def update(self, other: 'Channels') -> None:
         """Take all that another table of the same file knows."""
-        self._schemas.update(other._schemas)
-        self._channels.update(other._channels)
+        self._schemas.update(other._schemas)  # noqa: SLF001 - its own kind
+        self._channels.update(other._channels)  # noqa: SLF001 - as above
         self._forget()
 
     def _forget(self) -> None:
@@ -153,9 +149,9 @@ class _Definitions:
         self._best[number] = content
         return number
 
-    def update(self, other: _Definitions) -> None:
+    def update(self, other: '_Definitions') -> None:
         """Take the versions of another table, as often as they were met there."""
-        for versions in other._versions.values():
+        for versions in other._versions.values():  # noqa: SLF001 - its own kind
             for content, (verified, _) in versions.items():
                 self.add(content, 0, verified=verified)
 

@@ -5,9 +5,8 @@ The size that a chunk claims is not believed: it is unpacked piece by piece up t
 a flipped bit does not ask for all memory, and so that its CRC has the last word.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from typing import TypeAlias
 import zlib
 
 from klann_ros.log.errors import DamagedError
@@ -17,17 +16,11 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk
 import zstandard
 
-from .content import content_of
+from .content import Content, content_of, Patience
 from .parsing import parse
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from typing import TypeAlias
-
-    from .content import Content, Patience
-
-    Bytes: TypeAlias = bytes | bytearray
-    Unpack: TypeAlias = Callable[[bytes, int], Iterator[bytes]]
+Bytes: TypeAlias = bytes | bytearray
+Unpack: TypeAlias = Callable[[bytes, int], Iterator[bytes]]
 
 MIN_LIMIT = 40 * 1024 * 1024
 """So much any chunk may unpack to [bytes]; usual are 1 MB."""

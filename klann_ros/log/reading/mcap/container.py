@@ -4,11 +4,10 @@ The records of an MCAP file, read without believing a length before it was compa
 A file is a magic, records of an opcode (1 byte), a length (8 bytes) and a content, and the magic.
 """
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from dataclasses import dataclass
 import struct
-from typing import TYPE_CHECKING
+from typing import BinaryIO
 import zlib
 
 from klann_ros.log.errors import DamagedError
@@ -17,10 +16,6 @@ from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
 from .layout import fields_end, is_known, RECORD_HEAD, RecordSpan
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from typing import BinaryIO
 
 MAGIC = MCAP0_MAGIC
 """The first and the last 8 bytes of a file."""

@@ -8,24 +8,19 @@ file. A file that is sound never gets there; one that has used it up is still re
 behind that in it is unpacked to the free multiple only.
 """
 
-from __future__ import annotations
-
 from array import array
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 import struct
 import sys
-from typing import TYPE_CHECKING
+from typing import BinaryIO, TypeAlias
 
 from klann_ros.log.errors import DamagedError
 from mcap.opcode import Opcode
 
 from .layout import is_known, RECORD_HEAD, without_more
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-    from typing import BinaryIO, TypeAlias
-
-    Row: TypeAlias = tuple[int, int, int, int, bytes]
+Row: TypeAlias = tuple[int, int, int, int, bytes]
 
 _MESSAGE = struct.Struct('<HIQQ')
 _WHOLE = struct.Struct('<QHIQQ')
@@ -91,9 +86,9 @@ class Content:
     """
 
     data: memoryview
-    starts: array[int]
-    times: array[int]
-    definition_starts: array[int]
+    starts: 'array[int]'
+    times: 'array[int]'
+    definition_starts: 'array[int]'
     verified: bool
     broken: str = ''
     wasted: int = 0

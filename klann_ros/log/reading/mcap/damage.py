@@ -1,25 +1,19 @@
 """What in a file cannot be used: which messages and times that concerns, and what is no loss."""
 
-from __future__ import annotations
-
 from bisect import bisect_left
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 import struct
-from typing import TYPE_CHECKING
+from typing import BinaryIO
 
 from klann_ros.log.bag_metadata import RECORD_NAME
 from klann_ros.untrusted.text import counted
 from mcap.opcode import Opcode
+from mcap.records import ChunkIndex
 
 from .container import MAGIC
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-    from typing import BinaryIO
-
-    from mcap.records import ChunkIndex
-
-    Hole = tuple[int, int]
+Hole = tuple[int, int]
 
 _MAX_LOSSES = 1000
 # Of a chunk: what it is, how long it is, and its messages' first and last log time.

@@ -6,11 +6,10 @@ a record with more behind its fields, or of a kind that nobody knows, is just as
 bytes of chance look like that.
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from enum import IntEnum
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import BinaryIO
 
 from klann_ros.log.errors import DamagedError
 from klann_ros.untrusted.files import next_data
@@ -19,15 +18,9 @@ from mcap.records import Channel, Metadata
 
 from .chunks import chunk_content
 from .container import read, span_at
-from .layout import fields_end, is_known, RECORD_HEAD
+from .content import Patience
+from .layout import fields_end, is_known, RECORD_HEAD, RecordSpan
 from .parsing import crc_of_attachment, parse, parse_attachment, parse_schema
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import BinaryIO
-
-    from .content import Patience
-    from .layout import RecordSpan
 
 _PIECE = 1024 * 1024
 _INDEX_HEAD, _INDEX_ENTRY = 6, 16

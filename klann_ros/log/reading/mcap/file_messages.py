@@ -1,36 +1,26 @@
 """The messages of one file: chunk by chunk where its index holds, or else as they stand in it."""
 
-from __future__ import annotations
-
 from collections import Counter
+from collections.abc import Iterator
 from functools import partial
 from itertools import accumulate
-from typing import TYPE_CHECKING
+from typing import TypeAlias
 
-from klann_ros.log.reading.block import block_of
-from klann_ros.log.reading.sources import Source
-from klann_ros.log.records import Message
+from klann_ros.log.reading.block import block_of, MessageBlock
+from klann_ros.log.reading.sources import Source, Topics
+from klann_ros.log.reading.storage import Overview
+from klann_ros.log.records import Message, Topic
 from klann_ros.untrusted.text import counted, verb
+from mcap.records import ChunkIndex
 import numpy as np
 
 from .chunks import MAX_RATIO, MIN_LIMIT
+from .content import Content
+from .log_file import LogFile
+from .summary import Summary
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from typing import TypeAlias
-
-    from klann_ros.log.reading.block import MessageBlock
-    from klann_ros.log.reading.sources import Topics
-    from klann_ros.log.reading.storage import Overview
-    from klann_ros.log.records import Topic
-    from mcap.records import ChunkIndex
-
-    from .content import Content
-    from .log_file import LogFile
-    from .summary import Summary
-
-    # How many messages a chunk holds, and their first and last log time [ns].
-    Held: TypeAlias = tuple[int, int, int]
+# How many messages a chunk holds, and their first and last log time [ns].
+Held: TypeAlias = tuple[int, int, int]
 
 # So much may be unpacked at once to put messages in the order of time [bytes].
 _MOST_AT_ONCE = 2 * MIN_LIMIT

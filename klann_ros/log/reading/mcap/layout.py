@@ -6,18 +6,12 @@ It may not be shorter. Most records have no checksum, so that the lengths within
 own, best of all exactly, is what tells it from bytes of chance.
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import dataclass
 import struct
-from typing import TYPE_CHECKING
+from typing import BinaryIO
 
 from mcap.opcode import Opcode
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import BinaryIO
-
 
 RECORD_HEAD = struct.Struct('<BQ')
 """What every record begins with: opcode, and length of the content."""

@@ -1,11 +1,12 @@
 """One MCAP file being read, from any recorder and in any state."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import BinaryIO
 
 from klann_ros.log.errors import DamagedError, NotALogError
 from klann_ros.log.reading.storage import Overview, Problems
+from klann_ros.log.reading.temporary import TemporaryFile
+from klann_ros.log.records import Attachment
 from klann_ros.untrusted.files import open_plain
 from klann_ros.untrusted.text import printable
 from mcap.opcode import Opcode
@@ -14,22 +15,13 @@ from mcap.records import Header, Metadata
 from .channels import Channels
 from .chunks import chunk_content
 from .container import find_footer, MAGIC, read, span_at
-from .content import Patience
+from .content import Content, Patience
 from .damage import holes
 from .evidence import Evidence
 from .parsing import parse, parse_attachment
 from .resync import Search
 from .summary import read_summary, Summary
 from .walk import Walk
-
-if TYPE_CHECKING:
-    from pathlib import Path
-    from typing import BinaryIO
-
-    from klann_ros.log.reading.temporary import TemporaryFile
-    from klann_ros.log.records import Attachment
-
-    from .content import Content
 
 _NEVER = 2**64
 _START = MAGIC + bytes([Opcode.HEADER])

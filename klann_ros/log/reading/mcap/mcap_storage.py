@@ -1,24 +1,17 @@
 """An MCAP file as a storage: its messages one by one, in blocks, and what is intact of them."""
 
-from __future__ import annotations
+from collections.abc import Iterator
 
-from typing import TYPE_CHECKING
-
+from klann_ros.log.reading.block import MessageBlock
+from klann_ros.log.reading.sources import Source
+from klann_ros.log.reading.storage import Overview
+from klann_ros.log.records import Attachment, Message
 from klann_ros.untrusted.text import counted, verb
 
 from .file_messages import blocks_of, messages_in, sources_of
+from .layout import RecordSpan
 from .log_file import LogFile
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from klann_ros.log.reading.block import MessageBlock
-    from klann_ros.log.reading.sources import Source
-    from klann_ros.log.reading.storage import Overview
-    from klann_ros.log.records import Attachment, Message
-
-    from .layout import RecordSpan
-    from .walk import Walk
+from .walk import Walk
 
 
 class McapStorage(LogFile):
@@ -40,7 +33,7 @@ class McapStorage(LogFile):
                     return data
         return b''
 
-    def salvage(self) -> McapSalvage:
+    def salvage(self) -> 'McapSalvage':
         """Return a pass over all that is intact in it."""
         return McapSalvage(self)
 
@@ -65,8 +58,8 @@ class McapSalvage:
         self.lost: list[str] = []
         self.remarks = [f'{file.name}: {item.text}' for item in file.problems.values()]
         self._file = file
-        self._attachments: list[RecordSpan] = []
-        self._metadata: list[RecordSpan] = []
+        self._attachments = list[RecordSpan]()
+        self._metadata = list[RecordSpan]()
         self._unverified = self._unknown = self._unknown_offset = self._other = 0
 
     def messages(self) -> Iterator[Message]:

@@ -6,14 +6,12 @@ there is believed as the table below says; a message, which has nothing to be kn
 one of several records in a row.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left
+from collections.abc import Iterator
 from functools import cache
 from operator import attrgetter
 import re
 import struct
-from typing import TYPE_CHECKING
 
 from klann_ros.log.errors import DamagedError
 from klann_ros.untrusted.files import next_data
@@ -21,13 +19,8 @@ from mcap.opcode import Opcode
 
 from .chunks import COMPRESSIONS
 from .container import span_at
-from .evidence import Behind, Inside
+from .evidence import Behind, Evidence, Inside
 from .layout import is_known, least, RecordSpan
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from .evidence import Evidence
 
 # What must stand behind a record that is found, at least; nothing makes up for no content.
 _BELIEVED = {

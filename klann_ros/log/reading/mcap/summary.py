@@ -1,12 +1,10 @@
 """The summary at the end of a closed file: channels, statistics, and the index of its chunks."""
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import le
-from typing import NamedTuple, TYPE_CHECKING
+from typing import BinaryIO, NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, ChunkIndex, MetadataIndex, Statistics
@@ -14,9 +12,6 @@ from mcap.records import AttachmentIndex, ChunkIndex, MetadataIndex, Statistics
 from .channels import Channels
 from .container import check_summary, Footer, read, spans
 from .parsing import parse
-
-if TYPE_CHECKING:
-    from typing import BinaryIO
 
 _INDEX_HEAD = 15
 _INDEX_ENTRY = 16

@@ -7,32 +7,24 @@ believed is decided in :mod:`klann_ros.log.reading.mcap.belief`, and where it go
 in :mod:`klann_ros.log.reading.mcap.resync`.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from typing import BinaryIO
 
 from klann_ros.log.errors import DamagedError
 from mcap.opcode import Opcode
 from mcap.records import Metadata
 
 from .belief import Belief
+from .channels import Channels
 from .chunks import chunk_content
 from .container import MAGIC, name_of, read, span_at
-from .content import message_content, Patience, Stretches
+from .content import Content, message_content, Patience, Stretches
 from .damage import is_made_anew, Loss, Losses
 from .evidence import Evidence
-from .layout import fields_end, is_known
+from .layout import fields_end, is_known, RecordSpan
 from .parsing import parse
 from .resync import Search
 from .summary import Summary
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from typing import BinaryIO
-
-    from .channels import Channels
-    from .content import Content
-    from .layout import RecordSpan
 
 _INDEX_HEAD, _INDEX_ENTRY = 6, 16
 _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)

@@ -1,28 +1,20 @@
 """What is in an SQLite file of rosbag2's, read by the one that can: SQLite, or page by page."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from dataclasses import dataclass, field
+from pathlib import Path
 import sqlite3
-from typing import TYPE_CHECKING
 
 from klann_ros.log.errors import NotALogError
+from klann_ros.log.reading.temporary import TemporaryFile
 from klann_ros.untrusted.files import open_plain
 from klann_ros.untrusted.text import counted, listed, printable, verb
 
 from .database import columns, connect, table_names
 from .journals import left_beside, settled, uncommitted
 from .paged_rows import PagedRows
-from .rows import RowsBehind, RowsError, SqlRows
+from .rows import MessageRows, RowsBehind, RowsError, SqlRows
 from .topics import Described, described
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from klann_ros.log.reading.temporary import TemporaryFile
-
-    from .rows import MessageRows
 
 _KIND = "SQLite, rosbag2's .db3"
 _MESSAGES = frozenset(('topic_id', 'timestamp', 'data'))

@@ -6,13 +6,8 @@ when a statement is prepared, before anything of it runs (https://www.sqlite.org
 The file is opened immutable, so that nothing is made beside it and no lock is waited for.
 """
 
-from __future__ import annotations
-
+from pathlib import Path
 import sqlite3
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 TABLES = ('topics', 'messages', 'message_definitions', 'metadata')
 """What is read of a bag."""

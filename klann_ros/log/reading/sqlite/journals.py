@@ -6,22 +6,17 @@ itself puts that in order, in a copy: the bag is not changed. What had been writ
 committed SQLite takes back; the pages are there all the same, and so are the messages in them.
 """
 
-from __future__ import annotations
-
+from collections.abc import Collection, Iterator
 from itertools import chain
+from pathlib import Path
 import sqlite3
 import struct
-from typing import TYPE_CHECKING
+from typing import BinaryIO
 
 from klann_ros.log.reading.temporary import TemporaryFile
 from klann_ros.untrusted.files import is_plain, open_plain
 
 from .pages import form_of, HEADER_SIZE
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
-    from pathlib import Path
-    from typing import BinaryIO
 
 WAL, JOURNAL = '-wal', '-journal'
 

@@ -1,24 +1,16 @@
 """The messages of a damaged SQLite file, found page by page."""
 
-from __future__ import annotations
-
-from typing import NamedTuple, TYPE_CHECKING
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 from klann_ros.untrusted.files import open_plain
 import numpy as np
 
-from .pages import Pages
-from .records import BrokenRowError
-from .rows import RowRange, RowsError
+from .pages import PageRow, Pages
+from .records import BrokenRowError, Field
+from .rows import Row, RowRange, RowsError
 from .topics import Words
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
-    from pathlib import Path
-
-    from .pages import PageRow
-    from .records import Field
-    from .rows import Row
 
 # Cells may lie in one another, and claim together so many times what there is.
 _PATIENCE = 4
@@ -156,7 +148,7 @@ def _looks_like_message(columns: list[Field]) -> bool:
     return not number.kind and topic.is_integer and time.is_integer and data.is_blob
 
 
-def _message(row: PageRow) -> Found | None:
+def _message(row: PageRow) -> 'Found | None':
     if not _looks_like_message(row.columns):
         return None
     topic, time = (column.integer(row.local) for column in row.columns[1:3])

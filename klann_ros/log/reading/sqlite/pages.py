@@ -5,21 +5,14 @@ A row stands in a cell of a leaf page of its table, and what of it has no room t
 overflow pages; no page above is needed to read it (https://www.sqlite.org/fileformat2.html).
 """
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from dataclasses import dataclass
 import struct
-from typing import NamedTuple, TYPE_CHECKING
+from typing import BinaryIO, NamedTuple
 
 from klann_ros.untrusted.files import next_data
 
-from .records import BrokenRowError, fields, signed, varint
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from typing import BinaryIO
-
-    from .records import Field
+from .records import BrokenRowError, Field, fields, signed, varint
 
 SQLITE_MAGIC = b'SQLite format 3\0'
 """The first bytes of an SQLite file."""

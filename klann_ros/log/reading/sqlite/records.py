@@ -1,7 +1,5 @@
 """The record format of SQLite: the values of a row, and where each is."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 _MOST_COLUMNS = 6

@@ -1,22 +1,17 @@
 """The messages of a sound SQLite file: in pieces by their numbers, each as large as a chunk."""
 
-from __future__ import annotations
-
+from collections.abc import Collection
 from contextlib import closing
 from dataclasses import dataclass
+from pathlib import Path
 import sqlite3
-from typing import Protocol, TYPE_CHECKING
+from typing import Protocol, TypeAlias
 
 from klann_ros.untrusted.text import printable
 
 from .database import connect
 
-if TYPE_CHECKING:
-    from collections.abc import Collection
-    from pathlib import Path
-    from typing import TypeAlias
-
-    Row: TypeAlias = tuple[int, int, bytes]
+Row: TypeAlias = tuple[int, int, bytes]
 
 _MOST_ROWS = 4096
 # What a piece holds at about and at most [bytes]; a single message may be larger.

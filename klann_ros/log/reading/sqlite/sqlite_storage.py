@@ -1,32 +1,21 @@
 """An SQLite file of rosbag2's as a storage: a `.db3`, of any age and in any state."""
 
-from __future__ import annotations
-
+from collections.abc import Collection, Iterator
 from functools import partial
 from operator import itemgetter
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from klann_ros.log.bag_metadata import RECORD_KEY, RECORD_NAME
-from klann_ros.log.reading.block import block_of_messages, HEAD
-from klann_ros.log.reading.sources import Source
+from klann_ros.log.reading.block import block_of_messages, HEAD, MessageBlock
+from klann_ros.log.reading.sources import Source, Topics
 from klann_ros.log.reading.storage import Overview, Problems
-from klann_ros.log.records import Message
+from klann_ros.log.reading.temporary import TemporaryFile
+from klann_ros.log.records import Attachment, Message
 from klann_ros.untrusted.text import counted, printable, verb
 import numpy as np
 
 from .contents import contents_of
-from .rows import RowsError
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
-    from pathlib import Path
-
-    from klann_ros.log.reading.block import MessageBlock
-    from klann_ros.log.reading.sources import Topics
-    from klann_ros.log.reading.temporary import TemporaryFile
-    from klann_ros.log.records import Attachment
-
-    from .rows import Row, RowRange
+from .rows import Row, RowRange, RowsError
 
 _time_of = itemgetter(1)
 
@@ -108,7 +97,7 @@ class SqliteStorage:
         """Return None: there is nothing of the kind in such files."""
         return None
 
-    def salvage(self) -> SqliteSalvage:
+    def salvage(self) -> 'SqliteSalvage':
         """Return a pass over all that is intact in it."""
         return SqliteSalvage(self)
 

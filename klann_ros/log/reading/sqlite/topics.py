@@ -1,21 +1,15 @@
 """What an SQLite file says of its topics: in tables whose columns became more over the years."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+import sqlite3
 
 from klann_ros.log.definitions import definition
 from klann_ros.log.errors import UnknownTypeError
 from klann_ros.log.records import Topic
 
 from .database import columns, text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    import sqlite3
-
-    from .records import Field
+from .records import Field
 
 # A column that a table does not have is '' in each row.
 _TOPICS = (
