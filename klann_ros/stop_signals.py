@@ -32,7 +32,6 @@ class StopSignals:
     """
 
     def __init__(self, *, uses_terminal: bool = False) -> None:
-        """Take the signals over."""
         signals = {signal.SIGINT, signal.SIGTERM}
         # nohup asks for a process that outlives its terminal. A shell's `&` ignores SIGINT too,
         # but there a user's `kill -INT` is meant.

@@ -5,6 +5,7 @@ The text is made when it is asked for, from the same arguments that the error wa
 an error costs little where it is only counted, and it can be pickled.
 """
 
+from dataclasses import dataclass
 import math
 
 import numpy as np
@@ -23,6 +24,7 @@ class NotAssembledError(GeometryError):
     """A start from which no pose is reached that says which assembly is meant."""
 
 
+@dataclass(eq=False, repr=False)
 class CrankAngleError(KinematicsError, ValueError):
     """
     A crank angle that is no angle: not finite, or too large to mean anything.
@@ -36,11 +38,8 @@ class CrankAngleError(KinematicsError, ValueError):
 
     """
 
-    def __init__(self, alpha: object, limit: float) -> None:
-        """Keep the numbers."""
-        super().__init__(alpha, limit)
-        self.alpha = alpha
-        self.limit = limit
+    alpha: object
+    limit: float
 
     def __str__(self) -> str:
         if isinstance(self.alpha, np.ndarray | list | tuple | range):
@@ -55,6 +54,7 @@ class CrankAngleError(KinematicsError, ValueError):
         )
 
 
+@dataclass(eq=False, repr=False)
 class UnreachableError(KinematicsError):
     """
     A crank angle at which a dyad cannot close.
@@ -78,21 +78,11 @@ class UnreachableError(KinematicsError):
 
     """
 
-    def __init__(
-        self,
-        alpha: float,
-        dyad: int,
-        shortfall: float,
-        stretched: bool,
-        names: tuple[str, str, str, str],
-    ) -> None:
-        """Keep the numbers."""
-        super().__init__(alpha, dyad, shortfall, stretched, names)
-        self.alpha = alpha
-        self.dyad = dyad
-        self.shortfall = shortfall
-        self.stretched = stretched
-        self.names = names
+    alpha: float
+    dyad: int
+    shortfall: float
+    stretched: bool
+    names: tuple[str, str, str, str]
 
     def __str__(self) -> str:
         p, q, link_1, link_2 = self.names
@@ -118,6 +108,7 @@ class UnreachableError(KinematicsError):
         return f'{p} and {q} leave the pose indefinite'
 
 
+@dataclass(eq=False, repr=False)
 class LoopsOpenError(KinematicsError):
     """
     A crank angle at which coupled loops do not close on the branch that they are on.
@@ -133,12 +124,9 @@ class LoopsOpenError(KinematicsError):
 
     """
 
-    def __init__(self, alpha: float, block: int, nearest: float) -> None:
-        """Keep the numbers."""
-        super().__init__(alpha, block, nearest)
-        self.alpha = alpha
-        self.block = block
-        self.nearest = nearest
+    alpha: float
+    block: int
+    nearest: float
 
     def __str__(self) -> str:
         return (
@@ -148,6 +136,7 @@ class LoopsOpenError(KinematicsError):
         )
 
 
+@dataclass(eq=False, repr=False)
 class NotConvergedError(KinematicsError):
     """
     Newton-Raphson did not converge.
@@ -163,12 +152,9 @@ class NotConvergedError(KinematicsError):
 
     """
 
-    def __init__(self, alpha: float, iterates: NDArray[np.float64], reason: str) -> None:
-        """Keep the numbers."""
-        super().__init__(alpha, iterates, reason)
-        self.alpha = alpha
-        self.iterates = iterates
-        self.reason = reason
+    alpha: float
+    iterates: NDArray[np.float64]
+    reason: str
 
     def __str__(self) -> str:
         return (
@@ -177,6 +163,7 @@ class NotConvergedError(KinematicsError):
         )
 
 
+@dataclass(eq=False, repr=False)
 class SingularPoseError(KinematicsError):
     """
     A pose without a velocity: Phi cannot be inverted, as where a dyad is stretched or folded.
@@ -188,10 +175,7 @@ class SingularPoseError(KinematicsError):
 
     """
 
-    def __init__(self, alpha: float) -> None:
-        """Keep the angle."""
-        super().__init__(alpha)
-        self.alpha = alpha
+    alpha: float
 
     def __str__(self) -> str:
         return (
@@ -200,6 +184,7 @@ class SingularPoseError(KinematicsError):
         )
 
 
+@dataclass(eq=False, repr=False)
 class ImmobileDirectionError(KinematicsError):
     """
     A direction in which the foot does not move, so that any force along it is balanced.
@@ -213,11 +198,8 @@ class ImmobileDirectionError(KinematicsError):
 
     """
 
-    def __init__(self, h_1: tuple[float, float], direction: tuple[float, float]) -> None:
-        """Keep the numbers."""
-        super().__init__(h_1, direction)
-        self.h_1 = h_1
-        self.direction = direction
+    h_1: tuple[float, float]
+    direction: tuple[float, float]
 
     def __str__(self) -> str:
         (x_1, y_1), (u, v) = self.h_1, self.direction

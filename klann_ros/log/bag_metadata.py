@@ -25,22 +25,13 @@ HASH_KEY = 'topic_type_hash'
 
 @dataclass
 class FileSummary:
-    """
-    What one file of a run holds.
+    """What one file of a run holds."""
 
-    Parameters
-    ----------
-    name
-        The file's name in the run's folder.
-    counts
-        Messages per topic.
-    start_time, end_time
-        Log time of the earliest and the latest message [ns]; 0 without any.
-
-    """
-
+    # The file's name in the run's folder.
     name: str
+    # Messages per topic.
     counts: dict[Topic, int] = field(default_factory=dict)
+    # Log time of the earliest and the latest message [ns]; 0 without any.
     start_time: int = 0
     end_time: int = 0
 

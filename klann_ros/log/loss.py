@@ -32,7 +32,6 @@ class LossCounter:
     """
 
     def __init__(self) -> None:
-        """Start before the first message."""
         self.lost = self.early = self.left = 0
         self.latched = self.shared = False
         self.numbered = True

@@ -123,7 +123,6 @@ class QosTexts:
     """
 
     def __init__(self) -> None:
-        """Begin with none."""
         self._left, self._different = MOST_TEXTS, MOST_DIFFERENT
         self._known: dict[str, list[Qos] | MalformedQosError] = {}
 

@@ -20,22 +20,13 @@ _GARBLED = (AttributeError, KeyError, OverflowError, RecursionError, TypeError, 
 
 @dataclass(frozen=True)
 class SolverParameters:
-    """
-    The parameters of a solver at a time; a run has one for each change that it heard of.
+    """The parameters of a solver at a time; a run has one for each change that it heard of."""
 
-    Attributes
-    ----------
-    node : str
-        The solver's full name.
-    time : int
-        When it had them [ns since the epoch], on the clock of the log times.
-    parameters : dict
-        The parameters by name: numbers, texts, flags, and lists of them.
-
-    """
-
+    # The solver's full name.
     node: str
+    # When it had them [ns since the epoch], on the clock of the log times.
     time: int
+    # The parameters by name: numbers, texts, flags, and lists of them.
     parameters: dict[str, Any]
 
 
@@ -64,35 +55,21 @@ def solver_parameters(record: Mapping[str, str]) -> SolverParameters:
 
 @dataclass(frozen=True)
 class TopicCount:
-    """
-    What became of a topic's messages in a recording.
+    """What became of a topic's messages in a recording."""
 
-    Attributes
-    ----------
-    received : int
-        How many the recorder was given.
-    written : int
-        How many of them are in the run.
-    dropped : int
-        How many of them will never be.
-    left_out : int
-        How many came during a pause; that is no loss.
-    unheard : int or None
-        How many were lost before, by the numbers of a single publisher; None where nobody can
-        tell.
-    early : int
-        How many publishers that came later had sent before they were heard.
-    left : int
-        How many publishers have left: of what each sent last nobody knows.
-
-    """
-
+    # How many the recorder was given.
     received: int
+    # How many of them are in the run.
     written: int
+    # How many of them will never be.
     dropped: int = 0
+    # How many came during a pause; that is no loss.
     left_out: int = 0
+    # How many were lost before, by the numbers of a single publisher; None where nobody can tell.
     unheard: int | None = 0
+    # How many publishers that came later had sent before they were heard.
     early: int = 0
+    # How many publishers have left: of what each sent last nobody knows.
     left: int = 0
 
     @property
@@ -105,20 +82,12 @@ class TopicCount:
 
 @dataclass(frozen=True)
 class Pause:
-    """
-    A time in which nothing was recorded, by intention.
+    """A time in which nothing was recorded, by intention."""
 
-    Attributes
-    ----------
-    begin, end : int
-        From and until when [ns since the epoch], on the clock of the log times.
-    left_out : dict
-        How many messages of each topic came meanwhile.
-
-    """
-
+    # From and until when [ns since the epoch], on the clock of the log times.
     begin: int
     end: int
+    # How many messages of each topic came meanwhile.
     left_out: dict[str, int]
 
 

@@ -34,39 +34,25 @@ class UnknownParameterError(ParameterNotDeclaredException):
 
 @dataclass(frozen=True)
 class Declaration:
-    """
-    A parameter as a node declares it.
+    """A parameter as a node declares it."""
 
-    Attributes
-    ----------
-    name : str
-        Its name.
-    default : object
-        Its default, which fixes its type.
-    description : str
-        What it is, with the unit in brackets.
-    limits : tuple of float, optional
-        The least and the greatest value.
-    choices : sequence of str
-        The only values, where there are any.
-    constraint : str
-        What its value must be, in words, where neither limits nor choices say it.
-    read_only : bool
-        Whether it can only be given at start.
-    any_number : bool
-        Whether an integer and a double are taken alike; where the default is a double, it is held
-        as one.
-
-    """
-
+    # Its name.
     name: str
+    # Its default, which fixes its type.
     default: Any
+    # What it is, with the unit in brackets.
     description: str
     _: KW_ONLY
+    # The least and the greatest value.
     limits: tuple[float, float] | None = None
+    # The only values, where there are any.
     choices: Sequence[str] = ()
+    # What its value must be, in words, where neither limits nor choices say it.
     constraint: str = ''
+    # Whether it can only be given at start.
     read_only: bool = True
+    # Whether an integer and a double are taken alike; where the default is a double, it is held as
+    # one.
     any_number: bool = False
 
     @property

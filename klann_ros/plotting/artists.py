@@ -55,7 +55,6 @@ class PoseArtists:
     def __init__(
         self, ax: 'Axes', pose: LinkagePose, *, letters: bool = True, width: float = WIDTH
     ) -> None:
-        """Draw it."""
         drawn = Drawn.of(pose)
         self.bodies, self.plates = [], []
         for body in drawn.bodies:

@@ -24,23 +24,14 @@ Array = NDArray[np.float64]
 
 
 class DrawnBody(NamedTuple):
-    """
-    A body as it is drawn.
+    """A body as it is drawn."""
 
-    Attributes
-    ----------
-    bars : list of (str, str)
-        Its bars, by their points.
-    label, colour : str
-        What it is called, and its colour.
-    line : (str, str) or None
-        The line that it slides along: from a point of what has the line to its own first.
-
-    """
-
+    # Its bars, by their points.
     bars: list[tuple[str, str]]
+    # What it is called, and its colour.
     label: str
     colour: str
+    # The line that it slides along: from a point of what has the line to its own first.
     line: tuple[str, str] | None = None
 
     @property
@@ -55,22 +46,13 @@ class DrawnBody(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """
-    What a pose is drawn from.
+    """What a pose is drawn from."""
 
-    Attributes
-    ----------
-    points : dict of str to numpy.ndarray, shape (2,)
-        Every point by its name [m].
-    bodies : list of DrawnBody
-        The bodies, the crank first.
-    joints : dict of str to list of str
-        The points by the kind of their joint: PIVOT, PIN and POINT.
-
-    """
-
+    # Every point by its name [m], shape (2,) each.
     points: dict[str, Array]
+    # The bodies, the crank first.
     bodies: list[DrawnBody]
+    # The points by the kind of their joint: PIVOT, PIN and POINT.
     joints: dict[str, list[str]]
 
     @classmethod

@@ -12,7 +12,6 @@ class Deviations:
     """Statistics of many legs against one, taken up some crank angles at a time."""
 
     def __init__(self, legs: int, angles: int) -> None:
-        """Start without a crank angle."""
         self._at_angles: dict[str, Array] = {
             'mean': np.empty((angles, 2)),
             'box': np.empty((angles, 2, 2)),

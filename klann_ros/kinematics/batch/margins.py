@@ -1,5 +1,6 @@
 """How much each number of a linkage may change before the crank loses its full turn."""
 
+from dataclasses import dataclass
 from math import inf, pi
 from typing import Any, NamedTuple
 
@@ -19,6 +20,7 @@ from .turn_losses import TurnLosses
 CLEAR = 1e-6
 
 
+@dataclass(eq=False, repr=False)
 class PartialTurnError(KinematicsError):
     """
     A leg whose crank does not turn fully, so that there is no full turn to lose.
@@ -30,10 +32,7 @@ class PartialTurnError(KinematicsError):
 
     """
 
-    def __init__(self, arcs: list[Arc]) -> None:
-        """Keep the arcs."""
-        super().__init__(arcs)
-        self.arcs = arcs
+    arcs: list[Arc]
 
     def __str__(self) -> str:
         arcs = ', '.join(f'{a * 180 / pi:.3f} .. {b * 180 / pi:.3f}' for a, b in self.arcs)

@@ -56,7 +56,6 @@ class NumbaKernel:
     """Runs a program on blocks of at most `size` poses; see `numpy_kernel.NumpyKernel`."""
 
     def __init__(self, program: Program, results: Sequence[str], size: int) -> None:
-        """Compile it, or find it compiled."""
         self._place = _function(_text(program, tuple(results)))
         self._memory = np.empty(len(results) * size)
         self._results = len(results)

@@ -38,7 +38,6 @@ class NumpyKernel:
     """Runs a program, as far as its results are wanted, on blocks of at most `size` poses."""
 
     def __init__(self, program: Program, results: Sequence[str], size: int) -> None:
-        """Take the memory."""
         self._schedule = _schedule(program, tuple(results))
         self._memory = np.empty((self._schedule.buffers, size))
 

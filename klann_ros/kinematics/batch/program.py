@@ -49,31 +49,19 @@ class Operation(NamedTuple):
 
 
 class Program(NamedTuple):
-    """
-    What computes poses.
+    """What computes poses."""
 
-    Attributes
-    ----------
-    operations : tuple of Operation
-        In their order; 'cos' and 'sin' are the crank's, 'k0' and so on the constants.
-    constants : tuple of callable
-        How to make each constant.
-    foot : pair of str
-        The foot's coordinates.
-    distances : tuple of str
-        The square of the distance of each dyad's ends.
-    links : tuple of pair of str
-        Of each dyad W_a u_a and W_b u_b, in turn; empty where only the foot is wanted.
-    points : tuple of pair of str
-        Of each point its coordinates; empty as above.
-
-    """
-
+    # In their order; 'cos' and 'sin' are the crank's, 'k0' and so on the constants.
     operations: tuple[Operation, ...]
+    # How to make each constant.
     constants: tuple[Constant, ...]
+    # The foot's coordinates.
     foot: tuple[str, str]
+    # The square of the distance of each dyad's ends.
     distances: tuple[str, ...]
+    # Of each dyad W_a u_a and W_b u_b, in turn; empty where only the foot is wanted.
     links: tuple[tuple[str, str], ...]
+    # Of each point its coordinates; empty as above.
     points: tuple[tuple[str, str], ...]
 
 
@@ -87,7 +75,6 @@ class Numbers:
     def __init__(
         self, structure: Structure, pivots: Sequence[Any], bars: Sequence[Any], signs: Array
     ) -> None:
-        """Make nothing yet."""
         self._structure, self._pivots, self._bars, self.signs = structure, pivots, bars, signs
         self._rows: dict[Path, tuple[Mapping[int, Any], Any]] = {}
 

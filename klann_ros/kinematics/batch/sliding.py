@@ -34,7 +34,6 @@ class SlidingDyads:
     """
 
     def __init__(self, variants: Variants, rows: Any = slice(None)) -> None:
-        """Take up their numbers, a row each."""
         self.structure = structure = variants.base.structure
         count = len(variants)
         self._pivots, self._bars = (
@@ -116,7 +115,6 @@ class SlidingBatch:
     """What `batch.fill` goes through in blocks: see `batch`."""
 
     def __init__(self, variants: Variants, results: Any) -> None:
-        """Compute nothing yet."""
         self._variants, self._results = variants, results
 
     def place(self, rows: slice, columns: slice, alphas: NDArray[Any]) -> None:

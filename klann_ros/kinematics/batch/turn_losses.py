@@ -34,7 +34,6 @@ class TurnLosses:
     """
 
     def __init__(self, linkage: Linkage, names: list[str], farthest: Array) -> None:
-        """Search nothing yet."""
         self._linkage, self._farthest = linkage, farthest
         dimensions = linkage.structure.dimensions
         places = by_name(dimensions)

@@ -24,6 +24,7 @@ from .track import Coordinate, Track, X, Y
 PANELS = 24
 
 
+@dataclass(eq=False, repr=False)
 class NoStanceError(KinematicsError):
     """
     A foot that does not move along x, and so neither backwards nor forwards.
@@ -35,10 +36,7 @@ class NoStanceError(KinematicsError):
 
     """
 
-    def __init__(self, stride: float) -> None:
-        """Keep the number."""
-        super().__init__(stride)
-        self.stride = stride
+    stride: float
 
     def __str__(self) -> str:
         return (

@@ -111,7 +111,6 @@ class Track:
     """
 
     def __init__(self, leg: Any, span: Span, n: int) -> None:
-        """Take the samples."""
         self.span = span
         self._leg = leg
         solved = list(self._solvable(span.samples(n)))

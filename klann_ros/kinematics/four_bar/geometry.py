@@ -63,7 +63,6 @@ class FourBarGeometry:
     assembly: int = 1
 
     def __post_init__(self) -> None:
-        """Refuse what is no four-bar, with the reason."""
         for name in LENGTHS:
             object.__setattr__(self, name, validation.finite(name, getattr(self, name)))
         for name in LENGTHS:

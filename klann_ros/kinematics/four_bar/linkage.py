@@ -59,7 +59,6 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         assembly: int = 1,
         **settings: float,
     ) -> None:
-        """Start without a pose."""
         self._geometry = FourBarGeometry(ground, crank, coupler, rocker, assembly)
         super().__init__(self._geometry.linkage, **settings)
 

@@ -102,7 +102,6 @@ class KlannGeometry:
     assembly: tuple[int, int] = (1, 1)
 
     def __post_init__(self) -> None:
-        """Refuse what is no leg, with the reason."""
         object.__setattr__(self, 'assembly', _signs(self.assembly))
         for name, number in zip(NUMBERS, self.linkage.numbers, strict=True):
             object.__setattr__(self, name, number)

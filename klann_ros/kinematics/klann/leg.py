@@ -61,7 +61,6 @@ class KlannLeg(Leg[KlannPose, KlannMotion]):
     motion_class = KlannMotion
 
     def __init__(self, geometry: KlannGeometry | None = None, **settings: float) -> None:
-        """Start without a pose."""
         if not isinstance(geometry, KlannGeometry | None):
             msg = f'geometry = {geometry!r} is refused: it must be a KlannGeometry'
             raise TypeError(msg)

@@ -28,31 +28,19 @@ Terms = Mapping[int, complex]
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """
-    Loops that are solved together: one of a dyad, several where they are coupled.
+    """Loops that are solved together: one of a dyad, several where they are coupled."""
 
-    Attributes
-    ----------
-    number : int
-        Which block of the linkage, from 1.
-    rows : tuple of (mapping of int to complex, complex)
-        Of each loop what the bodies add to it, and what the pivots do [m].
-    unknowns : tuple of int
-        The bodies that it places.
-    structure : Structure
-        The linkage's.
-    names : tuple of str
-        What the two ends and the two links of a dyad are called.
-    outside : bool
-        Whether a dyad's transmission angle is measured outside of its joint.
-
-    """
-
+    # Which block of the linkage, from 1.
     number: int
+    # Of each loop what the bodies add to it, and what the pivots do [m].
     rows: tuple[tuple[Terms, complex], ...]
+    # The bodies that it places.
     unknowns: tuple[int, ...]
+    # The linkage's.
     structure: Structure
+    # What the two ends and the two links of a dyad are called.
     names: tuple[str, str, str, str]
+    # Whether a dyad's transmission angle is measured outside of its joint.
     outside: bool = False
 
     @property

@@ -62,7 +62,6 @@ class Branch:
     """
 
     def __init__(self, linkage: 'Linkage', block: int) -> None:
-        """Follow it both ways."""
         self._linkage, self._block = linkage, block
         start, *x = linkage.start
         first = self._row(start, tuple(x))

@@ -26,25 +26,15 @@ TOUCHES = 0.75
 
 
 class Pair(NamedTuple):
-    """
-    Two bodies that close a loop.
+    """Two bodies that close a loop."""
 
-    Attributes
-    ----------
-    structure : Structure
-        Whose bodies they are.
-    bodies : (int, int)
-        a and b.
-    terms : mapping of int to complex
-        What they, and others, add to the loop: the W_j [m].
-    constant : complex
-        What does not move adds to it [m].
-
-    """
-
+    # Whose bodies they are.
     structure: Structure
+    # a and b.
     bodies: tuple[int, int]
+    # What they, and others, add to the loop: the W_j [m].
     terms: Mapping[int, complex]
+    # What does not move adds to it [m].
     constant: complex
 
     @property
@@ -81,7 +71,6 @@ class TwoCircles:
     two_branches = True
 
     def __init__(self, pair: Pair) -> None:
-        """Keep the lengths."""
         self.pair = pair
         self.radii = abs(pair.terms[pair.bodies[0]]), abs(pair.terms[pair.bodies[1]])
 
@@ -143,7 +132,6 @@ class _Sliding:
     two_branches = True
 
     def __init__(self, pair: Pair) -> None:
-        """Keep the pair."""
         self.pair = pair
 
     def is_far(self, way: Any) -> Any:
@@ -165,7 +153,6 @@ class CircleAndLine(_Sliding):
     """
 
     def __init__(self, pair: Pair) -> None:
-        """Keep the length of the link."""
         super().__init__(pair)
         self._link, self._slider, self._order = pair.turning_first(1)
         self.scale = self.least_length = abs(pair.terms[self._link])
@@ -203,7 +190,6 @@ class LineOnLink(_Sliding):
     """
 
     def __init__(self, pair: Pair) -> None:
-        """Keep where the line is on the link."""
         super().__init__(pair)
         self._link, self._slider, self._order = pair.turning_first(1)
         self._c = pair.terms.get(self._link, 0.0) * np.conj(pair.terms[self._slider])
@@ -234,7 +220,6 @@ class TwoLines(_Sliding):
     scale = 1.0
 
     def __init__(self, pair: Pair) -> None:
-        """Keep the pair."""
         super().__init__(pair)
         self.least_length = pair.length
 

@@ -68,7 +68,6 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
     def __init__(
         self, linkage: Linkage, *, tolerance: float = 1e-12, max_crank_step: float = 0.35
     ) -> None:
-        """Start without a pose."""
         if not isinstance(linkage, Linkage):
             msg = f'linkage = {linkage!r} is refused: it must be a Linkage'
             raise TypeError(msg)

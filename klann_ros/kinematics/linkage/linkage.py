@@ -66,7 +66,6 @@ class Linkage:
         name: str = '',
         source: str = '',
     ) -> None:
-        """Check the numbers, and find the branch."""
         self.structure = structure
         self.numbers = _checked(structure, numbers)
         self.name, self.source = name, source

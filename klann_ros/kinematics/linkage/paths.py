@@ -18,16 +18,9 @@ from .assembly import Group
 
 
 class Path(NamedTuple):
-    """
-    A sum of pivots and bars, each forward (+1) or backward (-1).
+    """A sum of pivots and bars, each forward (+1) or backward (-1)."""
 
-    Attributes
-    ----------
-    pivots, bars : tuple of (int, int)
-        Which ones, rising, with their signs.
-
-    """
-
+    # Which ones, rising, with their signs.
     pivots: tuple[tuple[int, int], ...]
     bars: tuple[tuple[int, int], ...]
 

@@ -21,7 +21,6 @@ class Entry:
     """A name for one number of a pose or a motion: which of `x` or `joints` it is."""
 
     def __init__(self, field: str, place: int) -> None:
-        """Keep the place."""
         self._field, self._place = field, place
 
     def __get__(self, owner: Any, _: Any = None) -> float:

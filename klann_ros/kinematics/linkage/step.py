@@ -25,27 +25,17 @@ TRUSTED = 0.05
 
 
 class Step(NamedTuple):
-    """
-    The functions of a linkage.
+    """The functions of a linkage."""
 
-    Attributes
-    ----------
-    refine : callable
-        Of alpha, the other angles, the tolerance [rad] and the most iterations: the pose; None
-        where it does not converge, or not on the branch.
-    ahead : callable
-        Of alpha, a step of the crank, and the x and coefficients of the pose before it: the same
-        as `refine`, from the guess along the tangent.
-    velocity : callable
-        Of alpha, x, coefficients and the crank's rate: the rates of all angles, and of the foot.
-    acceleration : callable
-        Of alpha, x, coefficients, the crank's rate and its change: the same, once more.
-
-    """
-
+    # Of alpha, the other angles, the tolerance [rad] and the most iterations: the pose; None where
+    # it does not converge, or not on the branch.
     refine: Callable[..., Any]
+    # Of alpha, a step of the crank, and the x and coefficients of the pose before it: the same as
+    # `refine`, from the guess along the tangent.
     ahead: Callable[..., Any]
+    # Of alpha, x, coefficients and the crank's rate: the rates of all angles, and of the foot.
     velocity: Callable[..., Any]
+    # Of alpha, x, coefficients, the crank's rate and its change: the same, once more.
     acceleration: Callable[..., Any]
 
 

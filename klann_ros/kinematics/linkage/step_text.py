@@ -29,7 +29,6 @@ class Writer:
     """Writes the text for a structure, and tells the constants of a linkage in its order."""
 
     def __init__(self, structure: Structure) -> None:
-        """Write nothing yet."""
         self._structure = structure
         self._paths = structure.paths
         self._senses = structure.senses

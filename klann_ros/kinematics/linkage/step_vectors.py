@@ -32,7 +32,6 @@ class Vectors:
     """
 
     def __init__(self, structure: Structure) -> None:
-        """Give each vector its number."""
         self._structure = structure
         # Each one's number under its body and its bars; the first bar's sign is +1.
         self._numbers: dict[tuple[int, Bars], int] = {}

@@ -38,31 +38,20 @@ class Bar(NamedTuple):
 
 
 class Body(NamedTuple):
-    """
-    A rigid body: bars that turn by one angle, or slide by one distance.
+    """A rigid body: bars that turn by one angle, or slide by one distance."""
 
-    Attributes
-    ----------
-    angle : str
-        The name of its angle, or of its distance, under which it is published.
-    bars : tuple of Bar
-        The first leads from a point of another body, or from a pivot; each of the others from a
-        point that this body has already. Of a body that slides the first is the line: from a point
-        of what it slides along to its own first point, as long as the distance is.
-    clockwise : bool
-        Whether its angle is measured clockwise.
-    label : str
-        What people call it; its angle's name where left out.
-    along : str
-        The body that it slides along, or GROUND, with whose angle its bars turn; empty for a body
-        that turns by an angle of its own.
-
-    """
-
+    # The name of its angle, or of its distance, under which it is published.
     angle: str
+    # The first leads from a point of another body, or from a pivot; each of the others from a
+    # point that this body has already. Of a body that slides the first is the line: from a point
+    # of what it slides along to its own first point, as long as the distance is.
     bars: tuple[Bar, ...]
+    # Whether its angle is measured clockwise.
     clockwise: bool = False
+    # What people call it; its angle's name where left out.
     label: str = ''
+    # The body that it slides along, or GROUND, with whose angle its bars turn; empty for a body
+    # that turns by an angle of its own.
     along: str = ''
 
     @property
@@ -98,25 +87,15 @@ class Body(NamedTuple):
 
 
 class Dimension(NamedTuple):
-    """
-    A number of a linkage.
+    """A number of a linkage."""
 
-    Attributes
-    ----------
-    name : str
-        Such as `l_bc`, `B-C` or `D.x`.
-    kind : str
-        'length' of a bar, its 'bend' or its 'brace'; 'x' or 'y' of a pivot.
-    place : int
-        Which bar, through all bodies, or which pivot.
-    sense : int
-        -1 for a bend that is measured clockwise.
-
-    """
-
+    # Such as `l_bc`, `B-C` or `D.x`.
     name: str
+    # 'length' of a bar, its 'bend' or its 'brace'; 'x' or 'y' of a pivot.
     kind: str
+    # Which bar, through all bodies, or which pivot.
     place: int
+    # -1 for a bend that is measured clockwise.
     sense: int = 1
 
     @property
@@ -135,22 +114,6 @@ class Structure:
     """
     A linkage without its numbers: what is joined to what.
 
-    Attributes
-    ----------
-    pivots : tuple of str
-        The fixed points.
-    bodies : tuple of Body
-        The moving bodies, the crank first.
-    foot : str
-        The point that is published.
-    points : tuple of str
-        Every point, in the order in which they are told; the pivots first where left out.
-    dimensions : tuple of Dimension
-        The numbers by the names that users know, in their order; what is not among them is 0. All
-        of them, named by their points, where left out.
-    outside : tuple of int
-        The blocks, from 1, whose transmission angle is measured outside of the joint.
-
     Raises
     ------
     GeometryError
@@ -158,15 +121,21 @@ class Structure:
 
     """
 
+    # The fixed points.
     pivots: tuple[str, ...]
+    # The moving bodies, the crank first.
     bodies: tuple[Body, ...]
+    # The point that is published.
     foot: str
+    # Every point, in the order in which they are told; the pivots first where left out.
     points: tuple[str, ...] = ()
+    # The numbers by the names that users know, in their order; what is not among them is 0. All of
+    # them, named by their points, where left out.
     dimensions: tuple[Dimension, ...] = ()
+    # The blocks, from 1, whose transmission angle is measured outside of the joint.
     outside: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse what is no linkage, and fill in what was left out."""
         _must(bool(self.bodies), 'there are no bodies: the first is the crank')
         for body in self.bodies:
             _check_body(body)
@@ -389,25 +358,15 @@ class Structure:
 
 
 class Paths(NamedTuple):
-    """
-    The loops of a structure, and the ways to its points.
+    """The loops of a structure, and the ways to its points."""
 
-    Attributes
-    ----------
-    loops : tuple of Path
-        Each closes at a point: the way over its last bar less the point's own.
-    closing : tuple of str
-        At which point.
-    rows : tuple of tuple of int
-        Which loops each group of bodies closes.
-    points : tuple of Path
-        From a pivot to each point.
-
-    """
-
+    # Each closes at a point: the way over its last bar less the point's own.
     loops: tuple[Path, ...]
+    # At which point.
     closing: tuple[str, ...]
+    # Which loops each group of bodies closes.
     rows: tuple[tuple[int, ...], ...]
+    # From a pivot to each point.
     points: tuple[Path, ...]
 
 

@@ -73,7 +73,6 @@ class Variants:
         *,
         assembly: ArrayLike | None = None,
     ) -> None:
-        """Check them all."""
         self.base = base
         places = by_name(base.structure.dimensions, changes)
         try:

@@ -26,26 +26,16 @@ BATCHES = 8
 
 @dataclass(frozen=True)
 class Selection:
-    """
-    What of a log is played.
+    """What of a log is played."""
 
-    Parameters
-    ----------
-    topics
-        Names of the topics.
-    latched
-        How many of the last messages before a start each latched topic still offers there.
-    begin, end
-        From where to where, counted from the start of the log [s].
-    loop
-        Whether it is played again and again.
-
-    """
-
+    # Names of the topics.
     topics: frozenset[str]
+    # How many of the last messages before a start each latched topic still offers there.
     latched: Mapping[str, int] = field(default_factory=dict)
+    # From where to where, counted from the start of the log [s].
     begin: float = 0.0
     end: float = inf
+    # Whether it is played again and again.
     loop: bool = False
 
 

@@ -18,17 +18,6 @@ class Timeline:
     Every change is a new timeline, so that no error can add up: while nothing changes, a message
     of position p is due at ``since + (p - position) / rate``, also after hours.
 
-    Parameters
-    ----------
-    position
-        Where it is at ``since``, counted from the start of the log [s].
-    rate
-        How fast it runs: 2 is twice as fast as it was recorded.
-    since
-        The time from which it runs [s]; None while it stands still.
-    floor
-        What was told already [s]: a position never runs backwards, it waits there.
-
     Raises
     ------
     ValueError
@@ -36,9 +25,13 @@ class Timeline:
 
     """
 
+    # Where it is at ``since``, counted from the start of the log [s].
     position: float = 0.0
+    # How fast it runs: 2 is twice as fast as it was recorded.
     rate: float = 1.0
+    # The time from which it runs [s]; None while it stands still.
     since: float | None = None
+    # What was told already [s]: a position never runs backwards, it waits there.
     floor: float = -inf
 
     def __post_init__(self) -> None:
@@ -88,23 +81,14 @@ class Timeline:
 
 @dataclass
 class Lateness:
-    """
-    What was late so far.
+    """What was late so far."""
 
-    Parameters
-    ----------
-    played, late
-        How many messages were due, and how many of them came later than ``LATE``.
-    worst
-        The latest of them [s].
-    held_up
-        By how much the rest of the log was put off in all, instead of a burst [s].
-
-    """
-
+    # How many messages were due, and how many of them came later than ``LATE``.
     played: int = 0
     late: int = 0
+    # The latest of them [s].
     worst: float = 0.0
+    # By how much the rest of the log was put off in all, instead of a burst [s].
     held_up: float = 0.0
 
     def note(self, late: float) -> None:

@@ -28,25 +28,15 @@ _COUNTED = HEAD.itemsize - 9
 
 @dataclass(frozen=True, eq=False)
 class MessageBlock:
-    """
-    Messages that stand together in a log, in the order in which they stand there.
+    """Messages that stand together in a log, in the order in which they stand there."""
 
-    Parameters
-    ----------
-    data
-        The bytes in which they stand.
-    heads
-        A row of type HEAD each: its channel, sequence, log time and publish time [ns].
-    starts
-        Where in ``data`` the bytes of each begin; shape (n,).
-    topics
-        What their channels stand for, as far as that is known.
-
-    """
-
+    # The bytes in which they stand.
     data: memoryview
+    # A row of type HEAD each: its channel, sequence, log time and publish time [ns].
     heads: NDArray[np.void]
+    # Where in ``data`` the bytes of each begin; shape (n,).
     starts: NDArray[np.int64]
+    # What their channels stand for, as far as that is known.
     topics: Mapping[int, Topic]
 
     def __len__(self) -> int:

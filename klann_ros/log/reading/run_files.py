@@ -32,26 +32,16 @@ _LONGEST = 2000
 
 @dataclass
 class RunFiles:
-    """
-    The files of a log in order, and what is wrong with its folder.
+    """The files of a log in order, and what is wrong with its folder."""
 
-    Attributes
-    ----------
-    paths
-        The files that are there.
-    packed
-        Of some of them the same file as it was packed, in case that what was unpacked from it is
-        not all.
-    missing
-        Files that should be there, one line each.
-    remarks
-        What else is wrong, one line each.
-
-    """
-
+    # The files that are there.
     paths: list[Path] = field(default_factory=list)
+    # Of some of them the same file as it was packed, in case that what was unpacked from it is not
+    # all.
     packed: dict[Path, Path] = field(default_factory=dict)
+    # Files that should be there, one line each.
     missing: list[str] = field(default_factory=list)
+    # What else is wrong, one line each.
     remarks: list[str] = field(default_factory=list)
 
 

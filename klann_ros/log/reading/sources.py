@@ -17,20 +17,12 @@ SLACK = 100
 
 @dataclass(frozen=True)
 class Source:
-    """
-    Messages that are read together: a chunk of an index, or a whole file that has none.
+    """Messages that are read together: a chunk of an index, or a whole file that has none."""
 
-    Parameters
-    ----------
-    start, end
-        Log time of the earliest and the latest message [ns].
-    read
-        Yields the messages of some topics, of all for None.
-
-    """
-
+    # Log time of the earliest and the latest message [ns].
     start: int
     end: int
+    # Yields the messages of some topics, of all for None.
     read: Callable[[Topics], Iterator[Message]]
 
 

@@ -18,30 +18,20 @@ class Storage(Protocol):
 
     What is damaged is left out, and a problem from then on. A new kind of file is a class like
     this, and a line in :mod:`klann_ros.log.reading.opening`.
-
-    Attributes
-    ----------
-    path, name
-        The file that the user has, and how to call it in a line to people.
-    size
-        How far the places go that blocks tell [bytes].
-    profile
-        The MCAP profile of its content, such as ``ros2``; '' if unknown.
-    closed
-        Whether it ends as a file does that was closed.
-    problems
-        What was found to be wrong so far, by offset; it grows while it is read.
-    holes
-        From when to when messages stood in what is damaged [ns], as far as known; it grows, too.
-
     """
 
+    # The file that the user has, and how to call it in a line to people.
     path: Path
     name: str
+    # How far the places go that blocks tell [bytes].
     size: int
+    # The MCAP profile of its content, such as ``ros2``; '' if unknown.
     profile: str
+    # Whether it ends as a file does that was closed.
     closed: bool
+    # What was found to be wrong so far, by offset; it grows while it is read.
     problems: 'Problems'
+    # From when to when messages stood in what is damaged [ns], as far as known; it grows, too.
     holes: set[tuple[int, int]]
 
     def overview(self) -> 'Overview':
@@ -70,19 +60,11 @@ class Storage(Protocol):
 
 
 class Salvage(Protocol):
-    """
-    All that is intact in a file, for a new run; messages first.
+    """All that is intact in a file, for a new run; messages first."""
 
-    Attributes
-    ----------
-    lost
-        What was left out so far, and where, one line each.
-    remarks
-        What else is to be said, one line each.
-
-    """
-
+    # What was left out so far, and where, one line each.
     lost: list[str]
+    # What else is to be said, one line each.
     remarks: list[str]
 
     def messages(self) -> Iterator[Message]:

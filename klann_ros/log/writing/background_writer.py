@@ -26,19 +26,11 @@ RunEntry = Callable[[RunWriter], None]
 
 @dataclass(frozen=True)
 class SplitLimits:
-    """
-    A file is finished as soon as it has reached a limit; 0 is none.
+    """A file is finished as soon as it has reached a limit; 0 is none."""
 
-    Parameters
-    ----------
-    size
-        Of the file [bytes].
-    duration
-        Between its first and its last message [s].
-
-    """
-
+    # Of the file [bytes].
     size: int = 0
+    # Between its first and its last message [s].
     duration: float = 0.0
 
     def are_reached(self, size: int, duration: float) -> bool:
@@ -87,7 +79,6 @@ class BackgroundWriter:
         min_free_space: int = 0,
         capacity: int = CAPACITY,
     ) -> None:
-        """Start the thread."""
         self.failure: Exception | None = None
         self.ledger = Ledger(writer)
         self._writer = writer

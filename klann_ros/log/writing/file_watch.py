@@ -35,19 +35,11 @@ class Harm(Enum):
 
 @dataclass(frozen=True)
 class Mark:
-    """
-    The end of what was written to a file so far.
+    """The end of what was written to a file so far."""
 
-    Attributes
-    ----------
-    size
-        How much that was [bytes].
-    tail
-        Its last bytes.
-
-    """
-
+    # How much that was [bytes].
     size: int = 0
+    # Its last bytes.
     tail: bytes = b''
 
 
@@ -58,17 +50,11 @@ class Seal:
 
     Not by its inode: the numbers of FAT and of many network disks do not last. What is changed in
     the midst of the file is not seen; the CRCs in it are for that.
-
-    Attributes
-    ----------
-    name
-        Its name in its folder.
-    mark
-        Its end; None where the disk does not tell.
-
     """
 
+    # Its name in its folder.
     name: str
+    # Its end; None where the disk does not tell.
     mark: Mark | None
 
     def is_intact(self, folder: OpenFolder) -> bool:

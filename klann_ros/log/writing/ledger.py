@@ -20,44 +20,27 @@ class Account:
     What became of a topic's messages before they were written.
 
     Each number is counted by one thread only, so none needs a lock.
-
-    Attributes
-    ----------
-    received : int
-        How many came.
-    loss : LossCounter
-        How many were lost before they came.
-    left_out : int
-        How many came during a pause.
-    overrun : int
-        How many did not fit into the queue, or came when nothing was written any more.
-    unwritten : int
-        How many were taken out of the queue, and could not be written.
-
     """
 
+    # How many came.
     received: int = 0
+    # How many were lost before they came.
     loss: LossCounter = field(default_factory=LossCounter)
+    # How many came during a pause.
     left_out: int = 0
+    # How many did not fit into the queue, or came when nothing was written any more.
     overrun: int = 0
+    # How many were taken out of the queue, and could not be written.
     unwritten: int = 0
 
 
 @dataclass(frozen=True)
 class Fate:
-    """
-    What became of the messages that a run was given.
+    """What became of the messages that a run was given."""
 
-    Attributes
-    ----------
-    written : Counter
-        How many are in it, by the topic's name.
-    gone : Counter
-        How many were written and are not in it any more, or not known to be.
-
-    """
-
+    # How many are in it, by the topic's name.
     written: Counter[str]
+    # How many were written and are not in it any more, or not known to be.
     gone: Counter[str]
 
 
@@ -132,23 +115,15 @@ class WrittenFiles:
 
     It is never changed but replaced as a whole: other threads ask what became of the messages,
     and each of these is in one place at any time.
-
-    Attributes
-    ----------
-    current
-        The file in progress; None between two, and after the last.
-    finished
-        Those that are finished, and where they were left.
-    written
-        How many messages are in the finished ones, by the topic's name.
-    gone
-        How many were in others.
-
     """
 
+    # The file in progress; None between two, and after the last.
     current: McapFile | None = None
+    # Those that are finished, and where they were left.
     finished: tuple[FinishedFile, ...] = ()
+    # How many messages are in the finished ones, by the topic's name.
     written: Counter[str] = field(default_factory=Counter)
+    # How many were in others.
     gone: Counter[str] = field(default_factory=Counter)
 
     def fate(self) -> Fate:

@@ -27,37 +27,23 @@ _MOST = 3
 
 @dataclass(frozen=True)
 class RecordingState:
-    """
-    A recording at a moment.
+    """A recording at a moment."""
 
-    Attributes
-    ----------
-    counts : dict of str to TopicCount
-        What became of the messages of each topic so far.
-    queued : int
-        Messages that wait for the disk.
-    file : str
-        The file that is being written.
-    size : int
-        Its size [bytes].
-    free : int or None
-        The free space on its disk [bytes]; None where the disk does not tell.
-    paused : bool
-        Whether messages are left out now.
-    failure : str
-        What ended the writing; empty while there is nothing.
-    faults : tuple of str
-        What others have done to the run, a line each.
-
-    """
-
+    # What became of the messages of each topic so far.
     counts: Mapping[str, TopicCount]
+    # Messages that wait for the disk.
     queued: int
+    # The file that is being written.
     file: str
+    # Its size [bytes].
     size: int
+    # The free space on its disk [bytes]; None where the disk does not tell.
     free: int | None
+    # Whether messages are left out now.
     paused: bool
+    # What ended the writing; empty while there is nothing.
     failure: str = ''
+    # What others have done to the run, a line each.
     faults: tuple[str, ...] = ()
 
     @property

@@ -26,19 +26,6 @@ class CrankMotion:
         sweep     from start to start + amplitude and back, at speed
         step      start + amplitude k after k / frequency: a jump every 1 / frequency
 
-    Parameters
-    ----------
-    mode : str
-        One of MODES.
-    speed : float
-        Crank rate of constant (signed) and sweep (its magnitude counts) [rad/s].
-    start : float
-        Crank angle at t = 0 [rad].
-    amplitude : float
-        Size of sine, sweep and step, signed [rad].
-    frequency : float
-        Of sine and step, > 0 [Hz].
-
     Raises
     ------
     CrankMotionError
@@ -47,14 +34,18 @@ class CrankMotion:
 
     """
 
+    # One of MODES.
     mode: str = 'constant'
+    # Crank rate of constant (signed) and sweep (its magnitude counts) [rad/s].
     speed: float = TURN
+    # Crank angle at t = 0 [rad].
     start: float = 0.0
+    # Size of sine, sweep and step, signed [rad].
     amplitude: float = pi / 6.0
+    # Of sine and step, > 0 [Hz].
     frequency: float = 0.5
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be driven, with the reason."""
         if self.mode not in MODES:
             raise CrankMotionError(
                 f'mode = {self.mode!r} is refused: it must be one of {", ".join(MODES)}'

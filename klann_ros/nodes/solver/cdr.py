@@ -36,22 +36,13 @@ _HEADER = b'\0\1\0\0'
 
 
 class JointReading(NamedTuple):
-    """
-    What a JointState says about a joint.
+    """What a JointState says about a joint."""
 
-    Attributes
-    ----------
-    position : float
-        In [rad] where the joint turns.
-    velocity : float or None
-        None where there are not as many velocities as names.
-    sec, nanosec : int
-        The stamp of the message.
-
-    """
-
+    # In [rad] where the joint turns.
     position: float
+    # None where there are not as many velocities as names.
     velocity: float | None
+    # The stamp of the message.
     sec: int
     nanosec: int
 

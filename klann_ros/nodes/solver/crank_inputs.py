@@ -28,19 +28,11 @@ class BadMessageError(KinematicsError):
 
 
 class Crank(NamedTuple):
-    """
-    A crank at a moment.
+    """A crank at a moment."""
 
-    Attributes
-    ----------
-    alpha : float
-        Crank angle [rad].
-    rate : float or None
-        Its rate [rad/s]; None where it is not known.
-
-    """
-
+    # Crank angle [rad].
     alpha: float
+    # Its rate [rad/s]; None where it is not known.
     rate: float | None
 
 
@@ -73,7 +65,6 @@ class CrankInputs:
         turn: Callable[[Mapping[str, Crank], Stamp], None],
         reject: Callable[[KinematicsError], None],
     ) -> None:
-        """Do not listen yet."""
         self.out_of_order = 0
         self._clock = node.get_clock()
         self._joints, self._turn, self._reject = joints, turn, reject

@@ -93,34 +93,21 @@ class SolverFigures:
 
 @dataclass(eq=False)
 class DrivenLeg:
-    """
-    A leg with the crank that drives it, and what its solver did since the last report.
+    """A leg with the crank that drives it, and what its solver did since the last report."""
 
-    Attributes
-    ----------
-    name : str
-        The leg's name; empty for the only, unnamed one.
-    crank_joint : str
-        The joint in crank_state that turns its crank.
-    phase : float
-        Its crank angle where the crank is at 0 [rad].
-    direction : int
-        +1, or -1 for a leg whose crank turns the other way.
-    leg : AnyLeg
-        Its solver.
-    figures : SolverFigures
-        What its solver did.
-    last : LinkagePose or None
-        The last pose; None before the first.
-
-    """
-
+    # The leg's name; empty for the only, unnamed one.
     name: str
+    # The joint in crank_state that turns its crank.
     crank_joint: str
+    # Its crank angle where the crank is at 0 [rad].
     phase: float
+    # +1, or -1 for a leg whose crank turns the other way.
     direction: int
+    # Its solver.
     leg: AnyLeg
+    # What its solver did.
     figures: SolverFigures = field(default_factory=SolverFigures, init=False)
+    # The last pose; None before the first.
     last: LinkagePose | None = field(default=None, init=False)
 
     def prefixed(self, word: str) -> str:

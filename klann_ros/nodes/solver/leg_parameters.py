@@ -51,7 +51,6 @@ class LegParameters:
     """
 
     def __init__(self, node: Node) -> None:
-        """Declare the parameters and make the legs."""
         values = declare(node, (*GEOMETRY, *LEGS, *SETTINGS))
         self._settings = {name: values[name] for name in ('tolerance', 'max_crank_step')}
         self._file = values['linkage'] and str(Path(values['linkage']).expanduser())

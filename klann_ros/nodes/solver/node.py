@@ -42,7 +42,6 @@ class Solver:
     """
 
     def __init__(self, node: Node) -> None:
-        """Declare, validate and connect, but do not listen yet."""
         self._node = node
         self._leg_parameters = LegParameters(node)
         self._legs = self._leg_parameters.legs

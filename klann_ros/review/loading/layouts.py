@@ -58,32 +58,20 @@ class Numbers(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """
-    Where the numbers stand in a message, and in all that are like it.
+    """Where the numbers stand in a message, and in all that are like it."""
 
-    Attributes
-    ----------
-    data : bytes
-        The message in which they were found.
-    order : str
-        The byte order of its numbers, as NumPy writes it.
-    is_stamped : bool
-        Whether it begins with a header, and so with a stamp.
-    names : tuple of str
-        The joints in a JointState.
-    numbers : tuple of Numbers
-        The number of a Float64; x, y and z of a point; positions, velocities and efforts.
-    fixed : numpy.ndarray
-        Which bytes are in all messages that are like it: byte order, lengths and texts. What
-        stands between them for alignment may be anything.
-
-    """
-
+    # The message in which they were found.
     data: bytes
+    # The byte order of its numbers, as NumPy writes it.
     order: str
+    # Whether it begins with a header, and so with a stamp.
     is_stamped: bool
+    # The joints in a JointState.
     names: tuple[str, ...]
+    # The number of a Float64; x, y and z of a point; positions, velocities and efforts.
     numbers: tuple[Numbers, ...]
+    # Which bytes are in all messages that are like it: byte order, lengths and texts. What stands
+    # between them for alignment may be anything.
     fixed: RowIndices
 
     def alike(self, rows: Bytes) -> Flags:

@@ -69,28 +69,17 @@ _MOST_LAYOUTS = 16
 
 
 class DecodedRows(NamedTuple):
-    """
-    What messages of a topic say that have the same joints.
+    """What messages of a topic say that have the same joints."""
 
-    Attributes
-    ----------
-    rows : numpy.ndarray, shape (n,)
-        Which messages of the block they are.
-    stamps : numpy.ndarray, shape (n,)
-        Their header stamps [ns]; 0 for a type without.
-    names : tuple of str
-        The joints in a JointState.
-    values : numpy.ndarray, shape (n, k)
-        The number; x, y and z; or the positions.
-    velocities : numpy.ndarray, shape (n, k) or (n, 0)
-        The velocities of a JointState.
-
-    """
-
+    # Shape (n,): which messages of the block they are.
     rows: RowIndices
+    # Shape (n,): their header stamps [ns]; 0 for a type without.
     stamps: Times
+    # The joints in a JointState.
     names: tuple[str, ...]
+    # Shape (n, k): the number; x, y and z; or the positions.
     values: Floats
+    # Shape (n, k) or (n, 0): the velocities of a JointState.
     velocities: Floats
 
 

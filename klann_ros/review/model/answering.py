@@ -22,25 +22,16 @@ class Cause(IntEnum):
 
 
 class Surplus(NamedTuple):
-    """
-    Questions with more answers than one.
+    """Questions with more answers than one."""
 
-    Attributes
-    ----------
-    rows : numpy.ndarray, shape (n,)
-        Which poses answer them.
-    questions : numpy.ndarray, shape (n,)
-        Which of them each answers, from 0.
-    alone : numpy.ndarray of bool, shape (n,)
-        Whether no other question has the same stamp: then these are answers to the same one.
-    solvers : int
-        How many answer, if most have equally many from the first to the last; else 1.
-
-    """
-
+    # Shape (n,): which poses answer them.
     rows: RowIndices
+    # Shape (n,): which of them each answers, from 0.
     questions: RowIndices
+    # Shape (n,): whether no other question has the same stamp: then these are answers to the same
+    # one.
     alone: Flags
+    # How many answer, if most have equally many from the first to the last; else 1.
     solvers: int
 
     def excused(self, wrong: Flags) -> RowIndices:
@@ -54,31 +45,20 @@ class Surplus(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Answering:
-    """
-    What a leg was asked, and what came of it.
+    """What a leg was asked, and what came of it."""
 
-    Attributes
-    ----------
-    early, asked, late : int
-        How many questions there are before the first answer, from it to the last, and after that:
-        what the start and the stop cut off is no fault.
-    answers : int
-        How many answers there are to those in between.
-    rows : numpy.ndarray
-        Which of those were not answered, of all crank inputs.
-    causes : numpy.ndarray
-        Why each was not answered, a Cause.
-    surplus : Surplus
-        What was answered more than once.
-
-    """
-
+    # How many questions there are before the first answer, from it to the last, and after that:
+    # what the start and the stop cut off is no fault.
     early: int
     asked: int
     late: int
+    # How many answers there are to those in between.
     answers: int
+    # Which of those were not answered, of all crank inputs.
     rows: RowIndices
+    # Why each was not answered, a Cause.
     causes: RowIndices
+    # What was answered more than once.
     surplus: Surplus
 
     def of(self, cause: Cause) -> RowIndices:

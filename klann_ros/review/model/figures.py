@@ -16,39 +16,25 @@ _TURN = 2 * np.pi
 
 @dataclass(frozen=True)
 class LegFigures:
-    """
-    The leg's figures in a run; NaN where the run does not tell.
+    """The leg's figures in a run; NaN where the run does not tell."""
 
-    Attributes
-    ----------
-    turns : float
-        Net turns of the crank, positive counter-clockwise.
-    stride, lift : float
-        Extent of the foot path in x and y [m]; NaN where the crank did not turn once.
-    duty_factor : float
-        Part of the recorded poses at which the foot is on the ground.
-    straightness : float
-        Greatest distance of the foot on the ground from the straight line that fits best, as a
-        part of the ground that it covers: of the geometry, over a turn.
-    worst_transmission_angle : float
-        Least min(mu, pi - mu) of all dyads [rad].
-    worst_residual : float
-        Largest residual of a recorded pose [m].
-    worst_angle_error : float
-        Largest difference from the re-solved pose [rad].
-    worst_foot_error : float
-        Largest distance of H from where the angles of its pose put it [m].
-
-    """
-
+    # Net turns of the crank, positive counter-clockwise.
     turns: float
+    # Extent of the foot path in x and y [m]; NaN where the crank did not turn once.
     stride: float
     lift: float
+    # Part of the recorded poses at which the foot is on the ground.
     duty_factor: float
+    # Greatest distance of the foot on the ground from the straight line that fits best, as a part
+    # of the ground that it covers: of the geometry, over a turn.
     straightness: float
+    # Least min(mu, pi - mu) of all dyads [rad].
     worst_transmission_angle: float
+    # Largest residual of a recorded pose [m].
     worst_residual: float
+    # Largest difference from the re-solved pose [rad].
     worst_angle_error: float
+    # Largest distance of H from where the angles of its pose put it [m].
     worst_foot_error: float
 
 

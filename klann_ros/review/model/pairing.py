@@ -64,22 +64,13 @@ def are_among(stamps: Times, among: Times) -> Flags:
 
 
 class StampCounts(NamedTuple):
-    """
-    How often each stamp is there.
+    """How often each stamp is there."""
 
-    Attributes
-    ----------
-    stamps : numpy.ndarray, shape (k,)
-        The stamps that are among the first, each once, in their order.
-    of_first : numpy.ndarray
-        Which of them each of the first is.
-    first, second : numpy.ndarray, shape (k,)
-        How often each is among the first, and among the second.
-
-    """
-
+    # Shape (k,): the stamps that are among the first, each once, in their order.
     stamps: Times
+    # Which of them each of the first is.
     of_first: RowIndices
+    # Shape (k,): how often each is among the first, and among the second.
     first: RowIndices
     second: RowIndices
 

@@ -25,50 +25,33 @@ _LARGEST = np.finfo(np.float64).max
 
 @dataclass(frozen=True, eq=False)
 class PoseErrors:
-    """
-    A leg's poses in a run, solved again.
+    """A leg's poses in a run, solved again."""
 
-    Attributes
-    ----------
-    angle_errors : numpy.ndarray, shape (n,)
-        Largest difference of a pose's angles from the re-solved ones, modulo a turn [rad], or of
-        a distance in the linkage's size; NaN where the crank angle cannot be reached, infinite
-        where an angle is not finite.
-    residuals : numpy.ndarray, shape (n,)
-        Norm of f at the recorded pose [m]; infinite where an angle is not finite.
-    foot_errors : numpy.ndarray, shape (m,)
-        Distance of H from where the angles of its pose put it [m]; NaN where no pose is known to
-        be its own or the pose is not finite, infinite where H is not finite.
-    transmission_angles : numpy.ndarray, shape (n, number of dyads)
-        Those of the re-solved poses, in [0, pi] [rad]; NaN where there is none.
-
-    """
-
+    # Shape (n,): largest difference of a pose's angles from the re-solved ones, modulo a turn
+    # [rad], or of a distance in the linkage's size; NaN where the crank angle cannot be reached,
+    # infinite where an angle is not finite.
     angle_errors: Floats
+    # Shape (n,): norm of f at the recorded pose [m]; infinite where an angle is not finite.
     residuals: Floats
+    # Shape (m,): distance of H from where the angles of its pose put it [m]; NaN where no pose is
+    # known to be its own or the pose is not finite, infinite where H is not finite.
     foot_errors: Floats
+    # Shape (n, number of dyads): those of the re-solved poses, in [0, pi] [rad]; NaN where there
+    # is none.
     transmission_angles: Floats
 
 
 class SolvedBlock(NamedTuple):
-    """
-    Some poses, and the leg's own at their crank angles.
+    """Some poses, and the leg's own at their crank angles."""
 
-    Attributes
-    ----------
-    rows : slice
-        Which poses they are.
-    recorded, solved : numpy.ndarray, shape (k, number of angles)
-        The angles as they are recorded, and by the closed form, which shares no equation with the
-        solver that made them; NaN where the crank angle cannot be reached [rad].
-    of_feet, of_poses : numpy.ndarray
-        Which recorded feet belong to them, and to which of the block.
-
-    """
-
+    # Which poses they are.
     rows: slice
+    # Shape (k, number of angles): the angles as they are recorded, and by the closed form, which
+    # shares no equation with the solver that made them; NaN where the crank angle cannot be
+    # reached [rad].
     recorded: Floats
     solved: Floats
+    # Which recorded feet belong to them, and to which of the block.
     of_feet: RowIndices
     of_poses: RowIndices
 

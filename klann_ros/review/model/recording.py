@@ -14,48 +14,29 @@ from .topics import TopicRecording
 
 @dataclass(frozen=True)
 class Undecoded:
-    """
-    Messages of a topic that do not hold what their type says.
+    """Messages of a topic that do not hold what their type says."""
 
-    Attributes
-    ----------
-    topic : str
-        The topic's name.
-    count : int
-        How many there are.
-    time : int
-        Log time of the first [ns].
-
-    """
-
+    # The topic's name.
     topic: str
+    # How many there are.
     count: int
+    # Log time of the first [ns].
     time: int
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """
-    What messages of one kind say, in the order of their log times.
+    """What messages of one kind say, in the order of their log times."""
 
-    Attributes
-    ----------
-    times : numpy.ndarray, shape (n,)
-        Log times [ns], the clock of the run.
-    stamps : numpy.ndarray, shape (n,)
-        Header stamps, or what stands for them [ns]: they tell which answer belongs to which
-        input, and may be of another clock than the log times.
-    values : numpy.ndarray, shape (n, k)
-        What they say.
-
-    """
-
+    # Shape (n,): log times [ns], the clock of the run.
     times: Times
+    # Shape (n,): header stamps, or what stands for them [ns]: they tell which answer belongs to
+    # which input, and may be of another clock than the log times.
     stamps: Times
+    # Shape (n, k): what they say.
     values: Floats
 
     def __post_init__(self) -> None:
-        """Make the arrays read-only."""
         for array in (self.times, self.stamps, self.values):
             array.setflags(write=False)
 
@@ -76,36 +57,23 @@ def no_series(width: int) -> Series:
 
 @dataclass(frozen=True)
 class LegSolver:
-    """
-    The solver of a leg.
+    """The solver of a leg."""
 
-    Attributes
-    ----------
-    crank_joint : str
-        The joint that turns its crank.
-    sim_time : bool
-        Whether it stamps by a simulated clock what has no stamp.
-    leg : KlannLeg, LinkageLeg or None
-        What it solves at last; None where the run does not tell.
-    leg_time : int
-        The log time since which it has it [ns]; 0 when it never had another.
-    direction, phase : float
-        The leg's crank angle is direction * crank + phase [rad].
-    nodes : tuple of str
-        Full names of the nodes that solve it, as far as the run tells; without any, direction
-        and phase are not told either.
-    source : str
-        Who tells the leg; '' where nobody does.
-
-    """
-
+    # The joint that turns its crank.
     crank_joint: str = 'crank'
+    # Whether it stamps by a simulated clock what has no stamp.
     sim_time: bool = False
+    # What it solves at last; None where the run does not tell.
     leg: AnyLeg | None = None
+    # The log time since which it has it [ns]; 0 when it never had another.
     leg_time: int = 0
+    # The leg's crank angle is direction * crank + phase [rad].
     direction: float = 1
     phase: float = 0.0
+    # Full names of the nodes that solve it, as far as the run tells; without any, direction and
+    # phase are not told either.
     nodes: tuple[str, ...] = ()
+    # Who tells the leg; '' where nobody does.
     source: str = ''
 
     @property
@@ -123,44 +91,29 @@ class LegSolver:
 
 @dataclass(frozen=True, eq=False)
 class LegRecording:
-    """
-    What a run says of a leg.
+    """What a run says of a leg."""
 
-    Attributes
-    ----------
-    namespace, name : str
-        Where it publishes, and its name; '' for the root, and for the unnamed leg.
-    solver : LegSolver
-        What the run tells of its solver, or what it is held against.
-    pose_topics, crank_topics : frozenset of str
-        Where its poses and its crank inputs come from.
-    cranks : Series
-        Crank inputs, before direction and phase [rad], values of shape (k, 1).
-    poses : Series
-        The leg's angles, the crank's first [rad], values of shape (n, number of angles).
-    rates : numpy.ndarray, shape (n, number of angles) or (0, 0)
-        The velocities of the poses [rad/s], NaN where not told; only if they were asked for, and
-        in floats of half the size where that will do.
-    iterations : Series
-        The most Newton iterations since the report before, values of shape (k, 1).
-    feet : Series
-        H (x, y) [m], values of shape (m, 2).
-    unstamped : numpy.ndarray
-        Log times of other crank inputs, whose answers nobody can tell: they have no stamp, and a
-        simulated clock gave one to their answers [ns].
-
-    """
-
+    # Where it publishes, and its name; '' for the root, and for the unnamed leg.
     namespace: str
     name: str
+    # What the run tells of its solver, or what it is held against.
     solver: LegSolver
+    # Where its poses and its crank inputs come from.
     pose_topics: frozenset[str]
     crank_topics: frozenset[str]
+    # Crank inputs, before direction and phase [rad], values of shape (k, 1).
     cranks: Series
+    # The leg's angles, the crank's first [rad], values of shape (n, number of angles).
     poses: Series
+    # H (x, y) [m], values of shape (m, 2).
     feet: Series
+    # Shape (n, number of angles) or (0, 0): the velocities of the poses [rad/s], NaN where not
+    # told; only if they were asked for, and in floats of half the size where that will do.
     rates: Floats = field(default_factory=lambda: np.empty((0, 0)))
+    # The most Newton iterations since the report before, values of shape (k, 1).
     iterations: Series = field(default_factory=lambda: no_series(1))
+    # Log times of other crank inputs, whose answers nobody can tell: they have no stamp, and a
+    # simulated clock gave one to their answers [ns].
     unstamped: Times = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     @property
@@ -193,42 +146,27 @@ class LegRecording:
 
 @dataclass(frozen=True, eq=False)
 class RunRecording:
-    """
-    A run, decoded.
+    """A run, decoded."""
 
-    Attributes
-    ----------
-    path : str
-        Where it is.
-    files : tuple of (str, int)
-        Its files, and their sizes [bytes].
-    start, end : int
-        First and last log time [ns].
-    topics : tuple of TopicRecording
-        All topics.
-    problems : tuple of str
-        What is wrong with the container, one line each.
-    undecoded : tuple of Undecoded
-        What concerns a leg by its topic, and cannot be decoded.
-    holes : tuple of (int, int), in the order of time
-        Where the log has nothing for reasons of its own, a pause or damage: log times [ns].
-    legs : tuple of LegRecording
-        The legs.
-    stopped, harmed : str
-        What ended the recording before its time, and what somebody took away meanwhile, as the
-        recorder tells; '' for nothing.
-
-    """
-
+    # Where it is.
     path: str
+    # Its files, and their sizes [bytes].
     files: tuple[tuple[str, int], ...]
+    # First and last log time [ns].
     start: int
     end: int
+    # All topics.
     topics: tuple[TopicRecording, ...]
+    # What is wrong with the container, one line each.
     problems: tuple[str, ...]
+    # What concerns a leg by its topic, and cannot be decoded.
     undecoded: tuple[Undecoded, ...]
+    # Where the log has nothing for reasons of its own, a pause or damage: log times in order [ns].
     holes: tuple[tuple[int, int], ...]
+    # The legs.
     legs: tuple[LegRecording, ...]
+    # What ended the recording before its time, and what somebody took away meanwhile, as the
+    # recorder tells; '' for nothing.
     stopped: str = ''
     harmed: str = ''
 

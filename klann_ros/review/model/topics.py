@@ -15,50 +15,34 @@ WHY_MORE = 'publishers left, and of what they sent last nothing is known'
 
 @dataclass(frozen=True, eq=False)
 class TopicRecording:
-    """
-    How the messages of a topic came.
+    """How the messages of a topic came."""
 
-    Attributes
-    ----------
-    name, type : str
-        The topic and its message type; the type is '' if nothing of it is in the run.
-    times : numpy.ndarray, shape (n,)
-        Log times, sorted [ns].
-    latencies : numpy.ndarray of float32, shape (n,)
-        Times from publishing to receiving [s]; NaN of what a latched publisher sent before it
-        was heard, which waited for whoever would come.
-    lost : int or None
-        Messages lost on the way into the run; None where nobody can tell.
-    dropped : int
-        How many of them the recorder had received.
-    early : int
-        What publishers that came later had sent before the recorder heard them.
-    left : int
-        How many publishers left: of what each sent last nothing is known.
-    shared : bool
-        Whether several publishers were there at once, as their numbers or the recorder tell.
-    missing : numpy.ndarray, shape (k, 3)
-        Where sequence numbers are missing: the log times before and after [ns], and how many.
-    set_back : numpy.ndarray, shape (k, 2)
-        Where the recorder's clock was set back: the log times after that, and by how much at
-        least [ns].
-    overtaken : int
-        How many other messages are logged earlier than the one before them in the file: those of
-        several publishers come in turns, and some are sent again.
-
-    """
-
+    # The topic and its message type; the type is '' if nothing of it is in the run.
     name: str
     type: str  # noqa: A003, RUF100 - as all tools call it; ruff lets it be
+    # Shape (n,): log times, sorted [ns].
     times: Times
+    # Shape (n,): times from publishing to receiving [s]; NaN of what a latched publisher sent
+    # before it was heard, which waited for whoever would come.
     latencies: NDArray[np.float32]
+    # Messages lost on the way into the run; None where nobody can tell.
     lost: int | None
+    # What publishers that came later had sent before the recorder heard them.
     early: int = 0
+    # How many publishers left: of what each sent last nothing is known.
     left: int = 0
+    # Whether several publishers were there at once, as their numbers or the recorder tell.
     shared: bool = False
+    # Shape (k, 3): where sequence numbers are missing: the log times before and after [ns], and
+    # how many.
     missing: Times = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
+    # Shape (k, 2): where the recorder's clock was set back: the log times after that, and by how
+    # much at least [ns].
     set_back: Times = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    # How many other messages are logged earlier than the one before them in the file: those of
+    # several publishers come in turns, and some are sent again.
     overtaken: int = 0
+    # How many of those that are lost the recorder had received.
     dropped: int = 0
 
     @property

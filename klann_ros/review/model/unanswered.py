@@ -71,26 +71,16 @@ def _longest(period: float, limits: Limits) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Unanswered:
-    """
-    Questions that should have an answer and have none, by what is known about that.
+    """Questions that should have an answer and have none, by what is known about that."""
 
-    Attributes
-    ----------
-    in_silences, silences : int
-        How many in silences of all that answers, which are gaps, and how many such silences.
-    at_holes : int
-        How many others at pauses of the recorder, or where the log is damaged.
-    lost : int
-        How many others at most for answers that are known to be lost on the way into the log.
-    elsewhere : numpy.ndarray
-        Which crank inputs are the others; `lost` of them are explained.
-
-    """
-
+    # How many in silences of all that answers, which are gaps, and how many such silences.
     in_silences: int
     silences: int
+    # How many others at pauses of the recorder, or where the log is damaged.
     at_holes: int
+    # How many others at most for answers that are known to be lost on the way into the log.
     lost: int
+    # Which crank inputs are the others; `lost` of them are explained.
     elsewhere: RowIndices
 
     @property

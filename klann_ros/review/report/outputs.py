@@ -31,19 +31,11 @@ class OutputError(Exception):
 
 @dataclass(frozen=True)
 class Output:
-    """
-    A file to be written.
+    """A file to be written."""
 
-    Attributes
-    ----------
-    option : str
-        Which one, such as '--html'.
-    path : str
-        As it was given.
-
-    """
-
+    # Which one, such as '--html'.
     option: str
+    # As it was given.
     path: str
 
     def save(self, save: Save) -> None:

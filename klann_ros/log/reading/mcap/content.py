@@ -65,33 +65,22 @@ class Content:
     The records in some bytes, as far as they are whole.
 
     Only places and times are kept, 16 bytes a message: a chunk may hold a million of them.
-
-    Parameters
-    ----------
-    data
-        The unpacked bytes.
-    starts, times
-        Where each message record starts [bytes], and its log time [ns].
-    definition_starts
-        Where each schema and each channel record starts [bytes].
-    verified
-        Whether there was a CRC that held.
-    broken
-        Why not all of the bytes could be read; '' if all could.
-    wasted
-        How much was looked at that is of no message.
-    unknown
-        How many records are of kinds that are private or of a later version.
-
     """
 
+    # The unpacked bytes.
     data: memoryview
+    # Where each message record starts [bytes], and its log time [ns].
     starts: 'array[int]'
     times: 'array[int]'
+    # Where each schema and each channel record starts [bytes].
     definition_starts: 'array[int]'
+    # Whether there was a CRC that held.
     verified: bool
+    # Why not all of the bytes could be read; '' if all could.
     broken: str = ''
+    # How much was looked at that is of no message.
     wasted: int = 0
+    # How many records are of kinds that are private or of a later version.
     unknown: int = 0
 
     def __len__(self) -> int:

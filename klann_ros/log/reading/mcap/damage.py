@@ -27,26 +27,16 @@ _DATA_END_LENGTH = 4
 
 @dataclass
 class Loss:
-    """
-    Something in a file that cannot be used.
+    """Something in a file that cannot be used."""
 
-    Parameters
-    ----------
-    offset, length
-        Where it is [bytes].
-    reason
-        What is wrong with it, in one line.
-    messages
-        How many messages it held; None if nothing says so.
-    exact
-        Whether there may not have been more.
-
-    """
-
+    # Where it is [bytes].
     offset: int
     length: int
+    # What is wrong with it, in one line.
     reason: str
+    # How many messages it held; None if nothing says so.
     messages: int | None = None
+    # Whether there may not have been more.
     exact: bool = True
 
     def __str__(self) -> str:

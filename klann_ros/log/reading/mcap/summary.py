@@ -27,35 +27,23 @@ class RecordPlace(NamedTuple):
 
 @dataclass
 class Summary:
-    """
-    What a summary says.
+    """What a summary says."""
 
-    Parameters
-    ----------
-    closed
-        Whether the file has an end that holds, with a summary or without.
-    start
-        Where it starts [bytes]; 0 without any.
-    verified
-        Whether it has a CRC that held.
-    channels, chunks, statistics
-        What it says of these.
-    metadata, attachments
-        Where such records start [bytes].
-    places
-        Which records it says where, under where they start [bytes].
-
-    """
-
+    # Whether the file has an end that holds, with a summary or without.
     closed: bool = False
+    # Where it starts [bytes]; 0 without any.
     start: int = 0
+    # Whether it has a CRC that held.
     verified: bool = False
+    # What it says of these.
     channels: Channels = field(default_factory=Channels)
     chunks: list[ChunkIndex] = field(default_factory=list)
+    statistics: Statistics | None = None
+    # Where such records start [bytes].
     metadata: list[int] = field(default_factory=list)
     attachments: list[int] = field(default_factory=list)
+    # Which records it says where, under where they start [bytes].
     places: dict[int, RecordPlace] = field(default_factory=dict)
-    statistics: Statistics | None = None
 
     @cached_property
     def is_sound(self) -> bool:

@@ -23,31 +23,19 @@ _TOPICS = frozenset(('name', 'type'))
 
 @dataclass
 class Contents:
-    """
-    What is in a file.
+    """What is in a file."""
 
-    Attributes
-    ----------
-    rows
-        Its messages.
-    described
-        What it says of itself.
-    remarks
-        In which state it was left, one line each.
-    losses
-        What of it cannot be read, one line each.
-    holes
-        From when to when messages are missing [ns].
-    copies
-        What it is read from, if that is not the file itself.
-
-    """
-
+    # Its messages.
     rows: MessageRows
+    # What it says of itself.
     described: Described
+    # In which state it was left, one line each.
     remarks: list[str] = field(default_factory=list)
+    # What of it cannot be read, one line each.
     losses: list[str] = field(default_factory=list)
+    # From when to when messages are missing [ns].
     holes: list[tuple[int, int]] = field(default_factory=list)
+    # What it is read from, if that is not the file itself.
     copies: list[TemporaryFile] = field(default_factory=list)
 
     def notes(self) -> list[str]:

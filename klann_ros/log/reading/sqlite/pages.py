@@ -38,51 +38,31 @@ class Page(NamedTuple):
 
 
 class PageRow(NamedTuple):
-    """
-    A row as it stands in a page.
+    """A row as it stands in a page."""
 
-    Parameters
-    ----------
-    number, size
-        Its number, and how long its record is in all [bytes].
-    columns
-        The values in the record.
-    local
-        What of the record stands in the page itself.
-    following
-        Where the rest is, if there is one.
-
-    """
-
+    # Its number, and how long its record is in all [bytes].
     number: int
     size: int
+    # The values in the record.
     columns: list[Field]
+    # What of the record stands in the page itself.
     local: bytes
+    # Where the rest is, if there is one.
     following: bytes
 
 
 @dataclass(frozen=True)
 class Form:
-    """
-    What the first page says of all.
+    """What the first page says of all."""
 
-    Parameters
-    ----------
-    page_size, usable
-        The size of a page, and what of it is used [bytes].
-    said
-        How many pages there should be; 0 if it does not say.
-    encoding
-        How texts are written.
-    sound
-        Whether there is such a first page.
-
-    """
-
+    # The size of a page, and what of it is used [bytes].
     page_size: int
     usable: int
+    # How many pages there should be; 0 if it does not say.
     said: int
+    # How texts are written.
     encoding: str
+    # Whether there is such a first page.
     sound: bool
 
 

@@ -43,30 +43,19 @@ class RowsError(Exception):
 
 @dataclass(frozen=True)
 class RowRange:
-    """
-    Messages that are read together.
+    """Messages that are read together."""
 
-    Parameters
-    ----------
-    first, last
-        The numbers of the first and the last of them.
-    start, end
-        Their earliest and latest time [ns].
-    topics
-        Whose they are, by the numbers of the topics.
-    count
-        How many they are.
-    offset
-        About where they are in the file [bytes].
-
-    """
-
+    # The numbers of the first and the last of them.
     first: int
     last: int
+    # Their earliest and latest time [ns].
     start: int
     end: int
+    # Whose they are, by the numbers of the topics.
     topics: frozenset[int]
+    # How many they are.
     count: int
+    # About where they are in the file [bytes].
     offset: int
 
     def __str__(self) -> str:

@@ -29,26 +29,16 @@ _ENCODINGS = ('ros2msg', 'ros2idl')
 
 @dataclass
 class Described:
-    """
-    What a bag says of itself.
+    """What a bag says of itself."""
 
-    Attributes
-    ----------
-    topics
-        The topics by their numbers.
-    metadata
-        The texts in the table of metadata, the YAML of ``metadata.yaml`` without its root key.
-    installed
-        The definitions that were taken from those installed here, by type, '' where there is none:
-        bags before Iron have none of their own.
-    problems
-        What was left out, one line each.
-
-    """
-
+    # The topics by their numbers.
     topics: dict[int, Topic] = field(default_factory=dict)
+    # The texts in the table of metadata, the YAML of ``metadata.yaml`` without its root key.
     metadata: list[str] = field(default_factory=list)
+    # The definitions that were taken from those installed here, by type, '' where there is none:
+    # bags before Iron have none of their own.
     installed: dict[str, str] = field(default_factory=dict)
+    # What was left out, one line each.
     problems: list[str] = field(default_factory=list)
 
     def add_topics(
