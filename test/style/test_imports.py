@@ -15,6 +15,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / 'klann_ros'
 ALLOWED = {
     '__init__': set(),
     'untrusted': set(),
+    'engines': set(),
     'kinematics': {'untrusted'},
     'log': {'untrusted'},
     'dynamics': {'untrusted', 'kinematics'},
@@ -22,7 +23,7 @@ ALLOWED = {
     'walking': {'kinematics', 'dynamics', 'robot'},
     'plotting': {'kinematics'},
     'page': {'untrusted', 'kinematics'},
-    'review': {'untrusted', 'kinematics', 'plotting', 'log', 'page'},
+    'review': {'untrusted', 'engines', 'kinematics', 'plotting', 'log', 'page'},
     'export': {'untrusted', 'kinematics', 'dynamics', 'plotting', 'robot', 'review'},
     'stop_signals': set(),
     'nodes': {'untrusted', 'kinematics', 'plotting', 'log', 'review', 'page', 'stop_signals'},
