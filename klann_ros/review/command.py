@@ -22,6 +22,7 @@ from klann_ros.untrusted.arguments import ArgumentParser, path
 from klann_ros.untrusted.text import printable_line
 from tqdm import tqdm
 
+from .each import command as each
 from .report import json_report, pose_table, text
 from .reviewing import Progress, review_run
 
@@ -54,14 +55,19 @@ Every pose is solved again from its crank angle, by the geometry that the run te
 parameters, or robot_description.
 With LOG2, say in what the two runs differ as well.
 Exit code: 0 nothing found, 1 findings (or a difference), 2 not a readable log, 3 what was asked
-for cannot be written: a FILE, which is found out at the start, or the report itself."""
+for cannot be written: a FILE, which is found out at the start, or the report itself.
+
+Many runs, a row a run: review --each LOG...; review --each --help tells how."""
 EPILOG = f"""\
 FILE of --limits is YAML, a line a limit: {', '.join(NAMES)}."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Review a run; return the exit code."""
-    options = _parser().parse_args(argv)
+    """Review a run, or many; return the exit code."""
+    given = sys.argv[1:] if argv is None else list(argv)
+    if each.OPTION in given[: given.index('--') if '--' in given else None]:
+        return each.main(given)
+    options = _parser().parse_args(given)
     try:
         return _review(options)
     except (OutputError, NoPictureError) as error:

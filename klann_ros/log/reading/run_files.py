@@ -79,7 +79,9 @@ def _folder_files(folder: Path) -> RunFiles:
     found = _once(folder.iterdir(), files.packed)
     names = metadata.get('relative_file_paths')
     named = _named(folder, names) if isinstance(names, list) else []
-    _check_storage(folder, metadata, files.remarks, readable=any(map(_is_log, [*named, *found])))
+    _check_storage(
+        folder, metadata, files.remarks, readable=any(map(is_log_name, [*named, *found]))
+    )
     if named:
         # By their names when unpacked: somebody may have unpacked, or packed, them since.
         by_name = {_unpacked(path): path for path in found}
@@ -116,8 +118,8 @@ def _once(paths: Iterable[Path], packed: dict[Path, Path]) -> list[Path]:
     """Return the files of a bag in natural order, unpacked rather than packed."""
     found: dict[str, Path] = {}
     # Hidden ones are some tool's own, such as a copy in progress.
-    visible = (path for path in paths if _is_log(path) and not path.name.startswith('.'))
-    for path in sorted(visible, key=_natural):
+    visible = (path for path in paths if is_log_name(path) and not path.name.startswith('.'))
+    for path in sorted(visible, key=natural):
         first = found.setdefault(_unpacked(path), path)
         if first != path and is_plain(first):
             packed[first] = path
@@ -146,9 +148,9 @@ def _with_those_named(there: list[Path], found: list[Path], remarks: list[str]) 
 def _continuing(named: list[Path], found: list[Path]) -> list[Path]:
     """Return the files that are not named, but numbered like those that are and behind them."""
     series = {_series(path) for path in named}
-    last = max(map(_natural, named))
+    last = max(map(natural, named))
     others = (path for path in found if path not in named and re.search(r'_\d+\.', path.name))
-    return [path for path in others if _series(path) in series and _natural(path) > last]
+    return [path for path in others if _series(path) in series and natural(path) > last]
 
 
 def _of_one_storage(found: list[Path], remarks: list[str]) -> list[Path]:
@@ -192,7 +194,8 @@ def run_name(path: Path) -> str:
     return name.stem if name.suffix in SUFFIXES else name.name
 
 
-def _is_log(path: Path) -> bool:
+def is_log_name(path: Path) -> bool:
+    """Return whether a file is called as a log is."""
     return _kind(path) in SUFFIXES
 
 
@@ -228,7 +231,8 @@ def _metadata(path: Path, remarks: list[str]) -> dict[str, Any]:
     return content
 
 
-def _natural(path: Path) -> list[tuple[int, str]]:
+def natural(path: Path) -> list[tuple[int, str]]:
+    """Return what paths are sorted by, so that 2 is before 10."""
     parts = re.findall(r'\d+|\D+', path.name)
     return [(int(part), '') if part.isdecimal() else (-1, part) for part in parts]
 

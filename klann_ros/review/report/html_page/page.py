@@ -58,15 +58,22 @@ PARTS = Parts(
 MOST = 8.5e6
 
 
-def save(reviews: Sequence[Review], comparison: Comparison | None, file: BinaryIO) -> None:
-    """Write the page of one run, or of two, to an open file."""
+def save(
+    reviews: Sequence[Review],
+    comparison: Comparison | None,
+    file: BinaryIO,
+    most: float = MOST,
+) -> None:
+    """Write the page of one run, or of two, to an open file; parameters as `page`."""
     # A path may hold bytes that are no text.
-    file.write(page(reviews, comparison).encode(errors='replace'))
+    file.write(page(reviews, comparison, most).encode(errors='replace'))
 
 
-def page(reviews: Sequence[Review], comparison: Comparison | None = None) -> str:
-    """Return the page of one run, or of two."""
-    data = [run_data(review, MOST / len(reviews)) for review in reviews]
+def page(
+    reviews: Sequence[Review], comparison: Comparison | None = None, most: float = MOST
+) -> str:
+    """Return the page of one run, or of two; all its numbers take so many bytes at the most."""
+    data = [run_data(review, most / len(reviews)) for review in reviews]
     names = ' and '.join(Path(review.recording.path).name for review in reviews)
     licence = Markup(f'<!-- uPlot\n{text(_UPLOT / "LICENSE")}-->')
     return Template(text(_OWN / 'page.html')).substitute(
