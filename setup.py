@@ -21,7 +21,8 @@ EXTRAS = {
     'dxf': ['ezdxf'],
     'parquet': ['pyarrow'],
 }
-EXTRAS['all'] = sorted({name for names in EXTRAS.values() for name in names})
+# Who has a cluster knows it; nobody else wants 80 MB of Ray.
+EXTRAS['all'] = sorted({name for extra in EXTRAS if extra != 'cluster' for name in EXTRAS[extra]})
 EXTRAS['test'] = [
     'axe-playwright-python',
     'duckdb',
