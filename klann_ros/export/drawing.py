@@ -21,20 +21,12 @@ LONGEST = 80
 
 
 class Corner(NamedTuple):
-    """
-    A corner of an outline, as DXF has it.
+    """A corner of an outline, as DXF has it."""
 
-    Attributes
-    ----------
-    at : complex
-        Where it is [mm].
-    bulge : float
-        Of the way to the next one: the tangent of a quarter of its arc, > 0 counter-clockwise; 0
-        for a straight line.
-
-    """
-
+    # Where it is [mm].
     at: complex
+    # Of the way to the next one: the tangent of a quarter of its arc, > 0 counter-clockwise; 0
+    # for a straight line.
     bulge: float = 0.0
 
 

@@ -30,19 +30,11 @@ __all__ = ['ExportError', 'Hole', 'Plate', 'Slot', 'near', 'plates']
 
 @dataclass(frozen=True)
 class Hole:
-    """
-    A hole in a plate.
+    """A hole in a plate."""
 
-    Attributes
-    ----------
-    name : str
-        The points there, such as 'A'; '' for a pin that only guides.
-    at : complex
-        Where its middle is [m].
-
-    """
-
+    # The points there, such as 'A'; '' for a pin that only guides.
     name: str
+    # Where its middle is [m].
     at: complex
 
     @property
@@ -53,19 +45,11 @@ class Hole:
 
 @dataclass(frozen=True)
 class Slot:
-    """
-    A slot in a plate.
+    """A slot in a plate."""
 
-    Attributes
-    ----------
-    name : str
-        The body whose pins run in it.
-    start, end : complex
-        The outermost middles of the pins [m].
-
-    """
-
+    # The body whose pins run in it.
     name: str
+    # The outermost middles of the pins [m].
     start: complex
     end: complex
 
@@ -84,27 +68,17 @@ class Slot:
 
 
 class Line(NamedTuple):
-    """
-    What a body slides along.
+    """What a body slides along."""
 
-    Attributes
-    ----------
-    body, on : int
-        What slides, and what has the line, FIXED being the ground.
-    name : str
-        What slides.
-    origin, direction : complex
-        Where the distance is 0, in what has the line [m], and which way it grows.
-    least, greatest : float
-        Of the distance [m].
-
-    """
-
+    # What slides, and what has the line, FIXED being the ground.
     body: int
     on: int
+    # What slides.
     name: str
+    # Where the distance is 0, in what has the line [m], and which way it grows.
     origin: complex
     direction: complex
+    # Of the distance [m].
     least: float
     greatest: float
 

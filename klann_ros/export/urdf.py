@@ -30,22 +30,13 @@ WIDTH, BLOCK = 0.05, 1.6
 
 
 class Place(NamedTuple):
-    """
-    Where a point of a body is.
+    """Where a point of a body is."""
 
-    Attributes
-    ----------
-    link : str
-        The link that carries it.
-    at : complex
-        Where in it [m].
-    bend : float
-        How far the link is turned from its body's angle [rad].
-
-    """
-
+    # The link that carries it.
     link: str
+    # Where in it [m].
     at: complex
+    # How far the link is turned from its body's angle [rad].
     bend: float
 
 

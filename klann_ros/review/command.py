@@ -18,6 +18,7 @@ from klann_ros.review.model.review import Review
 from klann_ros.review.report.html_page import page
 from klann_ros.review.report.outputs import Output, OutputError, outputs, Save
 from klann_ros.review.report.picture import NoPictureError, picture_format, save_picture
+from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.untrusted.arguments import ArgumentParser, path
 from klann_ros.untrusted.text import printable_line
 from tqdm import tqdm
@@ -90,7 +91,10 @@ def _review(options: argparse.Namespace) -> int:
     form = picture_format(options.picture) if options.picture else ''
     given = leg_of(options.geometry) if options.geometry is not None else None
     limits = limits_from_file(options.limits) if options.limits is not None else Limits()
-    reviews = [_one(path, options, given, limits) for path in (options.log, options.log2) if path]
+    robot = _robot(options.geometry)
+    reviews = [
+        _one(path, options, given, robot, limits) for path in (options.log, options.log2) if path
+    ]
     comparison = compare(*reviews) if len(reviews) == 2 else None
     colour = _wants_colour()
     print('\n\n'.join(text.report(review, colour=colour) for review in reviews))
@@ -109,11 +113,25 @@ def _review(options: argparse.Namespace) -> int:
     return 0 if healthy and not (comparison and comparison.differences) else 1
 
 
-def _one(path: str, options: argparse.Namespace, given: AnyLeg | None, limits: Limits) -> Review:
+def _robot(name: str | None) -> Robot | None:
+    """Return what a file tells of masses; a leg that is one for review alone tells none."""
+    try:
+        return None if name is None else robot_of(name)
+    except RobotFileError:
+        return None
+
+
+def _one(
+    path: str,
+    options: argparse.Namespace,
+    given: AnyLeg | None,
+    robot: Robot | None,
+    limits: Limits,
+) -> Review:
     # A chart shows seven digits.
     rates = 'f8' if options.csv else 'f4' if options.html else ''
     with progress() as tell:
-        return review_run(path, leg=given, limits=limits, rates=rates, progress=tell)
+        return review_run(path, leg=given, robot=robot, limits=limits, rates=rates, progress=tell)
 
 
 def _is_saved(file: Output, save: Save) -> bool:

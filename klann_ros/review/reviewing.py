@@ -16,6 +16,7 @@ from klann_ros.review.model.recording import LegRecording, RunRecording
 from klann_ros.review.model.review import Review, ReviewedLeg
 from klann_ros.review.model.topics import topic_figures
 from klann_ros.review.model.unanswered import Silence, silences, unanswered
+from klann_ros.robot import Robot
 from klann_ros.untrusted.text import printable
 import numpy as np
 
@@ -29,6 +30,7 @@ def review_run(
     path: AnyPath,
     *,
     leg: AnyLeg | None = None,
+    robot: Robot | None = None,
     limits: Limits | None = None,
     rates: str = '',
     progress: Progress | None = None,
@@ -42,6 +44,8 @@ def review_run(
         A run's folder, or a file of any recorder's.
     leg : KlannLeg, FourBar or LinkageLeg, optional
         What to hold the run against, instead of the legs that it tells.
+    robot : Robot, optional
+        Whose masses the efforts of the cranks are held against, instead of those of the run.
     limits : Limits, optional
         What is still all right.
     rates : str
@@ -58,7 +62,9 @@ def review_run(
     """
     tell, held_against = progress or (lambda _, __: None), limits or Limits()
     with open_log(path) as log:
-        recording = load(log, leg, rates=rates, progress=lambda part: tell('reading', part))
+        recording = load(
+            log, leg, robot=robot, rates=rates, progress=lambda part: tell('reading', part)
+        )
     # A log may hold any number: what overflows is infinite, and what has no value is NaN.
     with np.errstate(over='ignore', invalid='ignore'):
         quiet = tuple(

@@ -9,6 +9,7 @@ from .gaps import check_gaps
 from .motion import check_motion
 from .poses import check_poses
 from .solvers import check_solvers
+from .torques import check_torques
 
 CHECKS = (
     check_container,
@@ -19,6 +20,7 @@ CHECKS = (
     check_gaps,
     check_clocks,
     check_motion,
+    check_torques,
 )
 """Each yields what it finds in a review; the cause at its source first."""
 

@@ -57,6 +57,8 @@ class Gathering:
         By the namespace of their topic.
     cranks, crank_topics : dict of SeriesColumns, dict of set
         By namespace and joint: the inputs, and where they come from.
+    efforts : dict of SeriesColumns
+        By namespace and joint that is a crank, or a leg's own angle of it: angles and efforts.
     unstamped : dict of GrowingArray
         By namespace and joint, log times of inputs whose answers nobody can tell.
 
@@ -73,6 +75,7 @@ class Gathering:
         self.rates: dict[Place, SeriesColumns] = {}
         self.feet: dict[str, SeriesColumns] = defaultdict(partial(SeriesColumns, 2))
         self.cranks: dict[Place, SeriesColumns] = defaultdict(partial(SeriesColumns, 1))
+        self.efforts: dict[Place, SeriesColumns] = defaultdict(partial(SeriesColumns, 2))
         self.pose_topics: dict[Place, set[str]] = defaultdict(set)
         self.crank_topics: dict[Place, set[str]] = defaultdict(set)
         self.unstamped: dict[Place, GrowingArray] = defaultdict(partial(GrowingArray, np.int64))
@@ -151,10 +154,12 @@ class Gathering:
                 found = True
                 self.pose_topics[namespace, name].add(topic)
                 self._add_pose((namespace, name), [names.index(j) for j in joints], block, piece)
+                self._add_effort(namespace, joints[0], block, piece)
         if not found:
             for joint in {solver.crank_joint for solver in self._crank_solvers(namespace)}:
                 if joint in names:
                     self._add_crank(topic, joint, block, piece, names.index(joint))
+                    self._add_effort(namespace, joint, block, piece)
 
     def _crank_solvers(self, namespace: str) -> Sequence[LegSolver]:
         return tuple(self._in(namespace).values()) or (self._unknown,)
@@ -171,6 +176,15 @@ class Gathering:
             missing = np.full((len(times), len(columns)), np.nan)
             with np.errstate(over='ignore'):
                 rates.add(times, piece.stamps, piece.velocities[:, columns] if known else missing)
+
+    def _add_effort(
+        self, namespace: str, joint: str, block: MessageBlock, piece: DecodedRows
+    ) -> None:
+        if piece.efforts.shape[1] != len(piece.names):
+            return
+        column = piece.names.index(joint)
+        values = np.column_stack([piece.values[:, column], piece.efforts[:, column]])
+        self.efforts[namespace, joint].add(_log_times(block, piece), piece.stamps, values)
 
     def _add_crank(
         self, topic: str, joint: str, block: MessageBlock, piece: DecodedRows, column: int

@@ -1,6 +1,6 @@
 """From a log to a recording: what concerns legs decoded, all the rest counted."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -9,8 +9,15 @@ from klann_ros.log.reader import Log
 from klann_ros.log.reading.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import HARM_RECORD, pause_of, PAUSE_RECORD
-from klann_ros.review.model.recording import LegRecording, no_series, RunRecording, Series
+from klann_ros.review.model.recording import (
+    Drive,
+    LegRecording,
+    no_series,
+    RunRecording,
+    Series,
+)
 from klann_ros.review.model.times import Hole, LAST_TIME, merged, RowIndices
+from klann_ros.robot import Robot
 from klann_ros.untrusted.text import printable_line
 import numpy as np
 
@@ -19,17 +26,20 @@ from .gathering import ALL_JOINTS, Gathering
 from .other_topics import Descriptions, Iterations
 from .solvers import solver_records
 from .topics import recorded_losses, TopicTally
+from .weights import dynamics_of
 
 
 def load(
     log: Log,
     given: AnyLeg | None = None,
     *,
+    robot: Robot | None = None,
     rates: str = '',
     progress: Callable[[float], object] | None = None,
 ) -> RunRecording:
     """Decode an open log; see `review_run`. `progress` gets how much was read, from 0 to 1."""
-    gathering = Gathering(solver_records(log.metadata), given, rates=rates)
+    records = solver_records(log.metadata)
+    gathering = Gathering(records, given, rates=rates)
     tally, iterations, descriptions = TopicTally(), Iterations(), Descriptions()
     for block in log.blocks(progress):
         for topic, rows in by_topic(block):
@@ -41,6 +51,12 @@ def load(
     holes = merged([*_pauses(log.metadata.get(PAUSE_RECORD, ())), *log.holes])
     shared = Shared()
     topics = tally.topics(recorded_losses(log.metadata), holes)
+    drives = gathering.efforts
+    legs = [
+        # What nobody asks for is not weighed.
+        leg if not drives else replace(leg, solver=dynamics_of(leg, records, robot))
+        for leg in _legs(gathering, iterations, descriptions, shared)
+    ]
     return RunRecording(
         path=str(log.path),
         files=tuple((path.name, path.stat().st_size) for path in log.paths),
@@ -50,10 +66,21 @@ def load(
         problems=log.problems,
         undecoded=gathering.undecoded(),
         holes=holes,
-        legs=tuple(_legs(gathering, iterations, descriptions, shared)),
+        legs=tuple(legs),
         stopped=_harm(log, 'stopped'),
         harmed=_harm(log, 'harmed'),
+        drives=tuple(_drives(gathering, legs, shared)),
     )
+
+
+def _drives(gathering: Gathering, legs: Sequence[LegRecording], shared: Shared) -> Iterator[Drive]:
+    """Yield the joints that tell efforts, with the legs that they turn."""
+    for (namespace, joint), columns in gathering.efforts.items():
+        there = [(k, leg) for k, leg in enumerate(legs) if leg.namespace == namespace]
+        own = [k for k, leg in there if leg.crank_pose_joint == joint]
+        turned = own or [k for k, leg in there if leg.solver.crank_joint == joint]
+        if turned:
+            yield Drive(joint, tuple(turned), not own, columns.series(shared))
 
 
 def _harm(log: Log, key: str) -> str:

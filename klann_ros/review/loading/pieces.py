@@ -81,6 +81,8 @@ class DecodedRows(NamedTuple):
     values: Floats
     # Shape (n, k) or (n, 0): the velocities of a JointState.
     velocities: Floats
+    # Shape (n, k) or (n, 0): the efforts of a JointState.
+    efforts: Floats
 
 
 class TopicReader:
@@ -157,13 +159,14 @@ class TopicReader:
     def _one(self, block: MessageBlock, row: int) -> DecodedRows:
         """Return what one message says, by the library that knows all types."""
         decoded = self._decode(block.message(row))
-        stamp, names, values, velocities = _FIELDS[self._type](decoded)
+        stamp, names, values, velocities, efforts = _FIELDS[self._type](decoded)
         return DecodedRows(
             np.array([row]),
             np.array([min(max(stamp, -LAST_TIME), LAST_TIME)]),
             tuple(map(str, names)),
             np.array([values], dtype=np.float64),
             np.array([velocities], dtype=np.float64),
+            np.array([efforts], dtype=np.float64),
         )
 
 
@@ -171,8 +174,8 @@ def _piece(layout: Layout, rows: RowIndices, data: NDArray[np.uint8]) -> Decoded
     count = len(rows)
     stamps = layout.stamps(data) if layout.is_stamped else np.zeros(count, dtype=np.int64)
     joints = len(layout.numbers) > 1
-    velocities = layout.doubles(data, 1) if joints else np.empty((count, 0))
-    return DecodedRows(rows, stamps, layout.names, layout.doubles(data, 0), velocities)
+    others = [layout.doubles(data, which) if joints else np.empty((count, 0)) for which in (1, 2)]
+    return DecodedRows(rows, stamps, layout.names, layout.doubles(data, 0), *others)
 
 
 def _stamp(decoded: Any) -> int:
@@ -184,14 +187,15 @@ def _point(decoded: Any) -> tuple[float, ...]:
     return tuple(float(getattr(decoded.point, axis)) for axis in 'xyz')
 
 
-# Stamp, names, values and velocities.
-_FIELDS: dict[str, Callable[[Any], tuple[int, Any, Any, Any]]] = {
-    CRANK_ANGLE: lambda decoded: (0, (), (float(decoded.data),), ()),
-    FOOT: lambda decoded: (_stamp(decoded), (), _point(decoded), ()),
+# Stamp, names, values, velocities and efforts.
+_FIELDS: dict[str, Callable[[Any], tuple[int, Any, Any, Any, Any]]] = {
+    CRANK_ANGLE: lambda decoded: (0, (), (float(decoded.data),), (), ()),
+    FOOT: lambda decoded: (_stamp(decoded), (), _point(decoded), (), ()),
     JOINT_STATE: lambda decoded: (
         _stamp(decoded),
         decoded.name,
         tuple(decoded.position),
         tuple(decoded.velocity),
+        tuple(decoded.effort),
     ),
 }

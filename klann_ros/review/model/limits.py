@@ -41,6 +41,9 @@ class Limits:
         Change of the crank angle from one input to the next [rad].
     path_drift : float
         Distance between the foot's paths in the first and the last part of the run [m].
+    torque : float
+        Difference of a crank's effort from the torque that the masses of its legs take, as a part
+        of the greatest such torque in the run; besides what is not known of the motion.
     compare_path, compare_angle : float
         Differences of two runs at the same crank angle: of the feet [m], of the angles [rad].
     compare_length : float
@@ -58,6 +61,7 @@ class Limits:
     foot: float = 1e-9
     crank_jump: float = 0.35
     path_drift: float = 1e-3
+    torque: float = 0.1
     compare_path: float = 1e-6
     compare_angle: float = 1e-6
     compare_length: float = 0.0

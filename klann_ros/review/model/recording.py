@@ -3,6 +3,7 @@
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
+from klann_ros.dynamics import Dynamics
 from klann_ros.kinematics import AnyLeg
 from klann_ros.kinematics.klann.leg import JOINTS
 import numpy as np
@@ -75,6 +76,8 @@ class LegSolver:
     nodes: tuple[str, ...] = ()
     # Who tells the leg; '' where nobody does.
     source: str = ''
+    # The leg with its masses, as it is mounted; None where nobody tells them.
+    dynamics: Dynamics | None = field(default=None, compare=False)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -121,6 +124,12 @@ class LegRecording:
         """Return how to call it: '' for the unnamed leg in the root namespace."""
         return '/'.join(part for part in (self.namespace.lstrip('/'), self.name) if part)
 
+    @property
+    def crank_pose_joint(self) -> str:
+        """Return the name under which its crank's angle is published."""
+        first = self.solver.joint_names[0]
+        return f'{self.name}/{first}' if self.name else first
+
     def paired_feet(self) -> Floats:
         """Return the foot H of each pose, shape (n, 2) [m]; NaN where there is none."""
         feet = np.full((len(self.poses), 2), np.nan)
@@ -142,6 +151,20 @@ class LegRecording:
             rates=self.rates[first:],
             unstamped=self.unstamped[self.unstamped >= since],
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A joint whose efforts the run has, and which turns cranks."""
+
+    # Its name.
+    joint: str
+    # The legs that it turns, by their places in the run.
+    legs: tuple[int, ...]
+    # Whether its angle is the cranks' before direction and phase; else it is the leg's own.
+    is_input: bool
+    # Angles [rad] and efforts [N m], values of shape (k, 2).
+    efforts: Series
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +192,8 @@ class RunRecording:
     # recorder tells; '' for nothing.
     stopped: str = ''
     harmed: str = ''
+    # The joints that turn cranks and tell efforts.
+    drives: tuple[Drive, ...] = ()
 
     @property
     def duration(self) -> float:
