@@ -120,8 +120,9 @@ def read_in_bulk(given_messages):
         rows = np.flatnonzero(block.heads['channel'] == number)
         for piece in reader.read(block, rows):
             for i, row in enumerate(piece.rows.tolist()):
-                values, velocities = piece.values[i].tobytes(), piece.velocities[i].tobytes()
-                said[row] = int(piece.stamps[i]), piece.names, values, velocities
+                numbers = (piece.values, piece.velocities, piece.efforts)
+                found = (each[i].tobytes() for each in numbers)
+                said[row] = int(piece.stamps[i]), piece.names, *found
         failed += reader.failed
     return said, failed
 
@@ -132,8 +133,8 @@ def read_one(kind, data):
         stamp, names, *numbers = _FIELDS[kind](DECODE[kind](data))
     except Exception:
         return None
-    values, velocities = (np.array(each, dtype=np.float64).tobytes() for each in numbers)
-    return stamp, tuple(names), values, velocities
+    found = (np.array(each, dtype=np.float64).tobytes() for each in numbers)
+    return stamp, tuple(names), *found
 
 
 @settings(max_examples=80)
