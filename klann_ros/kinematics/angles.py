@@ -29,15 +29,7 @@ def wrap(angle: float) -> float:
 
 
 def crank_angle(alpha: SupportsFloat) -> float:
-    """
-    Return a crank angle as a float [rad], whatever kind of number it is.
-
-    Raises
-    ------
-    CrankAngleError
-        It is not finite, beyond +-1e6 rad, or no number at all.
-
-    """
+    """Return a crank angle as a float [rad]; a CrankAngleError if it is none within +-1e6 rad."""
     # Nearly every crank angle is a float, and is not looked at twice.
     number = alpha if type(alpha) is float else _number(alpha)
     # NaN fails every comparison.

@@ -1,8 +1,9 @@
 """What users give, checked: the value as it is computed with, or one line that says why not."""
 
+from collections.abc import Sequence
 import math
 from numbers import Integral, Real
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,24 +11,13 @@ from numpy.typing import NDArray
 from .angles import TURN
 from .errors import GeometryError
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
 # Beyond these the product of four lengths is no number any more.
 SMALLEST, LARGEST = 1e-60, 1e60
 _WORDS = {2: 'two', 4: 'four'}
 
 
 def finite(name: str, value: Any) -> float:
-    """
-    Return a number of a geometry as a float.
-
-    Raises
-    ------
-    GeometryError
-        It is not finite, or no number at all.
-
-    """
+    """Return a number of a geometry as a float; a GeometryError for none, or one not finite."""
     try:
         # float() would take text as well, such as '1_0' for 10.
         number = math.nan if isinstance(value, str | bytes) else float(value)
@@ -73,15 +63,7 @@ def bend(name: str, angle: float) -> None:
 
 
 def setting(name: str, value: float, most: float = math.inf) -> float:
-    """
-    Return a solver's setting [rad].
-
-    Raises
-    ------
-    ValueError
-        It is no number, not finite, not > 0, or greater than `most`.
-
-    """
+    """Return a solver's setting [rad]; a ValueError if it is not finite, > 0, at most `most`."""
     if not (isinstance(value, Real) and 0.0 < value <= most and value < math.inf):
         limit = '' if most == math.inf else f' and at most {most:g} rad'
         msg = f'{name} = {value!r} is refused: it must be finite, > 0{limit}'
@@ -101,15 +83,7 @@ def rate(name: str, value: float) -> None:
 
 
 def count(name: str, value: int, least: int) -> int:
-    """
-    Return how many of something are wanted.
-
-    Raises
-    ------
-    ValueError
-        It is no whole number, or less than `least`.
-
-    """
+    """Return how many are wanted; a ValueError for no whole number, or less than `least`."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
         msg = f'{name} = {value!r} is refused: it must be a whole number, at least {least}'
         raise ValueError(msg)
@@ -117,7 +91,7 @@ def count(name: str, value: int, least: int) -> int:
 
 
 def guess(
-    value: 'Sequence[float] | NDArray[np.float64]', names: str, what: str = 'guess'
+    value: Sequence[float] | NDArray[np.float64], names: str, what: str = 'guess'
 ) -> NDArray[np.float64]:
     """
     Return an iterate of Newton-Raphson as an array, one angle for each name [rad].
@@ -140,7 +114,7 @@ def guess(
     return x_1
 
 
-def vector(name: str, values: 'Sequence[float]') -> tuple[float, float]:
+def vector(name: str, values: Sequence[float]) -> tuple[float, float]:
     """Return two finite numbers as floats; a ValueError for anything else."""
     try:
         x, y = (float(value) for value in values)
@@ -152,7 +126,7 @@ def vector(name: str, values: 'Sequence[float]') -> tuple[float, float]:
     return x, y
 
 
-def unit(name: str, values: 'Sequence[float]') -> tuple[float, float]:
+def unit(name: str, values: Sequence[float]) -> tuple[float, float]:
     """Return a direction (x, y) of length 1; a ValueError where it has none."""
     x, y = vector(name, values)
     largest = max(abs(x), abs(y))

@@ -37,15 +37,7 @@ def solver_record(solver: SolverParameters) -> dict[str, str]:
 
 
 def solver_parameters(record: Mapping[str, str]) -> SolverParameters:
-    """
-    Return a solver's parameters from a metadata record.
-
-    Raises
-    ------
-    ValueError
-        It is no such record.
-
-    """
+    """Return a solver's parameters from a metadata record; a ValueError if it is none of them."""
     try:
         parameters = dict(json.loads(record['parameters']))
         return SolverParameters(record['node'], int(record['time']), parameters)
@@ -98,15 +90,7 @@ def pause_record(pause: Pause) -> dict[str, str]:
 
 
 def pause_of(record: Mapping[str, str]) -> Pause:
-    """
-    Return a pause from a metadata record.
-
-    Raises
-    ------
-    ValueError
-        It is no such record.
-
-    """
+    """Return a pause from a metadata record; a ValueError if it is none of a pause."""
     try:
         left_out = {name: int(n) for name, n in json.loads(record['left_out']).items()}
         return Pause(int(record['from']), int(record['to']), left_out)
@@ -137,15 +121,7 @@ def harm_record(stopped: str, harms: Iterable[str]) -> dict[str, str]:
 
 
 def topic_counts(record: Mapping[str, str]) -> dict[str, TopicCount]:
-    """
-    Return what became of each topic's messages from a metadata record.
-
-    Raises
-    ------
-    ValueError
-        It is no such record.
-
-    """
+    """Return what became of topics' messages by their record; a ValueError if it is none such."""
     try:
         return {name: _topic_count(json.loads(text)) for name, text in record.items()}
     except _GARBLED:

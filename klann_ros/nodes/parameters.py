@@ -88,29 +88,13 @@ def refusal(name: str, value: Any, what: str) -> str:
 
 
 def must(condition: bool, name: str, value: Any, what: str) -> None:
-    """
-    Refuse a parameter at start.
-
-    Raises
-    ------
-    StartError
-        The condition does not hold.
-
-    """
+    """Refuse a parameter at start with a StartError where the condition does not hold."""
     if not condition:
         raise StartError(refusal(name, value, what))
 
 
 def declare(node: Node, parameters: Sequence[Declaration]) -> dict[str, Any]:
-    """
-    Declare parameters and return their values by name.
-
-    Raises
-    ------
-    StartError
-        A value has the wrong type, or is not allowed; the text says what would be right.
-
-    """
+    """Declare parameters, return their values by name; a StartError tells what would be right."""
     return {parameter.name: _declare(node, parameter) for parameter in parameters}
 
 

@@ -115,7 +115,7 @@ class Drawn(NamedTuple):
         start, end = (complex(*self.points[name]) for name in body.line or ())
         beyond = BEYOND * self.size * direction
         first, last = sorted((start, end), key=lambda at: (at * direction.conjugate()).real)
-        return _plane([first - beyond, last + beyond])
+        return np.array([(at.real, at.imag) for at in (first - beyond, last + beyond)])
 
     def free_side(self, name: str) -> tuple[float, float]:
         """Return the direction farthest from the bars at a point, and from its support."""
@@ -137,10 +137,6 @@ def line_directions(pose: LinkagePose) -> list[complex]:
     """Return the direction of each line that something slides along, in the bodies' order."""
     linkage, u = pose.linkage, pose.vectors
     return [complex(line(linkage, u, j)) for j in sorted(linkage.structure.line_of)]
-
-
-def _plane(places: Sequence[complex]) -> Array:
-    return np.array([(at.real, at.imag) for at in places])
 
 
 def colour_of(body: int) -> str:

@@ -31,7 +31,7 @@ def printable(text: object, longest: int = LONGEST) -> str:
     if size > longest:
         shown = shown[:longest]
     if not shown.isprintable():
-        shown = ''.join(c if c.isprintable() else _escaped(c) for c in shown)
+        shown = ''.join(c if c.isprintable() else ascii(c)[1:-1] for c in shown)
     return shown if size <= longest else f'{shown}... ({size} characters)'
 
 
@@ -69,10 +69,6 @@ def did_you_mean(name: object, names: Iterable[str]) -> str:
     near = [other for other in known if other.casefold() == given.casefold()]
     near = near or get_close_matches(given, [each for each in known if len(each) > 1], n=1)
     return f'; did you mean {printable(near[0], LONGEST // 3)}?' if near else ''
-
-
-def _escaped(character: str) -> str:
-    return character.encode('unicode_escape').decode('ascii')
 
 
 def counted(number: int, one: str, many: str = '') -> str:

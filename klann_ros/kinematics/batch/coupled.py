@@ -108,7 +108,8 @@ class _Solution:
         (a, b), way, placing = block.unknowns, -self._open(block)[0], block.placing
         self._u[a], self._u[b] = placing.place(self._u, way, sign)
         gone = np.isnan(self._u[a]) | np.isnan(self._u[b])
-        self._fail(gone, np.where(placing.is_far(way), *_out_of_reach(block.number)))
+        reasons = (unreachable(block.number, far=far) for far in (True, False))
+        self._fail(gone, np.where(placing.is_far(way), *reasons))
 
     def _place_loops(self, block: Block, guesses: Array) -> None:
         """Refine guesses of the angles, shape (number of unknowns, k)."""
@@ -149,7 +150,3 @@ class _Solution:
         """Note why the poses are not there that were not given up before."""
         new = which & (self._reason == 0)
         self._reason[new] = np.broadcast_to(reason, new.shape)[new]
-
-
-def _out_of_reach(number: int) -> tuple[int, int]:
-    return unreachable(number, far=True), unreachable(number, far=False)

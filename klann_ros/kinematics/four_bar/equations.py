@@ -8,21 +8,18 @@ angles are counter-clockwise from the ground, which lies along x.
 Source: "Mecanismos e Vibracao de Maquinas", Grashof e mecanismos simples, example 2.
 """
 
+from collections.abc import Sequence
 from math import cos, sin
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from .geometry import FourBarGeometry
+from .geometry import FourBarGeometry
 
 Array = NDArray[np.float64]
 
 
-def f(geometry: 'FourBarGeometry', theta2: float, x: 'Sequence[float] | Array') -> Array:
+def f(geometry: FourBarGeometry, theta2: float, x: Sequence[float] | Array) -> Array:
     """
     Return the loop equations' left-hand sides; the loop closes where f = 0.
 
@@ -54,7 +51,7 @@ def f(geometry: 'FourBarGeometry', theta2: float, x: 'Sequence[float] | Array') 
     )
 
 
-def phi(geometry: 'FourBarGeometry', x: 'Sequence[float] | Array') -> Array:
+def phi(geometry: FourBarGeometry, x: Sequence[float] | Array) -> Array:
     """
     Return the Jacobian Phi = df/dx, shape (2, 2) [m/rad]; parameters as in `f`.
 
@@ -70,7 +67,7 @@ def phi(geometry: 'FourBarGeometry', x: 'Sequence[float] | Array') -> Array:
     )
 
 
-def points(geometry: 'FourBarGeometry', theta2: float, x: 'Sequence[float] | Array') -> Array:
+def points(geometry: FourBarGeometry, theta2: float, x: Sequence[float] | Array) -> Array:
     """
     Return the points O2, A, B and O4 of a pose, shape (4, 2) [m]; parameters as in `f`.
 

@@ -1,16 +1,13 @@
 """All that the course asks of a four-bar, at many crank angles at once."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from klann_ros.kinematics.batch.poses import linkage_poses
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .geometry import FourBarGeometry
 from .transmission import advantages
-
-if TYPE_CHECKING:
-    from .geometry import FourBarGeometry
 
 Array = NDArray[np.float64]
 COLUMNS = ('theta2', 'theta3', 'theta4', 'alpha', 'beta', 'Z', 'mu', 'T4/T2')
@@ -69,7 +66,7 @@ class FourBarTable:
         return '\n'.join(lines)
 
 
-def four_bar_table(geometry: 'FourBarGeometry', theta2: ArrayLike) -> FourBarTable:
+def four_bar_table(geometry: FourBarGeometry, theta2: ArrayLike) -> FourBarTable:
     """Return the table of a four-bar; see `FourBar.table`."""
     poses = linkage_poses(geometry, theta2, angles=True, points=True)
     if poses.angles is None or poses.points is None:

@@ -1,7 +1,7 @@
 """How well a four-bar transmits: the transmission angle and the mechanical advantage."""
 
 from math import inf, nan, pi, radians, sqrt
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import crank_angle
 from klann_ros.kinematics.linkage.circles import placed, seed
@@ -9,8 +9,7 @@ from klann_ros.kinematics.linkage.dyads import TOUCHES
 from klann_ros.kinematics.linkage.reach import limits, opening
 import numpy as np
 
-if TYPE_CHECKING:
-    from .geometry import FourBarGeometry
+from .geometry import FourBarGeometry
 
 # Good practice for large forces.
 LEAST, GREATEST = radians(40.0), radians(140.0)
@@ -41,7 +40,7 @@ class TransmissionExtremes(NamedTuple):
         return self.least >= LEAST and self.greatest <= GREATEST
 
 
-def transmission_angle(geometry: 'FourBarGeometry', theta2: float) -> float:
+def transmission_angle(geometry: FourBarGeometry, theta2: float) -> float:
     """
     Return the angle mu between coupler and rocker, in [0, pi] [rad]; raises as FourBar's.
 
@@ -63,7 +62,7 @@ def transmission_angle(geometry: 'FourBarGeometry', theta2: float) -> float:
     return opening(l_3, l_4, abs(geometry.ground - a))
 
 
-def transmission_extremes(geometry: 'FourBarGeometry') -> TransmissionExtremes:
+def transmission_extremes(geometry: FourBarGeometry) -> TransmissionExtremes:
     """Return the least and the greatest transmission angle, and where; mu grows with |theta2|."""
     near, far = limits(geometry.lengths)
     # At the ends of what can be reached coupler and rocker are in line.
@@ -77,7 +76,7 @@ def transmission_extremes(geometry: 'FourBarGeometry') -> TransmissionExtremes:
     )
 
 
-def mechanical_advantage(geometry: 'FourBarGeometry', theta2: float) -> float:
+def mechanical_advantage(geometry: FourBarGeometry, theta2: float) -> float:
     """
     Return the mechanical advantage T4 / T2 = w2 / w4 at a crank angle; raises as FourBar's.
 
@@ -91,7 +90,7 @@ def mechanical_advantage(geometry: 'FourBarGeometry', theta2: float) -> float:
     return float(advantages(geometry, theta2, *seed(geometry.linkage, theta2)))
 
 
-def advantages(geometry: 'FourBarGeometry', theta2: Any, theta3: Any, theta4: Any) -> Any:
+def advantages(geometry: FourBarGeometry, theta2: Any, theta3: Any, theta4: Any) -> Any:
     """Return the mechanical advantage of one pose, or of arrays of poses; NaN where one is."""
     sine, across = np.sin(theta2 - theta3), np.sin(theta4 - theta3)
     (dyad,) = geometry.linkage.blocks

@@ -8,21 +8,18 @@ together. gamma and theta are measured clockwise, all other angles counter-clock
 Source: R. Nicoletti, SEM 104 Mecanismos, lecture 7, "Mecanismo de N barras".
 """
 
+from collections.abc import Sequence
 from math import cos, sin
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from .geometry import KlannGeometry
+from .geometry import KlannGeometry
 
 Array = NDArray[np.float64]
 
 
-def f(geometry: 'KlannGeometry', alpha: float, x: 'Sequence[float] | Array') -> Array:
+def f(geometry: KlannGeometry, alpha: float, x: Sequence[float] | Array) -> Array:
     """
     Return the loop equations' left-hand sides; both loops close where f = 0.
 
@@ -62,7 +59,7 @@ def f(geometry: 'KlannGeometry', alpha: float, x: 'Sequence[float] | Array') -> 
     )  # fmt: skip
 
 
-def phi(geometry: 'KlannGeometry', x: 'Sequence[float] | Array') -> Array:
+def phi(geometry: KlannGeometry, x: Sequence[float] | Array) -> Array:
     """
     Return the Jacobian Phi = df/dx, shape (4, 4) [m/rad]; parameters as in `f`.
 
@@ -81,38 +78,7 @@ def phi(geometry: 'KlannGeometry', x: 'Sequence[float] | Array') -> Array:
     )
 
 
-def f_alpha(geometry: 'KlannGeometry', alpha: float) -> Array:
-    """Return df/dalpha, shape (4,) [m/rad]: only the loop A-B-C-D holds the crank."""
-    return np.array([-geometry.l_ab * sin(alpha), geometry.l_ab * cos(alpha), 0.0, 0.0])
-
-
-def f_2(
-    geometry: 'KlannGeometry',
-    alpha: float,
-    x: 'Sequence[float] | Array',
-    x_1: 'Sequence[float] | Array',
-) -> Array:
-    """
-    Return the part of d2f/dalpha2 without second derivatives of x, shape (4,) [m/rad^2].
-
-    Every cosine and sine of f becomes -(dphi/dalpha)^2 times itself; `x_1` is dx/dalpha.
-    """
-    g = geometry
-    gamma, beta, delta, theta = x
-    bent = gamma - g.angle_bcg
-    bc, dc, cg = -g.l_bc * x_1[0] ** 2, -g.l_dc * x_1[1] ** 2, -g.l_cg * x_1[0] ** 2
-    ef, fg = -g.l_ef * x_1[2] ** 2, -g.l_fg * x_1[3] ** 2
-    return np.array(
-        [
-            -g.l_ab * cos(alpha) + bc * cos(gamma) - dc * cos(beta),
-            -g.l_ab * sin(alpha) - bc * sin(gamma) - dc * sin(beta),
-            ef * cos(delta) + fg * cos(theta) - cg * cos(bent) - dc * cos(beta),
-            ef * sin(delta) - fg * sin(theta) + cg * sin(bent) - dc * sin(beta),
-        ]
-    )
-
-
-def points(geometry: 'KlannGeometry', alpha: float, x: 'Sequence[float] | Array') -> Array:
+def points(geometry: KlannGeometry, alpha: float, x: Sequence[float] | Array) -> Array:
     """
     Return the points A to H of a pose, shape (8, 2) [m]; parameters as in `f`.
 

@@ -67,15 +67,7 @@ def linkage_from_file(path: str | Path) -> Linkage:
 
 
 def linkage_text(path: str | Path) -> str:
-    """
-    Return the text of a linkage's file.
-
-    Raises
-    ------
-    LinkageFileError
-        It cannot be read.
-
-    """
+    """Return the text of a linkage's file; a LinkageFileError where it cannot be read."""
     try:
         return read_plain(path, LONGEST)
     except (OSError, ValueError) as error:
@@ -176,16 +168,12 @@ def _structure(content: Mapping[str, Any], bodies: Mapping[str, Any]) -> Structu
 
 
 def _body(name: str, content: Mapping[str, Any]) -> Body:
-    bars = [
-        Bar(bar['from'], bar['to'], _brace(bar['brace']) if 'brace' in bar else None)
-        for bar in every_bar(content)
-    ]
+    bars = []
+    for bar in every_bar(content):
+        brace = Brace(bar['brace']['from'], bar['brace']['side']) if 'brace' in bar else None
+        bars.append(Bar(bar['from'], bar['to'], brace))
     along = content['slides']['along'] if 'slides' in content else ''
     return Body(name, tuple(bars), content.get('clockwise', False), along=along)
-
-
-def _brace(brace: Mapping[str, Any]) -> Brace:
-    return Brace(brace['from'], brace['side'])
 
 
 def _check_bends(content: Mapping[str, Any], turn: Callable[[float], float]) -> None:

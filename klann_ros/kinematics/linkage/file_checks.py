@@ -144,13 +144,11 @@ def stated(plain: Linkage, signs: Sequence[int]) -> Linkage:
         raise GeometryError('it closes at no crank angle, in whatever assembly: check its lengths')
     msg = f'assembly {signs} is refused: possible are {possible}'
     if len(signs) != count:
-        blocks = '; '.join(', '.join(names) for names in _unknowns(plain.structure))
+        names = plain.structure.angles
+        groups = ([names[j] for j in group] for group in plain.structure.groups)
+        blocks = '; '.join(map(', '.join, groups))
         msg += f', a sign for each of the loops that are solved one after the other ({blocks})'
     raise GeometryError(msg)
-
-
-def _unknowns(structure: Structure) -> list[list[str]]:
-    return [[structure.angles[j] for j in group] for group in structure.groups]
 
 
 def _check_degrees(linkage: Linkage, start: tuple[float, ...]) -> None:

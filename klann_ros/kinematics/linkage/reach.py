@@ -3,17 +3,15 @@
 from cmath import phase
 from math import atan2, pi, sqrt
 from sys import float_info
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arcs import Arc, arcs_inside, normal
 from klann_ros.kinematics.errors import LoopsOpenError, UnreachableError
 
+from .blocks import Block
 from .circles import placed
 from .linkage import as_linkage, Linkage
-
-if TYPE_CHECKING:
-    from .blocks import Block
 
 Lengths = tuple[float, float, float, float]
 
@@ -75,13 +73,13 @@ def closes_somewhere(linkage: Linkage) -> bool:
     return any(_closes(linkage, k * TURN / 8.0) for k in range(8)) or bool(reachable_arcs(linkage))
 
 
-def is_driven(block: 'Block') -> bool:
+def is_driven(block: Block) -> bool:
     """Return whether a block is a dyad of two links whose ends the crank alone moves."""
     (terms, _), *others = block.rows
     return not others and not block.slides and {0, *block.unknowns} == terms.keys()
 
 
-def driven_arcs(block: 'Block') -> list[Arc]:
+def driven_arcs(block: Block) -> list[Arc]:
     """Return the arcs at which a dyad closes that the crank alone drives [rad]."""
     terms, constant = block.rows[0]
     a, b = block.unknowns

@@ -85,16 +85,6 @@ def _choice(error: Any) -> str:
     return f'{_shown(error.instance)} must be one of {", ".join(map(str, error.validator_value))}'
 
 
-def _exclusive(_: Any) -> str:
-    return 'bend and brace exclude each other'
-
-
-def _start_or_assembly(_: Any) -> str:
-    return (
-        'start is missing: an angle for every body, or in its place assembly: a sign for each dyad'
-    )
-
-
 def _fallback(error: Any) -> str:
     return f'{_shown(error.instance)} is not allowed by the rule {error.validator}'
 
@@ -113,6 +103,8 @@ _WORDS: dict[str, Callable[[Any], str]] = {
     'maxItems': _count,
     'minProperties': _count,
     'enum': _choice,
-    'not': _exclusive,
-    'anyOf': _start_or_assembly,
+    'not': lambda _: 'bend and brace exclude each other',
+    'anyOf': lambda _: (
+        'start is missing: an angle for every body, or in its place assembly: a sign for each dyad'
+    ),
 }

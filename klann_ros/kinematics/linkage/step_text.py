@@ -132,10 +132,6 @@ class Writer:
         """Return whether a body of a block slides."""
         return any(self._structure.bodies[j].slides for j in self._structure.groups[block])
 
-    def _turning(self) -> list[int]:
-        """Return the bodies that turn, without the crank."""
-        return [j for j, body in enumerate(self._structure.bodies) if j and not body.slides]
-
     def _pairs(self) -> Iterable[tuple[tuple[int, ...], tuple[int, ...]]]:
         return zip(self._structure.groups, self._paths.rows, strict=True)
 
@@ -274,7 +270,7 @@ class Writer:
 
     def _wrap(self) -> None:
         """Write what brings angles into (-pi, pi]."""
-        turning = self._turning()
+        turning = [j for j, body in enumerate(self._structure.bodies) if j and not body.slides]
         if not turning:
             return
         inside = [f'-pi < p{j} <= pi' for j in turning]

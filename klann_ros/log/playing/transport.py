@@ -164,15 +164,7 @@ class Transport:
             self._changed.notify_all()
 
     def step(self) -> None:
-        """
-        Play exactly the next message.
-
-        Raises
-        ------
-        PlaybackError
-            It is not paused, or there is no next message.
-
-        """
+        """Play exactly the next message; a PlaybackError if it is not paused, or there is none."""
         with self._changed:
             if not self._paused:
                 raise PlaybackError('it is playing; pause it first')
@@ -187,15 +179,7 @@ class Transport:
                 raise PlaybackError(reason)
 
     def seek(self, position: float) -> None:
-        """
-        Go on from another position [s], paused or not.
-
-        Raises
-        ------
-        PlaybackError
-            There is no such position.
-
-        """
+        """Go on from another position [s], paused or not; a PlaybackError if it has none."""
         if not 0.0 <= position <= self.length:
             raise PlaybackError(f'position = {position} is not within 0 .. {self.length:g} s')
         with self._changed:
@@ -205,15 +189,7 @@ class Transport:
             self._changed.notify_all()
 
     def set_rate(self, rate: float) -> None:
-        """
-        Go on at another rate.
-
-        Raises
-        ------
-        ValueError
-            The rate makes no sense.
-
-        """
+        """Go on at another rate; a ValueError if it makes no sense."""
         with self._changed:
             self._timeline = self._timeline.at_rate(rate, self._settled())
             self._changed.notify_all()

@@ -80,15 +80,7 @@ _START = 512
 
 
 def open_files(path: AnyPath) -> tuple[list[Storage], RunFiles]:
-    """
-    Return those files of a log that are logs, and what is wrong with the others.
-
-    Raises
-    ------
-    NotALogError
-        There is nothing at the path, or none of its files is one.
-
-    """
+    """Return those files of a log that are logs, and all files; a NotALogError if none is one."""
     found = run_files(path)
     tried = [_try(file_path, found.packed.get(file_path)) for file_path in found.paths]
     files = [file for file in tried if not isinstance(file, NotALogError)]
@@ -112,15 +104,7 @@ def _try(path: Path, packed: Path | None) -> Storage | NotALogError:
 
 
 def open_storage(path: Path) -> Storage:
-    """
-    Open a file of a log.
-
-    Raises
-    ------
-    NotALogError
-        It is none, or nothing of it can be read.
-
-    """
+    """Open a file of a log; a NotALogError if it is none, or nothing of it can be read."""
     start = _start(path, path)
     storage = _unpacked(path) if start.startswith(ZSTD_MAGIC) else _plain(path, start)
     # Each of its messages may be packed as well.

@@ -211,15 +211,7 @@ class McapFile:
         return FileSummary(self.name, counts, self._start_time, self._end_time)
 
     def _add_channel(self, message: Message) -> _Channel:
-        """
-        Return a channel for a topic that has none; nothing is written yet.
-
-        Raises
-        ------
-        MalformedQosError
-            Its quality of service is malformed.
-
-        """
+        """Return an unwritten channel for a new topic; a MalformedQosError if its QoS is one."""
         topic = message.topic
         metadata = dict(topic.extra)
         if topic.qos:

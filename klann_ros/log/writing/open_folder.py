@@ -39,16 +39,13 @@ class OpenFolder:
     def place(self) -> Path | None:
         """Return what it is called now; None where it was removed, or nobody can tell."""
         try:
-            if self._is_at(self.path):
+            if os.path.samestat(self.path.stat(), os.fstat(self._descriptor)):
                 return self.path
         except PermissionError:
             return self.path  # who may not look has not seen a change
         except OSError:
             pass
         return whereabouts(self._descriptor)
-
-    def _is_at(self, path: Path) -> bool:
-        return os.path.samestat(path.stat(), os.fstat(self._descriptor))
 
     def names(self) -> list[str]:
         """Return the names of what is in it."""

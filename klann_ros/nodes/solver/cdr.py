@@ -48,15 +48,7 @@ class JointReading(NamedTuple):
 
 
 def read_float64(data: bytes) -> float:
-    """
-    Return the number in a std_msgs/Float64.
-
-    Raises
-    ------
-    ValueError
-        It is no such message.
-
-    """
+    """Return the number in a std_msgs/Float64; a ValueError if it is no such message."""
     try:
         (value,) = _FLOAT64[data[:2]].unpack_from(data, HEADER_SIZE)
     except (KeyError, struct.error) as error:

@@ -204,13 +204,10 @@ def _counts(record: Mapping[str, str]) -> dict[str, TopicCount]:
         counts = topic_counts(record)
     except ValueError:
         return {}
+    numbers = {name: (c.lost or 0, c.dropped, c.early, c.left) for name, c in counts.items()}
     # Less than none is no count, and nobody counts so far.
     return {
         name: count
         for name, count in counts.items()
-        if all(0 <= number <= LAST_TIME for number in _numbers(count))
+        if min(numbers[name]) >= 0 and max(numbers[name]) <= LAST_TIME
     }
-
-
-def _numbers(count: TopicCount) -> tuple[int, ...]:
-    return count.lost or 0, count.dropped, count.early, count.left

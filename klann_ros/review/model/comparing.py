@@ -129,7 +129,7 @@ def _lonely(
 
 def _differences(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterator[Difference]:
     # A leg that is not told is no other leg.
-    if _both_told(one, other):
+    if one.recording.solver.leg and other.recording.solver.leg:
         yield from _dimensions(limits, one, other)
     yield from _motion(limits, one, other)
 
@@ -151,10 +151,6 @@ def _dimensions(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterato
             by = b.value - a.value
             share = f', {by / a.value:+.3%}' if a.value else ''
             yield Difference(name, text + share, by, a.unit, title)
-
-
-def _both_told(one: ReviewedLeg, other: ReviewedLeg) -> bool:
-    return None not in (one.recording.solver.leg, other.recording.solver.leg)
 
 
 def _remarks(one: ReviewedLeg, other: ReviewedLeg) -> Iterator[str]:

@@ -91,15 +91,7 @@ def limits_from_file(path: str) -> Limits:
 
 
 def limits_from(content: Any) -> Limits:
-    """
-    Return the limits in a mapping.
-
-    Raises
-    ------
-    ValueError
-        It is no mapping of limits to numbers >= 0.
-
-    """
+    """Return the limits in a mapping; a ValueError for anything but limits and numbers >= 0."""
     if not isinstance(content, Mapping):
         raise ValueError('it must be a mapping, such as "gap_time: 0.2"')  # noqa: TRY004 - as all
     unknown = sorted(map(str, content.keys() - set(NAMES)))

@@ -5,7 +5,7 @@ They are looked at before the review begins, since it may take minutes. What is 
 file beside its place, which it takes at once: a full disk leaves the page of before.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 import errno
@@ -13,14 +13,11 @@ import os
 from pathlib import Path
 import secrets
 import stat
-from typing import BinaryIO, TYPE_CHECKING
+from typing import BinaryIO
 
 from klann_ros.log.reading.opening import LONGEST_MAGIC, MAGICS
 from klann_ros.untrusted.files import is_plain, is_within, open_plain
 from klann_ros.untrusted.text import printable
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 Save = Callable[[BinaryIO], object]
 
@@ -39,28 +36,12 @@ class Output:
     path: str
 
     def save(self, save: Save) -> None:
-        """
-        Write the file.
-
-        Raises
-        ------
-        OutputError
-            It cannot be written; what was there before is there still.
-
-        """
+        """Write the file; an OutputError where it cannot be, and what was there before stays."""
         with self._told(), self._opened() as file:
             save(file)
 
     def check(self, inputs: Sequence[str]) -> None:
-        """
-        Find out whether it may and can be written, given what is read.
-
-        Raises
-        ------
-        OutputError
-            It may not, or cannot.
-
-        """
+        """Find out whether it may and can be written, by what is read; an OutputError if not."""
         with self._told():
             for given in inputs:
                 if is_within(self.path, given):
@@ -83,7 +64,7 @@ class Output:
         return is_within(self.path, other.path) or _place(self.path) == _place(other.path)
 
     @contextmanager
-    def _told(self) -> 'Iterator[None]':
+    def _told(self) -> Iterator[None]:
         try:
             yield
         except (OSError, ValueError, OutputError) as error:
@@ -92,7 +73,7 @@ class Output:
             raise OutputError(f'{what}: {printable(reason)}') from error
 
     @contextmanager
-    def _opened(self) -> 'Iterator[BinaryIO]':
+    def _opened(self) -> Iterator[BinaryIO]:
         if _is_special(self.path):
             # A pipe that nobody reads is not waited for; one that is read takes its time.
             descriptor = os.open(self.path, os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)

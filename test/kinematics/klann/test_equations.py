@@ -1,7 +1,9 @@
 """The textbook's equations of the Klann leg, and the linkage that it is: one and the same."""
 
 import cmath
+from collections.abc import Sequence
 import math
+from math import cos, sin
 
 from hypothesis import assume, given, strategies as st
 from klann_ros.kinematics import KlannGeometry, KlannLeg, UnreachableError
@@ -37,7 +39,7 @@ def test_the_linkage_has_the_textbooks_equations_and_points(
     for found, expected in (
         (linkage.f(alpha, x), equations.f(geometry, alpha, x)),
         (linkage.phi(alpha, x), equations.phi(geometry, x)),
-        (linkage.f_alpha(alpha, x), equations.f_alpha(geometry, alpha)),
+        (linkage.f_alpha(alpha, x), f_alpha(geometry, alpha)),
         (linkage.points(alpha, x), equations.points(geometry, alpha, x)),
     ):
         np.testing.assert_allclose(found, expected, rtol=0, atol=4e-15)
@@ -54,10 +56,10 @@ def test_the_acceleration_solves_the_loops_differentiated_twice(
         assume(False)
     assume(min(pose.sines) > 0.1)
     phi = equations.phi(geometry, pose.x)
-    f_2 = equations.f_2(geometry, alpha, pose.x, pose.coefficients)
+    part = f_2(geometry, alpha, pose.x, pose.coefficients)
     second = leg.acceleration(pose, 1.0, 0.0).joints[1:]
-    scale = 1e-13 * (1.0 + abs(f_2).max())
-    np.testing.assert_allclose(phi @ second, -f_2, rtol=1e-10, atol=scale)
+    scale = 1e-13 * (1.0 + abs(part).max())
+    np.testing.assert_allclose(phi @ second, -part, rtol=1e-10, atol=scale)
 
 
 @given(geometry=legs(), alpha=crank_angles, x=states)
@@ -92,3 +94,34 @@ def test_any_kind_of_number_is_an_angle(kind: type) -> None:
     pose = leg.solve(kind(2))
     np.testing.assert_allclose(pose.x, leg.closed_form(2.0).x, rtol=0, atol=1e-15)
     assert {type(value) for value in pose.joints} == {float}
+
+
+def f_alpha(geometry: KlannGeometry, alpha: float) -> np.ndarray:
+    """Return df/dalpha, shape (4,) [m/rad]: only the loop A-B-C-D holds the crank."""
+    return np.array([-geometry.l_ab * sin(alpha), geometry.l_ab * cos(alpha), 0.0, 0.0])
+
+
+def f_2(
+    geometry: KlannGeometry,
+    alpha: float,
+    x: Sequence[float],
+    x_1: Sequence[float],
+) -> np.ndarray:
+    """
+    Return the part of d2f/dalpha2 without second derivatives of x, shape (4,) [m/rad^2].
+
+    Every cosine and sine of f becomes -(dphi/dalpha)^2 times itself; `x_1` is dx/dalpha.
+    """
+    g = geometry
+    gamma, beta, delta, theta = x
+    bent = gamma - g.angle_bcg
+    bc, dc, cg = -g.l_bc * x_1[0] ** 2, -g.l_dc * x_1[1] ** 2, -g.l_cg * x_1[0] ** 2
+    ef, fg = -g.l_ef * x_1[2] ** 2, -g.l_fg * x_1[3] ** 2
+    return np.array(
+        [
+            -g.l_ab * cos(alpha) + bc * cos(gamma) - dc * cos(beta),
+            -g.l_ab * sin(alpha) - bc * sin(gamma) - dc * sin(beta),
+            ef * cos(delta) + fg * cos(theta) - cg * cos(bent) - dc * cos(beta),
+            ef * sin(delta) - fg * sin(theta) + cg * sin(bent) - dc * sin(beta),
+        ]
+    )

@@ -48,15 +48,7 @@ def beside(path: Path, suffix: str) -> Path:
 
 
 def pieces(path: Path) -> Iterator[bytes]:
-    """
-    Yield what is in a file.
-
-    Raises
-    ------
-    OSError
-        It cannot be read.
-
-    """
+    """Yield what is in a file; an OSError if it cannot be read."""
     with open_plain(path) as file:
         while piece := file.read(_PIECE):
             yield piece

@@ -139,15 +139,7 @@ class Pages:
             return 2**63 - 1
 
     def whole(self, row: PageRow) -> bytes:
-        """
-        Return a row's record, put together from its overflow pages.
-
-        Raises
-        ------
-        BrokenRowError
-            It is not all there.
-
-        """
+        """Return a row's record with its overflow pages; a BrokenRowError if not all is there."""
         parts, left, following = [row.local], row.size - len(row.local), row.following
         if left > self.count * self.form.usable:
             raise BrokenRowError
