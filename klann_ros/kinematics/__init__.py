@@ -38,10 +38,9 @@ What can go wrong      `KinematicsError`: `GeometryError`, `LinkageFileError`,
 =====================  ================================================================
 """
 
-from .batch.batch import LinkagePoses
 from .batch.margins import length_margins, Margin, PartialTurnError, turns_fully
 from .batch.poses import klann_poses, linkage_poses
-from .batch.reason import Reason
+from .batch.results import LinkagePoses, Reason
 from .batch.tolerance_study import tolerance_study, ToleranceStudy
 from .errors import (
     CrankAngleError,

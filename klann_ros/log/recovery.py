@@ -110,23 +110,16 @@ def _check_found(log: AnyPath, files: list[Storage], recovery: Recovery) -> None
         raise NotALogError(log, f'nothing can be recovered: {reason}')
 
 
+@dataclass
 class _FileRecovery:
     """The recovery of one file into a run."""
 
-    def __init__(
-        self,
-        file: Storage,
-        writer: RunWriter,
-        recovery: Recovery,
-        repeats: Repeats,
-        qos: QosTexts,
-    ) -> None:
-        self._file = file
-        self._writer = writer
-        self._recovery = recovery
-        self._repeats = repeats
-        self._qos = qos
-        self._topics: dict[Topic, Topic] = {}
+    _file: Storage
+    _writer: RunWriter
+    _recovery: Recovery
+    _repeats: Repeats
+    _qos: QosTexts
+    _topics: dict[Topic, Topic] = field(default_factory=dict)
 
     def run(self) -> None:
         """Write what is intact, and say what is not."""

@@ -1,122 +1,24 @@
 """All blocks of a batch, one after the other, in the same memory."""
 
 from collections.abc import Callable, Iterator, Sequence, Set as AbstractSet
-from dataclasses import dataclass, fields
 from itertools import islice
 from typing import Any, TypeAlias
 
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from . import coupled
+from . import coupled, sliding
 from .derivative import angle_rates, Derived, differentiated
 from .numpy_kernel import NumpyKernel
 from .program import Array, constants, Numbers, Program, program
-from .reason import Reason, unreachable
-from .sliding import SlidingBatch
+from .results import Codes, LinkagePoses, part_of, Reason, unreachable
 
-Codes: TypeAlias = NDArray[np.uint8]
 Progress: TypeAlias = Callable[[int, int], object]
 Rows: TypeAlias = Sequence[Array]
 Pairs: TypeAlias = tuple[tuple[str, str], ...]
 # Poses a block: all that is made of them stays in a processor's second-level cache.
 SIZE = 8192
-
-
-@dataclass(frozen=True, eq=False)
-class LinkagePoses:
-    """
-    Many poses; where one was not solved, all its numbers are NaN.
-
-    The arrays are read-only, except an `h` that the caller has provided. Derivatives are by the
-    crank angle, and NaN at singular poses.
-
-    Attributes
-    ----------
-    h : numpy.ndarray, shape (..., 2)
-        The foot [m].
-    reason : numpy.ndarray of uint8, shape (...)
-        0 where the pose was solved, else a `Reason`.
-    angles : numpy.ndarray, shape (..., n - 1), or None
-        The other angles, in the order of `joint_names`, in (-pi, pi] [rad], if asked for.
-    points : numpy.ndarray, shape (..., p, 2), or None
-        The points, in the structure's order [m], if asked for.
-    transmission_angles : numpy.ndarray, shape (..., number of blocks), or None
-        Those of `LinkagePose`, in [0, pi] [rad], if asked for.
-    h_1 : numpy.ndarray, shape (..., 2), or None
-        dH/dalpha, the foot's velocity at a crank rate of 1 rad/s [m/rad], if velocities are asked
-        for.
-    angles_1 : numpy.ndarray, shape (..., n - 1), or None
-        Derivatives of the angles, if both are asked for.
-    points_1 : numpy.ndarray, shape (..., p, 2), or None
-        Derivatives of the points [m/rad], if both are asked for.
-
-    """
-
-    h: Array
-    reason: Codes
-    angles: Array | None = None
-    points: Array | None = None
-    transmission_angles: Array | None = None
-    h_1: Array | None = None
-    angles_1: Array | None = None
-    points_1: Array | None = None
-
-    def velocity(self, alpha_rate: ArrayLike) -> Array:
-        """
-        Return the foot's velocity dH/dalpha alpha_rate, shape (..., 2) [m/s].
-
-        Parameters
-        ----------
-        alpha_rate : array-like of float
-            Rate of the crank, one or of a shape that fits (...) [rad/s].
-
-        Raises
-        ------
-        ValueError
-            The velocities were not asked for, or the rate does not fit.
-
-        """
-        velocity: Array = self._asked_for() * np.asarray(alpha_rate, dtype=np.float64)[..., None]
-        return velocity
-
-    def crank_torque(self, force: ArrayLike) -> Array:
-        """
-        Return the torque at the crank that balances a force on the foot, shape (...) [N m].
-
-        T = -F . dH/dalpha, counter-clockwise positive; see `Leg.crank_torque`.
-
-        Parameters
-        ----------
-        force : array-like of float, shape (2,) or (..., 2)
-            On the foot (x, y) [N], one or one for each pose.
-
-        Raises
-        ------
-        ValueError
-            The velocities were not asked for, or the force does not fit.
-
-        """
-        f = np.asarray(force, dtype=np.float64)
-        if f.shape[-1:] != (2,):
-            msg = f'force is refused: its shape must be (2,) or (..., 2), not {f.shape}'
-            raise ValueError(msg)
-        h_1 = self._asked_for()
-        # From 0.0, so that no force takes a torque of 0.0 and not of -0.0.
-        torque: Array = 0.0 - (f[..., 0] * h_1[..., 0] + f[..., 1] * h_1[..., 1])
-        return torque
-
-    def _asked_for(self) -> Array:
-        if self.h_1 is None:
-            msg = 'the velocities were not asked for: linkage_poses(..., velocities=True)'
-            raise ValueError(msg)
-        return self.h_1
-
-    def arrays(self) -> dict[str, Array]:
-        """Return the arrays that there are, by their names, without the reasons."""
-        found = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: a for name, a in found.items() if a is not None and name != 'reason'}
 
 
 def fill(
@@ -132,19 +34,17 @@ def fill(
     The kernel is `numpy_kernel` or `numba_kernel`; `progress` is called with (done, total) poses
     after each block.
     """
-    batch: _Dyads | SlidingBatch | None = None
-    if variants.base.two_circles:
-        batch = _Dyads(variants, results, kernel)
-    elif variants.base.is_dyadic:
-        batch = SlidingBatch(variants, results)
+    batch = _Dyads(variants, results, kernel) if variants.base.two_circles else None
+    is_dyadic = variants.base.is_dyadic
+    place = sliding.place if is_dyadic else coupled.place
     done, total = 0, results.reason.size
     # What cannot be computed becomes NaN on its way, and is then explained.
     with np.errstate(all='ignore'):
-        for rows, columns in _blocks(len(variants), alphas.size, one_by_one=batch is None):
-            if batch is None:
-                coupled.place(variants, rows.start, alphas[columns], _part(results, rows, columns))
-            else:
+        for rows, columns in _blocks(len(variants), alphas.size, one_by_one=not is_dyadic):
+            if batch is not None:
                 batch.place(rows, columns, alphas)
+            else:
+                place(variants, rows, alphas[columns], part_of(results, rows, columns))
             done += (rows.stop - rows.start) * (columns.stop - columns.start)
             if progress is not None:
                 progress(done, total)
@@ -157,12 +57,6 @@ def _blocks(legs: int, angles: int, *, one_by_one: bool) -> Iterator[tuple[slice
         step = 1 if one_by_one else SIZE // (columns.stop - first)
         for leg in range(0, legs, step):
             yield slice(leg, min(leg + step, legs)), columns
-
-
-def _part(results: LinkagePoses, rows: slice, columns: slice) -> LinkagePoses:
-    """Return the part of the results that a block is."""
-    parts = {name: array[rows, columns] for name, array in results.arrays().items()}
-    return LinkagePoses(reason=results.reason[rows, columns], **parts)
 
 
 class _Dyads:
@@ -234,7 +128,7 @@ class _Dyads:
 
     def _store(self, rows: slice, columns: slice, found: Rows) -> Iterator[Array]:
         """Store all but the feet, as far as it is wanted; yield what was stored."""
-        part = _part(self._results, rows, columns)
+        part = part_of(self._results, rows, columns)
         numbers = iter(list(zip(found[::2], found[1::2], strict=True)))
         own = {name: [*islice(numbers, len(pairs))] for name, pairs in self._wanted.items()}
         singular = self._singular(own['links'], rows) if part.h_1 is not None else None

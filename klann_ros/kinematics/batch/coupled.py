@@ -1,6 +1,6 @@
 """Coupled loops in bulk: Newton-Raphson for many crank angles at once, along the branch."""
 
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 from klann_ros.kinematics.errors import GeometryError
@@ -14,30 +14,24 @@ from numpy.typing import NDArray
 
 from .derivative import rates
 from .program import Array
-from .reason import open_loops, Reason, unreachable
-
-if TYPE_CHECKING:
-    from .batch import LinkagePoses
+from .results import LinkagePoses, open_loops, Reason, store, unreachable
 
 Complex = NDArray[np.complex128]
 ITERATIONS = 10
 TOLERANCE = 1e-12
 
 
-def place(variants: Variants, i: int, alphas: NDArray[Any], results: 'LinkagePoses') -> None:
-    """Compute and store the poses of one of the variants, in results of one row."""
+def place(variants: Variants, rows: slice, alphas: NDArray[Any], results: LinkagePoses) -> None:
+    """Compute and store the poses of one of the variants: these rows are one."""
+    i = rows.start
     try:
         linkage = variants[i] if len(variants) > 1 else variants.base
         branch = linkage.branch if not variants.refused[i] else None
     except GeometryError:
         branch = None
-    if branch is None:
-        _store_nothing(results)
+    if branch is not None:
+        _Solution(linkage, np.asarray(alphas, dtype=np.float64)).store(results)
         return
-    _Solution(linkage, np.asarray(alphas, dtype=np.float64)).store(results)
-
-
-def _store_nothing(results: 'LinkagePoses') -> None:
     results.reason[...] = Reason.REFUSED
     for array in results.arrays().values():
         array[...] = np.nan
@@ -64,37 +58,22 @@ class _Solution:
             heads = [linkage.head_bodies.index(j) - 1 for j in block.unknowns]
             self._place_loops(block, guesses[heads])
 
-    def store(self, results: 'LinkagePoses') -> None:
+    def store(self, results: LinkagePoses) -> None:
         """Store what is wanted."""
         linkage, u = self._linkage, self._u
         u[:, self._reason != 0] = np.nan
         results.reason[0] = self._reason
+        x_1, u_1 = rates(linkage, u) if results.h_1 is not None else (u[:0], u[:0])
         q_u, q = linkage.point_equations
-        foot = q_u[linkage.foot] @ u + q[linkage.foot]
-        results.h[0, :, 0], results.h[0, :, 1] = foot.real, foot.imag
-        if results.angles is not None:
-            for j in range(1, len(u)):
-                results.angles[0, :, j - 1] = joints.coordinate(self._structure, u, j)
-        if results.points is not None:
-            points = (q_u @ u).T + q
-            results.points[0] = np.stack([points.real, points.imag], axis=-1)
 
-        if results.transmission_angles is not None:
-            for k, block in enumerate(linkage.blocks):
-                results.transmission_angles[0, :, k] = block.transmission_angle(u)
-        if results.h_1 is not None:
-            self._store_derivatives(results)
+        def point(vectors: Complex, which: int, *, moved: bool) -> Complex:
+            found: Complex = q_u[which] @ vectors + (0.0 if moved else q[which])
+            return found
 
-    def _store_derivatives(self, results: 'LinkagePoses') -> None:
-        x_1, u_1 = rates(self._linkage, self._u)
-        points_1 = self._linkage.point_equations[0] @ u_1
-        foot = points_1[self._linkage.foot]
-        if results.h_1 is not None:
-            results.h_1[0] = np.stack([foot.real, foot.imag], axis=-1)
-        if results.angles_1 is not None:
-            results.angles_1[0] = x_1[1:].T
-        if results.points_1 is not None:
-            results.points_1[0] = np.stack([points_1.real, points_1.imag], axis=-1).swapaxes(0, 1)
+        def transmission_angle(k: int) -> Any:
+            return linkage.blocks[k].transmission_angle(u)
+
+        store(results, linkage.structure, (u, x_1, u_1), point, transmission_angle)
 
     def _open(self, block: Block) -> Complex:
         """Return by how much each loop of a block is open, its own bodies left out."""

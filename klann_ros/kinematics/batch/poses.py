@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import numpy_kernel
-from .batch import fill, LinkagePoses, Progress
+from .batch import fill, Progress
 from .program import Array
+from .results import LinkagePoses
 
 # Loading numba and its machine code takes as long as NumPy takes for millions of poses; a batch
 # as large as this is unlikely to be the only one.

@@ -15,9 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .program import Array
-from .reason import Reason, unreachable
-
-Codes = NDArray[np.uint8]
+from .results import Codes, LinkagePoses, Reason, store, unreachable
 
 
 class SlidingDyads:
@@ -89,14 +87,6 @@ class SlidingDyads:
         start = np.zeros(np.shape(u[0]), dtype=np.complex128) + (0.0 if moved else constant)
         return sum((w * u[j] for j, w in terms.items()), start)
 
-    def is_outside(self, k: int) -> bool:
-        """Return whether a dyad's transmission angle is measured outside of its joint."""
-        return k + 1 in self.structure.outside
-
-    def coordinate(self, u: list[Any], j: int) -> Any:
-        """Return the angle or the distance of a body [rad, m]."""
-        return joints.coordinate(self.structure, u, j)
-
     def reasons(self, u: list[Any]) -> Codes:
         """Return why each pose is not there: the first dyad that does not close; 0 for none."""
         why: Codes = np.zeros(np.shape(u[-1]), dtype=np.uint8)
@@ -111,47 +101,23 @@ class SlidingDyads:
         return shape.row(self.structure, path, self._pivots, self._bars)
 
 
-class SlidingBatch:
-    """What `batch.fill` goes through in blocks: see `batch`."""
+def place(variants: Variants, rows: slice, alphas: NDArray[Any], results: LinkagePoses) -> None:
+    """Compute and store the poses of some of the variants."""
+    dyads = SlidingDyads(variants, rows)
+    angles = np.asarray(alphas, dtype=np.float64)[None, :]
+    within = np.abs(angles) <= MAX_CRANK_ANGLE
+    u = dyads.vectors(np.where(within, angles, np.nan))
+    u = [np.broadcast_to(each, results.reason.shape) for each in u]
+    why = dyads.reasons(u)
+    why[np.broadcast_to(~within, why.shape)] = Reason.CRANK_ANGLE
+    why[variants.refused[rows] != 0] = Reason.REFUSED
+    results.reason[...] = why
+    x_1, u_1 = dyads.derivatives(u) if results.h_1 is not None else ([], [])
 
-    def __init__(self, variants: Variants, results: Any) -> None:
-        self._variants, self._results = variants, results
+    def transmission_angle(k: int) -> Any:
+        outside = k + 1 in dyads.structure.outside
+        return dyads.closings[k].transmission_angle(u, outside=outside)
 
-    def place(self, rows: slice, columns: slice, alphas: NDArray[Any]) -> None:
-        """Compute and store a block."""
-        dyads = SlidingDyads(self._variants, rows)
-        reason = self._results.reason[rows, columns]
-        angles = np.asarray(alphas[columns], dtype=np.float64)[None, :]
-        within = np.abs(angles) <= MAX_CRANK_ANGLE
-        u = dyads.vectors(np.where(within, angles, np.nan))
-        u = [np.broadcast_to(each, reason.shape) for each in u]
-        why = dyads.reasons(u)
-        why[np.broadcast_to(~within, why.shape)] = Reason.CRANK_ANGLE
-        why[self._variants.refused[rows] != 0] = Reason.REFUSED
-        reason[...] = why
-        arrays = self._results.arrays()
-        x_1, u_1 = dyads.derivatives(u) if 'h_1' in arrays else ([], [])
-        for name, array in arrays.items():
-            part = array[rows, columns]
-            if name == 'transmission_angles':
-                for k, placing in enumerate(dyads.closings):
-                    part[..., k] = placing.transmission_angle(u, outside=dyads.is_outside(k))
-            elif name.startswith('angles'):
-                for j in range(1, len(u)):
-                    part[..., j - 1] = dyads.coordinate(u, j) if name == 'angles' else x_1[j]
-            else:
-                moved = name.endswith('_1')
-                _store(dyads, part, u_1 if moved else u, moved=moved)
-            part[why != 0] = np.nan
-
-
-def _store(dyads: SlidingDyads, part: Array, u: list[Any], *, moved: bool) -> None:
-    """Store the foot, or every point, by the bodies' vectors, or by their derivatives."""
-    names = dyads.structure.points
-    if part.ndim == 3:
-        found = dyads.point(u, names.index(dyads.structure.foot), moved=moved)
-        part[..., 0], part[..., 1] = found.real, found.imag
-        return
-    for which in range(len(names)):
-        found = dyads.point(u, which, moved=moved)
-        part[..., which, 0], part[..., which, 1] = found.real, found.imag
+    store(results, dyads.structure, (u, x_1, u_1), dyads.point, transmission_angle)
+    for array in results.arrays().values():
+        array[why != 0] = np.nan

@@ -181,8 +181,8 @@ class BackgroundWriter:
                 self._writer.flush()
                 self._check_space()
                 due = monotonic() + self._flush_period
-            file = self._writer.file_size, self._writer.file_duration
-            if self._split_wanted or self._limits.are_reached(*file):
+            file = self._writer.file
+            if self._split_wanted or self._limits.are_reached(file.size, file.duration):
                 self._split()
         self._write_queued()
 

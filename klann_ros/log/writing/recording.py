@@ -143,7 +143,7 @@ class RecordingSession:
             counts=self._background.ledger.counts(),
             queued=self._background.queued,
             file=str(self._writer.file_path),
-            size=self._writer.file_size,
+            size=self._writer.file.size,
             free=self._free_space(),
             paused=self._pauses.paused,
             failure='' if failure is None else str(failure),

@@ -110,24 +110,19 @@ class RunWriter(AbstractContextManager['RunWriter']):
         return self._folder.path
 
     @property
+    def file(self) -> McapFile:
+        """Return the MCAP file in it that is being written."""
+        return self._series.current
+
+    @property
     def file_path(self) -> Path:
-        """Return the path of the MCAP file in it that is being written."""
-        return self._folder.path / self._file.name
-
-    @property
-    def file_size(self) -> int:
-        """Return the size of that file, without the chunk in progress [bytes]."""
-        return self._file.size
-
-    @property
-    def file_duration(self) -> float:
-        """Return the time between the earliest and the latest message in that file [s]."""
-        return self._file.duration
+        """Return the path of that file."""
+        return self._folder.path / self.file.name
 
     @property
     def file_is_empty(self) -> bool:
         """Return whether there is no message in that file yet."""
-        return not self._file.summary().counts
+        return not self.file.summary().counts
 
     @property
     def next_name(self) -> str:
@@ -156,7 +151,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
     @property
     def failure(self) -> OSError | None:
         """Return the disk's error after which nothing can be written, not even the end."""
-        return self._file.failure
+        return self.file.failure
 
     @property
     def is_unfinished(self) -> bool:
@@ -181,7 +176,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
 
         """
         self._check()
-        self._file.write(message)
+        self.file.write(message)
 
     def attach(
         self,
@@ -207,7 +202,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
     def flush(self) -> None:
         """Bring all to the disk that was written: no kill -9 and no power cut takes it back."""
         self._check()
-        self._file.flush()
+        self.file.flush()
         self._flushes += 1
         self.look()
 
@@ -238,7 +233,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
             The disk does not tell.
 
         """
-        chunks = self._flushes + self._file.size // SMALL_CHUNK
+        chunks = self._flushes + self.file.size // SMALL_CHUNK
         return self._folder.space_problem(min_free_space, chunks * INDEX_SIZE)
 
     def close(self) -> None:
@@ -265,7 +260,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
     def discard(self) -> None:
         """Remove what was written, wherever it is now; what others have put there stays."""
         self._closed = True
-        self._file.close()
+        self.file.close()
         self._folder.remove()
 
     def __exit__(self, _: object, error: BaseException | None, *__: object) -> None:
@@ -276,17 +271,13 @@ class RunWriter(AbstractContextManager['RunWriter']):
             if failure is not error:
                 raise failure from error
 
-    @property
-    def _file(self) -> McapFile:
-        return self._series.current
-
     def _check(self) -> None:
         if self.closed:
             raise RunClosedError(self._folder.path)
 
     def _add(self, add: Callable[[McapFile], None], *, in_every_file: bool) -> None:
         self._check()
-        add(self._file)
+        add(self.file)
         if in_every_file:
             self._repeated.append(add)
 

@@ -24,18 +24,7 @@ class SqliteStorage:
     """
     An SQLite file of rosbag2's; see :class:`~klann_ros.log.reading.storage.Storage`.
 
-    Parameters
-    ----------
-    path
-        The file.
-    unpacked
-        What was in it, if it is compressed as a whole.
-
-    Raises
-    ------
-    NotALogError
-        It holds no bag, or nothing of it can be read.
-
+    It takes, and raises, what :func:`contents_of` does.
     """
 
     # What stands in it is what stands in MCAP files of this profile.
@@ -59,17 +48,11 @@ class SqliteStorage:
         """Return what it holds; topics without messages are among it."""
         pieces = self.contents.rows.pieces
         described = self.contents.described
-        times = (
-            (
-                min(piece.start for piece in pieces),
-                max(piece.end for piece in pieces),
-            )
-            if pieces
-            else None
-        )
-        return Overview(
-            list(described.topics.values()), times, [0] if described.metadata else [], []
-        )
+        times = None
+        if pieces:
+            times = min(piece.start for piece in pieces), max(piece.end for piece in pieces)
+        metadata = [0] if described.metadata else []
+        return Overview(list(described.topics.values()), times, metadata, [])
 
     def sources(self, _: Overview) -> Iterator[Source]:
         """Yield what can be read by itself."""

@@ -1,0 +1,179 @@
+"""What a batch answers: the poses, and why there is none at a crank angle."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from enum import IntEnum
+from typing import Any, TypeAlias
+
+from klann_ros.kinematics.linkage import joints
+from klann_ros.kinematics.linkage.structure import Structure
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .program import Array
+
+Codes: TypeAlias = NDArray[np.uint8]
+
+
+class Reason(IntEnum):
+    """
+    Why a pose of a batch was not solved; 0 where it was.
+
+    The dyads are those of `UnreachableError`, the loops those of `LoopsOpenError`. Ends that
+    coincide, so that their dyad closes nowhere or everywhere, count as too close. Of the third
+    block and those behind it the numbers go on alike, by `unreachable` and `open_loops`.
+    """
+
+    SOLVED = 0
+    CRANK_ANGLE = 1  # not finite, or beyond +-1e6 rad
+    DYAD_1_TOO_FAR = 2
+    DYAD_1_TOO_CLOSE = 3
+    DYAD_2_TOO_FAR = 4
+    DYAD_2_TOO_CLOSE = 5
+    DYAD_3_TOO_FAR = 6
+    DYAD_3_TOO_CLOSE = 7
+    LOOPS_1_OPEN = 101
+    LOOPS_2_OPEN = 102
+    REFUSED = 255  # these numbers are no linkage
+
+
+def unreachable(block: int, *, far: bool) -> int:
+    """Return the reason for a dyad that does not close, of the block's number from 1."""
+    return 2 * block + (not far)
+
+
+def open_loops(block: int) -> int:
+    """Return the reason for coupled loops that do not close."""
+    return 100 + block
+
+
+@dataclass(frozen=True, eq=False)
+class LinkagePoses:
+    """
+    Many poses; where one was not solved, all its numbers are NaN.
+
+    The arrays are read-only, except an `h` that the caller has provided. Derivatives are by the
+    crank angle, and NaN at singular poses.
+
+    Attributes
+    ----------
+    h : numpy.ndarray, shape (..., 2)
+        The foot [m].
+    reason : numpy.ndarray of uint8, shape (...)
+        0 where the pose was solved, else a `Reason`.
+    angles : numpy.ndarray, shape (..., n - 1), or None
+        The other angles, in the order of `joint_names`, in (-pi, pi] [rad], if asked for.
+    points : numpy.ndarray, shape (..., p, 2), or None
+        The points, in the structure's order [m], if asked for.
+    transmission_angles : numpy.ndarray, shape (..., number of blocks), or None
+        Those of `LinkagePose`, in [0, pi] [rad], if asked for.
+    h_1 : numpy.ndarray, shape (..., 2), or None
+        dH/dalpha, the foot's velocity at a crank rate of 1 rad/s [m/rad], if velocities are asked
+        for.
+    angles_1 : numpy.ndarray, shape (..., n - 1), or None
+        Derivatives of the angles, if both are asked for.
+    points_1 : numpy.ndarray, shape (..., p, 2), or None
+        Derivatives of the points [m/rad], if both are asked for.
+
+    """
+
+    h: Array
+    reason: Codes
+    angles: Array | None = None
+    points: Array | None = None
+    transmission_angles: Array | None = None
+    h_1: Array | None = None
+    angles_1: Array | None = None
+    points_1: Array | None = None
+
+    def velocity(self, alpha_rate: ArrayLike) -> Array:
+        """
+        Return the foot's velocity dH/dalpha alpha_rate, shape (..., 2) [m/s].
+
+        Parameters
+        ----------
+        alpha_rate : array-like of float
+            Rate of the crank, one or of a shape that fits (...) [rad/s].
+
+        Raises
+        ------
+        ValueError
+            The velocities were not asked for, or the rate does not fit.
+
+        """
+        velocity: Array = self._asked_for() * np.asarray(alpha_rate, dtype=np.float64)[..., None]
+        return velocity
+
+    def crank_torque(self, force: ArrayLike) -> Array:
+        """
+        Return the torque at the crank that balances a force on the foot, shape (...) [N m].
+
+        T = -F . dH/dalpha, counter-clockwise positive; see `Leg.crank_torque`.
+
+        Parameters
+        ----------
+        force : array-like of float, shape (2,) or (..., 2)
+            On the foot (x, y) [N], one or one for each pose.
+
+        Raises
+        ------
+        ValueError
+            The velocities were not asked for, or the force does not fit.
+
+        """
+        f = np.asarray(force, dtype=np.float64)
+        if f.shape[-1:] != (2,):
+            msg = f'force is refused: its shape must be (2,) or (..., 2), not {f.shape}'
+            raise ValueError(msg)
+        h_1 = self._asked_for()
+        # From 0.0, so that no force takes a torque of 0.0 and not of -0.0.
+        torque: Array = 0.0 - (f[..., 0] * h_1[..., 0] + f[..., 1] * h_1[..., 1])
+        return torque
+
+    def _asked_for(self) -> Array:
+        if self.h_1 is None:
+            msg = 'the velocities were not asked for: linkage_poses(..., velocities=True)'
+            raise ValueError(msg)
+        return self.h_1
+
+    def arrays(self) -> dict[str, Array]:
+        """Return the arrays that there are, by their names, without the reasons."""
+        found = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: a for name, a in found.items() if a is not None and name != 'reason'}
+
+
+def part_of(results: LinkagePoses, rows: slice, columns: slice) -> LinkagePoses:
+    """Return the part of the results that a block is."""
+    parts = {name: array[rows, columns] for name, array in results.arrays().items()}
+    return LinkagePoses(reason=results.reason[rows, columns], **parts)
+
+
+def store(
+    results: LinkagePoses,
+    structure: Structure,
+    poses: tuple[Any, Any, Any],
+    point: Callable[..., Any],
+    transmission_angle: Callable[[int], Any],
+) -> None:
+    """
+    Store what is wanted of poses that are placed.
+
+    `poses` are the bodies' vectors u, and dx/dalpha and du/dalpha if these are wanted. `point` has
+    where a point is, by u and its number; by du/dalpha and `moved=True` how it moves.
+    """
+    u, x_1, u_1 = poses
+    for name, array in results.arrays().items():
+        is_rate = name.endswith('_1')
+        if name == 'transmission_angles':
+            for k in range(len(structure.groups)):
+                array[..., k] = transmission_angle(k)
+        elif name.startswith('angles'):
+            for j in range(1, len(u)):
+                array[..., j - 1] = x_1[j] if is_rate else joints.coordinate(structure, u, j)
+        else:
+            of_foot = name.startswith('h')
+            names = [structure.foot] if of_foot else structure.points
+            for n, own in enumerate(names):
+                found = point(u_1 if is_rate else u, structure.points.index(own), moved=is_rate)
+                place = array if of_foot else array[..., n, :]
+                place[..., 0], place[..., 1] = found.real, found.imag
