@@ -96,11 +96,7 @@ def guess(
     """
     Return an iterate of Newton-Raphson as an array, one angle for each name [rad].
 
-    Raises
-    ------
-    ValueError
-        It is not as many finite numbers as there are names, which are parted by commas.
-
+    A ValueError for anything but as many finite numbers as names, which are parted by commas.
     """
     count = names.count(',') + 1
     try:

@@ -45,11 +45,7 @@ def bag_metadata(files: Sequence[FileSummary], ros_distro: str) -> dict[str, obj
     """
     Return the metadata of a run of these files, without the root key.
 
-    Raises
-    ------
-    MalformedQosError
-        A topic's quality of service is malformed.
-
+    A MalformedQosError says that a topic's quality of service is malformed.
     """
     filled = [file for file in files if file.message_count]
     start = min((file.start_time for file in filled), default=0)

@@ -68,11 +68,7 @@ def qos_to_data(profile: Qos) -> dict[str, object]:
     """
     Return a profile as rosbag2's mapping of all nine keys, in rosbag2's order.
 
-    Raises
-    ------
-    MalformedQosError
-        A policy is no word of rosbag2's, or depth or a duration is negative.
-
+    A MalformedQosError for a word that is none of rosbag2's, a negative depth or duration.
     """
     for key, words in POLICIES.items():
         word = getattr(profile, key)
@@ -105,11 +101,8 @@ def qos_from_yaml(text: str) -> list[Qos]:
     """
     Return the profiles in the text of ``offered_qos_profiles``; none for '' or a null.
 
-    Raises
-    ------
-    MalformedQosError
-        It is not a sequence of mappings with all nine keys, or longer than LONGEST.
-
+    A MalformedQosError for what is no sequence of mappings with all nine keys, or longer than
+    LONGEST.
     """
     return list(_read(text)[0])
 

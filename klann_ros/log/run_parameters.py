@@ -132,11 +132,7 @@ def losses(record: Mapping[str, str]) -> dict[str, int | None]:
     """
     Return the lost messages by topic from a metadata record; None where nobody can tell.
 
-    Raises
-    ------
-    ValueError
-        It is no such record.
-
+    A ValueError says that it is no such record.
     """
     return {name: count.lost for name, count in topic_counts(record).items()}
 

@@ -113,11 +113,7 @@ def create_publisher(
     """
     Make a publisher with a quality of service, but for what parameters say of it.
 
-    Raises
-    ------
-    StartError
-        A parameter is refused; the text says why.
-
+    A StartError says which parameter is refused, and why.
     """
     return node.create_publisher(
         kind, topic, overridden(node, topic, 'publisher', profile), **options

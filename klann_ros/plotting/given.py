@@ -20,11 +20,7 @@ def axes_of(ax: 'Axes | None') -> 'Axes':
     """
     Return axes, or those of a new figure; without a display that is one to be saved.
 
-    Raises
-    ------
-    NoMatplotlibError
-        matplotlib is not installed.
-
+    A NoMatplotlibError says that matplotlib is not installed.
     """
     if ax is not None:
         return ax

@@ -144,11 +144,7 @@ def load(text: str) -> Any:
     """
     Return the data of a YAML text.
 
-    Raises
-    ------
-    ValueError
-        The text is not YAML, or unfolds to too much; the message is one line.
-
+    A ValueError of one line says that the text is not YAML, or unfolds to too much.
     """
     if len(text) > MAX_SIZE:
         raise ValueError(f'it is longer than {MAX_SIZE} bytes')

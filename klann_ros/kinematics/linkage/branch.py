@@ -87,11 +87,7 @@ class Branch:
         """
         Return the angles at a crank angle [rad].
 
-        Raises
-        ------
-        LoopsOpenError
-            The crank angle is not on the branch.
-
+        A LoopsOpenError says that the crank angle is not on the branch.
         """
         at = self._within(alpha)
         near = self._near(at)

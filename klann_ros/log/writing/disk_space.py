@@ -109,11 +109,7 @@ def free_space(folder: Path) -> int:
     """
     Return how much this user may still write on the disk of a folder, there or not [bytes].
 
-    Raises
-    ------
-    OSError
-        The disk does not tell.
-
+    An OSError says that the disk does not tell.
     """
     there = folder.absolute()
     while not there.exists() and there != there.parent:

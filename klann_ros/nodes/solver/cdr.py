@@ -75,11 +75,8 @@ class JointReader:
         """
         Return what a message says about the joint.
 
-        Raises
-        ------
-        ValueError
-            It is no such message, the joint is not in it, or names and positions differ in number.
-
+        A ValueError if it is no such message, has not the joint, or not as many positions as
+        names.
         """
         # Most messages differ from the last one in their numbers only.
         if self._layout is None or not self._layout.fits(data):

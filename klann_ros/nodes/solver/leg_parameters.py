@@ -100,11 +100,7 @@ class LegParameters:
         """
         Return the legs that parameters change, by name, as they become.
 
-        Raises
-        ------
-        GeometryError
-            They are no leg, or there are no such lengths.
-
+        A GeometryError says that they are no leg, or that there are no such lengths.
         """
         changed: dict[str, AnyLeg] = {}
         rest = {p.name: p.value for p in parameters}

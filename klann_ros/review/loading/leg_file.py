@@ -55,11 +55,7 @@ def leg_from_file(path: str) -> AnyLeg:
     """
     Return the leg in a YAML file: solver_node's parameters, a mapping of lengths, or a linkage.
 
-    Raises
-    ------
-    LegFileError
-        The file cannot be read, or holds no leg.
-
+    A LegFileError says that the file cannot be read, or holds no leg.
     """
     try:
         text = read_plain(path, LONGEST)

@@ -24,11 +24,7 @@ def picture_format(path: str) -> str:
     """
     Return the format of a picture by the ending of its path, such as .png or .svg.
 
-    Raises
-    ------
-    NoPictureError
-        matplotlib is not installed, or knows no such format.
-
+    A NoPictureError says that matplotlib is not installed, or knows no such format.
     """
     try:
         from matplotlib.backend_bases import FigureCanvasBase  # noqa: PLC0415 - as below
