@@ -37,6 +37,8 @@ def dynamics_of(
         for name, value in own[-1].parameters.items()
         if name.rpartition('.')[2] != 'linkage'
     }
+    # No other leg's parameters matter, nor how many legs there are.
+    told['legs'] = [leg.name] if leg.name else []
     try:
         return replace(solver, dynamics=_of_robot(robot_from_parameters(told), leg.name))
     except (TypeError, ValueError, RecursionError):

@@ -9,6 +9,7 @@ known, and so how well the torque is.
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 import numpy as np
 
 from .recording import Drive, LegRecording
@@ -67,7 +68,7 @@ def torques(drive: Drive, legs: Sequence[LegRecording]) -> Torques | None:
     if not efforts[known].any():
         return None
     invalid, told = int((~known).sum()), len(efforts)
-    known &= np.isfinite(angles)
+    known &= np.abs(angles) <= MAX_CRANK_ANGLE
     angles, efforts = angles[known], efforts[known]
     logged, stamps = series.times[first:][known], series.stamps[first:][known]
     moving = crank_motion(_seconds(stamps, logged), angles)
@@ -79,6 +80,7 @@ def torques(drive: Drive, legs: Sequence[LegRecording]) -> Torques | None:
             return Torques(*(np.empty(0),) * 4, invalid, told)  # type: ignore[arg-type]
         sense = leg.solver.direction if drive.is_input else 1.0
         alphas = sense * angles[rows] + (leg.solver.phase if drive.is_input else 0.0)
+        alphas[~(np.abs(alphas) <= MAX_CRANK_ANGLE)] = np.nan
         rates, changes = sense * moving.rate, sense * moving.acceleration
         expected += sense * dynamics.crank_torque(alphas, rates, changes)
         own_inertia, slope = dynamics.reduced_inertia(alphas)

@@ -12,8 +12,9 @@ from klann_ros.dynamics import Dynamics, rods
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.review.command import main
 from klann_ros.review.model.limits import Limits
+from klann_ros.review.model.recording import Drive, LegRecording, LegSolver, no_series, Series
 from klann_ros.review.model.review import Severity
-from klann_ros.review.model.torques import crank_motion
+from klann_ros.review.model.torques import crank_motion, torques
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import robot_of
 from leg_runs import make, START, STATE, STORE
@@ -158,6 +159,50 @@ def test_a_run_opens_no_file_that_it_names(run, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr('klann_ros.robot.file.linkage_text', opened.append)
     checks(review_run(run(TORQUE, linkage=str(tmp_path / 'secret.yaml'))))
     assert opened == []
+
+
+def test_legs_on_one_joint_are_weighed_together() -> None:
+    names = ('left', 'right')
+    solvers = [
+        LegSolver(leg=KlannLeg(), direction=sense, phase=phase, dynamics=DYNAMICS)
+        for sense, phase in ((1, 0.0), (-1, 2.0))
+    ]
+    legs = [
+        LegRecording('', name, solver, *[frozenset()] * 2, *[no_series(1)] * 2, no_series(2))
+        for name, solver in zip(names, solvers, strict=True)
+    ]
+    both = TORQUE - DYNAMICS.crank_torque(2.0 - SWING, -RATE, -CHANGE)
+    times = (TIMES * 1e9).astype(np.int64) + 1
+    efforts = Series(times, times.copy(), np.column_stack([SWING, both]))
+    found = torques(Drive('crank', (0, 1), is_input=True, efforts=efforts), legs)
+    assert found is not None
+    assert len(found.times) > 0.9 * COUNT
+    assert np.abs(found.recorded - found.expected).max() < 0.01 * np.abs(both).max()
+    legs[1] = replace(legs[1], solver=replace(solvers[1], direction=1e300, phase=1e308))
+    with np.errstate(over='ignore', invalid='ignore'):
+        nothing = torques(Drive('crank', (0, 1), is_input=True, efforts=efforts), legs)
+    assert nothing is not None
+    assert len(nothing.times) == 0
+
+
+@pytest.mark.parametrize('factor', [1.0, 1.2])
+def test_efforts_of_joint_states_are_those_of_the_legs_own_angle(
+    run, write_messages, factor: float
+) -> None:
+    bare, number = run(np.array([])), count()
+    changed = [
+        replace(m, data=with_effort(m.data, factor * TORQUE[next(number)]))
+        if m.topic.name == '/joint_states'
+        else m
+        for m in write_messages.read(bare)
+    ]
+    assert checks(review_run(write_messages(bare, changed))) == ['effort'] * (factor > 1.0)
+
+
+def with_effort(data: bytes, effort: float) -> bytes:
+    content = STORE.deserialize_cdr(data, STATE)
+    content.effort = np.full(len(content.name), effort)
+    return bytes(STORE.serialize_cdr(content, STATE))
 
 
 def test_rate_and_acceleration_are_known_as_well_as_they_say() -> None:
