@@ -20,6 +20,7 @@ EXTRAS = {
     'cluster': ['ray'],
     'dxf': ['ezdxf'],
     'parquet': ['pyarrow'],
+    'sim': ['mujoco'],
 }
 # Who has a cluster knows it; nobody else wants 80 MB of Ray.
 EXTRAS['all'] = sorted({name for extra in EXTRAS if extra != 'cluster' for name in EXTRAS[extra]})

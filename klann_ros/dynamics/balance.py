@@ -45,14 +45,15 @@ class Reactions(NamedTuple):
 def reactions(
     moving: Motion,
     bodies: Sequence[BodyMass],
-    rates: tuple[float, float],
+    rates: tuple[Array, Array],
     gravity: complex,
     forces: Sequence[tuple[str, Any]],
 ) -> Reactions:
     """
     Return what the joints carry.
 
-    `rates` are the crank's rate and its change [rad/s, rad/s^2], `forces` act on points [N].
+    `rates` are the crank's rate and its change [rad/s, rad/s^2], one or one for each angle;
+    `forces` act on points [N].
     """
     structure = moving.linkage.structure
     count, n = moving.alphas.size, len(bodies)

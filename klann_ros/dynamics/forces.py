@@ -204,14 +204,15 @@ class Dynamics:
     def reactions(
         self,
         alphas: ArrayLike,
-        alpha_rate: float = 0.0,
-        alpha_acceleration: float = 0.0,
+        alpha_rate: ArrayLike = 0.0,
+        alpha_acceleration: ArrayLike = 0.0,
         loads: Forces | None = None,
     ) -> Reactions:
         """Return what the joints carry; parameters and errors as `crank_torque`."""
         moving = motion(self.linkage, alphas)
         pulls = [pull for spring in self.masses.springs for pull in _pulls(spring, moving)]
-        rates, acting = (alpha_rate, alpha_acceleration), [*self._loads(loads).items(), *pulls]
+        rates = np.asarray(alpha_rate, np.float64), np.asarray(alpha_acceleration, np.float64)
+        acting = [*self._loads(loads).items(), *pulls]
         return reactions(moving, self.masses.bodies, rates, self.gravity, acting)
 
     def turn(

@@ -174,8 +174,8 @@ def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses:
     Return the masses in the YAML text of a linkage that is known to be sound.
 
     Each of its bodies may have `mass` [kg], `centre` [x, y] in the body and `inertia` about it
-    [kg m^2]; or the file has one `density` for all bars [kg/m]. `springs` are a list of
-    `{from, to, stiffness, free_length}`.
+    [kg m^2]; or the file has one `density` for all bars [kg/m], and masses for what slides without
+    a bar. `springs` are a list of `{from, to, stiffness, free_length}`.
 
     Raises
     ------
@@ -189,10 +189,7 @@ def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses:
     bodies = content['bodies']
     without = [angle for angle in linkage.joint_names if 'mass' not in bodies[angle]]
     if 'density' in content:
-        if len(without) < len(bodies):
-            msg = f'{printable(name)} has both density and masses: leave one of them out'
-            raise MassError(msg)
-        return replace(rods(linkage, float(content['density'])), springs=springs)
+        return replace(_by_density(content, linkage, name, metre), springs=springs)
     if len(without) == len(bodies):
         msg = (
             f'{printable(name)} has no masses: give each body mass, centre and inertia, or '
@@ -202,6 +199,19 @@ def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses:
     if without:
         raise MassError(f'{printable(name)}: {", ".join(without)} without mass; 0 is one')
     return Masses(tuple(_body(bodies[angle], metre) for angle in linkage.joint_names), springs)
+
+
+def _by_density(content: Mapping[str, Any], linkage: Linkage, name: str, metre: float) -> Masses:
+    """Return the masses of bars by their lengths, and of what has none as the file tells it."""
+    masses = rods(linkage, float(content['density']))
+    for j, body in enumerate(linkage.structure.bodies):
+        told = content['bodies'][body.angle]
+        if 'mass' in told:
+            if body.rigid:
+                msg = f'{printable(name)} has both density and masses: leave one of them out'
+                raise MassError(msg)
+            masses = masses.with_mass(j, _body(told, metre))
+    return masses
 
 
 def _body(content: Mapping[str, Any], metre: float) -> BodyMass:

@@ -1,5 +1,7 @@
 """
-What a robot is given to others as: MJCF and URDF, and its plates for the cutter as SVG and DXF.
+What a robot is given to others as: URDF, and its plates for the cutter as SVG and DXF.
+
+The command `export` writes the MJCF of `klann_ros.twin` as well.
 
 >>> from klann_ros.export import plates, urdf
 >>> from klann_ros.robot import robot_of
@@ -14,7 +16,6 @@ Nothing here knows ROS. Of the formats only DXF needs a package, ezdxf, imported
 
 from .drawing import Drawing, drawing
 from .dxf import dxf, NoEzdxfError
-from .mjcf import robot_as_mjcf
 from .plates import ExportError, Plate, plates
 from .svg import svg
 from .urdf import urdf
@@ -27,7 +28,6 @@ __all__ = [
     'drawing',
     'dxf',
     'plates',
-    'robot_as_mjcf',
     'svg',
     'urdf',
 ]

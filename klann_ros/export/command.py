@@ -10,12 +10,13 @@ from typing import BinaryIO
 from klann_ros import __version__
 from klann_ros.review.report.outputs import Output, OutputError, outputs
 from klann_ros.robot import Robot, robot_of, RobotFileError
+from klann_ros.twin import robot_mjcf
 from klann_ros.untrusted.arguments import ArgumentParser, path
 from klann_ros.untrusted.text import counted, printable, printable_line
 
 from .drawing import Drawing, drawing
 from .dxf import dxf, NoEzdxfError
-from .mjcf import robot_as_mjcf, weighed
+from .mjcf import weighed
 from .plates import near, plates
 from .svg import svg
 from .urdf import urdf
@@ -81,7 +82,7 @@ def _made(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
     if options.mjcf is not None:
         density = options.bar_density
         heavy = robot if density is None else weighed(robot, density)
-        made['--mjcf'] = robot_as_mjcf(heavy).encode()
+        made['--mjcf'] = robot_mjcf(heavy).encode()
     if options.urdf is not None:
         made['--urdf'] = urdf(robot).encode()
     if options.svg is not None or options.dxf is not None:

@@ -47,7 +47,9 @@ def robot_of(name: str) -> Robot:
     """
     if not Path(name).exists():
         if name in _PRESETS:
-            return Robot(name, (RobotLeg('', _PRESETS[name]().linkage),), source=name)
+            linkage = _PRESETS[name]().linkage
+            # As the parameter file of that name has it.
+            return Robot(name, (RobotLeg('', linkage, masses=rods(linkage, 1.0)),), source=name)
         if name in shipped_linkages():
             return robot_from_file(str(SHIPPED / f'{name}.yaml'))
     return robot_from_file(name)

@@ -218,7 +218,8 @@ def test_a_simulation_keeps_its_energy() -> None:
 
 def made(change: tuple[str, str]) -> Any:
     text = (SHIPPED / 'four_bar.yaml').read_text(encoding='utf-8')
-    text += 'density: 1.0\nsprings: [{from: A, to: [0, 1], stiffness: 5}]\n'
+    text = text.replace('density: 1 ', 'density: 1.0\n')
+    text += 'springs: [{from: A, to: [0, 1], stiffness: 5}]\n'
     assert change[0] in text
     text = text.replace(*change)
     return masses_from_text(text, linkage_from_text(text, 'x.yaml'), 'x.yaml')

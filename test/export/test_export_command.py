@@ -8,9 +8,10 @@ from xml.etree import ElementTree as ET
 
 import ezdxf
 from klann_ros.export.command import main
-from klann_ros.export.mjcf import robot_as_mjcf, weighed
+from klann_ros.export.mjcf import weighed
 from klann_ros.kinematics import shipped_linkages
 from klann_ros.robot import robot_of
+from klann_ros.twin import robot_mjcf
 import mujoco
 import pytest
 
@@ -39,10 +40,19 @@ def test_all_formats_are_written_at_once(tmp_path: Path, capsys: pytest.CaptureF
 @pytest.mark.parametrize('name', SHIPPED)
 def test_every_shipped_leg_is_a_model_of_mujoco(name: str) -> None:
     robot = weighed(robot_of(name), 1.0)
-    model = mujoco.MjModel.from_xml_string(robot_as_mjcf(robot))
+    model = mujoco.MjModel.from_xml_string(robot_mjcf(robot))
     structure = robot.legs[0].linkage.structure
     assert model.njnt == len(structure.bodies)
     assert model.site(structure.foot.lower()).id >= 0
+
+
+def test_a_walker_is_a_model_of_mujoco(tmp_path: Path) -> None:
+    out = str(tmp_path / 'walker.xml')
+    assert main([WALKER, '--mjcf', out]) == 0
+    model = mujoco.MjModel.from_xml_path(out)
+    assert model.actuator('crank').id == 0
+    assert model.site('front_left/h').id >= 0
+    assert model.body('base_link').id == 1
 
 
 def test_a_walker_is_written_with_all_its_legs(tmp_path: Path) -> None:
@@ -58,7 +68,7 @@ def test_a_walker_is_written_with_all_its_legs(tmp_path: Path) -> None:
     [
         (['no such leg', '--svg', 'a.svg'], 'cannot be read'),
         (['sem104', '--svg', 'a.svg', '--width', '3'], 'wider than its hole'),
-        (['sem104', '--mjcf', 'a.xml'], 'bar_density'),
+        (['bare.yaml', '--mjcf', 'a.xml'], 'bar_density'),
         (['bad.yaml', '--urdf', 'a.urdf'], 'holds no robot'),
         (['.', '--urdf', 'a.urdf'], 'cannot be read'),
     ],
@@ -72,13 +82,14 @@ def test_what_is_refused_is_exit_code_2_in_one_line(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path('bad.yaml').write_text('l_ab: \x1b[31m\n')
+    Path('bare.yaml').write_text('l_ab: 0.12\n')
     assert main(arguments) == 2
     told = capsys.readouterr()
     assert said in told.err
     assert told.err.startswith('export: ')
     assert told.err.count('\n') == 1
     assert '\x1b' not in told.err
-    assert [path.name for path in tmp_path.iterdir()] == ['bad.yaml']
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['bad.yaml', 'bare.yaml']
 
 
 @pytest.mark.parametrize(

@@ -43,10 +43,28 @@ def test_weight_is_down_in_base_link_however_a_leg_is_mounted(tmp_path: Path) ->
     assert (gravity.real, gravity.imag) == pytest.approx((0.0, 9.80665))
 
 
-def test_a_leg_without_masses_says_which_are_missing() -> None:
-    robot = robot_of('patent')
-    with pytest.raises(MassError, match='patent has no masses: bar_density'):
+@pytest.mark.parametrize('name', ['sem104', 'patent'])
+def test_a_preset_weighs_what_its_parameter_file_says(name: str) -> None:
+    (leg,), (of_file,) = robot_of(name).legs, robot_of(str(ROOT / 'config' / f'{name}.yaml')).legs
+    assert leg.masses == of_file.masses
+    assert leg.linkage == of_file.linkage
+
+
+def test_a_leg_without_masses_says_which_are_missing(tmp_path: Path) -> None:
+    file = tmp_path / 'leg.yaml'
+    file.write_text('l_ab: 0.12')
+    robot = robot_from_file(file)
+    with pytest.raises(MassError, match='has no masses: bar_density'):
         robot.dynamics(robot.legs[0])
+
+
+@pytest.mark.parametrize('name', shipped_linkages())
+def test_every_shipped_linkage_weighs_something(name: str) -> None:
+    robot = robot_of(name)
+    (leg,) = robot.legs
+    assert leg.masses is not None
+    # Also what slides without a bar.
+    assert all(body.mass > 0.0 for body in leg.masses.bodies)
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ ALLOWED = {
     'dynamics': {'untrusted', 'kinematics'},
     'robot': {'untrusted', 'kinematics', 'dynamics'},
     'walking': {'kinematics', 'dynamics', 'robot'},
+    'twin': {'untrusted', 'kinematics', 'dynamics', 'robot'},
     'plotting': {'kinematics'},
     'page': {'untrusted', 'kinematics'},
     'review': {
@@ -33,7 +34,7 @@ ALLOWED = {
         'log',
         'page',
     },
-    'export': {'untrusted', 'kinematics', 'dynamics', 'plotting', 'robot', 'review'},
+    'export': {'untrusted', 'kinematics', 'dynamics', 'plotting', 'robot', 'twin', 'review'},
     'stop_signals': set(),
     'nodes': {'untrusted', 'kinematics', 'plotting', 'log', 'review', 'page', 'stop_signals'},
     'executables': {'untrusted', 'kinematics', 'log', 'review', 'nodes', 'stop_signals'},

@@ -9,6 +9,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 CRANK = np.linspace(0.0, 2 * np.pi, 1440, endpoint=False)
+MASSES = ('bar_density', 'foot_mass', 'body_mass', 'body_size', 'body_centre')
 PATH = foot_path(KlannLeg(KlannGeometry.sem104()))
 
 
@@ -16,7 +17,7 @@ def legs(number: int) -> dict[str, dict]:
     content = yaml.safe_load((ROOT / 'config' / f'walker{number}.yaml').read_text())
     parameters = content['/**']['ros__parameters']
     assert len(parameters['legs']) == number
-    assert set(parameters) == {'legs', *parameters['legs']}
+    assert set(parameters) == {'legs', *parameters['legs'], *MASSES}
     return {name: parameters[name] for name in parameters['legs']}
 
 

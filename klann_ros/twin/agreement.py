@@ -1,0 +1,176 @@
+"""How far a leg in the physics engine agrees with its kinematics and its forces."""
+
+from collections.abc import Sequence
+from math import pi
+from typing import Any, NamedTuple
+
+from klann_ros.dynamics import Dynamics, Reactions
+from klann_ros.kinematics import linkage_poses, LinkageLeg
+from klann_ros.kinematics.linkage.structure import FIXED, GROUND
+from klann_ros.robot import Robot
+import numpy as np
+from numpy.typing import NDArray
+
+from .engine import engine
+from .leg_tree import joint_rates, tree
+from .mjcf import robot_mjcf
+
+Array = NDArray[np.float64]
+# The first part of a turn is not looked at: the servo settles.
+SETTLE = 0.03
+# Forces below this part of the greatest are compared by that part of it.
+FAINT = 1e-2
+# Of an arc that is no full turn this part at each end is left out: there it comes to a stop.
+MARGIN = 0.25
+
+
+class Agreement(NamedTuple):
+    """
+    How far a leg that the engine turns agrees with what was computed.
+
+    Attributes
+    ----------
+    foot : float
+        The greatest distance between the feet, at the engine's own crank angles [m].
+    torque : float
+        The rms difference of the crank's torque from that of an even turn, by the latter's rms.
+    torque_as_moved : float
+        The same, from the torque of the motion that the engine's crank made.
+    reactions : float
+        The greatest rms difference of a joint's force, in the same motion, by the rms of it.
+    ripple : float
+        The greatest difference of the crank's speed from what was asked for, by that.
+
+    """
+
+    foot: float
+    torque: float
+    torque_as_moved: float
+    reactions: float
+    ripple: float
+
+
+def agreement(
+    robot: Robot, rate: float, *, time_step: float = 2e-4, samples: int = 400
+) -> Agreement:
+    """
+    Turn a leg in the engine, and return how far it agrees with its kinematics and forces.
+
+    Parameters
+    ----------
+    robot : Robot
+        One leg, with masses, mounted upright.
+    rate : float
+        Of its crank's joint [rad/s].
+    time_step : float
+        Of the engine [s].
+    samples : int
+        In how many poses to compare, over a turn or what there is of it.
+
+    Raises
+    ------
+    NoMujocoError
+        The engine is not installed.
+    MassError
+        The robot has no masses.
+
+    """
+    (leg,) = robot.legs
+    (start, end), *_ = LinkageLeg(leg.linkage).reachable_arcs()
+    is_full = end - start >= 2.0 * pi
+    if not is_full:
+        start, end = start + MARGIN * (end - start), end - MARGIN * (end - start)
+    alpha = start if leg.direction * rate > 0.0 else end
+    first = leg.direction * (alpha - leg.phase)
+    turned = _Turned(robot, first, rate, time_step)
+    turned.run((end - start) / abs(rate), samples)
+    return turned.agreement(robot.dynamics(leg))
+
+
+class _Turned:
+    """A leg that the engine turns, and what it felt."""
+
+    def __init__(self, robot: Robot, crank: float, rate: float, time_step: float) -> None:
+        self._mujoco, (leg,) = engine(), robot.legs
+        self._leg, self._rate = leg, rate
+        text = robot_mjcf(robot, time_step=time_step, crank=crank)
+        self._model = self._mujoco.MjModel.from_xml_string(text)
+        self._data = self._mujoco.MjData(self._model)
+        self._hung, self._closing = tree(leg.linkage)
+        rates = joint_rates(leg.linkage, self._hung, float(leg.crank_angles(crank)))
+        for hung in self._hung:
+            name = leg.crank_joint if hung.body == 0 else leg.linkage.joint_names[hung.body]
+            at = self._model.joint(name).dofadr[0]
+            self._data.qvel[at] = leg.direction * rate * rates[hung.body]
+        self._data.qvel[self._model.joint(leg.crank_joint).dofadr[0]] = rate
+        self._data.ctrl[0] = rate
+        self._rotor = float(self._model.dof_armature[self._model.joint(leg.crank_joint).dofadr[0]])
+        self._rows: list[tuple[float, ...]] = []
+        self._forces: list[dict[tuple[str, str], complex]] = []
+
+    def run(self, duration: float, samples: int) -> None:
+        """Let the engine turn it."""
+        model, data = self._model, self._data
+        steps = int(duration / model.opt.timestep)
+        every = max(1, steps // samples)
+        foot = self._leg.linkage.structure.foot.lower()
+        for step in range(1, steps + 1):
+            self._mujoco.mj_step(model, data)
+            if step % every == 0 and step > SETTLE * steps:
+                self._mujoco.mj_forward(model, data)
+                self._mujoco.mj_rnePostConstraint(model, data)
+                crank, place = data.joint(self._leg.crank_joint), data.site(foot).xpos
+                self._rows.append(
+                    (crank.qpos[0], crank.qvel[0], crank.qacc[0], data.actuator_force[0], *place)
+                )
+                self._forces.append(self._pins())
+
+    def _pins(self) -> dict[tuple[str, str], complex]:
+        """Return the force of each pin on each of its bodies, in the leg's plane [N]."""
+        structure, data = self._leg.linkage.structure, self._data
+        names = {FIXED: GROUND, **dict(enumerate(structure.angles))}
+        pins: dict[tuple[str, str], complex] = {}
+
+        def pull(point: str, on: int, by: int, force: Array) -> None:
+            flat = self._leg.mount.rotation.T @ force
+            for body, sign in ((on, 1.0), (by, -1.0)):
+                own = point, names[body]
+                pins[own] = pins.get(own, 0j) + sign * complex(flat[0], flat[1])
+
+        for j, parent, point in self._hung:
+            if not structure.bodies[j].slides:
+                pull(point, j, parent, data.cfrc_int[self._model.body(names[j]).id][3:])
+        equality = data.efc_type == self._mujoco.mjtConstraint.mjCNSTR_EQUALITY
+        for number, (point, first, j) in enumerate(self._closing):
+            pull(point, j, first, data.efc_force[equality & (data.efc_id == number)])
+        return pins
+
+    def agreement(self, dynamics: Dynamics) -> Agreement:
+        """Return how far it agrees."""
+        joint, rates, changes, torques, *place = np.array(self._rows).T
+        alphas, way = self._leg.crank_angles(joint), self._leg.direction
+        feet = self._leg.mount.placed(linkage_poses(self._leg.linkage, alphas).h)
+        even = way * dynamics.crank_torque(alphas, self._rate)
+        moved = way * dynamics.crank_torque(alphas, rates, way * changes) + self._rotor * changes
+        found = dynamics.reactions(alphas, rates, way * changes)
+        return Agreement(
+            foot=float(np.linalg.norm(np.array(place).T - feet, axis=1).max()),
+            torque=_rms(torques - even) / _rms(even),
+            torque_as_moved=_rms(torques - moved) / _rms(moved),
+            reactions=_apart(self._forces, found),
+            ripple=float(np.abs(rates / self._rate - 1.0).max()),
+        )
+
+
+def _apart(forces: Sequence[dict[tuple[str, str], complex]], computed: Reactions) -> float:
+    """Return the greatest rms difference of a pin's force, by the rms of it."""
+    sizes = {own: _rms(np.abs(force)) for own, force in computed.pins.items()}
+    least = FAINT * max(sizes.values())
+    return max(
+        _rms(np.abs(np.array([each[own] for each in forces]) - force)) / max(sizes[own], least)
+        for own, force in computed.pins.items()
+    )
+
+
+def _rms(values: Any) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

@@ -1,0 +1,309 @@
+"""
+One leg in a model of the physics engine MuJoCo: bodies, sites, joints, loops, crank and springs.
+
+It is written in one pose, in which all joints but the crank are at 0: so it starts closed to the
+last digit. Its bodies hang in `leg_plane`, whose x and y are the linkage's own.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+from xml.etree.ElementTree import Element, SubElement
+
+from klann_ros.dynamics import Dynamics
+from klann_ros.dynamics.masses import Spring
+from klann_ros.kinematics import LinkageLeg
+from klann_ros.kinematics.linkage import joints
+from klann_ros.kinematics.linkage.structure import FIXED
+from klann_ros.robot import RobotLeg
+from klann_ros.untrusted.text import printable
+import numpy as np
+
+from .leg_tree import Hung, tree
+
+# What weighs nothing would make its loop soft: it gets this part of the whole, and of its inertia.
+TINY = 1e-4
+# The engine knows no points: their inertia, as a part of their mass by the size squared.
+POINT = 1e-9
+LEAST_INERTIA = 1e-12
+# Bars are drawn so thick, as a part of the leg's size.
+BAR = 0.012
+# Among this many crank angles the leg's inertia at the crank is greatest and least.
+SAMPLES = 181
+
+
+class Stiffness(NamedTuple):
+    """
+    How stiff loops are closed: a violation r goes by r.. = -stiffness r - damping r. .
+
+    Attributes
+    ----------
+    stiffness : float
+        [1/s^2].
+    damping : float
+        [1/s].
+
+    """
+
+    stiffness: float
+    damping: float
+
+    @classmethod
+    def critical(cls, stiffness: float) -> 'Stiffness':
+        """Return one that goes to 0 as fast as it can without overshooting."""
+        return cls(stiffness, 2.0 * stiffness**0.5)
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Return the attributes of an equality; solimp is as hard as the engine allows."""
+        # The numbers are meant as they are where they are negative.
+        return {
+            'solref': f'{number(-self.stiffness)} {number(-self.damping)}',
+            'solimp': '0.9999 0.9999 0.001 0.5 2',
+        }
+
+
+class Section(NamedTuple):
+    """
+    Where a leg writes to, besides its plane.
+
+    Attributes
+    ----------
+    equality, tendon : Element
+        The sections of the model.
+    unique : callable
+        Returns a name that its kind ('body', 'joint', 'site') does not have yet.
+
+    """
+
+    equality: Element
+    tendon: Element
+    unique: Callable[[str, str], str]
+
+
+class LegModel:
+    """
+    Writes one leg.
+
+    Parameters
+    ----------
+    leg : RobotLeg
+        Which leg.
+    dynamics : Dynamics
+        The leg with its masses.
+    crank : float
+        The angle of the joint that turns its crank, in the pose in which it is written [rad].
+
+    Attributes
+    ----------
+    crank_name : str
+        What its crank's joint is called in the model, once it is written.
+    mass : float
+        Of all of it [kg].
+
+    Raises
+    ------
+    CrankAngleError, UnreachableError, LoopsOpenError
+        The linkage does not close at this angle.
+
+    """
+
+    def __init__(self, leg: RobotLeg, dynamics: Dynamics, crank: float) -> None:
+        self.leg, self._dynamics, self._crank = leg, dynamics, crank
+        alpha = float(leg.crank_angles(crank))
+        self._pose = LinkageLeg(leg.linkage).closed_form(alpha)
+        structure = leg.linkage.structure
+        places = (complex(x, y) for x, y in self._pose.points)
+        self._points = dict(zip(structure.points, places, strict=True))
+        self._hung, self._closing = tree(leg.linkage)
+        # Where the bodies' frames are in this pose.
+        self._origins = {h.body: self._points[h.point] for h in self._hung} | {FIXED: 0j}
+        self._size = float(np.ptp(self._pose.points, axis=0).max())
+        self.mass = max(dynamics.masses.total, 1e-6)
+        self.crank_name = ''
+        self._bodies: dict[int, str] = {}
+        self._sites: dict[str, str] = {}
+        self._foot: tuple[Element, complex] | None = None
+
+    @property
+    def foot(self) -> complex:
+        """Return where the foot is in the plane [m]."""
+        return self._points[self.leg.linkage.structure.foot]
+
+    def inertias(self) -> tuple[float, float]:
+        """Return the least and the greatest inertia that the crank feels [kg m^2]."""
+        inertia, _ = self._dynamics.reduced_inertia(np.linspace(0.0, 2.0 * np.pi, SAMPLES))
+        there = inertia[np.isfinite(inertia)]
+        return float(there.min()), float(there.max())
+
+    def write(
+        self, plane: Element, section: Section, crank_name: str, stiffness: Stiffness, rotor: float
+    ) -> None:
+        """
+        Write the leg.
+
+        Parameters
+        ----------
+        plane : Element
+            The body whose x and y are the linkage's.
+        section : Section
+            Where all else goes.
+        crank_name : str
+            What its crank's joint is called.
+        stiffness : Stiffness
+            Of what closes its loops.
+        rotor : float
+            The inertia of what drives its crank, at the crank [kg m^2].
+
+        """
+        self.crank_name = crank_name
+        self._bodies[FIXED] = plane.attrib['name']
+        elements = {FIXED: plane}
+        for point in self.leg.linkage.structure.pivots:
+            self._site(plane, section, point, self._points[point])
+        for hung in self._hung:
+            parent = elements[hung.parent]
+            elements[hung.body] = self._body(parent, section, hung, rotor)
+        for point, first, j in self._closing:
+            SubElement(
+                section.equality,
+                'connect',
+                stiffness.attributes,
+                body1=self._bodies[j],
+                body2=self._bodies[first],
+                anchor=at(self._points[point] - self._origins[j]),
+            )
+        for spring in self._dynamics.masses.springs:
+            self._spring(plane, section, spring)
+
+    def shoe(self, radius: float, friction: float) -> None:
+        """Put a ball that touches the floor on the foot; the leg is written before."""
+        if self._foot is None:
+            raise AssertionError('the leg is written before')
+        element, place = self._foot
+        SubElement(
+            element, 'geom', touching(friction), type='sphere', pos=at(place),
+            size=number(radius), mass='0',
+        )  # fmt: skip
+
+    @property
+    def _radius(self) -> float:
+        return BAR * self._size / 2.0
+
+    def _body(self, parent: Element, section: Section, hung: Hung, rotor: float) -> Element:
+        j, structure = hung.body, self.leg.linkage.structure
+        body, origin = structure.bodies[j], self._origins[hung.body]
+        self._bodies[j] = section.unique('body', self.leg.prefix + body.angle)
+        where = at(origin - self._origins[hung.parent])
+        element = SubElement(parent, 'body', name=self._bodies[j], pos=where)
+        self._joint(element, section, hung, rotor)
+        self._inertial(element, j)
+        for bar in body.rigid:
+            ends = ' '.join(at(self._points[p] - origin) for p in (bar.start, bar.end))
+            SubElement(
+                element, 'geom', type='capsule', fromto=ends, size=number(self._radius),
+                contype='0', conaffinity='0', mass='0', group='1',
+            )  # fmt: skip
+        for point in body.points:
+            if point not in structure.pivots and self._has_site(point, j):
+                self._site(element, section, point, self._points[point] - origin)
+        return element
+
+    def _inertial(self, element: Element, j: int) -> None:
+        structure = self.leg.linkage.structure
+        mass = self._dynamics.masses.bodies[j]
+        own = structure.frames[j]
+        turned = self._pose.vectors[own] if own != FIXED else 1.0 + 0j
+        first = self._points[structure.bodies[j].points[0]]
+        centre = first + complex(mass.centre * turned) - self._origins[j]
+        weight = mass.mass or TINY * self.mass
+        inertia = max(mass.inertia or POINT * weight * self._size**2, LEAST_INERTIA)
+        # A plate: what it has about the axes in its plane adds up to what it has about the other.
+        flat = f'{number(inertia / 2.0)} {number(inertia / 2.0)} {number(inertia)}'
+        SubElement(element, 'inertial', pos=at(centre), mass=number(weight), diaginertia=flat)
+
+    def _site(self, element: Element, section: Section, point: str, place: complex) -> None:
+        self._sites[point] = section.unique('site', self.leg.prefix + point.lower())
+        if point == self.leg.linkage.structure.foot:
+            self._foot = element, place
+        SubElement(
+            element, 'site', name=self._sites[point], pos=at(place), size=number(self._radius)
+        )
+
+    def _has_site(self, point: str, j: int) -> bool:
+        """Return whether a body is the first in the tree that has a point."""
+        bodies = self.leg.linkage.structure.bodies
+        return j == next(h.body for h in self._hung if point in bodies[h.body].points)
+
+    def _joint(self, element: Element, section: Section, hung: Hung, rotor: float) -> None:
+        j, structure = hung.body, self.leg.linkage.structure
+        body = structure.bodies[j]
+        if j == 0:
+            # It stands where the joint does that turns the crank: alpha = direction q + phase.
+            sense = structure.senses[0] * self.leg.direction
+            SubElement(
+                element, 'joint', name=self.crank_name, type='hinge', axis=f'0 0 {sense}',
+                ref=number(self._crank), armature=number(rotor),
+            )  # fmt: skip
+            return
+        name = section.unique('joint', self.leg.prefix + body.angle)
+        if body.slides:
+            along = joints.line(self.leg.linkage, self._pose.vectors, j)
+            SubElement(
+                element, 'joint', name=name, type='slide', axis=at(complex(along)),
+                ref=number(self._pose.joints[j]),
+            )  # fmt: skip
+            return
+        SubElement(element, 'joint', name=name, type='hinge', axis='0 0 1')
+
+    def _spring(self, plane: Element, section: Section, spring: Spring) -> None:
+        ends = [self._end(plane, section, end) for end in spring.ends]
+        spatial = SubElement(
+            section.tendon, 'spatial', stiffness=number(spring.stiffness),
+            springlength=number(spring.free_length), width=number(self._radius / 2.0),
+        )  # fmt: skip
+        for name in ends:
+            SubElement(spatial, 'site', site=name)
+
+    def _end(self, plane: Element, section: Section, end: Any) -> str:
+        if isinstance(end, str):
+            return self._sites[end]
+        name = section.unique('site', f'{self.leg.prefix}spring')
+        SubElement(plane, 'site', name=name, pos=at(complex(*end)), size=number(self._radius))
+        return name
+
+
+class Names:
+    """Names of which none is given twice to one kind of element, and none breaks the XML."""
+
+    def __init__(self) -> None:
+        self._taken = {('body', 'world')}
+
+    def __call__(self, kind: str, wanted: str) -> str:
+        """Return a name: the wanted one, or it with as many `_` as it takes."""
+        name = printable(wanted)
+        while (kind, name) in self._taken:
+            name += '_'
+        self._taken.add((kind, name))
+        return name
+
+
+def touching(friction: float, *, floor: bool = False) -> dict[str, str]:
+    """Return the attributes of what touches the floor, or of the floor, and nothing else."""
+    own, other = ('1', '2') if floor else ('2', '1')
+    # Hard: in what is soft the feet sink and creep, which costs a walker some of its way.
+    return {
+        'contype': own,
+        'conaffinity': other,
+        'friction': f'{number(friction)} 0.005 0.0001',
+        'solref': '0.003 1',
+    }
+
+
+def at(place: complex) -> str:
+    """Return a place, or a direction, in a leg's plane."""
+    return f'{number(place.real)} {number(place.imag)} 0'
+
+
+def number(value: float) -> str:
+    """Return a number to the last digit."""
+    return repr(float(value) + 0.0).removesuffix('.0')

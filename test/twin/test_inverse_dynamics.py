@@ -1,0 +1,93 @@
+"""The torque of a prescribed motion is that of the inverse dynamics of the engine."""
+
+from klann_ros.dynamics import rods
+from klann_ros.dynamics.motion import Motion, motion
+from klann_ros.kinematics import LinkageLeg, LinkagePose, shipped_linkage, shipped_linkages
+from klann_ros.robot import Robot, RobotLeg
+from klann_ros.twin import robot_mjcf
+from klann_ros.twin.leg_tree import Hung, joint_rates, tree
+import mujoco
+import numpy as np
+import pytest
+
+RATE, CHANGE = 2.0, 3.0
+
+
+def weighed(name: str) -> Robot:
+    """Return a linkage of rods; what slides without one weighs as much as 0.1 m of them."""
+    linkage = shipped_linkage(name)
+    masses = rods(linkage, 1.0, foot_mass=0.2)
+    for j, body in enumerate(masses.bodies):
+        if body.mass == 0.0:
+            masses = masses.with_mass(j, body._replace(mass=0.1, inertia=1e-4))
+    return Robot(name, (RobotLeg('', linkage, masses=masses),))
+
+
+class Tree:
+    """The engine's joints, by a linkage's poses."""
+
+    def __init__(self, robot: Robot, alpha: float) -> None:
+        (leg,) = robot.legs
+        self.linkage, self.leg = leg.linkage, LinkageLeg(leg.linkage)
+        self.model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, crank=alpha))
+        self.data = mujoco.MjData(self.model)
+        self.hung, self.start = tree(leg.linkage)[0], self.leg.closed_form(alpha)
+        self.rotor = float(self.model.dof_armature.max())
+
+    def place(self, hung: Hung) -> int:
+        name = 'crank' if hung.body == 0 else self.linkage.joint_names[hung.body]
+        return int(self.model.joint(name).qposadr[0])
+
+    def position(self, hung: Hung, pose: LinkagePose) -> float:
+        if hung.body == 0 or self.linkage.structure.bodies[hung.body].slides:
+            return pose.joints[hung.body]
+        return self._relative(hung, pose) - self._relative(hung, self.start)
+
+    def change(self, hung: Hung, moving: Motion) -> float:
+        """Return the second derivative of a joint by the crank angle."""
+        j, parent = hung.body, hung.parent
+        if self.linkage.structure.bodies[j].slides:
+            pose = self.leg.closed_form(float(moving.alphas[0]))
+            return self.leg.acceleration(pose, 1.0, 0.0).joints[j]
+        before = moving.turning_2[parent, 0] if parent >= 0 else 0.0
+        return float(moving.turning_2[j, 0] - before)
+
+    def turned(self, j: int, pose: LinkagePose) -> float:
+        frame = self.linkage.structure.frames[j] if j >= 0 else -1
+        return 0.0 if frame < 0 else self.linkage.structure.senses[frame] * pose.joints[frame]
+
+    def _relative(self, hung: Hung, pose: LinkagePose) -> float:
+        return self.turned(hung.body, pose) - self.turned(hung.parent, pose)
+
+
+@pytest.mark.parametrize('name', shipped_linkages())
+def test_the_crank_torque_is_that_of_its_inverse_dynamics(name: str) -> None:
+    """The motion is prescribed exactly; the engine knows the tree, and we what closes it."""
+    robot = weighed(name)
+    dynamics = robot.dynamics(robot.legs[0])
+    (start, end), *_ = LinkageLeg(dynamics.linkage).reachable_arcs()
+    engine = Tree(robot, start + 0.3 * (end - start))
+    engine.model.opt.disableflags = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
+    alphas = np.linspace(start + 0.05 * (end - start), end - 0.05 * (end - start), 12)
+    expected, found, astray = dynamics.crank_torque(alphas, RATE, CHANGE), [], 0.0
+    for alpha in alphas.tolist():
+        moving, pose = motion(dynamics.linkage, alpha), engine.leg.closed_form(alpha)
+        rates, slopes = joint_rates(engine.linkage, engine.hung, alpha), np.zeros(engine.model.nv)
+        for hung in engine.hung:
+            k, first = engine.place(hung), rates[hung.body]
+            engine.data.qpos[k], slopes[k] = engine.position(hung, pose), first
+            engine.data.qvel[k] = first * RATE
+            engine.data.qacc[k] = first * CHANGE + engine.change(hung, moving) * RATE**2
+        mujoco.mj_inverse(engine.model, engine.data)
+        # Virtual work of the tree's joints, all moved by the crank.
+        found.append(float(engine.data.qfrc_inverse @ slopes) - engine.rotor * CHANGE)
+        astray = max(astray, _astray(engine, pose))
+    # The rotor of what drives the crank is large, and taken off again.
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    assert astray <= 1e-12
+
+
+def _astray(engine: Tree, pose: LinkagePose) -> float:
+    places = zip(engine.linkage.structure.points, pose.points, strict=True)
+    sites = ((engine.data.site(name.lower()).xpos, at) for name, at in places)
+    return max(max(abs(site[0] - at[0]), abs(site[2] - at[1])) for site, at in sites)
