@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 import math
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,11 @@ STORE = get_typestore(Stores.ROS2_JAZZY)
 START = 1_700_000_000_000_000_000
 STATE, POINT = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/PointStamped'
 REPORT = 'diagnostic_msgs/msg/DiagnosticArray'
+
+
+@cache
+def _topic(name: str, kind: str) -> Topic:
+    return Topic(name, kind, definition(kind))
 
 
 @dataclass
@@ -64,10 +70,14 @@ class LegRun:
             for time, parameters in self._told():
                 record = SolverParameters('/solver_node', time, dict(parameters))
                 run.add_metadata(SOLVER_RECORD, solver_record(record))
-            for number in range(self.count):
-                for message in self._messages(number):
-                    run.write(message)
+            for message in self.messages():
+                run.write(message)
         return folder
+
+    def messages(self) -> Iterator[Message]:
+        """Yield all messages, in the order of time."""
+        for number in range(self.count):
+            yield from self._messages(number)
 
     def alpha(self, number: int, name: str = '') -> float:
         """Return a leg's crank angle in the n-th message [rad]."""
@@ -113,7 +123,7 @@ class LegRun:
     def _message(self, name: str, kind: str, time: int, number: int, content: Any) -> Message:
         data = bytes(STORE.serialize_cdr(content, kind))
         late = 150_000 + 20_000 * (number % 7)
-        return Message(Topic(name, kind, definition(kind)), data, time + late, time, number + 1)
+        return Message(_topic(name, kind), data, time + late, time, number + 1)
 
     def _header(self, time: int) -> Any:
         stamp = make('builtin_interfaces/msg/Time', sec=time // 10**9, nanosec=time % 10**9)

@@ -60,22 +60,27 @@ def review_run(
         The path is no log that can be read.
 
     """
-    tell, held_against = progress or (lambda _, __: None), limits or Limits()
+    tell = progress or (lambda _, __: None)
     with open_log(path) as log:
         recording = load(
             log, leg, robot=robot, rates=rates, progress=lambda part: tell('reading', part)
         )
+    return reviewed(recording, limits or Limits(), tell)
+
+
+def reviewed(
+    recording: RunRecording, limits: Limits, tell: Progress = lambda _, __: None
+) -> Review:
+    """Return the review of what a run holds."""
     # A log may hold any number: what overflows is infinite, and what has no value is NaN.
     with np.errstate(over='ignore', invalid='ignore'):
-        quiet = tuple(
-            silence for topic in recording.topics for silence in silences(topic, held_against)
-        )
+        quiet = tuple(silence for topic in recording.topics for silence in silences(topic, limits))
         review = Review(
             recording,
             tuple(map(topic_figures, recording.topics)),
             tuple(_reviewed(each, recording, quiet, tell) for each in recording.legs),
             quiet,
-            held_against,
+            limits,
         )
         return replace(review, findings=findings(review))
 

@@ -3,9 +3,10 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
+from typing import Protocol
 
 from klann_ros.kinematics import AnyLeg
-from klann_ros.log.reader import Log
 from klann_ros.log.reading.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import HARM_RECORD, pause_of, PAUSE_RECORD
@@ -24,20 +25,53 @@ import numpy as np
 from .columns import Shared
 from .gathering import ALL_JOINTS, Gathering
 from .other_topics import Descriptions, Iterations
-from .solvers import solver_records
+from .solvers import Metadata, solver_records
 from .topics import recorded_losses, TopicTally
 from .weights import dynamics_of
 
 
+class Loadable(Protocol):
+    """What can be loaded: an open log, or what looks like one. See `klann_ros.log.reader.Log`."""
+
+    path: Path
+
+    @property
+    def metadata(self) -> Metadata:
+        """Return the contents of its metadata records under their names."""
+
+    @property
+    def paths(self) -> Sequence[Path]:
+        """Return its files."""
+
+    @property
+    def start_time(self) -> int:
+        """Return the log time of the earliest message [ns]."""
+
+    @property
+    def end_time(self) -> int:
+        """Return that of the latest."""
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Return what is wrong with it."""
+
+    @property
+    def holes(self) -> tuple[Hole, ...]:
+        """Return the log times of what is damaged."""
+
+    def blocks(self, progress: Callable[[float], object] | None = None) -> Iterator[MessageBlock]:
+        """Yield the messages in large pieces."""
+
+
 def load(
-    log: Log,
+    log: Loadable,
     given: AnyLeg | None = None,
     *,
     robot: Robot | None = None,
     rates: str = '',
     progress: Callable[[float], object] | None = None,
 ) -> RunRecording:
-    """Decode an open log; see `review_run`. `progress` gets how much was read, from 0 to 1."""
+    """Decode a log; see `review_run`. `progress` gets how much was read, from 0 to 1."""
     records = solver_records(log.metadata)
     gathering = Gathering(records, given, rates=rates)
     tally, iterations, descriptions = TopicTally(), Iterations(), Descriptions()
@@ -83,7 +117,7 @@ def _drives(gathering: Gathering, legs: Sequence[LegRecording], shared: Shared) 
             yield Drive(joint, tuple(turned), not own, columns.series(shared))
 
 
-def _harm(log: Log, key: str) -> str:
+def _harm(log: Loadable, key: str) -> str:
     """Return what the recorder tells of what was done to it, in one line."""
     found = (record.get(key, '') for record in log.metadata.get(HARM_RECORD, ()))
     return printable_line('; '.join(filter(None, found)))

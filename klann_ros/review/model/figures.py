@@ -1,9 +1,10 @@
 """What the leg did in a run: turns, foot path, how well it stood, how exact it was."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import inf, nan
 
-from klann_ros.kinematics import AnyLeg, foot_path, KinematicsError
+from klann_ros.kinematics import foot_path, KinematicsError, Linkage, LinkageLeg
 from klann_ros.kinematics.foot.stance import Stance
 import numpy as np
 
@@ -47,7 +48,8 @@ def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigure
         is_path = len(feet) and _covers_a_turn(alphas)
         stride, lift = np.ptp(feet, axis=0) if is_path else (nan, nan)
         turns = float(alphas[-1] - alphas[0]) / _TURN if len(alphas) else nan
-    stance = _stance(recording.solver.leg)
+    leg = recording.solver.leg
+    stance = _stance(leg.linkage) if leg else None
     return LegFigures(
         turns=turns,
         stride=float(stride),
@@ -75,9 +77,11 @@ def _covers_a_turn(alphas: Floats) -> bool:
     return bool(np.ptp(alphas) + (np.median(steps) if len(steps) else 0.0) >= _TURN)
 
 
-def _stance(leg: AnyLeg | None) -> Stance | None:
+@lru_cache(maxsize=16)
+def _stance(linkage: Linkage) -> Stance | None:
+    """Return the stance of a leg; a thousand runs of it, or windows, need it once."""
     try:
-        return foot_path(leg).stance() if leg else None
+        return foot_path(LinkageLeg(linkage)).stance()
     except KinematicsError:
         return None
 

@@ -1,0 +1,124 @@
+"""What passes is judged while it passes: each fault at most a second later, and nothing else."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from klann_ros.kinematics import KlannLeg
+from klann_ros.log.records import Message, Topic
+from klann_ros.log.run_parameters import SolverParameters
+from klann_ros.review.live import LiveFinding, LiveJudge
+from klann_ros.review.live.judge import STEP
+from leg_runs import LegRun, START
+import pytest
+
+GEOMETRY = {**KlannLeg().linkage.dimensions, 'assembly': [1, 1]}
+SECOND = 10**9
+# Of the whole run [ns].
+LENGTH = 2 * SECOND
+
+
+def solver(time: int = START, **changed: float) -> SolverParameters:
+    return SolverParameters('/solver_node', time, {**GEOMETRY, **changed})
+
+
+def judged(
+    messages: Iterable[Message],
+    *told: SolverParameters,
+    until: int = LENGTH,
+    published: list[str] | None = None,
+) -> list[tuple[float, LiveFinding]]:
+    """Return what is found and when [s], asked every half second until a time."""
+    judge, left, later = LiveJudge(), [*messages], [*told]
+    found, step = [], round(STEP * 1e9)
+    for now in range(START + step, START + until + step, step):
+        while later and later[0].time <= now:
+            judge.tell(later.pop(0))
+        while left and left[0].log_time <= now:
+            judge.add(left.pop(0))
+        found += [((now - START) / 1e9, each) for each in judge.findings(now, published)]
+    return found
+
+
+def new(found: list[tuple[float, LiveFinding]]) -> list[tuple[float, str]]:
+    return [(time, each.check) for time, each in found if each.is_new]
+
+
+def test_nothing_is_found_where_nothing_is_wrong() -> None:
+    assert judged(LegRun().messages(), solver(), until=LENGTH - SECOND // 2) == []
+
+
+def test_nothing_is_found_where_nobody_tells_the_leg() -> None:
+    assert judged(LegRun().messages(), until=LENGTH - SECOND // 2) == []
+
+
+def test_a_pose_of_another_leg_is_found_at_once() -> None:
+    found = judged(LegRun().messages(), solver(l_ab=0.121), until=SECOND)
+    (first, *_) = found
+    assert first[0] == 0.5
+    assert {each.check for _, each in found} == {'closure'}
+    # Once, though it goes on.
+    assert len(new(found)) == 1
+
+
+def test_a_leg_that_is_changed_is_found() -> None:
+    changed = solver(START + SECOND, l_gh=0.44)
+    found = judged(LegRun().messages(), solver(), changed, until=SECOND)
+    (text,) = (each.text for _, each in found if each.check == 'geometry')
+    assert text.startswith('/solver_node changed its leg: l_gh is 0.44 m, was ')
+
+
+def test_a_solver_that_tells_the_same_again_changes_nothing() -> None:
+    found = judged(LegRun().messages(), solver(), solver(START + SECOND), until=SECOND)
+    assert found == []
+
+
+def test_a_foot_that_is_no_number_is_found() -> None:
+    run = LegRun(garbled={150: float('nan')})
+    found = judged(run.messages(), solver(), until=3 * SECOND // 2)
+    assert new(found)[0] == (1.0, 'nan')
+
+
+@pytest.mark.parametrize('published', [None, ['/joint_states', '/point_h']])
+def test_a_topic_that_falls_silent_is_found_within_a_second(published: list[str] | None) -> None:
+    messages = [m for m in LegRun().messages() if m.log_time < START + SECOND]
+    found = judged(messages, solver(), until=4 * SECOND, published=published)
+    assert {(time, each.leg) for time, each in found if each.is_new} == {
+        (1.5, '/joint_states'),
+        (1.5, '/point_h'),
+    }
+    # It goes on being told when nothing of it is in the window any more.
+    assert found[-1][0] == 4.0
+
+
+def test_a_topic_whose_publisher_left_is_not_waited_for() -> None:
+    messages = [m for m in LegRun().messages() if m.log_time < START + SECOND]
+    assert judged(messages, solver(), until=3 * SECOND, published=[]) == []
+
+
+def test_lost_messages_are_found_by_their_numbers() -> None:
+    messages = [m for m in LegRun().messages() if not 100 <= m.sequence < 110]
+    found = judged(messages, solver(), until=SECOND)
+    assert 'lost' in {each.check for _, each in found}
+
+
+def test_what_is_over_is_new_when_it_comes_again() -> None:
+    run = LegRun(garbled={20: float('nan'), 1100: float('nan')}, count=1200, turns=6.0)
+    found = judged(run.messages(), solver(), until=6 * SECOND)
+    # Of the poses, and of the foot.
+    assert [time for time, check in new(found) if check == 'nan'] == [0.5, 0.5, 6.0, 6.0]
+
+
+def test_other_topics_of_any_content_are_no_fault() -> None:
+    other = Topic('/other', 'std_msgs/msg/String', 'string data')
+    noise = [
+        replace(message, topic=other, data=b'\x00') for message in LegRun(count=300).messages()
+    ]
+    assert judged(noise, until=SECOND) == []
+
+
+def test_a_window_keeps_no_more_than_it_may() -> None:
+    judge = LiveJudge()
+    (message, *_) = LegRun(count=2).messages()
+    for _ in range(100_000):
+        judge.add(message)
+    assert len(judge._window) == 40_000
