@@ -21,7 +21,7 @@ import numpy as np
 from .window import Window
 
 # How far back a window reaches, and how often there is a new one [s].
-LENGTH, STEP = 2.0, 0.5
+LENGTH, STEP = 1.0, 0.5
 # A window of more messages is shorter [messages].
 MOST = 40_000
 # What a window is too short to tell, or what is told otherwise here.
