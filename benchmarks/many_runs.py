@@ -1,0 +1,85 @@
+"""
+What it costs to judge a thousand runs of ten minutes at 200 Hz, with a fault of each kind in some.
+
+One run is written; the others are links to its file, so that they need no disk: each is read and
+judged for itself all the same. An argument is how many (1,000).
+"""
+
+import os
+from pathlib import Path
+import subprocess
+import sys
+import tempfile
+from time import monotonic
+
+from klann_ros.review.each.table import rows_from_table
+from support.long_run import write_long_run
+
+REVIEW = 'import sys; from klann_ros.executables import review; sys.exit(review())'
+# Every so many runs there is one with a fault, of each kind in turn.
+EVERY = 50
+# The aims: time of a thousand [s], and the memory of the largest process [MB].
+MOST_TIME, MOST_MEMORY = 600.0, 600.0
+
+
+def make(root: Path, count: int) -> dict[str, int]:
+    """Make the runs; return how many there are of each verdict that is to be expected."""
+    good = root / 'good'
+    write_long_run(good, 600.0, 200.0)
+    (log,) = good.glob('*.mcap')
+    data = log.read_bytes()
+    faults = {
+        'cut off': data[: len(data) // 2],
+        'a byte flipped': _flipped(data),
+        'no log': b'# not a log\n' * 100,
+        'empty': b'',
+    }
+    expected = {'ok': 1, 'findings': 0, 'unreadable': 0}
+    kinds = list(faults)
+    for number in range(1, count):
+        run = root / f'run_{number:04}'
+        run.mkdir()
+        if number % EVERY:
+            os.link(log, run / 'run.mcap')
+            expected['ok'] += 1
+            continue
+        kind = kinds[number // EVERY % len(kinds)]
+        (run / 'run.mcap').write_bytes(faults[kind])
+        expected['unreadable' if kind in ('no log', 'empty') else 'findings'] += 1
+    return expected
+
+
+def _flipped(data: bytes) -> bytes:
+    place = len(data) // 3
+    return data[:place] + bytes([data[place] ^ 0xFF]) + data[place + 1 :]
+
+
+def main() -> int:
+    """Print the figures; return 0 if the aims are met."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
+    with tempfile.TemporaryDirectory() as work:
+        runs, table = Path(work, 'runs'), Path(work, 'table.csv')
+        runs.mkdir()
+        expected = make(runs, count)
+        begin = monotonic()
+        command = [sys.executable, '-c', REVIEW, '--each', runs, '--table', table]
+        process = subprocess.Popen(
+            [*command, '--html', Path(work, 'index.html')], stdout=subprocess.DEVNULL
+        )
+        _, status, usage = os.wait4(process.pid, 0)
+        seconds = monotonic() - begin
+        process.returncode = os.waitstatus_to_exitcode(status)
+        rows = rows_from_table(str(table))
+        verdicts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in expected}
+        index = Path(work, 'index.html').stat().st_size / 1e6
+    cpu, memory = usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1000
+    share = count / 1000
+    is_met = verdicts == expected and seconds <= MOST_TIME * share and memory <= MOST_MEMORY
+    print(f'{count} runs: {seconds:.0f} s, {cpu:.0f} s of CPU, {memory:.0f} MB, {verdicts}')
+    print(f'a run: {seconds / count:.2f} s; the index has {index:.2f} MB')
+    print('met' if is_met else f'not met: {MOST_TIME * share:.0f} s, {expected}')
+    return 0 if is_met else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())
