@@ -104,6 +104,15 @@ def declare_constant(node: Node, name: str, value: str, description: str) -> Non
     node.declare_parameter(name, value, descriptor, ignore_override=True)
 
 
+def declare_given(node: Node, names: Collection[str], description: str) -> None:
+    """Declare those parameters that are given, whatever they are: others ask the node for them."""
+    descriptor = ParameterDescriptor(description=description, read_only=True, dynamic_typing=True)
+    for name in names:
+        given = overrides(node).get(name)
+        if given is not None and not node.has_parameter(name):
+            node.declare_parameter(name, given.value, descriptor)
+
+
 def overrides(node: Node) -> Mapping[str, Parameter]:
     """Return what the command line and parameter files give a node, whether declared or not."""
     # rclpy tells of those only that are declared. Without this no more than that is told.

@@ -110,6 +110,18 @@ def test_a_number_given_as_an_integer_is_held_as_its_default_is(ros: World) -> N
         assert descriptor.description
 
 
+def test_what_legs_weigh_can_be_asked_for_where_it_is_given(ros: World) -> None:
+    given = {'legs': '[one]', 'bar_density': 1, 'one.foot_mass': 0.2}
+    ros.start('solver_node', **given)
+    names = ['bar_density', 'foot_mass', 'one.foot_mass']
+    service = 'solver_node/list_parameters'
+    listed = ros.probe.call(ListParameters, service, ListParameters.Request()).result.names
+    assert [name in listed for name in names] == [True, False, True]
+    request = GetParameters.Request(names=[names[0], names[2]])
+    density, mass = ros.probe.call(GetParameters, 'solver_node/get_parameters', request).values
+    assert (density.integer_value, mass.double_value) == (1, 0.2)
+
+
 def test_a_managed_solver_tells_each_transition(ros: World) -> None:
     solver = ros.start('solver_node', '--lifecycle')
     names = ('CONFIGURE', 'ACTIVATE', 'DEACTIVATE', 'CLEANUP', 'UNCONFIGURED_SHUTDOWN')

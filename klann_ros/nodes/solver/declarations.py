@@ -81,6 +81,8 @@ PUBLISHED = (
 )
 # What leg files may hold for others: masses and sizes, which a solver does not need.
 FOR_OTHERS = ('bar_density', 'foot_mass', 'body_mass', 'body_size', 'body_centre')
+# Those of them that are held where they are given, so that they are in a run, for its review.
+MASSES = ('bar_density', 'foot_mass')
 _UPRIGHT = (pi / 2, 0.0, 0.0)
 
 

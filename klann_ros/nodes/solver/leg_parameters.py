@@ -17,12 +17,18 @@ from klann_ros.kinematics import (
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.linkage.file import linkage_text, SHIPPED, shipped_linkages
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
-from klann_ros.nodes.parameters import declare, declare_constant, must, StartError
+from klann_ros.nodes.parameters import (
+    declare,
+    declare_constant,
+    declare_given,
+    must,
+    StartError,
+)
 from klann_ros.untrusted.text import printable
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from .declarations import drive, GEOMETRY, GEOMETRY_NAMES, LEGS, named_leg, SETTINGS
+from .declarations import drive, GEOMETRY, GEOMETRY_NAMES, LEGS, MASSES, named_leg, SETTINGS
 from .driven_leg import DrivenLeg
 
 _NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
@@ -77,6 +83,8 @@ class LegParameters:
             description,
             "content of the linkage's file; empty for Klann legs",
         )
+        masses = [prefix + name for prefix in {'', *self._prefixes.values()} for name in MASSES]
+        declare_given(node, masses, 'of no use to the solver: for whoever reviews a run of it')
 
     @property
     def summary(self) -> str:
