@@ -91,6 +91,7 @@ setup(
             for name in (
                 'solver_node',
                 'crank_node',
+                'walker_node',
                 'recorder_node',
                 'player_node',
                 'review',

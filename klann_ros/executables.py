@@ -28,6 +28,11 @@ def crank_node() -> int:
     return _node('crank_node')
 
 
+def walker_node() -> int:
+    """Takes cmd_vel to the cranks of a walker, and gives odom back."""
+    return _node('walker_node')
+
+
 def recorder_node() -> int:
     """Leg topics in, crash-safe MCAP run out."""
     return _node('recorder_node')

@@ -140,10 +140,12 @@ class _Elsewhere:
         from .player import controls as player  # noqa: PLC0415
         from .recorder import interface as recorder  # noqa: PLC0415
         from .solver import declarations as solver  # noqa: PLC0415
+        from .walker import declarations as walker  # noqa: PLC0415
 
         own = {
             'player_node': player.declarations(1.0, 0.0, 0.0),
             'recorder_node': recorder.PARAMETERS,
+            'walker_node': walker.PARAMETERS,
             'crank_node': (*crank.MOTION, *crank.PARAMETERS),
             'solver_node': (
                 *solver.GEOMETRY,

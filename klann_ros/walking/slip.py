@@ -77,19 +77,30 @@ def standing(
     return Standing(rest, flat)
 
 
-def moved(before: Standing, after: Standing, yaw: float | None = None) -> Step:
-    """Return how a body moves from pose to pose; `yaw` as for `step`."""
+def moved(
+    before: Standing, after: Standing, yaw: float | None = None, *, hops: bool = False
+) -> Step:
+    """Return how a body moves from pose to pose; `yaw` and `hops` as for `step`."""
     loads = dict.fromkeys((*before.rest.feet, *after.rest.feet), 0.0)
     for rest in (before.rest, after.rest):
         for foot, load in zip(rest.feet, rest.loads, strict=True):
             loads[foot] += load / 2.0
     return step(
-        [before.flat[i] for i in loads], [after.flat[i] for i in loads], [*loads.values()], yaw
+        [before.flat[i] for i in loads],
+        [after.flat[i] for i in loads],
+        [*loads.values()],
+        yaw,
+        hops=hops,
     )
 
 
 def step(
-    before: Sequence[Flat], after: Sequence[Flat], loads: Sequence[float], yaw: float | None = None
+    before: Sequence[Flat],
+    after: Sequence[Flat],
+    loads: Sequence[float],
+    yaw: float | None = None,
+    *,
+    hops: bool = False,
 ) -> Step:
     """
     Return how a body moves while its feet move in it.
@@ -102,6 +113,9 @@ def step(
         What each carries.
     yaw : float, optional
         By how much it turns, where that is known [rad].
+    hops : bool
+        Whether the feet hop, so that now this one and now that one carries all: then the body goes
+        with their mean.
 
     """
     # To first order in the yaw, about the middle of both.
@@ -116,7 +130,7 @@ def step(
     least = (HOLDS * (scale + abs(yaw or 0.0))) ** 2
     x = y = turn = 0.0
     weights = [load for *_, load in feet]
-    for _ in range(ITERATIONS):
+    for _ in range(1 if hops else ITERATIONS):
         x, y, turn = _balanced(feet, weights, yaw)
         weights = [
             load / sqrt((dx + x + turn * jx) ** 2 + (dy + y + turn * jy) ** 2 + least)

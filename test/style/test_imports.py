@@ -36,7 +36,17 @@ ALLOWED = {
     },
     'export': {'untrusted', 'kinematics', 'dynamics', 'plotting', 'robot', 'twin', 'review'},
     'stop_signals': set(),
-    'nodes': {'untrusted', 'kinematics', 'plotting', 'log', 'review', 'page', 'stop_signals'},
+    'nodes': {
+        'untrusted',
+        'kinematics',
+        'robot',
+        'walking',
+        'plotting',
+        'log',
+        'review',
+        'page',
+        'stop_signals',
+    },
     'executables': {'untrusted', 'kinematics', 'log', 'review', 'nodes', 'stop_signals'},
 }
 

@@ -1,0 +1,1 @@
+"""`walker_node`: cmd_vel in, cranks and odom out."""

@@ -1,0 +1,101 @@
+"""The parameters of `walker_node`, besides those of its legs."""
+
+from collections.abc import Mapping
+from math import inf
+from typing import Any
+
+from klann_ros.nodes.parameters import Declaration
+from klann_ros.walking import Limits, Settings
+from klann_ros.walking.phase_lock import INTEGRAL, PROPORTIONAL
+
+COMMANDS = ('joint_state', 'velocities')
+_LIMITS, _SETTINGS = Limits(), Settings()
+
+
+def _number(name: str, default: float, what: str, least: float, most: float) -> Declaration:
+    return Declaration(name, default, what, limits=(least, most), any_number=True)
+
+
+LIMITS = (
+    _number('max_linear', _LIMITS.max_linear, 'greatest speed [m/s]', 0.0, 100.0),
+    _number('max_angular', _LIMITS.max_angular, 'greatest yaw rate [rad/s]', 0.0, 100.0),
+    _number(
+        'max_linear_acceleration',
+        _LIMITS.max_linear_acceleration,
+        'greatest change of the speed [m/s^2]',
+        1e-3,
+        1e3,
+    ),
+    _number(
+        'max_angular_acceleration',
+        _LIMITS.max_angular_acceleration,
+        'greatest change of the yaw rate [rad/s^2]',
+        1e-3,
+        1e3,
+    ),
+    _number(
+        'max_curvature',
+        0.0,
+        'greatest curvature of the path [1/m]; 0: any, also turning on the spot',
+        0.0,
+        1e3,
+    ),
+    _number(
+        'max_crank_rate', _LIMITS.max_crank_rate, 'greatest rate of a crank [rad/s]', 1e-3, 1e3
+    ),
+)
+CONTROL = (
+    _number('rate', 100.0, 'commands a second [Hz]', 1.0, 1e3),
+    Declaration(
+        'command_type',
+        'joint_state',
+        'what crank_command is: sensor_msgs/JointState, or std_msgs/Float64MultiArray',
+        choices=COMMANDS,
+    ),
+    Declaration('stamped_cmd_vel', True, 'whether cmd_vel is a TwistStamped; false: a Twist'),
+    _number(
+        'cmd_vel_timeout', _SETTINGS.cmd_vel_timeout, 'older commands stop it [s]', 0.01, 60.0
+    ),
+    _number(
+        'feedback_timeout',
+        _SETTINGS.feedback_timeout,
+        'a crank that is silent for longer stops all [s]',
+        0.01,
+        60.0,
+    ),
+    Declaration('phase_lock', True, 'whether cranks are kept in phase by their feedback'),
+    _number('phase_gain', PROPORTIONAL, 'of the lock: rate by phase error [1/s]', 0.0, 100.0),
+    _number('phase_integral', INTEGRAL, 'of the lock: what is learnt [1/s^2]', 0.0, 100.0),
+    _number(
+        'rephase',
+        _SETTINGS.rephase,
+        'part of its rate by which a crank goes back into phase, straight on; 0: never',
+        0.0,
+        0.5,
+    ),
+)
+ODOMETRY = (
+    Declaration('odom_frame', 'odom', 'frame in which it is'),
+    Declaration('base_frame', 'base_link', 'its own frame'),
+    Declaration('publish_tf', True, 'whether odom_frame -> base_frame is sent to /tf'),
+    Declaration('use_imu', False, 'whether yaw and attitude are taken from imu'),
+    _number('imu_timeout', 0.5, 'an older IMU is not used [s]', 0.01, 60.0),
+    _number('foot_radius', 0.004, 'of its feet, which are balls [m]', 0.0, 1.0),
+    _number('diagnostics_period', 1.0, 'time between diagnostics [s]', 0.01, 3600.0),
+)
+PARAMETERS = (*LIMITS, *CONTROL, *ODOMETRY)
+
+
+def settings(values: Mapping[str, Any]) -> Settings:
+    """Return how the walker is controlled."""
+    limits = {p.name: values[p.name] for p in LIMITS}
+    limits['max_curvature'] = limits['max_curvature'] or inf
+    return Settings(
+        limits=Limits(**limits),
+        cmd_vel_timeout=values['cmd_vel_timeout'],
+        feedback_timeout=values['feedback_timeout'],
+        phase_lock=values['phase_lock'],
+        proportional=values['phase_gain'],
+        integral=values['phase_integral'],
+        rephase=values['rephase'],
+    )

@@ -1,0 +1,161 @@
+"""
+What `walker_node` reads and writes a hundred times a second, as it is on the wire.
+
+As in solver/cdr.py, of which this is a sequel: to make a Python message of bytes, or bytes of it,
+costs more than all that is computed.
+"""
+
+from collections.abc import Sequence
+from math import isfinite
+import struct
+from typing import Any, NamedTuple
+
+from geometry_msgs.msg import TransformStamped
+from klann_ros.untrusted.cdr import CdrCursor
+from nav_msgs.msg import Odometry
+from rclpy.serialization import serialize_message
+
+# Numbers that no name contains, by which their places are found.
+_MARK = 1.2345678e-300
+_STAMP = 123456789, 987654321
+# Of a rotation that is one, and what a quaternion that nobody has filled in is short of.
+UNIT = 1e-2
+
+
+class NumbersTemplate:
+    """
+    A message of which only its stamp and a run of numbers change.
+
+    Parameters
+    ----------
+    message : message
+        With `_STAMP` as its stamp and `_MARK` as the first of the numbers.
+    count : int
+        How many numbers follow each other.
+
+    """
+
+    def __init__(self, message: Any, count: int) -> None:
+        whole = bytes(serialize_message(message))
+        stamp = whole.index(struct.pack('<iI', *_STAMP))
+        first = whole.index(struct.pack('<d', _MARK))
+        self._head, self._middle = whole[:stamp], whole[slice(stamp + 8, first)]
+        self._tail = whole[slice(first + 8 * count, None)]
+        parts = f'{len(self._head)}siI{len(self._middle)}s{count}d{len(self._tail)}s'
+        self._layout = struct.Struct(f'<{parts}')
+
+    def fill(self, sec: int, nanosec: int, numbers: Sequence[float]) -> bytes:
+        """Return the message."""
+        return self._layout.pack(self._head, sec, nanosec, self._middle, *numbers, self._tail)
+
+
+def odometry_template(frame: str, child: str) -> NumbersTemplate:
+    """Return a nav_msgs/Odometry: pose, its covariance, twist, its covariance."""
+    message = Odometry(child_frame_id=child)
+    message.header.frame_id = frame
+    _mark(message.header)
+    message.pose.pose.position.x = _MARK
+    return NumbersTemplate(message, 7 + 36 + 6 + 36)
+
+
+def transform_template(frame: str, child: str, kind: Any) -> NumbersTemplate:
+    """Return a tf2_msgs/TFMessage of one transform: translation, rotation."""
+    transform = TransformStamped(child_frame_id=child)
+    transform.header.frame_id = frame
+    _mark(transform.header)
+    transform.transform.translation.x = _MARK
+    return NumbersTemplate(kind(transforms=[transform]), 7)
+
+
+def _mark(header: Any) -> None:
+    header.stamp.sec, header.stamp.nanosec = _STAMP
+
+
+class TwistReading(NamedTuple):
+    """What a cmd_vel asks for; the stamp of a Twist is 0."""
+
+    linear: float
+    angular: float
+    sec: int
+    nanosec: int
+
+
+def read_twist(data: bytes, *, stamped: bool) -> TwistReading:
+    """
+    Return what a geometry_msgs/TwistStamped, or a Twist, asks for.
+
+    Raises
+    ------
+    ValueError
+        It is no such message.
+
+    """
+    cursor = CdrCursor(data)
+    sec = nanosec = 0
+    if stamped:
+        sec, nanosec = _stamp(cursor, data)
+    x, *_, turn = _doubles(cursor, data, 6)
+    return TwistReading(x, turn, sec, nanosec)
+
+
+class ImuMessage(NamedTuple):
+    """
+    What a sensor_msgs/Imu says.
+
+    Attributes
+    ----------
+    orientation : tuple of 4 floats, or None
+        x, y, z, w; None where there is none.
+    variance : float
+        Of the yaw [rad^2]; 0 where nobody knows.
+    angular : tuple of 3 floats
+        [rad/s].
+    sec, nanosec : int
+        The stamp.
+
+    """
+
+    orientation: tuple[float, float, float, float] | None
+    variance: float
+    angular: tuple[float, float, float]
+    sec: int
+    nanosec: int
+
+
+def read_imu(data: bytes) -> ImuMessage:
+    """
+    Return what a sensor_msgs/Imu says.
+
+    Raises
+    ------
+    ValueError
+        It is no such message, or its rates are no numbers.
+
+    """
+    cursor = CdrCursor(data)
+    sec, nanosec = _stamp(cursor, data)
+    numbers = _doubles(cursor, data, 37)
+    x, y, z, w = numbers[:4]
+    covariance, angular = numbers[4:13], numbers[13:16]
+    if not all(map(isfinite, angular)):
+        raise ValueError('its angular velocity is not finite')
+    # So the message's definition has it: -1 where there is no orientation.
+    size = x * x + y * y + z * z + w * w
+    has = covariance[0] != -1.0 and abs(size - 1.0) < UNIT
+    variance = covariance[8] if isfinite(covariance[8]) and covariance[8] > 0.0 else 0.0
+    a, b, c = angular
+    return ImuMessage((x, y, z, w) if has else None, variance, (a, b, c), sec, nanosec)
+
+
+def _stamp(cursor: CdrCursor, data: bytes) -> tuple[int, int]:
+    sec, nanosec = struct.unpack_from(f'{cursor.order}iI', data, cursor.skip(8))
+    cursor.string()
+    return sec, nanosec
+
+
+def _doubles(cursor: CdrCursor, data: bytes, count: int) -> tuple[float, ...]:
+    cursor.align(8)
+    numbers: tuple[float, ...] = struct.unpack_from(
+        f'{cursor.order}{count}d', data, cursor.skip(8 * count)
+    )
+    return numbers

@@ -1,0 +1,189 @@
+"""`walker_node`: takes cmd_vel to the cranks of a walker, and gives odom back."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from geometry_msgs.msg import Twist, TwistStamped
+from klann_ros.kinematics import KinematicsError
+from klann_ros.nodes.endpoints import INPUT, overridden, QOS_USAGE
+from klann_ros.nodes.lean_loop import Info, LeanCallbackGroup
+from klann_ros.nodes.parameters import declare, StartError, usage
+from klann_ros.nodes.process import arguments, command_line, run
+from klann_ros.nodes.robot_parameters import declared_robot
+from klann_ros.nodes.solver.cdr import JointReader
+from klann_ros.stop_signals import StopSignals
+from klann_ros.untrusted.text import printable
+from klann_ros.walking import Feet, imu_reading, NoWalkerError, Walker
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from sensor_msgs.msg import Imu, JointState
+
+from .declarations import CONTROL, LIMITS, ODOMETRY, PARAMETERS, settings
+from .diagnostics import WalkerDiagnostics
+from .messages import read_imu, read_twist
+from .outputs import CrankOutput, OdomOutput
+
+# How often a complaint about inputs is logged at most [s].
+THROTTLE = 2.0
+
+
+class WalkerNode(Node):
+    """
+    Turn the cranks of a walker so that it moves as it is told, and tell where it is.
+
+    Raises
+    ------
+    StartError
+        A parameter is refused, or there is no walker; the text says why.
+
+    """
+
+    def __init__(self, **options: Any) -> None:
+        """Declare, validate and connect; `options` are those of Node."""
+        super().__init__('walker_node', **options)
+        values = declare(self, PARAMETERS)
+        robot = declared_robot(self)
+        try:
+            feet = Feet(robot, foot_radius=values['foot_radius'])
+            self._walker = Walker(feet, settings(values), imu_timeout=values['imu_timeout'])
+        except (NoWalkerError, KinematicsError) as error:
+            raise StartError(str(error)) from error
+        # Simulated time may stand still, and the machine's may be set; cranks need neither.
+        self._sim = bool(self.get_parameter('use_sim_time').value)
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._stamped: bool = values['stamped_cmd_vel']
+        self._refusals_told: set[str] = set()
+        self._connect(values)
+        self.get_logger().info(f'ready: {self._summary(values)}')
+
+    def _connect(self, values: dict[str, Any]) -> None:
+        walker, joints = self._walker, self._walker.feet.joints
+        self._readers = {joint: JointReader(joint) for joint in joints}
+        velocities = values['command_type'] == 'velocities'
+        self._commands = CrankOutput(self, joints, velocities=velocities)
+        self._odom = OdomOutput(
+            self,
+            values['odom_frame'],
+            values['base_frame'],
+            tilt=walker.odometry.errors.tilt,
+            height=walker.odometry.errors.height,
+            transform=values['publish_tf'],
+        )
+        if self._odom.problem:
+            self.get_logger().warning(self._odom.problem)
+        self._diagnostics = WalkerDiagnostics(
+            self, walker, self._now, period=values['diagnostics_period']
+        )
+        self._listen(JointState, 'crank_state', self._on_crank_state)
+        self._listen(TwistStamped if self._stamped else Twist, 'cmd_vel', self._on_cmd_vel)
+        if values['use_imu']:
+            self._listen(Imu, 'imu', self._on_imu)
+        clock = self.get_clock() if self._sim else self._steady
+        self.create_timer(1.0 / values['rate'], self._on_timer, clock=clock)
+
+    def _listen(self, kind: type, topic: str, callback: Any) -> None:
+        self.create_subscription(
+            kind,
+            topic,
+            callback,
+            overridden(self, topic, 'subscription', INPUT),
+            raw=True,
+            callback_group=LeanCallbackGroup(),
+        )
+
+    def _summary(self, values: dict[str, Any]) -> str:
+        feet, steering = self._walker.feet, self._walker.controller.steering
+        joints = ', '.join(printable(joint) for joint in feet.joints)
+        turns = '' if steering.can_turn else ', straight on only'
+        kind = 'TwistStamped' if self._stamped else 'Twist'
+        imu = 'an IMU' if values['use_imu'] else 'its feet'
+        return (
+            f'{feet.count} legs on {joints}, {steering.speed:.3f} m/s at 1 rad/s{turns}; '
+            f'{kind} on {self.resolve_topic_name("cmd_vel")}, yaw from {imu}'
+        )
+
+    # Time.
+
+    def _now(self) -> float:
+        """Return the time by which the walker is controlled [s]."""
+        clock = self.get_clock() if self._sim else self._steady
+        return float(clock.now().nanoseconds) / 1e9
+
+    def _stamp(self) -> tuple[int, int]:
+        seconds, nanoseconds = divmod(self.get_clock().now().nanoseconds, 10**9)
+        return seconds, nanoseconds
+
+    # What comes in.
+
+    def _on_cmd_vel(self, data: bytes, _: Info) -> None:
+        try:
+            linear, angular, *stamp = read_twist(data, stamped=self._stamped)
+        except ValueError as error:
+            self._complain(f'cmd_vel is rejected: {error}')
+            return
+        age = 0.0
+        if stamp != [0, 0]:
+            sec, nanosec = self._stamp()
+            age = sec - stamp[0] + (nanosec - stamp[1]) / 1e9
+        problem = self._walker.controller.command(linear, angular, self._now(), age=age)
+        if problem.startswith('it cannot turn'):
+            # Whoever steers sends it again and again.
+            if problem not in self._refusals_told:
+                self._refusals_told.add(problem)
+                self.get_logger().warning(f'angular.z is refused: {problem}')
+        elif problem:
+            self._complain(problem)
+
+    def _on_crank_state(self, data: bytes, _: Info) -> None:
+        readings, problem, stamp = {}, '', (0, 0)
+        for joint, reader in self._readers.items():
+            try:
+                position, velocity, *at = reader.read(data)
+            except ValueError as error:
+                problem = str(error)
+                continue
+            readings[joint] = position, velocity
+            stamp = at[0], at[1]
+        if not readings:
+            self._complain(f'crank_state is rejected: {problem}')
+            return
+        at_feet = self._walker.feedback(readings, self._now())
+        if at_feet is not None:
+            self._odom.publish(at_feet, *(stamp if stamp != (0, 0) else self._stamp()))
+
+    def _on_imu(self, data: bytes, _: Info) -> None:
+        try:
+            message = read_imu(data)
+        except ValueError as error:
+            self._complain(f'imu is rejected: {error}')
+            return
+        now = self._now()
+        reading = imu_reading(message.orientation, message.angular, now)
+        self._walker.imu(reading, message.variance)
+
+    def _complain(self, what: str) -> None:
+        self.get_logger().warning(printable(what), throttle_duration_sec=THROTTLE)
+
+    # What goes out.
+
+    def _on_timer(self) -> None:
+        command = self._walker.controller.step(self._now())
+        if command is not None:
+            self._commands.publish(command, *self._stamp())
+
+
+def main(argv: Sequence[str], stop: StopSignals) -> int:
+    """Run the node; return the exit code."""
+    groups = {
+        'what it may do': LIMITS,
+        'how it is controlled': CONTROL,
+        'where it is': ODOMETRY,
+    }
+    parser = command_line(
+        'walker_node',
+        'Walk: take cmd_vel to the cranks of a walker (crank_command), whose legs keep their '
+        'phases, and tell where it is (odom) from the angles of its cranks (crank_state).',
+        f'{usage(groups)}\n its legs: those of solver_node, in the same file\n{QOS_USAGE}',
+    )
+    arguments(parser, argv)
+    return run('walker_node', lambda _: WalkerNode(), argv, stop, lean=True)

@@ -1,0 +1,301 @@
+"""
+Where a walker is, from the angles of its cranks; its yaw from an IMU where there is one.
+
+From pose to pose the body moves as `slip.moved` says. What that is wrong by is mostly the same
+from step to step: friction is not quite Coulomb's, feet are worn, floors give way. So the errors
+are taken as constants nobody knows, with spreads s,
+
+    forwards = s_1 x advance + s_2 x slid,   sidewards = s_3 x slid,   yaw = s_4 x slid / reach,
+
+and their effect on the pose is summed up along the path, beside a random walk of the same size
+over a single step. Feet that slide more are trusted less by themselves.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import atan2, cos, hypot, inf, nan, pi, sin
+from typing import NamedTuple
+
+from klann_ros.kinematics.angles import TURN
+import numpy as np
+from numpy.typing import NDArray
+
+from .feet import Feet
+from .slip import moved, Standing, standing, Step
+from .support import Support, support
+
+Array = NDArray[np.float64]
+# A crank that turned further between two messages is followed in steps [rad], but in no more than
+# so many.
+LONGEST_STEP, MOST_STEPS = 0.05, 500
+# For so long feet hop that have touched down at a speed, by that [s^2/m]. Simulated: while they
+# do, the body goes with the mean of its feet, and after it as dry friction has it, to 0.1 %.
+HOPS = 2.5
+
+
+@dataclass(frozen=True)
+class Errors:
+    """
+    How far odometry may be off: standard deviations, from simulated walks (benchmarks/walk.py).
+
+    Attributes
+    ----------
+    advance : float
+        Of the way forwards, by that.
+    slid, sidewards, yaw : float
+        Forwards, sidewards, and yaw at the reach of the feet, by how far the feet slid.
+    imu_yaw : float
+        Of a yaw from an IMU whose message tells none [rad].
+    height, tilt : float
+        Of what the body stands like [m, rad].
+
+    """
+
+    advance: float = 0.01
+    slid: float = 0.1
+    sidewards: float = 0.1
+    yaw: float = 0.3
+    imu_yaw: float = 0.02
+    height: float = 0.01
+    tilt: float = 0.02
+
+
+class ImuReading(NamedTuple):
+    """
+    What an IMU on base_link says.
+
+    Attributes
+    ----------
+    yaw : float or None
+        [rad]; None without an orientation.
+    yaw_rate : float
+        About the vertical [rad/s].
+    at : float
+        When [s].
+    roll, pitch : float or None
+        [rad].
+
+    """
+
+    yaw: float | None
+    yaw_rate: float
+    at: float
+    roll: float | None = None
+    pitch: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Odometer:
+    """
+    Where a walker is, in a frame that begins on the ground below where it began.
+
+    Attributes
+    ----------
+    x, y, z : float
+        base_link's origin [m].
+    roll, pitch, yaw : float
+        As in REP 103 [rad].
+    linear : (float, float)
+        Its velocity over ground, forwards and to the left [m/s].
+    angular : float
+        Its yaw rate [rad/s].
+    covariance : numpy.ndarray, shape (3, 3)
+        Of x, y, yaw.
+    rate_covariance : numpy.ndarray, shape (3, 3)
+        Of the velocity and the yaw rate.
+
+    """
+
+    x: float
+    y: float
+    z: float
+    roll: float
+    pitch: float
+    yaw: float
+    linear: tuple[float, float]
+    angular: float
+    covariance: Array
+    rate_covariance: Array
+
+
+class Odometry:
+    """
+    Follow the cranks of a walker.
+
+    Parameters
+    ----------
+    feet : Feet
+        The walker's.
+    errors : Errors, optional
+        How far it may be off.
+
+    Attributes
+    ----------
+    rest : Support or None
+        On which feet it stands; None before the first angles, and where it does not rest.
+    travelled, slid : float
+        How far it went, and how far its feet slid [m].
+
+    """
+
+    def __init__(self, feet: Feet, errors: Errors | None = None) -> None:
+        errors = errors or Errors()
+        self._feet, self.errors = feet, errors
+        self.rest: Support | None = None
+        self.travelled = self.slid = 0.0
+        self._x = self._y = self._yaw = 0.0
+        self._cranks: Array | None = None
+        self._pose: Standing | None = None
+        # How the pose follows the unknown constants, and what single steps added.
+        self._follows = np.zeros((3, 4))
+        self._walk = np.zeros((3, 3))
+        self._spread = np.array([errors.advance, errors.slid, errors.sidewards, errors.yaw]) ** 2
+        self._imu: ImuReading | None = None
+        self._turned = 0.0
+        self._imu_variance: float | None = None
+        # How fast the body rises, and for how long its feet hop still.
+        self._rise = self._hopping = 0.0
+
+    def imu(self, reading: ImuReading, variance: float = 0.0) -> None:
+        """Take what an IMU says; it turns the body from now on, until `forget_imu`."""
+        last, self._imu = self._imu, reading
+        self._imu_variance = variance or self.errors.imu_yaw**2
+        if last is None:
+            self._turned = 0.0
+        elif reading.yaw is not None and last.yaw is not None:
+            self._turned += (reading.yaw - last.yaw + pi) % TURN - pi
+        elif reading.at > last.at:
+            self._turned += (reading.yaw_rate + last.yaw_rate) / 2.0 * (reading.at - last.at)
+
+    def forget_imu(self) -> None:
+        """Turn by the feet from now on."""
+        self._imu, self._turned, self._imu_variance = None, 0.0, None
+
+    def jump(self) -> None:
+        """Take the next angles as where the cranks are, not as a way."""
+        self._cranks = self._pose = None
+
+    def update(self, cranks: Sequence[float], rates: Sequence[float]) -> Odometer:
+        """
+        Follow the cranks to angles [rad]; `rates` are those that they have there [rad/s].
+
+        Where the angles are as they were, the body has moved by what the IMU says alone.
+        """
+        angles = np.array(cranks, dtype=np.float64)
+        before = angles if self._cranks is None else self._cranks
+        turned = angles - before
+        steps = min(MOST_STEPS, 1 + int(float(np.abs(turned).max()) / LONGEST_STEP))
+        yaw = self._turned / steps if self._imu is not None else None
+        self._turned = 0.0
+        self._cranks = angles
+        speed = np.asarray(rates, dtype=np.float64)
+        # The time of a step by the cranks' own rates: stamps tremble.
+        along = float(turned @ speed) / steps
+        seconds = along / float(speed @ speed) if along > 0.0 else inf
+        last = Step(0.0, 0.0, 0.0, 0.0)
+        for k in range(1, steps + 1):
+            last = self._follow(before + turned * (k / steps), yaw, seconds)
+        return self._told(last, seconds)
+
+    def _follow(self, angles: Array, yaw: float | None, seconds: float) -> Step:
+        placed = self._feet.at(angles)
+        feet, centre = placed.feet.tolist(), placed.centre.tolist()
+        last, self.rest = self.rest, support(feet, centre, self.rest and self.rest.feet)
+        before = self._pose
+        self._pose = standing(feet, placed.rolled.tolist(), self.rest) if self.rest else None
+        if before is None or last is None or self.rest is None or self._pose is None:
+            return Step(0.0, 0.0, 0.0, 0.0)
+        self._touch(last, self.rest, seconds)
+        step = moved(before, self._pose, yaw, hops=self._hopping > 0.0)
+        self._add(step, measured=yaw is not None)
+        return step
+
+    def _touch(self, last: Support, rest: Support, seconds: float) -> None:
+        """Look whether feet touch down: then the body, which sank, is pushed up."""
+        rise = (rest.height - last.height) / seconds
+        if rest.feet != last.feet:
+            self._hopping += max(0.0, HOPS * (rise - self._rise))
+        self._hopping = max(0.0, self._hopping - seconds)
+        self._rise = rise
+
+    def _add(self, step: Step, *, measured: bool) -> None:
+        middle = self._yaw + step.yaw / 2.0
+        c, s = cos(middle), sin(middle)
+        dx, dy = c * step.x - s * step.y, s * step.x + c * step.y
+        self._x, self._y = self._x + dx, self._y + dy
+        self._yaw = (self._yaw + step.yaw + pi) % TURN - pi
+        self.travelled += hypot(dx, dy)
+        self.slid += step.slid
+        # What a wrong yaw makes of this step, and what the step itself may be off by.
+        turning = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
+        slid = step.slid
+        turn = 0.0 if measured else slid / self._feet.reach
+        own = np.array(
+            [
+                [c * step.x, c * slid, -s * slid, 0.0],
+                [s * step.x, s * slid, c * slid, 0.0],
+                [0.0, 0.0, 0.0, turn],
+            ]
+        )
+        self._follows = turning @ self._follows + own
+        self._walk = turning @ self._walk @ turning.T + (own * self._spread) @ own.T
+
+    def _told(self, step: Step, seconds: float) -> Odometer:
+        covariance = (self._follows * self._spread) @ self._follows.T + self._walk
+        if self._imu_variance is not None:
+            covariance[2, 2] += self._imu_variance
+        rest, imu, errors = self.rest, self._imu, self.errors
+        linear = (step.x / seconds, step.y / seconds)
+        slides = step.slid / seconds
+        angular = step.yaw / seconds if imu is None else imu.yaw_rate
+        deviations = (
+            hypot(errors.advance * linear[0], errors.slid * slides, 0.01),
+            hypot(errors.sidewards * slides, 0.01),
+            0.02 if imu is not None else hypot(errors.yaw * slides / self._feet.reach, 0.01),
+        )
+        roll, pitch = (rest.roll, rest.pitch) if rest else (0.0, 0.0)
+        if imu is not None and imu.roll is not None and imu.pitch is not None:
+            roll, pitch = imu.roll, imu.pitch
+        return Odometer(
+            self._x,
+            self._y,
+            rest.height if rest else nan,
+            roll,
+            pitch,
+            self._yaw,
+            linear,
+            angular,
+            covariance,
+            np.diag(np.square(deviations)),
+        )
+
+
+def imu_reading(
+    orientation: tuple[float, float, float, float] | None,
+    angular: tuple[float, float, float],
+    at: float,
+) -> ImuReading:
+    """
+    Return what an IMU says of a body whose base_link it is turned like.
+
+    Parameters
+    ----------
+    orientation : (float, float, float, float), optional
+        x, y, z, w.
+    angular : (float, float, float)
+        In base_link [rad/s].
+    at : float
+        When [s].
+
+    """
+    if orientation is None:
+        return ImuReading(None, angular[2], at)
+    x, y, z, w = orientation
+    size = hypot(x, y, z, w)
+    x, y, z, w = x / size, y / size, z / size, w / size
+    # The last row of the rotation: what the body's axes rise by.
+    up = (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))
+    yaw = atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+    rate = sum(u * a for u, a in zip(up, angular, strict=True))
+    roll, pitch = atan2(up[1], up[2]), atan2(-up[0], hypot(up[1], up[2]))
+    return ImuReading(yaw, rate, at, roll, pitch)

@@ -1,0 +1,188 @@
+"""
+Crank rates from a wanted motion of the body, and back.
+
+Speed and yaw rate are those over many turns. They are homogeneous in the rates: what counts is
+their ratio, so that a fan of ratios is computed once, and what is between two of them is taken as
+their sum with positive factors. So the way back is exact.
+
+Cranks on the left get one rate, those on the right another, and cranks with legs on both sides
+what is between. In a curve left and right pass each other, so that a ratio's motion is the mean
+over all phase differences; straight on they keep the phases of the gait.
+"""
+
+from collections.abc import Iterator
+from functools import cached_property
+from itertools import pairwise
+from math import cos, hypot, pi, sin
+from typing import NamedTuple
+
+from klann_ros.kinematics.angles import TURN
+import numpy as np
+
+from .feet import Array, Feet
+from .slip import standing, step
+from .support import support
+
+# Ratios of left to right over half a turn, with both equal among them; phases of each side, and of
+# all together straight on.
+RATIOS, PHASES = 8, 12
+STRAIGHT = 120
+# Over which a motion is taken [rad].
+STEP = 1e-3
+
+
+class Motion(NamedTuple):
+    """
+    How a body moves.
+
+    Attributes
+    ----------
+    linear : float
+        Forwards [m/s].
+    angular : float
+        Counter-clockwise, seen from above [rad/s].
+
+    """
+
+    linear: float
+    angular: float
+
+
+class Rates(NamedTuple):
+    """
+    How fast the sides drive, forwards being positive.
+
+    Attributes
+    ----------
+    left, right : float
+        [rad/s].
+
+    """
+
+    left: float
+    right: float
+
+
+class _Ray(NamedTuple):
+    """The motion at one ratio of rates."""
+
+    rates: Rates
+    motion: Motion
+
+
+class Steering:
+    """
+    What rates of its cranks make of a walker.
+
+    Parameters
+    ----------
+    feet : Feet
+        The walker's.
+
+    """
+
+    def __init__(self, feet: Feet) -> None:
+        self._feet = feet
+
+    @property
+    def can_turn(self) -> bool:
+        """Return whether it has cranks on the left and on the right."""
+        sides = self._feet.sides
+        return bool((sides > 0.0).any() and (sides < 0.0).any())
+
+    def crank_rates(self, rates: Rates) -> list[float]:
+        """Return the rates of its cranks, in the order of `Feet.joints` [rad/s]."""
+        middle = (rates.left + rates.right) / 2.0
+        of_side = {1.0: rates.left, -1.0: rates.right, 0.0: middle}
+        feet = self._feet
+        both = zip(feet.senses.tolist(), feet.sides.tolist(), strict=True)
+        return [sense * of_side[side] for sense, side in both]
+
+    @cached_property
+    def speed(self) -> float:
+        """Return the speed straight on at 1 rad/s, all cranks in phase [m/rad]."""
+        turned = np.linspace(0.0, TURN, STRAIGHT, endpoint=False)
+        return self._mean(turned[:, None] * self._feet.senses, Rates(1.0, 1.0)).linear
+
+    def motion(self, rates: Rates) -> Motion:
+        """Return how the body moves at rates of the sides."""
+        for a, b in self._cones():
+            shares = _shares(rates, a.rates, b.rates)
+            if shares is not None:
+                p, q = shares
+                linear = p * a.motion.linear + q * b.motion.linear
+                return Motion(linear, p * a.motion.angular + q * b.motion.angular)
+        return Motion(0.0, 0.0)
+
+    def rates(self, wanted: Motion) -> Rates:
+        """Return the rates of the sides for a motion; a walker that cannot turn does not."""
+        if not self.can_turn:
+            rate = wanted.linear / self.speed
+            return Rates(rate, rate)
+        for a, b in self._cones():
+            shares = _shares(wanted, a.motion, b.motion)
+            if shares is not None:
+                p, q = shares
+                left = p * a.rates.left + q * b.rates.left
+                return Rates(left, p * a.rates.right + q * b.rates.right)
+        return Rates(0.0, 0.0)
+
+    def _cones(self) -> Iterator[tuple[_Ray, _Ray]]:
+        """Yield neighbouring ratios, all around."""
+        rays = self._rays
+        back = [_Ray(Rates(-r.left, -r.right), Motion(-m.linear, -m.angular)) for r, m in rays]
+        yield from pairwise([*rays, *back, rays[0]])
+
+    @cached_property
+    def _rays(self) -> list[_Ray]:
+        """Return the motion at ratios over half a turn; the other half is the way back."""
+        straight = _Ray(Rates(1.0, 1.0), Motion(self.speed, 0.0))
+        if not self.can_turn:
+            # Rates that differ are nothing that its one crank could have.
+            side = _Ray(Rates(-1.0, 1.0), Motion(0.0, 0.0))
+            return [straight, side]
+        one = np.linspace(0.0, TURN, PHASES, endpoint=False)
+        left, right = (grid.reshape(-1, 1) for grid in np.meshgrid(one, one))
+        sides = self._feet.sides
+        shares = (1.0 + sides) / 2.0
+        phases = (left * shares + right * (1.0 - shares)) * self._feet.senses
+        rays = [straight]
+        for k in range(1, RATIOS):
+            turned = pi / 4.0 + pi * k / RATIOS
+            rates = Rates(cos(turned), sin(turned))
+            rays.append(_Ray(rates, self._mean(phases, rates)))
+        return rays
+
+    def _mean(self, phases: Array, rates: Rates) -> Motion:
+        """Return the mean motion over phases of the cranks, each equally long."""
+        feet = self._feet
+        ahead = np.array(self.crank_rates(rates)) * (STEP / 2.0)
+        before, after = feet.at(phases - ahead), feet.at(phases + ahead)
+        linear = angular = 0.0
+        count = 0
+        columns = (before.feet, before.rolled, after.feet, after.rolled, before.centre)
+        for p, rolled_p, q, rolled_q, centre in zip(*(c.tolist() for c in columns), strict=True):
+            rest = support(p, centre)
+            if rest is None:
+                continue
+            # Over a turn tilting moves it there and back.
+            flat_p = standing(p, rolled_p, rest, (0.0, 0.0)).flat
+            flat_q = standing(q, rolled_q, rest, (0.0, 0.0)).flat
+            on = rest.feet
+            moved = step([flat_p[i] for i in on], [flat_q[i] for i in on], rest.loads)
+            linear, angular, count = linear + moved.x, angular + moved.yaw, count + 1
+        scale = STEP * max(count, 1)
+        return Motion(linear / scale, angular / scale)
+
+
+def _shares(
+    wanted: tuple[float, float], a: tuple[float, float], b: tuple[float, float]
+) -> tuple[float, float] | None:
+    """Return p, q >= 0 with wanted = p a + q b; None where there are none."""
+    whole = a[0] * b[1] - a[1] * b[0]
+    if abs(whole) < 1e-12:
+        return None
+    p = (wanted[0] * b[1] - wanted[1] * b[0]) / whole
+    q = (a[0] * wanted[1] - a[1] * wanted[0]) / whole
+    size = hypot(*wanted) + 1e-12
+    return (max(p, 0.0), max(q, 0.0)) if min(p, q) >= -1e-9 * size else None
