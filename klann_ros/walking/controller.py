@@ -6,7 +6,6 @@ from enum import Enum
 from math import degrees, hypot, inf, isfinite
 
 from .feedback import CrankFeedback
-from .feet import Feet
 from .limits import Limits
 from .phase_lock import CrankCommand, INTEGRAL, PhaseLock, PROPORTIONAL
 from .steering import Motion, Rates, Steering
@@ -64,7 +63,7 @@ class WalkController:
 
     Parameters
     ----------
-    feet : Feet
+    steering : Steering
         The walker's.
     settings : Settings
         How.
@@ -82,10 +81,11 @@ class WalkController:
 
     """
 
-    def __init__(self, feet: Feet, settings: Settings) -> None:
-        self.steering, self._settings = Steering(feet), settings
+    def __init__(self, steering: Steering, settings: Settings) -> None:
+        self.steering, self._settings = steering, settings
+        feet = steering.feet
         # Half a second that the first command need not wait for.
-        self.steering.rates(STANDS)
+        steering.rates(STANDS)
         self.cranks = [CrankFeedback(joint, 4.0 * self._fastest) for joint in feet.joints]
         self.lock = PhaseLock(
             feet.senses.tolist(),

@@ -24,6 +24,8 @@ PROPORTIONAL, INTEGRAL = 4.0, 4.0  # [1/s, 1/s^2]
 MOST_LEARNT = 0.4
 # Where cranks are behind by so much the others begin to wait, and wait altogether [rad].
 SLOW_AT, WAIT_AT = 0.1, 0.3
+# At rates below this little is learnt of a motor [rad/s].
+SLOW = 0.2
 # A crank that stands is turned back if it is off by more than this [rad].
 IDLE_ERROR = 0.01
 # Sides whose rates differ by less than this part go straight on.
@@ -134,7 +136,7 @@ class PhaseLock:
         wanted = rate * (1.0 + self._learnt[k]) + self._proportional * error
         # What is cut off already is not learnt.
         if abs(wanted) < most or wanted * error < 0.0:
-            learnt = self._learnt[k] + self._integral * error / rate * dt
+            learnt = self._learnt[k] + self._integral * error * rate / (rate**2 + SLOW**2) * dt
             self._learnt[k] = max(-MOST_LEARNT, min(MOST_LEARNT, learnt))
         return self._cut(wanted)
 

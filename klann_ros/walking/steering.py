@@ -19,16 +19,13 @@ from typing import NamedTuple
 from klann_ros.kinematics.angles import TURN
 import numpy as np
 
-from .feet import Array, Feet
-from .slip import standing, step
-from .support import support
+from .feet import Feet
+from .slip import moved, standing
+from .support import supports
 
-# Ratios of left to right over half a turn, with both equal among them; phases of each side, and of
-# all together straight on.
-RATIOS, PHASES = 8, 12
-STRAIGHT = 120
-# Over which a motion is taken [rad].
-STEP = 1e-3
+# Ratios of left to right over half a turn, with both equal among them; for the mean of each, from
+# how many phases it starts, turns from there, and steps of a turn.
+RATIOS, STARTS, TURNS, STEPS = 8, 6, 2, 48
 
 
 class Motion(NamedTuple):
@@ -79,30 +76,34 @@ class Steering:
     feet : Feet
         The walker's.
 
+    Attributes
+    ----------
+    feet : Feet
+        The same.
+
     """
 
     def __init__(self, feet: Feet) -> None:
-        self._feet = feet
+        self.feet = feet
 
     @property
     def can_turn(self) -> bool:
         """Return whether it has cranks on the left and on the right."""
-        sides = self._feet.sides
+        sides = self.feet.sides
         return bool((sides > 0.0).any() and (sides < 0.0).any())
 
     def crank_rates(self, rates: Rates) -> list[float]:
         """Return the rates of its cranks, in the order of `Feet.joints` [rad/s]."""
         middle = (rates.left + rates.right) / 2.0
         of_side = {1.0: rates.left, -1.0: rates.right, 0.0: middle}
-        feet = self._feet
+        feet = self.feet
         both = zip(feet.senses.tolist(), feet.sides.tolist(), strict=True)
         return [sense * of_side[side] for sense, side in both]
 
-    @cached_property
+    @property
     def speed(self) -> float:
         """Return the speed straight on at 1 rad/s, all cranks in phase [m/rad]."""
-        turned = np.linspace(0.0, TURN, STRAIGHT, endpoint=False)
-        return self._mean(turned[:, None] * self._feet.senses, Rates(1.0, 1.0)).linear
+        return self._rays[0].motion.linear
 
     def motion(self, rates: Rates) -> Motion:
         """Return how the body moves at rates of the sides."""
@@ -136,43 +137,36 @@ class Steering:
     @cached_property
     def _rays(self) -> list[_Ray]:
         """Return the motion at ratios over half a turn; the other half is the way back."""
-        straight = _Ray(Rates(1.0, 1.0), Motion(self.speed, 0.0))
+        straight = _Ray(Rates(1.0, 1.0), Motion(self._mean(Rates(1.0, 1.0), 1).linear, 0.0))
         if not self.can_turn:
             # Rates that differ are nothing that its one crank could have.
-            side = _Ray(Rates(-1.0, 1.0), Motion(0.0, 0.0))
-            return [straight, side]
-        one = np.linspace(0.0, TURN, PHASES, endpoint=False)
-        left, right = (grid.reshape(-1, 1) for grid in np.meshgrid(one, one))
-        sides = self._feet.sides
-        shares = (1.0 + sides) / 2.0
-        phases = (left * shares + right * (1.0 - shares)) * self._feet.senses
+            return [straight, _Ray(Rates(-1.0, 1.0), Motion(0.0, 0.0))]
         rays = [straight]
         for k in range(1, RATIOS):
             turned = pi / 4.0 + pi * k / RATIOS
             rates = Rates(cos(turned), sin(turned))
-            rays.append(_Ray(rates, self._mean(phases, rates)))
+            rays.append(_Ray(rates, self._mean(rates, STARTS)))
         return rays
 
-    def _mean(self, phases: Array, rates: Rates) -> Motion:
-        """Return the mean motion over phases of the cranks, each equally long."""
-        feet = self._feet
-        ahead = np.array(self.crank_rates(rates)) * (STEP / 2.0)
-        before, after = feet.at(phases - ahead), feet.at(phases + ahead)
+    def _mean(self, rates: Rates, starts: int) -> Motion:
+        """Return the mean motion over turns of the cranks that start at phases of the right."""
+        feet = self.feet
+        way = TURNS * TURN / max(map(abs, rates))
+        times = np.linspace(0.0, way, TURNS * STEPS + 1)[:, None]
+        right = np.array(self.crank_rates(Rates(0.0, 1.0)))
+        turned = times * np.array(self.crank_rates(rates))
         linear = angular = 0.0
-        count = 0
-        columns = (before.feet, before.rolled, after.feet, after.rolled, before.centre)
-        for p, rolled_p, q, rolled_q, centre in zip(*(c.tolist() for c in columns), strict=True):
-            rest = support(p, centre)
-            if rest is None:
-                continue
-            # Over a turn tilting moves it there and back.
-            flat_p = standing(p, rolled_p, rest, (0.0, 0.0)).flat
-            flat_q = standing(q, rolled_q, rest, (0.0, 0.0)).flat
-            on = rest.feet
-            moved = step([flat_p[i] for i in on], [flat_q[i] for i in on], rest.loads)
-            linear, angular, count = linear + moved.x, angular + moved.yaw, count + 1
-        scale = STEP * max(count, 1)
-        return Motion(linear / scale, angular / scale)
+        for k in range(starts):
+            placed = feet.at(turned + right * (TURN * k / starts))
+            last = None
+            columns = placed.feet.tolist(), placed.rolled.tolist(), supports(placed)
+            for points, rolled, rest in zip(*columns, strict=True):
+                pose = standing(points, rolled, rest) if rest else None
+                if last and pose:
+                    step = moved(last, pose)
+                    linear, angular = linear + step.x, angular + step.yaw
+                last = pose
+        return Motion(linear / (starts * way), angular / (starts * way))
 
 
 def _shares(

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from math import nan
 
 from .controller import Level, Settings, WalkController
-from .feet import Feet
 from .odometry import Errors, ImuReading, Odometer, Odometry
+from .steering import Steering
 
 
 class Walker:
@@ -14,8 +14,8 @@ class Walker:
 
     Parameters
     ----------
-    feet : Feet
-        Its feet.
+    steering : Steering
+        What its cranks make of it.
     settings : Settings, optional
         How it is controlled.
     errors : Errors, optional
@@ -25,6 +25,8 @@ class Walker:
 
     Attributes
     ----------
+    feet : Feet
+        Its feet.
     controller : WalkController
         What turns its cranks.
     odometry : Odometry
@@ -34,15 +36,15 @@ class Walker:
 
     def __init__(
         self,
-        feet: Feet,
+        steering: Steering,
         settings: Settings | None = None,
         errors: Errors | None = None,
         *,
         imu_timeout: float = 0.5,
     ) -> None:
-        self.feet = feet
-        self.controller = WalkController(feet, settings or Settings())
-        self.odometry = Odometry(feet, errors)
+        self.feet = steering.feet
+        self.controller = WalkController(steering, settings or Settings())
+        self.odometry = Odometry(self.feet, errors)
         self._imu_timeout = imu_timeout
         self._imu_at: float | None = None
         self._jumps = 0

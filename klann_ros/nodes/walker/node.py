@@ -13,7 +13,7 @@ from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.nodes.solver.cdr import JointReader
 from klann_ros.stop_signals import StopSignals
 from klann_ros.untrusted.text import printable
-from klann_ros.walking import Feet, imu_reading, NoWalkerError, Walker
+from klann_ros.walking import Feet, imu_reading, NoWalkerError, Steering, Walker
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
@@ -45,7 +45,9 @@ class WalkerNode(Node):
         robot = declared_robot(self)
         try:
             feet = Feet(robot, foot_radius=values['foot_radius'])
-            self._walker = Walker(feet, settings(values), imu_timeout=values['imu_timeout'])
+            self._walker = Walker(
+                Steering(feet), settings(values), imu_timeout=values['imu_timeout']
+            )
         except (NoWalkerError, KinematicsError) as error:
             raise StartError(str(error)) from error
         # Simulated time may stand still, and the machine's may be set; cranks need neither.

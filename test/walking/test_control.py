@@ -1,0 +1,279 @@
+"""What the cranks are told, and what stops them; motors do, or do not, as they are told."""
+
+from math import degrees, inf, nan, pi
+
+from hypothesis import given, settings, strategies as st
+from klann_ros.walking import (
+    Feet,
+    Level,
+    Limits,
+    Motion,
+    Rates,
+    Settings,
+    Steering,
+    WalkController,
+)
+from klann_ros.walking.feedback import CrankFeedback
+import pytest
+
+DT = 0.01
+SPEEDS = st.floats(-0.3, 0.3)
+
+
+class Bench:
+    """A controller with motors; each turns at a factor of what it is told."""
+
+    def __init__(self, steering: Steering, factors: list[float], **changes: object) -> None:
+        self.control = WalkController(steering, Settings(**changes))  # type: ignore[arg-type]
+        self.factors = factors
+        self.positions = [0.0] * len(factors)
+        self.rates = [0.0] * len(factors)
+        self.heard = [True] * len(factors)
+        self.now = 0.0
+        self.worst = 0.0
+        self.twist = (0.15, 0.0)
+        self.commands = True
+        self.shift = 0.0
+
+    def run(self, seconds: float) -> 'Bench':
+        joints = [crank.joint for crank in self.control.cranks]
+        self.worst = 0.0
+        for _ in range(round(seconds / DT)):
+            self.now += DT
+            readings = {
+                joint: (self.positions[k] + self.shift * k, self.rates[k])
+                for k, joint in enumerate(joints)
+                if self.heard[k]
+            }
+            self.control.feedback(readings, self.now)
+            if self.commands:
+                self.control.command(*self.twist, self.now)
+            told = self.control.step(self.now)
+            wanted = told.velocity if told else [0.0] * len(joints)
+            self.rates = [f * v for f, v in zip(self.factors, wanted, strict=True)]
+            self.positions = [p + r * DT for p, r in zip(self.positions, self.rates, strict=True)]
+            self.worst = max(self.worst, *map(abs, self.control.lock.errors))
+        return self
+
+    @property
+    def apart(self) -> float:
+        """Return by how much the cranks are out of phase [deg]."""
+        return degrees(abs(self.positions[0] - self.positions[1]))
+
+    @property
+    def verdict(self) -> tuple[Level, str]:
+        return self.control.verdict(self.now)
+
+
+@settings(max_examples=60, deadline=None)
+@given(linear=SPEEDS, angular=SPEEDS)
+def test_the_way_back_from_rates_to_a_motion_is_exact(
+    steering: Steering, linear: float, angular: float
+) -> None:
+    wanted = Motion(linear, angular)
+    assert steering.motion(steering.rates(wanted)) == pytest.approx(wanted, abs=1e-9)
+
+
+def test_left_and_right_mirror_each_other(steering: Steering) -> None:
+    left, right = steering.rates(Motion(0.1, 0.05)), steering.rates(Motion(0.1, -0.05))
+    assert (left.left, left.right) == pytest.approx((right.right, right.left), rel=0.2)
+    assert left.right > left.left
+
+
+def test_straight_on_both_sides_turn_alike(steering: Steering) -> None:
+    rates = steering.rates(Motion(0.15, 0.0))
+    assert rates.left == pytest.approx(rates.right)
+    assert rates.left == pytest.approx(0.15 / steering.speed)
+    assert steering.motion(Rates(-1.0, -1.0)).linear == pytest.approx(-steering.speed)
+
+
+def test_motors_five_percent_apart_keep_their_phases(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 0.95]).run(2.0 * pi)
+    assert bench.run(12.0).worst < 0.02
+    assert bench.apart < 1.0
+    assert bench.verdict == (Level.OK, 'walking')
+
+
+def test_without_the_lock_they_do_not(steering: Steering) -> None:
+    assert Bench(steering, [1.0, 0.95], phase_lock=False).run(18.0).apart > 40.0
+
+
+def test_what_was_learnt_of_a_motor_holds_at_another_speed(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 0.9]).run(15.0)
+    bench.twist = (-0.05, 0.0)
+    bench.run(1.5)
+    assert degrees(bench.run(5.0).worst) < 0.5
+
+
+def test_straight_on_cranks_go_back_into_phase_slowly(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0])
+    bench.positions = [0.0, 1.0]
+    first = bench.run(2.0).apart
+    assert 30.0 < first < degrees(1.0)
+    assert bench.run(15.0).apart < 0.5
+
+
+def test_in_a_curve_the_sides_turn_as_the_curve_needs(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 0.95])
+    bench.twist = (0.1, 0.04)
+    bench.run(10.0)
+    wanted = bench.control.steering.rates(Motion(0.1, 0.04))
+    assert bench.run(10.0).worst < 0.02
+    assert bench.rates == pytest.approx(list(wanted), rel=0.02)
+
+
+def test_a_curve_that_is_too_fast_stays_the_same_curve(steering: Steering) -> None:
+    limits = Limits(max_linear=0.1, max_angular=1.0, max_crank_rate=1.0)
+    bench = Bench(steering, [1.0, 1.0], limits=limits)
+    bench.twist = (0.4, 0.2)
+    bench.run(5.0)
+    motion = bench.control.motion
+    assert motion.angular / motion.linear == pytest.approx(0.5)
+    assert max(map(abs, bench.rates)) <= 1.0
+    level, text = bench.verdict
+    assert level == Level.WARN
+    assert 'limited by max_linear' in text
+
+
+def test_speed_changes_no_faster_than_it_may(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0], limits=Limits(max_linear_acceleration=0.1))
+    assert bench.run(0.5).control.motion.linear == pytest.approx(0.05, abs=0.003)
+
+
+def test_a_curvature_that_is_limited_turns_nobody_on_the_spot() -> None:
+    motion, hit = Limits(max_curvature=2.0).motion(Motion(0.0, 0.2))
+    assert motion == (0.0, 0.0)
+    assert hit == ['max_curvature']
+
+
+@pytest.mark.parametrize('bad', [nan, inf, -inf])
+def test_what_is_no_number_is_rejected_and_counted(steering: Steering, bad: float) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    moving = bench.control.motion
+    assert 'rejected' in bench.control.command(bad, 0.0, bench.now)
+    assert 'rejected' in bench.control.command(0.1, bad, bench.now)
+    assert bench.control.rejected == 2
+    assert bench.control.motion == moving
+
+
+def test_a_command_that_is_old_stops_it(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    bench.commands = False
+    bench.run(0.4)
+    assert min(bench.rates) > 0.5
+    bench.run(1.0)
+    assert bench.rates == [0.0, 0.0]
+    assert bench.verdict == (Level.OK, 'standing: no cmd_vel')
+
+
+def test_a_command_that_comes_late_is_none(steering: Steering) -> None:
+    control = WalkController(steering, Settings())
+    assert 'clocks differ' in control.command(0.1, 0.0, 1.0, age=3.0)
+    assert control.late == 1
+
+
+def test_a_crank_that_falls_silent_stops_all_and_is_named(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    bench.heard = [True, False]
+    bench.run(0.5)
+    assert bench.rates == [0.0, 0.0]
+    level, text = bench.verdict
+    assert level == Level.ERROR
+    assert 'no feedback of right_crank' in text
+    bench.heard = [True, True]
+    bench.run(2.0)
+    assert min(bench.rates) > 0.5
+    assert bench.verdict[0] == Level.OK
+
+
+def test_before_it_hears_of_every_crank_it_commands_nothing(steering: Steering) -> None:
+    control = WalkController(steering, Settings())
+    control.command(0.1, 0.0, 0.0)
+    control.feedback({'left_crank': (0.0, 0.0)}, 0.0)
+    assert control.step(0.0) is None
+    assert 'right_crank yet' in control.verdict(0.0)[1]
+
+
+def test_a_crank_that_is_blocked_stops_all_until_it_is_let_go(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    bench.factors = [1.0, 0.0]
+    bench.run(2.0)
+    assert bench.rates[0] == 0.0
+    level, text = bench.verdict
+    assert level == Level.ERROR
+    assert 'right_crank does not turn' in text
+    # The other one has waited for it.
+    assert bench.apart < 25.0
+    bench.factors = [1.0, 1.0]
+    bench.run(1.0)
+    assert bench.rates == [0.0, 0.0]
+    bench.twist = (0.0, 0.0)
+    bench.run(0.1)
+    bench.twist = (0.1, 0.0)
+    bench.run(2.0)
+    assert min(bench.rates) > 0.3
+
+
+def test_all_wait_for_a_crank_that_cannot_keep_up(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 0.4]).run(20.0)
+    assert bench.apart < 25.0
+    assert 0.3 < bench.control.lock.pace < 1.0 or bench.worst < 0.1
+
+
+def test_a_glitch_of_an_encoder_is_no_jump(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    bench.shift = 1.5
+    bench.run(0.03)
+    bench.shift = 0.0
+    assert degrees(bench.run(1.0).worst) < 2.0
+    assert bench.control.cranks[1].jumps == 1
+    assert bench.verdict[0] == Level.OK
+
+
+def test_an_encoder_that_jumps_is_believed_and_told(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    bench.shift = 1.0
+    bench.run(0.5)
+    level, text = bench.verdict
+    assert level == Level.WARN
+    assert 'right_crank jumped by' in text
+    # No motor is whipped round.
+    assert max(map(abs, bench.rates)) < 1.5
+    # From there it goes back into phase, as the encoder has it.
+    bench.run(20.0)
+    assert bench.control.lock.phases() == pytest.approx([0.0, 0.0], abs=0.01)
+
+
+@settings(max_examples=40, deadline=None)
+@given(turns=st.integers(-3, 3), rate=st.floats(-3.0, 3.0))
+def test_an_encoder_that_begins_anew_after_a_turn_moves_no_crank(turns: int, rate: float) -> None:
+    crank = CrankFeedback('crank', 12.0)
+    for k in range(200):
+        angle = rate * DT * k
+        wrapped = angle % (2.0 * pi) + 2.0 * pi * turns
+        crank.read(wrapped, None, k * DT)
+    first = 2.0 * pi * turns
+    assert crank.position - first == pytest.approx(rate * DT * 199, abs=1e-9)
+    assert crank.jumps == 0
+
+
+@pytest.mark.parametrize('bad', [nan, inf, 1e7])
+def test_an_angle_that_is_none_is_no_feedback(bad: float) -> None:
+    crank = CrankFeedback('crank', 12.0)
+    crank.read(bad, 0.0, 0.0)
+    assert not crank.is_known
+    assert crank.rejected == 1
+
+
+def test_one_motor_refuses_to_turn_and_walks_on(one_motor: Feet) -> None:
+    control = WalkController(Steering(one_motor), Settings())
+    assert control.command(0.1, 0.0, 0.0) == ''
+    assert 'it cannot turn: its legs share one crank' in control.command(0.1, 0.2, 0.0)
+    assert control.refused == 1
+    assert control.steering.rates(Motion(0.1, 0.2)).left > 0.0
+
+
+def test_time_that_goes_back_begins_anew(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    bench.now = 0.0
+    assert bench.run(2.0).verdict == (Level.OK, 'walking')
