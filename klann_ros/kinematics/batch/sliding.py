@@ -119,5 +119,7 @@ def place(variants: Variants, rows: slice, alphas: NDArray[Any], results: Linkag
         return dyads.closings[k].transmission_angle(u, outside=outside)
 
     store(results, dyads.structure, (u, x_1, u_1), dyads.point, transmission_angle)
-    for array in results.arrays().values():
-        array[why != 0] = np.nan
+    gone = why != 0
+    if gone.any():
+        for array in results.arrays().values():
+            array[gone] = np.nan
