@@ -64,11 +64,11 @@ class _Solution:
         u[:, self._reason != 0] = np.nan
         results.reason[0] = self._reason
         x_1, u_1 = rates(linkage, u) if results.h_1 is not None else (u[:0], u[:0])
-        q_u, q = linkage.point_equations
 
         def point(vectors: Complex, which: int, *, moved: bool) -> Complex:
-            found: Complex = q_u[which] @ vectors + (0.0 if moved else q[which])
-            return found
+            terms, constant = linkage.point_rows[which]
+            start: Complex = np.full(u.shape[1], 0.0 if moved else constant, dtype=np.complex128)
+            return sum((w * vectors[j] for j, w in terms.items()), start)
 
         def transmission_angle(k: int) -> Any:
             return linkage.blocks[k].transmission_angle(u)
