@@ -18,6 +18,7 @@ EXTRAS = {
     'fast': ['numba'],
     'dynamics': ['scipy'],
     'cluster': ['ray'],
+    'view': ['aiohttp>=3.9.1'],
     'dxf': ['ezdxf'],
     'parquet': ['pyarrow'],
     'sim': ['mujoco'],
@@ -25,6 +26,7 @@ EXTRAS = {
 # Who has a cluster knows it; nobody else wants 80 MB of Ray.
 EXTRAS['all'] = sorted({name for extra in EXTRAS if extra != 'cluster' for name in EXTRAS[extra]})
 EXTRAS['test'] = [
+    'aiohttp',
     'axe-playwright-python',
     'duckdb',
     'ezdxf',
@@ -56,6 +58,7 @@ setup(
     package_data={
         NAME: ['py.typed', 'linkages/*.yaml'],
         f'{NAME}.kinematics.linkage': ['schema.json'],
+        f'{NAME}.live': ['static/*'],
         f'{NAME}.page': ['static/*', 'static/uplot/*'],
         f'{NAME}.review.report.html_page': ['static/*'],
     },
@@ -94,6 +97,7 @@ setup(
                 'walker_node',
                 'recorder_node',
                 'player_node',
+                'view_node',
                 'review',
                 'recover',
                 'export',

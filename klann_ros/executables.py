@@ -43,6 +43,11 @@ def player_node() -> int:
     return _node('player_node', uses_terminal=True)
 
 
+def view_node() -> int:
+    """Show legs in a browser, live, and let them be driven."""
+    return _node('view_node')
+
+
 def review() -> int:
     """Tell what happened in a run, and whether it can be trusted."""
     return _tool('review', 'klann_ros.review.command', untold=3)

@@ -10,7 +10,7 @@ UNKNOWN = '\N{EN DASH}'
 # A longer text is nobody's to read.
 _LONGEST = 20_000
 # Elements without content, and without an end.
-_VOID = frozenset({'input', 'meta', 'br'})
+_VOID = frozenset({'input', 'link', 'meta', 'br'})
 
 
 class Markup(str):

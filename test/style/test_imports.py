@@ -35,6 +35,7 @@ ALLOWED = {
         'page',
     },
     'export': {'untrusted', 'kinematics', 'dynamics', 'plotting', 'robot', 'twin', 'review'},
+    'live': {'untrusted', 'kinematics', 'log', 'review', 'page'},
     'stop_signals': set(),
     'nodes': {
         'untrusted',
@@ -45,6 +46,7 @@ ALLOWED = {
         'log',
         'review',
         'page',
+        'live',
         'stop_signals',
     },
     'executables': {'untrusted', 'kinematics', 'log', 'review', 'nodes', 'stop_signals'},

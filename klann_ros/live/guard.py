@@ -1,0 +1,160 @@
+"""
+Who may read, and who may turn a leg: the rules for each request.
+
+A page of any web site can ask a server on this machine for something, open a socket to it, and,
+by a name that leads to 127.0.0.1 (DNS rebinding), even read what it answers. So a request must
+name this server as its host; what opens a socket or changes something must come from this server's
+own page; and what turns, sets or stops something must know a secret that only who started the
+server was told.
+"""
+
+from dataclasses import dataclass
+from hmac import compare_digest
+from ipaddress import ip_address
+import secrets
+
+LOOPBACK = ('127.0.0.1', 'localhost', '::1')
+# All of a machine's addresses.
+ANY = ('0.0.0.0', '::')  # noqa: S104 - a name, bound to only where the user gives it
+# Of a web address, where none is written.
+_HTTP = 80
+# Nothing that is asked for here has a longer secret or host.
+_LONGEST = 300
+
+
+class ForbiddenError(Exception):
+    """A request that is refused; the text says why, and repeats nothing of the request."""
+
+
+def new_token() -> str:
+    """Return a secret that nobody guesses: 192 bits, fit for an address."""
+    return secrets.token_urlsafe(24)
+
+
+@dataclass(frozen=True)
+class Guard:
+    """The rules of one server."""
+
+    # The address that it listens on, as it was named, and its port.
+    host: str
+    port: int
+    # The secret.
+    token: str
+    # Whether nobody may change anything, whatever secret he knows.
+    read_only: bool = False
+
+    @property
+    def is_local(self) -> bool:
+        """Return whether nobody but this machine can reach it."""
+        if self.host == 'localhost':
+            return True
+        try:
+            return ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+    @property
+    def url(self) -> str:
+        """Return the address to open, with the secret where it is of any use."""
+        shown = '127.0.0.1' if self.host == ANY[0] else '::1' if self.host == ANY[1] else self.host
+        place = f'http://{_bracketed(shown)}:{self.port}/'
+        return place if self.read_only and self.is_local else f'{place}?token={self.token}'
+
+    def check_host(self, host: str | None) -> None:
+        """
+        Refuse a request that is meant for another server.
+
+        Parameters
+        ----------
+        host : str, optional
+            Its Host header.
+
+        Raises
+        ------
+        ForbiddenError
+            It names none of this server's names.
+
+        """
+        name, port = _split(host or '')
+        if port != self.port or not self._is_own(name):
+            raise ForbiddenError('this server has another name')
+
+    def check_origin(self, origin: str | None, host: str | None) -> None:
+        """
+        Refuse what comes from a page of another server, or from none.
+
+        Parameters
+        ----------
+        origin, host : str, optional
+            The Origin and Host headers; the host is a good one.
+
+        Raises
+        ------
+        ForbiddenError
+            The page is not this server's own, at the very name that is asked for.
+
+        """
+        if origin is None or origin.lower() != f'http://{(host or "").lower()}':
+            raise ForbiddenError('only the page of this server may ask for that')
+
+    def check_site(self, site: str | None) -> None:
+        """Refuse what a page of another site has in itself (the Sec-Fetch-Site header)."""
+        if site is not None and site not in {'same-origin', 'none'}:
+            raise ForbiddenError('only the page of this server may ask for that')
+
+    def knows(self, token: str | None) -> bool:
+        """Return whether a secret is the right one; it takes as long for any other."""
+        given = (token or '')[:_LONGEST].encode('utf-8', 'replace')
+        return compare_digest(given, self.token.encode('ascii'))
+
+    def check_reading(self, token: str | None) -> None:
+        """
+        Refuse who may not even look: on another host than this, who does not know the secret.
+
+        Raises
+        ------
+        ForbiddenError
+            He may not.
+
+        """
+        if not self.is_local and not self.knows(token):
+            raise ForbiddenError('open the whole address that view_node printed')
+
+    def may_drive(self, token: str | None) -> bool:
+        """Return whether who knows a secret may change something."""
+        return not self.read_only and self.knows(token)
+
+    def _is_own(self, name: str) -> bool:
+        if self.host in ANY:
+            # By a name one may be led here from anywhere; by a number one comes on purpose.
+            return name in LOOPBACK or _is_number(name)
+        names = {self.host.lower()}
+        return name in (names.union(LOOPBACK) if self.is_local else names)
+
+
+def _split(host: str) -> tuple[str, int]:
+    """Return the name and the port of a Host header; port -1 for what is none."""
+    if len(host) > _LONGEST:
+        return '', -1
+    name, colon, port = host.lower().rpartition(':')
+    if not colon or port.endswith(']'):
+        name, port = host.lower(), str(_HTTP)
+    if not (port.isascii() and port.isdecimal() and len(port) <= 5):
+        return '', -1
+    if name.startswith('[') and name.endswith(']'):
+        name = name[1:-1]
+    elif ':' in name:
+        return '', -1
+    return name, int(port)
+
+
+def _is_number(name: str) -> bool:
+    try:
+        ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _bracketed(host: str) -> str:
+    return f'[{host}]' if ':' in host else host

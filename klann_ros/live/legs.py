@@ -1,0 +1,200 @@
+"""The legs on the page: their shapes by their solvers' parameters, their poses by joint states."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite, pi
+from typing import Any
+
+from klann_ros.kinematics import AnyLeg, Linkage, linkage_poses
+from klann_ros.kinematics.klann.geometry import BENDS, LENGTHS, NUMBERS
+from klann_ros.log.run_parameters import LINKAGE_PARAMETER, SolverParameters
+from klann_ros.page.shape import leg_shape
+from klann_ros.review.loading.solvers import leg_solvers, parent
+from klann_ros.untrusted.text import printable
+import numpy as np
+
+# Who publishes more legs has more than a page can show.
+MOST_LEGS = 24
+# The foot's path, and what a leg reaches, are drawn by so many poses of a turn.
+_POSES = 240
+_UPRIGHT = (pi / 2, 0.0, 0.0)
+# Digits beyond a tenth of a micrometre draw nothing.
+_DIGITS = 7
+# The last answers: all legs of a walker have one linkage.
+_shapes: list[tuple[Linkage, dict[str, Any]]] = []
+_MOST_SHAPES = 32
+
+
+@dataclass(frozen=True, eq=False)
+class LiveLeg:
+    """A leg that a solver tells of."""
+
+    # '' for the only, unnamed one.
+    name: str
+    # What it solves; None where its parameters tell none.
+    leg: AnyLeg | None
+    # alpha = direction * crank + phase.
+    direction: float = 1.0
+    phase: float = 0.0
+    crank_joint: str = 'crank'
+    # Where its plane is in base_link [m], [rad]; None where the parameters do not tell.
+    mount_xyz: tuple[float, ...] | None = None
+    mount_rpy: tuple[float, ...] = _UPRIGHT
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Return the names of its joints as they are published, the crank's first."""
+        names = self.leg.joint_names if self.leg else ()
+        return tuple(f'{self.name}/{name}' if self.name else name for name in names)
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as the page draws it, ready for JSON."""
+        mount = None
+        if self.mount_xyz is not None:
+            mount = {'xyz': self.mount_xyz, 'rpy': self.mount_rpy}
+        linkage = self.leg.linkage if self.leg else None
+        return {
+            'name': printable(self.name, 60),
+            'kind': printable(linkage.name, 60) if linkage else '',
+            'joints': [printable(name, 60) for name in self.leg.joint_names] if self.leg else [],
+            'slides': [b.slides for b in linkage.structure.bodies] if linkage else [],
+            'shape': drawn_shape(linkage) if linkage else None,
+            'mount': mount,
+            'direction': self.direction,
+            'phase': self.phase,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Solver:
+    """A node that solves legs, with what can be set of them."""
+
+    # Its full name.
+    node: str
+    legs: tuple[LiveLeg, ...]
+    # Parameters that are lengths or bends, as they are [m], [rad], and the two signs.
+    lengths: Mapping[str, float | list[int]] = field(default_factory=dict)
+
+    @property
+    def settable(self) -> frozenset[str]:
+        """Return the names of the parameters that a page may set."""
+        return frozenset(self.lengths)
+
+    def as_data(self) -> dict[str, Any]:
+        """Return its legs and lengths, ready for JSON."""
+        return {
+            'node': printable(self.node, 100),
+            'legs': [leg.as_data() for leg in self.legs],
+            'lengths': [
+                {'name': name, 'value': value, 'unit': unit_of(name), 'leg': leg_of(name)}
+                for name, value in self.lengths.items()
+            ],
+        }
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a geometry's parameter; '' for the signs."""
+    last = name.rpartition('.')[2]
+    return 'rad' if last in BENDS else 'm' if last in NUMBERS else ''
+
+
+def leg_of(name: str) -> str:
+    """Return the leg that a parameter is of; '' for the unnamed one."""
+    return name.rpartition('.')[0]
+
+
+def solver_of(told: SolverParameters) -> Solver:
+    """Return what a solver's parameters tell: anybody's, so they may be anything."""
+    parameters = told.parameters
+    found = leg_solvers([told], parent(told.node))
+    legs = tuple(
+        LiveLeg(
+            name,
+            solver.leg,
+            float(solver.direction) or 1.0,
+            float(solver.phase),
+            str(parameters.get(f'{name}.crank_joint') or solver.crank_joint)[:200],
+            _triple(parameters.get(f'{name}.mount_xyz')) if name else None,
+            (_triple(parameters.get(f'{name}.mount_rpy')) if name else None) or _UPRIGHT,
+        )
+        for name, solver in list(found.items())[:MOST_LEGS]
+    )
+    return Solver(told.node, legs, _lengths(parameters, [leg.name for leg in legs]))
+
+
+def _lengths(parameters: Mapping[str, Any], legs: Sequence[str]) -> dict[str, float | list[int]]:
+    """Return what can be set: of a Klann leg its numbers, of a linkage in a file nothing."""
+    if parameters.get(LINKAGE_PARAMETER):
+        return {}
+    found: dict[str, float | list[int]] = {}
+    for leg in legs:
+        prefix = f'{leg}.' if leg else ''
+        for name in NUMBERS:
+            value = parameters.get(prefix + name)
+            if isinstance(value, int | float) and isfinite(value):
+                found[prefix + name] = float(value)
+        signs = parameters.get(f'{prefix}assembly')
+        if isinstance(signs, list) and len(signs) == 2 and set(signs) <= {-1, 1}:
+            found[f'{prefix}assembly'] = [int(sign) for sign in signs]
+    return found
+
+
+def _triple(value: Any) -> tuple[float, ...] | None:
+    is_triple = isinstance(value, list) and len(value) == 3
+    if not is_triple or not all(isinstance(v, int | float) and isfinite(v) for v in value):
+        return None
+    return tuple(map(float, value))
+
+
+def drawn_shape(linkage: Linkage) -> dict[str, Any]:
+    """Return a linkage's shape, with the path of its foot and the box that holds all of it [m]."""
+    for known, shape in _shapes:
+        if known == linkage:
+            return shape
+    shape = {**leg_shape(linkage), **_reach(linkage)}
+    _shapes.append((linkage, shape))
+    del _shapes[:-_MOST_SHAPES]
+    return shape
+
+
+def _reach(linkage: Linkage) -> dict[str, Any]:
+    alphas = np.linspace(0.0, 2.0 * pi, _POSES + 1)
+    poses = linkage_poses(linkage, alphas, points=True)
+    points = poses.points
+    if points is None or not np.isfinite(points).any():
+        return {'path': [], 'box': None}
+    flat = points[np.isfinite(points).all(axis=-1)]
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    path = [
+        [round(x, _DIGITS), round(y, _DIGITS)] if isfinite(x + y) else None
+        for x, y in poses.h.tolist()
+    ]
+    return {'path': path, 'box': [*low.tolist(), *high.tolist()]}
+
+
+def positions(
+    joints: Sequence[str], names: Sequence[str], values: Sequence[float]
+) -> list[float] | None:
+    """
+    Return a leg's coordinates out of a joint state; None where it has not all of them.
+
+    Parameters
+    ----------
+    joints : sequence of str
+        The leg's joints, the crank's first.
+    names, values : sequence
+        Those of the message, of one length or not.
+
+    """
+    if len(names) != len(values) or not joints:
+        return None
+    by_name = dict(zip(names, values, strict=True))
+    found = [by_name.get(joint) for joint in joints]
+    if any(value is None or not isfinite(value) for value in found):
+        return None
+    return [float(value) for value in found if value is not None]
+
+
+def settable_names() -> tuple[str, ...]:
+    """Return the numbers of a Klann leg, lengths first."""
+    return (*LENGTHS, *(name for name in NUMBERS if name not in LENGTHS))

@@ -1,0 +1,110 @@
+"""The live page as it is served: one HTML file, and styles and scripts beside it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+from string import Template
+from urllib.parse import quote
+
+from klann_ros.page.markup import element, joined, Markup
+from klann_ros.page.parts import SHARED, text
+
+from .runs import Run
+
+_OWN = Path(__file__).resolve().parent / 'static'
+_UPLOT = SHARED / 'uplot'
+_STYLES = (
+    _UPLOT / 'uPlot.min.css',
+    *(SHARED / f'{name}.css' for name in ('theme', 'base', 'layout', 'cards', 'drawing')),
+    SHARED / 'tables.css',
+    _OWN / 'live.css',
+)
+# In this order: each uses what stands above it.
+_SCRIPTS = (
+    _UPLOT / 'uPlot.iife.min.js',
+    SHARED / 'theme.js',
+    SHARED / 'drawing.js',
+    _OWN / 'space.js',
+    _OWN / 'connection.js',
+    _OWN / 'picture.js',
+    _OWN / 'walker.js',
+    _OWN / 'history.js',
+    _OWN / 'drive.js',
+    _OWN / 'tables.js',
+    _OWN / 'live.js',
+)
+# Nothing is loaded from anywhere else, nothing runs that is not a file of this server, and no
+# other page has this one in itself.
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "img-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+
+
+@dataclass(frozen=True)
+class File:
+    """A file of the page."""
+
+    kind: str
+    text: str
+
+
+def _kind(path: Path) -> str:
+    return 'text/css' if path.suffix == '.css' else 'text/javascript'
+
+
+# Who asks for a file gets one of these; no path is made of what he asks for.
+FILES = {path.name: File(_kind(path), text(path)) for path in (*_STYLES, *_SCRIPTS)}
+
+
+def _styles() -> Markup:
+    return joined(
+        element('link', rel='stylesheet', href=f'/static/{path.name}') for path in _STYLES
+    )
+
+
+def _page() -> str:
+    scripts = (element('script', src=f'/static/{path.name}', defer=True) for path in _SCRIPTS)
+    licence = Markup(f'<!-- uPlot\n{text(_UPLOT / "LICENSE")}-->')
+    return Template(text(_OWN / 'live.html')).substitute(
+        styles=_styles(), scripts=joined([licence, *scripts])
+    )
+
+
+def note_page(note: str) -> str:
+    """Return a page that says one thing."""
+    return _small('Review', element('p', note))
+
+
+def list_page(runs: Sequence[Run], token: str) -> str:
+    """Return a page that lists runs, each of which leads to its review."""
+    items = [
+        element(
+            'li',
+            element('a', run.name, href=f'/runs/{quote(run.name, safe="")}?token={token}'),
+            element('span', f' {_moment(run.time)}', class_='quiet'),
+        )
+        for run in runs
+    ]
+    back = element('p', element('a', 'The live page', href=f'/?token={token}'))
+    return _small('Runs', element('ul', *items) if items else element('p', 'No runs here.'), back)
+
+
+def _small(title: str, *content: Markup) -> str:
+    head = element(
+        'head',
+        element('meta', charset='utf-8'),
+        element('meta', name_='viewport', content='width=device-width, initial-scale=1'),
+        element('title', title),
+        _styles(),
+    )
+    body = element('body', element('main', element('h1', title), *content))
+    return f'<!doctype html>\n{element("html", head, body, lang="en")}\n'
+
+
+def _moment(time: int) -> str:
+    return f'{datetime.fromtimestamp(time / 1e9, timezone.utc):%Y-%m-%d %H:%M:%S} UTC'
+
+
+HTML = _page()

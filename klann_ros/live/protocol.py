@@ -1,0 +1,172 @@
+"""
+What a page may say, and how often: each message is checked here before anything is done.
+
+A page says that it is there and has drawn a frame (`{"ack": 7}`), or wants something done
+(`{"id": 3, "do": "turn", "what": "...", "value": 1.5}`). All else is refused.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+import json
+from math import isfinite
+from time import monotonic
+from typing import Any
+
+# Of a message [bytes].
+LARGEST = 4096
+# So many a second for long, and so many at once: a page says that it has drawn each frame.
+RATE, BURST = 400.0, 600.0
+# What may be wanted, and what belongs to it.
+WISHES = {
+    'take': ('what',),
+    'release': ('what',),
+    'turn': ('what', 'value'),
+    'spin': ('what', 'value'),
+    'walk': ('what', 'value', 'turn'),
+    'set': ('what', 'values'),
+    'call': ('what', 'name'),
+    'seek': ('what', 'value'),
+    'rate': ('what', 'value'),
+}
+_LONGEST_TEXT = 256
+_MOST_VALUES = 20
+_MOST_NUMBER = 2**53
+
+
+class ProtocolError(Exception):
+    """What is no message of a page; the text says what is wrong."""
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a page wants."""
+
+    # Its number, for the answer.
+    id: int
+    # One of WISHES.
+    do: str
+    # Of what: the name of a drive, a solver, a recorder or a player.
+    what: str
+    # Numbers that belong to it, where there are any.
+    value: float = 0.0
+    turn: float = 0.0
+    # The name of a service, such as `pause`.
+    name: str = ''
+    # Parameters by name: numbers, or lists of two signs.
+    values: dict[str, float | list[int]] = field(default_factory=dict)
+
+
+def parsed(text: str) -> Wish | int | None:
+    """
+    Return what a page says: a wish, the number of the frame that it has drawn, or None.
+
+    None stands for nothing but that it is still there.
+
+    Raises
+    ------
+    ProtocolError
+        It is no such message.
+
+    """
+    try:
+        said = json.loads(text, parse_constant=_refuse)
+    except (ValueError, RecursionError) as error:
+        raise ProtocolError('no JSON') from error
+    if not isinstance(said, dict):
+        raise ProtocolError('no mapping')
+    if set(said) == {'ack'}:
+        return _whole(said['ack'])
+    if not said:
+        return None
+    return _wish(said)
+
+
+def _wish(said: dict[str, Any]) -> Wish:
+    do = said.get('do')
+    if not isinstance(do, str) or do not in WISHES:
+        raise ProtocolError('nothing that can be done')
+    if set(said) != {'id', 'do', *WISHES[do]}:
+        raise ProtocolError(f'{do} takes {", ".join(WISHES[do])}')
+    checks: dict[str, Callable[[Any], Any]] = {
+        'what': _text,
+        'name': _text,
+        'value': _number,
+        'turn': _number,
+        'values': _values,
+    }
+    return Wish(
+        id=_whole(said['id']), do=do, **{key: checks[key](said[key]) for key in WISHES[do]}
+    )
+
+
+def _refuse(name: str) -> Any:
+    raise ProtocolError(f'{name} is no number here')
+
+
+def _whole(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < _MOST_NUMBER:
+        raise ProtocolError('a whole number >= 0 is missing')
+    return value
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > 1e9:
+        raise ProtocolError('a number within +-1e9 is missing')
+    if not isfinite(value):
+        raise ProtocolError('a finite number is missing')
+    return float(value)
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str) or len(value) > _LONGEST_TEXT:
+        raise ProtocolError('a short text is missing')
+    return value
+
+
+def _values(value: Any) -> dict[str, float | list[int]]:
+    if not isinstance(value, dict) or not 0 < len(value) <= _MOST_VALUES:
+        raise ProtocolError('a mapping of parameters is missing')
+    return {
+        _text(key): _signs(v) if isinstance(v, list) else _number(v) for key, v in value.items()
+    }
+
+
+def _signs(value: list[Any]) -> list[int]:
+    if len(value) != 2 or any(type(sign) is not int or sign not in {-1, 1} for sign in value):
+        raise ProtocolError('two signs are missing, each +1 or -1')
+    return list(value)
+
+
+class RateLimit:
+    """
+    Tell whether somebody says more than he may.
+
+    Parameters
+    ----------
+    rate : float
+        So many a second [Hz].
+    burst : float
+        So many at once.
+    clock : callable
+        Returns the time [s].
+
+    """
+
+    def __init__(
+        self,
+        rate: float = RATE,
+        burst: float = BURST,
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
+        self._rate, self._burst, self._clock = rate, burst, clock
+        self._left, self._last = burst, clock()
+
+    def allows(self) -> bool:
+        """Count a message; return whether it is one of those that he may say."""
+        now = self._clock()
+        self._left = min(self._burst, self._left + (now - self._last) * self._rate)
+        self._last = now
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True

@@ -1,0 +1,63 @@
+"""How often a topic's messages come, and how many were lost on their way to the page."""
+
+from collections import deque
+from collections.abc import Callable
+from time import monotonic
+
+from klann_ros.log.loss import LossCounter
+
+# A rate is that of the last so many seconds.
+WINDOW = 2.0
+
+
+class TopicFigures:
+    """
+    Figures of one topic.
+
+    Parameters
+    ----------
+    clock : callable
+        Returns the time [s].
+
+    Attributes
+    ----------
+    count : int
+        Messages so far.
+    loss : LossCounter
+        Counts what is missing among them.
+    publishers : int
+        How many there are.
+
+    """
+
+    def __init__(self, clock: Callable[[], float] = monotonic) -> None:
+        self.count = 0
+        self.loss = LossCounter()
+        self.publishers = 0
+        self.last = -1.0
+        self._clock = clock
+        self._marks: deque[tuple[float, int]] = deque([(clock(), 0)])
+
+    def add(self, sequence: int | None) -> None:
+        """Count a message; `sequence` is its publication sequence number."""
+        self.count += 1
+        self.loss.count(sequence, self.publishers)
+        self.last = self._clock()
+
+    @property
+    def lost(self) -> int | None:
+        """Return how many were lost so far; None where nobody can tell."""
+        return self.loss.lost if self.loss.is_known else None
+
+    def rate(self) -> float:
+        """Return how many come in a second [Hz]; to be called now and then."""
+        now = self._clock()
+        self._marks.append((now, self.count))
+        while len(self._marks) > 2 and now - self._marks[1][0] >= WINDOW:
+            self._marks.popleft()
+        begin, before = self._marks[0]
+        return (self.count - before) / (now - begin) if now > begin else 0.0
+
+    def silence(self) -> float | None:
+        """Return for how long none has come [s]; None if none ever did."""
+        return None if self.last < 0.0 else self._clock() - self.last

@@ -1,0 +1,161 @@
+"""The runs in a folder, and their reviews: made when somebody asks, by another process."""
+
+import asyncio
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+import os
+from pathlib import Path
+import sys
+import tempfile
+
+from klann_ros.untrusted.text import printable
+
+# A folder may hold a million; the newest of them are shown.
+MOST_RUNS = 500
+_MOST_LOOKED_AT = 20_000
+# A review of a very long run takes a minute; what takes longer is stuck [s].
+PATIENCE = 600.0
+# So many pages are kept.
+_MOST_KEPT = 32
+# It leaves the processor to the legs.
+_REVIEW = (
+    'import os, sys; os.nice(10); from klann_ros.executables import review; sys.exit(review())'
+)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run in the folder."""
+
+    name: str
+    path: Path
+    # When it was changed last [ns since the epoch].
+    time: int
+
+
+@dataclass
+class Page:
+    """The review of a run, which may still be under way."""
+
+    file: Path
+    # '' while it is made, then 'ready', or why there is none.
+    state: str = ''
+    done: asyncio.Event = field(default_factory=asyncio.Event)
+
+
+def runs_in(folder: str | Path) -> list[Run]:
+    """
+    Return the runs that are directly in a folder, the newest first.
+
+    A link leads out of it, perhaps, and is none; what a run's name says goes nowhere but into a
+    comparison.
+    """
+    found: list[Run] = []
+    with suppress(OSError), os.scandir(folder) as entries:
+        for number, entry in enumerate(entries):
+            if number >= _MOST_LOOKED_AT:
+                break
+            with suppress(OSError):
+                if not entry.is_symlink() and _is_run(entry):
+                    time = entry.stat(follow_symlinks=False).st_mtime_ns
+                    found.append(Run(entry.name, Path(entry.path), time))
+    found.sort(key=lambda run: (-run.time, run.name))
+    return found[:MOST_RUNS]
+
+
+def _is_run(entry: 'os.DirEntry[str]') -> bool:
+    if entry.is_file(follow_symlinks=False):
+        return entry.name.endswith('.mcap')
+    if not entry.is_dir(follow_symlinks=False):
+        return False
+    with os.scandir(entry.path) as inside:
+        return any(
+            e.name == 'metadata.yaml' or e.name.endswith(('.mcap', '.db3'))
+            for _, e in zip(range(100), inside, strict=False)
+        )
+
+
+class Reviews:
+    """
+    Reviews of the runs in a folder, as pages; one is made at a time.
+
+    Parameters
+    ----------
+    folder : str
+        Where the runs are.
+    command : sequence of str, optional
+        What reviews: it is given RUN --html FILE.
+
+    """
+
+    def __init__(self, folder: str, command: Sequence[str] = ()) -> None:
+        self._folder = folder
+        self._command = [*command] or [sys.executable, '-c', _REVIEW]
+        self._pages: dict[tuple[str, int], Page] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._one = asyncio.Semaphore(1)
+        self._temporary = tempfile.TemporaryDirectory(prefix='klann_ros-view-')
+
+    def close(self) -> None:
+        """Forget the pages, and end what is under way."""
+        for task in self._tasks:
+            task.cancel()
+        self._temporary.cleanup()
+
+    async def runs(self) -> list[Run]:
+        """Return the runs in the folder; the disk may be slow."""
+        return await asyncio.get_running_loop().run_in_executor(None, runs_in, self._folder)
+
+    async def page(self, name: str) -> Page | None:
+        """Return the review of a run, begun if there is none; None where no run is called so."""
+        run = next((run for run in await self.runs() if run.name == name), None)
+        if run is None:
+            return None
+        key = run.name, run.time
+        if key not in self._pages:
+            self._forget()
+            file = Path(self._temporary.name, f'{len(self._pages)}-{run.time}.html')
+            self._pages[key] = Page(file)
+            task = asyncio.create_task(self._make(run, self._pages[key]))
+            self._tasks.add(task)
+            task.add_done_callback(self._tasks.discard)
+        return self._pages[key]
+
+    def _forget(self) -> None:
+        finished = [key for key, page in self._pages.items() if page.state]
+        for key in finished[: max(0, len(self._pages) - _MOST_KEPT + 1)]:
+            self._pages.pop(key).file.unlink(missing_ok=True)
+
+    async def _make(self, run: Run, page: Page) -> None:
+        async with self._one:
+            try:
+                page.state = await self._review(run, page.file)
+            except OSError as error:
+                page.state = f'the review cannot be made: {printable(error.strerror)}'
+            page.done.set()
+
+    async def _review(self, run: Run, file: Path) -> str:
+        process = await asyncio.create_subprocess_exec(
+            *self._command,
+            # What begins with a hyphen is no option.
+            str(run.path.absolute()),
+            '--html',
+            str(file),
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.DEVNULL,
+            stderr=asyncio.subprocess.PIPE,
+        )
+        try:
+            _, said = await asyncio.wait_for(process.communicate(), PATIENCE)
+        except asyncio.TimeoutError:
+            return 'the review took too long'
+        finally:
+            if process.returncode is None:
+                with suppress(ProcessLookupError):
+                    process.kill()
+                await process.wait()
+        if process.returncode in {0, 1} and file.is_file():
+            return 'ready'
+        lines = said.decode(errors='replace').strip().splitlines() or ['no reason was given']
+        return printable(lines[-1])

@@ -1,0 +1,304 @@
+"""The server of the live page: aiohttp in a thread of its own, which waits for nobody."""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+from threading import Event, Thread
+from typing import Any
+
+from aiohttp import web, WSCloseCode, WSMsgType
+
+from .clients import Client, News, World
+from .guard import ForbiddenError, Guard
+from .live_page import FILES, HTML, list_page, note_page, POLICY
+from .protocol import LARGEST
+from .runs import Reviews
+
+# More pages at once than anybody looks at.
+MOST_PAGES = 200
+# A page that answers no ping for so long is gone [s].
+_HEARTBEAT = 20.0
+# What a socket may have sent since its last whole message [bytes]: old releases of aiohttp put a
+# frame together before they look how large it is.
+_MOST_UNREAD = 64 * LARGEST
+# At the end nobody is waited for longer [s].
+_LAST_WORDS = 1.0
+_HEADERS = {
+    'Content-Security-Policy': POLICY,
+    'Cache-Control': 'no-store',
+    'Cross-Origin-Opener-Policy': 'same-origin',
+    'Cross-Origin-Resource-Policy': 'same-origin',
+    'Referrer-Policy': 'no-referrer',
+    'X-Content-Type-Options': 'nosniff',
+    'X-Frame-Options': 'DENY',
+}
+# A review brings its own policy; here it has no origin, so that no log's text is ever this
+# server's page.
+_REVIEW_POLICY = "sandbox allow-scripts; frame-ancestors 'none'"
+_Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+class ServerError(Exception):
+    """A server that cannot start; the text says why."""
+
+
+class LiveServer:
+    """
+    Serve the live page.
+
+    Parameters
+    ----------
+    guard : Guard
+        Who may do what; port 0 stands for any free one.
+    world : World
+        What the page shows and drives.
+    runs : str
+        A folder of runs; '' for none.
+
+    Attributes
+    ----------
+    guard : Guard
+        With the port that it has.
+
+    Raises
+    ------
+    ServerError
+        It cannot listen there.
+
+    """
+
+    def __init__(self, guard: Guard, world: World, runs: str = '') -> None:
+        self.guard = guard
+        self._world, self._runs = world, runs
+        self._numbers = count(1)
+        self._clients: set[web.WebSocketResponse] = set()
+        self._refusal: Exception | None = None
+        self._listening = Event()
+        self._thread = Thread(target=self._run, name='server', daemon=True)
+        self._thread.start()
+        self._listening.wait()
+        if self._refusal is not None:
+            raise ServerError(str(self._refusal)) from self._refusal
+
+    def close(self) -> None:
+        """End it; who looks is told."""
+        with suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(self._ended.set)
+        self._thread.join(5.0 * _LAST_WORDS)
+
+    def _run(self) -> None:
+        asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
+        self._loop, self._ended = asyncio.get_running_loop(), asyncio.Event()
+        self._news = News(self._world)
+        self._reviews = Reviews(self._runs) if self._runs else None
+        runner = web.AppRunner(self._app(), access_log=None)
+        try:
+            await runner.setup()
+            site = web.TCPSite(runner, self.guard.host, self.guard.port)
+            await site.start()
+        except (OSError, OverflowError) as error:
+            self._refusal = ServerError(_reason(error, self.guard))
+            await runner.cleanup()
+            return
+        else:
+            self.guard = _with_port(self.guard, runner.addresses[0][1])
+        finally:
+            self._listening.set()
+        await self._ended.wait()
+        if self._reviews is not None:
+            self._reviews.close()
+        with suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(self._close(runner, site), 2.0 * _LAST_WORDS)
+
+    async def _close(self, runner: web.AppRunner, site: web.TCPSite) -> None:
+        await site.stop()
+        closes = [
+            asyncio.ensure_future(
+                socket.close(code=WSCloseCode.GOING_AWAY, message=b'view_node has ended')
+            )
+            for socket in self._clients
+        ]
+        if closes:
+            _, late = await asyncio.wait(closes, timeout=_LAST_WORDS)
+            for close in late:
+                close.cancel()
+        await runner.cleanup()
+
+    def _app(self) -> web.Application:
+        app = web.Application(middlewares=[self._checked], client_max_size=LARGEST)
+        app.router.add_get('/', self._page)
+        app.router.add_get('/static/{name}', self._file)
+        app.router.add_get('/socket', self._socket)
+        app.router.add_get('/favicon.ico', _no_icon)
+        if self._runs:
+            app.router.add_get('/runs', self._list)
+            app.router.add_get('/runs/{name}', self._review)
+        return app
+
+    @property
+    def _checked(self) -> Any:
+        @web.middleware
+        async def checked(request: web.Request, handler: _Handler) -> web.StreamResponse:
+            try:
+                self.guard.check_host(_only(request, 'Host'))
+                # A link or a bookmark may lead to the page itself, nothing else may.
+                if request.path != '/':
+                    self.guard.check_site(_only(request, 'Sec-Fetch-Site'))
+                if not request.path.startswith('/static/'):
+                    self.guard.check_reading(_token(request))
+                response = await handler(request)
+            except ForbiddenError as error:
+                response = web.Response(status=403, text=f'{error}\n')
+            except web.HTTPException as error:
+                response = web.Response(status=error.status, text=f'{error.reason}\n')
+            if not response.prepared:
+                for name, value in _HEADERS.items():
+                    response.headers.setdefault(name, value)
+            return response
+
+        return checked
+
+    async def _page(self, _: web.Request) -> web.Response:
+        return web.Response(text=HTML, content_type='text/html')
+
+    async def _file(self, request: web.Request) -> web.Response:
+        file = FILES.get(request.match_info['name'])
+        if file is None:
+            raise web.HTTPNotFound
+        return web.Response(text=file.text, content_type=file.kind)
+
+    async def _socket(self, request: web.Request) -> web.StreamResponse:
+        self.guard.check_origin(_only(request, 'Origin'), _only(request, 'Host'))
+        if len(self._clients) >= MOST_PAGES:
+            return web.Response(status=503, text='too many pages look already\n')
+        socket = web.WebSocketResponse(
+            heartbeat=_HEARTBEAT, max_msg_size=LARGEST, compress=False, timeout=_LAST_WORDS
+        )
+        await socket.prepare(request)
+        client = Client(
+            next(self._numbers),
+            socket,
+            self._world,
+            self._news,
+            may_drive=self.guard.may_drive(_token(request)),
+        )
+        self._clients.add(socket)
+        unread = _Unread(request)
+        writer = asyncio.ensure_future(client.write())
+        # Its end is the socket's: nobody else looks at what it raises.
+        writer.add_done_callback(lambda done: done.cancelled() or done.exception())
+        try:
+            async for message in socket:
+                unread.bytes = 0
+                reason = client.read(message.data) if message.type == WSMsgType.TEXT else 'no text'
+                if reason:
+                    await socket.close(
+                        code=WSCloseCode.POLICY_VIOLATION, message=reason.encode()[:100]
+                    )
+        finally:
+            writer.cancel()
+            self._clients.discard(socket)
+            self._world.left(client.number)
+        return socket
+
+    async def _list(self, request: web.Request) -> web.Response:
+        self._check_token(request)
+        assert self._reviews is not None  # noqa: S101 - else there is no such route
+        runs = await self._reviews.runs()
+        return web.Response(text=list_page(runs, self.guard.token), content_type='text/html')
+
+    async def _review(self, request: web.Request) -> web.StreamResponse:
+        self._check_token(request)
+        assert self._reviews is not None  # noqa: S101 - else there is no such route
+        page = await self._reviews.page(request.match_info['name'])
+        if page is None:
+            raise web.HTTPNotFound
+        if page.state == 'ready':
+            headers = {'Content-Security-Policy': _REVIEW_POLICY}
+            text = await self._loop.run_in_executor(None, _text, page.file)
+            return web.Response(text=text, content_type='text/html', headers=headers)
+        if page.state:
+            return web.Response(text=note_page(page.state), content_type='text/html', status=500)
+        with suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(page.done.wait(), 1.0)
+        note = note_page('The run is being reviewed; the page comes by itself.')
+        return web.Response(text=note, content_type='text/html', headers={'Refresh': '0.2'})
+
+    def _check_token(self, request: web.Request) -> None:
+        if not self.guard.knows(_token(request)):
+            raise ForbiddenError('open the whole address that view_node printed')
+
+
+class _Unread(asyncio.Protocol):
+    """
+    Count what a socket sends, and cut it off when that is no message.
+
+    It stands between the socket and aiohttp.
+    """
+
+    def __init__(self, request: web.Request) -> None:
+        self.bytes = 0
+        self._inner: Any = request.protocol
+        self._transport: Any = request.transport
+        if self._transport is not None:
+            self._transport.set_protocol(self)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inner, name)
+
+    def data_received(self, data: bytes) -> None:
+        """Hand on what was sent."""
+        self.bytes += len(data)
+        if self.bytes > _MOST_UNREAD:
+            self._transport.abort()
+        else:
+            self._inner.data_received(data)
+
+    def eof_received(self) -> Any:
+        """Hand on the end."""
+        return self._inner.eof_received()
+
+    def connection_lost(self, error: Exception | None) -> None:
+        """Hand on the loss."""
+        self._inner.connection_lost(error)
+
+    def pause_writing(self) -> None:
+        """Hand on that nothing is taken any more."""
+        self._inner.pause_writing()
+
+    def resume_writing(self) -> None:
+        """Hand on that it is again."""
+        self._inner.resume_writing()
+
+
+def _only(request: web.Request, name: str) -> str | None:
+    """Return a header; two of them are as good as a wrong one."""
+    values = request.headers.getall(name, [])
+    return values[0] if len(values) == 1 else ('' if values else None)
+
+
+def _token(request: web.Request) -> str | None:
+    values: Mapping[str, str] = request.query
+    return values.get('token')
+
+
+async def _no_icon(_: web.Request) -> web.Response:
+    return web.Response(status=204)
+
+
+def _text(file: Path) -> str:
+    return file.read_text(encoding='utf-8')
+
+
+def _with_port(guard: Guard, port: int) -> Guard:
+    return Guard(guard.host, port, guard.token, guard.read_only)
+
+
+def _reason(error: Exception, guard: Guard) -> str:
+    text = getattr(error, 'strerror', None) or str(error)
+    hint = '; --port 0 takes any that is free' if 'in use' in str(error) else ''
+    return f'cannot listen on {guard.host}, port {guard.port}: {text}{hint}'

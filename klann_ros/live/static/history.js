@@ -1,0 +1,176 @@
+'use strict';
+/* What a leg did in the last half minute, and the charts of it. */
+
+const SPAN = 30;
+// Charts follow so often; the eye wants no more [ms].
+const CHART_PERIOD = 200;
+const CHART_FONT = '12px system-ui, sans-serif';
+
+/** The poses of a leg, as they came. */
+class Track {
+  constructor(leg) {
+    this.leg = leg;
+    this.times = [];
+    this.poses = [];
+    this.stamps = [];
+    this.feet = [];
+    this.x = null;
+    this.points = null;
+    this.foot = null;
+    this.footIndex = leg.shape ? leg.shape.points.findIndex((point) => point.name === leg.shape.foot) : -1;
+    this.age = Infinity;
+  }
+
+  /** Take a pose: how old it is and its stamp [s], and its coordinates. */
+  add(now, [age, stamp, ...x]) {
+    this.age = age;
+    const time = now - age;
+    const last = this.times.length ? this.times[this.times.length - 1] : -Infinity;
+    const isSame = this.x && x.every((value, i) => value === this.x[i]);
+    if (!isSame) {
+      this.x = x;
+      this.points = pointsOf(this.leg.shape, x);
+      this.foot = this.points[this.footIndex];
+    }
+    // One that is told again, or that stands still, is a point of the chart all the same.
+    if (time <= last || (isSame && time < last + 0.05)) return;
+    this.times.push(time);
+    this.poses.push(x);
+    this.stamps.push(stamp);
+    this.feet.push(this.foot);
+    this.forget(now - SPAN - 1);
+  }
+
+  forget(before) {
+    if (this.times[0] > before - 1) return;
+    const kept = this.times.findIndex((time) => time >= before);
+    for (const column of [this.times, this.poses, this.stamps, this.feet]) column.splice(0, kept);
+  }
+
+  /** Return where the foot was in the last seconds. */
+  trail(seconds) {
+    const { times } = this;
+    let first = times.length;
+    const begin = times[first - 1] - seconds;
+    while (first > 0 && times[first - 1] >= begin) first -= 1;
+    return this.feet.slice(first);
+  }
+}
+
+/** One chart over the last half minute. */
+class LiveChart {
+  constructor(holder, title, unit, lines) {
+    this.lines = lines;
+    this.figure = document.createElement('figure');
+    this.figure.className = 'card chart';
+    const heading = document.createElement('h3');
+    heading.textContent = title;
+    const legend = document.createElement('p');
+    legend.className = 'legend';
+    this.values = lines.map((line) => {
+      const name = document.createElement('span');
+      name.className = `key-line colour-${line.colour}`;
+      const value = document.createElement('b');
+      name.append(`${line.name} `, value);
+      legend.append(name);
+      return value;
+    });
+    this.canvas = document.createElement('div');
+    this.canvas.setAttribute('role', 'img');
+    this.canvas.setAttribute('aria-label', `${title} over the last ${SPAN} s`);
+    this.figure.append(heading, legend, this.canvas);
+    holder.append(this.figure);
+    const axis = (label, size) => ({
+      label,
+      size,
+      labelSize: 18,
+      labelFont: CHART_FONT,
+      font: CHART_FONT,
+      stroke: () => themeColour('quiet'),
+      grid: { stroke: () => themeColour('grid'), width: 1 },
+      ticks: { stroke: () => themeColour('grid'), width: 1, size: 4 },
+    });
+    this.plot = new uPlot(
+      {
+        width: this.width(),
+        height: 180,
+        padding: [8, 10, 0, 0],
+        legend: { show: false },
+        cursor: { show: false },
+        scales: { x: { time: false, range: [-SPAN, 0] } },
+        axes: [axis('s', 24), axis(unit, 48)],
+        series: [
+          {},
+          ...lines.map((line) => ({
+            stroke: () => bodyColour(line.colour),
+            width: 1.5,
+            dash: line.dash,
+            points: { show: false },
+          })),
+        ],
+      },
+      [[], ...lines.map(() => [])],
+      this.canvas,
+    );
+    new ResizeObserver(() => {
+      const width = this.width();
+      if (width !== this.plot.width) this.plot.setSize({ width, height: 180 });
+    }).observe(this.canvas);
+  }
+
+  width() {
+    return Math.max(Math.floor(this.canvas.clientWidth), 200);
+  }
+
+  show(times, columns) {
+    this.plot.setData([times, ...columns]);
+    this.values.forEach((node, i) => {
+      const value = columns[i][columns[i].length - 1];
+      node.textContent = Number.isFinite(value) ? value.toFixed(this.lines[i].digits) : '–';
+    });
+  }
+}
+
+/** The charts of one leg. */
+class History {
+  constructor(holder, leg) {
+    holder.replaceChildren();
+    this.leg = leg;
+    const lines = leg.joints.map((name, i) => ({ i, name, colour: i % BODY_COLOURS, dash: DASHES[i % 7] }));
+    this.angles = lines.filter((line) => !leg.slides[line.i]).map((line) => ({ ...line, digits: 1 }));
+    this.slides = lines.filter((line) => leg.slides[line.i]).map((line) => ({ ...line, digits: 1 }));
+    const place = ['x', 'y'].map((name, i) => ({ name, colour: i, dash: DASHES[i], digits: 1 }));
+    this.charts = [
+      new LiveChart(holder, 'Angles', 'deg', this.angles),
+      new LiveChart(holder, this.slides.length ? 'Foot and slides' : 'Foot', 'mm', [...place, ...this.slides]),
+      new LiveChart(holder, 'Crank speed', 'rad/s', [{ name: 'rate', colour: 1, dash: [], digits: 2 }]),
+    ];
+    this.last = 0;
+  }
+
+  /** Show a track, if it is time to. */
+  show(track, now) {
+    if ((now - this.last) * 1000 < CHART_PERIOD) return;
+    this.last = now;
+    const times = track.times.map((time) => time - now);
+    const isAcross = (i, j) => Math.abs(wrapped(track.poses[i][j]) - wrapped(track.poses[i - 1][j])) > 3;
+    const angle = ({ i: j }) =>
+      track.poses.map((x, i) => (i > 0 && isAcross(i, j) ? null : degrees(wrapped(x[j]))));
+    this.charts[0].show(times, this.angles.map(angle));
+    this.charts[1].show(times, [
+      ...[0, 1].map((axis) => track.feet.map((foot) => 1000 * foot[axis])),
+      ...this.slides.map(({ i }) => track.poses.map((x) => 1000 * x[i])),
+    ]);
+    this.charts[2].show(times, [rates(track)]);
+  }
+}
+
+/** Return how fast the crank turned, by the stamps of a few poses each [rad/s]. */
+function rates({ times, poses, stamps }) {
+  const step = 4;
+  return times.map((time, i) => {
+    const j = Math.max(0, i - step);
+    const passed = stamps[i] - stamps[j];
+    return time - times[j] < 1 && passed > 0 ? (poses[i][0] - poses[j][0]) / passed : null;
+  });
+}

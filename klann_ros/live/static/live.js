@@ -1,0 +1,217 @@
+'use strict';
+/* The page: frames come in, and what they say is shown. */
+
+class Live {
+  constructor() {
+    this.you = null;
+    this.solvers = [];
+    this.legs = [];
+    this.tracks = [];
+    this.version = -1;
+    this.shown = '';
+    this.tiles = [];
+    this.cards = new Map();
+    this.drawn = [];
+    this.crank = new CrankDrive(this);
+    this.walk = new WalkDrive(this);
+    this.lengths = new LengthFields(this, byId('lengths'), byId('lengths-state'));
+    document.addEventListener('visibilitychange', () => document.hidden && this.letGo());
+    onThemeChange(() => this.history && (this.history.last = 0));
+    this.connection = new Connection(
+      (frame) => this.draw(frame),
+      (isThere, why) => this.connected(isThere, why),
+    );
+    setInterval(() => this.say(), 1000);
+  }
+
+  get may() {
+    return Boolean(this.you && this.you.may);
+  }
+
+  want(wish) {
+    return this.connection.want(wish);
+  }
+
+  letGo() {
+    this.crank.release();
+    this.walk.release();
+  }
+
+  connected(isThere, why) {
+    this.isThere = isThere;
+    this.why = why;
+    if (!isThere) {
+      this.you = null;
+      this.version = -1;
+      this.tellDrives([]);
+    }
+    this.say();
+  }
+
+  /** Say whether what is shown is of now. */
+  say() {
+    const rate = this.drawn.filter((time) => time > performance.now() - 1000).length;
+    const hasPose = this.legs.some((_, i) => this.tracks[i].age < OLD);
+    const state = !this.isThere ? 'bad' : hasPose && rate ? 'good' : 'still';
+    const titles = { bad: 'No connection', good: 'Live', still: 'Nothing moves' };
+    const texts = {
+      bad: this.why || 'Is view_node running? Started anew, it has a new address.',
+      good: `${rate} frames a second${this.may ? '' : ', looking only'}`,
+      still: this.legs.length ? 'No new poses.' : 'No leg publishes yet.',
+    };
+    byId('state').className = `verdict ${state}`;
+    byId('state-title').textContent = titles[state];
+    byId('state-text').textContent = texts[state];
+  }
+
+  draw(frame) {
+    const now = performance.now() / 1000;
+    this.drawn.push(now * 1000);
+    if (this.drawn.length > 300) this.drawn.splice(0, 150);
+    if (frame.you) this.you = frame.you;
+    if (frame.legs) this.tellLegs(frame.legs);
+    if (frame.drives || frame.you) this.tellDrives(frame.drives || []);
+    if (frame.diagnostics) showDiagnostics(byId('diagnostics'), frame.diagnostics);
+    if (frame.topics) showTopics(byId('topics'), frame.topics);
+    if (frame.machines) this.tellMachines(frame.machines);
+    this.move(frame.poses, now);
+    if (frame.you) this.say();
+  }
+
+  tellLegs(solvers) {
+    this.solvers = solvers;
+    const before = this.legs;
+    const tracks = this.tracks;
+    this.legs = [];
+    for (const solver of solvers) {
+      solver.numbers.forEach((number, i) => {
+        const leg = { ...solver.legs[i], solver };
+        leg.key = `${solver.node} ${leg.name}`;
+        leg.text = JSON.stringify([leg.shape, leg.mount]);
+        leg.title = leg.name || (solvers.length > 1 ? solver.node : 'Leg');
+        this.legs[number] = leg;
+      });
+    }
+    this.tracks = this.legs.map((leg) => {
+      const i = before.findIndex((other) => other.key === leg.key && other.text === leg.text);
+      if (i < 0) return new Track(leg);
+      tracks[i].leg = leg;
+      return tracks[i];
+    });
+    if (JSON.stringify(before.map((leg) => [leg.key, leg.text])) !==
+        JSON.stringify(this.legs.map((leg) => [leg.key, leg.text]))) this.arrange();
+    if (this.leg) this.lengths.tell(this.leg.solver, this.leg);
+    this.tellDrives(this.driven || []);
+  }
+
+  /** Draw all that is drawn of legs anew. */
+  arrange() {
+    const holder = byId('legs');
+    const drawable = this.legs.filter((leg) => leg.shape);
+    holder.hidden = drawable.length < 2;
+    this.tiles = [];
+    holder.replaceChildren();
+    for (const leg of drawable.length > 1 ? drawable : []) {
+      const svg = document.createElementNS(SVG, 'svg');
+      svg.setAttribute('aria-hidden', 'true');
+      const button = make('button', '', svg, make('span', '', leg.title));
+      button.type = 'button';
+      button.addEventListener('click', () => this.choose(leg.key));
+      holder.append(button);
+      this.tiles.push({ leg, button, picture: new LegPicture(svg, leg, { small: true }) });
+    }
+    const mounts = drawable.filter((leg) => leg.mount);
+    byId('walker').hidden = mounts.length < 2;
+    this.views = mounts.length < 2
+      ? []
+      : Object.keys(VIEWS).map((view) => ({ legs: mounts, picture: new WalkerPicture(byId(view), view, mounts) }));
+    const still = drawable.find((leg) => leg.key === this.shown) || drawable[0];
+    this.leg = null;
+    if (still) this.choose(still.key);
+  }
+
+  choose(key) {
+    this.shown = key;
+    this.leg = this.legs.find((leg) => leg.key === key);
+    const { leg } = this;
+    this.picture = new LegPicture(byId('picture'), leg);
+    this.history = new History(byId('charts'), leg);
+    this.lengths.tell(leg.solver, leg);
+    for (const tile of this.tiles) tile.button.setAttribute('aria-pressed', String(tile.leg.key === key));
+    const count = this.legs.length;
+    const many = count === 1 ? '' : `, one of ${count} legs`;
+    byId('title').textContent = leg.name ? `${leg.name}` : leg.kind || 'Leg';
+    byId('subtitle').textContent = `${leg.kind}${many}, solved by ${leg.solver.node} on ${leg.solver.topics.join(', ')}`;
+    const note = byId('picture-note');
+    note.hidden = !leg.solver.note;
+    note.textContent = leg.solver.note;
+    this.tellDrives(this.driven || []);
+  }
+
+  tellDrives(drives) {
+    this.driven = drives;
+    const crank = this.leg
+      ? drives.find((one) => one.kind === 'crank' && this.leg.solver.cranks.includes(one.topic))
+      : null;
+    if (this.leg) {
+      this.crank.leg = this.leg;
+      this.crank.track = this.trackOf(this.leg);
+    }
+    this.crank.tell(crank || null);
+    this.walk.tell(drives.find((one) => one.kind === 'walk') || null);
+    this.connection && (this.connection.drives = this.crank.isMine || this.walk.isMine);
+  }
+
+  tellMachines(machines) {
+    byId('machines-section').hidden = !machines.length;
+    const keys = machines.map((machine) => JSON.stringify([machine.node, machine.services, this.may]));
+    for (const key of this.cards.keys()) {
+      if (keys.includes(key)) continue;
+      this.cards.get(key).card.remove();
+      this.cards.delete(key);
+    }
+    machines.forEach((machine, i) => {
+      if (!this.cards.has(keys[i])) {
+        this.cards.set(keys[i], new MachineCard(this, machine));
+        byId('machines').append(this.cards.get(keys[i]).card);
+      }
+      this.cards.get(keys[i]).tell(machine);
+    });
+  }
+
+  trackOf(leg) {
+    return this.tracks[this.legs.indexOf(leg)];
+  }
+
+  move(poses, now) {
+    for (const [number, pose] of Object.entries(poses.legs || {})) {
+      const track = this.tracks[number];
+      if (track && track.leg.shape && pose.length - 2 === track.leg.joints.length) track.add(now, pose);
+    }
+    for (const { leg, picture } of this.tiles) picture.show(this.trackOf(leg));
+    for (const { legs, picture } of this.views || []) picture.show(legs.map((leg) => this.trackOf(leg)));
+    if (!this.leg) return;
+    const track = this.trackOf(this.leg);
+    this.picture.show(track);
+    this.history.show(track, now);
+    this.crank.follow();
+    this.caption(track);
+    const [odom] = Object.values(poses.odom || {});
+    if (odom) {
+      const [x, y, yaw] = odom;
+      byId('odometry').textContent =
+        `Odometry: x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, heading ${degrees(yaw).toFixed(0)}°`;
+    }
+  }
+
+  caption(track) {
+    if (!track.x) return;
+    const foot = track.foot.map((value) => (1000 * value).toFixed(1));
+    const age = track.age > OLD ? `, ${track.age.toFixed(0)} s old` : '';
+    byId('picture-text').textContent =
+      `Crank ${degrees(wrapped(track.x[0])).toFixed(1)}°, foot at ${foot[0]}, ${foot[1]} mm${age}.`;
+  }
+}
+
+// One name for whoever opens the console.
+const live = new Live();

@@ -1,0 +1,1 @@
+"""`view_node`: topics and services on one side, the live page on the other."""

@@ -1,0 +1,115 @@
+"""Who is there: solvers, recorders and players, by what they publish, hear and offer."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from klann_ros.nodes.endpoints import name_refusal
+from klann_ros.nodes.process import ROS_ERRORS
+from rclpy.node import Node, NodeNameNonExistentError
+
+from .ears import CRANK_ANGLE, TWIST
+
+_TRIGGER = 'std_srvs/srv/Trigger'
+# By the services that only they have together.
+_RECORDER = {'pause', 'resume', 'split'}
+_PLAYER = {'pause', 'resume', 'step'}
+# What nobody else than these is asked for.
+BUTTONS = {'recorder': ('pause', 'resume', 'split', 'trigger'), 'player': tuple(sorted(_PLAYER))}
+# A machine with more of them shows no more.
+MOST_MACHINES = 12
+
+Names = Sequence[tuple[str, Sequence[str]]]
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A recorder or a player."""
+
+    # 'recorder' or 'player'.
+    kind: str
+    # Its full name.
+    node: str
+    # What can be called of BUTTONS.
+    services: tuple[str, ...]
+
+
+class Graph:
+    """
+    Ask the middleware who is there.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Who asks.
+
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._own = _full(node.get_name(), node.get_namespace())
+
+    def topics(self) -> list[tuple[str, list[str]]]:
+        """Return the topics with their types; none where a name is no text."""
+        return _asked(self._node.get_topic_names_and_types)
+
+    def publishers(self, topic: str) -> list[Any]:
+        """Return who publishes a topic, but for this node."""
+        infos = _asked(lambda: self._node.get_publishers_info_by_topic(topic))
+        return [info for info in infos if node_of(info) != self._own]
+
+    def names_of_publishers(self, topic: str) -> list[str]:
+        """Return the names of those nodes, each once."""
+        return list(dict.fromkeys(map(node_of, self.publishers(topic))))
+
+    def crank_topics(self, node: str) -> list[str]:
+        """Return the topics of crank angles that a node hears."""
+        namespace, _, name = node.rpartition('/')
+        heard = _asked(
+            lambda: self._node.get_subscriber_names_and_types_by_node(name, namespace or '/')
+        )
+        return sorted(t for t, kinds in heard if CRANK_ANGLE in kinds and not name_refusal(t))
+
+    def walker_topics(self, topics: Names) -> list[str]:
+        """Return the topics of velocities that somebody walks by."""
+        return sorted(
+            name
+            for name, kinds in topics
+            if TWIST in kinds
+            and name.rpartition('/')[2] == 'cmd_vel'
+            and not name_refusal(name)
+            and self._node.count_subscribers(name) > 0
+        )
+
+    def machines(self) -> list[Machine]:
+        """Return the recorders and players."""
+        offered: dict[str, set[str]] = {}
+        for service, kinds in _asked(self._node.get_service_names_and_types):
+            if _TRIGGER in kinds and not name_refusal(service):
+                node, _, name = service.rpartition('/')
+                offered.setdefault(node, set()).add(name)
+        found = []
+        for node, names in sorted(offered.items()):
+            kind = 'recorder' if names >= _RECORDER else 'player' if names >= _PLAYER else ''
+            if kind and node:
+                services = tuple(name for name in BUTTONS[kind] if name in names)
+                found.append(Machine(kind, node, services))
+        return found[:MOST_MACHINES]
+
+
+def node_of(info: Any) -> str:
+    """Return the full name of an endpoint's node."""
+    return _full(info.node_name, info.node_namespace)
+
+
+def _full(name: str, namespace: str) -> str:
+    return f'{namespace.rstrip("/")}/{name}'
+
+
+def _asked(ask: Callable[[], Any]) -> list[Any]:
+    """Return what the middleware tells; nothing where it cannot."""
+    try:
+        return list(ask())
+    # A name of others that is no text, and a node that has just gone.
+    except (UnicodeDecodeError, NodeNameNonExistentError, *ROS_ERRORS):
+        return []

@@ -1,0 +1,120 @@
+"""`view_node`: the leg in a browser, live, and to be touched."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+import sys
+from threading import Thread
+import webbrowser
+
+from klann_ros.live.guard import Guard, new_token
+from klann_ros.nodes.parameters import StartError
+from klann_ros.nodes.process import arguments, command_line, Finish, ProcessNode, run
+from klann_ros.stop_signals import StopSignals
+from klann_ros.untrusted.arguments import path
+from klann_ros.untrusted.text import printable
+
+DESCRIPTION = """\
+Show the legs that publish in a browser, live: the pose, the foot, charts, diagnostics, rates.
+It prints one address. Whoever opens it can turn the crank, change lengths, steer a walker, and
+press the buttons of a recorder and a player."""
+EPILOG = """\
+It listens on this machine only, unless --host names another address. What it prints holds a
+secret: without it the page only looks, and from another machine it is not shown at all. What is
+sent is not encrypted: over a network that is not yours use ssh -L 8321:127.0.0.1:8321 MACHINE.
+A page drives only after its button was pressed, and what it drives stops within half a second when
+it is closed, hidden, or not heard of any more."""
+NO_SERVER = (
+    'view_node: there is no Python module aiohttp here: apt install python3-aiohttp, or '
+    "pip install 'klann_ros[view]'"
+)
+# Messages are taken together after so long, which no eye sees [s].
+REST = 0.003
+
+
+def main(argv: Sequence[str], stop: StopSignals) -> int:
+    """Run the node; return its exit code."""
+    options = arguments(_parser(), argv)
+    try:
+        import aiohttp  # noqa: F401, PLC0415 - an extra
+    except ModuleNotFoundError:
+        print(NO_SERVER, file=sys.stderr)
+        return 1
+    return run(
+        'view_node', lambda finish: ViewNode(options, finish), argv, stop, lean=True, rest=REST
+    )
+
+
+class ViewNode(ProcessNode):
+    """
+    Serve the live page.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        The command line's options.
+    finish : Finish
+        Is called by nobody here.
+
+    Raises
+    ------
+    StartError
+        It cannot listen where it shall.
+
+    """
+
+    def __init__(self, options: argparse.Namespace, _: Finish) -> None:
+        from klann_ros.live.server import LiveServer, ServerError  # noqa: PLC0415 - an extra
+
+        from .world import LiveWorld  # noqa: PLC0415 - an extra
+
+        # What is read only publishes nothing, not even what it has to say.
+        super().__init__('view_node', enable_rosout=not options.read_only)
+        if options.runs and not Path(options.runs).is_dir():
+            raise StartError(f'--runs {printable(options.runs)} is no folder')
+        self._world = LiveWorld(self, read_only=options.read_only)
+        guard = Guard(options.host, options.port, new_token(), options.read_only)
+        try:
+            self._server = LiveServer(guard, self._world, options.runs or '')
+        except ServerError as error:
+            self._world.close()
+            raise StartError(str(error)) from error
+        guard = self._server.guard
+        print(guard.url, flush=True)
+        if not guard.is_local:
+            self.get_logger().warning(
+                f'{printable(guard.host)} can be reached from other machines; whoever is told the '
+                f'address may {"look" if options.read_only else "drive"}'
+            )
+        self.get_logger().info(
+            f'ready: the live page is on port {guard.port}{", read only" * options.read_only}'
+        )
+        if options.open:
+            Thread(target=self._open, args=(guard.url,), name='browser', daemon=True).start()
+
+    def close(self) -> int:
+        """Stop what is driven, then the page."""
+        self._world.close()
+        self._server.close()
+        return 0
+
+    def _open(self, url: str) -> None:
+        if not webbrowser.open(url):
+            self.get_logger().warning('no browser here; open the address that was printed')
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_line('view_node', DESCRIPTION, EPILOG)
+    add = parser.add_argument
+    add('--port', type=_port, default=8321, metavar='PORT', help='0: any free one')
+    add('--host', type=path, default='127.0.0.1', metavar='ADDRESS', help='where it listens')
+    add('--open', action='store_true', help='open it in a browser')
+    add('--read-only', action='store_true', help='publish, set and call nothing, whoever asks')
+    add('--runs', type=path, metavar='DIR', help='list the runs in this folder, and review them')
+    return parser
+
+
+def _port(text: str) -> int:
+    if not (text.isascii() and text.isdecimal() and len(text) <= 5 and int(text) < 2**16):
+        raise argparse.ArgumentTypeError(f'{text} is refused: it must be within 0 .. 65535')
+    return int(text)

@@ -1,0 +1,399 @@
+"""What pages see of ROS, and what they may have done: the newest of all, ready for JSON."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+import json
+from math import atan2, isfinite
+from threading import Lock
+from time import monotonic
+from typing import Any
+
+from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.kinematics.klann.leg import JOINTS
+from klann_ros.live.clients import Answer
+from klann_ros.live.drive import crank_at
+from klann_ros.live.legs import LiveLeg, MOST_LEGS, positions, Solver, solver_of
+from klann_ros.live.protocol import Wish
+from klann_ros.live.words import plain_status, PlainStatus, recorded
+from klann_ros.log.run_parameters import SolverParameters
+from klann_ros.nodes.recorder.solver_watch import SolverWatch
+from klann_ros.untrusted.text import printable
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from .drives import CRANK, Drives, WALK
+from .ears import DIAGNOSTICS, Ears, HeardTopic, JOINT_STATE, ODOMETRY
+from .errands import Errands
+from .graph import Graph, Machine, Names
+
+# How often is looked who is there, and what the figures are; at first more often [s].
+_PERIOD, _FIRST_PERIOD = 0.5, 0.1
+_FIRST = 5.0
+# A status that nobody repeats is forgotten [s].
+_FORGET_STATUS = 10.0
+_MOST_STATUSES = 60
+# What a page may set of a player.
+_PLAYER_NUMBERS = {'seek': 'position', 'rate': 'rate'}
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """A leg on the page: where its poses are found."""
+
+    topic: str
+    solver: str
+    leg: LiveLeg
+
+
+class LiveWorld:
+    """
+    The ROS side of the live page.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Whose it is.
+    read_only : bool
+        Whether nothing is published, set or called, whoever asks.
+
+    """
+
+    def __init__(self, node: Node, *, read_only: bool) -> None:
+        self._node = node
+        self._lock = Lock()
+        self._version = 0
+        self._wake: Callable[[], None] | None = None
+        self._parts: dict[str, tuple[int, str]] = {}
+        self._shown: list[_Shown] = []
+        self._solvers: dict[str, Solver] = {}
+        self._machines: list[Machine] = []
+        self._told: dict[str, dict[str, float]] = {}
+        self._graph = Graph(node)
+        self._errands = Errands(node)
+        self._ears = Ears(node, self._bump)
+        self._watch = SolverWatch(node, self._on_parameters)
+        self._drives = None if read_only else Drives(node, self._errands, self._on_drives)
+        self._began = monotonic()
+        self._timer = node.create_timer(
+            _FIRST_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+
+    def close(self) -> None:
+        """Stop all that is driven."""
+        if self._drives is not None:
+            self._drives.close()
+
+    # What pages see; any thread asks.
+
+    @property
+    def version(self) -> int:
+        """Return a number that grows whenever there is something new."""
+        return self._version
+
+    def wake_at_news(self, wake: Callable[[], None]) -> None:
+        """Have a function called once, when there is something new."""
+        self._wake = wake
+
+    def parts(self) -> Mapping[str, tuple[int, str]]:
+        """Return what changes seldom."""
+        return self._parts
+
+    def poses(self) -> str:
+        """Return the newest poses, by leg: how old [s], its stamp [s], its coordinates."""
+        now, shown = monotonic(), self._shown
+        newest = {topic: self._messages(topic) for topic in {leg.topic for leg in shown}}
+        found = {}
+        for number, leg in enumerate(shown):
+            pose = _newest_pose(leg.leg, newest[leg.topic])
+            if pose is not None:
+                time, stamp, x = pose
+                found[number] = [round(now - time, 4), stamp, *x]
+        data: dict[str, Any] = {'of': self._parts.get('legs', (0, ''))[0], 'legs': found}
+        places = {topic.name: _place(topic) for topic in self._ears.of_kind(ODOMETRY)}
+        data['odom'] = {name: place for name, place in places.items() if place}
+        return json.dumps(data, separators=(',', ':'))
+
+    # What pages may have done; the server's thread asks.
+
+    def heard(self, page: int) -> None:
+        """Note that a page is there."""
+        if self._drives is not None:
+            self._drives.heard(page)
+
+    def left(self, page: int) -> None:
+        """Note that a page is gone: all that it drives stops."""
+        if self._drives is not None:
+            self._drives.left(page)
+
+    def wish(self, page: int, wish: Wish, answer: Answer) -> None:
+        """Do what a page that may drive wants."""
+        if self._drives is None:
+            answer(False, 'this page may only look')
+        elif wish.do == 'set':
+            self._set(wish, answer)
+        elif wish.do in {'call', *_PLAYER_NUMBERS}:
+            self._operate(wish, answer)
+        else:
+            self._drives.wish(page, wish, self._crank_angle(wish.what), answer)
+
+    def _set(self, wish: Wish, answer: Answer) -> None:
+        solver = self._solvers.get(wish.what)
+        if solver is None or not set(wish.values) <= solver.settable:
+            answer(False, 'there are no such lengths to set')
+            return
+        node, values = solver.node, wish.values
+        self._put(lambda: self._errands.set_parameters(node, values, answer), answer)
+
+    def _operate(self, wish: Wish, answer: Answer) -> None:
+        machine = next((m for m in self._machines if m.node == wish.what), None)
+        if machine is None:
+            answer(False, 'it is not there any more')
+        elif wish.do == 'call' and wish.name in machine.services:
+            service = f'{machine.node}/{wish.name}'
+            self._put(
+                lambda: self._errands.trigger(service, self._asking(machine, answer)), answer
+            )
+        elif wish.do in _PLAYER_NUMBERS and machine.kind == 'player':
+            values = {_PLAYER_NUMBERS[wish.do]: wish.value}
+            told = self._asking(machine, answer)
+            self._put(lambda: self._errands.set_parameters(machine.node, values, told), answer)
+        else:
+            answer(False, 'it cannot do that')
+
+    def _put(self, work: Callable[[], object], answer: Answer) -> None:
+        if not self._errands.put(work):
+            answer(False, 'too much is under way already')
+
+    def _asking(self, machine: Machine, answer: Answer) -> Answer:
+        """Return an answer that asks a player where it is by now."""
+
+        def told(is_done: bool, said: str) -> None:
+            answer(is_done, said)
+            if machine.kind == 'player':
+                self._ask_player(machine.node)
+
+        return told
+
+    def _crank_angle(self, what: str) -> float:
+        """Return where the crank is that a drive turns, by a leg on it; 0 where nobody knows."""
+        for shown in self._shown:
+            topics = self._crank_topics.get(shown.solver, ())
+            if any(what == f'{CRANK}:{topic}' for topic in topics):
+                pose = _newest_pose(shown.leg, self._messages(shown.topic))
+                if pose is not None:
+                    return crank_at(pose[2][0], shown.leg.direction, shown.leg.phase)
+        return 0.0
+
+    def _messages(self, topic: str) -> list[tuple[float, Any]]:
+        heard = self._ears.topics.get(topic)
+        return [] if heard is None else heard.newest()
+
+    # What happens in ROS's thread.
+
+    _crank_topics: Mapping[str, list[str]] = {}
+
+    def _bump(self) -> None:
+        with self._lock:
+            self._version += 1
+            wake, self._wake = self._wake, None
+        if wake is not None:
+            wake()
+
+    def _tell(self, name: str, data: Any) -> None:
+        """Tell the pages a part, if it is another than before."""
+        text = json.dumps(data, separators=(',', ':'), allow_nan=False)
+        version, before = self._parts.get(name, (0, ''))
+        if text != before:
+            self._parts = {**self._parts, name: (version + 1, text)}
+            self._bump()
+
+    def _on_parameters(self, told: SolverParameters) -> None:
+        self._solvers = {**self._solvers, told.node: solver_of(told)}
+        self._look_at_legs()
+
+    def _on_drives(self) -> None:
+        if self._drives is not None:
+            self._tell('drives', self._drives.state())
+
+    def _look(self) -> None:
+        if self._timer.timer_period_ns < _PERIOD * 1e9 and monotonic() - self._began > _FIRST:
+            self._timer.timer_period_ns = int(_PERIOD * 1e9)
+        topics = self._graph.topics()
+        self._ears.look(topics)
+        for topic in self._ears.of_kind(JOINT_STATE):
+            self._watch.add(self._graph.publishers(topic.name))
+        self._watch.ask()
+        self._errands.look()
+        self._look_at_legs()
+        self._look_at_drives(topics)
+        self._look_at_machines()
+        self._tell('topics', self._figures())
+
+    def _look_at_legs(self) -> None:
+        shown: list[_Shown] = []
+        solvers: dict[str, Solver] = {}
+        notes: dict[str, str] = {}
+        for topic in self._ears.of_kind(JOINT_STATE):
+            nodes = self._graph.names_of_publishers(topic.name)
+            known = {node: self._solvers[node] for node in nodes if node in self._solvers}
+            for node in nodes:
+                if node in known or node in self._watch.unanswered:
+                    continue
+                assumed = _assumed(node, topic)
+                if assumed is not None:
+                    known[node] = assumed
+                    notes[node] = (
+                        'It tells no lengths: the leg is drawn with those of SEM 104, which may '
+                        'not be its own.'
+                    )
+            solvers.update(known)
+            shown += [
+                _Shown(topic.name, node, leg) for node, of in known.items() for leg in of.legs
+            ]
+        self._shown = shown[:MOST_LEGS]
+        data = []
+        for node, solver in solvers.items():
+            own = [number for number, leg in enumerate(self._shown) if leg.solver == node]
+            data.append(
+                {
+                    **solver.as_data(),
+                    'topics': sorted({printable(self._shown[number].topic) for number in own}),
+                    'numbers': own,
+                    'note': notes.get(node, ''),
+                    'cranks': self._crank_topics.get(node, []),
+                }
+            )
+        self._tell('legs', data)
+
+    def _look_at_drives(self, topics: Names) -> None:
+        if self._drives is None:
+            return
+        self._crank_topics = {node: self._graph.crank_topics(node) for node in self._solvers}
+        offered = set()
+        there = {shown.solver for shown in self._shown}
+        for node, cranks in self._crank_topics.items():
+            for topic in cranks if node in there else ():
+                sides = [topic, f'{topic.rpartition("/")[0]}/crank_state']
+                others = [n for side in sides for n in self._graph.names_of_publishers(side)]
+                self._drives.offer(CRANK, topic, [printable(name, 100) for name in others])
+                offered.add(f'{CRANK}:{topic}')
+        for topic in self._graph.walker_topics(topics):
+            others = self._graph.names_of_publishers(topic)
+            self._drives.offer(WALK, topic, [printable(name, 100) for name in others])
+            offered.add(f'{WALK}:{topic}')
+        self._drives.forget_but(offered)
+        self._on_drives()
+
+    def _look_at_machines(self) -> None:
+        before = {machine.node for machine in self._machines}
+        self._machines = self._graph.machines()
+        for machine in self._machines:
+            if machine.kind == 'player' and machine.node not in before:
+                self._ask_player(machine.node)
+        statuses = self._statuses()
+        self._tell('diagnostics', [status.as_data() for _, status in statuses.values()])
+        self._tell('machines', [self._machine(machine, statuses) for machine in self._machines])
+
+    def _machine(
+        self, machine: Machine, statuses: Mapping[str, tuple[Any, PlainStatus]]
+    ) -> dict[str, Any]:
+        data: dict[str, Any] = {
+            'kind': machine.kind,
+            'node': printable(machine.node, 200),
+            'services': machine.services,
+            **self._told.get(machine.node, {}),
+        }
+        found = statuses.get(f'{machine.node.rpartition("/")[2]}: recording')
+        if machine.kind == 'recorder' and found is not None:
+            values = [(value.key, value.value) for value in found[0].values]
+            paused = dict(values).get('paused') == 'true'
+            data |= {**recorded(values), 'paused': paused, 'said': found[1].text}
+        return data
+
+    def _ask_player(self, node: str) -> None:
+        def keep(name: str) -> Callable[[float], None]:
+            def kept(value: float) -> None:
+                if isfinite(value):
+                    self._told[node] = {**self._told.get(node, {}), name: value}
+
+            return kept
+
+        def ask() -> None:
+            self._errands.get_limit(node, 'position', keep('length'))
+            for name in ('position', 'rate'):
+                self._errands.get_number(node, name, keep(name))
+
+        self._errands.put(ask)
+
+    def _statuses(self) -> dict[str, tuple[Any, PlainStatus]]:
+        """Return the last status of each name, with what it means."""
+        now = monotonic()
+        found: dict[str, tuple[Any, PlainStatus]] = {}
+        for topic in self._ears.of_kind(DIAGNOSTICS):
+            for time, array in sorted(topic.newest(), key=lambda one: one[0]):
+                if now - time > _FORGET_STATUS:
+                    continue
+                for status in array.status[:_MOST_STATUSES]:
+                    values = [(value.key, value.value) for value in status.values[:400]]
+                    level = status.level[0] if status.level else 2
+                    plain = plain_status(level, status.name, status.message, values)
+                    if status.name in found or len(found) < _MOST_STATUSES:
+                        found[status.name] = status, plain
+        return found
+
+    def _figures(self) -> list[dict[str, Any]]:
+        found = []
+        for topic in self._ears.topics.values():
+            figures = topic.figures
+            silence = figures.silence()
+            found.append(
+                {
+                    'name': printable(topic.name),
+                    'type': topic.kind,
+                    'rate': round(figures.rate(), 1),
+                    'lost': figures.lost,
+                    'publishers': figures.publishers,
+                    'silence': None if silence is None or silence < 2.0 else round(silence),
+                }
+            )
+        return found
+
+
+def _newest_pose(
+    leg: LiveLeg, messages: list[tuple[float, Any]]
+) -> tuple[float, float, list[float]] | None:
+    """Return when a leg's newest pose came, its stamp [s], and the pose."""
+    best = None
+    for time, message in messages:
+        if best is None or time > best[0]:
+            x = positions(leg.joint_names, message.name, message.position)
+            if x is not None:
+                stamp = message.header.stamp
+                best = time, stamp.sec + stamp.nanosec / 1e9, x
+    return best
+
+
+def _assumed(node: str, topic: HeardTopic) -> Solver | None:
+    """Return the Klann legs whose angles a node publishes without telling their lengths."""
+    prefixes: dict[str, set[str]] = {}
+    for _, message in topic.newest():
+        for name in message.name[:200]:
+            prefix, _, joint = name.rpartition('/')
+            prefixes.setdefault(prefix, set()).add(joint)
+    names = [prefix for prefix, joints in prefixes.items() if joints >= set(JOINTS)]
+    if not names:
+        return None
+    leg = KlannLeg(KlannGeometry.sem104())
+    return Solver(node, tuple(LiveLeg(name, leg) for name in names[:MOST_LEGS]))
+
+
+def _place(topic: HeardTopic) -> list[float] | None:
+    """Return x, y [m], heading [rad], and velocities forward [m/s] and of turning [rad/s]."""
+    for _, message in topic.newest()[-1:]:
+        at, q = message.pose.pose.position, message.pose.pose.orientation
+        yaw = atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+        twist = message.twist.twist
+        place = [at.x, at.y, yaw, twist.linear.x, twist.angular.z]
+        if all(map(isfinite, place)):
+            return [round(value, 6) for value in place]
+    return None
