@@ -186,11 +186,11 @@ class Client:
 
     def _want(self, wish: Wish) -> None:
         if not self._may_drive:
-            self._answer(wish.id, is_done=False, said='this page may only look')
+            self._answer(wish.number, is_done=False, said='this page may only look')
             return
 
         def answer(is_done: bool, said: str) -> None:
-            self._loop.call_soon_threadsafe(lambda: self._answer(wish.id, is_done, said))
+            self._loop.call_soon_threadsafe(lambda: self._answer(wish.number, is_done, said))
 
         self._world.wish(self.number, wish, answer)
 

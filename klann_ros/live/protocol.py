@@ -42,7 +42,7 @@ class Wish:
     """What a page wants."""
 
     # Its number, for the answer.
-    id: int
+    number: int
     # One of WISHES.
     do: str
     # Of what: the name of a drive, a solver, a recorder or a player.
@@ -95,7 +95,7 @@ def _wish(said: dict[str, Any]) -> Wish:
         'values': _values,
     }
     return Wish(
-        id=_whole(said['id']), do=do, **{key: checks[key](said[key]) for key in WISHES[do]}
+        number=_whole(said['id']), do=do, **{key: checks[key](said[key]) for key in WISHES[do]}
     )
 
 

@@ -16,7 +16,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 
-NODES = {'solver_node', 'crank_node', 'recorder_node', 'player_node', 'walker_node'}
+NODES = {'solver_node', 'crank_node', 'recorder_node', 'player_node', 'view_node', 'walker_node'}
 EXECUTABLES = {*NODES, 'review', 'recover', 'export'}
 
 # The root at a crank angle of 60 deg: gamma, beta, delta, theta [deg], and H [m].

@@ -1,0 +1,30 @@
+"""A server of the live page with a made-up world."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from klann_ros.live.guard import Guard, new_token
+from klann_ros.live.server import LiveServer
+from made_up_world import EVIL, MadeUpWorld, Served
+import pytest
+
+
+@pytest.fixture(scope='session')
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp('served')
+    (folder / 'secret.txt').write_text('nobody reads this')
+    inside = folder / 'runs'
+    (inside / 'good').mkdir(parents=True)
+    (inside / 'good' / 'metadata.yaml').write_text('')
+    (inside / EVIL.replace('/', '')).mkdir()
+    (inside / EVIL.replace('/', '') / 'metadata.yaml').write_text('')
+    (inside / 'link.mcap').symlink_to(folder / 'secret.txt')
+    return inside
+
+
+@pytest.fixture(scope='module')
+def served(runs: Path) -> Iterator[Served]:
+    world = MadeUpWorld()
+    server = LiveServer(Guard('127.0.0.1', 0, new_token()), world, str(runs))
+    yield Served(world, server)
+    server.close()

@@ -1,0 +1,345 @@
+"""No request of others is accepted, and none stops the page of whoever started the server."""
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+import json
+import struct
+from typing import Any
+
+import aiohttp
+from made_up_world import Served
+import pytest
+
+TAKE = {'id': 1, 'do': 'take', 'what': 'crank:/crank_angle'}
+PATIENCE = 20.0
+Socket = aiohttp.ClientWebSocketResponse
+
+
+def run(test: Callable[[aiohttp.ClientSession], Awaitable[None]]) -> None:
+    async def alone() -> None:
+        async with aiohttp.ClientSession() as session:
+            await asyncio.wait_for(test(session), PATIENCE)
+
+    asyncio.run(alone())
+
+
+def headers(served: Served, **other: str | None) -> dict[str, str]:
+    """Return what the page's own browser sends, but for some of it."""
+    own = {'Origin': f'http://{served.place}', 'Host': served.place}
+    changed = {key.replace('_', '-'): value for key, value in other.items()}
+    return {key: value for key, value in {**own, **changed}.items() if value is not None}
+
+
+@asynccontextmanager
+async def opened(
+    session: aiohttp.ClientSession, served: Served, token: str | None = None
+) -> AsyncIterator[Socket]:
+    """Open the socket as the page does, the right token by default."""
+    given = served.guard.token if token is None else token
+    async with session.ws_connect(
+        f'http://{served.place}/socket?token={given}', headers=headers(served), max_msg_size=0
+    ) as socket:
+        yield socket
+
+
+async def frame(socket: Socket) -> dict[str, Any]:
+    """Return the next frame, and say that it is drawn."""
+    said: dict[str, Any] = json.loads((await socket.receive(PATIENCE)).data)
+    await socket.send_json({'ack': said['n']})
+    return said
+
+
+async def wanted(socket: Socket, wish: dict[str, Any]) -> dict[str, Any]:
+    """Want something; return the answer."""
+    await socket.send_json(wish)
+    while True:
+        said = await frame(socket)
+        for answer in said.get('answers', ()):
+            if answer['id'] == wish['id']:
+                return dict(answer)
+
+
+async def is_served(session: aiohttp.ClientSession, served: Served) -> None:
+    """Find that the honest page still can do all that it could."""
+    async with opened(session, served) as socket:
+        before = len(served.world.wishes)
+        assert (await wanted(socket, TAKE))['done']
+        assert len(served.world.wishes) == before + 1
+
+
+HANDSHAKES: dict[str, dict[str, str | None]] = {
+    'foreign origin': {'Origin': 'http://evil.example'},
+    'null origin': {'Origin': 'null'},
+    'no origin': {'Origin': None},
+    'origin of another port': {'Origin': 'http://127.0.0.1:1'},
+    'origin that begins like ours': {'Origin': 'http://127.0.0.1.evil.example'},
+    'origin by another of our names': {'Origin': 'http://localhost'},
+    'https': {'Origin': 'https://127.0.0.1'},
+    'foreign host': {'Host': 'evil.example', 'Origin': 'http://evil.example'},
+    'rebound host': {
+        'Host': 'rebind.evil.example:PORT',
+        'Origin': 'http://rebind.evil.example:PORT',
+    },
+    'host without port': {'Host': '127.0.0.1', 'Origin': 'http://127.0.0.1'},
+    'host that is none': {'Host': '::::', 'Origin': 'http://::::'},
+    'another site': {'Sec_Fetch_Site': 'cross-site'},
+    'same site': {'Sec_Fetch_Site': 'same-site'},
+}
+
+
+@pytest.mark.parametrize('name', HANDSHAKES)
+def test_a_hostile_handshake_is_refused(served: Served, name: str) -> None:
+    port = str(served.guard.port)
+    given = {k: v and v.replace('PORT', port) for k, v in HANDSHAKES[name].items()}
+
+    async def attack(session: aiohttp.ClientSession) -> None:
+        with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
+            await session.ws_connect(
+                f'http://{served.place}/socket?token={served.guard.token}',
+                headers=headers(served, **given),
+            )
+        assert caught.value.status == 403
+
+    run(attack)
+
+
+@pytest.mark.parametrize('token', ['', 'wrong', 'A' * 32, '%00', '%ff', 'ö', 'x' * 5000])
+def test_who_does_not_know_the_secret_looks_only(served: Served, token: str) -> None:
+    async def attack(session: aiohttp.ClientSession) -> None:
+        async with opened(session, served, token) as socket:
+            before = list(served.world.wishes)
+            assert not (await frame(socket))['you']['may']
+            for number, do in enumerate(('take', 'release'), start=1):
+                answer = await wanted(socket, {**TAKE, 'id': number, 'do': do})
+                assert answer == {'id': number, 'done': False, 'said': 'this page may only look'}
+            assert served.world.wishes == before
+
+    run(attack)
+
+
+MESSAGES: dict[str, str] = {
+    'broken JSON': '{',
+    'no mapping': '[]',
+    'a number': '1',
+    'deep': '[' * 2000,
+    'nothing known': '{"id": 1, "do": "shutdown", "what": ""}',
+    'too much': '{"id": 1, "do": "take", "what": "", "and": 1}',
+    'too little': '{"id": 1, "do": "turn", "what": ""}',
+    'do is a list': '{"id": 1, "do": ["take"], "what": ""}',
+    'NaN': '{"id": 1, "do": "turn", "what": "", "value": NaN}',
+    'infinity': '{"id": 1, "do": "turn", "what": "", "value": 1e999}',
+    'huge': '{"id": 1, "do": "turn", "what": "", "value": 1e300}',
+    'a long integer': '{"id": 1, "do": "turn", "what": "", "value": ' + '9' * 3000 + '}',
+    'a text as number': '{"id": 1, "do": "turn", "what": "", "value": "1"}',
+    'true as number': '{"id": 1, "do": "turn", "what": "", "value": true}',
+    'an id below 0': '{"id": -1, "do": "take", "what": ""}',
+    'a long name': '{"id": 1, "do": "take", "what": "' + 'x' * 1000 + '"}',
+    'no values': '{"id": 1, "do": "set", "what": "", "values": {}}',
+    'values of texts': '{"id": 1, "do": "set", "what": "", "values": {"l_ab": "x"}}',
+    'three signs': '{"id": 1, "do": "set", "what": "", "values": {"assembly": [1, 1, 1]}}',
+    'an ack that is none': '{"ack": "1"}',
+}
+
+
+@pytest.mark.parametrize('name', MESSAGES)
+def test_a_message_that_is_none_ends_its_socket_only(served: Served, name: str) -> None:
+    async def attack(session: aiohttp.ClientSession) -> None:
+        async with opened(session, served) as honest, opened(session, served) as socket:
+            await frame(honest)
+            before = list(served.world.wishes)
+            await socket.send_str(MESSAGES[name])
+            while (await socket.receive(PATIENCE)).type == aiohttp.WSMsgType.TEXT:
+                pass
+            assert socket.close_code == aiohttp.WSCloseCode.POLICY_VIOLATION
+            assert served.world.wishes == before
+            assert (await wanted(honest, TAKE))['done']
+
+    run(attack)
+
+
+def test_bytes_are_no_message(served: Served) -> None:
+    async def attack(session: aiohttp.ClientSession) -> None:
+        async with opened(session, served) as socket:
+            await socket.send_bytes(b'{}')
+            while (await socket.receive(PATIENCE)).type == aiohttp.WSMsgType.TEXT:
+                pass
+            assert socket.close_code == aiohttp.WSCloseCode.POLICY_VIOLATION
+
+    run(attack)
+
+
+def test_a_frame_of_ten_megabytes_is_not_taken(served: Served) -> None:
+    async def attack(session: aiohttp.ClientSession) -> None:
+        async with opened(session, served) as honest, opened(session, served) as socket:
+            await frame(honest)
+            with pytest.raises((ConnectionError, aiohttp.ClientError)):
+                for _ in range(100):
+                    await socket.send_str('x' * 10_000_000)
+            assert (await wanted(honest, TAKE))['done']
+
+    run(attack)
+
+
+def test_a_frame_that_never_ends_is_cut_off(served: Served) -> None:
+    async def attack(session: aiohttp.ClientSession) -> None:
+        async with opened(session, served) as honest:
+            await frame(honest)
+            reader, writer = await asyncio.open_connection('127.0.0.1', served.guard.port)
+            writer.write(
+                (
+                    f'GET /socket HTTP/1.1\r\nHost: {served.place}\r\n'
+                    f'Origin: http://{served.place}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n'
+                    'Sec-WebSocket-Version: 13\r\n'
+                    'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n'
+                ).encode()
+            )
+            await reader.readuntil(b'\r\n\r\n')
+            # A text of 2^40 bytes, masked.
+            writer.write(b'\x81\xff' + struct.pack('!Q', 2**40) + b'\0\0\0\0')
+            with pytest.raises(ConnectionError):
+                for _ in range(10_000):
+                    writer.write(b'x' * 10_000)
+                    await writer.drain()
+            assert (await wanted(honest, TAKE))['done']
+
+    run(attack)
+
+
+def test_ten_thousand_messages_at_once_end_their_socket_only(served: Served) -> None:
+    async def attack(session: aiohttp.ClientSession) -> None:
+        async with opened(session, served) as honest, opened(session, served) as socket:
+            await frame(honest)
+            served.world.wishes.clear()
+            with pytest.raises((ConnectionError, aiohttp.ClientError)):
+                for number in range(1_000_000):
+                    await socket.send_json({**TAKE, 'id': number})
+            assert (await wanted(honest, {**TAKE, 'id': 7}))['done']
+            assert len(served.world.wishes) < 1000
+
+    run(attack)
+
+
+@pytest.mark.parametrize(
+    'path',
+    [
+        '/static/../guard.py',
+        '/static/..%2fguard.py',
+        '/static/%2e%2e/guard.py',
+        '/static/%2fetc%2fpasswd',
+        '/static/live.css%00',
+        '/static/',
+        '/runs/..',
+        '/runs/..%2fsecret.txt',
+        '/runs/%2e%2e%2fsecret.txt',
+        '/runs/good%2f..%2f..%2fsecret.txt',
+        '/runs/%2fetc%2fpasswd',
+        '/runs/link.mcap',
+        '/runs/nothing',
+    ],
+)
+def test_no_path_leads_out(served: Served, path: str) -> None:
+    async def attack(session: aiohttp.ClientSession) -> None:
+        reader, writer = await asyncio.open_connection('127.0.0.1', served.guard.port)
+        request = f'GET {path}?token={served.guard.token} HTTP/1.1\r\nHost: {served.place}\r\n'
+        writer.write(f'{request}Connection: close\r\n\r\n'.encode())
+        answer = await reader.read()
+        assert answer.split()[1] in {b'404', b'403', b'400'}
+        assert b'nobody reads this' not in answer
+        await is_served(session, served)
+
+    run(attack)
+
+
+@pytest.mark.parametrize('method', ['POST', 'PUT', 'DELETE', 'OPTIONS', 'TRACE', 'PATCH'])
+def test_nothing_is_changed_by_a_request(served: Served, method: str) -> None:
+    async def attack(session: aiohttp.ClientSession) -> None:
+        for path in ('/', '/socket', '/runs/good', '/static/live.js'):
+            url = f'http://{served.place}{path}?token={served.guard.token}'
+            async with session.request(method, url, headers=headers(served)) as answer:
+                assert answer.status in {403, 405}
+                assert 'Access-Control-Allow-Origin' not in answer.headers
+
+    run(attack)
+
+
+def test_every_answer_has_the_policy_and_no_page_may_hold_it(served: Served) -> None:
+    async def look(session: aiohttp.ClientSession) -> None:
+        for path in ('/', '/static/live.js', '/nowhere', '/socket'):
+            async with session.get(f'http://{served.place}{path}') as answer:
+                policy = answer.headers['Content-Security-Policy']
+                assert "default-src 'none'" in policy
+                assert 'unsafe' not in policy
+                assert "frame-ancestors 'none'" in policy
+                assert answer.headers['X-Content-Type-Options'] == 'nosniff'
+                assert answer.headers['Cross-Origin-Resource-Policy'] == 'same-origin'
+                assert answer.headers['Cache-Control'] == 'no-store'
+        async with session.get(f'http://{served.place}/') as answer:
+            text = await answer.text()
+            assert served.guard.token not in text
+            assert '<script>' not in text
+            assert ' style=' not in text
+
+    run(look)
+
+
+def test_runs_are_shown_to_who_knows_the_secret_only(served: Served) -> None:
+    async def look(session: aiohttp.ClientSession) -> None:
+        for path in ('/runs', '/runs/good'):
+            async with session.get(f'http://{served.place}{path}') as answer:
+                assert answer.status == 403
+        url = f'http://{served.place}/runs?token={served.guard.token}'
+        async with session.get(url, headers={'Sec-Fetch-Site': 'cross-site'}) as answer:
+            assert answer.status == 403
+        async with session.get(url) as answer:
+            text = await answer.text()
+            assert '>good</a>' in text
+            assert 'link' not in text.replace('<link', '')
+            assert '<img' not in text
+
+    run(look)
+
+
+def test_a_page_that_reads_nothing_costs_nothing(served: Served) -> None:
+    async def look(session: aiohttp.ClientSession) -> None:
+        world = served.world
+        world.padding = 'x' * 50_000
+        async with opened(session, served) as honest, opened(session, served) as stalled:
+            seen = []
+            for _ in range(60):
+                seen.append((await frame(honest))['poses']['version'])
+                world.goes_on()
+                await asyncio.sleep(0.006)
+            first = json.loads((await stalled.receive(PATIENCE)).data)
+            await stalled.send_json({'ack': first['n']})
+            second = json.loads((await stalled.receive(PATIENCE)).data)
+            # What came in between was not kept for it: it is told what is so now.
+            assert (first['n'], second['n']) == (1, 2)
+            assert second['poses']['version'] >= seen[-1]
+            assert len(set(seen)) > 50
+        world.padding = ''
+
+    run(look)
+
+
+def test_a_frame_that_was_not_sent_is_not_drawn(served: Served) -> None:
+    async def attack(session: aiohttp.ClientSession) -> None:
+        async with opened(session, served) as socket:
+            first = json.loads((await socket.receive(PATIENCE)).data)
+            for number in (0, first['n'] + 1, 10**6):
+                await socket.send_json({'ack': number})
+            served.world.goes_on()
+            with pytest.raises(asyncio.TimeoutError):
+                await socket.receive(0.3)
+
+    run(attack)
+
+
+def test_a_world_is_told_who_is_gone(served: Served) -> None:
+    async def leave(session: aiohttp.ClientSession) -> None:
+        async with opened(session, served) as socket:
+            page = (await frame(socket))['you']['page']
+        while page not in served.world.gone:
+            await asyncio.sleep(0.01)
+
+    run(leave)
