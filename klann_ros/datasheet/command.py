@@ -1,0 +1,107 @@
+"""`describe`: the data sheet of a leg or a walker before it is built."""
+
+import argparse
+from collections.abc import Sequence
+import sys
+
+from klann_ros import __version__
+from klann_ros.review.report.outputs import Output, OutputError, outputs
+from klann_ros.robot import robot_of, RobotFileError
+from klann_ros.untrusted.arguments import ArgumentParser, path
+from klann_ros.untrusted.text import printable_line
+
+from . import html_page, json_report
+from .computing import data_sheet, SPEED
+from .motor import motor_from_file, MotorFileError
+from .sheet import DataSheet, SheetError
+from .text import text
+
+CANNOT, NOT_READ, NOT_WRITTEN = 1, 2, 3
+DESCRIPTION = """\
+Describe a leg or a walker before it is built: bars, the path of the foot, transmission angles,
+masses, the torque at the crank, what the joints carry, and whether a motor can turn it.
+
+FILE is a parameter file of solver_node, a linkage's YAML file, or a shipped name such as sem104."""
+EPILOG = """\
+FILE of --motor is YAML: stall_torque [N m] and no_load_speed [rad/s] of the motor, gear_ratio and
+efficiency of its gear, and continuous_torque [N m] if its warmth is to be judged.
+Exit code: 0 described, 1 the motor cannot turn it, 2 FILE, the motor or a number is refused, 3 an
+OUT cannot be written."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Describe a robot; return the exit code."""
+    options = _parser().parse_args(argv)
+    try:
+        return _describe(options)
+    except OutputError as error:
+        return _fail(error, NOT_WRITTEN)
+    except (RobotFileError, MotorFileError, SheetError) as error:
+        return _fail(error, NOT_READ)
+
+
+def _fail(error: Exception, code: int) -> int:
+    print(f'describe: {printable_line(error)}', file=sys.stderr)
+    return code
+
+
+def _describe(options: argparse.Namespace) -> int:
+    asked = {f'--{name}': getattr(options, name) for name in ('html', 'json')}
+    files = outputs(asked, [given for given in (options.file, options.motor) if given])
+    motor = motor_from_file(options.motor) if options.motor is not None else None
+    sheet = data_sheet(
+        robot_of(options.file),
+        speed=options.speed,
+        load=options.load,
+        motor=motor,
+        margins=options.margins,
+    )
+    print(text(sheet), end='')
+    saved = [_is_saved(file, sheet) for file in files]
+    if not all(saved):
+        return NOT_WRITTEN
+    return 0 if sheet.motor_turns else CANNOT
+
+
+def _is_saved(file: Output, sheet: DataSheet) -> bool:
+    """Write a file; say what is wrong if that cannot be done, for the other may be."""
+    made = html_page.page(sheet) if file.option == '--html' else json_report.report(sheet)
+    try:
+        # A path may hold bytes that are no text.
+        file.save(lambda out: out.write(made.encode(errors='replace')))
+    except OutputError as error:
+        _fail(error, NOT_WRITTEN)
+        return False
+    return True
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = ArgumentParser(
+        prog='describe',
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
+    parser.add_argument('file', metavar='FILE', type=path, help='the leg or the walker')
+    parser.add_argument(
+        '--speed',
+        metavar='RAD_S',
+        type=float,
+        default=SPEED,
+        help='of the crank [rad/s], negative for clockwise (default: a turn a second)',
+    )
+    parser.add_argument(
+        '--load',
+        metavar='N',
+        type=float,
+        default=0.0,
+        help='the force of the ground on each foot that stands [N]',
+    )
+    parser.add_argument('--motor', metavar='FILE', type=path, help='can this motor turn it?')
+    parser.add_argument(
+        '--margins', action='store_true', help='those of coupled loops, too: some seconds'
+    )
+    parser.add_argument('--html', metavar='OUT', help='the page: the leg moving, and charts')
+    parser.add_argument('--json', metavar='OUT', help='the sheet for machines, in SI units')
+    return parser

@@ -1,0 +1,173 @@
+"""From a robot to its data sheet."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import isfinite
+
+from klann_ros.kinematics import Stance
+from klann_ros.kinematics.angles import TURN
+from klann_ros.robot import Robot, RobotLeg
+from klann_ros.walking import NoWalkerError, walk_figures, WalkFigures
+
+from .leg_sheet import alike, dynamics_of, leg_sheet
+from .load import crank_load, CrankLoad, Turned
+from .motor import Motor, verdict
+from .sheet import CrankSheet, DataSheet, LegSheet, SheetError
+
+# A turn a second.
+SPEED = TURN
+SAMPLES = 720
+# Nothing that is built turns slower or faster [rad/s], or carries more [N].
+SLOWEST, FASTEST, MOST = 1e-6, 1e6, 1e9
+# With fewer legs nothing stands, and nobody expects that it walks.
+FEWEST_LEGS = 3
+
+
+def data_sheet(
+    robot: Robot,
+    *,
+    speed: float = SPEED,
+    load: float = 0.0,
+    motor: Motor | None = None,
+    margins: bool = False,
+    samples: int = SAMPLES,
+) -> DataSheet:
+    """
+    Return the data sheet of a leg or of a walker.
+
+    Parameters
+    ----------
+    robot : Robot
+        What it is of.
+    speed : float
+        At which the cranks turn evenly; negative is clockwise [rad/s].
+    load : float
+        The force of the ground on each foot that stands, up along y of the leg's plane [N].
+    motor : Motor, optional
+        What is to turn each crank.
+    margins : bool
+        Whether the margins of coupled loops are wanted, too, which take seconds.
+    samples : int
+        Of the turn.
+
+    Raises
+    ------
+    SheetError
+        A number is refused; a load is asked about where no foot stands, or a motor where there
+        are neither masses nor a load.
+
+    """
+    _check(speed, load)
+    first, number = _distinct(robot.legs)
+    sheets = [
+        leg_sheet(robot, leg, speed, load, margins=margins, samples=samples) for leg in first
+    ]
+    stances = {leg.name: sheets[k].stance for leg, k in zip(robot.legs, number, strict=True)}
+    names = [
+        tuple(leg.name for leg, own in zip(robot.legs, number, strict=True) if own == k)
+        for k in range(len(sheets))
+    ]
+    legs = tuple(replace(sheet, names=own) for sheet, own in zip(sheets, names, strict=True))
+    missing = _missing(robot)
+    if motor is not None and missing and not load:
+        raise SheetError(f'{missing}; a motor is judged by masses, or by --load')
+    cranks = [
+        _crank(robot, joint, legs, stances, speed, load, samples) for joint in robot.crank_joints
+    ]
+    walk, no_walk = _walk(robot)
+    return DataSheet(
+        name=robot.name,
+        source=robot.source,
+        speed=float(speed),
+        load=float(load),
+        legs=legs,
+        cranks=tuple(_judged(*crank, motor, speed) for crank in cranks),
+        motor=motor,
+        no_forces=_no_forces(legs, missing, load),
+        walk=walk,
+        no_walk=no_walk,
+    )
+
+
+def _check(speed: float, load: float) -> None:
+    if not (isfinite(speed) and SLOWEST <= abs(speed) <= FASTEST):
+        raise SheetError(
+            f'speed = {speed!r} rad/s is refused: a number whose size is {SLOWEST:g} to '
+            f'{FASTEST:g}, negative for clockwise'
+        )
+    if not (isfinite(load) and 0.0 <= load <= MOST):
+        raise SheetError(f'load = {load!r} N is refused: a number from 0 to {MOST:g}')
+
+
+def _distinct(legs: Sequence[RobotLeg]) -> tuple[list[RobotLeg], list[int]]:
+    """Return each leg that is different once, and of all legs which of these they are."""
+    first: list[RobotLeg] = []
+    number = []
+    for leg in legs:
+        like = next((k for k, known in enumerate(first) if alike(known, leg)), len(first))
+        if like == len(first):
+            first.append(leg)
+        number.append(like)
+    return first, number
+
+
+def _missing(robot: Robot) -> str:
+    """Return which masses are missing; '' where all are told."""
+    without = [leg for leg in robot.legs if leg.masses is None]
+    if not without:
+        return ''
+    one = len(without) == len(robot.legs)
+    which = '' if one else f' for {", ".join(leg.name for leg in without)}'
+    return f'no masses: bar_density [kg/m] (a linkage: density) is missing{which}'
+
+
+def _no_forces(legs: Sequence[LegSheet], missing: str, load: float) -> str:
+    told = []
+    if not all(leg.turns_fully for leg in legs):
+        told.append('the crank does not turn fully: there is no turn to tell the forces of')
+    if missing:
+        told.append(f'{missing}; what follows is the load alone' if load else missing)
+    return '; '.join(told)
+
+
+def _crank(
+    robot: Robot,
+    joint: str,
+    legs: Sequence[LegSheet],
+    stances: dict[str, Stance | None],
+    speed: float,
+    load: float,
+    samples: int,
+) -> tuple[CrankSheet, CrankLoad | None]:
+    own = robot.on_joint(joint)
+    names = tuple(leg.name for leg in own)
+    bare = CrankSheet(joint, names, None, None, None)
+    if not all(leg.turns_fully for leg in legs if set(leg.names) & set(names)):
+        return bare, None
+    turned = [Turned(leg, dynamics_of(robot, leg), stances[leg.name]) for leg in own]
+    weighed = all(leg.masses is not None for leg in own)
+    empty = crank_load(turned, 0.0, samples) if weighed else None
+    loaded = crank_load(turned, load, samples) if load else None
+    sheet = replace(
+        bare,
+        empty=empty.turn(speed) if empty else None,
+        loaded=loaded.turn(speed) if loaded else None,
+    )
+    return sheet, loaded or empty
+
+
+def _judged(
+    crank: CrankSheet, load: CrankLoad | None, motor: Motor | None, speed: float
+) -> CrankSheet:
+    if motor is None or load is None:
+        return crank
+    return replace(crank, motor=verdict(motor, load, speed))
+
+
+def _walk(robot: Robot) -> tuple[WalkFigures | None, str]:
+    if len(robot.legs) < FEWEST_LEGS:
+        return None, ''
+    try:
+        return walk_figures(robot), ''
+    except NoWalkerError as error:
+        return None, str(error)

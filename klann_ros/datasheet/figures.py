@@ -1,0 +1,289 @@
+"""
+The figures of a data sheet as texts and page show them: a name, a value in a handy unit, a remark.
+
+What is shown is said here once; how it is set, is the renderers' business.
+"""
+
+from collections.abc import Iterator, Sequence
+from math import degrees, inf, isfinite, pi
+from typing import NamedTuple
+
+from klann_ros.dynamics import TurnOfForces
+from klann_ros.untrusted.text import counted, printable
+
+from .sheet import CrankSheet, DataSheet, Extreme, LegSheet
+
+# How much slower and faster than on average a crank may be for which a flywheel is told.
+UNEVENNESS = 0.1
+# What the literature calls good transmission, from in line [rad].
+GOOD_TRANSMISSION = 40.0 * pi / 180.0
+# So many groups of feet are told.
+MOST_GROUPS = 12
+UNKNOWN = '\N{EN DASH}'
+
+
+class Figure(NamedTuple):
+    """A figure: its name, its value as text, its unit, and what is to be said of it."""
+
+    name: str
+    value: str
+    unit: str = ''
+    note: str = ''
+
+
+class Table(NamedTuple):
+    """A table: what it is of, the heads of its columns, its rows, and a sentence below."""
+
+    title: str
+    heads: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ''
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Return a number with so many digits that count; without an exponent where that is short."""
+    if not isfinite(value):
+        return UNKNOWN
+    if value == 0.0:
+        return '0'
+    if 1e-3 <= abs(value) < 1e6:
+        before = len(str(int(abs(value)))) if abs(value) >= 1.0 else 0
+        return f'{value:.{max(digits - max(before, 0), 0)}f}'
+    return f'{value:.{digits - 1}e}'
+
+
+def degree(radians: float, digits: int = 1) -> str:
+    """Return an angle in degrees."""
+    return f'{degrees(radians):.{digits}f}' if isfinite(radians) else UNKNOWN
+
+
+def millimetres(metres: float) -> str:
+    """Return a length in millimetres."""
+    return number(1e3 * metres, 4)
+
+
+def about(sheet: DataSheet) -> str:
+    """Return how the cranks turn, and what stands on the feet, in a line."""
+    way = 'clockwise' if sheet.speed < 0.0 else 'counter-clockwise'
+    speed = abs(sheet.speed)
+    turns = f'{number(speed)} rad/s ({number(speed * 30.0 / pi)} rpm), {way}'
+    load = f', {number(sheet.load)} N on each foot that stands' if sheet.load else ''
+    return f'cranks at {turns}{load}'
+
+
+def foot_figures(leg: LegSheet, speed: float) -> Iterator[Figure]:
+    """Yield what a foot does, while the crank turns at a speed [rad/s]."""
+    path, stance = leg.path, leg.stance
+    if path is not None:
+        left, right = path.x_range
+        low, high = path.y_range
+        yield Figure('Stride', millimetres(path.stride), 'mm', _range('x', left, right))
+        yield Figure('Lift', millimetres(path.lift), 'mm', _range('y', low, high))
+        yield Figure('Path', millimetres(path.length), 'mm', 'its length')
+    if stance is None:
+        return
+    at = f'crank {_span(degree(stance.start), degree(stance.end))} deg'
+    yield Figure('Stance', f'{100.0 * stance.duty_factor:.1f}', '%', f'of the turn, {at}')
+    ground = f'within {millimetres(stance.ground)} mm above the lowest point'
+    yield Figure('Ground covered', millimetres(stance.ground_covered), 'mm', ground)
+    off = f'{100.0 * stance.straightness:.2f} % of the ground covered'
+    yield Figure('Off straight', millimetres(stance.deviation), 'mm', off)
+    rate = abs(speed)
+    ripple = f'; ripple {100.0 * stance.ripple:.0f} %' if isfinite(stance.ripple) else ''
+    span = _span(number(rate * stance.speed_least, 3), number(rate * stance.speed_greatest, 3))
+    yield Figure('Foot speed', number(rate * stance.speed_mean), 'm/s', f'{span}{ripple}')
+
+
+def _range(axis: str, low: float, high: float) -> str:
+    return f'{axis} {_span(millimetres(low), millimetres(high))} mm'
+
+
+def _span(low: str, high: str) -> str:
+    return f'{low} .. {high}'
+
+
+def bars(leg: LegSheet) -> Table:
+    """Return the table of a leg's numbers."""
+    has_margins = not leg.no_margins
+    heads = ('Number', 'Value', 'Unit', *(('Turns fully from', 'to') if has_margins else ()))
+    rows = []
+    for bar in leg.bars:
+        show = millimetres if bar.unit == 'm' else degree
+        ends: tuple[str, ...] = ()
+        if has_margins:
+            known = bar.margin is not None
+            limits = (bar.margin.least, bar.margin.greatest) if bar.margin else (inf, inf)
+            ends = tuple('any' if known and not isfinite(x) else show(x) for x in limits)
+        rows.append((bar.name, show(bar.value), 'mm' if bar.unit == 'm' else 'deg', *ends))
+    note = (
+        'One number changed at a time, all others as they are.'
+        if has_margins
+        else f'No margins: {leg.no_margins}.'
+    )
+    return Table('Bars', heads, tuple(rows), note)
+
+
+def transmission(leg: LegSheet) -> Table:
+    """Return the table of a leg's transmission angles."""
+    rows = tuple(
+        (
+            each.name,
+            degree(each.least.value),
+            degree(each.least.at),
+            degree(each.greatest.value),
+            degree(each.greatest.at),
+            degree(each.worst.value),
+        )
+        for each in leg.transmission
+    )
+    heads = ('Links', 'Least / deg', 'at crank', 'Greatest / deg', 'at crank', 'From in line')
+    poor = [each for each in leg.transmission if each.worst.value < GOOD_TRANSMISSION]
+    less = '; here it is less' if poor else ''
+    note = f'Good practice is {degree(GOOD_TRANSMISSION, 0)} deg from in line or more{less}.'
+    return Table('Transmission angles', heads, rows, note)
+
+
+def masses(leg: LegSheet) -> Table:
+    """Return the table of a leg's masses."""
+    rows = tuple(
+        (
+            body.name,
+            number(body.mass),
+            millimetres(body.centre[0]),
+            millimetres(body.centre[1]),
+            number(body.inertia),
+        )
+        for body in leg.masses
+    )
+    heads = ('Body', 'Mass / kg', 'Centre x / mm', 'y / mm', 'Inertia / kg m²')
+    note = f'{number(leg.mass)} kg a leg. The centre is from the first point of the body.'
+    return Table('Masses', heads, rows, note)
+
+
+def joint_forces(leg: LegSheet) -> Table:
+    """Return the table of what a leg's joints carry, at most."""
+    told = [(name, of) for name, of in (('empty', leg.empty), ('loaded', leg.loaded)) if of]
+    heads = ['Joint']
+    for name, _ in told:
+        heads += [f'{name} / N', 'at crank / deg']
+    rows = []
+    for same in zip(*(of.joints for _, of in told), strict=True):
+        rows.append((same[0].name, *_peaks([joint.greatest for joint in same])))
+        moments = [joint.moment for joint in same if joint.moment is not None]
+        if moments:
+            rows.append((f'{same[0].name}: moment / N m', *_peaks(moments)))
+    return Table('Joint reactions', tuple(heads), tuple(rows), 'The greatest of a turn.')
+
+
+def _peaks(extremes: Sequence[Extreme]) -> list[str]:
+    return [text for value, at in extremes for text in (number(value), degree(at))]
+
+
+def crank_forces(crank: CrankSheet, speed: float) -> Table:
+    """Return the table of a crank's torque and power, without and with the load."""
+    told = [(name, of) for name, of in (('empty', crank.empty), ('loaded', crank.loaded)) if of]
+    columns = [_crank_column(turn, speed) for _, turn in told]
+    rows = [
+        (same[0].name, *(figure.value for figure in same), same[0].unit)
+        for same in zip(*columns, strict=True)
+    ]
+    heads = ('Over the turn', *(name for name, _ in told), 'unit')
+    note = (
+        'Counter-clockwise is positive. Energy swing: what a shaft with the mean torque gains and '
+        f'loses; the flywheel is for a speed within +-{100.0 * UNEVENNESS / 2.0:.0f} %.'
+    )
+    return Table('Crank', heads, tuple(rows), note)
+
+
+def _crank_column(turn: TurnOfForces, speed: float) -> list[Figure]:
+    power = turn.power
+    return [
+        Figure('Torque, least', number(float(turn.torque.min())), 'N m'),
+        Figure('Torque, greatest', number(float(turn.torque.max())), 'N m'),
+        Figure('Torque, rms', number(turn.rms), 'N m'),
+        Figure('Torque, mean', number(_zero(turn.mean, turn.peak)), 'N m'),
+        Figure('Power, least', number(float(power.min())), 'W'),
+        Figure('Power, greatest', number(float(power.max())), 'W'),
+        Figure('Power, mean', number(_zero(float(power.mean()), turn.peak * abs(speed))), 'W'),
+        Figure('Energy swing', number(turn.energy_swing), 'J'),
+        Figure('Flywheel', number(turn.flywheel(UNEVENNESS)), 'kg m²'),
+    ]
+
+
+def _zero(value: float, scale: float) -> float:
+    """Return a value, 0 where it is but the rounding of others."""
+    return 0.0 if abs(value) <= 1e-9 * scale else value
+
+
+def motor_figures(crank: CrankSheet) -> Iterator[Figure]:
+    """Yield what a motor has, and what a crank needs."""
+    judged = crank.motor
+    if judged is None:
+        return
+    motor = judged.motor
+    yield Figure('Gives at standstill', number(motor.output_stall_torque), 'N m', 'at the gear')
+    yield Figure('Gives at this speed', number(judged.available), 'N m', 'at the gear')
+    at = f'at {degree(judged.peak_at)} deg'
+    yield Figure('Needed at most', number(judged.peak), 'N m', at if judged.peak else '')
+    yield Figure('Margin', _times(judged.margin), '', '1 is just enough')
+    held = f'{number(judged.braking_peak)} of {number(motor.holding_torque)} N m'
+    yield Figure('Margin in holding back', _times(judged.braking_margin), '', held)
+    thermal = judged.thermal_margin
+    rms = f'{number(judged.motor_rms)} N m rms at the motor'
+    if thermal is None:
+        yield Figure('Margin in warmth', UNKNOWN, '', f'{rms}; no continuous_torque is told')
+    else:
+        yield Figure('Margin in warmth', _times(thermal), '', rms)
+    rpm = f'{number(judged.fastest * 30.0 / pi)} rpm, by torque and speed'
+    yield Figure('Fastest', number(judged.fastest), 'rad/s', rpm)
+
+
+def _times(margin: float) -> str:
+    return 'any' if margin == inf else f'{margin:.2f}'
+
+
+def motor_line(sheet: DataSheet) -> str:
+    """Return in a line whether the motor can turn it; '' where no motor is asked about."""
+    if sheet.motor is None:
+        return ''
+    speed = f'{number(abs(sheet.speed))} rad/s'
+    if sheet.motor_turns:
+        margins = [crank.motor.margin for crank in sheet.cranks if crank.motor]
+        return f'the motor can turn it at {speed}, margin {_times(min(margins))}'
+    why = []
+    for crank in sheet.cranks:
+        faults = crank.motor.faults if crank.motor else ('the crank does not turn fully',)
+        of = f'{printable(crank.joint)}: ' if faults and len(sheet.cranks) > 1 else ''
+        why += [f'{of}{", and ".join(faults)}'] if faults else []
+    return f'the motor cannot turn it at {speed}: {"; ".join(why)}'
+
+
+def walk_figures(sheet: DataSheet) -> Iterator[Figure]:
+    """Yield what a walker does over a turn of its cranks, on level ground."""
+    walk = sheet.walk
+    if walk is None:
+        return
+    yield Figure('Speed', number(abs(walk.speed * sheet.speed)), 'm/s', 'straight on, cranks alike')
+    yield Figure('Stride', millimetres(walk.stride), 'mm', 'a turn of the cranks')
+    note = 'the centre of mass inside the feet; negative is outside'
+    yield Figure('Least static margin', millimetres(walk.least_margin), 'mm', note)
+    yield Figure('Rests on its feet', f'{100.0 * walk.rests:.1f}', '%', 'of the turn')
+    if walk.rests:
+        yield Figure('Bob', millimetres(walk.bob), 'mm', 'the body up and down')
+        yield Figure('Pitch', degree(walk.greatest_pitch, 2), 'deg', 'at most')
+        yield Figure('Roll', degree(walk.greatest_roll, 2), 'deg', 'at most')
+    yield Figure('Feet slide', millimetres(walk.slid), 'mm', 'a turn, by the weight on them')
+
+
+def supports(sheet: DataSheet) -> Table | None:
+    """Return the table of the groups of feet that a walker stands on."""
+    if sheet.walk is None:
+        return None
+    shares = sheet.walk.on()
+    rows = [
+        (f'{100.0 * share:.1f}', str(len(feet)), ', '.join(feet) or 'it does not rest')
+        for feet, share in list(shares.items())[:MOST_GROUPS]
+    ]
+    more = len(shares) - len(rows)
+    note = f'{counted(more, "group more", "groups more")}.' if more else ''
+    return Table('Supports', ('Part of the turn / %', 'Feet', 'Which'), tuple(rows), note)

@@ -1,0 +1,267 @@
+"""A motor with its gear, from a file, and whether it can turn a crank."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from math import inf, isfinite
+from typing import Any
+
+from klann_ros.untrusted.files import read_plain
+from klann_ros.untrusted.text import did_you_mean, printable, printable_line
+from klann_ros.untrusted.yaml_text import LONGEST, parse
+import numpy as np
+
+from .load import CrankLoad
+
+# No motor that anybody builds is beyond it, in any of its numbers.
+LARGEST = 1e9
+
+
+class MotorFileError(ValueError):
+    """A file that holds no motor; the text says why."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motor:
+    """
+    A direct-current motor with its gear: its torque falls evenly from standstill to no load.
+
+    Attributes
+    ----------
+    stall_torque : float
+        Of the motor, without its gear, at standstill [N m], > 0.
+    no_load_speed : float
+        Of the motor, without its gear [rad/s], > 0.
+    gear_ratio : float
+        Turns of the motor for one of the crank, > 0; 1 without a gear.
+    efficiency : float
+        Of the gear, > 0 and <= 1.
+    continuous_torque : float, optional
+        What the motor stands for ever without getting too warm [N m], > 0.
+
+    """
+
+    stall_torque: float
+    no_load_speed: float
+    gear_ratio: float
+    efficiency: float
+    continuous_torque: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is no motor."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value is not None:
+                _check(field.name, value)
+
+    @property
+    def output_stall_torque(self) -> float:
+        """Return what the gear gives at standstill [N m]."""
+        return self.stall_torque * self.gear_ratio * self.efficiency
+
+    @property
+    def output_no_load_speed(self) -> float:
+        """Return how fast the gear's output turns without load [rad/s]."""
+        return self.no_load_speed / self.gear_ratio
+
+    @property
+    def holding_torque(self) -> float:
+        """Return what the motor's stall torque holds back at the output: losses help [N m]."""
+        return self.stall_torque * self.gear_ratio / self.efficiency
+
+    def torque(self, speed: float) -> float:
+        """Return what the output gives at a speed >= 0 [rad/s]; negative beyond no load [N m]."""
+        return self.output_stall_torque * (1.0 - speed / self.output_no_load_speed)
+
+
+KEYS = tuple(field.name for field in fields(Motor))
+NEEDED = KEYS[:4]
+
+
+def motor_from_file(path: str) -> Motor:
+    """
+    Return the motor in a YAML file: a mapping of its numbers, by the names of `Motor`.
+
+    Raises
+    ------
+    MotorFileError
+        The file cannot be read, or holds no motor.
+
+    """
+    shown = printable(path)
+    try:
+        return motor_from(parse(read_plain(path, LONGEST)))
+    except OSError as error:
+        raise MotorFileError(f'{shown} cannot be read: {error.strerror}') from error
+    except (ValueError, TypeError) as error:
+        raise MotorFileError(f'{shown} holds no motor: {printable_line(error)}') from error
+
+
+def motor_from(content: Any) -> Motor:
+    """
+    Return the motor in a mapping.
+
+    Raises
+    ------
+    ValueError
+        It is no mapping, a number is missing, or is none, or a key is unknown.
+
+    """
+    example = 'such as config/motor_example.yaml is'
+    if not isinstance(content, Mapping):
+        raise ValueError(f'it must be a mapping, {example}')  # noqa: TRY004 - as all others
+    for key in content:
+        if key not in KEYS:
+            hint = did_you_mean(key, KEYS)
+            raise ValueError(f'{printable(key)}: no such key; there are {", ".join(KEYS)}{hint}')
+    missing = [key for key in NEEDED if key not in content]
+    if missing:
+        also = '; gear_ratio: 1 is none' * ('gear_ratio' in missing)
+        raise ValueError(f'{", ".join(missing)} missing, {example}{also}')
+    for key, value in content.items():
+        _check(key, value)
+    return Motor(**{key: float(value) for key, value in content.items()})
+
+
+def _check(name: str, value: Any) -> None:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not isfinite(value) or not 0.0 < value <= LARGEST:
+        raise ValueError(
+            f'{name} = {printable(repr(value), 100)} is refused: a number > 0, at most {LARGEST:g}'
+        )
+    if name == 'efficiency' and value > 1.0:
+        raise ValueError(f'efficiency = {value!r} is refused: a part of 1; 80 % are 0.8')
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotorVerdict:
+    """
+    Whether a motor can turn a crank at a speed.
+
+    Attributes
+    ----------
+    motor : Motor
+        The motor.
+    speed : float
+        Of the crank, without its direction [rad/s].
+    available : float
+        What the gear's output gives at this speed [N m].
+    peak : float
+        The greatest torque against the crank's turning, 0 where there is none [N m].
+    peak_at : float
+        The angle of the crank joint there [rad].
+    braking_peak : float
+        The greatest torque that drives the crank on, and that the motor must hold back [N m].
+    motor_rms : float
+        The root of the mean square of the torque at the motor, losses of the gear included [N m].
+    fastest : float
+        Up to this speed it can turn the crank at every speed [rad/s]; 0 where it cannot move it.
+
+    """
+
+    motor: Motor
+    speed: float
+    available: float
+    peak: float
+    peak_at: float
+    braking_peak: float
+    motor_rms: float
+    fastest: float
+
+    @property
+    def margin(self) -> float:
+        """Return how many times the greatest torque it has; infinite where it needs none."""
+        return self.available / self.peak if self.peak else inf
+
+    @property
+    def braking_margin(self) -> float:
+        """Return how many times it can hold back what drives the crank on."""
+        return self.motor.holding_torque / self.braking_peak if self.braking_peak else inf
+
+    @property
+    def thermal_margin(self) -> float | None:
+        """Return how many times the rms torque it stands for ever; None where nobody knows."""
+        if self.motor.continuous_torque is None:
+            return None
+        return self.motor.continuous_torque / self.motor_rms if self.motor_rms else inf
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Return why it cannot turn the crank at this speed; empty where it can."""
+        found = []
+        if self.available <= 0.0:
+            most = self.motor.output_no_load_speed
+            found.append(f'even without load it turns no faster than {most:.4g} rad/s')
+        elif self.margin < 1.0:
+            found.append(f'it gives {self.available:.4g} N m of the {self.peak:.4g} N m')
+        if self.braking_margin < 1.0:
+            found.append(
+                f'it cannot hold back {self.braking_peak:.4g} N m that drive the crank on'
+            )
+        if not found and self.fastest < self.speed:
+            found.append(f'it gets no faster than {self.fastest:.4g} rad/s from standstill')
+        thermal = self.thermal_margin
+        if thermal is not None and thermal < 1.0:
+            found.append(
+                f'it gets too warm: {self.motor_rms:.4g} N m rms at the motor, which stands '
+                f'{self.motor.continuous_torque:.4g} N m for ever'
+            )
+        return tuple(found)
+
+    @property
+    def turns(self) -> bool:
+        """Return whether it can, for as long as one likes as far as that is known."""
+        return not self.faults
+
+
+def verdict(motor: Motor, load: CrankLoad, speed: float) -> MotorVerdict:
+    """
+    Return whether a motor can turn a crank at a speed, which it keeps all round the turn.
+
+    Parameters
+    ----------
+    motor : Motor
+        With its gear.
+    load : CrankLoad
+        What the crank takes.
+    speed : float
+        Of the crank, negative for clockwise [rad/s].
+
+    """
+    way = -1.0 if speed < 0.0 else 1.0
+    torque = way * load.torque(speed)
+    at_motor = np.where(torque > 0.0, torque / motor.efficiency, torque * motor.efficiency)
+    worst = int(np.argmax(torque))
+    return MotorVerdict(
+        motor=motor,
+        speed=abs(speed),
+        available=motor.torque(abs(speed)),
+        peak=max(float(torque[worst]), 0.0),
+        peak_at=float(load.angles[worst]),
+        braking_peak=max(-float(torque.min()), 0.0),
+        motor_rms=float(np.sqrt((at_motor**2).mean())) / motor.gear_ratio,
+        fastest=_fastest(motor, load, way),
+    )
+
+
+def _fastest(motor: Motor, load: CrankLoad, way: float) -> float:
+    """
+    Return up to which speed w a motor has what all angles need, from standstill on [rad/s].
+
+    With the torque G + S w^2 an angle needs G + S w^2 <= M (1 - w / w_0) to be driven, and
+    -(G + S w^2) <= B to be held back: two parabolas, which are <= 0 up to their first root.
+    """
+    still, squared = way * load.still, way * load.per_speed_squared
+    stall, most = motor.output_stall_torque, motor.output_no_load_speed
+    driven = _first_root(squared, np.full_like(still, stall / most), still - stall)
+    held = _first_root(-squared, np.zeros_like(still), -still - motor.holding_torque)
+    return float(min(most, driven.min(), held.min()))
+
+
+def _first_root(a: Any, b: Any, c: Any) -> Any:
+    """Return the least w >= 0 from which on a w^2 + b w + c > 0; b >= 0; inf if there is none."""
+    with np.errstate(divide='ignore', invalid='ignore'):
+        root = np.sqrt(b * b - 4.0 * a * c)
+        # Without cancellation for b >= 0; it is NaN or negative where there is none.
+        first = -2.0 * c / (b + root)
+    first = np.where(np.isfinite(first) & (first >= 0.0), first, inf)
+    return np.where(c > 0.0, 0.0, first)

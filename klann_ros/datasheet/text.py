@@ -1,0 +1,103 @@
+"""A data sheet as text for a terminal, or for a pipe."""
+
+from collections.abc import Iterable, Iterator
+from math import degrees
+
+from klann_ros.untrusted.text import printable, printable_line
+
+from . import figures
+from .figures import Figure, Table
+from .sheet import DataSheet, LegSheet
+
+# A longer name moves its own line only.
+_WIDEST = 40
+
+
+def text(sheet: DataSheet) -> str:
+    """Return the data sheet as lines."""
+    return '\n'.join(_lines(sheet)).rstrip() + '\n'
+
+
+def _lines(sheet: DataSheet) -> Iterator[str]:
+    yield f'{printable(sheet.name)}: {printable_line(figures.about(sheet))}'
+    if sheet.source and sheet.source != sheet.name:
+        yield f'from {printable(sheet.source)}'
+    verdict = figures.motor_line(sheet)
+    if verdict:
+        yield f'{verdict[:1].upper()}{verdict[1:]}.'
+    if sheet.no_forces:
+        yield f'Forces: {sheet.no_forces}.'
+    for leg in sheet.legs:
+        yield from _leg(leg, sheet)
+    for crank in sheet.cranks:
+        several = len(sheet.cranks) > 1 or len(crank.legs) > 1
+        turns = f' {crank.joint}, which turns {", ".join(crank.legs)}' if several else ''
+        if crank.hardest is not None:
+            yield from _table(figures.crank_forces(crank, sheet.speed), turns)
+        if crank.motor is not None:
+            yield from _heading(f'Motor{turns}')
+            yield from _figures(figures.motor_figures(crank))
+    yield from _walk(sheet)
+
+
+def _leg(leg: LegSheet, sheet: DataSheet) -> Iterator[str]:
+    if leg.title:
+        legs = 'Leg' if len(leg.names) == 1 else 'Legs'
+        yield from _heading(f'{legs} {leg.title}')
+    linkage = leg.linkage
+    yield ''
+    for about in (linkage.name, linkage.source):
+        if about:
+            yield printable_line(about)
+    if leg.turns_fully:
+        yield 'The crank turns fully.'
+    else:
+        arcs = ', '.join(f'{degrees(a):.3f} .. {degrees(b):.3f}' for a, b in leg.arcs)
+        yield f'The crank does not turn fully; it reaches {arcs or "nothing"} deg.'
+    yield from _table(figures.bars(leg))
+    yield from _heading(f'Foot {linkage.structure.foot}')
+    yield from _figures(figures.foot_figures(leg, sheet.speed))
+    if leg.no_stance:
+        yield f'  {printable_line(leg.no_stance)}.'
+    yield from _table(figures.transmission(leg))
+    if leg.masses:
+        yield from _table(figures.masses(leg))
+    if leg.empty or leg.loaded:
+        yield from _table(figures.joint_forces(leg))
+
+
+def _walk(sheet: DataSheet) -> Iterator[str]:
+    if sheet.no_walk:
+        yield from _heading('Walking')
+        yield f'  {printable_line(sheet.no_walk)}.'
+    if sheet.walk is not None:
+        yield from _heading('Walking')
+        yield from _figures(figures.walk_figures(sheet))
+        table = figures.supports(sheet)
+        if table:
+            yield from _table(table)
+
+
+def _heading(title: str) -> list[str]:
+    return ['', printable_line(title)]
+
+
+def _figures(of: Iterable[Figure]) -> Iterator[str]:
+    rows = list(of)
+    width = max((len(figure.name) for figure in rows), default=0)
+    for figure in rows:
+        line = f'  {figure.name:<{width}}  {figure.value:>9} {figure.unit:<6} {figure.note}'
+        yield line.rstrip()
+
+
+def _table(table: Table, of: str = '') -> Iterator[str]:
+    yield from _heading(f'{table.title}{of}')
+    rows = [tuple(map(printable, row)) for row in (table.heads, *table.rows)]
+    columns = list(zip(*rows, strict=True))
+    widths = [min(max(map(len, column)), _WIDEST) for column in columns]
+    for row in rows:
+        first, *others = row
+        cells = [f'{cell:>{width}}' for cell, width in zip(others, widths[1:], strict=True)]
+        yield f'  {first:<{widths[0]}}  {"  ".join(cells)}'.rstrip()
+    if table.note:
+        yield f'  {printable_line(table.note)}'
