@@ -59,6 +59,7 @@ setup(
         NAME: ['py.typed', 'linkages/*.yaml'],
         f'{NAME}.kinematics.linkage': ['schema.json'],
         f'{NAME}.live': ['static/*'],
+        f'{NAME}.datasheet.html_page': ['static/*'],
         f'{NAME}.page': ['static/*', 'static/uplot/*'],
         f'{NAME}.review.report.html_page': ['static/*'],
     },
@@ -101,6 +102,7 @@ setup(
                 'review',
                 'recover',
                 'export',
+                'describe',
             )
         ],
     },

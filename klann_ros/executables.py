@@ -63,6 +63,11 @@ def export() -> int:
     return _tool('export', 'klann_ros.export.command', untold=3)
 
 
+def describe() -> int:
+    """Write the data sheet of a robot before it is built."""
+    return _tool('describe', 'klann_ros.datasheet.command', untold=3)
+
+
 def _node(name: str, *, uses_terminal: bool = False) -> int:
     stop = StopSignals(uses_terminal=uses_terminal)
     room = name.removesuffix('_node')

@@ -2,11 +2,13 @@
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 import sys
 
 from klann_ros import __version__
+from klann_ros.dynamics import MassError, rods
 from klann_ros.review.report.outputs import Output, OutputError, outputs
-from klann_ros.robot import robot_of, RobotFileError
+from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.untrusted.arguments import ArgumentParser, path
 from klann_ros.untrusted.text import printable_line
 
@@ -21,7 +23,7 @@ DESCRIPTION = """\
 Describe a leg or a walker before it is built: bars, the path of the foot, transmission angles,
 masses, the torque at the crank, what the joints carry, and whether a motor can turn it.
 
-FILE is a parameter file of solver_node, a linkage's YAML file, or a shipped name such as sem104."""
+FILE is a parameter file of solver_node, a linkage's file, or a shipped name such as sem104."""
 EPILOG = """\
 FILE of --motor is YAML: stall_torque [N m] and no_load_speed [rad/s] of the motor, gear_ratio and
 efficiency of its gear, and continuous_torque [N m] if its warmth is to be judged.
@@ -36,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _describe(options)
     except OutputError as error:
         return _fail(error, NOT_WRITTEN)
-    except (RobotFileError, MotorFileError, SheetError) as error:
+    except (RobotFileError, MotorFileError, MassError, SheetError) as error:
         return _fail(error, NOT_READ)
 
 
@@ -49,8 +51,9 @@ def _describe(options: argparse.Namespace) -> int:
     asked = {f'--{name}': getattr(options, name) for name in ('html', 'json')}
     files = outputs(asked, [given for given in (options.file, options.motor) if given])
     motor = motor_from_file(options.motor) if options.motor is not None else None
+    robot = robot_of(options.file)
     sheet = data_sheet(
-        robot_of(options.file),
+        robot if options.bar_density is None else _weighed(robot, options.bar_density),
         speed=options.speed,
         load=options.load,
         motor=motor,
@@ -61,6 +64,15 @@ def _describe(options: argparse.Namespace) -> int:
     if not all(saved):
         return NOT_WRITTEN
     return 0 if sheet.motor_turns else CANNOT
+
+
+def _weighed(robot: Robot, density: float) -> Robot:
+    """Return a robot whose legs are of rods [kg/m] where its file tells no masses."""
+    legs = (
+        leg if leg.masses else replace(leg, masses=rods(leg.linkage, density))
+        for leg in robot.legs
+    )
+    return replace(robot, legs=tuple(legs))
 
 
 def _is_saved(file: Output, sheet: DataSheet) -> bool:
@@ -97,6 +109,12 @@ def _parser() -> argparse.ArgumentParser:
         type=float,
         default=0.0,
         help='the force of the ground on each foot that stands [N]',
+    )
+    parser.add_argument(
+        '--bar-density',
+        metavar='KG_M',
+        type=float,
+        help='of all bars, where FILE tells no masses [kg/m]',
     )
     parser.add_argument('--motor', metavar='FILE', type=path, help='can this motor turn it?')
     parser.add_argument(

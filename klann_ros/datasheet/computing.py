@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import isfinite
 
-from klann_ros.kinematics import Stance
 from klann_ros.kinematics.angles import TURN
 from klann_ros.robot import Robot, RobotLeg
 from klann_ros.walking import NoWalkerError, walk_figures, WalkFigures
@@ -62,7 +61,6 @@ def data_sheet(
     sheets = [
         leg_sheet(robot, leg, speed, load, margins=margins, samples=samples) for leg in first
     ]
-    stances = {leg.name: sheets[k].stance for leg, k in zip(robot.legs, number, strict=True)}
     names = [
         tuple(leg.name for leg, own in zip(robot.legs, number, strict=True) if own == k)
         for k in range(len(sheets))
@@ -71,9 +69,15 @@ def data_sheet(
     missing = _missing(robot)
     if motor is not None and missing and not load:
         raise SheetError(f'{missing}; a motor is judged by masses, or by --load')
-    cranks = [
-        _crank(robot, joint, legs, stances, speed, load, samples) for joint in robot.crank_joints
-    ]
+    of = {leg.name: sheets[k] for leg, k in zip(robot.legs, number, strict=True)}
+    cranks = []
+    for joint in robot.crank_joints:
+        own = robot.on_joint(joint)
+        turns = all(of[leg.name].turns_fully for leg in own)
+        turned = [Turned(leg, dynamics_of(robot, leg), of[leg.name].stance) for leg in own]
+        crank, hardest = _crank(joint, turned if turns else (), speed, load, samples)
+        known = replace(crank, legs=tuple(leg.name for leg in own))
+        cranks.append(_judged(known, hardest, motor, speed))
     walk, no_walk = _walk(robot)
     return DataSheet(
         name=robot.name,
@@ -81,7 +85,7 @@ def data_sheet(
         speed=float(speed),
         load=float(load),
         legs=legs,
-        cranks=tuple(_judged(*crank, motor, speed) for crank in cranks),
+        cranks=tuple(cranks),
         motor=motor,
         no_forces=_no_forces(legs, missing, load),
         walk=walk,
@@ -131,29 +135,14 @@ def _no_forces(legs: Sequence[LegSheet], missing: str, load: float) -> str:
 
 
 def _crank(
-    robot: Robot,
-    joint: str,
-    legs: Sequence[LegSheet],
-    stances: dict[str, Stance | None],
-    speed: float,
-    load: float,
-    samples: int,
+    joint: str, turned: Sequence[Turned], speed: float, load: float, samples: int
 ) -> tuple[CrankSheet, CrankLoad | None]:
-    own = robot.on_joint(joint)
-    names = tuple(leg.name for leg in own)
-    bare = CrankSheet(joint, names, None, None, None)
-    if not all(leg.turns_fully for leg in legs if set(leg.names) & set(names)):
-        return bare, None
-    turned = [Turned(leg, dynamics_of(robot, leg), stances[leg.name]) for leg in own]
-    weighed = all(leg.masses is not None for leg in own)
-    empty = crank_load(turned, 0.0, samples) if weighed else None
-    loaded = crank_load(turned, load, samples) if load else None
-    sheet = replace(
-        bare,
-        empty=empty.turn(speed) if empty else None,
-        loaded=loaded.turn(speed) if loaded else None,
-    )
-    return sheet, loaded or empty
+    """Return the sheet of a joint without its motor, and what the motor has to turn."""
+    weighed = all(each.leg.masses is not None for each in turned)
+    empty = crank_load(turned, 0.0, samples) if turned and weighed else None
+    loaded = crank_load(turned, load, samples) if turned and load else None
+    empty_turn, loaded_turn = (each.turn(speed) if each else None for each in (empty, loaded))
+    return CrankSheet(joint, (), empty_turn, loaded_turn, None), loaded or empty
 
 
 def _judged(

@@ -5,10 +5,11 @@ What is shown is said here once; how it is set, is the renderers' business.
 """
 
 from collections.abc import Iterator, Sequence
-from math import degrees, inf, isfinite, pi
+from math import degrees, floor, inf, isfinite, log10, pi
 from typing import NamedTuple
 
 from klann_ros.dynamics import TurnOfForces
+from klann_ros.kinematics.angles import TURN
 from klann_ros.untrusted.text import counted, printable
 
 from .sheet import CrankSheet, DataSheet, Extreme, LegSheet
@@ -46,9 +47,9 @@ def number(value: float, digits: int = 4) -> str:
         return UNKNOWN
     if value == 0.0:
         return '0'
-    if 1e-3 <= abs(value) < 1e6:
-        before = len(str(int(abs(value)))) if abs(value) >= 1.0 else 0
-        return f'{value:.{max(digits - max(before, 0), 0)}f}'
+    power = floor(log10(abs(value)))
+    if -4 <= power < 6:
+        return f'{value:.{max(digits - 1 - power, 0)}f}'
     return f'{value:.{digits - 1}e}'
 
 
@@ -77,20 +78,25 @@ def foot_figures(leg: LegSheet, speed: float) -> Iterator[Figure]:
     if path is not None:
         left, right = path.x_range
         low, high = path.y_range
-        yield Figure('Stride', millimetres(path.stride), 'mm', _range('x', left, right))
-        yield Figure('Lift', millimetres(path.lift), 'mm', _range('y', low, high))
+        # What is but the rounding of the other is none.
+        stride, lift = _zero(path.stride, path.length), _zero(path.lift, path.length)
+        yield Figure('Stride', millimetres(stride), 'mm', _range('x', left, right))
+        yield Figure('Lift', millimetres(lift), 'mm', _range('y', low, high))
         yield Figure('Path', millimetres(path.length), 'mm', 'its length')
     if stance is None:
         return
-    at = f'crank {_span(degree(stance.start), degree(stance.end))} deg'
+    at = f'crank {_span(degree(stance.start), degree(stance.end % TURN))} deg'
     yield Figure('Stance', f'{100.0 * stance.duty_factor:.1f}', '%', f'of the turn, {at}')
-    ground = f'within {millimetres(stance.ground)} mm above the lowest point'
+    band = millimetres(_zero(stance.ground, stance.ground_covered))
+    ground = f'within {band} mm above the lowest point'
     yield Figure('Ground covered', millimetres(stance.ground_covered), 'mm', ground)
     off = f'{100.0 * stance.straightness:.2f} % of the ground covered'
-    yield Figure('Off straight', millimetres(stance.deviation), 'mm', off)
+    deviation = _zero(stance.deviation, stance.ground_covered)
+    yield Figure('Off straight', millimetres(deviation), 'mm', off)
     rate = abs(speed)
     ripple = f'; ripple {100.0 * stance.ripple:.0f} %' if isfinite(stance.ripple) else ''
-    span = _span(number(rate * stance.speed_least, 3), number(rate * stance.speed_greatest, 3))
+    least = _zero(stance.speed_least, stance.speed_mean)
+    span = _span(number(rate * least, 3), number(rate * stance.speed_greatest, 3))
     yield Figure('Foot speed', number(rate * stance.speed_mean), 'm/s', f'{span}{ripple}')
 
 
@@ -189,10 +195,15 @@ def crank_forces(crank: CrankSheet, speed: float) -> Table:
     ]
     heads = ('Over the turn', *(name for name, _ in told), 'unit')
     note = (
-        'Counter-clockwise is positive. Energy swing: what a shaft with the mean torque gains and '
-        f'loses; the flywheel is for a speed within +-{100.0 * UNEVENNESS / 2.0:.0f} %.'
+        'Energy swing: what a shaft with the mean torque gains and loses. '
+        f'Flywheel: for a speed within +-{100.0 * UNEVENNESS / 2.0:.0f} %.'
     )
     return Table('Crank', heads, tuple(rows), note)
+
+
+def crank_title(crank: CrankSheet) -> str:
+    """Return what a crank is called among others."""
+    return 'Crank' if crank.joint == 'crank' else f'Crank {crank.joint}'
 
 
 def _crank_column(turn: TurnOfForces, speed: float) -> list[Figure]:
@@ -235,7 +246,8 @@ def motor_figures(crank: CrankSheet) -> Iterator[Figure]:
     else:
         yield Figure('Margin in warmth', _times(thermal), '', rms)
     rpm = f'{number(judged.fastest * 30.0 / pi)} rpm, by torque and speed'
-    yield Figure('Fastest', number(judged.fastest), 'rad/s', rpm)
+    note = rpm if judged.fastest else 'it does not get away from standstill'
+    yield Figure('Fastest', number(judged.fastest), 'rad/s', note)
 
 
 def _times(margin: float) -> str:
@@ -263,7 +275,9 @@ def walk_figures(sheet: DataSheet) -> Iterator[Figure]:
     walk = sheet.walk
     if walk is None:
         return
-    yield Figure('Speed', number(abs(walk.speed * sheet.speed)), 'm/s', 'straight on, cranks alike')
+    yield Figure(
+        'Speed', number(abs(walk.speed * sheet.speed)), 'm/s', 'straight on, cranks alike'
+    )
     yield Figure('Stride', millimetres(walk.stride), 'mm', 'a turn of the cranks')
     note = 'the centre of mass inside the feet; negative is outside'
     yield Figure('Least static margin', millimetres(walk.least_margin), 'mm', note)

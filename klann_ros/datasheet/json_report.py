@@ -206,7 +206,5 @@ def _walk(sheet: DataSheet) -> dict[str, Any] | None:
         'pitch': walk.greatest_pitch if rests else None,
         'roll': walk.greatest_roll if rests else None,
         'slid': walk.slid,
-        'supports': [
-            {'legs': list(feet), 'part': part} for feet, part in walk.on().items()
-        ],
+        'supports': [{'legs': list(feet), 'part': part} for feet, part in walk.on().items()],
     }

@@ -87,9 +87,9 @@ def dynamics_of(robot: Robot, leg: RobotLeg) -> Dynamics:
 
 def alike(one: RobotLeg, other: RobotLeg) -> bool:
     """Return whether two legs have one sheet: bars, masses, and gravity in their planes."""
-    down = [leg.mount.rotation[2, :2] for leg in (one, other)]
+    down, also = (leg.mount.rotation[2, :2] for leg in (one, other))
     same = one.linkage == other.linkage and one.masses == other.masses
-    return same and bool(np.allclose(*down, atol=1e-9))
+    return same and bool(np.allclose(down, also, atol=1e-9))
 
 
 def _alphas(arcs: Sequence[Arc], samples: int) -> Array:
@@ -144,7 +144,7 @@ def _transmission(linkage: Linkage, alphas: Array, angles: Array) -> tuple[Trans
         )
         nearest = min(least.value, pi - greatest.value)
         at = least.at if nearest == least.value else greatest.at
-        name = f'{one}, {other}' if block.is_dyad else 'coupled loops'
+        name = ', '.join(filter(None, (one, other))) if block.is_dyad else 'coupled loops'
         found.append(Transmission(name, mu, least, greatest, Extreme(nearest, at)))
     return tuple(found)
 

@@ -192,7 +192,7 @@ class MotorVerdict:
             most = self.motor.output_no_load_speed
             found.append(f'even without load it turns no faster than {most:.4g} rad/s')
         elif self.margin < 1.0:
-            found.append(f'it gives {self.available:.4g} N m of the {self.peak:.4g} N m')
+            found.append(f'it gives {self.available:.4g} N m where {self.peak:.4g} N m are needed')
         if self.braking_margin < 1.0:
             found.append(
                 f'it cannot hold back {self.braking_peak:.4g} N m that drive the crank on'

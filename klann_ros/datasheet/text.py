@@ -31,11 +31,12 @@ def _lines(sheet: DataSheet) -> Iterator[str]:
         yield from _leg(leg, sheet)
     for crank in sheet.cranks:
         several = len(sheet.cranks) > 1 or len(crank.legs) > 1
-        turns = f' {crank.joint}, which turns {", ".join(crank.legs)}' if several else ''
+        title = figures.crank_title(crank)
         if crank.hardest is not None:
-            yield from _table(figures.crank_forces(crank, sheet.speed), turns)
+            turns = f', which turns {", ".join(crank.legs)}' if several else ''
+            yield from _table(figures.crank_forces(crank, sheet.speed), f'{title}{turns}')
         if crank.motor is not None:
-            yield from _heading(f'Motor{turns}')
+            yield from _heading(f'Motor of {title.lower()}' if several else 'Motor')
             yield from _figures(figures.motor_figures(crank))
     yield from _walk(sheet)
 
@@ -90,14 +91,19 @@ def _figures(of: Iterable[Figure]) -> Iterator[str]:
         yield line.rstrip()
 
 
-def _table(table: Table, of: str = '') -> Iterator[str]:
-    yield from _heading(f'{table.title}{of}')
+def _table(table: Table, title: str = '') -> Iterator[str]:
+    yield from _heading(title or table.title)
     rows = [tuple(map(printable, row)) for row in (table.heads, *table.rows)]
     columns = list(zip(*rows, strict=True))
     widths = [min(max(map(len, column)), _WIDEST) for column in columns]
+    # Words from the left, numbers from the right.
+    ways = ['<', *('>' if _is_number(column[-1]) else '<' for column in columns[1:])]
     for row in rows:
-        first, *others = row
-        cells = [f'{cell:>{width}}' for cell, width in zip(others, widths[1:], strict=True)]
-        yield f'  {first:<{widths[0]}}  {"  ".join(cells)}'.rstrip()
+        cells = [f'{cell:{way}{w}}' for cell, way, w in zip(row, ways, widths, strict=True)]
+        yield f'  {"  ".join(cells)}'.rstrip()
     if table.note:
         yield f'  {printable_line(table.note)}'
+
+
+def _is_number(cell: str) -> bool:
+    return cell.lstrip('-')[:1].isdigit() or cell in ('any', figures.UNKNOWN)

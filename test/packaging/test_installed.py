@@ -17,7 +17,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 NODES = {'solver_node', 'crank_node', 'recorder_node', 'player_node', 'view_node', 'walker_node'}
-EXECUTABLES = {*NODES, 'review', 'recover', 'export'}
+EXECUTABLES = {*NODES, 'review', 'recover', 'export', 'describe'}
 
 # The root at a crank angle of 60 deg: gamma, beta, delta, theta [deg], and H [m].
 ROOT_60 = (10.659455241249857, 67.32948352084568, 34.46397311984116, 45.72293552846574)

@@ -36,6 +36,15 @@ ALLOWED = {
     },
     'export': {'untrusted', 'kinematics', 'dynamics', 'plotting', 'robot', 'twin', 'review'},
     'live': {'untrusted', 'kinematics', 'log', 'review', 'page'},
+    'datasheet': {
+        'untrusted',
+        'kinematics',
+        'dynamics',
+        'robot',
+        'walking',
+        'page',
+        'review',
+    },
     'stop_signals': set(),
     'nodes': {
         'untrusted',

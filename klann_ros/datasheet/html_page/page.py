@@ -1,1 +1,72 @@
-def page(s): return ""
+"""A data sheet as one HTML file."""
+
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from klann_ros.datasheet.load import on_the_ground
+from klann_ros.datasheet.sheet import DataSheet, LegSheet
+from klann_ros.page.markup import element
+from klann_ros.page.parts import as_script, Parts, SHARED, text
+from klann_ros.page.shape import leg_shape
+from klann_ros.untrusted.text import printable
+import numpy as np
+
+from . import sections
+
+_OWN = Path(__file__).resolve().parent / 'static'
+PARTS = Parts(
+    styles=(
+        SHARED / 'theme.css',
+        SHARED / 'base.css',
+        SHARED / 'layout.css',
+        SHARED / 'cards.css',
+        SHARED / 'drawing.css',
+        SHARED / 'tables.css',
+        _OWN / 'sheet.css',
+    ),
+    # In this order: each uses what stands above it.
+    scripts=(SHARED / 'theme.js', SHARED / 'drawing.js', _OWN / 'sheet.js'),
+)
+# So many poses of a turn move in the page.
+POSES = 360
+
+
+def page(sheet: DataSheet) -> str:
+    """Return the page of a data sheet."""
+    data = [_leg(leg, sheet.speed) for leg in sheet.legs]
+    return Template(text(_OWN / 'page.html')).substitute(
+        title=element('title', f'Data sheet of {printable(sheet.name)}'),
+        policy=PARTS.policy(),
+        styles=PARTS.style_elements(),
+        header=sections.header(sheet),
+        notes=sections.notes(sheet),
+        legs=sections.legs(sheet),
+        cranks=sections.cranks(sheet),
+        walking=sections.walking(sheet),
+        data=element('script', as_script(data), id='data', type='application/json'),
+        scripts=PARTS.script_elements(),
+    )
+
+
+def _leg(leg: LegSheet, speed: float) -> dict[str, Any]:
+    """Return what moves in the page: a leg's shape, and where its points are at crank angles."""
+    known = np.isfinite(leg.points).all(axis=(1, 2))
+    step = max(1, len(leg.alphas) // POSES)
+    rows = np.flatnonzero(known)[::step]
+    stands = on_the_ground(leg.stance, leg.alphas) if leg.stance else np.zeros(known.shape, bool)
+    shape = leg_shape(leg.linkage)
+    names = [{**point, 'name': printable(point['name'], 12)} for point in shape['points']]
+    return {
+        'shape': {**shape, 'points': names},
+        'foot': leg.linkage.foot,
+        'isTurn': leg.turns_fully,
+        'isClockwise': speed < 0.0,
+        'angles': np.degrees(leg.alphas[rows]).round(4).tolist(),
+        'points': [[[_short(x), _short(y)] for x, y in pose] for pose in leg.points[rows]],
+        'stands': stands[rows].tolist(),
+    }
+
+
+def _short(metres: float) -> float:
+    return float(f'{metres:.6g}')

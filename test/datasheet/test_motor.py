@@ -1,0 +1,170 @@
+"""Whether a motor can turn a crank: by hand where one can, and by trying speeds where not."""
+
+from collections.abc import Mapping
+from math import inf, pi
+from pathlib import Path
+from typing import Any
+
+from hypothesis import given, strategies as st
+from klann_ros.datasheet import data_sheet, Motor, motor_from, motor_from_file, MotorFileError
+from klann_ros.datasheet.load import CrankLoad
+from klann_ros.datasheet.motor import verdict
+from klann_ros.robot import robot_of
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLE = ROOT / 'config' / 'motor_example.yaml'
+GOOD = {'stall_torque': 2.0, 'no_load_speed': 100.0, 'gear_ratio': 10.0, 'efficiency': 0.5}
+ANGLES = 2.0 * pi * np.arange(8) / 8
+
+
+def load(still: list[float], squared: list[float]) -> CrankLoad:
+    return CrankLoad(ANGLES[: len(still)], np.array(still), np.array(squared))
+
+
+def test_the_line_is_that_of_the_gears_output() -> None:
+    motor = Motor(**GOOD)
+    # 2 N m by 10, half of it lost; 100 rad/s by 10.
+    assert motor.output_stall_torque == 10.0
+    assert motor.output_no_load_speed == 10.0
+    assert [motor.torque(w) for w in (0.0, 5.0, 10.0)] == [10.0, 5.0, 0.0]
+
+
+def test_the_margin_is_what_it_has_over_what_it_needs() -> None:
+    judged = verdict(Motor(**GOOD), load([2.0, -8.0], [0.0, 0.0]), 5.0)
+    assert judged.margin == 2.5
+    # Against the losses that help: 2 N m by 10 over a half.
+    assert judged.braking_margin == 5.0
+    # At the motor 2 / (10 / 2) and -8 / 10 / 2.
+    assert judged.motor_rms == pytest.approx(np.sqrt((0.4**2 + 0.4**2) / 2))
+    assert judged.fastest == pytest.approx(8.0)
+    assert judged.turns
+
+
+def test_the_other_way_round_it_needs_the_other_torque() -> None:
+    judged = verdict(Motor(**GOOD), load([2.0, -8.0], [0.0, 0.0]), -5.0)
+    assert (judged.peak, judged.braking_peak, judged.margin) == (8.0, 2.0, 0.625)
+    assert not judged.turns
+    assert '5 N m where 8 N m' in judged.faults[0]
+
+
+@pytest.mark.parametrize(
+    ('still', 'speed', 'continuous', 'fault'),
+    [
+        ([2.0, 0.0], 10.5, None, 'no faster than 10 rad/s'),
+        ([2.0, 0.0], 9.0, None, 'where 2 N m are needed'),
+        ([2.0, -41.0], 5.0, None, 'cannot hold back 41 N m'),
+        ([2.0, 2.0], 5.0, 0.3, 'too warm'),
+    ],
+)
+def test_each_fault_is_told(
+    still: list[float], speed: float, continuous: float | None, fault: str
+) -> None:
+    motor = Motor(**GOOD, continuous_torque=continuous)
+    judged = verdict(motor, load(still, [0.0] * len(still)), speed)
+    assert len(judged.faults) == 1
+    assert fault in judged.faults[0]
+
+
+def test_what_needs_nothing_has_any_margin() -> None:
+    judged = verdict(Motor(**GOOD, continuous_torque=1.0), load([0.0], [0.0]), 5.0)
+    assert (judged.margin, judged.braking_margin, judged.thermal_margin) == (inf, inf, inf)
+    assert judged.fastest == 10.0
+    assert judged.turns
+
+
+def test_a_motor_that_cannot_leave_standstill_turns_nothing() -> None:
+    # At 9 rad/s inertia would help; it never gets there.
+    judged = verdict(Motor(**GOOD), load([12.0], [-0.15]), 9.0)
+    assert judged.margin > 1.0
+    assert judged.fastest == 0.0
+    assert 'from standstill' in judged.faults[0]
+
+
+numbers = st.floats(-15.0, 15.0)
+
+
+@given(st.lists(st.tuples(numbers, st.floats(-0.5, 0.5)), min_size=1, max_size=8))
+def test_the_fastest_is_the_first_speed_at_which_something_is_short(
+    needs: list[tuple[float, float]],
+) -> None:
+    motor = Motor(**(GOOD | {'stall_torque': 1.0, 'efficiency': 0.8}))
+    found = verdict(motor, load(*map(list, zip(*needs, strict=True))), 1.0).fastest
+    speeds = np.linspace(0.0, motor.output_no_load_speed, 2001)
+    still, squared = np.array(needs).T[:, :, None]
+    torque = still + squared * speeds**2
+    driven = torque.max(axis=0) <= motor.torque(0.0) * (1.0 - speeds / speeds[-1]) + 1e-9
+    held = -torque.min(axis=0) <= motor.holding_torque + 1e-9
+    short = speeds[~(driven & held)]
+    first = short[0] if short.size else speeds[-1]
+    # An angle may be short between two speeds only.
+    assert found <= first + 1e-6
+    inside = (speeds < found - 1e-6) & ~(driven & held)
+    assert not inside.any()
+
+
+def test_the_example_can_turn_sem104s_leg_and_says_how_fast() -> None:
+    motor = motor_from_file(str(EXAMPLE))
+    fastest = data_sheet(robot_of(str(ROOT / 'config' / 'sem104.yaml')), motor=motor).cranks[0]
+    assert fastest.motor is not None
+    robot = robot_of(str(ROOT / 'config' / 'sem104.yaml'))
+    just, over = (
+        data_sheet(robot, motor=motor, speed=factor * fastest.motor.fastest)
+        for factor in (0.999, 1.001)
+    )
+    assert just.motor_turns
+    assert not over.motor_turns
+
+
+@pytest.mark.parametrize(
+    ('changes', 'said'),
+    [
+        ({'gear_ratio': None}, 'gear_ratio missing'),
+        ({'stall_torque': -1.0}, 'stall_torque = -1.0 is refused'),
+        ({'stall_torque': 0}, 'stall_torque = 0 is refused'),
+        ({'no_load_speed': 'fast'}, "no_load_speed = 'fast' is refused"),
+        ({'no_load_speed': True}, 'no_load_speed = True is refused'),
+        ({'efficiency': 80.0}, 'a part of 1; 80 % are 0.8'),
+        ({'gear_ratio': 1e300}, 'at most 1e+09'),
+        ({'continuous_torque': float('nan')}, 'continuous_torque = nan is refused'),
+        ({'stal_torque': 1.0}, 'did you mean stall_torque?'),
+        ({7: 1.0}, '7: no such key'),
+        ({'x\x1b[31m': 1.0}, r'x\x1b[31m: no such key'),
+    ],
+)
+def test_what_is_no_motor_is_refused(changes: Mapping[Any, Any], said: str) -> None:
+    content = {key: value for key, value in {**GOOD, **changes}.items() if value is not None}
+    with pytest.raises(ValueError) as refused:  # noqa: PT011 - its text is held below
+        motor_from(content)
+    assert said in str(refused.value)
+    assert '\n' not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('', 'it must be a mapping'),
+        ('- 1\n', 'it must be a mapping'),
+        ('a: [', 'line 1'),
+        ('stall_torque: .nan\n', 'must be a finite number'),
+        ('stall_torque: 1\nstall_torque: 2\n', 'is there twice'),
+        ('\x00', 'holds no motor'),
+    ],
+)
+def test_a_file_that_holds_no_motor_is_told_in_a_line(
+    tmp_path: Path, text: str, said: str
+) -> None:
+    path = tmp_path / 'motor.yaml'
+    path.write_text(text)
+    with pytest.raises(MotorFileError) as refused:
+        motor_from_file(str(path))
+    assert said in str(refused.value)
+    assert 'motor.yaml' in str(refused.value)
+    assert '\n' not in str(refused.value)
+
+
+@pytest.mark.parametrize(('path', 'said'), [('/dev/zero', 'a device'), ('/', 'a folder')])
+def test_what_is_no_file_is_not_read(path: str, said: str) -> None:
+    with pytest.raises(MotorFileError, match=said):
+        motor_from_file(path)

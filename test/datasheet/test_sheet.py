@@ -1,0 +1,258 @@
+"""The sheet's numbers are those of the kinematics, of the dynamics, and of virtual work."""
+
+from dataclasses import replace
+import json
+from math import nan, pi
+from pathlib import Path
+
+from klann_ros.datasheet import data_sheet, DataSheet, SheetError
+from klann_ros.datasheet.json_report import report
+from klann_ros.dynamics import Dynamics, rods
+from klann_ros.kinematics import (
+    foot_path,
+    KlannGeometry,
+    KlannLeg,
+    length_margins,
+    linkage_poses,
+)
+from klann_ros.robot import Robot, robot_from_file, robot_from_parameters, robot_of, RobotLeg
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+TURN = 2.0 * pi
+
+
+def weighed(robot: Robot, density: float = 1.0) -> Robot:
+    legs = (replace(leg, masses=rods(leg.linkage, density)) for leg in robot.legs)
+    return replace(robot, legs=tuple(legs))
+
+
+def bare(robot: Robot) -> Robot:
+    return replace(robot, legs=tuple(replace(leg, masses=None) for leg in robot.legs))
+
+
+@pytest.fixture(scope='module')
+def sem() -> Robot:
+    return weighed(robot_of('sem104'))
+
+
+@pytest.fixture(scope='module')
+def sheet(sem: Robot) -> DataSheet:
+    return data_sheet(sem, speed=2.0, load=10.0)
+
+
+@pytest.mark.parametrize(
+    ('speed', 'least', 'greatest', 'ripple'),
+    # MuJoCo's actuator, whose servo lets the speed ripple, and by how much it may be off.
+    [(2.0, -3.543, 1.581, 0.0025), (TURN, -8.389, 2.721, 0.011)],
+)
+def test_the_torque_is_that_of_an_actuator(
+    sem: Robot, speed: float, least: float, greatest: float, ripple: float
+) -> None:
+    (crank,) = data_sheet(sem, speed=speed).cranks
+    assert crank.empty is not None
+    assert crank.empty.torque.min() == pytest.approx(least, rel=ripple)
+    assert crank.empty.torque.max() == pytest.approx(greatest, rel=ripple)
+
+
+def test_the_motion_is_that_of_the_kinematics(sheet: DataSheet) -> None:
+    content = json.loads(report(sheet))
+    (leg,) = content['legs']
+    path = foot_path(KlannLeg())
+    for name in ('stride', 'lift', 'length', 'area'):
+        assert leg['path'][name] == pytest.approx(getattr(path, name), rel=1e-9)
+    stance = path.stance()
+    for name in ('start', 'end', 'duty_factor', 'ground_covered', 'straightness'):
+        assert leg['stance'][name] == pytest.approx(getattr(stance, name), rel=1e-9)
+    assert leg['stance']['body_speed'] == pytest.approx(stance.speed(2.0))
+    margins = length_margins(KlannGeometry.sem104())
+    found = {bar['name']: bar for bar in leg['bars']}
+    assert found.keys() == margins.keys()
+    assert found['l_bc']['least'] == pytest.approx(margins['l_bc'].least, abs=1e-9)
+    assert found['l_gh']['greatest'] is None
+    sem104 = KlannGeometry.sem104()
+    poses = linkage_poses(sem104, leg['crank_angle'], transmission_angles=True)
+    assert np.allclose(np.transpose([leg['path']['x'], leg['path']['y']]), poses.h, atol=1e-12)
+    told = np.transpose([each['angle'] for each in leg['transmission']])
+    assert poses.transmission_angles is not None
+    assert np.allclose(told, poses.transmission_angles, atol=1e-9)
+    # The published extremes of SEM 104's dyads.
+    least, greatest = (leg['transmission'][0][name]['value'] for name in ('least', 'greatest'))
+    assert np.degrees([least, greatest]) == pytest.approx([31.19, 156.15], abs=0.02)
+
+
+def test_forces_are_those_of_the_dynamics(sem: Robot, sheet: DataSheet) -> None:
+    content = json.loads(report(sheet))
+    dynamics = Dynamics(sem.legs[0].linkage, sem.legs[0].masses)
+    alphas = np.array(content['legs'][0]['crank_angle'])
+    up = np.where(stands(sheet, alphas), 10.0, 0.0)
+    for case, loads in (('empty', None), ('loaded', {'H': (0.0, up)})):
+        expected = dynamics.crank_torque(alphas, 2.0, 0.0, loads)
+        assert content['legs'][0][case]['torque'] == pytest.approx(expected, abs=1e-9)
+        assert content['cranks'][0][case]['torque'] == pytest.approx(expected, abs=1e-9)
+        pins = dynamics.reactions(alphas, 2.0, 0.0, loads).pins
+        for joint in content['legs'][0][case]['joints']:
+            forces = [abs(force) for (name, _), force in pins.items() if name == joint['name']]
+            assert joint['force'] == pytest.approx(np.max(forces, axis=0), rel=1e-9)
+            assert joint['greatest']['value'] == max(joint['force'])
+
+
+def stands(sheet: DataSheet, alphas: np.ndarray) -> np.ndarray:
+    stance = sheet.legs[0].stance
+    assert stance is not None
+    turns = [alphas + turn for turn in (0.0, TURN)]
+    return np.any([(stance.start <= a) & (a <= stance.end) for a in turns], axis=0)
+
+
+def test_a_load_takes_what_virtual_work_says(sheet: DataSheet) -> None:
+    crank, alphas = sheet.cranks[0], sheet.legs[0].alphas
+    assert crank.loaded is not None
+    assert crank.empty is not None
+    path = foot_path(KlannLeg(), samples=720)
+    expected = np.where(stands(sheet, alphas), -10.0 * path.h_1[:, 1], 0.0)
+    assert np.allclose(path.alphas, alphas)
+    assert crank.loaded.torque - crank.empty.torque == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_leg_that_weighs_nothing_carries_a_load(sem: Robot, sheet: DataSheet) -> None:
+    light = data_sheet(bare(sem), speed=2.0, load=10.0)
+    assert 'bar_density' in light.no_forces
+    assert light.cranks[0].empty is None
+    (own,) = light.cranks
+    (heavy,) = sheet.cranks
+    assert own.loaded is not None
+    assert heavy.loaded is not None
+    assert heavy.empty is not None
+    difference = heavy.loaded.torque - heavy.empty.torque
+    assert own.loaded.torque == pytest.approx(difference, abs=1e-9)
+
+
+def test_the_other_way_round_takes_the_same_torque_and_gives_the_other_power(
+    sem: Robot, sheet: DataSheet
+) -> None:
+    back = data_sheet(sem, speed=-2.0, load=10.0).cranks[0].loaded
+    there = sheet.cranks[0].loaded
+    assert back is not None
+    assert there is not None
+    assert back.torque == pytest.approx(there.torque, abs=1e-12)
+    assert back.power == pytest.approx(-there.power, abs=1e-12)
+
+
+def test_without_masses_there_is_the_motion_and_what_is_missing(sem: Robot) -> None:
+    sheet = data_sheet(bare(sem))
+    assert sheet.legs[0].path is not None
+    assert sheet.cranks[0].hardest is None
+    assert 'bar_density [kg/m]' in sheet.no_forces
+
+
+@pytest.mark.parametrize('name', ['walker4', 'walker6'])
+def test_a_joint_carries_the_legs_that_it_turns_by_their_phases(name: str) -> None:
+    robot = weighed(robot_from_file(ROOT / 'config' / f'{name}.yaml'))
+    sheet = data_sheet(robot, speed=3.0, samples=90)
+    assert [leg.names for leg in sheet.legs] == [tuple(leg.name for leg in robot.legs)]
+    assert sheet.walk is not None
+    for crank in sheet.cranks:
+        assert crank.empty is not None
+        expected = np.zeros(90)
+        for leg in robot.on_joint(crank.joint):
+            alphas = leg.crank_angles(crank.empty.alphas)
+            expected += leg.direction * robot.dynamics(leg).crank_torque(alphas, 3.0)
+        assert crank.empty.torque == pytest.approx(expected, abs=1e-9)
+
+
+def test_legs_that_differ_have_a_sheet_each() -> None:
+    names = ['one', 'two', 'three', 'four']
+    lengths = {f'{name}.{key}': value for name in names for key, value in LENGTHS.items()}
+    robot = robot_from_parameters(
+        {'legs': names, **lengths, 'two.l_gh': 0.45, 'three.bar_density': 2.0}
+    )
+    sheet = data_sheet(robot, samples=60)
+    assert [leg.names for leg in sheet.legs] == [('one', 'four'), ('two',), ('three',)]
+    assert 'missing for one, two, four' in sheet.no_forces
+
+
+LENGTHS = KlannGeometry.sem104().as_dict()
+
+
+def test_what_does_not_turn_has_arcs_and_says_that_there_is_no_turn() -> None:
+    sheet = data_sheet(weighed(robot_of('chebyshev')), load=5.0)
+    (leg,) = sheet.legs
+    assert leg.arcs
+    assert leg.empty is None
+    assert sheet.cranks[0].hardest is None
+    assert 'does not turn fully' in sheet.no_forces
+    assert leg.no_margins
+
+
+# Its foot goes up and down, and nowhere along x.
+UPRIGHT = """
+name: Upright
+pivots: {A: [0, 0]}
+crank: crank
+foot: C
+bodies:
+  crank: {bars: [{from: A, to: B, length: 0.05}]}
+  rod: {bars: [{from: B, to: C, length: 0.15}]}
+  piston: {slides: {along: ground, from: A, to: C, direction: 90}}
+units: {length: m, angle: deg}
+start: {crank: 60, rod: 100, piston: 0.19}
+"""
+
+
+def test_a_foot_without_a_stance_is_told_and_carries_no_load(tmp_path: Path) -> None:
+    path = tmp_path / 'upright.yaml'
+    path.write_text(UPRIGHT)
+    robot = robot_from_file(path)
+    (leg,) = data_sheet(robot, samples=60).legs
+    assert leg.turns_fully
+    assert 'there is no stance' in leg.no_stance
+    with pytest.raises(SheetError, match='a load on the foot has nowhere to be: there is no'):
+        data_sheet(robot, load=1.0, samples=60)
+
+
+def test_margins_of_coupled_loops_are_left_for_whoever_asks() -> None:
+    (leg,) = data_sheet(robot_of('stephenson'), samples=60).legs
+    assert '--margins' in leg.no_margins
+    assert {bar.margin for bar in leg.bars} == {None}
+
+
+def test_forces_on_what_slides_have_a_moment() -> None:
+    (leg,) = data_sheet(weighed(robot_of('slider_crank')), samples=60).legs
+    assert leg.empty is not None
+    assert [joint.name for joint in leg.empty.joints if joint.moment is not None]
+
+
+@pytest.mark.parametrize('speed', [0.0, nan, float('inf'), -float('inf'), 1e7, 1e-9])
+def test_a_speed_that_is_none_is_refused(sem: Robot, speed: float) -> None:
+    with pytest.raises(SheetError, match=r'speed = .* rad/s is refused'):
+        data_sheet(sem, speed=speed)
+
+
+@pytest.mark.parametrize('load', [-1.0, nan, float('inf'), 1e10])
+def test_a_load_that_is_none_is_refused(sem: Robot, load: float) -> None:
+    with pytest.raises(SheetError, match=r'load = .* N is refused'):
+        data_sheet(sem, load=load)
+
+
+def test_the_report_holds_nothing_that_is_no_number(sem: Robot) -> None:
+    def refuse(word: str) -> None:
+        raise AssertionError(word)
+
+    for robot in (sem, robot_of('chebyshev'), weighed(robot_of('slider_crank'))):
+        content = json.loads(report(data_sheet(robot, samples=60)), parse_constant=refuse)
+        assert content['version'] == 1
+
+
+def test_a_leg_on_its_side_has_another_weight() -> None:
+    one = RobotLeg('', KlannGeometry.sem104().linkage)
+    flat = replace(one, mount=replace(one.mount, rpy=(0.0, 0.0, 0.0)))
+    torque = data_sheet(weighed(Robot('flat', (flat,)))).cranks[0].empty
+    assert torque is not None
+    upright = data_sheet(weighed(Robot('upright', (one,)))).cranks[0].empty
+    assert upright is not None
+    # Only its inertia is left, which a turn at another speed takes by its square.
+    twice = data_sheet(weighed(Robot('flat', (flat,))), speed=2.0 * TURN).cranks[0].empty
+    assert twice is not None
+    assert twice.torque == pytest.approx(4.0 * torque.torque, rel=1e-6, abs=1e-9)
+    assert not np.allclose(torque.torque, upright.torque, atol=0.1)
