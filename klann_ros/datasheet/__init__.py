@@ -7,8 +7,8 @@ The data sheet of a leg or a walker before it is built: motion, forces, and a mo
 >>> leg = sheet.legs[0]
 >>> round(leg.path.stride, 3), round(leg.stance.duty_factor, 3)
 (0.491, 0.477)
->>> round(sheet.cranks[0].loaded.peak, 3)  # by the load alone: this leg tells no masses
-0.9
+>>> round(sheet.cranks[0].loaded.peak, 3)  # [N m]
+3.537
 
 Everything is in SI units, as `DataSheet` describes it; `klann_ros.datasheet.text`, `.json_report`
 and `.html_page` show one and the same object.

@@ -68,11 +68,10 @@ def _describe(options: argparse.Namespace) -> int:
 
 def _weighed(robot: Robot, density: float) -> Robot:
     """Return a robot whose legs are of rods [kg/m] where its file tells no masses."""
-    legs = (
-        leg if leg.masses else replace(leg, masses=rods(leg.linkage, density))
-        for leg in robot.legs
-    )
-    return replace(robot, legs=tuple(legs))
+    # Refused even where it is not needed: what is no density is a slip.
+    of_rods = [replace(leg, masses=rods(leg.linkage, density)) for leg in robot.legs]
+    pairs = zip(robot.legs, of_rods, strict=True)
+    return replace(robot, legs=tuple(leg if leg.masses else made for leg, made in pairs))
 
 
 def _is_saved(file: Output, sheet: DataSheet) -> bool:

@@ -42,13 +42,15 @@ def sheets(folder: Path) -> dict[str, DataSheet]:
     leg, hostile = weighed(robot_of('sem104')), folder / 'hostile.yaml'
     hostile.write_text(LINKAGE)
     walker = weighed(robot_from_file(ROOT / 'config' / 'walker6.yaml'))
+    klann = robot_of('klann_patent')
+    massless = replace(klann, legs=(replace(klann.legs[0], masses=None),))
     one = weighed(robot_from_file(hostile))
     named = replace(one.legs[0], name=HOSTILE, crank_joint=HOSTILE)
     return {
         'leg': data_sheet(leg, load=10.0, motor=motor),
         'cannot': data_sheet(leg, speed=-20.0, motor=motor),
         'walker': data_sheet(walker, speed=1.0, load=30.0, motor=motor, samples=180),
-        'massless': data_sheet(robot_of('klann_patent'), samples=180),
+        'massless': data_sheet(massless, samples=180),
         'partial': data_sheet(robot_of('chebyshev'), samples=180),
         'hostile': data_sheet(
             Robot(HOSTILE, (named,), source=HOSTILE), load=1.0, motor=motor, samples=90

@@ -1,13 +1,15 @@
 """The sheet's numbers are those of the kinematics, of the dynamics, and of virtual work."""
 
 from dataclasses import replace
+import doctest
 import json
 from math import nan, pi
 from pathlib import Path
 
+import klann_ros.datasheet
 from klann_ros.datasheet import data_sheet, DataSheet, SheetError
 from klann_ros.datasheet.json_report import report
-from klann_ros.dynamics import Dynamics, rods
+from klann_ros.dynamics import rods
 from klann_ros.kinematics import (
     foot_path,
     KlannGeometry,
@@ -84,7 +86,7 @@ def test_the_motion_is_that_of_the_kinematics(sheet: DataSheet) -> None:
 
 def test_forces_are_those_of_the_dynamics(sem: Robot, sheet: DataSheet) -> None:
     content = json.loads(report(sheet))
-    dynamics = Dynamics(sem.legs[0].linkage, sem.legs[0].masses)
+    dynamics = sem.dynamics(sem.legs[0])
     alphas = np.array(content['legs'][0]['crank_angle'])
     up = np.where(stands(sheet, alphas), 10.0, 0.0)
     for case, loads in (('empty', None), ('loaded', {'H': (0.0, up)})):
@@ -149,12 +151,12 @@ def test_without_masses_there_is_the_motion_and_what_is_missing(sem: Robot) -> N
 @pytest.mark.parametrize('name', ['walker4', 'walker6'])
 def test_a_joint_carries_the_legs_that_it_turns_by_their_phases(name: str) -> None:
     robot = weighed(robot_from_file(ROOT / 'config' / f'{name}.yaml'))
-    sheet = data_sheet(robot, speed=3.0, samples=90)
+    sheet = data_sheet(robot, speed=3.0, samples=30)
     assert [leg.names for leg in sheet.legs] == [tuple(leg.name for leg in robot.legs)]
     assert sheet.walk is not None
     for crank in sheet.cranks:
         assert crank.empty is not None
-        expected = np.zeros(90)
+        expected = np.zeros(30)
         for leg in robot.on_joint(crank.joint):
             alphas = leg.crank_angles(crank.empty.alphas)
             expected += leg.direction * robot.dynamics(leg).crank_torque(alphas, 3.0)
@@ -167,7 +169,7 @@ def test_legs_that_differ_have_a_sheet_each() -> None:
     robot = robot_from_parameters(
         {'legs': names, **lengths, 'two.l_gh': 0.45, 'three.bar_density': 2.0}
     )
-    sheet = data_sheet(robot, samples=60)
+    sheet = data_sheet(robot, samples=30)
     assert [leg.names for leg in sheet.legs] == [('one', 'four'), ('two',), ('three',)]
     assert 'missing for one, two, four' in sheet.no_forces
 
@@ -176,7 +178,7 @@ LENGTHS = KlannGeometry.sem104().as_dict()
 
 
 def test_what_does_not_turn_has_arcs_and_says_that_there_is_no_turn() -> None:
-    sheet = data_sheet(weighed(robot_of('chebyshev')), load=5.0)
+    sheet = data_sheet(weighed(robot_of('chebyshev')), load=5.0, samples=60)
     (leg,) = sheet.legs
     assert leg.arcs
     assert leg.empty is None
@@ -256,3 +258,9 @@ def test_a_leg_on_its_side_has_another_weight() -> None:
     assert twice is not None
     assert twice.torque == pytest.approx(4.0 * torque.torque, rel=1e-6, abs=1e-9)
     assert not np.allclose(torque.torque, upright.torque, atol=0.1)
+
+
+def test_the_example_of_the_package_is_true() -> None:
+    result = doctest.testmod(klann_ros.datasheet)
+    assert result.attempted
+    assert not result.failed
