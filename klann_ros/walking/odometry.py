@@ -248,7 +248,7 @@ class Odometry:
         linear = (step.x / seconds, step.y / seconds)
         slides = step.slid / seconds
         angular = step.yaw / seconds if imu is None else imu.yaw_rate
-        deviations = (
+        a, b, d = (
             hypot(errors.advance * linear[0], errors.slid * slides, 0.01),
             hypot(errors.sidewards * slides, 0.01),
             0.02 if imu is not None else hypot(errors.yaw * slides / self._feet.reach, 0.01),
@@ -266,7 +266,7 @@ class Odometry:
             linear,
             angular,
             covariance,
-            np.diag(np.square(deviations)),
+            np.array([[a * a, 0.0, 0.0], [0.0, b * b, 0.0], [0.0, 0.0, d * d]]),
         )
 
 

@@ -22,7 +22,8 @@ from typing import NamedTuple
 from .support import levelled, Point, Support
 
 Flat = tuple[float, float]
-ITERATIONS = 12
+# It is done where the step changes by less than this part of it, or after so many times.
+ITERATIONS, CHANGE = 12, 1e-5
 # Feet that slide by less than this part of the longest step hold.
 HOLDS = 1e-3
 
@@ -131,7 +132,11 @@ def step(
     x = y = turn = 0.0
     weights = [load for *_, load in feet]
     for _ in range(1 if hops else ITERATIONS):
+        last = x, y, turn
         x, y, turn = _balanced(feet, weights, yaw)
+        # A turn moves feet by about as much as they are metres away.
+        if max(abs(x - last[0]), abs(y - last[1]), abs(turn - last[2])) < CHANGE * scale:
+            break
         weights = [
             load / sqrt((dx + x + turn * jx) ** 2 + (dy + y + turn * jy) ** 2 + least)
             for dx, dy, jx, jy, load in feet

@@ -10,7 +10,6 @@ what is between. In a curve left and right pass each other, so that a ratio's mo
 over all phase differences; straight on they keep the phases of the gait.
 """
 
-from collections.abc import Iterator
 from functools import cached_property
 from itertools import pairwise
 from math import cos, hypot, pi, sin
@@ -86,7 +85,7 @@ class Steering:
     def __init__(self, feet: Feet) -> None:
         self.feet = feet
 
-    @property
+    @cached_property
     def can_turn(self) -> bool:
         """Return whether it has cranks on the left and on the right."""
         sides = self.feet.sides
@@ -94,11 +93,15 @@ class Steering:
 
     def crank_rates(self, rates: Rates) -> list[float]:
         """Return the rates of its cranks, in the order of `Feet.joints` [rad/s]."""
-        middle = (rates.left + rates.right) / 2.0
-        of_side = {1.0: rates.left, -1.0: rates.right, 0.0: middle}
+        left, right = rates
+        return [p * left + q * right for p, q in self._shares]
+
+    @cached_property
+    def _shares(self) -> list[tuple[float, float]]:
+        """Return what each crank has of the left's rate, and of the right's."""
         feet = self.feet
         both = zip(feet.senses.tolist(), feet.sides.tolist(), strict=True)
-        return [sense * of_side[side] for sense, side in both]
+        return [(sense * (1.0 + side) / 2.0, sense * (1.0 - side) / 2.0) for sense, side in both]
 
     @property
     def speed(self) -> float:
@@ -107,7 +110,7 @@ class Steering:
 
     def motion(self, rates: Rates) -> Motion:
         """Return how the body moves at rates of the sides."""
-        for a, b in self._cones():
+        for a, b in self._cones:
             shares = _shares(rates, a.rates, b.rates)
             if shares is not None:
                 p, q = shares
@@ -120,7 +123,7 @@ class Steering:
         if not self.can_turn:
             rate = wanted.linear / self.speed
             return Rates(rate, rate)
-        for a, b in self._cones():
+        for a, b in self._cones:
             shares = _shares(wanted, a.motion, b.motion)
             if shares is not None:
                 p, q = shares
@@ -128,11 +131,12 @@ class Steering:
                 return Rates(left, p * a.rates.right + q * b.rates.right)
         return Rates(0.0, 0.0)
 
-    def _cones(self) -> Iterator[tuple[_Ray, _Ray]]:
-        """Yield neighbouring ratios, all around."""
+    @cached_property
+    def _cones(self) -> list[tuple[_Ray, _Ray]]:
+        """Return neighbouring ratios, all around."""
         rays = self._rays
         back = [_Ray(Rates(-r.left, -r.right), Motion(-m.linear, -m.angular)) for r, m in rays]
-        yield from pairwise([*rays, *back, rays[0]])
+        return list(pairwise([*rays, *back, rays[0]]))
 
     @cached_property
     def _rays(self) -> list[_Ray]:

@@ -14,9 +14,8 @@ def walked(
 ) -> tuple[Odometry, Odometer]:
     """Return the odometry of a walk at two rates."""
     odometry = Odometry(feet)
-    rates = np.array([left, right])
     for k in range(round(seconds / step) + 1):
-        at = odometry.update(rates * (k * step), rates)
+        at = odometry.update((left * k * step, right * k * step), (left, right))
     return odometry, at
 
 

@@ -17,6 +17,8 @@ from .messages import odometry_template, transform_template
 
 # Where it is told of nothing: the variance of what moves only as much as the body tilts.
 UNTOLD = 1e-2
+# x, y and yaw among x, y, z, roll, pitch, yaw.
+FLAT = np.ix_((0, 1, 5), (0, 1, 5))
 
 
 class CrankOutput:
@@ -100,7 +102,7 @@ class OdomOutput:
 
     def _spread(self, flat: Any) -> list[float]:
         full = np.zeros((6, 6))
-        full[np.ix_((0, 1, 5), (0, 1, 5))] = flat
+        full[FLAT] = flat
         full[2, 2] = self._height
         full[3, 3] = full[4, 4] = self._tilt
         spread: list[float] = full.ravel().tolist()
@@ -109,7 +111,7 @@ class OdomOutput:
 
 def _rates(flat: Any) -> list[float]:
     full = np.diag((0.0, 0.0, UNTOLD, UNTOLD, UNTOLD, 0.0))
-    full[np.ix_((0, 1, 5), (0, 1, 5))] = flat
+    full[FLAT] = flat
     spread: list[float] = full.ravel().tolist()
     return spread
 

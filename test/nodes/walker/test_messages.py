@@ -1,0 +1,91 @@
+"""What goes over the wire is what a typed message would be."""
+
+from geometry_msgs.msg import Twist, TwistStamped
+from klann_ros.nodes.walker.messages import (
+    odometry_template,
+    read_imu,
+    read_twist,
+    transform_template,
+)
+from nav_msgs.msg import Odometry
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import Imu
+
+
+@pytest.mark.parametrize('frame', ['odom', 'a', 'map/of_the_hall'])
+def test_odometry_is_filled_in_where_its_numbers_are(frame: str) -> None:
+    numbers = [float(k) for k in range(85)]
+    data = odometry_template(frame, 'base_link').fill(5, 7, numbers)
+    read = deserialize_message(data, Odometry)
+    assert (read.header.stamp.sec, read.header.stamp.nanosec) == (5, 7)
+    assert (read.header.frame_id, read.child_frame_id) == (frame, 'base_link')
+    assert read.pose.pose.position.z == 2.0
+    assert read.pose.pose.orientation.w == 6.0
+    assert list(read.pose.covariance) == numbers[7:43]
+    assert read.twist.twist.angular.z == 48.0
+    assert list(read.twist.covariance) == numbers[49:]
+
+
+def test_a_transform_is_filled_in_where_its_numbers_are() -> None:
+    kept = []
+
+    def kind(transforms: list[object]) -> object:
+        kept.append(type(transforms[0]))
+        return transforms[0]
+
+    template = transform_template('odom', 'base_link', kind)
+    read = deserialize_message(template.fill(5, 7, [1.0, 2, 3, 4, 5, 6, 7]), kept[0])
+    assert read.header.stamp.sec == 5
+    assert read.child_frame_id == 'base_link'
+    assert read.transform.translation.x == 1.0
+    assert read.transform.rotation.w == 7.0
+
+
+def test_a_twist_is_read_with_and_without_a_stamp() -> None:
+    stamped = TwistStamped()
+    stamped.header.frame_id = 'base_link'
+    stamped.header.stamp.sec = 9
+    stamped.twist.linear.x, stamped.twist.angular.z = 0.25, -0.5
+    assert read_twist(serialize_message(stamped), stamped=True) == (0.25, -0.5, 9, 0)
+    plain: Twist = stamped.twist
+    assert read_twist(serialize_message(plain), stamped=False) == (0.25, -0.5, 0, 0)
+
+
+@pytest.mark.parametrize('size', [0, 3, 4, 20, 40])
+def test_what_is_too_short_is_no_message(size: int) -> None:
+    data = bytes(serialize_message(TwistStamped()))[:size]
+    with pytest.raises(ValueError, match=r'ends too early|begins'):
+        read_twist(data, stamped=True)
+    with pytest.raises(ValueError, match=r'ends too early|begins'):
+        read_imu(data)
+
+
+def test_an_imu_without_orientation_says_so() -> None:
+    imu = Imu()
+    imu.header.frame_id = 'imu'
+    imu.angular_velocity.z = 0.5
+    imu.orientation_covariance[0] = -1.0
+    read = read_imu(serialize_message(imu))
+    assert (read.orientation, read.angular) == (None, (0.0, 0.0, 0.5))
+    imu.orientation_covariance[0] = imu.orientation_covariance[8] = 0.01
+    imu.orientation.w = 1.0
+    read = read_imu(serialize_message(imu))
+    assert (read.orientation, read.variance) == ((0.0, 0.0, 0.0, 1.0), 0.01)
+
+
+def test_an_orientation_that_nobody_filled_in_is_none() -> None:
+    imu = Imu()
+    imu.orientation.w = 0.0
+    assert read_imu(serialize_message(imu)).orientation is None
+
+
+def test_an_imu_that_turns_at_no_number_is_refused() -> None:
+    with pytest.raises(ValueError, match='not finite'):
+        read_imu(serialize_message(_imu(float('nan'))))
+
+
+def _imu(rate: float) -> Imu:
+    imu = Imu()
+    imu.angular_velocity.x = rate
+    return imu

@@ -1,0 +1,186 @@
+"""walker_node as a process, with motors that the test turns."""
+
+from collections.abc import Iterator
+from math import degrees, nan
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from domain import own_domain
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+import pytest
+from ros_world import Process, World, world
+from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import Float64MultiArray
+
+CONFIG = Path(__file__).resolve().parents[3] / 'config'
+JOINTS = ['left_crank', 'right_crank']
+
+
+class Motors:
+    """Two motors on the probe: they turn as they are told, but for their factors."""
+
+    def __init__(self, ros: World) -> None:
+        self.probe = ros.probe
+        self.commands = self.probe.listen(JointState, 'crank_command')
+        self.odom = self.probe.listen(Odometry, 'odom')
+        self.told = self.probe.listen(DiagnosticArray, '/diagnostics')
+        self.state = self.probe.publisher(JointState, 'crank_state')
+        self.cmd_vel = self.probe.publisher(TwistStamped, 'cmd_vel')
+        self.factors = [1.0, 0.9]
+        self.positions = [0.0, 0.0]
+        self.silent: set[int] = set()
+        self.twist: tuple[float, float] | None = None
+        self.ticks = 0
+        self.probe.node.create_timer(0.01, self._tick)
+
+    def _tick(self) -> None:
+        self.ticks += 1
+        wanted = list(self.commands[-1].velocity) if self.commands else [0.0, 0.0]
+        rates = [f * v for f, v in zip(self.factors, wanted, strict=True)]
+        self.positions = [p + 0.01 * r for p, r in zip(self.positions, rates, strict=True)]
+        heard = [k for k in range(2) if k not in self.silent]
+        message = JointState(
+            name=[JOINTS[k] for k in heard],
+            position=[self.positions[k] for k in heard],
+            velocity=[rates[k] for k in heard],
+        )
+        message.header.stamp = self.probe.node.get_clock().now().to_msg()
+        self.state.publish(message)
+        if self.twist is not None and self.ticks % 10 == 0:
+            self.send(*self.twist)
+
+    def send(self, linear: float, angular: float) -> None:
+        message = TwistStamped()
+        message.header.stamp = self.probe.node.get_clock().now().to_msg()
+        message.twist.linear.x, message.twist.angular.z = linear, angular
+        self.cmd_vel.publish(message)
+
+    @property
+    def status(self) -> DiagnosticStatus:
+        found = [s for array in self.told for s in array.status if s.name == 'walker_node: walker']
+        return found[-1]
+
+    def value(self, key: str) -> str:
+        return str(next(each.value for each in self.status.values if each.key == key))
+
+    def until_said(self, text: str) -> None:
+        self.probe.until(lambda: self.told and text in self.status.message)
+
+
+@pytest.fixture(scope='module')
+def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    with own_domain() as domain, world(domain, tmp_path_factory.mktemp('walker')) as made:
+        yield made
+
+
+@pytest.fixture(scope='module')
+def walker(ros: World) -> Process:
+    file = str(CONFIG / 'walker6_two_motors.yaml')
+    more = ['-p', 'use_imu:=true', '-p', 'diagnostics_period:=0.1', '-p', 'publish_tf:=false']
+    return ros.start('walker_node', '--ros-args', '--params-file', file, *more)
+
+
+@pytest.fixture(scope='module')
+def motors(ros: World, walker: Process) -> Motors:  # noqa: ARG001 - it is there first
+    return Motors(ros)
+
+
+def test_a_walk(ros: World, walker: Process, motors: Motors) -> None:
+    # One process, and one story: what each chapter leaves is where the next begins.
+    motors.until_said('standing')
+    motors.twist = (0.15, 0.0)
+    motors.until_said('walking')
+    ros.probe.until(lambda: motors.odom[-1].pose.pose.position.x > 0.3)
+    at = motors.odom[-1]
+    assert (at.header.frame_id, at.child_frame_id) == ('odom', 'base_link')
+    assert at.pose.pose.position.z == pytest.approx(0.31, abs=0.02)
+    assert at.pose.covariance[0] > 0.0
+    assert at.twist.covariance[35] > 0.0
+    assert list(motors.commands[-1].name) == JOINTS
+    # A motor that is 10 % slow is in phase all the same.
+    assert degrees(abs(motors.positions[0] - motors.positions[1])) < 8.0
+    assert float(motors.value('static_margin')) >= 0.0
+    assert len(motors.value('supporting_feet').split()) == 3
+
+    motors.send(nan, 0.0)
+    ros.probe.until(lambda: motors.value('cmd_vel_rejected') == '1')
+    assert 'not finite' in walker.errors
+
+    imu = ros.probe.publisher(Imu, 'imu')
+    turned = Imu()
+    turned.orientation.w = turned.orientation.z = 0.5**0.5
+    turned.angular_velocity.z = 0.25
+    imu.publish(turned)
+    ros.probe.until(lambda: motors.odom[-1].twist.twist.angular.z == 0.25)
+    imu.publish(Imu(angular_velocity=turned.angular_velocity))
+    ros.probe.until(lambda: motors.value('imu') == 'none')
+
+    motors.silent = {1}
+    motors.until_said('no feedback of right_crank')
+    assert list(motors.commands[-1].velocity) == [0.0, 0.0]
+    motors.silent = set()
+    motors.until_said('walking')
+
+    motors.factors = [0.0, 1.0]
+    motors.until_said('left_crank does not turn')
+    assert list(motors.commands[-1].velocity) == [0.0, 0.0]
+    motors.factors = [1.0, 1.0]
+    motors.twist = (0.0, 0.0)
+    motors.until_said('standing')
+    motors.twist = (0.1, 5.0)
+    motors.until_said('limited by max_angular')
+
+    motors.twist = None
+    motors.until_said('standing: no cmd_vel')
+    # What a crank was behind it still catches up with.
+    ros.probe.until(lambda: list(motors.commands[-1].velocity) == [0.0, 0.0])
+    assert walker.stop() == 0
+    assert 'Traceback' not in walker.errors
+
+
+def test_rates_alone_on_one_crank_that_refuses_to_turn(ros: World) -> None:
+    file = str(CONFIG / 'walker6.yaml')
+    more = ['-p', 'stamped_cmd_vel:=false', '-p', 'command_type:=velocities', '-r', '__ns:=/one']
+    node = ros.start('walker_node', '--ros-args', '--params-file', file, *more)
+    probe = ros.probe
+    rates = probe.listen(Float64MultiArray, '/one/crank_command')
+    state = probe.publisher(JointState, '/one/crank_state')
+    cmd_vel = probe.publisher(Twist, '/one/cmd_vel')
+    twist = Twist()
+    twist.linear.x, twist.angular.z = 0.1, 0.3
+
+    def turned() -> bool:
+        state.publish(JointState(name=['crank'], position=[0.5], velocity=[0.4]))
+        cmd_vel.publish(twist)
+        return bool(rates and rates[-1].data[0] > 0.5)
+
+    probe.until(turned)
+    assert len(rates[-1].data) == 1
+    assert node.stop() == 0
+    assert node.errors.count('angular.z is refused: it cannot turn') == 1
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'reason'),
+    [
+        ((), 'no robot is given'),
+        (('--params-file', 'sem104.yaml'), 'it has 1 leg, and stands on three'),
+        (
+            ('--params-file', 'walker6.yaml', '-p', 'max_linear:=-1.0'),
+            'max_linear = -1.0 is refused',
+        ),
+        (
+            ('--params-file', 'walker6.yaml', '-p', 'front_left.mount_xyz:=[1.0]'),
+            'the parameters are no robot: mount_xyz',
+        ),
+    ],
+)
+def test_what_is_no_walker_is_refused_in_one_line(
+    ros: World, arguments: tuple[str, ...], reason: str
+) -> None:
+    given = [str(CONFIG / a) if a.endswith('.yaml') else a for a in arguments]
+    node = ros.start('walker_node', '--ros-args', *given)
+    assert node.wait() == 1
+    assert reason in node.errors
+    assert node.errors.count('\n') == 1
