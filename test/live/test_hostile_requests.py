@@ -189,7 +189,8 @@ def test_a_frame_that_never_ends_is_cut_off(served: Served) -> None:
             writer.write(
                 (
                     f'GET /socket HTTP/1.1\r\nHost: {served.place}\r\n'
-                    f'Origin: http://{served.place}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n'
+                    f'Origin: http://{served.place}\r\n'
+                    'Upgrade: websocket\r\nConnection: Upgrade\r\n'
                     'Sec-WebSocket-Version: 13\r\n'
                     'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n'
                 ).encode()

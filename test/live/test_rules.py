@@ -1,0 +1,240 @@
+"""The rules of the live page, each without a server: who, what, how often, how long."""
+
+from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.live.drive import crank_at, CrankDrive, DriveError, PATIENCE, WalkDrive
+from klann_ros.live.guard import ForbiddenError, Guard, new_token
+from klann_ros.live.legs import drawn_shape, positions, solver_of
+from klann_ros.live.protocol import parsed, RateLimit, Wish
+from klann_ros.live.rates import TopicFigures
+from klann_ros.live.words import plain_status, recorded
+from klann_ros.log.run_parameters import SolverParameters
+import numpy as np
+import pytest
+
+LOCAL = Guard('127.0.0.1', 8321, 'secret')
+NAMED = Guard('192.0.2.7', 8321, 'secret')
+ANY = Guard('0.0.0.0', 8321, 'secret')  # noqa: S104 - bound to nowhere here
+
+
+@pytest.mark.parametrize(
+    ('guard', 'host', 'is_own'),
+    [
+        (LOCAL, '127.0.0.1:8321', True),
+        (LOCAL, 'LOCALHOST:8321', True),
+        (LOCAL, '[::1]:8321', True),
+        (LOCAL, '127.0.0.1:8322', False),
+        (LOCAL, '127.0.0.1', False),
+        (LOCAL, 'evil.example:8321', False),
+        (LOCAL, 'localhost.evil.example:8321', False),
+        (LOCAL, '127.0.0.1:8321:8321', False),
+        (LOCAL, '192.0.2.7:8321', False),
+        (LOCAL, None, False),
+        (LOCAL, '', False),
+        (NAMED, '192.0.2.7:8321', True),
+        (NAMED, '127.0.0.1:8321', False),
+        (ANY, '192.0.2.9:8321', True),
+        (ANY, 'evil.example:8321', False),
+        (Guard('127.0.0.1', 80, ''), '127.0.0.1', True),
+    ],
+)
+def test_a_host_is_one_of_the_names_of_this_server(
+    guard: Guard, host: str | None, is_own: bool
+) -> None:
+    if is_own:
+        guard.check_host(host)
+    else:
+        with pytest.raises(ForbiddenError):
+            guard.check_host(host)
+
+
+def test_from_another_machine_nobody_even_looks_without_the_secret() -> None:
+    LOCAL.check_reading(None)
+    for guard in (NAMED, ANY):
+        guard.check_reading('secret')
+        for token in (None, '', 'Secret', 'secret '):
+            with pytest.raises(ForbiddenError):
+                guard.check_reading(token)
+
+
+def test_who_is_read_only_drives_with_no_secret() -> None:
+    assert LOCAL.may_drive('secret')
+    assert not Guard('127.0.0.1', 1, 'secret', read_only=True).may_drive('secret')
+
+
+def test_an_address_holds_the_secret_where_it_is_of_use() -> None:
+    assert LOCAL.url == 'http://127.0.0.1:8321/?token=secret'
+    assert Guard('127.0.0.1', 1, 'secret', read_only=True).url == 'http://127.0.0.1:1/'
+    # From another machine one cannot look without it.
+    assert 'secret' in Guard('192.0.2.7', 1, 'secret', read_only=True).url
+    assert Guard('::1', 1, 's').url.startswith('http://[::1]:1/')
+    assert len({new_token() for _ in range(100)}) == 100
+
+
+def test_a_page_may_say_so_much_and_no_more() -> None:
+    now = 0.0
+    limit = RateLimit(rate=10.0, burst=5.0, clock=lambda: now)
+    assert [limit.allows() for _ in range(7)] == [True] * 5 + [False] * 2
+    now = 0.21
+    assert [limit.allows() for _ in range(3)] == [True, True, False]
+
+
+def test_what_a_page_says_is_understood() -> None:
+    assert parsed('{}') is None
+    assert parsed('{"ack": 3}') == 3
+    wish = parsed('{"id": 1, "do": "set", "what": "/s", "values": {"l": 1, "assembly": [1, -1]}}')
+    assert wish == Wish(1, 'set', '/s', values={'l': 1.0, 'assembly': [1, -1]})
+
+
+def test_a_drive_is_lost_within_half_a_second_of_silence() -> None:
+    # The thread that asks rests for 50 ms at most.
+    assert PATIENCE + 0.05 < 0.5
+    for drive in (CrankDrive(), WalkDrive()):
+        assert not drive.is_lost(1e9)
+        if isinstance(drive, CrankDrive):
+            drive.take(7, 1.0, 100.0)
+        else:
+            drive.take(7, 100.0)
+        assert not drive.is_lost(100.0 + PATIENCE)
+        assert drive.is_lost(100.0 + PATIENCE + 1e-6)
+        drive.heard = 101.0
+        assert not drive.is_lost(101.2)
+
+
+def test_a_crank_is_taken_where_it_is_and_turns_from_there() -> None:
+    drive = CrankDrive()
+    drive.take(1, 2.0, 10.0)
+    assert drive.advance(11.0) == 2.0
+    drive.spin(3.0, 12.0)
+    assert drive.advance(13.0) == 5.0
+    drive.spin(-1.0, 14.0)
+    assert drive.advance(15.0) == 7.0
+    drive.turn_to(0.5, 16.0)
+    assert drive.advance(20.0) == 0.5
+    for refused in (float('nan'), 1e7):
+        with pytest.raises(DriveError):
+            drive.turn_to(refused, 21.0)
+        with pytest.raises(DriveError):
+            drive.spin(refused, 21.0)
+        with pytest.raises(DriveError):
+            WalkDrive().walk(refused, 0.0)
+
+
+def test_a_crank_is_found_from_its_leg() -> None:
+    for alpha, direction, phase in ((1.0, 1.0, 0.0), (1.0, -1.0, 2.0), (-7.0, -1.0, 0.5)):
+        assert direction * crank_at(alpha, direction, phase) + phase == pytest.approx(alpha)
+    assert crank_at(float('inf'), 1.0, 0.0) == 0.0
+
+
+def test_a_leg_is_known_by_its_solver() -> None:
+    parameters = {
+        **KlannGeometry.sem104().as_dict(),
+        'assembly': [1, 1],
+        'legs': ['a', 'b'],
+        'b.l_gh': 0.5,
+        'b.direction': -1,
+        'b.phase': 1.0,
+        'b.mount_xyz': [1.0, 2.0, 3.0],
+        'b.mount_rpy': 'upright',
+    }
+    solver = solver_of(SolverParameters('/x/solver_node', 0, parameters))
+    a, b = solver.legs
+    assert (a.name, b.name, b.direction, b.phase) == ('a', 'b', -1.0, 1.0)
+    assert b.mount_xyz == (1.0, 2.0, 3.0)
+    assert b.leg is not None
+    assert b.leg.linkage.dimensions['l_gh'] == 0.5
+    assert b.joint_names[0] == 'b/alpha'
+    assert 'b.l_gh' in solver.settable
+    assert 'use_sim_time' not in solver.settable
+
+
+@pytest.mark.parametrize(
+    'parameters',
+    [
+        {},
+        {'legs': 7, 'l_ab': 'x'},
+        {'legs': [['a']], 'l_ab': float('nan')},
+        {'linkage_description': '{'},
+        {'l_ab': 1e308, 'x_d': None, 'assembly': [3, 3]},
+        {'legs': ['a'] * 1000},
+    ],
+)
+def test_parameters_of_strangers_are_no_leg_and_no_fault(parameters: dict[str, object]) -> None:
+    solver = solver_of(SolverParameters('/x', 0, parameters))
+    assert all(leg.as_data()['shape'] is None for leg in solver.legs)
+
+
+def test_a_box_holds_all_that_a_leg_reaches() -> None:
+    leg = KlannLeg()
+    shape = drawn_shape(leg.linkage)
+    left, bottom, right, top = shape['box']
+    for alpha in np.linspace(0.0, 6.0, 50):
+        points = leg.solve(alpha).points
+        assert (points >= (left - 1e-3, bottom - 1e-3)).all()
+        assert (points <= (right + 1e-3, top + 1e-3)).all()
+    assert drawn_shape(KlannLeg().linkage) is shape
+
+
+def test_a_pose_is_found_in_a_joint_state_or_not_at_all() -> None:
+    assert positions(['a', 'b'], ['b', 'x', 'a'], [2.0, 9.0, 1.0]) == [1.0, 2.0]
+    assert positions(['a', 'b'], ['a'], [1.0]) is None
+    assert positions(['a'], ['a', 'b'], [1.0]) is None
+    assert positions(['a'], ['a'], [float('nan')]) is None
+    assert positions([], ['a'], [1.0]) is None
+
+
+def test_a_topic_knows_its_rate_and_its_losses() -> None:
+    now = 0.0
+    figures = TopicFigures(clock=lambda: now)
+    figures.publishers = 1
+    assert (figures.rate(), figures.silence()) == (0.0, None)
+    for number in range(1, 301):
+        now += 0.01
+        if number % 100:
+            figures.add(number)
+    assert figures.lost == 2
+    assert figures.rate() == pytest.approx(99.0, abs=1.0)
+    now += 5.0
+    figures.rate()
+    assert figures.silence() == pytest.approx(5.01)
+    now += 5.0
+    assert figures.rate() == 0.0
+
+
+@pytest.mark.parametrize(
+    ('level', 'message', 'meaning'),
+    [
+        (0, 'solving', 'The leg is solved.'),
+        (3, 'no input for 3.1 s', 'Nobody turns the crank'),
+        (2, 'crank angle 1.0 rad (57.296 deg) cannot be reached: dyad 1 does not close', 'reach'),
+        (1, 'nearly singular: the links of a dyad are 3.1 deg from in line', 'in line'),
+        (1, 'the crank is turned by more than one: /a and /b', 'jumps'),
+        (1, 'something of another node', ''),
+    ],
+)
+def test_a_status_is_told_in_plain_words(level: int, message: str, meaning: str) -> None:
+    status = plain_status(level, 'solver_node: leg', message, [('solved', '5'), ('x', 'y')])
+    assert meaning in status.meaning
+    assert bool(status.meaning) == bool(meaning)
+    assert status.text == message
+    assert status.figures == {'solved': '5'}
+
+
+def test_a_status_of_a_stranger_is_short_and_visible() -> None:
+    status = plain_status(250, 'x' * 10_000, 'a\u202eb\x1b[31m', [('rate', 'y' * 10_000)] * 1000)
+    assert status.level == 'fault'
+    assert len(status.who) < 150
+    assert status.text.isprintable()
+    assert len(status.figures['rate']) < 100
+
+
+def test_what_a_recorder_has_written_is_summed() -> None:
+    values = [
+        ('file', '/runs/x written'),
+        ('/a written', '5'),
+        ('/b written', '7'),
+        ('/b lost', '1'),
+        ('/c lost', 'unknown'),
+        ('/a received', '13'),
+        ('/d lost', '9' * 50),
+    ]
+    assert recorded(values) == {'received': 13, 'written': 12, 'lost': 1}

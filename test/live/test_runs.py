@@ -1,0 +1,95 @@
+"""Runs are listed, and reviewed when asked for, beside the live page and never before it."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+import sys
+
+from klann_ros.live.runs import Page, Reviews, runs_in
+from leg_runs import LegRun
+from made_up_world import EVIL
+import pytest
+
+# What stands for `review`: it takes RUN --html FILE.
+MADE_UP = """
+import sys, time
+_, run, option, file = sys.argv
+assert option == '--html'
+if 'bad' in run:
+    sys.exit('this is no log')
+open(file, 'w').write('review of ' + run)
+"""
+COMMAND = (sys.executable, '-c', MADE_UP)
+
+
+def with_reviews(folder: Path, test: Callable[[Reviews], Awaitable[None]], *command: str) -> None:
+    async def alone() -> None:
+        reviews = Reviews(str(folder), command)
+        try:
+            await asyncio.wait_for(test(reviews), 120.0)
+        finally:
+            reviews.close()
+
+    asyncio.run(alone())
+
+
+async def made(reviews: Reviews, name: str) -> Page:
+    page = await reviews.page(name)
+    assert page is not None
+    await page.done.wait()
+    return page
+
+
+def test_what_is_in_the_folder_itself_is_a_run(runs: Path) -> None:
+    assert {run.name for run in runs_in(runs)} == {'good', EVIL.replace('/', '')}
+    assert runs_in('/nowhere') == []
+
+
+def test_the_newest_is_first(tmp_path: Path) -> None:
+    for name in ('b', 'a'):
+        (tmp_path / f'{name}.mcap').touch()
+    first, second = runs_in(tmp_path)
+    assert first.time >= second.time
+
+
+@pytest.mark.parametrize('name', ['', '.', '..', '../secret.txt', 'link.mcap', 'nothing', '\0'])
+def test_what_is_no_run_has_no_review(runs: Path, name: str) -> None:
+    async def look(reviews: Reviews) -> None:
+        assert await reviews.page(name) is None
+
+    with_reviews(runs, look, *COMMAND)
+
+
+def test_a_review_is_made_once(runs: Path) -> None:
+    async def look(reviews: Reviews) -> None:
+        first = await made(reviews, 'good')
+        assert first.state == 'ready'
+        assert first.file.read_text() == f'review of {runs.absolute() / "good"}'
+        assert await reviews.page('good') is first
+
+    with_reviews(runs, look, *COMMAND)
+
+
+def test_what_cannot_be_reviewed_says_why(tmp_path: Path) -> None:
+    (tmp_path / 'bad.mcap').touch()
+
+    async def look(reviews: Reviews) -> None:
+        assert (await made(reviews, 'bad.mcap')).state == 'this is no log'
+
+    with_reviews(tmp_path, look, *COMMAND)
+
+    async def stop(reviews: Reviews) -> None:
+        assert 'cannot be made' in (await made(reviews, 'bad.mcap')).state
+
+    with_reviews(tmp_path, stop, '/nowhere/review')
+
+
+def test_a_real_run_is_reviewed_by_a_real_process(tmp_path: Path) -> None:
+    LegRun().write(tmp_path / 'run')
+
+    async def look(reviews: Reviews) -> None:
+        page = await made(reviews, 'run')
+        assert page.state == 'ready'
+        assert '<title>Review of run</title>' in page.file.read_text()
+
+    with_reviews(tmp_path, look)

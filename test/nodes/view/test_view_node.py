@@ -1,0 +1,411 @@
+"""The live page in a real browser, before a real solver: it shows what is, and drives if asked."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+import socket
+from typing import Any
+
+from browser import find
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from domain import own_domain
+from geometry_msgs.msg import TwistStamped
+from klann_ros.kinematics import KlannGeometry, KlannLeg
+from made_up_world import EVIL
+import numpy as np
+import pytest
+from rcl_interfaces.srv import GetParameters
+from ros_world import Process, World, world
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+pytest.importorskip('playwright')
+if find() is None:
+    pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
+
+FLAGS = ('--no-sandbox', '--disable-gpu', '--disable-background-networking', '--no-first-run')
+NEAR = 1e-6
+# Where the points of a picture are, in metres of its plane, with what it was drawn from.
+DRAWN = """(svg) => ({
+    x: svg.dataset.x.split(' ').map(Number),
+    points: [...svg.querySelectorAll('[data-point]')].map((node) => {
+        const at = (name) => Number(node.getAttribute(name));
+        const [x, y] = node.tagName === 'circle' ? [at('cx'), at('cy')]
+            : [at('x') + at('width') / 2, at('y') + at('height') / 2];
+        const { left, top, scale } = svg.dataset;
+        return [Number(left) + x / scale, Number(top) - y / scale];
+    }),
+})"""
+
+
+@dataclass
+class Live:
+    """A domain with a solver and a live page in a browser."""
+
+    ros: World
+    url: str
+    page: Any
+    complaints: list[str] = field(default_factory=list)
+
+    def until(self, expression: str) -> None:
+        """Wait until something is so on the page; ROS goes on meanwhile."""
+        self.ros.probe.until(lambda: self.page.evaluate(expression))
+
+    def text(self, selector: str) -> str:
+        return str(self.page.locator(selector).text_content())
+
+    def drawn(self) -> tuple[list[float], np.ndarray]:
+        """Return the pose that is drawn, and where its points are [m]."""
+        found = self.page.eval_on_selector('#picture', DRAWN)
+        return found['x'], np.array(found['points'])
+
+    def press(self, selector: str) -> None:
+        self.page.locator(selector).click()
+
+
+def address(process: Process) -> str:
+    """Return what a view_node has printed."""
+    assert process.popen.stdout is not None
+    return str(process.popen.stdout.readline()).strip()
+
+
+@pytest.fixture(scope='module')
+def browser() -> Iterator[Any]:
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=find(), args=list(FLAGS))
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope='module')
+def ros_of_all(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    with own_domain() as domain, world(domain, tmp_path_factory.mktemp('view')) as made:
+        yield made
+
+
+@pytest.fixture(scope='module')
+def url(ros_of_all: World) -> str:
+    ros_of_all.start('solver_node')
+    return address(ros_of_all.start('view_node', '--port', '0'))
+
+
+@pytest.fixture(scope='module')
+def turn(ros_of_all: World, url: str) -> Iterator[Callable[[float], None]]:
+    """Return what turns the crank, from elsewhere; a solver and a page are there."""
+    assert url
+    publisher = ros_of_all.probe.publisher(Float64, 'crank_angle', subscribers=2)
+    yield lambda alpha: publisher.publish(Float64(data=alpha))
+    ros_of_all.probe.node.destroy_publisher(publisher)
+
+
+@pytest.fixture
+def live(ros_of_all: World, url: str, browser: Any) -> Iterator[Live]:
+    page = browser.new_page(viewport={'width': 1280, 'height': 900})
+    made = Live(ros_of_all, url, page)
+    page.on('console', lambda said: made.complaints.append(said.text))
+    page.on('pageerror', lambda error: made.complaints.append(str(error)))
+    page.goto(url)
+    yield made
+    page.close()
+
+
+@pytest.fixture
+def moving(live: Live, turn: Callable[[float], None]) -> Live:
+    """Return a page that has drawn a pose."""
+    turn(0.1)
+
+    def is_drawn() -> bool:
+        if live.page.evaluate("document.getElementById('picture').dataset.x === undefined"):
+            turn(0.1)
+            return False
+        return True
+
+    live.ros.probe.until(is_drawn)
+    return live
+
+
+def test_the_leg_is_drawn_where_it_was_published(
+    moving: Live, turn: Callable[[float], None]
+) -> None:
+    states = moving.ros.probe.listen(JointState, 'joint_states')
+    moving.ros.probe.matched('joint_states')
+    for alpha in (1.0, 2.5, -3.0, 700.0):
+        states.clear()
+        turn(alpha)
+        moving.ros.probe.until(lambda: states)
+        position = list(states[-1].position)
+        moving.until(f"document.getElementById('picture').dataset.x === {as_drawn(position)!r}")
+        _, points = moving.drawn()
+        assert np.abs(points - KlannLeg().solve(alpha).points).max() < NEAR
+    assert moving.complaints == []
+
+
+def as_drawn(numbers: list[float]) -> str:
+    """Return numbers as JavaScript writes them."""
+    return ' '.join(repr(number).removesuffix('.0') for number in numbers)
+
+
+def test_the_page_drives_when_asked_and_says_so_and_stops_when_it_is_closed(
+    moving: Live,
+) -> None:
+    ros, page = moving.ros, moving.page
+
+    def drivers() -> list[str]:
+        infos = ros.probe.node.get_publishers_info_by_topic('/crank_angle')
+        return [info.node_name for info in infos if info.node_name == 'view_node']
+
+    assert drivers() == []
+    assert 'drives nothing until you take over' in moving.text('#crank-state')
+    assert page.locator('#angle').is_disabled()
+    moving.press('#take')
+    moving.until("!document.getElementById('angle').disabled")
+    assert 'This page drives /crank_angle' in moving.text('#crank-state')
+    # The probe's own publisher is told, too: both would pull at the crank.
+    assert '/probe' in moving.text('#crank-state')
+    ros.probe.until(drivers)
+    page.locator('#angle').fill('60')
+    moving.until('Math.abs(live.trackOf(live.leg).x[0] - Math.PI / 3) < 1e-9')
+    page.locator('#speed').fill('6')
+    moving.until('live.trackOf(live.leg).x[0] > 3')
+    page.locator('#halt').click()
+    moving.press('#take')
+    ros.probe.until(lambda: not drivers())
+    moving.press('#take')
+    ros.probe.until(drivers)
+    page.locator('#speed').fill('6')
+    page.close()
+    ros.probe.until(lambda: not drivers())
+    assert moving.complaints == []
+
+
+def test_a_page_that_is_no_longer_heard_of_drives_no_more(moving: Live) -> None:
+    moving.press('#take')
+    moving.until('live.crank.isMine')
+    # As when its machine sleeps: the socket stays, and nothing comes.
+    moving.page.evaluate('live.connection.say = () => {}')
+
+    def drivers() -> list[str]:
+        infos = moving.ros.probe.node.get_publishers_info_by_topic('/crank_angle')
+        return [info.node_name for info in infos if info.node_name == 'view_node']
+
+    moving.ros.probe.until(drivers)
+    moving.ros.probe.until(lambda: not drivers())
+
+
+def test_lengths_are_set_or_refused_with_the_reason(moving: Live) -> None:
+    field = moving.page.get_by_label('l_ab [m]')
+    field.fill('5')
+    field.blur()
+    moving.until("document.getElementById('lengths-state').textContent.startsWith('Refused')")
+    assert 'no crank angle' in moving.text('#lengths-state')
+    assert field.input_value() == '0.12'
+    other = moving.page.get_by_label('l_gh [m]')
+    for length in ('0.45', '0.43'):
+        other.fill(length)
+        other.blur()
+        moving.until(f"document.getElementById('lengths-state').textContent.includes('{length}')")
+    response = moving.ros.probe.call(
+        GetParameters, '/solver_node/get_parameters', GetParameters.Request(names=['l_ab', 'l_gh'])
+    )
+    assert [value.double_value for value in response.values] == [0.12, 0.43]
+    # What is drawn is of the lengths that are.
+    moving.until('live.leg.solver.lengths.find((one) => one.name === "l_gh").value === 0.43')
+    assert moving.complaints == []
+
+
+def test_texts_of_others_are_never_markup(moving: Live) -> None:
+    probe = moving.ros.probe
+    diagnostics = probe.node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+    states = probe.node.create_publisher(JointState, 'others/joint_states', 10)
+    status = DiagnosticStatus(level=b'\x02', name=EVIL, message=EVIL)
+    names = [f'{EVIL}/{joint}' for joint in KlannLeg().joint_names]
+    pose = KlannLeg().solve(1.0)
+    state = JointState(name=names, position=[float(x) for x in pose.joints])
+
+    def is_shown() -> bool:
+        diagnostics.publish(DiagnosticArray(status=[status]))
+        states.publish(state)
+        shown = moving.text('main')
+        return shown.count('<img') >= 3
+
+    probe.until(is_shown)
+    assert moving.page.locator('img').count() == 0
+    moving.press('#legs button:last-child')
+    assert '<img' in moving.text('#title')
+    assert 'tells no lengths' in moving.text('#picture-note')
+    assert moving.complaints == []
+    probe.node.destroy_publisher(diagnostics)
+    probe.node.destroy_publisher(states)
+
+
+def test_a_walker_is_steered_by_keys_and_stands_when_they_are_let_go(moving: Live) -> None:
+    heard: list[TwistStamped] = moving.ros.probe.listen(TwistStamped, 'cmd_vel')
+    moving.until("!document.getElementById('walk-card').hidden")
+    moving.press('#walk-take')
+    moving.until('live.walk.isMine')
+    moving.ros.probe.until(lambda: heard)
+    assert heard[-1].twist.linear.x == 0.0
+    moving.page.locator('#walk-state').click()
+    moving.page.keyboard.down('ArrowUp')
+    moving.page.keyboard.down('a')
+    moving.ros.probe.until(
+        lambda: (heard[-1].twist.linear.x, heard[-1].twist.angular.z) == (0.25, 0.8)
+    )
+    moving.page.close()
+    moving.ros.probe.until(
+        lambda: (heard[-1].twist.linear.x, heard[-1].twist.angular.z) == (0.0, 0.0)
+    )
+
+
+def test_a_recorder_and_a_player_have_buttons(moving: Live) -> None:
+    called: list[str] = []
+    recorder, player = (
+        moving.ros.probe.neighbour(n) for n in ('made_up_recorder', 'made_up_player')
+    )
+
+    def offer(node: Any, name: str, *, is_done: bool = True) -> None:
+        def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            called.append(f'{node.get_name()} {name}')
+            response.success, response.message = is_done, f'said by {name} {EVIL}'
+            return response
+
+        node.create_service(Trigger, f'~/{name}', answer)
+
+    for name in ('pause', 'resume', 'split'):
+        offer(recorder, name, is_done=name != 'split')
+    for name in ('pause', 'resume', 'step'):
+        offer(player, name)
+    player.declare_parameter('position', 1.5)
+    player.declare_parameter('rate', 2.0)
+    moving.until("document.querySelectorAll('#machines .card').length === 2")
+    cards = moving.page.locator('#machines .card')
+    of = {
+        'recorder': cards.filter(has_text='Recorder'),
+        'player': cards.filter(has_text='Player'),
+    }
+    of['recorder'].get_by_role('button', name='Pause').click()
+    moving.ros.probe.until(lambda: 'made_up_recorder pause' in called)
+    of['recorder'].get_by_role('button', name='New file').click()
+    moving.ros.probe.until(lambda: 'Refused: said by split' in of['recorder'].text_content())
+    of['player'].get_by_role('button', name='One message on').click()
+    moving.ros.probe.until(lambda: 'made_up_player step' in called)
+    moving.ros.probe.until(lambda: '1.50 s' in of['player'].text_content())
+    of['player'].locator('input').evaluate(
+        "(node) => { node.max = 9; node.value = 4; node.dispatchEvent(new Event('change')); }"
+    )
+    moving.ros.probe.until(lambda: player.get_parameter('position').value == 4.0)
+    assert moving.page.locator('img').count() == 0
+    assert moving.complaints == []
+
+
+def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
+    """Two legs of one solver with mounts, told by a node that is made up."""
+    node = moving.ros.probe.neighbour('made_up_solver')
+    geometry = KlannGeometry.sem104().as_dict()
+    mounts = {'left': [0.0, 0.2, 0.3], 'right': [0.0, -0.2, 0.3]}
+    node.declare_parameter('legs', list(mounts))
+    for name, value in geometry.items():
+        plain = list(value) if isinstance(value, tuple) else value
+        node.declare_parameter(name, plain)
+        for leg in mounts:
+            node.declare_parameter(f'{leg}.{name}', plain)
+    for leg, xyz in mounts.items():
+        node.declare_parameter(f'{leg}.mount_xyz', xyz)
+        node.declare_parameter(f'{leg}.mount_rpy', [np.pi / 2, 0.0, 0.0])
+    publisher = node.create_publisher(JointState, 'walker/joint_states', 10)
+    poses = [KlannLeg().solve(alpha) for alpha in (1.0, 4.0)]
+    names = [f'{leg}/{joint}' for leg in mounts for joint in KlannLeg().joint_names]
+    values = [float(x) for pose in poses for x in pose.joints]
+
+    def is_shown() -> bool:
+        publisher.publish(JointState(name=names, position=values))
+        return bool(
+            moving.page.evaluate(
+                "!document.getElementById('walker').hidden && "
+                "[...document.querySelectorAll('#above circle.joint')]"
+                ".every((node) => node.getAttribute('r'))"
+            )
+        )
+
+    moving.ros.probe.until(is_shown)
+    drawn = {
+        view: moving.page.eval_on_selector(
+            f'#{view}',
+            DRAWN.replace("svg.dataset.x.split(' ').map(Number)", '0'),
+        )['points']
+        for view in ('side', 'above')
+    }
+    wanted = np.array([point for pose in poses for point in pose.points])
+    ys = np.repeat([0.2, -0.2], 8)
+    side = np.column_stack([wanted[:, 0], wanted[:, 1] + 0.3])
+    assert np.abs(np.array(drawn['side']) - side).max() < NEAR
+    assert np.abs(np.array(drawn['above']) - np.column_stack([wanted[:, 0], ys])).max() < NEAR
+    assert moving.complaints == []
+    node.destroy_publisher(publisher)
+
+
+@pytest.mark.parametrize(('scheme', 'width'), [('light', 1280), ('dark', 390)])
+def test_axe_finds_no_barrier(moving: Live, scheme: str, width: int) -> None:
+    axe = pytest.importorskip('axe_playwright_python.sync_playwright')
+    moving.page.emulate_media(color_scheme=scheme)
+    moving.page.set_viewport_size({'width': width, 'height': 800})
+    found = axe.Axe().run(moving.page).response['violations']
+    assert [violation['id'] for violation in found] == []
+    assert moving.page.evaluate('document.documentElement.scrollWidth <= innerWidth')
+
+
+def test_read_only_publishes_nothing_and_drives_nothing(ros_of_all: World, browser: Any) -> None:
+    process = ros_of_all.start_by(
+        [],
+        'view_node',
+        *('--port', '0', '--read-only', '--ros-args', '-r', '__node:=looker'),
+    )
+    url = address(process)
+    assert 'token' not in url
+    page = browser.new_page()
+    page.goto(url)
+    probe = ros_of_all.probe
+    probe.until(lambda: page.locator('#state-title').text_content() != 'Connecting')
+    assert page.locator('#take').is_disabled()
+    probe.until(lambda: 'looker' in probe.node.get_node_names())
+    topics = dict(probe.node.get_publisher_names_and_types_by_node('looker', '/'))
+    # What every node of rclpy has, which speaks of its own parameters.
+    assert set(topics) == {'/parameter_events'}
+    page.close()
+    assert process.stop() == 0
+
+
+def test_it_ends_in_order_while_somebody_looks(ros_of_all: World, browser: Any) -> None:
+    process = ros_of_all.start('view_node', '--port', '0')
+    page = browser.new_page()
+    page.goto(address(process))
+    assert process.stop() == 0
+    assert 'Traceback' not in process.errors
+    ros_of_all.probe.until(
+        lambda: str(page.locator('#state-title').text_content()) == 'No connection'
+    )
+    page.close()
+
+
+def test_what_it_cannot_start_with_is_one_line(ros_of_all: World) -> None:
+    with socket.socket() as taken:
+        taken.bind(('127.0.0.1', 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        refusals = {
+            ('--port', str(port)): (1, f'port {port}'),
+            ('--host', '203.0.113.1', '--port', '0'): (1, '203.0.113.1'),
+            ('--runs', '/nowhere', '--port', '0'): (1, '--runs /nowhere is no folder'),
+            ('--port', '70000'): (2, 'within 0 .. 65535'),
+        }
+        started = {
+            arguments: ros_of_all.start_by([], 'view_node', *arguments) for arguments in refusals
+        }
+        for arguments, (code, said) in refusals.items():
+            process = started[arguments]
+            assert process.wait() == code
+            last = process.errors.strip().splitlines()[-1]
+            assert said in last
+            assert 'Traceback' not in process.errors
