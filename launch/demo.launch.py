@@ -1,7 +1,7 @@
 """
 A leg that walks: leg.launch.py, and a crank that turns it. Ctrl-C ends it.
 
-    ros2 launch klann_ros demo.launch.py rviz:=true record:=true speed:=3.0
+    ros2 launch klann_ros demo.launch.py view:=true record:=true speed:=3.0
 
 It takes the arguments of leg.launch.py as well: ros2 launch klann_ros demo.launch.py --show-args
 """

@@ -1,5 +1,5 @@
 """
-Solve: solver_node, and the frames of its legs; RViz, a recorder and a slider if wanted.
+Solve: solver_node, and the frames of its legs; RViz, the live page, a recorder if wanted.
 
     ros2 launch klann_ros leg.launch.py params_file:=my_leg.yaml rviz:=true slider:=true
 
@@ -55,6 +55,15 @@ ARGUMENTS = (
         'output', default_value='', description='Folder of the run; empty: runs/<UTC time>.'
     ),
     DeclareLaunchArgument(
+        'view',
+        default_value='false',
+        choices=FLAG,
+        description='Serve the live page; view_node prints its address.',
+    ),
+    DeclareLaunchArgument(
+        'view_port', default_value='8321', description='Port of the live page; 0: any free one.'
+    ),
+    DeclareLaunchArgument(
         'slider',
         default_value='false',
         choices=FLAG,
@@ -107,6 +116,16 @@ def generate_launch_description() -> LaunchDescription:
         ],
         condition=IfCondition(LaunchConfiguration('record')),
     )
+    # It sees the legs of all namespaces; a second one needs a port of its own.
+    view = Node(
+        package='klann_ros',
+        executable='view_node',
+        name='view_node',
+        namespace=namespace,
+        output='screen',
+        arguments=['--port', LaunchConfiguration('view_port')],
+        condition=IfCondition(LaunchConfiguration('view')),
+    )
     # It knows the crank only, so it cannot hear its own answer.
     slider = Node(
         package='joint_state_publisher_gui',
@@ -118,4 +137,4 @@ def generate_launch_description() -> LaunchDescription:
         parameters=[{'rate': 50, 'use_sim_time': use_sim_time}],
         condition=IfCondition(LaunchConfiguration('slider')),
     )
-    return LaunchDescription([*ARGUMENTS, description, solver, recorder, slider])
+    return LaunchDescription([*ARGUMENTS, description, solver, recorder, view, slider])

@@ -5,12 +5,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 import os
+from pathlib import Path
 import sys
+import tempfile
 
 from klann_ros import __version__
 from klann_ros.kinematics import AnyLeg
 from klann_ros.log.errors import LogError
 from klann_ros.log.reading.run_files import LOG_HELP
+from klann_ros.page.browser import is_opened
 from klann_ros.review.loading.leg_file import leg_of, preset_names
 from klann_ros.review.model.comparing import compare
 from klann_ros.review.model.limits import Limits, limits_from_file, NAMES
@@ -20,7 +23,7 @@ from klann_ros.review.report.outputs import Output, OutputError, outputs, Save
 from klann_ros.review.report.picture import NoPictureError, picture_format, save_picture
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.untrusted.arguments import ArgumentParser, path
-from klann_ros.untrusted.text import printable_line
+from klann_ros.untrusted.text import printable, printable_line
 from tqdm import tqdm
 
 from .each import command as each
@@ -83,6 +86,8 @@ def _fail(error: Exception, code: int) -> int:
 
 
 def _review(options: argparse.Namespace) -> int:
+    if options.open and not options.html:
+        options.html = _own_place(options.log)
     inputs = options.log, options.log2, options.geometry, options.limits
     files = outputs(
         {f'--{name}': getattr(options, name) for name in ('json', 'html', 'csv', 'picture')},
@@ -109,6 +114,8 @@ def _review(options: argparse.Namespace) -> int:
     saved = [_is_saved(file, savers[file.option]) for file in files]
     if not all(saved):
         return NOT_WRITTEN
+    if options.open:
+        _open(options.html)
     healthy = all(review.is_healthy for review in reviews)
     return 0 if healthy and not (comparison and comparison.differences) else 1
 
@@ -132,6 +139,19 @@ def _one(
     rates = 'f8' if options.csv else 'f4' if options.html else ''
     with progress() as tell:
         return review_run(path, leg=given, robot=robot, limits=limits, rates=rates, progress=tell)
+
+
+def _own_place(log: str) -> str:
+    """Return where a page goes that nobody has named a place for."""
+    # It stays: the browser reads it when this process is gone.
+    folder = tempfile.mkdtemp(prefix='klann_ros-review-')
+    return str(Path(folder, f'{Path(log).name or "run"}.html'))
+
+
+def _open(html: str) -> None:
+    place = Path(html).absolute()
+    if not is_opened(place.as_uri()):
+        print(f'review: no browser here; the page is {printable(place)}', file=sys.stderr)
 
 
 def _is_saved(file: Output, save: Save) -> bool:
@@ -165,6 +185,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument('--json', metavar='FILE', help='the report for machines')
     parser.add_argument('--html', metavar='FILE', help='the page: the leg animated, and charts')
+    parser.add_argument('--open', action='store_true', help='open the page in a browser')
     parser.add_argument('--csv', metavar='FILE', help='a row a pose, for spreadsheets and pandas')
     parser.add_argument(
         '--geometry',

@@ -22,10 +22,15 @@ TIMEOUT = 60.0
 
 def main(arguments: list[str]) -> int:
     """Run the demo; return 0 if the leg walked, the run is reviewed and the picture is drawn."""
-    argparse.ArgumentParser(
+    parser = argparse.ArgumentParser(
         prog='scripts/demo',
         description='Three turns of the crank: solved, recorded, reviewed, drawn.',
-    ).parse_args(arguments)
+    )
+    parser.add_argument(
+        '--view', action='store_true', help='a leg in the browser instead, until Ctrl-C'
+    )
+    if parser.parse_args(arguments).view:
+        return _view()
     recording = ROOT / 'runs' / f'demo-{datetime.now(timezone.utc):%Y%m%dT%H%M%S.%fZ}'
     with (
         environment('demo') as env,
@@ -49,6 +54,34 @@ The leg walked {TURNS} turns. What there is now:
 Play it back:      {programs}/player_node {here}
 Look at it again:  {programs}/review {here}""")
     return 0
+
+
+def _view() -> int:
+    """Let a leg walk, and show it in a browser; return 0 when it is stopped."""
+    with (
+        environment('demo') as env,
+        tempfile.TemporaryDirectory(prefix='klann_ros-') as work,
+        own_world(Path(work)) as world,
+        ExitStack() as stack,
+    ):
+        programs, variables = env.folder / 'bin', env.variables | world
+        outputs = [Path(work, f'{name}.txt') for name in ('solver_node', 'crank_node')]
+        nodes = [
+            stack.enter_context(running([programs / output.stem], variables, output))
+            for output in outputs
+        ]
+        (ROOT / 'runs').mkdir(exist_ok=True)
+        print('A leg walks; this is its page. Ctrl-C ends it.', flush=True)
+        view = [programs / 'view_node', '--port', '0', '--open', '--runs', ROOT / 'runs']
+        nodes.append(stack.enter_context(running(view, variables)))
+        try:
+            while all(node.poll() is None for node in nodes):
+                pause()
+        except CommandError:
+            return 0
+        raise CommandError(
+            '\n'.join(['a node has ended', *(last_lines(output, 3) for output in outputs)])
+        )
 
 
 def _record(recording: Path, programs: Path, variables: dict[str, str], work: Path) -> None:

@@ -22,9 +22,9 @@ import source
 VERSION = '.'.join(platform.python_version_tuple()[:2])
 # What each command needs: extras of setup.py, and more requirements in a file.
 NEEDS = {
-    'demo': ('plot', None),
+    'demo': ('plot,view', None),
     'test': ('fast,plot,test', Path(__file__).with_name('checks.txt')),
-    'benchmark': ('fast,plot', Path(__file__).with_name('benchmarks.txt')),
+    'benchmark': ('fast,plot,view', Path(__file__).with_name('benchmarks.txt')),
 }
 # 70.1: the first that makes wheels by itself; colcon-core wants one below 80.
 BUILD = 'setuptools>=70.1,<80'

@@ -15,7 +15,7 @@ DESCRIPTION = {
     *('params_file', 'linkage', 'namespace', 'base_frame', 'frame_id', 'frame_prefix'),
     *('use_sim_time', 'rviz', 'rviz_config'),
 }
-LEG = DESCRIPTION | {'record', 'output', 'slider'}
+LEG = DESCRIPTION | {'record', 'output', 'slider', 'view', 'view_port'}
 DEMO = LEG | {'speed', 'rate'}
 ARGUMENTS = {
     'checks': set(),
@@ -37,6 +37,7 @@ FLAGS = {
     'rviz': {'rviz2'},
     'slider': {'joint_state_publisher_gui'},
     'record': {'recorder_node'},
+    'view': {'view_node'},
     'crank': {'crank_node'},
     'loop': set(),
     'use_sim_time': set(),

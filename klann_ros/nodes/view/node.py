@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 from threading import Thread
-import webbrowser
 
 from klann_ros.live.guard import Guard, new_token
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.process import arguments, command_line, Finish, ProcessNode, run
+from klann_ros.page.browser import is_opened
 from klann_ros.stop_signals import StopSignals
 from klann_ros.untrusted.arguments import path
 from klann_ros.untrusted.text import printable
@@ -99,7 +99,7 @@ class ViewNode(ProcessNode):
         return 0
 
     def _open(self, url: str) -> None:
-        if not webbrowser.open(url):
+        if not is_opened(url):
             self.get_logger().warning('no browser here; open the address that was printed')
 
 

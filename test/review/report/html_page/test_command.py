@@ -49,3 +49,30 @@ def test_a_path_need_not_be_a_text(run: Path, tmp_path: Path) -> None:
     with (tmp_path / 'page.html').open('wb') as file:
         page.save([review_run(named)], None, file)
     assert r'run\udcff' in (tmp_path / 'page.html').read_text(encoding='utf-8')
+
+
+def test_the_page_is_opened_in_the_browser_that_one_names(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr('webbrowser.open', lambda url: opened.append(url) or True)
+    monkeypatch.setenv('BROWSER', 'any')
+    monkeypatch.setenv('TMPDIR', str(tmp_path))
+    monkeypatch.setattr('tempfile.tempdir', None)
+    assert main([str(run), '--open']) == 0
+    assert main([str(run), '--open', '--html', str(tmp_path / 'page.html')]) == 0
+    first, second = opened
+    assert first.startswith(tmp_path.as_uri())
+    assert Path(first.removeprefix('file://')).read_text(encoding='utf-8').startswith('<!doctype')
+    assert second == (tmp_path / 'page.html').as_uri()
+    assert 'no browser' not in capsys.readouterr().err
+
+
+def test_where_no_browser_is_one_line_says_where_the_page_is(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ('DISPLAY', 'WAYLAND_DISPLAY', 'BROWSER'):
+        monkeypatch.delenv(name, raising=False)
+    assert main([str(run), '--open', '--html', str(tmp_path / 'page.html')]) == 0
+    said = f'review: no browser here; the page is {tmp_path / "page.html"}\n'
+    assert capsys.readouterr().err == said
