@@ -99,6 +99,7 @@ setup(
                 'recorder_node',
                 'player_node',
                 'view_node',
+                'sim_node',
                 'review',
                 'recover',
                 'export',

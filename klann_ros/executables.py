@@ -48,6 +48,11 @@ def view_node() -> int:
     return _node('view_node')
 
 
+def sim_node() -> int:
+    """Simulate the robot, for whoever has none."""
+    return _node('sim_node')
+
+
 def review() -> int:
     """Tell what happened in a run, and whether it can be trusted."""
     return _tool('review', 'klann_ros.review.command', untold=3)

@@ -139,6 +139,7 @@ class _Elsewhere:
         from .crank import motion as crank  # noqa: PLC0415
         from .player import controls as player  # noqa: PLC0415
         from .recorder import interface as recorder  # noqa: PLC0415
+        from .sim import declarations as sim  # noqa: PLC0415
         from .solver import declarations as solver  # noqa: PLC0415
         from .walker import declarations as walker  # noqa: PLC0415
 
@@ -146,6 +147,7 @@ class _Elsewhere:
             'player_node': player.declarations(1.0, 0.0, 0.0),
             'recorder_node': recorder.PARAMETERS,
             'walker_node': walker.PARAMETERS,
+            'sim_node': sim.PARAMETERS,
             'crank_node': (*crank.MOTION, *crank.PARAMETERS),
             'solver_node': (
                 *solver.GEOMETRY,

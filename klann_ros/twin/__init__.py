@@ -9,12 +9,31 @@ The twin of a robot in the physics engine MuJoCo; knows nothing of ROS.
 
 `robot_mjcf` writes a leg, hung up, or a walker on a floor as a model of the engine, which it does
 not need for that. `agreement` turns a leg in the engine and tells how far it agrees with its
-kinematics and forces. The engine is the extra `sim`; whoever uses it without is told by a
+kinematics and forces. `Twin` is a robot of its own: motors that take speeds, sensors that are not
+perfect, and the truth. The engine is the extra `sim`; whoever uses it without is told by a
 NoMujocoError.
 """
 
 from .agreement import Agreement, agreement
 from .engine import NoMujocoError
 from .mjcf import Floor, robot_mjcf
+from .pace import Kept, Pace
+from .twin import Crank, DivergedError, Imu, Motors, Sensors, Truth, Twin, TwinError
 
-__all__ = ['Agreement', 'Floor', 'NoMujocoError', 'agreement', 'robot_mjcf']
+__all__ = [
+    'Agreement',
+    'Crank',
+    'DivergedError',
+    'Floor',
+    'Imu',
+    'Kept',
+    'Motors',
+    'NoMujocoError',
+    'Pace',
+    'Sensors',
+    'Truth',
+    'Twin',
+    'TwinError',
+    'agreement',
+    'robot_mjcf',
+]

@@ -86,8 +86,11 @@ class Floor:
         return f'{number(-height * sin(self.slope))} 0 {number(height * cos(self.slope))}'
 
 
+FLAT = Floor()
+
+
 def robot_mjcf(
-    robot: Robot, *, floor: Floor = Floor(), time_step: float = 0.0, crank: float | None = None
+    robot: Robot, *, floor: Floor = FLAT, time_step: float = 0.0, crank: float | None = None
 ) -> str:
     """
     Return a robot as an MJCF model.
@@ -168,6 +171,7 @@ class _Model:
             tolerance='1e-10' if walks else '1e-14',
             cone='elliptic',
             impratio='10' if walks else '1',
+            jacobian='sparse' if walks else 'auto',
         )
 
     def _base(self, world: Element) -> Element:

@@ -49,8 +49,10 @@ ALLOWED = {
     'nodes': {
         'untrusted',
         'kinematics',
+        'dynamics',
         'robot',
         'walking',
+        'twin',
         'plotting',
         'log',
         'review',

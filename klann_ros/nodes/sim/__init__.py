@@ -1,0 +1,1 @@
+"""`sim_node`: the robot, for whoever has none."""

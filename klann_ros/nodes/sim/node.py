@@ -1,0 +1,177 @@
+"""`sim_node`: the robot, for whoever has none."""
+
+from collections.abc import Sequence
+from math import degrees
+from time import monotonic
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from klann_ros.dynamics import MassError
+from klann_ros.kinematics import KinematicsError
+from klann_ros.nodes.endpoints import create_publisher, create_trigger, QOS_USAGE
+from klann_ros.nodes.parameters import declare, must, StartError, usage
+from klann_ros.nodes.process import arguments, command_line, run
+from klann_ros.nodes.robot_parameters import declared_robot
+from klann_ros.stop_signals import StopSignals
+from klann_ros.twin import DivergedError, Kept, NoMujocoError, Pace, Twin, TwinError
+from klann_ros.untrusted.text import printable
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.time import Time
+
+from .commands import as_values, CrankCommands
+from .declarations import DRIVES, floor, motors, OUTPUT, PARAMETERS, READINGS, sensors, WORLD
+from .outputs import RobotOutputs
+
+# Less of what is asked for is told [-].
+KEPT = 0.97
+SECOND = 10**9
+
+
+class SimNode(Node):
+    """
+    Simulate a robot in real time: crank_command in; cranks, IMU and the truth out.
+
+    Raises
+    ------
+    StartError
+        A parameter is refused, there is no robot with masses, or no engine; the text says why.
+
+    """
+
+    def __init__(self, **options: Any) -> None:
+        """Declare, validate, and begin; `options` are those of Node."""
+        super().__init__('sim_node', **options)
+        values = declare(self, PARAMETERS)
+        self._twin = self._made(values)
+        self._period = 1.0 / values['rate']
+        self._commands = CrankCommands(
+            self, self._twin, monotonic, timeout=values['command_timeout']
+        )
+        self._outputs = RobotOutputs(
+            self,
+            self._twin,
+            sensors(values),
+            world=values['world_frame'],
+            base=values['base_frame'],
+            with_clock=values['use_clock'],
+        )
+        # Of all ticks, and that at which the robot began.
+        self._tick = self._first = 0
+        self._resets = 0
+        # Simulated time begins with 0, or with now.
+        self._origin = 0 if values['use_clock'] else self.get_clock().now().nanoseconds
+        self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
+        create_trigger(self, 'reset', self._on_reset)
+        self._factor = values['real_time_factor']
+        must(
+            values['use_clock'] or self._factor == 1.0,
+            'real_time_factor',
+            self._factor,
+            '1 without use_clock',
+        )
+        self._pace = Pace(self._period, self._factor, monotonic())
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(self._period / max(1.0, self._factor), self._on_timer, clock=steady)
+        self.create_timer(values['diagnostics_period'], self._report, clock=steady)
+        self.get_logger().info(f'ready: {self._twin.summary}, by {self._commands.topic}')
+
+    def _made(self, values: dict[str, Any]) -> Twin:
+        robot = declared_robot(self)
+        try:
+            return Twin(
+                robot,
+                floor=floor(values),
+                motors=motors(values, robot.crank_joints),
+                sensors=sensors(values),
+                time_step=values['time_step'],
+                seed=values['seed'],
+            )
+        except (MassError, TwinError, NoMujocoError, KinematicsError) as error:
+            raise StartError(str(error)) from error
+
+    def _on_timer(self) -> None:
+        for _ in range(self._pace.due(monotonic())):
+            self._commands.hold_the_old()
+            self._tick += 1
+            try:
+                self._twin.step((self._tick - self._first) * self._period)
+            except DivergedError as error:
+                self.get_logger().error(f'{error}; the robot is put back to its start')
+                self._reset()
+            self._outputs.publish(self._stamp())
+
+    def _stamp(self) -> Any:
+        """Return simulated time, or the world's, which stands still for no late tick."""
+        seconds = self._tick * self._period
+        if self._origin:
+            seconds += self._pace.slipped
+        return Time(nanoseconds=self._origin + round(seconds * SECOND)).to_msg()
+
+    def _reset(self) -> None:
+        self._twin.reset()
+        self._commands.forget()
+        self._first = self._tick
+        self._resets += 1
+
+    def _on_reset(self) -> tuple[bool, str]:
+        self._reset()
+        return True, 'the robot stands where it began, its cranks held'
+
+    def _report(self) -> None:
+        kept = self._pace.kept(monotonic())
+        level, message = self._verdict(kept)
+        values = {
+            'time': f'{self._tick * self._period:.3f}',
+            'real_time_factor': f'{kept.factor:.3f}',
+            'given_up': f'{self._pace.slipped:.3f}',
+            'tilt': f'{degrees(self._twin.tilt):.2f}',
+            'resets': self._resets,
+            **as_values(self._commands.counts),
+        }
+        name = f'{self.get_name()}: simulation'
+        status = DiagnosticStatus(
+            level=level,
+            name=name,
+            message=message,
+            hardware_id=name,
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(array)
+
+    def _verdict(self, kept: Kept) -> tuple[bytes, str]:
+        """Return the level and the most important thing to say."""
+        if self._twin.state:
+            return DiagnosticStatus.ERROR, self._twin.state
+        if kept.share < KEPT:
+            return (
+                DiagnosticStatus.WARN,
+                f'it cannot keep up: {kept.factor:.2f} of real time, {self._factor:g} is wanted',
+            )
+        silent = self._commands.silent
+        if silent:
+            held = ', '.join(map(printable, silent))
+            return DiagnosticStatus.OK, f'no command: {held} held'
+        return DiagnosticStatus.OK, 'simulated in real time'
+
+
+def main(argv: Sequence[str], stop: StopSignals) -> int:
+    """Run the node; return the exit code."""
+    groups = {
+        'the world': WORLD,
+        'what turns its cranks': DRIVES,
+        'what is known of it': READINGS,
+        'what is published': OUTPUT,
+    }
+    parser = command_line(
+        'sim_node',
+        'Simulate a robot in MuJoCo, in real time: speeds of its cranks in (crank_command), its '
+        'cranks (crank_state), its IMU (imu) and where it really is (ground_truth) out.',
+        f'{usage(groups)}\n its legs and masses: those of solver_node, in the same file\n'
+        f'{QOS_USAGE}\n\n'
+        'Service ~/reset (std_srvs/srv/Trigger): the robot stands where it began.',
+    )
+    arguments(parser, argv)
+    return run('sim_node', lambda _: SimNode(), argv, stop, lean=True)

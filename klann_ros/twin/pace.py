@@ -1,0 +1,70 @@
+"""How simulated time keeps up with the time of the world, and what is told where it cannot."""
+
+from typing import NamedTuple
+
+# What is later than this is given up: time goes on from where it is, without a burst [s].
+LONGEST_CATCH_UP = 0.2
+
+
+class Pace:
+    """
+    Which ticks are due.
+
+    Parameters
+    ----------
+    period : float
+        Of simulated time between ticks [s].
+    factor : float
+        How much faster simulated time goes than the world's.
+    now : float
+        The world's time at the start [s].
+
+    Attributes
+    ----------
+    slipped : float
+        Of the world's time what was given up so far [s].
+
+    """
+
+    def __init__(self, period: float, factor: float, now: float) -> None:
+        self._period, self._between = period, period / factor
+        self._begin, self._ticks = now, 0
+        self.slipped = 0.0
+        self._since, self._done = now, 0
+
+    def due(self, now: float) -> int:
+        """Return how many ticks are due [s]; they count as done."""
+        late = now - self._begin - (self._ticks + 1) * self._between
+        if late > LONGEST_CATCH_UP:
+            # One is due now, the others never were.
+            self._begin += late
+            self.slipped += late
+        count = max(0, int((now - self._begin) / self._between + 1e-6) - self._ticks)
+        self._ticks += count
+        self._done += count
+        return count
+
+    def kept(self, now: float) -> 'Kept':
+        """Return how it has kept up since the last call."""
+        elapsed = max(now - self._since, 1e-9)
+        wanted = elapsed / self._between
+        kept = Kept(self._done * self._period / elapsed, self._done / wanted)
+        self._since, self._done = now, 0
+        return kept
+
+
+class Kept(NamedTuple):
+    """
+    How simulated time has kept up.
+
+    Attributes
+    ----------
+    factor : float
+        Simulated time by the world's.
+    share : float
+        What was done of what was asked for.
+
+    """
+
+    factor: float
+    share: float

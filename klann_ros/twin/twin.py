@@ -1,0 +1,353 @@
+"""A robot that is none: the model in the engine, with motors and sensors as one has them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import cos, degrees, exp, isfinite
+from typing import Any, NamedTuple
+
+from klann_ros.robot import Robot
+from klann_ros.untrusted.text import did_you_mean, printable
+import numpy as np
+from numpy.typing import NDArray
+
+from .engine import engine
+from .mjcf import FLAT, Floor, robot_mjcf
+
+Array = NDArray[np.float64]
+# Of the engine, for a walker: as accurate as half of it to 0.3 % of its way, at half the cost [s].
+TIME_STEP = 1e-3
+FALLEN = cos(np.radians(60.0))
+
+
+class TwinError(ValueError):
+    """What a twin cannot be made of, or do; the text says why."""
+
+
+class DivergedError(TwinError):
+    """The engine has lost its way; `Twin.reset` puts the robot where it began."""
+
+
+def _must(condition: bool, name: str, value: float, what: str) -> None:
+    if not condition:
+        raise TwinError(f'{name} = {value!r} is refused: it must be {what}')
+
+
+@dataclass(frozen=True)
+class Motors:
+    """
+    What turns the cranks: a servo for each joint, whose speed goes to what is asked of it.
+
+    Attributes
+    ----------
+    bandwidth : float
+        By 1 - 1/e of the difference in 1 / bandwidth [rad/s], > 0.
+    most : float
+        No crank turns faster, whatever is asked [rad/s], > 0.
+    factors : mapping of str to float
+        By which the speed of a joint's motor differs from what is asked; 1 where nothing is said.
+
+    """
+
+    bandwidth: float = 50.0
+    most: float = 20.0
+    factors: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse what turns nothing."""
+        for name in ('bandwidth', 'most'):
+            value = getattr(self, name)
+            _must(isfinite(value) and value > 0.0, name, value, 'finite and > 0')
+        for joint, factor in self.factors.items():
+            _must(isfinite(factor), f'factor of {printable(joint)}', factor, 'finite')
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """
+    What is known of the robot, and how well: standard deviations of noise that nothing shapes.
+
+    Attributes
+    ----------
+    encoder_noise : float
+        Of the angle of a crank [rad].
+    velocity_noise : float
+        Of its rate [rad/s].
+    encoder_offset : float
+        By which all encoders are wrong [rad].
+    gyro_noise : float
+        Of each component [rad/s].
+    orientation_noise : float
+        About each axis [rad].
+
+    """
+
+    encoder_noise: float = 0.0
+    velocity_noise: float = 0.0
+    encoder_offset: float = 0.0
+    gyro_noise: float = 0.0
+    orientation_noise: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no noise."""
+        _must(isfinite(self.encoder_offset), 'encoder_offset', self.encoder_offset, 'finite')
+        for name in ('encoder_noise', 'velocity_noise', 'gyro_noise', 'orientation_noise'):
+            value = getattr(self, name)
+            _must(isfinite(value) and value >= 0.0, name, value, 'finite and >= 0')
+
+
+class Crank(NamedTuple):
+    """A crank as its encoder reads it: the joint's angle [rad] and rate [rad/s]."""
+
+    position: float
+    velocity: float
+
+
+class Imu(NamedTuple):
+    """
+    What an IMU in `base_link` reads.
+
+    Attributes
+    ----------
+    orientation : (float, float, float, float)
+        Of it in the world: x, y, z, w.
+    angular_velocity : (float, float, float)
+        In its own frame [rad/s].
+    linear_acceleration : (float, float, float)
+        In its own frame, with what holds it against its weight [m/s^2].
+
+    """
+
+    orientation: tuple[float, ...]
+    angular_velocity: tuple[float, ...]
+    linear_acceleration: tuple[float, ...]
+
+
+class Truth(NamedTuple):
+    """
+    Where `base_link` is, and how it moves, without any error.
+
+    Attributes
+    ----------
+    position : (float, float, float)
+        In the world [m].
+    orientation : (float, float, float, float)
+        x, y, z, w.
+    linear, angular : (float, float, float)
+        Its velocity [m/s] and rate [rad/s], in its own frame.
+
+    """
+
+    position: tuple[float, ...]
+    orientation: tuple[float, ...]
+    linear: tuple[float, ...]
+    angular: tuple[float, ...]
+
+
+class Twin:
+    """
+    A robot in the physics engine.
+
+    A walker stands on its feet at the start; one leg hangs, and its `base_link` never moves.
+
+    Parameters
+    ----------
+    robot : Robot
+        With masses.
+    floor : Floor
+        What it walks on.
+    motors : Motors
+        What turns its cranks.
+    sensors : Sensors
+        What is known of it.
+    time_step : float
+        Of the engine [s]; 0: 1 ms for a walker, 0.2 ms for a leg.
+    seed : int
+        Of the noise: the same seed, commands and steps give the same robot, to the last digit.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        The joints that turn its cranks.
+    is_free : bool
+        Whether it is a walker.
+
+    Raises
+    ------
+    NoMujocoError
+        The engine is not installed.
+    MassError
+        The robot's file does not tell what all weighs.
+    TwinError
+        A motor is of no joint of it.
+
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        floor: Floor = FLAT,
+        motors: Motors = Motors(),
+        sensors: Sensors = Sensors(),
+        time_step: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        self.joints, self._motors, self._sensors = robot.crank_joints, motors, sensors
+        for joint in motors.factors:
+            hint = did_you_mean(joint, self.joints)
+            if joint not in self.joints:
+                known = ', '.join(map(printable, self.joints))
+                raise TwinError(f'{printable(joint)} turns no crank: there are {known}{hint}')
+        self._engine, self._seed = engine(), seed
+        # Otherwise it leaves a file wherever one is.
+        self._engine.set_mju_user_warning(_ignore)
+        step = time_step or (TIME_STEP if robot.is_walker else 0.0)
+        text = robot_mjcf(robot, floor=floor, time_step=step)
+        self._model = self._engine.MjModel.from_xml_string(text)
+        self._model.opt.disableflags |= int(self._engine.mjtDisableBit.mjDSBL_AUTORESET)
+        self._data = self._engine.MjData(self._model)
+        self.is_free = robot.is_walker
+        # The order of the joints is that of the actuators.
+        self._factors = np.array([motors.factors.get(joint, 1.0) for joint in self.joints])
+        ids = self._model.actuator_trnid[:, 0]
+        self._angles = self._model.jnt_qposadr[ids]
+        self._rates = self._model.jnt_dofadr[ids]
+        self._gain = 1.0 - exp(-motors.bandwidth * self._model.opt.timestep)
+        self.reset()
+
+    @property
+    def time(self) -> float:
+        """Return the time since its start [s]."""
+        return float(self._data.time)
+
+    @property
+    def time_step(self) -> float:
+        """Return the engine's step [s]."""
+        return float(self._model.opt.timestep)
+
+    def reset(self) -> None:
+        """Put it where it began, at rest; time begins anew."""
+        self._engine.mj_resetData(self._model, self._data)
+        self._random = np.random.default_rng(self._seed)
+        self._wanted = np.zeros(len(self.joints))
+        self._engine.mj_forward(self._model, self._data)
+
+    def command(self, joint: str, velocity: float) -> float:
+        """
+        Ask a crank for a speed [rad/s]; return the one that it will have, within what is possible.
+
+        Raises
+        ------
+        TwinError
+            There is no such joint, or the speed is no number.
+
+        """
+        if joint not in self.joints:
+            raise TwinError(f'{printable(joint)} turns no crank')
+        if not isfinite(velocity):
+            raise TwinError(f'velocity of {printable(joint)} = {velocity!r} is refused')
+        most = self._motors.most
+        possible = max(-most, min(most, float(velocity)))
+        self._wanted[self.joints.index(joint)] = possible
+        return possible
+
+    def step(self, until: float) -> None:
+        """
+        Let time go by until it is at least `until` [s].
+
+        Raises
+        ------
+        DivergedError
+            The engine has lost its way.
+
+        """
+        model, data, move = self._model, self._data, self._engine.mj_step
+        wanted = self._wanted * self._factors
+        # A step that is due but for rounding is done.
+        end = until - 1e-6 * self.time_step
+        while data.time < end:
+            data.ctrl += self._gain * (wanted - data.ctrl)
+            move(model, data)
+        if not np.isfinite(data.qpos).all() or any(each.number for each in data.warning):
+            raise DivergedError(f'the simulation became unstable at {self.time:.3f} s')
+
+    def cranks(self) -> dict[str, Crank]:
+        """Return what the encoders read, by joint."""
+        sensors, count = self._sensors, len(self.joints)
+        angles = self._data.qpos[self._angles] + sensors.encoder_offset
+        angles = angles + sensors.encoder_noise * self._random.standard_normal(count)
+        rates = self._data.qvel[self._rates]
+        rates = rates + sensors.velocity_noise * self._random.standard_normal(count)
+        pairs = zip(angles.tolist(), rates.tolist(), strict=True)
+        return {joint: Crank(*pair) for joint, pair in zip(self.joints, pairs, strict=True)}
+
+    def efforts(self) -> list[float]:
+        """Return the torque that each joint's legs take [N m], without what turns the motor."""
+        rotors = self._model.dof_armature[self._rates] * self._data.qacc[self._rates]
+        found: list[float] = (self._data.actuator_force - rotors).tolist()
+        return found
+
+    def imu(self) -> Imu:
+        """Return what the IMU reads; of a leg, which hangs, the weight alone."""
+        truth, sensors = self.truth(), self._sensors
+        rates = np.array(truth.angular) + sensors.gyro_noise * self._random.standard_normal(3)
+        turned = sensors.orientation_noise * self._random.standard_normal(3)
+        at = _product(truth.orientation, (*(turned / 2.0).tolist(), 1.0))
+        size = float(np.linalg.norm(at))
+        feels = -self._model.opt.gravity
+        if self.is_free:
+            feels = self._data.sensor('linear_acceleration').data
+        return Imu(tuple(part / size for part in at), tuple(rates.tolist()), tuple(feels.tolist()))
+
+    def truth(self) -> Truth:
+        """Return where it is."""
+        if not self.is_free:
+            zero = (0.0, 0.0, 0.0)
+            return Truth(zero, (0.0, 0.0, 0.0, 1.0), zero, zero)
+        place, speed = self._data.qpos, self._data.qvel
+        w, x, y, z = place[3:7].tolist()
+        axes = np.zeros(9)
+        self._engine.mju_quat2Mat(axes, place[3:7])
+        linear = speed[:3] @ axes.reshape(3, 3)
+        return Truth(
+            tuple(place[:3].tolist()),
+            (x, y, z, w),
+            tuple(linear.tolist()),
+            tuple(speed[3:6].tolist()),
+        )
+
+    @property
+    def tilt(self) -> float:
+        """Return by how much its z leans from the vertical [rad]."""
+        if not self.is_free:
+            return 0.0
+        _, x, y, _ = self._data.qpos[3:7].tolist()
+        return float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
+
+    @property
+    def summary(self) -> str:
+        """Return what it is, in words."""
+        kind = 'a walker' if self.is_free else 'a leg hung up'
+        cranks = ', '.join(map(printable, self.joints))
+        return f'{kind}, {self._model.body_subtreemass[0]:.3g} kg, turned by {cranks}'
+
+    @property
+    def state(self) -> str:
+        """Return whether it stands, in words."""
+        lies = self.is_free and cos(self.tilt) < FALLEN
+        return f'it has fallen, tilted by {degrees(self.tilt):.0f} deg' if lies else ''
+
+
+def _product(p: tuple[float, ...], q: tuple[float, ...]) -> tuple[float, float, float, float]:
+    """Return the product of two quaternions x, y, z, w."""
+    (a, b, c, d), (e, f, g, h) = p, q
+    return (
+        d * e + a * h + b * g - c * f,
+        d * f - a * g + b * h + c * e,
+        d * g + a * f - b * e + c * h,
+        d * h - a * e - b * f - c * g,
+    )
+
+
+def _ignore(_: Any) -> None:
+    """Leave it: what goes wrong is looked for after each step."""

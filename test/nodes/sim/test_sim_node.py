@@ -1,0 +1,175 @@
+"""`sim_node` as a process: what it is asked for, what it tells, and what it does not take."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+import math
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from domain import own_domain
+from nav_msgs.msg import Odometry
+import pytest
+from ros_world import Process, World, world
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Imu, JointState
+from std_srvs.srv import Trigger
+
+ROOT = Path(__file__).resolve().parents[3]
+CONFIG = ROOT / 'config'
+BOTH = ['left_crank', 'right_crank']
+
+
+def started(ros: World, file: str = '', **given: object) -> Process:
+    parameters = [word for name, value in given.items() for word in ('-p', f'{name}:={value}')]
+    files = ['--params-file', str(CONFIG / file)] if file else []
+    return ros.start_by([], 'sim_node', '--ros-args', *files, *parameters)
+
+
+class Robot:
+    """A simulated walker, and what it has told so far."""
+
+    def __init__(self, ros: World) -> None:
+        self.probe = ros.probe
+        self.cranks: list[JointState] = ros.probe.listen(JointState, 'crank_state')
+        self.imus: list[Imu] = ros.probe.listen(Imu, 'imu')
+        self.truths: list[Odometry] = ros.probe.listen(Odometry, 'ground_truth')
+        self.clocks: list[Clock] = ros.probe.listen(Clock, '/clock')
+        self._reports: list[DiagnosticArray] = ros.probe.listen(DiagnosticArray, '/diagnostics')
+        self.process = started(
+            ros,
+            'walker6_two_motors.yaml',
+            use_clock=True,
+            motor_speed_factor=[1.0, 0.9],
+            diagnostics_period=0.2,
+            command_timeout=0.3,
+            gyro_noise=0.01,
+        )
+        self._commands = ros.probe.publisher(JointState, 'crank_command')
+        self.probe.until(lambda: self.truths and self._reports)
+
+    def command(self, names: list[str], velocities: list[float], positions: Any = None) -> None:
+        self._commands.publish(
+            JointState(name=names, position=positions or [0.0] * len(names), velocity=velocities)
+        )
+
+    def driven(self, until: Any, *velocities: float) -> None:
+        """Command again and again until something holds."""
+
+        def holds() -> bool:
+            self.command(BOTH, [*velocities])
+            return bool(until())
+
+        self.probe.until(holds)
+
+    def told(self, key: str) -> str:
+        (status,) = self._reports[-1].status
+        return next(value.value for value in status.values if value.key == key)
+
+    def said(self) -> str:
+        return self._reports[-1].status[0].message
+
+
+@pytest.fixture(scope='module')
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    with own_domain() as domain, world(domain, tmp_path_factory.mktemp('sim')) as made:
+        yield Robot(made)
+
+
+def test_it_walks_as_it_is_commanded_and_tells_so_on_every_topic(robot: Robot) -> None:
+    start = robot.truths[-1].pose.pose.position.x
+    robot.driven(lambda: robot.truths[-1].pose.pose.position.x - start > 0.05, 2.0, 2.0)
+    state, truth, imu = robot.cranks[-1], robot.truths[-1], robot.imus[-1]
+    assert list(state.name) == BOTH
+    assert list(state.effort) == []
+    # The right motor is as much slower as it is told to be.
+    assert state.velocity[1] / state.velocity[0] == pytest.approx(0.9, abs=0.05)
+    assert (truth.header.frame_id, truth.child_frame_id) == ('world', 'base_link')
+    assert imu.header.frame_id == 'base_link'
+    assert imu.angular_velocity_covariance[0] == pytest.approx(1e-4)
+    feels = [getattr(imu.linear_acceleration, axis) for axis in 'xyz']
+    assert math.hypot(*feels) == pytest.approx(9.81, abs=5.0)
+
+
+def test_its_stamps_are_its_clock(robot: Robot) -> None:
+    stamps = [state.header.stamp for state in robot.cranks]
+    times = [stamp.sec + stamp.nanosec / 1e9 for stamp in stamps]
+    steps = [later - earlier for earlier, later in pairwise(times)]
+    # Whatever the machine has else to do: simulated time goes by even steps.
+    assert steps == pytest.approx([0.01] * len(steps), abs=1e-6)
+    told = {(clock.clock.sec, clock.clock.nanosec) for clock in robot.clocks}
+    assert (stamps[-1].sec, stamps[-1].nanosec) in told
+
+
+def test_without_commands_its_cranks_are_held(robot: Robot) -> None:
+    robot.driven(lambda: robot.cranks[-1].velocity[0] > 0.9, 1.0, 1.0)
+    held = int(robot.told('held'))
+    robot.probe.until(lambda: int(robot.told('held')) >= held + 2)
+    robot.probe.until(lambda: abs(robot.cranks[-1].velocity[0]) < 0.1)
+    robot.probe.until(lambda: 'held' in robot.said() or 'keep up' in robot.said())
+
+
+@pytest.mark.parametrize(
+    ('names', 'velocities'),
+    [
+        (BOTH, [math.nan, 1.0]),
+        (BOTH, [1.0, math.inf]),
+        (BOTH, []),
+        (['wheel'], [1.0]),
+        ([], []),
+        (BOTH, [1.0]),
+    ],
+)
+def test_what_is_no_command_moves_nothing_and_is_counted(
+    robot: Robot, names: list[str], velocities: list[float]
+) -> None:
+    rejected = int(robot.told('rejected'))
+    robot.command(names, velocities)
+    robot.probe.until(lambda: int(robot.told('rejected')) == rejected + 1)
+    assert robot.process.popen.poll() is None
+    assert math.isfinite(robot.cranks[-1].position[0])
+
+
+def test_what_is_too_fast_is_limited_and_counted(robot: Robot) -> None:
+    limited = int(robot.told('limited'))
+    robot.command(['left_crank'], [1e300])
+    robot.command(['left_crank'], [0.0])
+    robot.probe.until(lambda: int(robot.told('limited')) == limited + 1)
+
+
+def test_a_reset_puts_it_back(robot: Robot) -> None:
+    answer = robot.probe.call(Trigger, '/sim_node/reset', Trigger.Request())
+    assert answer.success
+    count = len(robot.truths)
+    robot.probe.until(lambda: len(robot.truths) > count + 2)
+    assert abs(robot.truths[-1].pose.pose.position.x) <= 0.02
+    robot.probe.until(lambda: int(robot.told('resets')) == 1)
+
+
+def test_it_ends_by_ctrl_c_without_a_word(robot: Robot) -> None:
+    assert robot.process.stop() == 0
+    assert 'Traceback' not in robot.process.errors
+
+
+@pytest.mark.parametrize(
+    ('file', 'given', 'reason'),
+    [
+        ('', {}, 'no robot is given'),
+        ('walker6.yaml', {'friction': -1.0}, 'friction = -1.0 is refused'),
+        (
+            'walker6_two_motors.yaml',
+            {'motor_speed_factor': [1.0] * 3},
+            'it must be one number, or 2, one for each joint',
+        ),
+        ('sem104.yaml', {'real_time_factor': 2.0}, '1 without use_clock'),
+        ('', {'l_ab': 0.12}, 'has no masses: bar_density'),
+    ],
+)
+def test_what_cannot_be_simulated_ends_it_with_one_line(
+    ros: World, file: str, given: dict[str, Any], reason: str
+) -> None:
+    process = started(ros, file, **given)
+    assert process.wait() == 1
+    assert process.errors.startswith('sim_node: ')
+    assert reason in process.errors
+    assert process.errors.count('\n') == 1

@@ -1,0 +1,203 @@
+"""The simulated robot: motors take speeds, sensors are as good as told, all can be repeated."""
+
+import math
+from pathlib import Path
+
+from klann_ros.robot import Robot, robot_of
+from klann_ros.twin import DivergedError, Floor, Motors, Pace, Sensors, Twin, TwinError
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def two_motors() -> Robot:
+    return robot_of(str(ROOT / 'config' / 'walker6_two_motors.yaml'))
+
+
+def yaw(twin: Twin) -> float:
+    x, y, z, w = twin.truth().orientation
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def driven(seconds: float, left: float, right: float, **options: object) -> Twin:
+    twin = Twin(two_motors(), **options)
+    twin.command('left_crank', left)
+    twin.command('right_crank', right)
+    twin.step(seconds)
+    return twin
+
+
+def test_it_walks_on_two_motors_and_tells_where_it_is() -> None:
+    twin = driven(4.0, 1.0, 1.0)
+    truth = twin.truth()
+    assert truth.position[0] == pytest.approx(0.56, abs=0.04)
+    assert abs(truth.position[1]) <= 0.05
+    assert abs(yaw(twin)) <= 0.05
+    assert math.degrees(twin.tilt) <= 1.0
+    assert 0.1 <= truth.linear[0] <= 0.2
+    assert twin.time == pytest.approx(4.0)
+    assert twin.state == ''
+
+
+def test_it_turns_to_the_side_of_the_slower_motor() -> None:
+    assert yaw(driven(2.0, 1.0, -1.0)) < -0.05
+
+
+def test_a_motor_turns_by_its_factor_of_what_is_asked() -> None:
+    twin = driven(1.5, 2.0, 2.0, motors=Motors(factors={'right_crank': 0.9}))
+    cranks = twin.cranks()
+    assert cranks['left_crank'].position == pytest.approx(3.0, abs=0.05)
+    assert cranks['right_crank'].position == pytest.approx(2.7, abs=0.05)
+
+
+def test_the_speed_of_a_motor_has_its_bandwidth() -> None:
+    twin = Twin(robot_of('sem104'), motors=Motors(bandwidth=10.0))
+    twin.command('crank', 2.0)
+    for t in (0.05, 0.1, 0.3):
+        twin.step(t)
+        expected = 2.0 * (1.0 - math.exp(-10.0 * t))
+        assert twin.cranks()['crank'].velocity == pytest.approx(expected, abs=0.01)
+
+
+def test_what_is_too_fast_is_limited() -> None:
+    twin = Twin(robot_of('sem104'), motors=Motors(most=3.0))
+    assert twin.command('crank', 1e9) == 3.0
+    assert twin.command('crank', -1e300) == -3.0
+    assert twin.command('crank', 2.0) == 2.0
+
+
+@pytest.mark.parametrize('wrong', [math.nan, math.inf, -math.inf])
+def test_what_is_no_speed_is_refused(wrong: float) -> None:
+    twin = Twin(robot_of('sem104'))
+    with pytest.raises(TwinError, match='velocity of crank'):
+        twin.command('crank', wrong)
+    with pytest.raises(TwinError, match='lift turns no crank'):
+        twin.command('lift', 1.0)
+
+
+def test_a_leg_that_hangs_is_a_robot_as_well() -> None:
+    twin = Twin(robot_of('sem104'))
+    twin.command('crank', 2.0)
+    twin.step(1.0)
+    assert twin.cranks()['crank'].velocity == pytest.approx(2.0, abs=1e-3)
+    assert twin.truth().position == (0.0, 0.0, 0.0)
+    assert twin.imu().linear_acceleration == pytest.approx((0.0, 0.0, 9.80665))
+    (leg,) = robot_of('sem104').legs
+    expected = robot_of('sem104').dynamics(leg).crank_torque(twin.cranks()['crank'].position, 2.0)
+    assert twin.efforts() == pytest.approx(expected, rel=0.01)
+
+
+def test_noise_has_the_spread_and_the_offset_that_are_told() -> None:
+    sensors = Sensors(
+        encoder_noise=0.01, velocity_noise=0.2, encoder_offset=0.5, gyro_noise=0.03,
+        orientation_noise=0.02,
+    )  # fmt: skip
+    twin = Twin(two_motors(), sensors=sensors)
+    cranks = np.array([twin.cranks()['left_crank'] for _ in range(2000)])
+    assert cranks.mean(0) == pytest.approx([0.5, 0.0], abs=0.02)
+    assert cranks.std(0) == pytest.approx([0.01, 0.2], rel=0.1)
+    imus = [twin.imu() for _ in range(2000)]
+    assert np.std([imu.angular_velocity for imu in imus], axis=0) == pytest.approx(0.03, rel=0.1)
+    halves = np.array([imu.orientation[:3] for imu in imus])
+    assert 2.0 * halves.std(0) == pytest.approx(0.02, rel=0.1)
+    assert np.linalg.norm([imu.orientation for imu in imus], axis=1) == pytest.approx(1.0)
+
+
+def test_the_same_seed_is_the_same_robot_to_the_last_digit() -> None:
+    sensors = Sensors(encoder_noise=0.01, gyro_noise=0.1)
+
+    def run(seed: int) -> tuple[object, ...]:
+        twin = driven(0.3, 2.0, 1.0, sensors=sensors, seed=seed)
+        return twin.cranks(), twin.imu(), twin.truth()
+
+    assert run(3) == run(3)
+    assert run(3) != run(4)
+
+
+def test_a_reset_begins_anew() -> None:
+    twin = driven(0.3, 2.0, 2.0)
+    began = Twin(two_motors()).truth()
+    twin.reset()
+    assert (twin.time, twin.truth()) == (0.0, began)
+    twin.step(0.1)
+    assert twin.cranks()['left_crank'].velocity == pytest.approx(0.0, abs=0.02)
+
+
+def test_up_a_slope_it_gains_height() -> None:
+    twin = driven(1.5, 1.0, 1.0, floor=Floor(slope=0.1))
+    x, _, z = twin.truth().position
+    assert x > 0.15
+    assert z - Twin(two_motors(), floor=Floor(slope=0.1)).truth().position[2] > 0.01
+
+
+def test_what_was_lost_is_told_and_a_reset_mends_it() -> None:
+    twin = Twin(two_motors())
+    before = twin.truth()
+    twin._data.qvel[:] = 1e12
+    with pytest.raises(DivergedError, match='became unstable'):
+        twin.step(0.1)
+    twin.reset()
+    assert twin.truth() == before
+    twin.step(0.1)
+
+
+def test_the_engine_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    twin = Twin(two_motors())
+    twin._data.qvel[:] = 1e12
+    with pytest.raises(DivergedError):
+        twin.step(0.1)
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_a_fallen_robot_says_so() -> None:
+    twin = Twin(two_motors())
+    twin._data.qpos[3:7] = (math.cos(0.8), math.sin(0.8), 0.0, 0.0)
+    assert twin.state == 'it has fallen, tilted by 92 deg'
+
+
+@pytest.mark.parametrize(
+    ('make', 'reason'),
+    [
+        (lambda: Twin(two_motors(), motors=Motors(factors={'left': 1.0})), 'left turns no crank'),
+        (lambda: Motors(bandwidth=0.0), 'bandwidth = 0.0 is refused'),
+        (lambda: Motors(factors={'a': math.nan}), 'factor of a'),
+        (lambda: Sensors(encoder_noise=-1.0), 'encoder_noise = -1.0'),
+        (lambda: Sensors(encoder_offset=math.inf), 'encoder_offset'),
+    ],
+)
+def test_what_makes_no_robot_is_refused(make: object, reason: str) -> None:
+    with pytest.raises(TwinError, match=reason):
+        make()
+
+
+def test_half_the_time_step_walks_the_same_way() -> None:
+    coarse, fine = (driven(1.0, 1.0, 1.0, time_step=step) for step in (0.0, 5e-4))
+    assert coarse.truth().position[0] == pytest.approx(fine.truth().position[0], abs=0.01)
+
+
+def test_a_pace_that_is_kept_loses_no_tick() -> None:
+    pace, done = Pace(0.01, 1.0, 100.0), 0
+    for n in range(1, 1001):
+        done += pace.due(100.0 + 0.0101 * n)
+    assert done == int(0.0101 * 1000 / 0.01)
+    kept = pace.kept(100.0 + 10.1)
+    assert (kept.factor, kept.share) == pytest.approx((1.0, 1.0), abs=1e-3)
+    assert pace.slipped == 0.0
+
+
+def test_what_is_later_than_can_be_caught_up_is_given_up_and_told() -> None:
+    pace = Pace(0.01, 1.0, 0.0)
+    assert pace.due(0.01) == 1
+    assert pace.due(0.15) == 14
+    assert pace.due(10.15) == 1
+    assert pace.slipped == pytest.approx(9.99)
+    assert pace.due(10.16) == 1
+    assert pace.kept(10.16).share == pytest.approx(17 / 1016)
+
+
+def test_time_can_go_faster() -> None:
+    pace = Pace(0.01, 4.0, 0.0)
+    assert pace.due(0.1) == 40
+    assert pace.kept(0.1).factor == pytest.approx(4.0)
