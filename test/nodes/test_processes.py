@@ -13,7 +13,16 @@ import pytest
 from ros_world import PACKAGE, Process, World
 
 NODES = ['solver_node', 'crank_node', 'recorder_node']
-EXECUTABLES = [*NODES, 'player_node', 'view_node', 'walker_node', 'review', 'recover', 'export']
+NODES_OF_WALKERS = ['walker_node', 'sim_node']
+EXECUTABLES = [
+    *NODES,
+    'player_node',
+    'view_node',
+    *NODES_OF_WALKERS,
+    'review',
+    'recover',
+    'export',
+]
 STOP_SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 
 

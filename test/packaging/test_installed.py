@@ -16,7 +16,10 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 
-NODES = {'solver_node', 'crank_node', 'recorder_node', 'player_node', 'view_node', 'walker_node'}
+NODES = {
+    'solver_node', 'crank_node', 'recorder_node', 'player_node', 'view_node', 'walker_node',
+    'sim_node',
+}  # fmt: skip
 EXECUTABLES = {*NODES, 'review', 'recover', 'export', 'describe'}
 
 # The root at a crank angle of 60 deg: gamma, beta, delta, theta [deg], and H [m].
