@@ -12,6 +12,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 import klann_ros
+from rcl_interfaces.srv import GetParameters
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -128,10 +129,15 @@ class Probe:
         reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
         qos = QoSProfile(depth=2000, reliability=reliability)
         publisher = self.node.create_publisher(kind, topic, qos)
-        self.until(lambda: publisher.get_subscription_count() >= subscribers)
-        # The subscriber needs a moment more to know of the publisher.
-        self.spin(0.3)
+        self.heard(publisher, subscribers)
         return publisher
+
+    def heard(self, publisher: Any, subscribers: int = 1) -> None:
+        """Wait until so many subscribers and a publisher of the probe know each other."""
+        self.until(lambda: publisher.get_subscription_count() >= subscribers)
+        if subscribers:
+            topic, found = publisher.topic_name, self.node.get_subscriptions_info_by_topic
+            self._until_known(lambda: found(topic), subscribers)
 
     def neighbour(self, name: str, **options: Any) -> Node:
         """Return another node, whose callbacks run when the probe spins."""
@@ -155,15 +161,58 @@ class Probe:
 
     def matched(self, topic: str, publishers: int = 1) -> None:
         """Wait until a topic that is listened to has a publisher, and both know it."""
-        self.until(lambda: self.node.count_publishers(topic) >= publishers)
-        self.spin(0.3)
+        resolved = self.node.resolve_topic_name(topic)
+        found = self.node.get_publishers_info_by_topic
+        self._until_known(lambda: found(resolved), publishers)
+
+    def _until_known(self, found: Callable[[], list[Any]], count: int) -> None:
+        """Wait until so many nodes of others are at a topic, and know what the probe has there."""
+
+        def names() -> list[str]:
+            # Discovery knows an endpoint before it knows its node.
+            nodes = [f'{e.node_namespace.rstrip("/")}/{e.node_name}' for e in found()]
+            return [n for n in nodes if '_UNKNOWN_' not in n and n not in self._own]
+
+        self.until(lambda: len(names()) >= count)
+        for name in sorted(set(names())):
+            self.until_knows(name)
+
+    @property
+    def _own(self) -> set[str]:
+        return {node.get_fully_qualified_name() for node in (self.node, *self._neighbours)}
+
+    def until_knows(self, name: str) -> None:
+        """
+        Wait until a node knows all publishers, subscriptions and clients that the probe has.
+
+        A participant tells of them in the order in which they were made: whoever hears a client
+        and is heard by it knows what was made before it. No count of endpoints says that: it is
+        what the probe knows of the others.
+        """
+        client = self.node.create_client(GetParameters, f'{name}/get_parameters')
+        self.until(client.service_is_ready)
+        futures: list[Any] = []
+        again = 0.0
+
+        def is_answered() -> bool:
+            nonlocal again
+            # An answer is lost where the server has not discovered yet who asks.
+            if time.monotonic() >= again:
+                futures.append(client.call_async(GetParameters.Request()))
+                again = time.monotonic() + 0.5
+            return any(future.done() for future in futures)
+
+        self.until(is_answered)
+        self.node.destroy_client(client)
 
     def call(self, kind: type, service: str, request: Any) -> Any:
-        """Call a service; return the response."""
+        """Call a service of a node, once; return the response."""
         client = self.node.create_client(kind, service)
         self.until(client.service_is_ready)
+        self.until_knows(service.rpartition('/')[0])
         future = client.call_async(request)
         self.until(future.done)
+        self.node.destroy_client(client)
         return future.result()
 
     def close(self) -> None:
@@ -229,6 +278,18 @@ class World:
         ros = ['--ros-args', *(part for text in given for part in ('-p', text))]
         command = [*arguments, *(ros if given else [])]
         return self.start_by([], name, *command)
+
+    def solver(self, *arguments: str, namespace: str = '', **parameters: object) -> Process:
+        """
+        Start a solver that loses no input.
+
+        As it is shipped its inputs are best effort, and on a busy machine any of them may be lost:
+        where the transport is not what is claimed, it asks for reliable ones.
+        """
+        policy = 'subscription.reliability'
+        inputs = [f'{namespace}/{topic}' for topic in ('crank_angle', 'crank_state')]
+        reliable = {f'qos_overrides.{topic}.{policy}': 'reliable' for topic in inputs}
+        return self.start('solver_node', *arguments, **reliable, **parameters)
 
     def start_by(
         self, wrapper: Sequence[str], name: str, *arguments: str, **options: Any

@@ -25,7 +25,7 @@ STATES = [
 def answers(ros: World) -> dict[str, list[bytes]]:
     """Start a solver, ask, and return what it says as bytes, by topic."""
     received = {topic: ros.probe.listen(kind, topic, raw=True) for topic, kind in OUTPUTS.items()}
-    solver = ros.start('solver_node')
+    solver = ros.solver()
     for topic in OUTPUTS:
         ros.probe.matched(topic)
     crank = ros.probe.publisher(JointState, 'crank_state')
@@ -51,7 +51,7 @@ def test_what_is_published_is_equal_byte_for_byte(
 def test_the_plain_path_answers_a_burst_too(ros: World, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(PLAIN, '1')
     feet = ros.probe.listen(PointStamped, 'point_h')
-    ros.start('solver_node')
+    ros.solver()
     ros.probe.matched('point_h')
     crank = ros.probe.publisher(Float64, 'crank_angle')
     for n in range(300):

@@ -38,7 +38,7 @@ def test_who_comes_late_hears_what_a_latched_solver_said(ros: World) -> None:
         **override('joint_states', 'publisher', durability='transient_local', depth=2),
         **override('point_h', 'publisher', durability='transient_local'),
     }
-    ros.start('solver_node', **given)
+    ros.solver(**given)
     crank = ros.probe.publisher(Float64, 'crank_angle')
     early = ros.probe.listen(PointStamped, 'point_h')
     ros.probe.matched('point_h')

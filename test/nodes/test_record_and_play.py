@@ -24,6 +24,7 @@ from ros_world import Process, RecorderReports, World, world
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
 import yaml
 
 TURNS, RATE = 2, 200.0
@@ -33,13 +34,15 @@ TOPICS = ['/crank_state', '/joint_states', '/point_h', '/velocity_h']
 
 def record(ros: World, folder: Path, **parameters: object) -> Process:
     """Let the three nodes make a run; return the recorder, finished."""
-    solver = ros.start('solver_node')
+    solver = ros.solver()
     poses = ros.probe.listen(JointState, 'joint_states')
     reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=folder, **parameters)
     ros.probe.matched('joint_states')
     # The recorder has to listen to the solver, too, before the crank turns.
     ros.probe.until(lambda: ros.probe.node.count_subscribers('velocity_h') >= 1)
+    # Whom the solver has answered it knows.
+    ros.probe.until(lambda: solver_lengths(folder))
     crank = ros.start(
         'crank_node', output='crank_state', rate=RATE, revolutions=TURNS, min_subscribers=2
     )
@@ -124,8 +127,11 @@ def test_a_run_is_played_and_recorded_again_byte_for_byte(
     again = tmp_path / 'again'
     reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=again)
-    ros.probe.until(lambda: 'recorder_node' in ros.probe.node.get_node_names())
-    player = ros.start('player_node', str(run), '--rate', '2', '--delay', '4')
+    player = ros.start('player_node', str(run), '--rate', '2', '--delay', '0', '--start-paused')
+    # It hears them as soon as they are there; they have to know of it, too.
+    ros.probe.until(lambda: all(ros.probe.node.count_subscribers(topic) >= 1 for topic in TOPICS))
+    ros.probe.spin(2.0)
+    assert ros.probe.call(Trigger, 'player_node/resume', Trigger.Request()).success
     assert player.wait() == 0
     reports.until_heard(dict.fromkeys(TOPICS, COUNT))
     assert recorder.stop() == 0
@@ -144,9 +150,12 @@ def test_a_part_of_a_run_is_played_under_other_names(ros: World, run: Path) -> N
         'player_node',
         str(run),
         *('--topics', 'joint_states', '--remap', 'joint_states:=legs'),
-        *('--start-offset', f'{offset:.9f}', '--duration', '1', '--delay', '3'),
+        *('--start-offset', f'{offset:.9f}', '--duration', '1', '--delay', '0'),
+        '--start-paused',
         *('--ros-args', '-r', '__ns:=/replay'),
     )
+    ros.probe.matched('/replay/legs')
+    assert ros.probe.call(Trigger, '/replay/player_node/resume', Trigger.Request()).success
     assert player.wait() == 0
     ros.probe.until(lambda: len(renamed) >= len(expected) - 1)
     ros.probe.spin(0.3)
@@ -216,8 +225,7 @@ def test_only_the_topics_that_are_asked_for_are_recorded(
     recorder = ros.start(
         'recorder_node', output=folder, topics='["my/*"]', compression=compression
     )
-    ros.probe.until(lambda: other.get_subscription_count() == 1)
-    ros.probe.spin(0.3)
+    ros.probe.heard(other)
     for number in range(10):
         other.publish(Float64(data=float(number)))
         crank.publish(Float64(data=0.0))
@@ -235,8 +243,7 @@ def test_what_waits_at_the_end_is_recorded_too(ros: World, tmp_path: Path) -> No
     folder = tmp_path / 'run'
     publisher = ros.probe.node.create_publisher(Float64, 'crank_angle', 2000)
     recorder = ros.start('recorder_node', output=folder)
-    ros.probe.until(lambda: publisher.get_subscription_count() == 1)
-    ros.probe.spin(0.3)
+    ros.probe.heard(publisher)
     for number in range(1000):
         publisher.publish(Float64(data=float(number)))
     assert recorder.stop() == 0

@@ -118,6 +118,7 @@ def test_who_asks_while_a_message_fails_is_answered(ros: World, plain: bool) -> 
     there = ros.probe.publisher(Float64, 'there')
     client = ros.probe.node.create_client(Trigger, 'choking/call')
     ros.probe.until(client.service_is_ready)
+    ros.probe.until_knows('choking')
     for _ in range(20):
         there.publish(Float64())
         answer = client.call_async(Trigger.Request())

@@ -44,7 +44,7 @@ def two_solvers(ros: World) -> Path:
     reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=ros.folder / 'solvers')
     for name in ('first', 'second'):
-        ros.start('solver_node', '--ros-args', '-r', f'__node:={name}')
+        ros.solver('--ros-args', '-r', f'__node:={name}')
     ros.probe.listen(JointState, 'joint_states', OUTPUT)
     ros.probe.matched('joint_states', publishers=2)
     # Both answer from the first question on, and the recorder knows both by then.

@@ -37,8 +37,8 @@ class Scene:
         self._ros = ros
         self._folder = folder
         namespaced = ('--ros-args', '-r', '__ns:=/walker')
-        self.solver = ros.start('solver_node')
-        ros.start('solver_node', *namespaced, '--params-file', str(WALKER))
+        self.solver = ros.solver()
+        ros.solver(*namespaced, '--params-file', str(WALKER), namespace='/walker')
         self.poses = ros.probe.listen(JointState, 'joint_states')
         self.others = ros.probe.listen(JointState, '/walker/joint_states')
         options = {'rate': 50.0, 'min_subscribers': 1}

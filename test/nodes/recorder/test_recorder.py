@@ -33,8 +33,7 @@ class Recording:
         self.reports = RecorderReports(ros.probe)
         self.publisher = ros.probe.node.create_publisher(Float64, 'crank_angle', 2000)
         self.process = ros.start('recorder_node', output=self.folder, **parameters)
-        ros.probe.until(lambda: self.publisher.get_subscription_count() >= 1)
-        ros.probe.spin(0.3)
+        ros.probe.heard(self.publisher)
 
     def publish(self, count: int = 100) -> None:
         for _ in range(count):

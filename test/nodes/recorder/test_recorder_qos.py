@@ -39,8 +39,7 @@ def numbers(folder: Path, topic: str = '/crank_angle') -> list[float]:
 
 
 def heard(ros: World, publisher: Any, count: int = 1) -> None:
-    ros.probe.until(lambda: publisher.get_subscription_count() >= count)
-    ros.probe.spin(0.5)
+    ros.probe.heard(publisher, count)
 
 
 def publish(publisher: Any, values: list[float]) -> None:

@@ -33,7 +33,7 @@ class Recording:
             'recorder_node', output=self.folder, topics=f'[{TOPIC}]', flush_period=0.05
         )
         self.ros.probe.until(lambda: self._publisher.get_subscription_count() == 1)
-        self.ros.probe.spin(0.3)
+        self.ros.probe.heard(self._publisher)
 
     def publish(self, file: str, count: int = 100) -> None:
         """Publish, and wait until that is in a file."""

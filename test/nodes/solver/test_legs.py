@@ -31,7 +31,7 @@ TWO = {
 def test_each_leg_is_driven_by_its_direction_and_phase(ros: World) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     feet = {name: ros.probe.listen(PointStamped, f'{name}/point_h') for name in ('left', 'right')}
-    ros.start('solver_node', **TWO)
+    ros.solver(**TWO)
     crank = ros.probe.publisher(Float64, 'crank_angle')
     for topic in ('joint_states', 'left/point_h', 'right/point_h'):
         ros.probe.matched(topic)
@@ -55,7 +55,7 @@ def test_each_leg_is_driven_by_its_direction_and_phase(ros: World) -> None:
 def test_legs_with_cranks_of_their_own_are_answered_when_theirs_is_told(ros: World) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     velocities = ros.probe.listen(TwistStamped, 'right/velocity_h')
-    ros.start('solver_node', legs='[left, right]', **{'right.crank_joint': 'other', **DIRECTION})
+    ros.solver(legs='[left, right]', **{'right.crank_joint': 'other', **DIRECTION})
     state = ros.probe.publisher(JointState, 'crank_state')
     ros.probe.matched('joint_states')
     ros.probe.matched('right/velocity_h')
@@ -77,7 +77,7 @@ DIRECTION = {'right.direction': -1}
 
 def test_one_unnamed_leg_has_an_encoders_zero_and_sign(ros: World) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
-    ros.start('solver_node', phase=0.25, direction=-1)
+    ros.solver(phase=0.25, direction=-1)
     crank = ros.probe.publisher(Float64, 'crank_angle')
     ros.probe.matched('joint_states')
     crank.publish(Float64(data=1.0))
@@ -91,7 +91,7 @@ def test_every_leg_has_its_own_status_and_fails_alone(ros: World) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
     short = {'right.l_bc': 0.33}
-    ros.start('solver_node', legs='[left, right]', diagnostics_period=0.3, **short)
+    ros.solver(legs='[left, right]', diagnostics_period=0.3, **short)
     crank = ros.probe.publisher(Float64, 'crank_angle')
     ros.probe.matched('joint_states')
     crank.publish(Float64(data=math.radians(165.6)))
@@ -109,7 +109,7 @@ def test_every_leg_has_its_own_status_and_fails_alone(ros: World) -> None:
 
 def test_a_legs_length_is_changed_by_its_own_parameter(ros: World) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
-    ros.start('solver_node', legs='[left, right]')
+    ros.solver(legs='[left, right]')
     crank = ros.probe.publisher(Float64, 'crank_angle')
     ros.probe.matched('joint_states')
 
@@ -160,7 +160,7 @@ def test_a_refused_leg_ends_it_with_one_line(
 
 def test_two_sources_at_once_are_told(ros: World) -> None:
     reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
-    ros.start('solver_node', diagnostics_period=0.3)
+    ros.solver(diagnostics_period=0.3)
     angle = ros.probe.publisher(Float64, 'crank_angle')
     state = ros.probe.publisher(JointState, 'crank_state')
 
@@ -178,7 +178,7 @@ def test_two_sources_at_once_are_told(ros: World) -> None:
 
 @pytest.mark.parametrize('name', ['', 'left'])
 def test_bars_end_where_the_poses_points_are(ros: World, name: str) -> None:
-    ros.start('solver_node', **({'legs': f'[{name}]'} if name else {}))
+    ros.solver(**({'legs': f'[{name}]'} if name else {}))
     crank = ros.probe.publisher(Float64, 'crank_angle')
     latched = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     arrays = ros.probe.listen(MarkerArray, 'markers', latched)
@@ -210,7 +210,7 @@ def test_a_shipped_walkers_feet_are_where_its_legs_put_them(ros: World, walker: 
     file = CONFIG / f'walker{walker}.yaml'
     legs = yaml.safe_load(file.read_text(encoding='utf-8'))['/**']['ros__parameters']
     feet = {name: ros.probe.listen(PointStamped, f'{name}/point_h') for name in legs['legs']}
-    ros.start('solver_node', '--ros-args', '--params-file', str(file))
+    ros.solver('--ros-args', '--params-file', str(file))
     crank = ros.probe.publisher(Float64, 'crank_angle')
     for name in feet:
         ros.probe.matched(f'{name}/point_h')
@@ -227,7 +227,7 @@ def test_24_legs_at_200_hz_have_their_feet_where_the_closed_form_has_them(ros: W
     names = [f'leg{k}' for k in range(24)]
     phases = {f'{name}.phase': k * math.pi / 12 for k, name in enumerate(names)}
     feet = {name: ros.probe.listen(PointStamped, f'{name}/point_h') for name in names}
-    ros.start('solver_node', legs=f'[{", ".join(names)}]', **phases)
+    ros.solver(legs=f'[{", ".join(names)}]', **phases)
     for name in names:
         ros.probe.matched(f'{name}/point_h')
     crank = ros.start('crank_node', rate=200.0, revolutions=1, min_subscribers=1)

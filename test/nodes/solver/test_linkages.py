@@ -9,6 +9,7 @@ from pathlib import Path
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped, TwistStamped
 from klann_ros.kinematics import LinkageLeg, shipped_linkage, shipped_linkages
+from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER, solver_parameters
 from klann_ros.review.command import main as review
@@ -73,7 +74,7 @@ def test_a_parameter_file_may_come_out_of_a_shells_pipe(ros: World) -> None:
 def test_its_joints_and_its_foot_are_published(ros: World, name: str) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     feet = ros.probe.listen(PointStamped, 'point_h')
-    ros.start('solver_node', linkage=LINKAGES / f'{name}.yaml')
+    ros.solver(linkage=LINKAGES / f'{name}.yaml')
     crank = ros.probe.publisher(Float64, 'crank_angle')
     ros.probe.matched('joint_states')
     ros.probe.matched('point_h')
@@ -100,7 +101,7 @@ def test_every_shipped_linkage_is_driven(ros: World, name: str) -> None:
     (start, end), *_ = leg.reachable_arcs()
     alpha = (start + end) / 2
     poses = ros.probe.listen(JointState, 'joint_states')
-    ros.start('solver_node', linkage=LINKAGES / f'{name}.yaml')
+    ros.solver(linkage=LINKAGES / f'{name}.yaml')
     crank = ros.probe.publisher(Float64, 'crank_angle')
     ros.probe.matched('joint_states')
     crank.publish(Float64(data=alpha))
@@ -113,7 +114,7 @@ def test_every_shipped_linkage_is_driven(ros: World, name: str) -> None:
 def test_its_velocities_follow_the_cranks(ros: World) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     velocities = ros.probe.listen(TwistStamped, 'velocity_h')
-    ros.start('solver_node', linkage=LINKAGES / 'jansen.yaml')
+    ros.solver(linkage=LINKAGES / 'jansen.yaml')
     crank = ros.probe.publisher(JointState, 'crank_state')
     ros.probe.matched('joint_states')
     ros.probe.matched('velocity_h')
@@ -128,7 +129,7 @@ def test_its_velocities_follow_the_cranks(ros: World) -> None:
 
 def test_its_diagnostics_have_an_angle_for_each_dyad(ros: World) -> None:
     reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
-    ros.start('solver_node', linkage=LINKAGES / 'jansen.yaml', diagnostics_period=0.3)
+    ros.solver(linkage=LINKAGES / 'jansen.yaml', diagnostics_period=0.3)
     crank = ros.probe.publisher(Float64, 'crank_angle')
     ros.probe.until(lambda: crank.get_subscription_count() > 0)
     crank.publish(Float64(data=1.0))
@@ -148,7 +149,7 @@ def test_its_diagnostics_have_an_angle_for_each_dyad(ros: World) -> None:
 
 def test_it_has_no_lengths_to_change(ros: World) -> None:
     file = LINKAGES / 'jansen.yaml'
-    ros.start('solver_node', linkage=file)
+    ros.solver(linkage=file)
     request = SetParameters.Request(parameters=[Parameter('l_gh', value=0.5).to_parameter_msg()])
     (result,) = ros.probe.call(SetParameters, 'solver_node/set_parameters', request).results
     assert not result.successful
@@ -186,11 +187,13 @@ def test_its_run_explains_itself_and_is_reviewed(
 ) -> None:
     file = LINKAGES / f'{name}.yaml'
     reports = RecorderReports(ros.probe)
-    ros.start('solver_node', linkage=file)
+    ros.solver(linkage=file)
     recorder = ros.start('recorder_node', output=tmp_path / 'run')
     # The recorder has to listen to the solver, too, before the crank turns.
     for topic in ('joint_states', 'point_h'):
         ros.probe.until(lambda: ros.probe.node.count_subscribers(topic) >= 1)  # noqa: B023
+    # Whom the solver has answered it knows.
+    ros.probe.until(lambda: tells_of_its_solver(tmp_path / 'run'))
     crank = ros.start('crank_node', rate=100.0, revolutions=1, min_subscribers=2)
     assert crank.wait() == 0
     topics = ('/crank_angle', '/joint_states', '/point_h')
@@ -227,6 +230,15 @@ def test_its_run_explains_itself_and_is_reviewed(
     assert said in output
 
 
+def tells_of_its_solver(run: Path) -> bool:
+    """Return whether the recorder of a run has an answer of the solver."""
+    try:
+        with open_log(run) as log:
+            return 'klann_ros.solver' in log.metadata
+    except NotALogError:
+        return False
+
+
 def reviewed(capsys: pytest.CaptureFixture[str], arguments: Sequence[object]) -> tuple[int, str]:
     capsys.readouterr()
     code = review([str(argument) for argument in arguments])
@@ -240,7 +252,7 @@ def test_an_angle_out_of_reach_is_told_and_forgotten(ros: World, tmp_path: Path)
     file.write_text(text.replace('O4: [180, 0]', 'O4: [300, 0]'), encoding='utf-8')
     poses = ros.probe.listen(JointState, 'joint_states')
     reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
-    ros.start('solver_node', linkage=file, diagnostics_period=0.3)
+    ros.solver(linkage=file, diagnostics_period=0.3)
     crank = ros.probe.publisher(Float64, 'crank_angle')
     ros.probe.matched('joint_states')
     for alpha in (1.0, math.pi, 1.0):
