@@ -1,6 +1,7 @@
 """A linkage from a YAML file: the only place in the kinematics that reads files."""
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from importlib import resources
 from math import radians
 from pathlib import Path
@@ -45,6 +46,12 @@ def shipped_linkage(name: str) -> Linkage:
         hint = did_you_mean(name, names)
         msg = f'no linkage called {printable(name)} is shipped: there are {", ".join(names)}{hint}'
         raise LinkageFileError(msg)
+    return _parsed(name)
+
+
+@cache
+def _parsed(name: str) -> Linkage:
+    """Return a shipped linkage, whose file is parsed once: neither of the two changes."""
     return linkage_from_text((SHIPPED / f'{name}.yaml').read_text(encoding='utf-8'), name)
 
 
