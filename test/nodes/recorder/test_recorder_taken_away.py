@@ -43,6 +43,12 @@ class Recording:
             self._publisher.publish(Float64(data=float(number)))
         self.ros.probe.until(lambda: messages_in(path) == before + count)
 
+    def remove(self, folder: Path) -> None:
+        """Remove a folder while the recorder, which would make files anew, looks away."""
+        self.process.popen.send_signal(signal.SIGSTOP)
+        shutil.rmtree(folder)
+        self.process.popen.send_signal(signal.SIGCONT)
+
     def values(self) -> dict[str, str]:
         if not self.statuses:
             return {}
@@ -144,7 +150,7 @@ def test_whatever_is_taken_away_is_told_at_once_counted_and_done_without(stage: 
 def test_a_folder_is_made_anew_and_followed(stage: Stage) -> None:
     ros, recording = stage.ros, Recording(stage, 'second')
     recording.publish('second_0.mcap')
-    shutil.rmtree(recording.folder)
+    recording.remove(recording.folder)
     recording.until_error(f'{recording.folder} was removed while it was recorded')
     recording.publish('second_1.mcap')
     recording.folder = recording.folder.rename(ros.folder / 'renamed')
@@ -185,7 +191,7 @@ def test_what_is_taken_away_just_before_the_end_is_not_claimed(stage: Stage) -> 
 def test_where_nothing_can_be_made_anew_the_recording_ends(stage: Stage) -> None:
     ros, recording = stage.ros, Recording(stage, 'parent/fifth')
     recording.publish('fifth_0.mcap')
-    shutil.rmtree(ros.folder / 'parent')
+    recording.remove(ros.folder / 'parent')
     assert recording.process.wait() == 1
     said = recording.process.errors.splitlines()[-1]
     assert 'the recording stopped early: fifth_0.mcap was removed while' in said
