@@ -1,0 +1,250 @@
+'use strict';
+/* A linkage from the text of a file, and the text of a file from a linkage: see linkage/file.py. */
+
+const METRES = { m: 1, cm: 0.01, mm: 0.001 };
+// A drawing is as good as this [rad].
+const NEAR_START = TAU / 12;
+// What solver_node calls the numbers of a Klann leg; of the leg the course bends the other way.
+const KLANN_NAMES = {
+  'A-B': 'l_ab', 'B-C': 'l_bc', 'D-C': 'l_dc', 'C-G': 'l_cg', 'E-F': 'l_ef', 'F-G': 'l_fg', 'G-H': 'l_gh',
+  'D.x': 'x_d', 'A.y': 'y_a', 'E.x': 'x_e', 'E.y': 'y_e', 'bend of C-G': 'angle_bcg', 'bend of G-H': 'angle_fgh',
+};
+
+/** Return what a text holds: {linkage, content, start}; `start` is a crank angle [rad]. */
+function readFile(text, klannText) {
+  const content = readYaml(text);
+  if (isMapping(content) && Object.values(content).some((part) => isMapping(part) && 'ros__parameters' in part))
+    return fromParameters(content, klannText);
+  return fromContent(content);
+}
+
+function fromContent(content) {
+  checkLinkageContent(content);
+  const { metre, turn, inDegrees } = unitsOf(content);
+  const order = orderOf(content);
+  refuseUnless(
+    content.crank in content.bodies,
+    `the crank ${content.crank} is none of the bodies: ${order.slice(1).join(', ')}`,
+    `a manivela ${content.crank} não é um dos corpos: ${order.slice(1).join(', ')}`,
+  );
+  if (content.start) checkStart(content.start, order);
+  const structure = new Structure(Object.keys(content.pivots), order.map((name) => bodyOf(name, content.bodies[name])), content.foot);
+  const numbers = structure.dimensions.map((dimension) => numberIn(content, structure, dimension, { metre, turn }));
+  const plain = new Linkage(structure, numbers, { signs: structure.groups.map(() => 1), name: content.name });
+  if (!content.start) return { linkage: stated(plain, content.assembly), content };
+  const start = structure.bodies.map((body) => (body.slides ? metre : turn) * content.start[body.name]);
+  const linkage = reachedFrom(plain, start, content.assembly, inDegrees);
+  if (!linkage.isDyadic) void linkage.branch;
+  return { linkage, content, start: start[0] };
+}
+
+function unitsOf({ units = {} }) {
+  const inDegrees = units.angle === 'deg';
+  return { metre: METRES[units.length || 'm'], turn: inDegrees ? TAU / 360 : 1, inDegrees };
+}
+
+function orderOf({ crank, bodies }) {
+  return [crank, ...Object.keys(bodies).filter((name) => name !== crank)];
+}
+
+/** Return the bars of a body in a file, the line that it slides along being the first. */
+function everyBar(body) {
+  return [...(body.slides ? [body.slides] : []), ...(body.bars || [])];
+}
+
+function bodyOf(name, body) {
+  const bars = everyBar(body).map(({ from, to, brace }) => ({ from, to, brace: brace || null }));
+  return { name, clockwise: body.clockwise === true, along: body.slides ? body.slides.along : '', bars };
+}
+
+function checkStart(start, order) {
+  for (const name of Object.keys(start))
+    refuseUnless(order.includes(name), `start has an angle for ${name}, which is no body`, `start tem um ângulo para ${name}, que não é um corpo`);
+  for (const name of order)
+    refuseUnless(name in start, `start has no angle for ${name}: it needs one for every body`, `start não tem ângulo para ${name}: é preciso um para cada corpo`);
+}
+
+/** Return where a dimension stands in a file: its mapping or list, and its key. */
+function slotOf(content, structure, { kind, place }) {
+  if (kind === 'x' || kind === 'y') return [content.pivots[structure.pivots[place]], kind === 'x' ? 0 : 1];
+  const { body } = structure.bars[place];
+  const bar = everyBar(content.bodies[structure.angles[body]])[place - structure.firsts[body]];
+  if (kind === 'brace') return [bar.brace, 'length'];
+  if (kind === 'length') return [bar, 'length'];
+  return [bar, structure.isLine[place] ? 'direction' : 'bend'];
+}
+
+function numberIn(content, structure, dimension, { metre, turn }) {
+  const [holder, key] = slotOf(content, structure, dimension);
+  return (dimension.kind === 'bend' ? turn : metre) * (holder[key] || 0);
+}
+
+/** Return a linkage in the assembly that its start leads to. */
+function reachedFrom(plain, start, signs, inDegrees) {
+  if (!inDegrees) checkDegrees(plain, start);
+  const linkage = new Linkage(plain.structure, plain.numbers, { start, name: plain.name });
+  refuseUnless(
+    !signs || String(signs) === String(linkage.signs),
+    `the start leads to the assembly [${linkage.signs.join(', ')}], and [${(signs || []).join(', ')}] is stated: leave one of them out`,
+    `o start leva à montagem [${linkage.signs.join(', ')}], e [${(signs || []).join(', ')}] é declarada: retire uma delas`,
+  );
+  return linkage;
+}
+
+/** Refuse a start [rad] that can only be degrees. */
+function checkDegrees(linkage, start) {
+  const { bodies } = linkage.structure;
+  const isBeyond = start.some((value, j) => !bodies[j].slides && Math.abs(value) > TAU);
+  const isNear = nearestAssembly(linkage, start) <= NEAR_START;
+  if (isNear && !isBeyond) return;
+  const turned = start.map((value, j) => (bodies[j].slides ? value : (value * TAU) / 360));
+  refuseUnless(
+    !(nearestAssembly(linkage, turned) <= NEAR_START || (isBeyond && !isNear)),
+    'the start is in radians near no pose in which it closes; for degrees write units: {angle: deg}',
+    'o start, em radianos, não está perto de posição que feche; para graus escreva units: {angle: deg}',
+  );
+}
+
+function nearestAssembly(linkage, start) {
+  const reached = newtonRaphson(linkage, start, 30, 1e-10);
+  const distances = reached.converged ? [apartBy(linkage, reached.x.at(-1), start)] : [];
+  if (linkage.isDyadic && linkage.blocks.length <= 8)
+    distances.push(...dyadPoses(linkage, start[0], Infinity).map(({ x }) => apartBy(linkage, x, start)));
+  return Math.min(Infinity, ...distances);
+}
+
+/** Return a linkage without a start in the assembly that is stated, if it closes anywhere. */
+function stated(plain, signs) {
+  refuseUnless(
+    plain.isDyadic,
+    'it has no start, which its coupled loops need: no assembly tells their branch',
+    'falta o start, de que as suas malhas acopladas precisam: nenhuma montagem diz o seu ramo',
+  );
+  const count = plain.blocks.length;
+  const linkage = signs.length === count ? plain.with(plain.numbers, signs) : null;
+  refuseUnless(
+    linkage && plain.blocks.every((block, k) => block.twoBranches || signs[k] === 1) && closesSomewhere(linkage),
+    `assembly [${signs.join(', ')}] is refused: it needs ${count} signs with which it closes somewhere`,
+    `a montagem [${signs.join(', ')}] é recusada: são precisos ${count} sinais com que feche em algum lugar`,
+  );
+  return linkage;
+}
+
+// Parameters of solver_node.
+
+function fromParameters(content, klannText) {
+  const nodes = Object.values(content).filter((part) => isMapping(part) && 'ros__parameters' in part);
+  refuseUnless(
+    nodes.length === 1 && isMapping(nodes[0].ros__parameters),
+    'it has parameters of several nodes, or none: keep those of one solver_node',
+    'tem parâmetros de vários nós, ou de nenhum: deixe os de um solver_node',
+  );
+  const given = nodes[0].ros__parameters;
+  refuseUnless(!given.linkage, 'its linkage is a file: load that file', 'o seu linkage é um arquivo: abra esse arquivo');
+  const words = Object.values(KLANN_NAMES);
+  for (const [key, value] of Object.entries(given)) {
+    const own = isMapping(value) ? Object.keys(value) : [key.split('.').at(-1)];
+    const isOfLeg = (isMapping(value) || key.includes('.')) && own.some((word) => words.includes(word));
+    refuseUnless(!isOfLeg, `${printable(key)}: legs with lengths of their own: load one alone`, `${printable(key)}: pernas com comprimentos próprios: abra uma só`);
+  }
+  return klannLeg(given, klannText);
+}
+
+/** Return the Klann leg of parameters; what is left out is that of SEM 104. */
+function klannLeg(given, klannText) {
+  const base = fromContent(readYaml(klannText));
+  const { structure } = base.linkage;
+  const numbers = structure.dimensions.map(({ name }, n) => {
+    const word = KLANN_NAMES[name];
+    if (!word || !(word in given)) return base.linkage.numbers[n];
+    aNumber(given[word], word);
+    return word === 'angle_fgh' ? -given[word] : given[word];
+  });
+  const signs = 'assembly' in given ? given.assembly : [1, 1];
+  listOf(oneOf(1, -1), 2)(signs, 'assembly');
+  refuseUnless(signs.length === 2, 'assembly: two signs', 'assembly: dois sinais');
+  const linkage = new Linkage(structure, numbers, { signs, name: 'Klann leg', outside: [2] });
+  refuseUnless(
+    closesSomewhere(linkage),
+    `these lengths are refused: at no crank angle do both dyads close in the assembly [${signs.join(', ')}]`,
+    `estes comprimentos são recusados: em nenhum ângulo as duas díades fecham na montagem [${signs.join(', ')}]`,
+  );
+  return { linkage, content: withoutSource(base.content) };
+}
+
+function withoutSource(content) {
+  const copy = Object.assign(Object.create(null), content);
+  delete copy.source;
+  return copy;
+}
+
+/** Return whether a linkage is a Klann leg, whose numbers solver_node takes as parameters. */
+function isKlannLeg({ structure }, klannText) {
+  const { structure: klann } = fromContent(readYaml(klannText)).linkage;
+  const drawn = ({ pivots, bodies, foot }) =>
+    JSON.stringify([pivots, foot, bodies.map(({ name, clockwise, along, bars }) => [name, clockwise, along, bars])]);
+  return drawn(structure) === drawn(klann);
+}
+
+// Writing.
+
+/** Return the text of a linkage's file; its start is a pose in which it closes. */
+function linkageText(linkage, content, x, name) {
+  const { metre, turn } = unitsOf(content);
+  const copy = structuredCopy(content);
+  copy.name = name;
+  delete copy.assembly;
+  const { structure } = linkage;
+  structure.dimensions.forEach((dimension, n) => {
+    const [holder, key] = slotOf(copy, structure, dimension);
+    const unit = dimension.kind === 'bend' ? turn : metre;
+    if (linkage.numbers[n] || key in holder) holder[key] = inUnit(linkage.numbers[n], unit);
+  });
+  copy.start = Object.create(null);
+  structure.bodies.forEach((body, j) => {
+    copy.start[body.name] = inUnit(j || body.slides ? x[j] : wrap(x[j]), body.slides ? metre : turn);
+  });
+  const head = '# Saved by the lab of klann_ros: ros2 run klann_ros solver_node --ros-args -p linkage:=THIS_FILE\n';
+  return head + writeYaml(copy);
+}
+
+/** Return the text of a parameter file; the leg is moved so that A is above the origin, D beside it. */
+function parametersText(linkage) {
+  const number = Object.fromEntries(linkage.structure.dimensions.map(({ name }, n) => [name, linkage.numbers[n]]));
+  const moved = { x: -number['A.x'], y: -number['D.y'] };
+  const lines = Object.entries(KLANN_NAMES).map(([name, word]) => {
+    const value = number[name] + (/^[A-Z]\.[xy]$/.test(name) ? moved[name[2]] : 0);
+    return `    ${word}: ${real(word === 'angle_fgh' ? -value : value)}\n`;
+  });
+  return [
+    '# Saved by the lab of klann_ros: ros2 run klann_ros solver_node --ros-args --params-file THIS_FILE\n',
+    '/**:\n  ros__parameters:\n',
+    ...lines,
+    `    assembly: [${linkage.signs.join(', ')}]\n`,
+  ].join('');
+}
+
+/** Return a number with a point and without an exponent, as rcl wants it of a double. */
+function real(value) {
+  const text = String(value || 0);
+  if (/^-?\d+$/.test(text)) return `${text}.0`;
+  return text.includes('e') ? value.toFixed(20).replace(/0+$/, '0') : text;
+}
+
+/** Return a number in a unit, as short as it can be written and read again. */
+function inUnit(value, unit) {
+  const shown = value / unit;
+  for (let digits = 6; digits <= 17; digits += 1) {
+    const text = Number(shown.toPrecision(digits));
+    if (unit * text === value) return text;
+  }
+  return shown;
+}
+
+function structuredCopy(value) {
+  if (Array.isArray(value)) return value.map(structuredCopy);
+  if (!isMapping(value)) return value;
+  const copy = Object.create(null);
+  for (const key of Object.keys(value)) copy[key] = structuredCopy(value[key]);
+  return copy;
+}

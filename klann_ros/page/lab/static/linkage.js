@@ -1,0 +1,246 @@
+'use strict';
+/* A linkage ready to be solved: its structure, its numbers, its branch; see linkage.py. */
+
+const [SMALLEST, LARGEST] = [1e-60, 1e60];
+const START_ITERATIONS = 50;
+const LEAST_START_SINE = 1e-6;
+
+class Linkage {
+  /** `signs` is the assembly; without it the pose that Newton-Raphson reaches from `start` tells it. */
+  constructor(structure, numbers, { signs = null, start = null, name = '', outside = [] } = {}) {
+    this.structure = structure;
+    this.numbers = checkedNumbers(structure, numbers);
+    Object.assign(this, { name, outside, givenStart: start });
+    [this.pivots, this.bars] = vectorsOf(structure, this.numbers);
+    structure.dimensions.forEach(({ kind, place, name: what }, n) => {
+      if (kind === 'brace' && Number.isNaN(this.bars[place][0]))
+        throw new Refusal(
+          `${what} = ${general(this.numbers[n])} m is refused: this brace and its bar do not meet`,
+          `${what} = ${general(this.numbers[n])} m é recusado: esta escora e a sua barra não se encontram`,
+        );
+    });
+    const { paths } = structure;
+    this.rows = paths.loops.map((path) => rowOf(structure, path, this.pivots, this.bars));
+    this.pointRows = paths.points.map((path) => rowOf(structure, path, this.pivots, this.bars));
+    this.blocks = structure.groups.map((group, k) => new Block(this, k, group));
+    this.size = longestOf(structure, this.rows);
+    this.signs = signs || this.signsAtStart();
+  }
+
+  get isDyadic() {
+    return this.structure.isDyadic;
+  }
+
+  /** Return the pose that Newton-Raphson reaches from the start, the crank's angle first. */
+  get start() {
+    if (!this.found) this.found = this.assembled();
+    return this.found;
+  }
+
+  /** Return it with other numbers; its assembly, or its start where loops are coupled, stays. */
+  with(numbers, signs = this.signs) {
+    const branch = this.isDyadic ? { signs } : { start: this.start };
+    return new Linkage(this.structure, numbers, { ...this.kept, ...branch });
+  }
+
+  get kept() {
+    return { name: this.name, outside: this.outside };
+  }
+
+  get branch() {
+    if (!this.followed) {
+      const number = this.blocks.findLastIndex((block) => !block.isDyad) + 1;
+      const [structure, bodies] = this.structure.head(number);
+      this.headBodies = bodies;
+      this.followed = new Branch(this.head(number, structure, bodies), number);
+    }
+    return this.followed;
+  }
+
+  /** Return the linkage of the first so many blocks, in which all else is left out. */
+  head(count, structure, bodies) {
+    if (count === this.blocks.length) return this;
+    const bars = this.structure.bars.flatMap(({ body }, n) => (bodies.includes(body) ? [n] : []));
+    const given = new Map(
+      this.structure.dimensions.map(({ kind, place }, n) => [`${kind} ${place}`, this.numbers[n]]),
+    );
+    const numbers = structure.dimensions.map(({ kind, place }) =>
+      given.get(`${kind} ${'xy'.includes(kind) ? place : bars[place]}`),
+    );
+    const start = bodies.map((j) => this.start[j]);
+    return new Linkage(structure, numbers, { signs: this.signs.slice(0, count), start });
+  }
+
+  // Poses, by the vectors u_j of all bodies: see joints.py.
+
+  vectors(x) {
+    const { structure } = this;
+    const u = x.map((value, j) =>
+      structure.bodies[j].slides ? null : C.polar(1, structure.senses[j] * value),
+    );
+    return u.map((value, j) => value || C.times(x[j], frameVector(structure, u, j)));
+  }
+
+  coordinate(u, j) {
+    const { structure } = this;
+    if (structure.bodies[j].slides) return C.mul(u[j], C.conj(frameVector(structure, u, j)))[0];
+    return wrap(structure.senses[j] * C.arg(u[j]));
+  }
+
+  coordinates(u) {
+    return u.map((_, j) => this.coordinate(u, j));
+  }
+
+  points(u) {
+    return this.pointRows.map((row) => sumOver(row, u));
+  }
+
+  /** Return f(x), and Phi = df/dx without the crank's column: of each loop x, then y. */
+  equations(x) {
+    const u = this.vectors(x);
+    const gaps = this.rows.map((row) => sumOver(row, u));
+    const unknowns = u.map((_, j) => j).slice(1);
+    const phi = this.rows.flatMap(({ terms }) => {
+      const columns = unknowns.map((i) => columnOf(this.structure, terms, u, i));
+      return [columns.map(([re]) => re), columns.map(([, im]) => im)];
+    });
+    return { u, f: gaps.flat(), phi };
+  }
+
+  assembled() {
+    refuseUnless(
+      this.givenStart,
+      'it has no start, which its coupled loops need',
+      'falta o start, de que as suas malhas acopladas precisam',
+    );
+    const iterates = newtonRaphson(this, this.givenStart, START_ITERATIONS, 1e-9);
+    if (!iterates.converged)
+      throw new Refusal(
+        `it cannot be assembled near its start: Newton-Raphson finds no pose at the crank angle ${general((this.givenStart[0] * 360) / TAU)} deg; check its lengths and these angles`,
+        `não pode ser montado perto do start: Newton-Raphson não acha posição no ângulo ${general((this.givenStart[0] * 360) / TAU)} graus da manivela; confira os comprimentos e estes ângulos`,
+      );
+    const { bodies } = this.structure;
+    return iterates.x.at(-1).map((value, j) => (!j || bodies[j].slides ? value : wrap(value)));
+  }
+
+  signsAtStart() {
+    const u = this.vectors(this.start);
+    return this.blocks.map((block) => {
+      const sine = block.sine(u);
+      refuseUnless(
+        Math.abs(sine) > Math.max(LEAST_START_SINE, block.singularSine),
+        'its start pose is singular, which leaves the branch open: give another',
+        'a posição do start é singular, e não diz qual é a montagem: dê outra',
+      );
+      return sine > 0 ? 1 : -1;
+    });
+  }
+}
+
+function checkedNumbers({ dimensions }, numbers) {
+  return dimensions.map(({ name, kind }, n) => {
+    const value = numbers[n];
+    const unit = kind === 'bend' ? 'rad' : 'm';
+    const [en, pt] = [`${name} = ${general(value)} ${unit} is refused`, `${name} = ${general(value)} ${unit} é recusado`];
+    refuseUnless(
+      Number.isFinite(value),
+      `${name} = ${value} is refused: it must be a finite number`,
+      `${name} = ${value} é recusado: tem de ser um número finito`,
+    );
+    refuseUnless(
+      !['length', 'brace'].includes(kind) || value > 0,
+      `${en}: a length must be > 0`,
+      `${pt}: um comprimento tem de ser > 0`,
+    );
+    const size = Math.abs(value);
+    refuseUnless(
+      unit === 'rad' || value === 0 || (SMALLEST <= size && size <= LARGEST),
+      `${en}: it must be within ${SMALLEST} .. ${LARGEST} m`,
+      `${pt}: tem de estar entre ${SMALLEST} e ${LARGEST} m`,
+    );
+    refuseUnless(
+      unit === 'm' || size <= TAU,
+      `${en}: a bend must be within +-2 pi rad`,
+      `${pt}: um ângulo entre barras tem de estar entre +-2 pi rad`,
+    );
+    return value;
+  });
+}
+
+/** Return the pivots and the bars as vectors, each bar in the frame of its body [m]. */
+function vectorsOf(structure, numbers) {
+  const given = new Map(structure.dimensions.map(({ kind, place }, n) => [`${kind} ${place}`, numbers[n]]));
+  const number = (kind, place) => given.get(`${kind} ${place}`) || 0;
+  const pivots = structure.pivots.map((_, place) => [number('x', place), number('y', place)]);
+  const places = structure.bodies.map(() => new Map());
+  const bars = structure.bars.map(({ body, bar }, n) => {
+    const own = places[body];
+    if (structure.isLine[n]) {
+      own.set(bar.to, [0, 0]);
+      return C.polar(1, number('bend', n));
+    }
+    if (!own.has(bar.from)) own.set(bar.from, [0, 0]);
+    const start = own.get(bar.from);
+    const length = number('length', n);
+    const vector = bar.brace
+      ? apex(C.sub(own.get(bar.brace.from), start), length, number('brace', n), bar.brace.side === 'left' ? 1 : -1)
+      : C.polar(length, number('bend', n));
+    own.set(bar.to, C.add(start, vector));
+    return vector;
+  });
+  return [pivots, bars];
+}
+
+/** Return J - P of a triangle P-J-Q with Q - P and both other sides; NaN where there is none. */
+function apex(base, p, q, side) {
+  const d2 = C.abs(base) ** 2;
+  const root = Math.sqrt(((p + q) ** 2 - d2) * (d2 - (p - q) ** 2));
+  return C.mul([0.5 + ((p - q) * (p + q)) / (2 * d2), (side * root) / (2 * d2)], base);
+}
+
+/** Return what each body adds to a path, and what does not move adds [m]. */
+function rowOf(structure, path, pivots, bars) {
+  const terms = new Map();
+  for (const [n, times] of path.bars) {
+    const body = structure.carriers[n];
+    terms.set(body, C.add(terms.get(body) || [0, 0], C.times(times, bars[n])));
+  }
+  let constant = terms.get(FIXED) || [0, 0];
+  terms.delete(FIXED);
+  for (const [place, times] of path.pivots) constant = C.add(constant, C.times(times, pivots[place]));
+  return { terms, constant };
+}
+
+function sumOver({ terms, constant }, u, without = []) {
+  let sum = constant;
+  for (const [j, w] of terms) if (!without.includes(j)) sum = C.add(sum, C.mul(w, u[j]));
+  return sum;
+}
+
+/** Return the vector of what a body that slides is turned with. */
+function frameVector(structure, u, j) {
+  const own = structure.frames[j];
+  return own === FIXED ? [1, 0] : u[own];
+}
+
+/** Return by what a sum of W_j u_j changes with the coordinate of a body. */
+function columnOf(structure, terms, u, i) {
+  let column = [0, 0];
+  for (const [j, w] of terms) {
+    const slides = structure.bodies[j].slides;
+    let tangent = null;
+    if (slides && i === j) tangent = frameVector(structure, u, j);
+    else if (i === structure.frames[j]) tangent = C.mul([0, structure.senses[i]], u[j]);
+    if (tangent) column = C.add(column, C.mul(w, tangent));
+  }
+  return column;
+}
+
+/** Return the longest vector of loops [m]; those along lines have no length of their own. */
+function longestOf({ bodies }, rows) {
+  const lengths = rows.flatMap(({ terms, constant }) => [
+    C.abs(constant),
+    ...[...terms].filter(([j]) => !bodies[j].slides).map(([, w]) => C.abs(w)),
+  ]);
+  return Math.max(...lengths);
+}

@@ -1,0 +1,176 @@
+'use strict';
+/* The order in which a linkage is assembled, its loops, and the ways to its points. */
+
+const MOST_BODIES = 25;
+// All subsets of the bodies are tried; what needs more of them than these is no file that is meant.
+const MOST_TRIES = 200000;
+
+/** Return the groups of bodies that are placed together, in their order: see assembly.py. */
+function assemblyOrder(structure) {
+  const count = structure.bodies.length;
+  refuseUnless(
+    count <= MOST_BODIES,
+    `there are ${count} bodies: more than ${MOST_BODIES} are not solved`,
+    `há ${count} corpos: mais de ${MOST_BODIES} não são resolvidos`,
+  );
+  checkConnected(structure);
+  const [crank] = structure.angles;
+  refuseUnless(
+    !loopCount(structure, [0]),
+    `the crank ${crank} holds two pivots and cannot turn`,
+    `a manivela ${crank} une dois pivôs e não pode girar`,
+  );
+  let known = [0];
+  let rest = structure.bodies.map((_, j) => j).slice(1);
+  const groups = [];
+  const budget = { left: MOST_TRIES };
+  while (rest.length) {
+    const group = nextGroup(structure, known, rest, budget);
+    groups.push(group);
+    known = [...known, ...group];
+    rest = rest.filter((j) => !group.includes(j));
+  }
+  refuseUnless(
+    groups.length,
+    'no loop closes: two bodies must lead to the same point',
+    'nenhuma malha fecha: dois corpos têm de levar ao mesmo ponto',
+  );
+  return groups;
+}
+
+/** Return the fewest bodies that close a loop for every two of them. */
+function nextGroup(structure, known, rest, budget) {
+  const before = loopCount(structure, known);
+  for (let size = 1; size <= rest.length; size += 1) {
+    for (const group of combinations(rest, size)) {
+      budget.left -= 1;
+      refuseUnless(
+        budget.left > 0,
+        'its bodies are too many and too entangled to be ordered here',
+        'os seus corpos são demais e estão emaranhados demais para serem ordenados aqui',
+      );
+      const together = [...known, ...group];
+      const stands = together.every((j) => [null, FIXED, ...together].includes(structure.along[j]));
+      if (!stands) continue;
+      const closed = loopCount(structure, together) - before;
+      const names = group.map((j) => structure.angles[j]).join(', ');
+      refuseUnless(
+        2 * closed <= size,
+        `${names}: cannot move, since ${2 * closed} loop equations stand against ${size} unknowns`,
+        `${names}: não pode mover-se: ${2 * closed} equações de malha contra ${size} incógnitas`,
+      );
+      if (2 * closed === size) return group;
+    }
+  }
+  const all = [...known, ...rest];
+  const closed = loopCount(structure, all) - before;
+  const loose = rest.filter((j) => loopCount(structure, all.filter((i) => i !== j)) - before === closed);
+  const names = (loose.length ? loose : rest).map((j) => structure.angles[j]).join(', ');
+  if (loose.length)
+    throw new Refusal(
+      `${names}: turns freely, since no loop closes over it`,
+      `${names}: gira livremente, pois nenhuma malha se fecha sobre ele`,
+    );
+  throw new Refusal(
+    `the crank alone does not move it in one definite way: ${rest.length} unknowns (${names}) and ${2 * closed} loop equations`,
+    `só a manivela não o move de modo definido: ${rest.length} incógnitas (${names}) e ${2 * closed} equações de malha`,
+  );
+}
+
+function* combinations(items, size, from = 0) {
+  if (!size) {
+    yield [];
+    return;
+  }
+  for (let i = from; i <= items.length - size; i += 1)
+    for (const rest of combinations(items, size - 1, i + 1)) yield [items[i], ...rest];
+}
+
+/** Return how many independent loops some bodies and the ground close. */
+function loopCount(structure, bodies) {
+  const parent = new Map();
+  const root = (node) => {
+    let at = node;
+    while (parent.has(at) && parent.get(at) !== at) at = parent.get(at);
+    return at;
+  };
+  // The space keeps a body's node apart from every point's name; the ground is body -1.
+  const joined = structure.pivots.map((point) => [FIXED, point]);
+  for (const j of bodies) {
+    for (const point of structure.bodies[j].points) joined.push([j, point]);
+    if (structure.along[j] !== null) joined.push([j, `body ${structure.along[j]}`]);
+  }
+  let loops = 0;
+  for (const [body, other] of joined) {
+    const [one, two] = [root(`body ${body}`), root(other)];
+    if (one === two) loops += 1;
+    else parent.set(one, two);
+  }
+  return loops;
+}
+
+function checkConnected(structure) {
+  const reached = new Set([FIXED, ...structure.pivots]);
+  let rest = structure.bodies.map((_, j) => j);
+  while (rest.length) {
+    const joined = rest.filter(
+      (j) =>
+        (structure.along[j] !== null && reached.has(structure.along[j])) ||
+        structure.bodies[j].points.some((point) => reached.has(point)),
+    );
+    const name = structure.angles[rest[0]];
+    refuseUnless(
+      joined.length,
+      `body ${name} is connected to no pivot, not even by other bodies`,
+      `o corpo ${name} não está ligado a nenhum pivô, nem por outros corpos`,
+    );
+    for (const j of joined) for (const node of [j, ...structure.bodies[j].points]) reached.add(node);
+    rest = rest.filter((j) => !joined.includes(j));
+  }
+}
+
+/** Return the loops, where each closes, which loops each group closes, and the ways to all points. */
+function loopPaths(structure) {
+  const ways = new Map();
+  structure.pivots.forEach((name, place) => {
+    ways.set(name, { pivots: new Map([[place, 1]]), bars: new Map() });
+  });
+  const paths = { loops: [], closing: [], rows: [], points: [] };
+  [[0], ...structure.groups].forEach((group, number) => {
+    const closed = grow(structure, group, ways);
+    if (number) paths.rows.push(closed.map((_, k) => paths.loops.length + k));
+    for (const [point, path] of number ? closed : []) {
+      paths.closing.push(point);
+      paths.loops.push(path);
+    }
+  });
+  paths.points = structure.points.map((name) => ways.get(name));
+  return paths;
+}
+
+/** Reach the points of a group; return the loops that are closed on the way. */
+function grow({ bars }, group, ways) {
+  let rest = group.flatMap((j) => bars.map(({ body }, n) => (body === j ? n : -1)).filter((n) => n >= 0));
+  const closed = [];
+  const away = ({ bar }) => ways.get(ways.has(bar.from) ? bar.from : bar.to).bars.size;
+  while (rest.length) {
+    const reached = rest.filter((n) => ways.has(bars[n].bar.from) || ways.has(bars[n].bar.to));
+    const number = reached.reduce((best, n) => (away(bars[n]) < away(bars[best]) ? n : best));
+    rest = rest.filter((n) => n !== number);
+    const { from, to } = bars[number].bar;
+    const [begin, point, sign] = ways.has(from) ? [from, to, 1] : [to, from, -1];
+    const path = sumOf(ways.get(begin), { pivots: new Map(), bars: new Map([[number, sign]]) }, 1);
+    if (ways.has(point)) closed.push([point, sumOf(path, ways.get(point), -1)]);
+    else ways.set(point, path);
+  }
+  return closed;
+}
+
+function sumOf(one, other, sign) {
+  const added = (key) => {
+    const total = new Map(one[key]);
+    for (const [number, times] of other[key]) total.set(number, (total.get(number) || 0) + sign * times);
+    return new Map([...total].filter(([, times]) => times).sort(([a], [b]) => a - b));
+  };
+  return { pivots: added('pivots'), bars: added('bars') };
+}

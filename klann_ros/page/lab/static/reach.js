@@ -1,0 +1,203 @@
+'use strict';
+/* Where a crank can be, where it jams, and what the foot does meanwhile: see reach.py, arcs.py. */
+
+const SAMPLES = 360;
+const GOLDEN = (Math.sqrt(5) - 1) / 2;
+
+/** Return the arcs [start, end] of crank angles at which every loop closes [rad]. */
+function reachableArcs(linkage) {
+  let [first, ...rest] = linkage.blocks;
+  let arcs = [[0, TAU]];
+  if (!linkage.isDyadic) {
+    arcs = [linkage.branch.arc];
+    rest = linkage.blocks.filter((block) => block.isDyad);
+  } else if (isDriven(first)) arcs = drivenArcs(first);
+  else rest = linkage.blocks;
+  if (!rest.length) return normalArcs(linkage.isDyadic ? arcs.map(cutArc) : arcs);
+  const clearance = (alpha) => {
+    const { u, error } = poseAt(linkage, alpha);
+    // Where the ends of a dyad coincide nothing closes, although nothing is short.
+    if (error) return Math.min(-(error.shortfall || 0), -1e-300);
+    return Math.max(0, Math.min(...rest.map((block) => block.clearance(u))));
+  };
+  return normalArcs(arcs.flatMap((arc) => arcsInside(clearance, arc)));
+}
+
+function closesSomewhere(linkage) {
+  for (let k = 0; k < 8; k += 1) if (!poseAt(linkage, (k * TAU) / 8).error) return true;
+  return reachableArcs(linkage).length > 0;
+}
+
+/** Return whether a block is a dyad of two links whose ends the crank alone moves. */
+function isDriven(block) {
+  const moving = [0, ...block.unknowns];
+  const [{ terms }] = block.rows;
+  return block.isDyad && !block.slides && terms.size === 3 && moving.every((j) => terms.has(j));
+}
+
+function drivenArcs(block) {
+  const [{ terms, constant }] = block.rows;
+  const lengths = [constant, terms.get(0), ...block.unknowns.map((j) => terms.get(j))].map(C.abs);
+  const [l1, l2, l3, l4] = lengths;
+  const tie = 4 * EPSILON * Math.max(...lengths);
+  if (l1 + l2 < Math.abs(l3 - l4) - tie || Math.abs(l1 - l2) > l3 + l4 + tie) return [];
+  const passesFolded = Math.abs(l1 - l2) >= Math.abs(l3 - l4) - tie;
+  const passesStretched = l1 + l2 <= l3 + l4 + tie;
+  const least = !l1 || passesFolded ? 0 : openingOf(l1, l2, Math.abs(l3 - l4));
+  const greatest = !l1 || passesStretched ? Math.PI : openingOf(l1, l2, l3 + l4);
+  if (least === 0 && greatest === Math.PI) return [[0, TAU]];
+  // Where the crank points to the fixed end.
+  const toward = block.structure.senses[0] * C.arg(C.div(C.times(-1, constant), terms.get(0)));
+  if (least === 0) return [[toward - greatest, toward + greatest]];
+  if (greatest === Math.PI) return [[toward + least, toward + TAU - least]];
+  return [
+    [toward + least, toward + greatest],
+    [toward - greatest, toward - least],
+  ];
+}
+
+/** Return the angle between two sides of a triangle [rad]. */
+function openingOf(p, q, opposite) {
+  const near = (opposite - (p - q)) * (opposite + (p - q));
+  const far = (p + q - opposite) * (p + q + opposite);
+  return 2 * Math.atan2(Math.sqrt(Math.max(0, near)), Math.sqrt(Math.max(0, far)));
+}
+
+function cutArc([start, end]) {
+  const cut = end - start >= TAU ? 0 : 5e-13 * (end - start);
+  return [start + cut, end - cut];
+}
+
+/** Return the parts of an arc at which a clearance is not negative. */
+function arcsInside(clearance, arc) {
+  const samples = withExtrema(clearance, samplesOver(arc));
+  const closes = samples.map((alpha) => clearance(alpha) >= 0);
+  const arcs = [];
+  let start = closes[0] ? samples[0] : null;
+  for (let i = 1; i < samples.length; i += 1) {
+    if (closes[i] && !closes[i - 1]) start = boundary(clearance, samples[i], samples[i - 1]);
+    else if (closes[i - 1] && !closes[i] && start !== null) {
+      arcs.push([start, boundary(clearance, samples[i - 1], samples[i])]);
+      start = null;
+    }
+  }
+  if (start !== null) arcs.push([start, samples.at(-1)]);
+  return arcs;
+}
+
+/** Return angles over an arc: the denser the nearer its ends, where clearances are steep. */
+function samplesOver([start, end]) {
+  const middle = (start + end) / 2;
+  const half = ((end - start) / 2) * (1 - 1e-12);
+  const isTurn = end - start >= TAU;
+  return Array.from({ length: SAMPLES + 1 }, (_, k) =>
+    isTurn ? start + (k * TAU) / SAMPLES : middle - half * Math.cos((Math.PI * k) / SAMPLES),
+  );
+}
+
+/** Add the peaks and dips that the samples on their two sides may hide. */
+function withExtrema(clearance, samples) {
+  const [first, last] = [samples[0], samples.at(-1)];
+  const all = last - first >= TAU ? [samples.at(-2) - TAU, ...samples] : samples;
+  const values = all.map(clearance);
+  const found = [];
+  for (let i = 1; i < all.length - 1; i += 1) {
+    const [before, value, after] = [values[i - 1], values[i], values[i + 1]];
+    if (value < 0 && before <= value && value >= after) found.push(peak(clearance, all[i - 1], all[i + 1]));
+    else if (value >= 0 && value < Infinity && before >= value && value <= after)
+      found.push(peak((alpha) => -clearance(alpha), all[i - 1], all[i + 1]));
+  }
+  const turned = found.map((alpha) => (alpha >= first ? alpha : alpha + TAU));
+  return [...samples, ...turned].sort((a, b) => a - b);
+}
+
+/** Return where a function with one peak between two angles is greatest (golden section). */
+function peak(f, from, to) {
+  let [left, right] = [from, to];
+  while (right - left > 1e-9) {
+    const a = right - GOLDEN * (right - left);
+    const b = left + GOLDEN * (right - left);
+    if (f(a) > f(b)) right = b;
+    else left = a;
+  }
+  return (left + right) / 2;
+}
+
+function boundary(clearance, inside, outside) {
+  let [closes, fails] = [inside, outside];
+  while (Math.abs(closes - fails) > 1e-13 * Math.max(1, Math.abs(closes))) {
+    const middle = (closes + fails) / 2;
+    if (middle === closes || middle === fails) break;
+    if (clearance(middle) >= 0) closes = middle;
+    else fails = middle;
+  }
+  return closes;
+}
+
+/** Bring the arcs' starts into [0, 2 pi), sort them, and join the two ends of the turn. */
+function normalArcs(arcs) {
+  const turned = arcs
+    .map(([start, end]) => {
+      const first = start >= 0 && start < TAU ? start : ((start % TAU) + TAU) % TAU;
+      return [first, first === start ? end : first + (end - start)];
+    })
+    .sort((a, b) => a[0] - b[0]);
+  if (turned.length > 1 && turned[0][0] === 0 && turned.at(-1)[1] >= TAU) {
+    const [first, last] = [turned.shift(), turned.pop()];
+    turned.push([last[0], first[1] + TAU]);
+  }
+  return turned;
+}
+
+/** Return what the foot and the dyads do over all arcs: the path, its extent, and figures. */
+function turnOf(linkage, arcs, samples = SAMPLES) {
+  const isTurn = arcs.length === 1 && arcs[0][1] - arcs[0][0] >= TAU;
+  const pieces = arcs.map(([start, end]) => {
+    const count = Math.max(32, Math.round((samples * (end - start)) / TAU));
+    const half = (end - start) / 2;
+    return Array.from({ length: count + 1 }, (_, k) =>
+      isTurn ? start + (k * TAU) / count : start + half * (1 - Math.cos((Math.PI * k) / count)),
+    )
+      .map((alpha) => poseAt(linkage, alpha))
+      .filter(({ error }) => !error);
+  });
+  const foot = linkage.structure.points.indexOf(linkage.structure.foot);
+  const extent = (axis) => {
+    const value = (pose) => pose.points[foot][axis];
+    return extremesOf(linkage, pieces, value, isTurn);
+  };
+  const angles = linkage.blocks.map((block) =>
+    extremesOf(linkage, pieces, (pose) => block.transmissionAngle(pose.u), isTurn),
+  );
+  return { isTurn, arcs, pieces, foot, x: extent(0), y: extent(1), angles };
+}
+
+/** Return the least and the greatest value over poses, found between the samples. */
+function extremesOf(linkage, pieces, value, isTurn) {
+  const found = { least: Infinity, greatest: -Infinity, leastAt: NaN, greatestAt: NaN };
+  const take = (pose) => {
+    const v = value(pose);
+    if (v < found.least) Object.assign(found, { least: v, leastAt: pose.x[0] });
+    if (v > found.greatest) Object.assign(found, { greatest: v, greatestAt: pose.x[0] });
+  };
+  for (const poses of pieces) {
+    poses.forEach(take);
+    const count = poses.length;
+    const step = isTurn ? TAU / (count - 1) : 0;
+    for (const sign of [1, -1]) {
+      // Only about the greatest of the samples: the others cannot be the greatest of all.
+      const values = poses.map((pose) => sign * value(pose));
+      const i = values.indexOf(Math.max(...values));
+      if (!isTurn && (i <= 0 || i >= count - 1)) continue;
+      const at = poses[i].x[0];
+      const [left, right] = isTurn ? [at - step, at + step] : [poses[i - 1].x[0], poses[i + 1].x[0]];
+      const best = peak((alpha) => {
+        const pose = poseAt(linkage, alpha);
+        return pose.error ? -Infinity : sign * value(pose);
+      }, left, right);
+      const pose = poseAt(linkage, best);
+      if (!pose.error) take(pose);
+    }
+  }
+  return found;
+}

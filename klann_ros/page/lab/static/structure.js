@@ -1,0 +1,176 @@
+'use strict';
+/*
+ * What a linkage is made of, without a number: as klann_ros.kinematics.linkage.structure has it.
+ *
+ * A body is {name, clockwise, along, bars: [{from, to, brace: {from, side} | null}]}; `along` is the
+ * body that it slides along, 'ground', or '' for one that turns. Of one that slides the first bar is
+ * the line. The crank is the first body.
+ */
+
+const FIXED = -1;
+const GROUND = 'ground';
+
+class Structure {
+  constructor(pivots, bodies, foot) {
+    this.pivots = pivots;
+    this.bodies = bodies.map((body) => ({ ...body, slides: body.along !== '' }));
+    this.foot = foot;
+    for (const body of this.bodies) body.points = ownPoints(body);
+    this.bodies.forEach(checkBody);
+    this.angles = this.bodies.map((body) => body.name);
+    checkSlides(this);
+    this.points = [...new Set([...pivots, ...this.bodies.flatMap((body) => body.points)])];
+    checkEnds(this);
+    this.senses = this.bodies.map((body) => (body.clockwise ? -1 : 1));
+    this.slides = this.bodies.some((body) => body.slides);
+    this.along = this.bodies.map((body) => this.numberOf(body.along));
+    this.frames = this.bodies.map((_, j) => this.frame(j));
+    this.bars = this.bodies.flatMap((body, j) => body.bars.map((bar) => ({ body: j, bar })));
+    this.firsts = this.bodies.map((_, j) => this.bars.findIndex(({ body }) => body === j));
+    this.isLine = this.bars.map(({ body }, n) => this.bodies[body].slides && this.firsts[body] === n);
+    this.isStraight = this.bars.map(
+      ({ body }, n) => !this.bodies[body].slides && this.firsts[body] === n,
+    );
+    this.carriers = this.bars.map(({ body }, n) => (this.isLine[n] ? body : this.frames[body]));
+    this.dimensions = dimensionsOf(this);
+    this.groups = assemblyOrder(this);
+    this.paths = loopPaths(this);
+    this.isDyadic = this.paths.rows.every((rows) => rows.length === 1);
+  }
+
+  numberOf(along) {
+    if (along === '') return null;
+    return along === GROUND ? FIXED : this.angles.indexOf(along);
+  }
+
+  /** Return with which body one turns: itself, the one that it slides along, or FIXED. */
+  frame(j) {
+    const along = j >= 0 ? this.along[j] : null;
+    return along === null ? j : this.frame(along);
+  }
+
+  /** Return the part that the first so many blocks place, and which of its bodies these are. */
+  head(count) {
+    const kept = [0, ...this.groups.slice(0, count).flat()].sort((a, b) => a - b);
+    const bodies = kept.map((j) => this.bodies[j]);
+    return [new Structure(this.pivots, bodies, bodies[0].points.at(-1)), kept];
+  }
+}
+
+/** Return the bars of a body that have a length of their own. */
+function rigidBars(body) {
+  return body.along ? body.bars.slice(1) : body.bars;
+}
+
+function ownPoints(body) {
+  refuseUnless(
+    body.bars.length,
+    `body ${body.name} has no bars`,
+    `o corpo ${body.name} não tem barras`,
+  );
+  return [...(body.along ? [] : [body.bars[0].from]), ...body.bars.map((bar) => bar.to)];
+}
+
+function checkBody(body) {
+  const [line] = body.bars;
+  const have = [body.along ? line.to : line.from];
+  refuseUnless(
+    !body.along || line.from !== line.to,
+    `the line ${line.from}-${line.to} of body ${body.name} has only one point`,
+    `a reta ${line.from}-${line.to} do corpo ${body.name} tem um só ponto`,
+  );
+  for (const bar of rigidBars(body)) {
+    const [en, pt] = [
+      `bar ${bar.from}-${bar.to} of body ${body.name}`,
+      `a barra ${bar.from}-${bar.to} do corpo ${body.name}`,
+    ];
+    refuseUnless(
+      have.includes(bar.from),
+      `${en} starts from a point that the body does not have yet: it has ${have.join(', ')}`,
+      `${pt} começa num ponto que o corpo ainda não tem: ele tem ${have.join(', ')}`,
+    );
+    refuseUnless(
+      !have.includes(bar.to),
+      `${en} ends at a point that the body has already`,
+      `${pt} termina num ponto que o corpo já tem`,
+    );
+    refuseUnless(
+      !bar.brace || have.includes(bar.brace.from),
+      `${en} is braced from ${bar.brace && bar.brace.from}, which is no point of it yet`,
+      `${pt} é escorada a partir de ${bar.brace && bar.brace.from}, que ainda não é ponto dele`,
+    );
+    have.push(bar.to);
+  }
+}
+
+function checkSlides({ bodies, pivots, angles }) {
+  for (const body of bodies.filter(({ slides }) => slides)) {
+    const en = `${body.name} slides along ${body.along}`;
+    const pt = `${body.name} desliza ao longo de ${body.along}`;
+    refuseUnless(body.name !== GROUND, `a body cannot be called ${GROUND}`, `um corpo não pode chamar-se ${GROUND}`);
+    const own = bodies[angles.indexOf(body.along)];
+    refuseUnless(own || body.along === GROUND, `${en}, which is no body`, `${pt}, que não é um corpo`);
+    const points = own ? own.points : pivots;
+    const start = body.bars[0].from;
+    refuseUnless(
+      points.includes(start),
+      `${en} from ${start}, which is none of its points: ${points.join(', ')}`,
+      `${pt} a partir de ${start}, que não é um dos seus pontos: ${points.join(', ')}`,
+    );
+    const seen = new Set([body.name]);
+    for (let at = own; at && at.slides; at = bodies[angles.indexOf(at.along)]) {
+      refuseUnless(!seen.has(at.name), `${en}, which slides along it in turn`, `${pt}, que por sua vez desliza nele`);
+      seen.add(at.name);
+    }
+  }
+}
+
+function checkEnds({ bodies, pivots, points, foot }) {
+  const [crank] = bodies;
+  const [start] = crank.points;
+  const fixed = pivots.join(', ');
+  refuseUnless(
+    !crank.slides,
+    `the crank ${crank.name} slides: what is driven must turn`,
+    `a manivela ${crank.name} desliza: o que é acionado tem de girar`,
+  );
+  refuseUnless(
+    pivots.includes(start),
+    `the crank starts from ${start}, which is no pivot: these are ${fixed}`,
+    `a manivela começa em ${start}, que não é um pivô: os pivôs são ${fixed}`,
+  );
+  refuseUnless(
+    !pivots.includes(foot),
+    `the foot ${foot} is a pivot and does not move`,
+    `o pé ${foot} é um pivô e não se move`,
+  );
+  refuseUnless(
+    points.includes(foot),
+    `the foot ${foot} is none of the points: ${points.join(', ')}`,
+    `o pé ${foot} não é um dos pontos: ${points.join(', ')}`,
+  );
+}
+
+/** Return all numbers of a structure, named by points; bodies part what has the same name. */
+function dimensionsOf(structure) {
+  const found = [];
+  structure.bars.forEach(({ body, bar }, place) => {
+    const own = structure.bodies[body].name;
+    const ends = `${bar.from}-${bar.to}`;
+    if (structure.isLine[place]) {
+      found.push({ name: `direction of ${ends}`, own, kind: 'bend', place });
+      return;
+    }
+    found.push({ name: ends, own, kind: 'length', place });
+    if (bar.brace) found.push({ name: `${bar.brace.from}-${bar.to}`, own, kind: 'brace', place });
+    else if (!structure.isStraight[place])
+      found.push({ name: `bend of ${ends}`, own, kind: 'bend', place });
+  });
+  const names = found.map(({ name }) => name);
+  for (const d of found) if (names.filter((name) => name === d.name).length > 1) d.full = `${d.name} of ${d.own}`;
+  const dimensions = found.map(({ name, full, kind, place }) => ({ name: full || name, kind, place }));
+  structure.pivots.forEach((name, place) => {
+    dimensions.push({ name: `${name}.x`, kind: 'x', place }, { name: `${name}.y`, kind: 'y', place });
+  });
+  return dimensions;
+}
