@@ -61,6 +61,7 @@ setup(
         f'{NAME}.live': ['static/*'],
         f'{NAME}.datasheet.html_page': ['static/*'],
         f'{NAME}.page': ['static/*', 'static/uplot/*'],
+        f'{NAME}.page.lab': ['lab.html', 'static/*'],
         f'{NAME}.review.report.html_page': ['static/*'],
     },
     python_requires='>=3.10',
@@ -78,7 +79,7 @@ setup(
     zip_safe=False,
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
-        (f'share/{NAME}', ['package.xml']),
+        (f'share/{NAME}', ['package.xml', f'{NAME}/page/lab/lab.html']),
         (f'share/{NAME}/config', glob('config/*.yaml')),
         (f'share/{NAME}/linkages', glob(f'{NAME}/linkages/*.yaml')),
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),

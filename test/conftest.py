@@ -15,7 +15,7 @@ settings.load_profile('untimed')
 # side by side, in domains of their own; each is run one by one, so that none starves the others.
 ONE_BY_ONE = ('test/nodes/', 'test/packaging/', '/test_real_', '/test_launched_')
 # One browser and one set of pages.
-TOGETHER = 'test/review/html_page/'
+TOGETHER = 'test/review/report/html_page/'
 
 
 @pytest.hookimpl(optionalhook=True)

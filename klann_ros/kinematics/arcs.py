@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from itertools import pairwise
-from math import cos, pi
+from math import cos, inf, pi
 
 from .angles import TURN
 
@@ -57,7 +57,8 @@ def _with_extrema(clearance: Callable[[float], float], samples: list[float]) -> 
     for left, right, before, value, after in neighbours:
         if value < 0.0 and before <= value >= after:
             found.append(_peak(clearance, left, right))
-        elif value >= 0.0 and before >= value <= after:
+        # What has no limit, as where two lines meet, has no dip.
+        elif 0.0 <= value < inf and before >= value <= after:
             found.append(_peak(lambda alpha: -clearance(alpha), left, right))
     turned = (alpha if alpha >= first else alpha + TURN for alpha in found)
     return sorted([*(alpha for alpha in samples if alpha >= first), *turned])

@@ -110,7 +110,8 @@ class DrawnLeg {
     for (const body of this.drawn) {
       const lines = body.bars.map(([p, q]) => `M${at[p].join(' ')}L${at[q].join(' ')}`);
       body.stroke.setAttribute('d', lines.join(''));
-      if (body.rail) body.rail.setAttribute('d', `M${body.line.map((i) => at[i].join(' ')).join('L')}`);
+      if (body.rail)
+        body.rail.setAttribute('d', `M${body.line.map((i) => at[i].join(' ')).join('L')}`);
       if (body.plate) body.plate.setAttribute('d', around(body.corners.map((i) => at[i])));
     }
     this.joints.forEach((joint, i) => place(joint, at[i]));

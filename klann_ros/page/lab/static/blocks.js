@@ -7,9 +7,10 @@ const TOUCHES = 0.75;
 
 /** A crank angle at which a dyad cannot close: by how much, and between what. */
 class Unreachable extends Error {
-  constructor(block, shortfall, isFar, names) {
+  constructor(block, shortfall, isFar, names, u) {
     super(`dyad ${block} does not close by ${general(shortfall)} m`);
-    Object.assign(this, { block, shortfall, isFar, names });
+    // The vectors of what is placed so far.
+    Object.assign(this, { block, shortfall, isFar, names, u: [...u] });
   }
 }
 
@@ -36,7 +37,8 @@ class Block {
     this.closing = this.isDyad ? closingOf(this) : null;
     this.twoBranches = !this.closing || this.closing.twoBranches !== false;
     this.scale = this.closing ? this.closing.scale : this.coupledScale();
-    this.roundingOfSine = this.rounding / (this.closing ? this.closing.leastLength : this.longestLink());
+    this.roundingOfSine =
+      this.rounding / (this.closing ? this.closing.leastLength : this.longestLink());
     this.singularSine = Math.sqrt(this.roundingOfSine);
     const turning = group.filter((j) => !structure.bodies[j].slides);
     this.sense = turning.reduce((product, j) => product * structure.senses[j], 1);
@@ -53,7 +55,7 @@ class Block {
     const [a, b] = this.closing.place(u, way, sign);
     if (Number.isNaN(a[0] + a[1] + b[0] + b[1])) {
       const short = Math.max(0, -this.closing.clearance(way, u));
-      throw new Unreachable(this.number, short, this.closing.isFar(way), this.names);
+      throw new Unreachable(this.number, short, this.closing.isFar(way), this.names, u);
     }
     return [a, b];
   }
@@ -73,7 +75,12 @@ class Block {
   sine(u) {
     if (!this.closing) {
       const jacobian = this.jacobian(u);
-      return solved(jacobian, jacobian.map(() => 0)).det / this.scale;
+      return (
+        solved(
+          jacobian,
+          jacobian.map(() => 0),
+        ).det / this.scale
+      );
     }
     if (this.slides) {
       const sine = (this.sense * C.cross(...this.columns(u))) / this.closing.lengths(this.way(u));
@@ -105,7 +112,9 @@ class Block {
       this.unknowns.map((j) => (terms.has(j) ? C.abs(terms.get(j)) : 0)),
     );
     const longest = own.map((row) => Math.max(...row));
-    const columns = this.unknowns.map((_, i) => Math.hypot(...own.map((row, k) => row[i] / longest[k])));
+    const columns = this.unknowns.map((_, i) =>
+      Math.hypot(...own.map((row, k) => row[i] / longest[k])),
+    );
     return longest.reduce((p, x) => p * x * x, 1) * columns.reduce((p, x) => p * x, 1);
   }
 
@@ -127,7 +136,12 @@ function namesOf(structure, k) {
     const [link, slider] = a.slides && !b.slides ? [b, a] : [a, b];
     const p = [...link.points, ...slider.points].find((point) => placed.has(point)) || '?';
     if (slider.along === link.name)
-      return [p, slider.points.find((point) => placed.has(point)) || slider.points[0], link.name, ''];
+      return [
+        p,
+        slider.points.find((point) => placed.has(point)) || slider.points[0],
+        link.name,
+        '',
+      ];
     return [p, slider.name, link.points.slice(0, 2).join(''), ''];
   }
   const joint = a.points.find((point) => b.points.includes(point) && !placed.has(point)) || '';
@@ -136,161 +150,4 @@ function namesOf(structure, k) {
     points.filter((name) => name === p || name === q || name === joint).join(''),
   );
   return [p, q, ...links];
-}
-
-/** Return how a pair of bodies is placed: see dyads.py. */
-function closingOf(block) {
-  const { structure, unknowns } = block;
-  const slides = unknowns.map((j) => structure.bodies[j].slides);
-  if (!slides[0] && !slides[1]) return new TwoCircles(block);
-  if (slides[0] && slides[1]) return new TwoLines(block);
-  const [link, slider] = slides[0] ? [unknowns[1], unknowns[0]] : unknowns;
-  const kind = structure.frames[slider] === link ? LineOnLink : CircleAndLine;
-  return new kind(block, link, slider, slides[0] ? -1 : 1);
-}
-
-/** Two bodies that turn: where two circles meet. */
-class TwoCircles {
-  constructor({ rows, unknowns, rounding }) {
-    this.terms = unknowns.map((j) => rows[0].terms.get(j));
-    this.radii = this.terms.map(C.abs);
-    this.rounding = rounding;
-    this.scale = this.radii[0] * this.radii[1];
-    this.leastLength = Math.min(...this.radii);
-  }
-
-  place(_, way, sign) {
-    const at = this.joint(way, sign);
-    return [C.div(at, this.terms[0]), C.div(C.sub(way, at), this.terms[1])];
-  }
-
-  joint(way, sign) {
-    const [p, q] = this.radii;
-    const d = C.abs(way);
-    const heron = (p + q - d) * (d - (p - q)) * (d + (p - q)) * (d + p + q);
-    if (d > 0 && heron >= 0) {
-      const a = (d * d + (p - q) * (p + q)) / (2 * d);
-      const h = (sign * Math.sqrt(heron)) / (2 * d);
-      const [x, y] = [way[0] / d, way[1] / d];
-      return [a * x - h * y, a * y + h * x];
-    }
-    // In line: a change-point linkage, such as a parallelogram, passes such poses.
-    if (-this.clearance(way) <= TOUCHES * this.rounding && TOUCHES * this.rounding < d)
-      return C.times((d < Math.max(p, q) && p < q ? -p : p) / d, way);
-    return [NaN, NaN];
-  }
-
-  clearance(way) {
-    const [p, q] = this.radii;
-    const d = C.abs(way);
-    return Math.min(p + q - d, d - Math.abs(p - q));
-  }
-
-  isFar(way) {
-    return C.abs(way) > this.radii[0] + this.radii[1];
-  }
-}
-
-/** Return the root of p^2 - q^2; NaN where q is longer by more than rounding. */
-function rootOf({ rounding }, p, q) {
-  let beyond = p - q;
-  if (-TOUCHES * rounding <= beyond && beyond < 0) beyond = 0;
-  return Math.sqrt(beyond < 0 ? NaN : beyond * (p + q));
-}
-
-/** A link that turns, and a body that slides along a known line: the slider-crank's. */
-class CircleAndLine {
-  constructor(block, link, slider, order) {
-    const { terms } = block.rows[0];
-    Object.assign(this, { block, slider, order, link: terms.get(link), line: terms.get(slider) });
-    this.scale = C.abs(this.link);
-    this.leastLength = this.scale;
-  }
-
-  place(u, way, sign) {
-    const f = frameVector(this.block.structure, u, this.slider);
-    const line = C.mul(this.line, f);
-    const [p, q] = C.mul(way, C.conj(line));
-    const on = -this.order * sign * rootOf(this.block, this.scale, Math.abs(q));
-    return ordered(this.order, C.div(C.mul([on, q], line), this.link), C.times(p - on, f));
-  }
-
-  clearance(way, u) {
-    const line = C.mul(this.line, frameVector(this.block.structure, u, this.slider));
-    return this.scale - Math.abs(C.mul(way, C.conj(line))[1]);
-  }
-
-  isFar() {
-    return true;
-  }
-
-  lengths() {
-    return this.scale;
-  }
-}
-
-/** A body that slides along a link that turns: the inverted slider-crank's. */
-class LineOnLink {
-  constructor(block, link, slider, order) {
-    const { terms } = block.rows[0];
-    Object.assign(this, { block, order, line: terms.get(slider) });
-    this.c = C.mul(terms.get(link) || [0, 0], C.conj(this.line));
-    this.scale = longestOf(block.structure, block.rows);
-    this.leastLength = this.scale;
-  }
-
-  place(_, way, sign) {
-    const [p, q] = this.c;
-    const on = -this.order * sign * rootOf(this.block, C.abs(way), Math.abs(q));
-    const turned = C.div(way, C.mul([on, q], this.line));
-    const unit = C.times(1 / C.abs(turned), turned);
-    return ordered(this.order, unit, C.times(on - p, unit));
-  }
-
-  clearance(way) {
-    return C.abs(way) - Math.abs(this.c[1]);
-  }
-
-  isFar() {
-    return false;
-  }
-
-  lengths(way) {
-    return C.abs(way);
-  }
-}
-
-/** Two bodies that slide along known lines, which meet once: the Scotch yoke's. */
-class TwoLines {
-  constructor(block) {
-    this.block = block;
-    this.terms = block.unknowns.map((j) => block.rows[0].terms.get(j));
-    this.twoBranches = false;
-    this.scale = 1;
-    this.leastLength = longestOf(block.structure, block.rows);
-  }
-
-  place(u, way) {
-    const frames = this.block.unknowns.map((j) => frameVector(this.block.structure, u, j));
-    const [a, b] = this.terms.map((w, k) => C.mul(w, frames[k]));
-    const cross = C.cross(a, b);
-    const sine = Math.abs(cross) <= 1e-12 ? NaN : cross;
-    return [C.times(C.cross(way, b) / sine, frames[0]), C.times(C.cross(a, way) / sine, frames[1])];
-  }
-
-  clearance() {
-    return Infinity;
-  }
-
-  isFar() {
-    return false;
-  }
-
-  lengths() {
-    return 1;
-  }
-}
-
-function ordered(order, link, slider) {
-  return order < 0 ? [slider, link] : [link, slider];
 }

@@ -4,16 +4,13 @@
 const METRES = { m: 1, cm: 0.01, mm: 0.001 };
 // A drawing is as good as this [rad].
 const NEAR_START = TAU / 12;
-// What solver_node calls the numbers of a Klann leg; of the leg the course bends the other way.
-const KLANN_NAMES = {
-  'A-B': 'l_ab', 'B-C': 'l_bc', 'D-C': 'l_dc', 'C-G': 'l_cg', 'E-F': 'l_ef', 'F-G': 'l_fg', 'G-H': 'l_gh',
-  'D.x': 'x_d', 'A.y': 'y_a', 'E.x': 'x_e', 'E.y': 'y_e', 'bend of C-G': 'angle_bcg', 'bend of G-H': 'angle_fgh',
-};
-
 /** Return what a text holds: {linkage, content, start}; `start` is a crank angle [rad]. */
 function readFile(text, klannText) {
   const content = readYaml(text);
-  if (isMapping(content) && Object.values(content).some((part) => isMapping(part) && 'ros__parameters' in part))
+  if (
+    isMapping(content) &&
+    Object.values(content).some((part) => isMapping(part) && 'ros__parameters' in part)
+  )
     return fromParameters(content, klannText);
   return fromContent(content);
 }
@@ -28,11 +25,22 @@ function fromContent(content) {
     `a manivela ${content.crank} não é um dos corpos: ${order.slice(1).join(', ')}`,
   );
   if (content.start) checkStart(content.start, order);
-  const structure = new Structure(Object.keys(content.pivots), order.map((name) => bodyOf(name, content.bodies[name])), content.foot);
-  const numbers = structure.dimensions.map((dimension) => numberIn(content, structure, dimension, { metre, turn }));
-  const plain = new Linkage(structure, numbers, { signs: structure.groups.map(() => 1), name: content.name });
+  const structure = new Structure(
+    Object.keys(content.pivots),
+    order.map((name) => bodyOf(name, content.bodies[name])),
+    content.foot,
+  );
+  const numbers = structure.dimensions.map((dimension) =>
+    numberIn(content, structure, dimension, { metre, turn }),
+  );
+  const plain = new Linkage(structure, numbers, {
+    signs: structure.groups.map(() => 1),
+    name: content.name,
+  });
   if (!content.start) return { linkage: stated(plain, content.assembly), content };
-  const start = structure.bodies.map((body) => (body.slides ? metre : turn) * content.start[body.name]);
+  const start = structure.bodies.map(
+    (body) => (body.slides ? metre : turn) * content.start[body.name],
+  );
   const linkage = reachedFrom(plain, start, content.assembly, inDegrees);
   if (!linkage.isDyadic) void linkage.branch;
   return { linkage, content, start: start[0] };
@@ -54,19 +62,33 @@ function everyBar(body) {
 
 function bodyOf(name, body) {
   const bars = everyBar(body).map(({ from, to, brace }) => ({ from, to, brace: brace || null }));
-  return { name, clockwise: body.clockwise === true, along: body.slides ? body.slides.along : '', bars };
+  return {
+    name,
+    clockwise: body.clockwise === true,
+    along: body.slides ? body.slides.along : '',
+    bars,
+  };
 }
 
 function checkStart(start, order) {
   for (const name of Object.keys(start))
-    refuseUnless(order.includes(name), `start has an angle for ${name}, which is no body`, `start tem um ângulo para ${name}, que não é um corpo`);
+    refuseUnless(
+      order.includes(name),
+      `start has an angle for ${name}, which is no body`,
+      `start tem um ângulo para ${name}, que não é um corpo`,
+    );
   for (const name of order)
-    refuseUnless(name in start, `start has no angle for ${name}: it needs one for every body`, `start não tem ângulo para ${name}: é preciso um para cada corpo`);
+    refuseUnless(
+      name in start,
+      `start has no angle for ${name}: it needs one for every body`,
+      `start não tem ângulo para ${name}: é preciso um para cada corpo`,
+    );
 }
 
 /** Return where a dimension stands in a file: its mapping or list, and its key. */
 function slotOf(content, structure, { kind, place }) {
-  if (kind === 'x' || kind === 'y') return [content.pivots[structure.pivots[place]], kind === 'x' ? 0 : 1];
+  if (kind === 'x' || kind === 'y')
+    return [content.pivots[structure.pivots[place]], kind === 'x' ? 0 : 1];
   const { body } = structure.bars[place];
   const bar = everyBar(content.bodies[structure.angles[body]])[place - structure.firsts[body]];
   if (kind === 'brace') return [bar.brace, 'length'];
@@ -109,7 +131,9 @@ function nearestAssembly(linkage, start) {
   const reached = newtonRaphson(linkage, start, 30, 1e-10);
   const distances = reached.converged ? [apartBy(linkage, reached.x.at(-1), start)] : [];
   if (linkage.isDyadic && linkage.blocks.length <= 8)
-    distances.push(...dyadPoses(linkage, start[0], Infinity).map(({ x }) => apartBy(linkage, x, start)));
+    distances.push(
+      ...dyadPoses(linkage, start[0], Infinity).map(({ x }) => apartBy(linkage, x, start)),
+    );
   return Math.min(Infinity, ...distances);
 }
 
@@ -123,67 +147,13 @@ function stated(plain, signs) {
   const count = plain.blocks.length;
   const linkage = signs.length === count ? plain.with(plain.numbers, signs) : null;
   refuseUnless(
-    linkage && plain.blocks.every((block, k) => block.twoBranches || signs[k] === 1) && closesSomewhere(linkage),
+    linkage &&
+      plain.blocks.every((block, k) => block.twoBranches || signs[k] === 1) &&
+      closesSomewhere(linkage),
     `assembly [${signs.join(', ')}] is refused: it needs ${count} signs with which it closes somewhere`,
     `a montagem [${signs.join(', ')}] é recusada: são precisos ${count} sinais com que feche em algum lugar`,
   );
   return linkage;
-}
-
-// Parameters of solver_node.
-
-function fromParameters(content, klannText) {
-  const nodes = Object.values(content).filter((part) => isMapping(part) && 'ros__parameters' in part);
-  refuseUnless(
-    nodes.length === 1 && isMapping(nodes[0].ros__parameters),
-    'it has parameters of several nodes, or none: keep those of one solver_node',
-    'tem parâmetros de vários nós, ou de nenhum: deixe os de um solver_node',
-  );
-  const given = nodes[0].ros__parameters;
-  refuseUnless(!given.linkage, 'its linkage is a file: load that file', 'o seu linkage é um arquivo: abra esse arquivo');
-  const words = Object.values(KLANN_NAMES);
-  for (const [key, value] of Object.entries(given)) {
-    const own = isMapping(value) ? Object.keys(value) : [key.split('.').at(-1)];
-    const isOfLeg = (isMapping(value) || key.includes('.')) && own.some((word) => words.includes(word));
-    refuseUnless(!isOfLeg, `${printable(key)}: legs with lengths of their own: load one alone`, `${printable(key)}: pernas com comprimentos próprios: abra uma só`);
-  }
-  return klannLeg(given, klannText);
-}
-
-/** Return the Klann leg of parameters; what is left out is that of SEM 104. */
-function klannLeg(given, klannText) {
-  const base = fromContent(readYaml(klannText));
-  const { structure } = base.linkage;
-  const numbers = structure.dimensions.map(({ name }, n) => {
-    const word = KLANN_NAMES[name];
-    if (!word || !(word in given)) return base.linkage.numbers[n];
-    aNumber(given[word], word);
-    return word === 'angle_fgh' ? -given[word] : given[word];
-  });
-  const signs = 'assembly' in given ? given.assembly : [1, 1];
-  listOf(oneOf(1, -1), 2)(signs, 'assembly');
-  refuseUnless(signs.length === 2, 'assembly: two signs', 'assembly: dois sinais');
-  const linkage = new Linkage(structure, numbers, { signs, name: 'Klann leg', outside: [2] });
-  refuseUnless(
-    closesSomewhere(linkage),
-    `these lengths are refused: at no crank angle do both dyads close in the assembly [${signs.join(', ')}]`,
-    `estes comprimentos são recusados: em nenhum ângulo as duas díades fecham na montagem [${signs.join(', ')}]`,
-  );
-  return { linkage, content: withoutSource(base.content) };
-}
-
-function withoutSource(content) {
-  const copy = Object.assign(Object.create(null), content);
-  delete copy.source;
-  return copy;
-}
-
-/** Return whether a linkage is a Klann leg, whose numbers solver_node takes as parameters. */
-function isKlannLeg({ structure }, klannText) {
-  const { structure: klann } = fromContent(readYaml(klannText)).linkage;
-  const drawn = ({ pivots, bodies, foot }) =>
-    JSON.stringify([pivots, foot, bodies.map(({ name, clockwise, along, bars }) => [name, clockwise, along, bars])]);
-  return drawn(structure) === drawn(klann);
 }
 
 // Writing.
@@ -202,33 +172,14 @@ function linkageText(linkage, content, x, name) {
   });
   copy.start = Object.create(null);
   structure.bodies.forEach((body, j) => {
-    copy.start[body.name] = inUnit(j || body.slides ? x[j] : wrap(x[j]), body.slides ? metre : turn);
+    copy.start[body.name] = inUnit(
+      j || body.slides ? x[j] : wrap(x[j]),
+      body.slides ? metre : turn,
+    );
   });
-  const head = '# Saved by the lab of klann_ros: ros2 run klann_ros solver_node --ros-args -p linkage:=THIS_FILE\n';
+  const head =
+    '# Saved by the lab of klann_ros: ros2 run klann_ros solver_node --ros-args -p linkage:=THIS_FILE\n';
   return head + writeYaml(copy);
-}
-
-/** Return the text of a parameter file; the leg is moved so that A is above the origin, D beside it. */
-function parametersText(linkage) {
-  const number = Object.fromEntries(linkage.structure.dimensions.map(({ name }, n) => [name, linkage.numbers[n]]));
-  const moved = { x: -number['A.x'], y: -number['D.y'] };
-  const lines = Object.entries(KLANN_NAMES).map(([name, word]) => {
-    const value = number[name] + (/^[A-Z]\.[xy]$/.test(name) ? moved[name[2]] : 0);
-    return `    ${word}: ${real(word === 'angle_fgh' ? -value : value)}\n`;
-  });
-  return [
-    '# Saved by the lab of klann_ros: ros2 run klann_ros solver_node --ros-args --params-file THIS_FILE\n',
-    '/**:\n  ros__parameters:\n',
-    ...lines,
-    `    assembly: [${linkage.signs.join(', ')}]\n`,
-  ].join('');
-}
-
-/** Return a number with a point and without an exponent, as rcl wants it of a double. */
-function real(value) {
-  const text = String(value || 0);
-  if (/^-?\d+$/.test(text)) return `${text}.0`;
-  return text.includes('e') ? value.toFixed(20).replace(/0+$/, '0') : text;
 }
 
 /** Return a number in a unit, as short as it can be written and read again. */

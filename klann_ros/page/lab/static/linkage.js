@@ -141,7 +141,10 @@ function checkedNumbers({ dimensions }, numbers) {
   return dimensions.map(({ name, kind }, n) => {
     const value = numbers[n];
     const unit = kind === 'bend' ? 'rad' : 'm';
-    const [en, pt] = [`${name} = ${general(value)} ${unit} is refused`, `${name} = ${general(value)} ${unit} é recusado`];
+    const [en, pt] = [
+      `${name} = ${general(value)} ${unit} is refused`,
+      `${name} = ${general(value)} ${unit} é recusado`,
+    ];
     refuseUnless(
       Number.isFinite(value),
       `${name} = ${value} is refused: it must be a finite number`,
@@ -169,7 +172,9 @@ function checkedNumbers({ dimensions }, numbers) {
 
 /** Return the pivots and the bars as vectors, each bar in the frame of its body [m]. */
 function vectorsOf(structure, numbers) {
-  const given = new Map(structure.dimensions.map(({ kind, place }, n) => [`${kind} ${place}`, numbers[n]]));
+  const given = new Map(
+    structure.dimensions.map(({ kind, place }, n) => [`${kind} ${place}`, numbers[n]]),
+  );
   const number = (kind, place) => given.get(`${kind} ${place}`) || 0;
   const pivots = structure.pivots.map((_, place) => [number('x', place), number('y', place)]);
   const places = structure.bodies.map(() => new Map());
@@ -183,7 +188,12 @@ function vectorsOf(structure, numbers) {
     const start = own.get(bar.from);
     const length = number('length', n);
     const vector = bar.brace
-      ? apex(C.sub(own.get(bar.brace.from), start), length, number('brace', n), bar.brace.side === 'left' ? 1 : -1)
+      ? apex(
+          C.sub(own.get(bar.brace.from), start),
+          length,
+          number('brace', n),
+          bar.brace.side === 'left' ? 1 : -1,
+        )
       : C.polar(length, number('bend', n));
     own.set(bar.to, C.add(start, vector));
     return vector;
@@ -207,7 +217,8 @@ function rowOf(structure, path, pivots, bars) {
   }
   let constant = terms.get(FIXED) || [0, 0];
   terms.delete(FIXED);
-  for (const [place, times] of path.pivots) constant = C.add(constant, C.times(times, pivots[place]));
+  for (const [place, times] of path.pivots)
+    constant = C.add(constant, C.times(times, pivots[place]));
   return { terms, constant };
 }
 

@@ -50,7 +50,9 @@ function nextGroup(structure, known, rest, budget) {
         'os seus corpos são demais e estão emaranhados demais para serem ordenados aqui',
       );
       const together = [...known, ...group];
-      const stands = together.every((j) => [null, FIXED, ...together].includes(structure.along[j]));
+      const stands = together.every((j) =>
+        [null, FIXED, ...together].includes(structure.along[j]),
+      );
       if (!stands) continue;
       const closed = loopCount(structure, together) - before;
       const names = group.map((j) => structure.angles[j]).join(', ');
@@ -64,7 +66,15 @@ function nextGroup(structure, known, rest, budget) {
   }
   const all = [...known, ...rest];
   const closed = loopCount(structure, all) - before;
-  const loose = rest.filter((j) => loopCount(structure, all.filter((i) => i !== j)) - before === closed);
+  const loose = rest.filter(
+    (j) =>
+      loopCount(
+        structure,
+        all.filter((i) => i !== j),
+      ) -
+        before ===
+      closed,
+  );
   const names = (loose.length ? loose : rest).map((j) => structure.angles[j]).join(', ');
   if (loose.length)
     throw new Refusal(
@@ -124,7 +134,8 @@ function checkConnected(structure) {
       `body ${name} is connected to no pivot, not even by other bodies`,
       `o corpo ${name} não está ligado a nenhum pivô, nem por outros corpos`,
     );
-    for (const j of joined) for (const node of [j, ...structure.bodies[j].points]) reached.add(node);
+    for (const j of joined)
+      for (const node of [j, ...structure.bodies[j].points]) reached.add(node);
     rest = rest.filter((j) => !joined.includes(j));
   }
 }
@@ -150,7 +161,9 @@ function loopPaths(structure) {
 
 /** Reach the points of a group; return the loops that are closed on the way. */
 function grow({ bars }, group, ways) {
-  let rest = group.flatMap((j) => bars.map(({ body }, n) => (body === j ? n : -1)).filter((n) => n >= 0));
+  let rest = group.flatMap((j) =>
+    bars.map(({ body }, n) => (body === j ? n : -1)).filter((n) => n >= 0),
+  );
   const closed = [];
   const away = ({ bar }) => ways.get(ways.has(bar.from) ? bar.from : bar.to).bars.size;
   while (rest.length) {
@@ -169,7 +182,8 @@ function grow({ bars }, group, ways) {
 function sumOf(one, other, sign) {
   const added = (key) => {
     const total = new Map(one[key]);
-    for (const [number, times] of other[key]) total.set(number, (total.get(number) || 0) + sign * times);
+    for (const [number, times] of other[key])
+      total.set(number, (total.get(number) || 0) + sign * times);
     return new Map([...total].filter(([, times]) => times).sort(([a], [b]) => a - b));
   };
   return { pivots: added('pivots'), bars: added('bars') };

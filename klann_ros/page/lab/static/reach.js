@@ -103,7 +103,8 @@ function withExtrema(clearance, samples) {
   const found = [];
   for (let i = 1; i < all.length - 1; i += 1) {
     const [before, value, after] = [values[i - 1], values[i], values[i + 1]];
-    if (value < 0 && before <= value && value >= after) found.push(peak(clearance, all[i - 1], all[i + 1]));
+    if (value < 0 && before <= value && value >= after)
+      found.push(peak(clearance, all[i - 1], all[i + 1]));
     else if (value >= 0 && value < Infinity && before >= value && value <= after)
       found.push(peak((alpha) => -clearance(alpha), all[i - 1], all[i + 1]));
   }
@@ -190,11 +191,17 @@ function extremesOf(linkage, pieces, value, isTurn) {
       const i = values.indexOf(Math.max(...values));
       if (!isTurn && (i <= 0 || i >= count - 1)) continue;
       const at = poses[i].x[0];
-      const [left, right] = isTurn ? [at - step, at + step] : [poses[i - 1].x[0], poses[i + 1].x[0]];
-      const best = peak((alpha) => {
-        const pose = poseAt(linkage, alpha);
-        return pose.error ? -Infinity : sign * value(pose);
-      }, left, right);
+      const [left, right] = isTurn
+        ? [at - step, at + step]
+        : [poses[i - 1].x[0], poses[i + 1].x[0]];
+      const best = peak(
+        (alpha) => {
+          const pose = poseAt(linkage, alpha);
+          return pose.error ? -Infinity : sign * value(pose);
+        },
+        left,
+        right,
+      );
       const pose = poseAt(linkage, best);
       if (!pose.error) take(pose);
     }

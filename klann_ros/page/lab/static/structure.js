@@ -27,7 +27,9 @@ class Structure {
     this.frames = this.bodies.map((_, j) => this.frame(j));
     this.bars = this.bodies.flatMap((body, j) => body.bars.map((bar) => ({ body: j, bar })));
     this.firsts = this.bodies.map((_, j) => this.bars.findIndex(({ body }) => body === j));
-    this.isLine = this.bars.map(({ body }, n) => this.bodies[body].slides && this.firsts[body] === n);
+    this.isLine = this.bars.map(
+      ({ body }, n) => this.bodies[body].slides && this.firsts[body] === n,
+    );
     this.isStraight = this.bars.map(
       ({ body }, n) => !this.bodies[body].slides && this.firsts[body] === n,
     );
@@ -107,9 +109,17 @@ function checkSlides({ bodies, pivots, angles }) {
   for (const body of bodies.filter(({ slides }) => slides)) {
     const en = `${body.name} slides along ${body.along}`;
     const pt = `${body.name} desliza ao longo de ${body.along}`;
-    refuseUnless(body.name !== GROUND, `a body cannot be called ${GROUND}`, `um corpo não pode chamar-se ${GROUND}`);
+    refuseUnless(
+      body.name !== GROUND,
+      `a body cannot be called ${GROUND}`,
+      `um corpo não pode chamar-se ${GROUND}`,
+    );
     const own = bodies[angles.indexOf(body.along)];
-    refuseUnless(own || body.along === GROUND, `${en}, which is no body`, `${pt}, que não é um corpo`);
+    refuseUnless(
+      own || body.along === GROUND,
+      `${en}, which is no body`,
+      `${pt}, que não é um corpo`,
+    );
     const points = own ? own.points : pivots;
     const start = body.bars[0].from;
     refuseUnless(
@@ -119,7 +129,11 @@ function checkSlides({ bodies, pivots, angles }) {
     );
     const seen = new Set([body.name]);
     for (let at = own; at && at.slides; at = bodies[angles.indexOf(at.along)]) {
-      refuseUnless(!seen.has(at.name), `${en}, which slides along it in turn`, `${pt}, que por sua vez desliza nele`);
+      refuseUnless(
+        !seen.has(at.name),
+        `${en}, which slides along it in turn`,
+        `${pt}, que por sua vez desliza nele`,
+      );
       seen.add(at.name);
     }
   }
@@ -167,10 +181,18 @@ function dimensionsOf(structure) {
       found.push({ name: `bend of ${ends}`, own, kind: 'bend', place });
   });
   const names = found.map(({ name }) => name);
-  for (const d of found) if (names.filter((name) => name === d.name).length > 1) d.full = `${d.name} of ${d.own}`;
-  const dimensions = found.map(({ name, full, kind, place }) => ({ name: full || name, kind, place }));
+  for (const d of found)
+    if (names.filter((name) => name === d.name).length > 1) d.full = `${d.name} of ${d.own}`;
+  const dimensions = found.map(({ name, full, kind, place }) => ({
+    name: full || name,
+    kind,
+    place,
+  }));
   structure.pivots.forEach((name, place) => {
-    dimensions.push({ name: `${name}.x`, kind: 'x', place }, { name: `${name}.y`, kind: 'y', place });
+    dimensions.push(
+      { name: `${name}.x`, kind: 'x', place },
+      { name: `${name}.y`, kind: 'y', place },
+    );
   });
   return dimensions;
 }

@@ -10,12 +10,29 @@ const DEEPEST = 20;
 const NO_YAML = /[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufffd\u{10000}-\u{10ffff}]/u;
 const TRUE = /^(yes|Yes|YES|true|True|TRUE|on|On|ON)$/;
 const FALSE = /^(no|No|NO|false|False|FALSE|off|Off|OFF)$/;
-const NUMBER = /^([-+]?(0|[1-9]\d*)|[-+]?\d+(\.\d*)?[eE][-+]?\d+|[-+]?\d+\.\d*|\.\d+([eE][-+]\d+)?)$/;
+const NUMBER =
+  /^([-+]?(0|[1-9]\d*)|[-+]?\d+(\.\d*)?[eE][-+]?\d+|[-+]?\d+\.\d*|\.\d+([eE][-+]\d+)?)$/;
 const NOT_PLAIN =
   /^([-+]?0[0-7_]+|[-+]?0[bx][\da-fA-F_]+|[-+]?\d[\d_]*_[\d_]*(\.[\d_]*([eE][-+]\d+)?)?|[-+]?\d[\d_]*\.[\d_]+([eE][-+]\d+)?|\.\d[\d_]*([eE][-+]\d+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)|\d{4}-\d\d?-\d\d?.*|=|<<)$/;
 const ESCAPES = {
-  0: '\0', a: '\x07', b: '\b', t: '\t', '\t': '\t', n: '\n', v: '\v', f: '\f', r: '\r', e: '\x1b',
-  ' ': ' ', '"': '"', '/': '/', '\\': '\\', N: '\x85', _: '\xa0', L: '\u2028', P: '\u2029',
+  0: '\0',
+  a: '\x07',
+  b: '\b',
+  t: '\t',
+  '\t': '\t',
+  n: '\n',
+  v: '\v',
+  f: '\f',
+  r: '\r',
+  e: '\x1b',
+  ' ': ' ',
+  '"': '"',
+  '/': '/',
+  '\\': '\\',
+  N: '\x85',
+  _: '\xa0',
+  L: '\u2028',
+  P: '\u2029',
 };
 
 class YamlReader {
@@ -44,7 +61,8 @@ class YamlReader {
     }
     const content = this.block(0);
     this.skip();
-    if (this.at < this.text.length) this.refuse('this does not belong to what is above', 'isto não pertence ao que está acima');
+    if (this.at < this.text.length)
+      this.refuse('this does not belong to what is above', 'isto não pertence ao que está acima');
     return content;
   }
 
@@ -52,7 +70,10 @@ class YamlReader {
     const before = this.text.slice(0, this.at);
     const line = before.split('\n').length;
     const column = this.at - before.lastIndexOf('\n');
-    throw new Refusal(`line ${line}, column ${column}: ${en}`, `linha ${line}, coluna ${column}: ${pt}`);
+    throw new Refusal(
+      `line ${line}, column ${column}: ${en}`,
+      `linha ${line}, coluna ${column}: ${pt}`,
+    );
   }
 
   get next() {
@@ -63,9 +84,10 @@ class YamlReader {
     return this.at - this.text.lastIndexOf('\n', this.at - 1) - 1;
   }
 
-  /** Skip blanks in the line; a tab is one but where lines begin. */
+  /** Skip blanks in the line. */
   blanks() {
-    while (this.next === ' ' || this.next === '\t') this.at += 1;
+    while (this.next === ' ') this.at += 1;
+    if (this.next === '\t') this.refuse('a tab: use blanks', 'uma tabulação: use espaços');
   }
 
   /** Skip blanks, comments and ends of lines. */
@@ -73,7 +95,8 @@ class YamlReader {
     for (;;) {
       this.blanks();
       const follows = /\s/.test(this.text[this.at - 1] || ' ');
-      if (this.next === '#' && follows) while (this.at < this.text.length && this.next !== '\n') this.at += 1;
+      if (this.next === '#' && follows)
+        while (this.at < this.text.length && this.next !== '\n') this.at += 1;
       if (this.next !== '\n') return;
       this.at += 1;
     }
@@ -88,7 +111,8 @@ class YamlReader {
 
   inDepth(read) {
     this.depth += 1;
-    if (this.depth > DEEPEST) this.refuse(`more than ${DEEPEST} levels`, `mais de ${DEEPEST} níveis`);
+    if (this.depth > DEEPEST)
+      this.refuse(`more than ${DEEPEST} levels`, `mais de ${DEEPEST} níveis`);
     const value = read();
     this.depth -= 1;
     return value;
@@ -104,8 +128,6 @@ class YamlReader {
   }
 
   checkMargin() {
-    const begin = this.at - this.column();
-    if (this.text.slice(begin, this.at).includes('\t')) this.refuse('a tab in the margin: indent by blanks', 'uma tabulação na margem: use espaços');
     if (!this.column() && /^(---|\.\.\.|%)/.test(this.text.slice(this.at, this.at + 3)))
       this.refuse('one document, without directives', 'um só documento, sem diretivas');
   }
@@ -150,7 +172,11 @@ class YamlReader {
     this.skip();
     if (this.at >= this.text.length || this.column() < column) return false;
     this.checkMargin();
-    if (this.column() > column) this.refuse('this is further in than what is above', 'isto está mais recuado do que o que está acima');
+    if (this.column() > column)
+      this.refuse(
+        'this is further in than what is above',
+        'isto está mais recuado do que o que está acima',
+      );
     return true;
   }
 
@@ -160,7 +186,8 @@ class YamlReader {
       if (this.isDash()) this.refuse('a list in a mapping', 'uma lista num mapeamento');
       const key = this.key(map);
       this.blanks();
-      if (!this.isColon()) this.refuse(`no ": " after ${printable(key)}`, `falta ": " depois de ${printable(key)}`);
+      if (!this.isColon())
+        this.refuse(`no ": " after ${printable(key)}`, `falta ": " depois de ${printable(key)}`);
       this.at += 1;
       map[key] = this.lineEnds() ? this.below(column) : this.inDepth(() => this.inline());
     } while (this.goesOn(column));
@@ -176,7 +203,8 @@ class YamlReader {
 
   inline() {
     if (this.next === '{' || this.next === '[') return this.lastOfLine(this.flow());
-    if (this.isDash()) this.refuse('a list begins in a line of its own', 'uma lista começa numa linha própria');
+    if (this.isDash())
+      this.refuse('a list begins in a line of its own', 'uma lista começa numa linha própria');
     const { value } = this.scalar(false);
     return this.lastOfLine(value);
   }
@@ -186,7 +214,10 @@ class YamlReader {
     const { value, raw } = this.scalar(isFlow);
     if (typeof value !== 'string') {
       this.at = begin;
-      this.refuse(`the name ${printable(raw)} is no text: write it in quotation marks`, `o nome ${printable(raw)} não é texto: escreva-o entre aspas`);
+      this.refuse(
+        `the name ${printable(raw)} is no text: write it in quotation marks`,
+        `o nome ${printable(raw)} não é texto: escreva-o entre aspas`,
+      );
     }
     if (value in map) {
       this.at = begin;
@@ -202,7 +233,9 @@ class YamlReader {
   }
 
   flowValue() {
-    return this.next === '{' || this.next === '[' ? this.flow() : this.inDepth(() => this.scalar(true).value);
+    return this.next === '{' || this.next === '['
+      ? this.flow()
+      : this.inDepth(() => this.scalar(true).value);
   }
 
   flowList() {
@@ -222,7 +255,8 @@ class YamlReader {
     for (this.skip(); this.next !== '}'; this.skip()) {
       const key = this.key(map, true);
       this.blanks();
-      if (this.next !== ':') this.refuse(`no ": " after ${printable(key)}`, `falta ": " depois de ${printable(key)}`);
+      if (this.next !== ':')
+        this.refuse(`no ": " after ${printable(key)}`, `falta ": " depois de ${printable(key)}`);
       this.at += 1;
       this.skip();
       map[key] = this.flowValue();
@@ -248,9 +282,22 @@ class YamlReader {
 
   plain(isFlow) {
     const begin = this.at;
-    if (/[&*]/.test(this.next || '')) this.refuse('anchors and aliases are not taken: write it out', 'âncoras e referências não são aceitas: escreva por extenso');
-    if (/[!|>%@`,[\]{}#]/.test(this.next || ',')) this.refuse('no text begins like this: use quotation marks', 'nenhum texto começa assim: use aspas');
-    if (/[-?:]/.test(this.next) && /[\s,[\]{}]|^$/.test(this.text[this.at + 1] || '')) this.refuse('no text begins like this: use quotation marks', 'nenhum texto começa assim: use aspas');
+    if (/[&*]/.test(this.next || ''))
+      this.refuse(
+        'anchors and aliases are not taken: write it out',
+        'âncoras e referências não são aceitas: escreva por extenso',
+      );
+    if (/[!|>%@`,[\]{}#\t]/.test(this.next || ','))
+      this.refuse(
+        'no text begins like this: use quotation marks',
+        'nenhum texto começa assim: use aspas',
+      );
+    const isMark = /[-?:]/.test(this.next) && /[\s,[\]{}]|^$/.test(this.text[this.at + 1] || '');
+    if (isMark || (isFlow && this.next === ':'))
+      this.refuse(
+        'no text begins like this: use quotation marks',
+        'nenhum texto começa assim: use aspas',
+      );
     while (this.at < this.text.length && !this.plainEnds(isFlow)) this.at += 1;
     const raw = this.text.slice(begin, this.at).trimEnd();
     this.at = begin + raw.length;
@@ -259,7 +306,7 @@ class YamlReader {
 
   plainEnds(isFlow) {
     const [before, c, after] = [this.text[this.at - 1], this.next, this.text[this.at + 1] || '\n'];
-    if (c === '\n' || (c === '#' && /[ \t]/.test(before))) return true;
+    if (c === '\n' || c === '\t' || (c === '#' && before === ' ')) return true;
     if (c === ':' && /\s/.test(after)) return true;
     return isFlow && (/[,[\]{}]/.test(c) || (c === ':' && /[,[\]{}]/.test(after)));
   }
@@ -271,22 +318,29 @@ class YamlReader {
     const value = NUMBER.test(raw) ? Number(raw) : null;
     if (value === null ? NOT_PLAIN.test(raw) : !Number.isFinite(value)) {
       this.at = begin;
-      this.refuse(`${printable(raw)} is no plain finite number, and no text without quotation marks`, `${printable(raw)} não é um número finito comum, nem texto sem aspas`);
+      this.refuse(
+        `${printable(raw)} is no plain finite number, and no text without quotation marks`,
+        `${printable(raw)} não é um número finito comum, nem texto sem aspas`,
+      );
     }
     return value === null ? raw : value;
   }
 
   singleQuoted() {
     const found = /^'((?:[^'\n]|'')*)'/.exec(this.rest());
-    if (!found) this.refuse('a text that does not end in its line', 'um texto que não termina na sua linha');
+    if (!found)
+      this.refuse('a text that does not end in its line', 'um texto que não termina na sua linha');
     this.at += found[0].length;
     return { raw: found[0], value: found[1].replaceAll("''", "'") };
   }
 
   doubleQuoted() {
     const found = /^"((?:[^"\\\n]|\\.)*)"/u.exec(this.rest());
-    if (!found) this.refuse('a text that does not end in its line', 'um texto que não termina na sua linha');
-    const value = found[1].replace(/\\(x.{0,2}|u.{0,4}|U.{0,8}|.)/gsu, (_, code) => this.unescaped(code));
+    if (!found)
+      this.refuse('a text that does not end in its line', 'um texto que não termina na sua linha');
+    const value = found[1].replace(/\\(x.{0,2}|u.{0,4}|U.{0,8}|.)/gsu, (_, code) =>
+      this.unescaped(code),
+    );
     this.at += found[0].length;
     return { raw: found[0], value };
   }
@@ -298,9 +352,16 @@ class YamlReader {
   }
 
   unescaped(code) {
-    const number = /^(?:x[\da-fA-F]{2}|u[\da-fA-F]{4}|U[\da-fA-F]{8})$/.test(code) ? parseInt(code.slice(1), 16) : NaN;
-    if (number <= 0x10ffff && !(number >= 0xd800 && number <= 0xdfff)) return String.fromCodePoint(number);
-    if (!(code in ESCAPES)) this.refuse(`\\${printable(code)} stands for nothing`, `\\${printable(code)} não significa nada`);
+    const number = /^(?:x[\da-fA-F]{2}|u[\da-fA-F]{4}|U[\da-fA-F]{8})$/.test(code)
+      ? parseInt(code.slice(1), 16)
+      : NaN;
+    if (number <= 0x10ffff && !(number >= 0xd800 && number <= 0xdfff))
+      return String.fromCodePoint(number);
+    if (!(code in ESCAPES))
+      this.refuse(
+        `\\${printable(code)} stands for nothing`,
+        `\\${printable(code)} não significa nada`,
+      );
     return ESCAPES[code];
   }
 }
@@ -308,33 +369,4 @@ class YamlReader {
 /** Return the content of a YAML text; a Refusal for one that is none, or none that is taken. */
 function readYaml(text) {
   return new YamlReader(text).read();
-}
-
-/** Return content as YAML: what is short in one line, in brackets, the rest in blocks. */
-function writeYaml(content, indent = '') {
-  return Object.entries(content)
-    .map(([key, value]) => `${indent}${key}:${yamlBelow(value, indent)}`)
-    .join('');
-}
-
-function yamlBelow(value, indent) {
-  const flat = yamlFlow(value);
-  if (value === null || typeof value !== 'object' || flat.length + indent.length < 70) return ` ${flat}\n`;
-  if (Array.isArray(value)) return `\n${value.map((item) => `${indent}  - ${yamlFlow(item)}\n`).join('')}`;
-  return `\n${writeYaml(value, `${indent}  `)}`;
-}
-
-function yamlFlow(value) {
-  if (value === null || typeof value === 'boolean') return String(value);
-  if (typeof value === 'number') return String(value);
-  if (typeof value === 'string') return yamlText(value);
-  if (Array.isArray(value)) return `[${value.map(yamlFlow).join(', ')}]`;
-  return `{${Object.entries(value).map(([key, item]) => `${key}: ${yamlFlow(item)}`).join(', ')}}`;
-}
-
-function yamlText(text) {
-  const isPlain = /^[A-Za-z][A-Za-z0-9_]*$/.test(text);
-  if (isPlain && !TRUE.test(text) && !FALSE.test(text) && !/^null$/i.test(text)) return text;
-  const escaped = (c) => `\\u${c.charCodeAt(0).toString(16).padStart(4, '0')}`;
-  return JSON.stringify(text).replace(/[\x7f-\xa0\u2028\u2029\ufeff\ufffe\uffff]/g, escaped);
 }

@@ -1,0 +1,105 @@
+'use strict';
+/* What a linkage becomes when one of its points is dragged, and its shape for drawing.js. */
+
+/** Return the shape that drawing.js draws: as page/shape.py has it. */
+function shapeOf({ structure, pointRows }) {
+  const at = (names) => names.map((name) => structure.points.indexOf(name));
+  return {
+    senses: structure.senses,
+    frames: structure.frames.map((f, j) => (f === j ? null : f)),
+    pivots: at(structure.pivots),
+    foot: structure.foot,
+    points: structure.points.map((name, i) => ({
+      name,
+      at: pointRows[i].constant,
+      terms: [...pointRows[i].terms].map(([j, [re, im]]) => [j, re, im]),
+    })),
+    bodies: structure.bodies.map((body) => ({
+      name: body.name,
+      bars: rigidBars(body).map((bar) => at([bar.from, bar.to])),
+      line: body.slides ? at([body.bars[0].from, body.bars[0].to]) : null,
+    })),
+  };
+}
+
+/** Return the linkage and the crank angle after a point was dragged; null where nothing can. */
+function draggedTo(linkage, pose, i, target) {
+  const { structure } = linkage;
+  const name = structure.points[i];
+  const numbers = [...linkage.numbers];
+  const place = structure.pivots.indexOf(name);
+  if (place >= 0) {
+    structure.dimensions.forEach((d, n) => {
+      if (d.place === place && d.kind === 'x') [numbers[n]] = target;
+      if (d.place === place && d.kind === 'y') [, numbers[n]] = target;
+    });
+    return { linkage: linkage.with(numbers), alpha: pose.x[0] };
+  }
+  if (pose.error) return null;
+  const points = pose.points.map((point, k) => (k === i ? target : point));
+  const { u } = measured(structure, points, pose.u, name, numbers);
+  const x = linkage.coordinates(u);
+  const alpha = pose.x[0] + wrap(x[0] - pose.x[0]);
+  const options = {
+    ...linkage.kept,
+    ...(linkage.isDyadic ? { signs: linkage.signs } : { start: [alpha, ...x.slice(1)] }),
+  };
+  const made = new Linkage(structure, numbers, options);
+  if (!made.isDyadic) return { linkage: made, alpha };
+  // In which assembly it lies as it was dragged: a joint may pass from one into another.
+  const off = (one) => Math.hypot(...one.points.flatMap((point, k) => C.sub(point, points[k])));
+  const poses = dyadPoses(made, alpha, 64);
+  const best = poses.reduce(
+    (a, b) => (off(b) < off(a) - 1e-9 * made.size ? b : a),
+    poseAt(made, alpha),
+  );
+  const isBetter = best.signs && String(best.signs) !== String(made.signs);
+  return { linkage: isBetter ? made.with(numbers, best.signs) : made, alpha };
+}
+
+/** Measure the bars of all bodies that have a point, into `numbers`; return how the bodies lie. */
+function measured(structure, points, before, name, numbers) {
+  const at = (point) => points[structure.points.indexOf(point)];
+  const u = [...before];
+  const write = (kind, place, value) => {
+    const n = structure.dimensions.findIndex((d) => d.kind === kind && d.place === place);
+    if (n < 0) return;
+    // A bend stays near what it was: 350 deg do not become -10.
+    numbers[n] = kind === 'bend' ? nearBend(numbers[n], value) : value;
+  };
+  structure.bodies.forEach((body, j) => {
+    if (!rigidBars(body).some((bar) => bar.from === name || bar.to === name)) return;
+    const first = structure.firsts[j];
+    if (!body.slides) {
+      const [bar] = body.bars;
+      const along = C.sub(at(bar.to), at(bar.from));
+      const length = C.abs(along);
+      refuseUnless(
+        length > 0,
+        `${bar.from}-${bar.to}: a length must be > 0`,
+        `${bar.from}-${bar.to}: um comprimento tem de ser > 0`,
+      );
+      u[j] = C.times(1 / length, along);
+    }
+    const frame = frameVector(structure, u, j);
+    body.bars.forEach((bar, k) => {
+      if (body.slides && !k) return;
+      const vector = C.sub(at(bar.to), at(bar.from));
+      write('length', first + k, C.abs(vector));
+      if (!bar.brace) {
+        write('bend', first + k, C.arg(C.div(vector, frame)));
+        return;
+      }
+      const base = C.sub(at(bar.brace.from), at(bar.from));
+      const isLeft = C.cross(base, vector) > 0;
+      refuseUnless(isLeft === (bar.brace.side === 'left'), TEXTS.en.side, TEXTS.pt.side);
+      write('brace', first + k, C.abs(C.sub(at(bar.to), at(bar.brace.from))));
+    });
+  });
+  return { u };
+}
+
+function nearBend(before, value) {
+  const near = before + wrap(value - before);
+  return Math.abs(near) <= TAU ? near : wrap(value);
+}

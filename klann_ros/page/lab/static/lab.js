@@ -1,0 +1,213 @@
+'use strict';
+/* The page: what is chosen, opened, turned and saved. */
+
+const lab = new Lab(JSON.parse(byId('data').textContent));
+const scene = new Scene(byId('scene'), lab);
+const statePanel = new StatePanel(lab);
+const chart = new TurnChart(byId('chart'), lab);
+const assemblies = new AssembliesPanel(byId('assemblies'), lab, scene);
+const numbers = new NumbersPanel(byId('numbers'), lab);
+const newton = new NewtonPanel(lab, scene);
+const crank = { isTurning: false };
+
+// The crank.
+
+function showCrank() {
+  const degrees = (((lab.alpha % TAU) + TAU) % TAU) * (360 / TAU);
+  const slider = byId('alpha');
+  if (document.activeElement !== slider || crank.isTurning) slider.value = degrees;
+  slider.setAttribute('aria-valuetext', turnText(lab.alpha));
+  byId('alpha-text').textContent = turnText(lab.alpha);
+  byId('play').textContent = say(crank.isTurning ? 'pause' : 'play');
+}
+
+function turnOn(now) {
+  if (!crank.isTurning) return;
+  const seconds = crank.last === null ? 0 : Math.min((now - crank.last) / 1000, 0.1);
+  crank.last = now;
+  moveBy(seconds * Number(byId('speed').value) * TAU * crank.direction);
+  requestAnimationFrame(turnOn);
+}
+
+/** Turn the crank; where its arc ends it turns back. */
+function moveBy(step) {
+  const next = lab.alpha + step;
+  if (poseAt(lab.linkage, next).error && !lab.pose.error) {
+    crank.direction = -crank.direction;
+    return;
+  }
+  lab.turnTo(next);
+}
+
+function toggle() {
+  crank.isTurning = !crank.isTurning;
+  crank.last = null;
+  crank.direction = 1;
+  showCrank();
+  if (crank.isTurning) requestAnimationFrame(turnOn);
+}
+
+// Files.
+
+/** Load a text, or say in a line why not. */
+function loadText(text, source) {
+  crank.isTurning = false;
+  lab.attempt(() => lab.load(text, source));
+  showChoice();
+}
+
+function showChoice() {
+  byId('linkage').value = Object.hasOwn(lab.shipped, lab.source) ? lab.source : '';
+}
+
+async function openFile(file) {
+  if (!file) return;
+  const refuse = (en, pt) =>
+    lab.attempt(() => {
+      throw new Refusal(en, pt);
+    });
+  if (file.size > LONGEST_FILE) {
+    refuse(TEXTS.en.tooLong(file.size), TEXTS.pt.tooLong(file.size));
+    return;
+  }
+  let text = null;
+  try {
+    text = new TextDecoder('utf-8', { fatal: true }).decode(await file.arrayBuffer());
+  } catch {
+    refuse(TEXTS.en.unreadable, TEXTS.pt.unreadable);
+    return;
+  }
+  loadText(text);
+}
+
+/** Return a pose for a file's start: this one, or one in the middle of an arc. */
+function poseToSave() {
+  if (!lab.pose.error) return lab.pose;
+  const arcs = reachableArcs(lab.linkage);
+  refuseUnless(arcs.length, TEXTS.en.nothingToSave, TEXTS.pt.nothingToSave);
+  return poseAt(lab.linkage, (arcs[0][0] + arcs[0][1]) / 2);
+}
+
+function textToSave(asParameters) {
+  if (asParameters) return parametersText(lab.linkage);
+  const name = byId('name').value.trim();
+  aTitle(name, 'name');
+  const text = linkageText(lab.linkage, lab.content, poseToSave().x, name);
+  // What it could not read again itself is not saved.
+  readFile(text, lab.shipped.klann);
+  return text;
+}
+
+function save(asParameters) {
+  lab.attempt(() => {
+    const text = textToSave(asParameters);
+    const link = made('a');
+    link.href = URL.createObjectURL(new Blob([text], { type: 'text/yaml' }));
+    const stem = byId('name')
+      .value.toLowerCase()
+      .replace(/[^a-z0-9]+/g, '_')
+      .replace(/^_+|_+$/g, '');
+    link.download = `${(stem || 'linkage').slice(0, 60)}${asParameters ? '_parameters' : ''}.yaml`;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    lab.refusal = null;
+    lab.tell('pose');
+  });
+}
+
+function showText() {
+  if (document.activeElement === byId('text')) return;
+  try {
+    byId('text').value = textToSave(false);
+  } catch (error) {
+    if (!(error instanceof Refusal)) throw error;
+    byId('text').value = '';
+  }
+}
+
+// The language.
+
+function choices() {
+  const titles = Object.entries(lab.shipped).map(([name, text]) => [
+    name,
+    (language.now === 'pt' && TITLES[name]) || readYaml(text).name,
+  ]);
+  titles.sort((a, b) => a[1].localeCompare(b[1]));
+  const select = byId('linkage');
+  const { value } = select;
+  select.replaceChildren(
+    ...titles.map(([name, title]) => new Option(title, name)),
+    new Option(say('opened'), ''),
+  );
+  select.value = value;
+}
+
+function speak(now) {
+  language.now = now;
+  translate();
+  for (const button of document.querySelectorAll('[data-language]'))
+    button.setAttribute('aria-pressed', String(button.dataset.language === now));
+  choices();
+  showChoice();
+  statePanel.show();
+  statePanel.showTurn();
+  numbers.build();
+  const { guess } = newton;
+  newton.build();
+  newton.take(guess);
+  if (lab.turn) chart.draw();
+  assemblies.soon();
+  scene.nameGrips();
+  showCrank();
+}
+
+function listen() {
+  const on = (id, event, act) => byId(id).addEventListener(event, act);
+  on('play', 'click', toggle);
+  on('alpha', 'input', () => lab.turnTo((Number(byId('alpha').value) * TAU) / 360));
+  on('linkage', 'change', () => {
+    if (byId('linkage').value) loadText(lab.shipped[byId('linkage').value], byId('linkage').value);
+  });
+  on('open', 'click', () => byId('file').click());
+  on('file', 'change', () => {
+    openFile(byId('file').files[0]);
+    byId('file').value = '';
+  });
+  on('reset', 'click', () => lab.reset());
+  on('fit', 'click', () => scene.fit());
+  on('others', 'change', () => {
+    scene.hasOthers = byId('others').checked;
+    scene.showOthers([]);
+    assemblies.show();
+  });
+  on('save-linkage', 'click', () => save(false));
+  on('save-parameters', 'click', () => save(true));
+  on('load-text', 'click', () => loadText(byId('text').value, ''));
+  on('name', 'input', showText);
+  for (const button of document.querySelectorAll('[data-language]'))
+    button.addEventListener('click', () => speak(button.dataset.language));
+  document.addEventListener('keydown', (event) => {
+    const isOwn = event.target.closest('input, select, textarea, button, summary, .grip');
+    if (event.key !== ' ' || isOwn || event.ctrlKey || event.altKey || event.metaKey) return;
+    event.preventDefault();
+    toggle();
+  });
+  document.addEventListener('dragover', (event) => event.preventDefault());
+  document.addEventListener('drop', (event) => {
+    event.preventDefault();
+    openFile(event.dataTransfer.files[0]);
+  });
+  onThemeChange(() => lab.turn && chart.draw());
+}
+
+lab.on('linkage', () => {
+  showChoice();
+  byId('name').value = lab.name;
+  byId('save-parameters').hidden = !lab.isKlann;
+});
+for (const event of ['linkage', 'pose', 'numbers']) lab.on(event, showCrank);
+lab.on('turn', showText);
+listen();
+choices();
+lab.choose('klann');
+speak(language.now);

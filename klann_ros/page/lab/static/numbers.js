@@ -1,0 +1,119 @@
+'use strict';
+/* The other assemblies, and all lengths, bends and pivots. */
+
+/** All assemblies at this angle, each a button that takes it. */
+class AssembliesPanel {
+  constructor(holder, lab, scene) {
+    Object.assign(this, { holder, lab, scene });
+    for (const event of ['linkage', 'numbers', 'pose']) lab.on(event, () => this.soon());
+  }
+
+  /** Show them when nothing else is to be done. */
+  soon() {
+    clearTimeout(this.waiting);
+    this.waiting = setTimeout(() => this.show(), this.lab.linkage.isDyadic ? 60 : 300);
+  }
+
+  show() {
+    const { lab } = this;
+    const poses = assemblyPoses(lab.linkage, lab.alpha, 16);
+    const focused = this.holder.contains(document.activeElement);
+    this.holder.replaceChildren(...poses.map((pose) => this.button(pose)));
+    if (!poses.length) this.holder.append(made('p', '', say('oneAssembly')));
+    if (focused && poses.length)
+      (this.holder.querySelector('[aria-pressed=true]') || this.holder.firstChild).focus();
+    this.scene.showOthers(poses.filter((pose) => !this.isDrawn(pose)));
+  }
+
+  isDrawn(pose) {
+    const { pose: now, linkage } = this.lab;
+    return !now.error && apartBy(linkage, pose.x, now.x) < SAME;
+  }
+
+  button(pose) {
+    const button = made('button');
+    const isDrawn = this.isDrawn(pose);
+    button.type = 'button';
+    button.setAttribute('aria-pressed', String(isDrawn));
+    const svg = document.createElementNS(SVG, 'svg');
+    svg.setAttribute('aria-hidden', 'true');
+    new DrawnLeg(new Drawing(svg, this.scene.drawing.plane), this.lab.shape, {
+      hasLetters: false,
+    }).show(pose.points);
+    button.append(
+      svg,
+      made('span', '', `${signsText(pose.signs)} ${say(isDrawn ? 'taken' : 'take')}`),
+    );
+    button.addEventListener('click', () => this.lab.setSigns(pose));
+    return button;
+  }
+}
+
+/** Lengths, bends and pivots: each a slider and a number. */
+class NumbersPanel {
+  constructor(holder, lab) {
+    this.holder = holder;
+    this.lab = lab;
+    lab.on('linkage', () => this.build());
+    lab.on('numbers', () => this.show());
+  }
+
+  build() {
+    const { dimensions } = this.lab.linkage.structure;
+    this.rows = dimensions.map((dimension, n) => this.row(dimension, n));
+    this.holder.replaceChildren(...this.rows.map(({ node }) => node));
+    this.show();
+  }
+
+  row(dimension, n) {
+    const isAngle = dimension.kind === 'bend';
+    const scale = isAngle ? 360 / TAU : 1000;
+    const value = this.lab.numbers[n] * scale;
+    const size = this.lab.linkage.size * 1000;
+    const node = made('div');
+    const label = made('label', '', dimensionText(dimension.name, this.lab.isKlann));
+    label.htmlFor = `number-${n}`;
+    const slider = Object.assign(made('input'), { type: 'range', step: 'any' });
+    const isLength = ['length', 'brace'].includes(dimension.kind);
+    slider.min = isLength ? 0.3 * value : value - (isAngle ? 90 : size / 2);
+    slider.max = isLength ? 1.7 * value : value + (isAngle ? 90 : size / 2);
+    slider.setAttribute('aria-label', label.textContent);
+    const number = Object.assign(made('input'), {
+      type: 'number',
+      step: 'any',
+      id: `number-${n}`,
+    });
+    const take = (text) => {
+      if (text.trim() !== '' && Number.isFinite(Number(text)))
+        this.lab.setNumber(n, Number(text) / scale);
+    };
+    slider.addEventListener('input', () => {
+      this.lab.isDragged = true;
+      take(slider.value);
+      this.lab.isDragged = false;
+    });
+    number.addEventListener('input', () => take(number.value));
+    number.addEventListener('change', () => this.show());
+    node.append(label, slider, number, made('span', 'quiet', isAngle ? '°' : 'mm'));
+    return { node, slider, number, scale };
+  }
+
+  show() {
+    if (!this.rows) return;
+    this.rows.forEach(({ slider, number, scale }, n) => {
+      const value = this.lab.numbers[n] * scale;
+      if (document.activeElement !== slider) slider.value = value;
+      if (document.activeElement !== number) number.value = Number(value.toPrecision(8));
+      slider.setAttribute(
+        'aria-valuetext',
+        `${decimals(value, 1)} ${scale === 1000 ? 'mm' : '°'}`,
+      );
+    });
+  }
+}
+
+function dimensionText(name, isKlann) {
+  const own = isKlann && KLANN_NAMES[name] ? ` (${KLANN_NAMES[name]})` : '';
+  const [, kind, what] = /^(bend|direction) of (.*)$/.exec(name) || [null, null, name];
+  return (kind ? say(kind, what) : name) + own;
+}

@@ -1,0 +1,107 @@
+'use strict';
+/* What is told beside the drawing: the state, figures, transmission angles, assemblies, numbers. */
+
+function byId(id) {
+  return document.getElementById(id);
+}
+
+function made(name, className = '', text = '') {
+  const node = document.createElement(name);
+  if (className) node.className = className;
+  node.textContent = text;
+  return node;
+}
+
+/** Return in words why a pose does not close. */
+function whyText(error) {
+  if (error instanceof LoopsOpen) return say('open_loops', turnText(error.nearest));
+  const { names, block, shortfall, isFar } = error;
+  const mm = lengthText(shortfall);
+  if (!names[3]) {
+    if (isFar) return say('farFromLine', names, block, mm);
+    return shortfall ? say('nearLine', names, block, mm) : say('coincide', names, block);
+  }
+  if (isFar) return say('far', names, block, mm);
+  return shortfall ? say('near', names, block, mm) : say('coincide', names, block);
+}
+
+/** The card of what is the case at this crank angle. */
+class StatePanel {
+  constructor(lab) {
+    this.lab = lab;
+    for (const event of ['linkage', 'numbers', 'pose']) lab.on(event, () => this.show());
+    for (const event of ['linkage', 'turn']) lab.on(event, () => this.showTurn());
+  }
+
+  show() {
+    const { pose, alpha, refusal, linkage } = this.lab;
+    byId('refusal').hidden = !refusal;
+    const line = refusal ? `${say('refused')}: ${refusal.texts[language.now]}` : '';
+    if (byId('refusal').textContent !== line) byId('refusal').textContent = line;
+    const state = byId('state');
+    state.textContent = say(pose.error ? 'jams' : 'closes', turnText(alpha));
+    state.classList.toggle('bad', Boolean(pose.error));
+    byId('why').hidden = !pose.error;
+    byId('why-text').textContent = pose.error ? whyText(pose.error) : '';
+    byId('spare').textContent = pose.error ? '' : spareText(linkage, pose);
+  }
+
+  showTurn() {
+    const { turn, linkage } = this.lab;
+    if (!turn) return;
+    byId('turn-text').textContent = arcsText(turn);
+    const tiles = turn.pieces.some((poses) => poses.length) ? figuresOf(linkage, turn) : [];
+    byId('tiles').replaceChildren(
+      ...tiles.map(([name, value, where]) => {
+        const tile = made('div');
+        const told = made('dd');
+        told.append(made('b', '', value), made('span', '', where));
+        tile.append(made('dt', '', name), told);
+        return tile;
+      }),
+    );
+  }
+}
+
+function spareText(linkage, pose) {
+  const spare = linkage.blocks.map((block) => block.clearance(pose.u));
+  const known = spare.filter((value) => value !== null && Number.isFinite(value));
+  if (!known.length) return '';
+  const least = Math.min(...known);
+  return say('spare', lengthText(least), spare.indexOf(least) + 1);
+}
+
+function arcsText({ isTurn, arcs }) {
+  if (!arcs.length) return say('nowhere');
+  if (isTurn) return say('fullTurn');
+  const texts = arcs.map(([start, end]) => `${turnText(start)} ${say('to')} ${turnText(end)}`);
+  return say('arcs', texts.join(` ${say('and')} `));
+}
+
+function figuresOf(linkage, turn) {
+  const folded = turn.angles.map(({ least, greatest, leastAt, greatestAt }) =>
+    Math.PI - greatest < least ? [Math.PI - greatest, greatestAt] : [least, leastAt],
+  );
+  const [worst, at] = folded.reduce((a, b) => (b[0] < a[0] ? b : a));
+  const tiles = [
+    [say('stride'), lengthText(turn.x.greatest - turn.x.least), ''],
+    [say('lift'), lengthText(turn.y.greatest - turn.y.least), ''],
+    [say('transmission'), `≥ ${degreesText(worst)}`, say('at', turnText(at))],
+  ];
+  const margin = turn.isTurn ? leastMargin(linkage, turn) : null;
+  if (margin) tiles.push([say('margin'), lengthText(margin[0]), say('at', turnText(margin[1]))]);
+  return tiles;
+}
+
+/** Return the least clearance over the turn and where it is; null where there is none. */
+function leastMargin(linkage, { pieces }) {
+  let best = null;
+  for (const pose of pieces.flat()) {
+    for (const block of linkage.blocks) {
+      const value = block.clearance(pose.u);
+      if (value !== null && Number.isFinite(value) && !(best && best[0] <= value))
+        best = [Math.max(0, value), pose.x[0]];
+    }
+  }
+  return best;
+}

@@ -1,0 +1,289 @@
+'use strict';
+/* The drawing: the linkage with grips, the path of its foot, other assemblies, and why it jams. */
+
+const GRIP = 17;
+const SMALL_STEP = 0.002;
+
+class Scene {
+  constructor(svg, lab) {
+    this.svg = svg;
+    this.lab = lab;
+    this.hasOthers = false;
+    this.iterate = null;
+    lab.on('linkage', () => this.fit());
+    lab.on('turn', () => this.showTurn());
+    lab.on('numbers', () => this.show());
+    lab.on('pose', () => this.show());
+  }
+
+  /** Begin anew, in a plane that holds all that the linkage reaches. */
+  fit() {
+    const { lab } = this;
+    const turn = lab.turn || turnOf(lab.linkage, reachableArcs(lab.linkage), 60);
+    const points = turn.pieces.flatMap((poses) =>
+      poses.filter((_, k) => k % 4 === 0).flatMap((pose) => pose.points),
+    );
+    if (lab.pose.points) points.push(...lab.pose.points);
+    const finite = points.filter((point) => point.every(Number.isFinite));
+    this.drawing = new Drawing(
+      this.svg,
+      planeAround(finite.length ? finite : lab.linkage.pivots, { margin: 46 }),
+    );
+    const add = (name, className) => this.drawing.add(name, className);
+    this.circle = add('path', 'crank-circle');
+    this.dead = add('path', 'dead-arcs');
+    this.path = add('path', 'recorded-path');
+    this.others = [];
+    this.othersGroup = add('g', 'others');
+    this.reach = add('path', 'reach');
+    this.known = add('path', 'open-bars');
+    this.links = add('path', 'open-links');
+    this.names = add('g', 'open-names');
+    this.leg = new DrawnLeg(this.drawing, lab.shape, { className: 'leg' });
+    this.foot = add('path', 'recorded-foot');
+    this.iterateBars = add('path', 'iterate-bars');
+    this.gaps = add('path', 'gaps');
+    this.addGrips();
+    this.showTurn();
+    this.show();
+  }
+
+  addGrips() {
+    const { structure } = this.lab.linkage;
+    this.grips = structure.points.map((name, i) => {
+      const grip = this.drawing.add('circle', 'grip');
+      grip.setAttribute('r', GRIP);
+      grip.setAttribute('tabindex', '0');
+      grip.setAttribute('role', 'button');
+      grip.dataset.grip = name;
+      grip.addEventListener('pointerdown', (event) => this.grab(event, i));
+      grip.addEventListener('keydown', (event) => this.push(event, i));
+      return grip;
+    });
+    this.nameGrips();
+  }
+
+  nameGrips() {
+    const names = this.lab.linkage.structure.points;
+    this.grips.forEach((grip, i) => grip.setAttribute('aria-label', say('point', names[i])));
+  }
+
+  /** Follow the pointer with a point until it is let go. */
+  grab(event, i) {
+    if (event.button) return;
+    const grip = event.currentTarget;
+    event.preventDefault();
+    grip.focus({ preventScroll: true });
+    grip.setPointerCapture(event.pointerId);
+    const begin = this.metresOf(event);
+    const at = this.pointAt(i);
+    const move = (moved) => {
+      const [x, y] = C.sub(this.metresOf(moved), begin);
+      this.lab.isDragged = true;
+      this.lab.drag(i, [at[0] + x, at[1] + y]);
+    };
+    const stop = () => {
+      this.lab.isDragged = false;
+      grip.removeEventListener('pointermove', move);
+      for (const name of ['pointerup', 'pointercancel']) grip.removeEventListener(name, stop);
+    };
+    grip.addEventListener('pointermove', move);
+    for (const name of ['pointerup', 'pointercancel']) grip.addEventListener(name, stop);
+  }
+
+  push(event, i) {
+    const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[
+      event.key
+    ];
+    if (!way || event.altKey || event.ctrlKey || event.metaKey) return;
+    event.preventDefault();
+    const step = SMALL_STEP * this.lab.linkage.size * (event.shiftKey ? 10 : 1);
+    this.lab.drag(i, C.add(this.pointAt(i), C.times(step, way)));
+  }
+
+  metresOf(event) {
+    const box = this.svg.getBoundingClientRect();
+    const { width, height } = this.drawing.plane;
+    // The drawing is as large as fits, in the middle.
+    const scale = Math.min(box.width / width, box.height / height);
+    const x = (event.clientX - box.left - (box.width - scale * width) / 2) / scale;
+    const y = (event.clientY - box.top - (box.height - scale * height) / 2) / scale;
+    return this.drawing.metresAt([x, y]);
+  }
+
+  pointAt(i) {
+    const { linkage, pose, lastGood } = this.lab;
+    const place = linkage.structure.pivots.indexOf(linkage.structure.points[i]);
+    return place >= 0 ? linkage.pivots[place] : (pose.points || lastGood.points)[i];
+  }
+
+  showTurn() {
+    const { turn, linkage } = this.lab;
+    if (!turn) return;
+    const lines = turn.pieces.map((poses) =>
+      this.drawing.line(
+        poses.map((pose) => pose.points[turn.foot]),
+        turn.isTurn,
+      ),
+    );
+    this.path.setAttribute('d', lines.join(''));
+    const dead = turn.isTurn ? '' : this.deadArcs(turn.arcs);
+    this.dead.setAttribute('d', dead);
+    this.circle.setAttribute('d', this.arcOfCrank(linkage, [0, TAU]));
+  }
+
+  deadArcs(arcs) {
+    if (!arcs.length) return this.arcOfCrank(this.lab.linkage, [0, TAU]);
+    return arcs
+      .map(([, end], k) => {
+        const next = arcs[(k + 1) % arcs.length][0] + (k + 1 === arcs.length ? TAU : 0);
+        return next > end ? this.arcOfCrank(this.lab.linkage, [end, next]) : '';
+      })
+      .join('');
+  }
+
+  arcOfCrank({ structure, pivots, bars }, [start, end]) {
+    const axle = pivots[structure.pivots.indexOf(structure.bodies[0].points[0])];
+    const count = Math.max(2, Math.ceil((end - start) / 0.05));
+    const points = Array.from({ length: count + 1 }, (_, k) => {
+      const u = C.polar(1, structure.senses[0] * (start + ((end - start) * k) / count));
+      return C.add(axle, C.mul(bars[0], u));
+    });
+    return this.drawing.line(points);
+  }
+
+  show() {
+    const { pose, linkage } = this.lab;
+    this.leg.show(pose.points || null);
+    this.svg.classList.toggle('jammed', Boolean(pose.error));
+    const foot = linkage.structure.points.indexOf(linkage.structure.foot);
+    this.foot.setAttribute('d', pose.points ? this.drawing.cross(pose.points[foot]) : '');
+    this.showJam();
+    this.showIterate();
+    this.grips.forEach((grip, i) => {
+      const [x, y] = this.drawing.at(this.pointAt(i));
+      grip.setAttribute('cx', x);
+      grip.setAttribute('cy', y);
+      const isPivot = linkage.structure.pivots.includes(linkage.structure.points[i]);
+      grip.classList.toggle('absent', Boolean(pose.error) && !isPivot);
+    });
+    if (this.hasOthers) this.showOthers(this.otherPoses || []);
+  }
+
+  /** Draw what is placed, and how far the circles of the dyad that fails are from meeting. */
+  showJam() {
+    const { error } = this.lab.pose;
+    const u = (error && error.u) || [];
+    this.known.setAttribute('d', error ? this.openBars(u).bars : '');
+    this.nameKnown(error ? u : null);
+    const dyad = error && error.u ? this.lab.linkage.blocks[error.block - 1] : null;
+    const isDrawn = dyad && dyad.closing instanceof TwoCircles;
+    const drawn = isDrawn ? this.circlesOf(dyad, error) : { rings: '', links: '', gap: '' };
+    this.reach.setAttribute('d', drawn.rings);
+    this.links.setAttribute('d', drawn.links);
+    this.gaps.setAttribute('d', drawn.gap);
+  }
+
+  /** Write the names of the points that are placed, pivots as squares. */
+  nameKnown(u) {
+    this.names.replaceChildren();
+    if (!u) return;
+    const { structure, pointRows } = this.lab.linkage;
+    structure.points.forEach((name, i) => {
+      if (![...pointRows[i].terms.keys()].every((j) => u[j])) return;
+      const [x, y] = this.drawing.at(sumOver(pointRows[i], u));
+      if (structure.pivots.includes(name)) {
+        const square = this.drawing.add('rect', 'pivot', this.names);
+        for (const [key, value] of Object.entries({
+          x: x - 5.5,
+          y: y - 5.5,
+          width: 11,
+          height: 11,
+        }))
+          square.setAttribute(key, value);
+      }
+      const text = this.drawing.add('text', 'letter', this.names);
+      text.textContent = name;
+      text.setAttribute('x', x - 15);
+      text.setAttribute('y', y - 13);
+    });
+  }
+
+  circlesOf(dyad, { u, names }) {
+    const { structure, pointRows } = this.lab.linkage;
+    const p = sumOver(pointRows[structure.points.indexOf(names[0])], u);
+    const way = dyad.way(u);
+    const q = C.add(p, way);
+    const [r, s] = dyad.closing.radii;
+    const d = C.abs(way);
+    const unit = d > 0 ? C.times(1 / d, way) : [1, 0];
+    // Where the circles are nearest to each other.
+    const isInside = d < Math.abs(r - s);
+    const one = C.add(p, C.times(isInside && r < s ? -r : r, unit));
+    const two = C.sub(q, C.times(isInside && s <= r ? -s : s, unit));
+    return {
+      rings: this.ring(p, r) + this.ring(q, s),
+      links: this.drawing.line([p, one]) + this.drawing.line([q, two]),
+      gap: this.drawing.line([one, two]),
+    };
+  }
+
+  ring(centre, radius) {
+    const points = Array.from({ length: 97 }, (_, k) =>
+      C.add(centre, C.polar(radius, (k * TAU) / 96)),
+    );
+    return this.drawing.line(points, true);
+  }
+
+  /** Return the bars of the bodies whose vectors are known, and where their ends miss each other. */
+  openBars(u) {
+    const { structure, pointRows, bars } = this.lab.linkage;
+    const isKnown = (row) => [...row.terms.keys()].every((j) => u[j]);
+    const found = { bars: '', gaps: '' };
+    structure.bars.forEach(({ body, bar }, n) => {
+      const carrier = structure.carriers[n];
+      if ((carrier !== FIXED && !u[carrier]) || !u[body]) return;
+      const row = pointRows[structure.points.indexOf(bar.from)];
+      if (!isKnown(row)) return;
+      const start = sumOver(row, u);
+      const end = C.add(start, C.mul(bars[n], carrier === FIXED ? [1, 0] : u[carrier]));
+      found.bars += this.drawing.line([start, end]);
+      const other = pointRows[structure.points.indexOf(bar.to)];
+      if (!isKnown(other)) return;
+      const meant = sumOver(other, u);
+      if (C.abs(C.sub(meant, end)) * this.drawing.plane.scale > 0.5)
+        found.gaps += this.drawing.line([end, meant]);
+    });
+    return found;
+  }
+
+  /** Draw an iterate of Newton-Raphson, with the gaps that are left; null for none. */
+  showIterate() {
+    const isDrawn = this.iterate && this.iterate.every(Number.isFinite);
+    const found = isDrawn
+      ? this.openBars(this.lab.linkage.vectors(this.iterate))
+      : { bars: '', gaps: '' };
+    this.iterateBars.setAttribute('d', found.bars);
+    if (isDrawn) this.gaps.setAttribute('d', found.gaps);
+    else if (!this.lab.pose.error) this.gaps.setAttribute('d', '');
+  }
+
+  showOthers(poses) {
+    this.otherPoses = poses;
+    const shown = this.hasOthers
+      ? poses.filter(
+          (pose) =>
+            String(pose.signs) !== String(this.lab.linkage.signs) || !this.lab.linkage.isDyadic,
+        )
+      : [];
+    while (this.others.length < shown.length && this.others.length < 8) {
+      const ghost = new DrawnLeg(this.drawing, this.lab.shape, {
+        className: 'ghost',
+        hasLetters: false,
+      });
+      this.othersGroup.append(ghost.group);
+      this.others.push(ghost);
+    }
+    this.others.forEach((ghost, k) => ghost.show(shown[k] ? shown[k].points : null));
+  }
+}

@@ -1,0 +1,264 @@
+'use strict';
+/* What the page says, in English and in Portuguese. */
+
+const TEXTS = {
+  en: {
+    title: 'Linkage lab',
+    lead: 'Drag a joint to change lengths, drag a square to move a pivot, turn the crank.',
+    language: 'Language',
+    linkage: 'Linkage',
+    open: 'Open a YAML file',
+    opened: 'from a file',
+    drawing: 'The linkage',
+    drawingHint:
+      'Joints: drag, or arrow keys (with shift ten times as far). Solid: the path of the foot.',
+    crank: 'Crank angle',
+    play: 'Turn',
+    pause: 'Stop',
+    speed: 'Speed',
+    fit: 'Fit',
+    reset: 'Start again',
+    others: 'show the other assemblies',
+    here: 'Here',
+    closes: (angle) => `At ${angle} it closes.`,
+    jams: (angle) => `At ${angle} it jams.`,
+    why: 'Why it jams here',
+    far: ([p, q, a, b], block, mm) =>
+      `Dyad ${block} does not close: ${p} and ${q} are ${mm} further apart than ${a} + ${b}.`,
+    near: ([p, q, a, b], block, mm) =>
+      `Dyad ${block} does not close: ${p} and ${q} are ${mm} closer together than |${a} − ${b}|.`,
+    coincide: ([p, q], block) =>
+      `Dyad ${block}: ${p} and ${q} coincide, and the pose is not definite.`,
+    farFromLine: ([p, q, a], block, mm) =>
+      `Dyad ${block} does not close: ${p} is ${mm} further from the line of ${q} than ${a} is long.`,
+    nearLine: ([p, q, a], block, mm) =>
+      `Dyad ${block} does not close: ${q} is ${mm} nearer to ${p} than the line along ${a} is.`,
+    open_loops: (angle) =>
+      `The coupled loops do not close; the nearest angle at which they do is ${angle}.`,
+    spare: (mm, block) => `${mm} to spare before dyad ${block} jams.`,
+    refused: 'Refused',
+    fullTurn: 'The crank turns fully.',
+    arcs: (list) =>
+      `The crank turns only from ${list}; at these ends, its dead points, a dyad is in line.`,
+    nowhere: 'It closes at no crank angle in this assembly.',
+    and: 'and from',
+    to: 'to',
+    stride: 'Stride',
+    lift: 'Lift',
+    transmission: 'Transmission angle',
+    margin: 'Least margin',
+    at: (angle) => `at ${angle}`,
+    best: (least, greatest) => `${least} … ${greatest}`,
+    numbers: 'Lengths and pivots',
+    bend: (what) => `bend ${what}`,
+    direction: (what) => `direction ${what}`,
+    chart: 'Transmission angles over a turn',
+    chartHint:
+      'Good practice: 40° to 140°, shaded. Red: the crank cannot be there. Click to go there.',
+    chartLabel: (list) => `Transmission angles over the crank angle: ${list}`,
+    dyad: (k, least, greatest) => `dyad ${k} ${least} to ${greatest}`,
+    assemblies: 'Assemblies at this angle',
+    taken: 'drawn',
+    take: 'take this',
+    oneAssembly: 'It closes in no assembly at this angle.',
+    newton: 'Newton-Raphson from a guess of your own',
+    newtonHint: 'x(k+1) = x(k) − Φ⁻¹ f(x(k)), from the textbook’s loop equations f.',
+    lecture: 'The lecture’s example',
+    random: 'A random guess',
+    fromPose: 'From this pose',
+    rounded: 'round to 0.0001 rad, as the lecture prints',
+    guess: (name, unit) => `Guess of ${name} [${unit}]`,
+    iterate: 'Iterate drawn',
+    iterates: 'Iterates',
+    gap: 'largest |f| [mm]',
+    converged: (count, signs, isDrawn) =>
+      `Converged after ${count} corrections, to the assembly ${signs}${isDrawn ? ', the one drawn' : ', which is another than the one drawn'}.`,
+    diverged: (count) => `Not converged after ${count} corrections.`,
+    singular: (count) => `It breaks off after ${count} corrections: Φ is singular there.`,
+    noRoot: 'At this crank angle there is no root: it closes in no assembly.',
+    save: 'Save for solver_node',
+    name: 'Name',
+    saveLinkage: 'Save the linkage',
+    saveParameters: 'Save as parameters',
+    saveHint:
+      'The linkage is for the parameter linkage of solver_node; parameters are for --params-file (the lecture’s leg only).',
+    text: 'The text of the file',
+    loadText: 'Load this text',
+    nothingToSave: 'Nothing is saved: it closes at no crank angle.',
+    tooLong: (size) => `the file has ${size} bytes, more than a million`,
+    unreadable: 'the file cannot be read',
+    point: (name) => `Point ${name}: the arrow keys move it`,
+    side: 'it cannot be dragged through its own bar',
+    foot: 'Foot',
+  },
+  pt: {
+    title: 'Laboratório de mecanismos',
+    lead: 'Arraste uma junta para mudar comprimentos, um quadrado para mover um pivô, e gire a manivela.',
+    language: 'Idioma',
+    linkage: 'Mecanismo',
+    open: 'Abrir um arquivo YAML',
+    opened: 'de um arquivo',
+    drawing: 'O mecanismo',
+    drawingHint:
+      'Juntas: arraste, ou use as setas (com shift, dez vezes mais). Linha cheia: a trajetória do pé.',
+    crank: 'Ângulo da manivela',
+    play: 'Girar',
+    pause: 'Parar',
+    speed: 'Velocidade',
+    fit: 'Enquadrar',
+    reset: 'Recomeçar',
+    others: 'mostrar as outras montagens',
+    here: 'Aqui',
+    closes: (angle) => `Em ${angle} o mecanismo fecha.`,
+    jams: (angle) => `Em ${angle} o mecanismo trava.`,
+    why: 'Por que trava aqui',
+    far: ([p, q, a, b], block, mm) =>
+      `A díade ${block} não fecha: ${p} e ${q} estão ${mm} mais afastados do que ${a} + ${b}.`,
+    near: ([p, q, a, b], block, mm) =>
+      `A díade ${block} não fecha: ${p} e ${q} estão ${mm} mais próximos do que |${a} − ${b}|.`,
+    coincide: ([p, q], block) =>
+      `Díade ${block}: ${p} e ${q} coincidem, e a posição fica indefinida.`,
+    farFromLine: ([p, q, a], block, mm) =>
+      `A díade ${block} não fecha: ${p} está ${mm} mais longe da reta de ${q} do que o comprimento de ${a}.`,
+    nearLine: ([p, q, a], block, mm) =>
+      `A díade ${block} não fecha: ${q} está ${mm} mais perto de ${p} do que a reta ao longo de ${a}.`,
+    open_loops: (angle) =>
+      `As malhas acopladas não fecham; o ângulo mais próximo em que fecham é ${angle}.`,
+    spare: (mm, block) => `Folga de ${mm} até a díade ${block} travar.`,
+    refused: 'Recusado',
+    fullTurn: 'A manivela dá a volta completa.',
+    arcs: (list) =>
+      `A manivela gira só de ${list}; nesses extremos, os pontos mortos, uma díade fica alinhada.`,
+    nowhere: 'Nesta montagem não fecha em nenhum ângulo da manivela.',
+    and: 'e de',
+    to: 'a',
+    stride: 'Passo',
+    lift: 'Elevação',
+    transmission: 'Ângulo de transmissão',
+    margin: 'Menor folga',
+    at: (angle) => `em ${angle}`,
+    best: (least, greatest) => `${least} … ${greatest}`,
+    numbers: 'Comprimentos e pivôs',
+    bend: (what) => `dobra ${what}`,
+    direction: (what) => `direção ${what}`,
+    chart: 'Ângulos de transmissão numa volta',
+    chartHint:
+      'Boa prática: 40° a 140°, faixa sombreada. Vermelho: a manivela não chega lá. Clique para ir até lá.',
+    chartLabel: (list) => `Ângulos de transmissão em função do ângulo da manivela: ${list}`,
+    dyad: (k, least, greatest) => `díade ${k} ${least} a ${greatest}`,
+    assemblies: 'Montagens neste ângulo',
+    taken: 'desenhada',
+    take: 'usar esta',
+    oneAssembly: 'Neste ângulo não fecha em nenhuma montagem.',
+    newton: 'Newton-Raphson a partir do seu próprio chute',
+    newtonHint: 'x(k+1) = x(k) − Φ⁻¹ f(x(k)), com as equações de malha f da apostila.',
+    lecture: 'O exemplo da aula',
+    random: 'Um chute ao acaso',
+    fromPose: 'Desta posição',
+    rounded: 'arredondar a 0,0001 rad, como a aula imprime',
+    guess: (name, unit) => `Chute de ${name} [${unit}]`,
+    iterate: 'Iteração desenhada',
+    iterates: 'Iterações',
+    gap: 'maior |f| [mm]',
+    converged: (count, signs, isDrawn) =>
+      `Convergiu após ${count} correções, para a montagem ${signs}${isDrawn ? ', a desenhada' : ', que não é a desenhada'}.`,
+    diverged: (count) => `Não convergiu após ${count} correções.`,
+    singular: (count) => `Interrompido após ${count} correções: ali Φ é singular.`,
+    noRoot: 'Neste ângulo da manivela não há raiz: não fecha em nenhuma montagem.',
+    save: 'Salvar para o solver_node',
+    name: 'Nome',
+    saveLinkage: 'Salvar o mecanismo',
+    saveParameters: 'Salvar como parâmetros',
+    saveHint:
+      'O mecanismo é para o parâmetro linkage do solver_node; parâmetros são para --params-file (só a perna da aula).',
+    text: 'O texto do arquivo',
+    loadText: 'Carregar este texto',
+    nothingToSave: 'Nada foi salvo: não fecha em nenhum ângulo da manivela.',
+    tooLong: (size) => `o arquivo tem ${size} bytes, mais de um milhão`,
+    unreadable: 'o arquivo não pode ser lido',
+    point: (name) => `Ponto ${name}: as setas o movem`,
+    side: 'não pode ser arrastado através da sua própria barra',
+    foot: 'Pé',
+  },
+};
+
+// The shipped linkages' names; those of files are as they are.
+const TITLES = {
+  andrews: 'Mecanismo de Andrews',
+  chebyshev: 'Mecanismo de Chebyshev',
+  chebyshev_lambda: 'Mecanismo lambda de Chebyshev',
+  four_bar: 'Quadrilátero articulado da aula',
+  ghassaei: 'Perna de Ghassaei',
+  hoecken: 'Mecanismo de Hoecken',
+  jansen: 'Perna de Jansen',
+  klann: 'Perna de Klann (SEM 104)',
+  klann_high_step: 'Perna de Klann, passo alto',
+  klann_lego: 'Perna de Klann, de LEGO',
+  klann_long_legs: 'Perna de Klann, longa',
+  klann_patent: 'Perna de Klann, da patente',
+  peaucellier: 'Mecanismo de Peaucellier-Lipkin',
+  quick_return: 'Retorno rápido',
+  roberts: 'Mecanismo de Roberts',
+  scotch_yoke: 'Garfo escocês',
+  slider_crank: 'Biela-manivela',
+  stephenson: 'Seis barras de Stephenson III',
+  strider: 'Perna Strider',
+  trotbot: 'Perna TrotBot',
+  walker_four_bar: 'Quatro barras que anda',
+  walker_six_bar: 'Seis barras que anda',
+  watt_six_bar: 'Seis barras de Watt',
+};
+
+const language = {
+  now: (navigator.language || 'en').toLowerCase().startsWith('pt') ? 'pt' : 'en',
+};
+
+/** Return a text in the page's language; of some, with what they tell of. */
+function say(key, ...what) {
+  const text = TEXTS[language.now][key];
+  return typeof text === 'function' ? text(...what) : text;
+}
+
+/** Put the texts into all elements that name one. */
+function translate() {
+  document.documentElement.lang = language.now === 'pt' ? 'pt-BR' : 'en';
+  document.title = say('title');
+  for (const node of document.querySelectorAll('[data-text]'))
+    node.textContent = say(node.dataset.text);
+  for (const node of document.querySelectorAll('[data-label]'))
+    node.setAttribute('aria-label', say(node.dataset.label));
+}
+
+function decimals(value, digits) {
+  const shown = Object.is(Number(value.toFixed(digits)), -0) ? 0 : value;
+  const text = shown.toLocaleString(language.now === 'pt' ? 'pt-BR' : 'en-US', {
+    minimumFractionDigits: digits,
+    maximumFractionDigits: digits,
+    useGrouping: false,
+  });
+  return text.replace('-', '\u2212');
+}
+
+function inLocale(text) {
+  return (language.now === 'pt' ? text.replace('.', ',') : text).replaceAll('-', '\u2212');
+}
+
+function degreesText(angle, digits = 1) {
+  return `${decimals((angle * 360) / TAU, digits)}°`;
+}
+
+function turnText(angle, digits = 1) {
+  return degreesText(((angle % TAU) + TAU) % TAU, digits);
+}
+
+/** Return a length in mm, with as many digits as tell something. */
+function lengthText(metres) {
+  const mm = 1000 * metres;
+  const size = Math.abs(mm);
+  if (size && (size < 1e-3 || size >= 1e6)) return `${inLocale(mm.toExponential(2))} mm`;
+  return `${decimals(mm, !size || size >= 10 ? 1 : size < 0.1 ? 4 : 2)} mm`;
+}
+
+function signsText(signs) {
+  return `[${signs.map((sign) => (sign > 0 ? '+' : '\u2212')).join(' ')}]`;
+}

@@ -1,0 +1,212 @@
+"""The lab's solver is the kinematics: the same structure, poses, refusals, arcs and figures."""
+
+from math import radians
+from typing import Any
+
+from klann_ros.kinematics import (
+    assembly_poses,
+    foot_path,
+    GeometryError,
+    linkage_poses,
+    LinkageLeg,
+    NotConvergedError,
+    reachable_arcs,
+    shipped_linkage,
+    shipped_linkages,
+    UnreachableError,
+)
+from lab_solver import in_node, NODE, poses_in_node, TEXTS, varied_numbers
+import numpy as np
+import pytest
+
+if NODE is None:
+    pytest.skip('no node: apt-get install nodejs', allow_module_level=True)
+
+LEGS, ANGLES = 12, 40
+# Coupled loops are followed all round for each leg.
+COUPLED_LEGS = 2
+# Of the linkage's size, and more where a dyad is nearly in line.
+NEAR = 1e-12
+LECTURE = (radians(60.0), np.radians([15.0, 60.0, 45.0, 60.0]))
+# x_2, x_3 and x_4 as SEM 104 prints them [deg].
+PRINTED = [
+    [10.5138, 67.0074, 36.7323, 45.7048],
+    [10.6570, 67.3283, 34.4691, 45.7564],
+    [10.6570, 67.3283, 34.4634, 45.7220],
+]
+
+DESCRIBE = """
+function answer(texts) {
+  const found = {};
+  for (const [name, text] of Object.entries(texts)) {
+    const { linkage, start } = readFile(text, texts.klann);
+    const { structure } = linkage;
+    const arcs = reachableArcs(linkage);
+    const turn = turnOf(linkage, arcs);
+    const { u } = poseAt(linkage, start);
+    found[name] = {
+      groups: structure.groups, signs: linkage.signs, numbers: linkage.numbers, arcs,
+      dimensions: structure.dimensions.map((one) => one.name), points: structure.points,
+      names: linkage.blocks.map((block) => block.names), closing: structure.paths.closing,
+      transmission: linkage.blocks.map((block) => block.transmissionAngle(u)),
+      clearances: linkage.blocks.map((block) => block.clearance(u)), start,
+      stride: turn.x.greatest - turn.x.least, lift: turn.y.greatest - turn.y.least,
+      assemblies: assemblyPoses(linkage, start, 5000).map(({ x }) => x.slice(1)),
+    };
+  }
+  return found;
+}
+"""
+
+ITERATES = """
+function answer({ texts, cases }) {
+  const { linkage } = readFile(texts.klann, texts.klann);
+  return cases.map(([alpha, ...guess]) => newtonRaphson(linkage, [alpha, ...guess], 50, 1e-12));
+}
+"""
+
+
+@pytest.fixture(scope='module')
+def described() -> dict[str, Any]:
+    found: dict[str, Any] = in_node(DESCRIBE, TEXTS)
+    return found
+
+
+@pytest.mark.parametrize('name', shipped_linkages())
+def test_the_structure_is_the_same(described: dict[str, Any], name: str) -> None:
+    linkage, found = shipped_linkage(name), described[name]
+    structure = linkage.structure
+    assert found['groups'] == [list(group) for group in structure.groups]
+    assert found['signs'] == list(linkage.assembly)
+    assert found['dimensions'] == list(linkage.dimensions)
+    assert found['numbers'] == pytest.approx(linkage.numbers, rel=1e-15)
+    assert found['points'] == list(structure.points)
+    assert found['names'] == [list(block.names) for block in linkage.blocks]
+    assert found['closing'] == list(structure.paths.closing)
+
+
+@pytest.mark.parametrize('name', shipped_linkages())
+def test_the_figures_are_the_same(described: dict[str, Any], name: str) -> None:
+    linkage, found = shipped_linkage(name), described[name]
+    assert np.array(found['arcs']) == pytest.approx(np.array(reachable_arcs(linkage)), abs=1e-12)
+    path = foot_path(LinkageLeg(linkage))
+    # Where arcs end the crank angle's last digit moves the foot.
+    assert found['stride'] == pytest.approx(path.stride, abs=1e-9)
+    assert found['lift'] == pytest.approx(path.lift, abs=1e-9)
+    pose = LinkageLeg(linkage).solve(found['start'])
+    assert found['transmission'] == pytest.approx(pose.transmission_angles, abs=1e-11)
+    known = [block.is_dyad and block.two_branches for block in linkage.blocks]
+    ours = np.array(found['clearances'], dtype=float)[known]
+    assert ours == pytest.approx(np.array(pose.clearances)[known], abs=1e-12)
+
+
+@pytest.mark.parametrize('name', shipped_linkages())
+def test_the_assemblies_are_the_same(described: dict[str, Any], name: str) -> None:
+    found = described[name]
+    expected = [pose.x for pose in assembly_poses(shipped_linkage(name), found['start'])]
+    off = np.array(found['assemblies']) - np.array(expected)
+    slides = [body.slides for body in shipped_linkage(name).structure.bodies[1:]]
+    off = np.where(slides, off, np.remainder(off + np.pi, 2.0 * np.pi) - np.pi)
+    assert np.abs(off).max() < 1e-9
+
+
+@pytest.fixture(scope='module')
+def random_legs() -> dict[str, list[dict[str, Any]]]:
+    rng = np.random.default_rng(20_260_722)
+    cases = {}
+    for name in shipped_linkages():
+        linkage = shipped_linkage(name)
+        count, share = (LEGS, 0.1) if linkage.is_dyadic else (COUPLED_LEGS, 0.02)
+        numbers = varied_numbers(linkage.numbers, rng, count, share)
+        alphas = rng.uniform(-7.0, 7.0, (count, ANGLES))
+        pairs = zip(numbers.tolist(), alphas.tolist(), strict=True)
+        cases[name] = [{'numbers': one, 'alphas': at} for one, at in pairs]
+    return cases
+
+
+@pytest.fixture(scope='module')
+def solved(random_legs: dict[str, list[dict[str, Any]]]) -> dict[str, list[Any]]:
+    return poses_in_node(random_legs)
+
+
+@pytest.mark.parametrize('name', shipped_linkages())
+def test_random_legs_have_the_same_poses_and_refusals(
+    random_legs: dict[str, list[dict[str, Any]]], solved: dict[str, list[Any]], name: str
+) -> None:
+    base = shipped_linkage(name)
+    closed = 0
+    for case, found in zip(random_legs[name], solved[name], strict=True):
+        try:
+            linkage = base.varied(dict(zip(base.dimensions, case['numbers'], strict=True)))
+        except GeometryError:
+            assert 'refused' in found
+            continue
+        poses = linkage_poses(linkage, np.array(case['alphas']), points=True)
+        assert poses.points is not None
+        # The foot may be placed where other points cannot be.
+        closes = ~np.isnan(poses.points).any(axis=(1, 2))
+        assert [('points' in pose) for pose in found] == closes.tolist()
+        for pose, points in zip(found, poses.points, strict=True):
+            if 'points' in pose:
+                near = NEAR * max(1.0, linkage.size) / min(1.0, 50.0 * pose['sine'])
+                assert np.abs(np.array(pose['points']) - points).max() <= near
+        closed += int(closes.sum())
+    assert closed > 10
+
+
+def test_what_jams_is_told_as_the_kinematics_tells_it(
+    random_legs: dict[str, list[dict[str, Any]]], solved: dict[str, list[Any]]
+) -> None:
+    base, told = shipped_linkage('klann'), 0
+    for case, found in zip(random_legs['klann'], solved['klann'], strict=True):
+        linkage = base.varied(dict(zip(base.dimensions, case['numbers'], strict=True)))
+        for alpha, pose in zip(case['alphas'], found, strict=True):
+            if 'points' not in pose:
+                with pytest.raises(UnreachableError) as info:
+                    LinkageLeg(linkage).closed_form(alpha)
+                assert (info.value.dyad, info.value.stretched) == (pose['block'], pose['isFar'])
+                assert info.value.shortfall == pytest.approx(pose['shortfall'], abs=1e-12)
+                told += 1
+    assert told > 10
+
+
+@pytest.mark.parametrize('value', [0.0, -0.1, 1e300, 1e-300, None])
+@pytest.mark.parametrize('name', ['klann', 'jansen', 'slider_crank'])
+def test_numbers_that_are_no_linkages_are_refused_by_both(name: str, value: float | None) -> None:
+    linkage = shipped_linkage(name)
+    lengths = [n for n, d in enumerate(linkage.structure.dimensions) if d.is_length]
+    cases = []
+    for n in lengths:
+        numbers: list[float | None] = [*linkage.numbers]
+        numbers[n] = value
+        cases.append({'numbers': numbers, 'alphas': [0.0]})
+        with pytest.raises(GeometryError):
+            linkage.varied({[*linkage.dimensions][n]: np.nan if value is None else value})
+    found = poses_in_node({name: cases})[name]
+    assert all('refused' in one and '\n' not in one['refused'] for one in found)
+
+
+def test_the_lectures_twelve_numbers_come_out() -> None:
+    alpha, guess = LECTURE
+    given = {'texts': TEXTS, 'cases': [[alpha, *guess.tolist()]]}
+    (found,) = in_node(ITERATES, given)
+    rows = np.array(found['x'])[1:4, 1:]
+    assert np.round(np.degrees(np.round(rows, 4)), 4).tolist() == PRINTED
+
+
+def test_iterates_are_the_textbooks_wherever_they_lead() -> None:
+    rng = np.random.default_rng(7)
+    cases = rng.uniform(-3.0, 3.0, (40, 5))
+    found = in_node(ITERATES, {'texts': TEXTS, 'cases': cases.tolist()})
+    leg, converged = LinkageLeg(shipped_linkage('klann')), 0
+    for (alpha, *guess), ours in zip(cases, found, strict=True):
+        try:
+            theirs = leg.newton(alpha, guess, tolerance=1e-12)
+            converged += ours['converged']
+        except NotConvergedError as error:
+            theirs = error.iterates
+        # Until chaos takes over what rounding has begun.
+        few = min(4, len(theirs), len(ours['x']))
+        first = np.array(ours['x'])[:few, 1:]
+        assert first == pytest.approx(theirs[:few], rel=1e-7, abs=1e-7)
+    assert converged > 20
