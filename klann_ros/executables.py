@@ -29,7 +29,7 @@ def crank_node() -> int:
 
 
 def walker_node() -> int:
-    """Takes cmd_vel to the cranks of a walker, and gives odom back."""
+    """Take cmd_vel to the cranks of a walker, and give odom back."""
     return _node('walker_node')
 
 

@@ -22,6 +22,7 @@ ALLOWED = {
     'robot': {'untrusted', 'kinematics', 'dynamics'},
     'walking': {'kinematics', 'dynamics', 'robot'},
     'twin': {'untrusted', 'kinematics', 'dynamics', 'robot'},
+    'sweeps': {'untrusted', 'engines', 'kinematics'},
     'plotting': {'kinematics'},
     'page': {'untrusted', 'kinematics'},
     'review': {

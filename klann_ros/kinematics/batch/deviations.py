@@ -1,11 +1,41 @@
 """How far the feet of many legs are from where they should be."""
 
+from collections.abc import Mapping
 from math import ceil
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .program import Array
+
+
+def deviations(h: Array, nominal: Array) -> dict[str, NDArray[Any]]:
+    """
+    Return what is to be known of the feet at some crank angles, shape (legs, k, 2).
+
+    Where they should be is `nominal`; a foot that is not there is NaN. Of each angle there are
+    statistics, of each leg whether it is there at all, and how far it goes.
+    """
+    there = ~np.isnan(h[..., 0])
+    least, greatest = (np.where(there[..., None], h, far) for far in (np.inf, -np.inf))
+    apart = h - nominal
+    count = there.sum(axis=0)
+    # NaN comes last in order.
+    distance = np.sort(np.hypot(apart[..., 0], apart[..., 1]), axis=0)
+    statistics = {
+        'mean': _total(apart) / np.maximum(1, count)[:, None],
+        'rms': np.sqrt(_total(distance * distance) / np.maximum(1, count)),
+        'p95': _kept(distance, count, 0.95),
+        'p99': _kept(distance, count, 0.99),
+        'largest': _kept(distance, count, 1.0),
+        'box': np.stack([least.min(axis=0), greatest.max(axis=0)], axis=1),
+    }
+    nowhere = (count == 0) | np.isnan(nominal[:, 0])
+    for values in statistics.values():
+        values[nowhere] = np.nan
+    legs = {'least': least.min(axis=1), 'greatest': greatest.max(axis=1)}
+    return {**statistics, 'turns': there.all(axis=1), **legs}
 
 
 class Deviations:
@@ -26,34 +56,13 @@ class Deviations:
         """Return the share of legs that do not turn fully."""
         return float((~self._turns).mean())
 
-    def add(self, part: slice, h: Array, nominal: Array) -> None:
-        """
-        Take up the feet at some crank angles, shape (legs, k, 2), and where they should be.
-
-        A foot that is not there is NaN.
-        """
-        there = ~np.isnan(h[..., 0])
-        self._turns &= there.all(axis=1)
-        least, greatest = (np.where(there[..., None], h, far) for far in (np.inf, -np.inf))
-        self._least = np.minimum(self._least, least.min(axis=1))
-        self._greatest = np.maximum(self._greatest, greatest.max(axis=1))
-        apart = h - nominal
-        count = there.sum(axis=0)
-        # NaN comes last in order.
-        distance = np.sort(np.hypot(apart[..., 0], apart[..., 1]), axis=0)
-        box = np.stack([least.min(axis=0), greatest.max(axis=0)], axis=1)
-        statistics = {
-            'mean': _total(apart) / np.maximum(1, count)[:, None],
-            'rms': np.sqrt(_total(distance * distance) / np.maximum(1, count)),
-            'p95': _kept(distance, count, 0.95),
-            'p99': _kept(distance, count, 0.99),
-            'largest': _kept(distance, count, 1.0),
-            'box': box,
-        }
-        nowhere = (count == 0) | np.isnan(nominal[:, 0])
-        for name, values in statistics.items():
-            values[nowhere] = np.nan
-            self._at_angles[name][part] = values
+    def add(self, part: slice, found: Mapping[str, Any]) -> None:
+        """Take up what `deviations` found at some crank angles."""
+        self._turns &= found['turns']
+        self._least = np.minimum(self._least, found['least'])
+        self._greatest = np.maximum(self._greatest, found['greatest'])
+        for name, values in self._at_angles.items():
+            values[part] = found[name]
 
     def exclude(self, stuck: NDArray[np.bool_]) -> None:
         """Count legs as not turning fully that do so between the crank angles."""

@@ -1,7 +1,8 @@
 """What manufacturing errors do to the foot path: many legs drawn at random, and derivatives."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf
 from numbers import Real
 from typing import Any
@@ -11,9 +12,10 @@ from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
+from numpy.typing import NDArray
 
 from .batch import Progress
-from .deviations import Deviations
+from .deviations import Deviations, deviations
 from .poses import linkage_poses
 from .program import Array
 from .turn_clearance import driven_clearances
@@ -142,35 +144,108 @@ def tolerance_study(
     'l_bc'
 
     """
+    draw = tolerance_draw(
+        linkage,
+        tolerances,
+        samples=samples,
+        crank_angles=crank_angles,
+        distribution=distribution,
+        seed=seed,
+    )
+
+    def found() -> Iterator[dict[str, Any]]:
+        for part in draw.parts:
+            yield draw.deviations(part)
+            if progress is not None:
+                progress(part.stop * draw.samples, len(draw.alphas) * draw.samples)
+
+    return draw.study(found())
+
+
+@dataclass(frozen=True, eq=False)
+class ToleranceDraw:
+    """
+    Legs drawn within tolerances, to be looked at some crank angles at a time.
+
+    Attributes
+    ----------
+    linkage : Linkage
+        The leg as drawn.
+    widths : numpy.ndarray, shape (number of dimensions,)
+        Half-widths of the tolerances [m, rad].
+    samples, distribution, seed
+        As of `tolerance_study`.
+    alphas : numpy.ndarray, shape (k,)
+        The crank angles [rad].
+
+    """
+
+    linkage: Linkage
+    widths: Array
+    samples: int
+    distribution: str
+    seed: int
+    alphas: Array
+
+    @property
+    def parts(self) -> list[slice]:
+        """Return which crank angles are looked at together."""
+        step = max(1, POSES_HELD // self.samples)
+        count = len(self.alphas)
+        return [slice(first, min(first + step, count)) for first in range(0, count, step)]
+
+    @cached_property
+    def drawn(self) -> Variants:
+        """Return the legs."""
+        values = np.array(self.linkage.numbers)
+        errors = _draw(self.distribution, (len(values), self.samples), self.seed)
+        return _variants(self.linkage, values[:, None] + self.widths[:, None] * errors)
+
+    def deviations(self, part: slice) -> dict[str, NDArray[Any]]:
+        """Return what is to be known of the feet at some of the crank angles."""
+        alphas = self.alphas[part]
+        nominal = linkage_poses(self.linkage, alphas).h
+        return deviations(linkage_poses(self.drawn, alphas).h, nominal)
+
+    def study(self, found: Iterable[Mapping[str, Any]]) -> ToleranceStudy:
+        """Return the study, given the deviations of all parts in their order."""
+        all_found = Deviations(self.samples, len(self.alphas))
+        for part, each in zip(self.parts, found, strict=True):
+            all_found.add(part, each)
+        all_found.exclude(driven_clearances(self.drawn) < 0.0)
+        return ToleranceStudy(
+            **_read_only(
+                alphas=self.alphas,
+                nominal=linkage_poses(self.linkage, self.alphas).h,
+                **all_found.statistics(),
+                tolerances=self.widths,
+                sensitivities=_sensitivities(self.linkage, self.alphas),
+            ),
+            stuck=all_found.stuck,
+            names=tuple(self.linkage.dimensions),
+        )
+
+
+def tolerance_draw(
+    linkage: Any,
+    tolerances: Mapping[str, float] | float,
+    *,
+    samples: int,
+    crank_angles: int,
+    distribution: str,
+    seed: int,
+) -> ToleranceDraw:
+    """Return the legs of a `tolerance_study`; parameters and errors as there."""
     drawn_as = as_linkage(linkage)
     samples = validation.count('samples', samples, 1)
     crank_angles = validation.count('crank_angles', crank_angles, 1)
     seed = validation.count('seed', seed, 0)
-    values = np.array(drawn_as.numbers)
-    widths = _half_widths(drawn_as, tolerances)
-    errors = _draw(distribution, (len(values), samples), seed)
-    drawn = _variants(drawn_as, values[:, None] + widths[:, None] * errors)
+    if distribution not in DISTRIBUTIONS:
+        msg = f'distribution = {distribution!r} is refused: one of {", ".join(DISTRIBUTIONS)}'
+        raise ValueError(msg)
     alphas = np.arange(crank_angles, dtype=np.float64) * (TURN / crank_angles)
-    nominal = linkage_poses(drawn_as, alphas).h
-    found = Deviations(samples, crank_angles)
-    step = max(1, POSES_HELD // samples)
-    for first in range(0, crank_angles, step):
-        part = slice(first, min(first + step, crank_angles))
-        found.add(part, linkage_poses(drawn, alphas[part]).h, nominal[part])
-        if progress is not None:
-            progress(part.stop * samples, crank_angles * samples)
-    found.exclude(driven_clearances(drawn) < 0.0)
-    return ToleranceStudy(
-        **_read_only(
-            alphas=alphas,
-            nominal=nominal,
-            **found.statistics(),
-            tolerances=widths,
-            sensitivities=_sensitivities(drawn_as, alphas),
-        ),
-        stuck=found.stuck,
-        names=tuple(drawn_as.dimensions),
-    )
+    widths = _half_widths(drawn_as, tolerances)
+    return ToleranceDraw(drawn_as, widths, samples, distribution, seed, alphas)
 
 
 def _variants(linkage: Linkage, numbers: Array) -> Variants:
@@ -213,9 +288,6 @@ def _draw(distribution: str, shape: tuple[int, int], seed: int) -> Array:
     random = np.random.default_rng(seed)
     if distribution == 'uniform':
         return random.uniform(-1.0, 1.0, shape)
-    if distribution != 'normal':
-        msg = f'distribution = {distribution!r} is refused: one of {", ".join(DISTRIBUTIONS)}'
-        raise ValueError(msg)
     errors = random.normal(0.0, 1.0 / 3.0, shape)
     while (outside := np.abs(errors) > 1.0).any():
         errors[outside] = random.normal(0.0, 1.0 / 3.0, int(outside.sum()))

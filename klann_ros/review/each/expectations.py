@@ -122,16 +122,14 @@ def expectations_from_file(path: str) -> Expectations:
 
 
 def _expectations(content: Any, folder: Path) -> Expectations:
-    if not isinstance(content, Mapping):
-        raise ValueError(f'it must be a mapping of {", ".join(_KEYS)}')  # noqa: TRY004 - as all
+    _must(isinstance(content, Mapping), f'it must be a mapping of {", ".join(_KEYS)}')
     _only(content, _KEYS)
     topics, allow, baseline = (content.get(key) for key in _KEYS)
-    if not isinstance(topics, Mapping | None):
-        raise ValueError('topics must be a mapping: "/joint_states: {min_rate: 190}"')  # noqa: TRY004
-    if not (isinstance(allow, list | None) and all(isinstance(each, str) for each in allow or ())):
-        raise ValueError('allow must be a list of checks, such as [latency, gap]')
-    if not isinstance(baseline, str | None):
-        raise ValueError('baseline must be the path of a run')  # noqa: TRY004
+    example = '"/joint_states: {min_rate: 190}"'
+    _must(isinstance(topics, Mapping | None), f'topics must be a mapping, such as {example}')
+    are_names = isinstance(allow, list | None) and all(isinstance(one, str) for one in allow or ())
+    _must(are_names, 'allow must be a list of checks, such as [latency, gap]')
+    _must(isinstance(baseline, str | None), 'baseline must be the path of a run')
     return Expectations(
         {str(name): _topic(name, of) for name, of in (topics or {}).items()},
         frozenset(allow or ()),
@@ -142,8 +140,7 @@ def _expectations(content: Any, folder: Path) -> Expectations:
 def _topic(name: Any, content: Any) -> ExpectedTopic:
     if content is None:
         return ExpectedTopic()
-    if not isinstance(content, Mapping):
-        raise ValueError(f'{name} must be a mapping of {", ".join(_TOPIC_KEYS)}')  # noqa: TRY004
+    _must(isinstance(content, Mapping), f'{name} must be a mapping of {", ".join(_TOPIC_KEYS)}')
     _only(content, _TOPIC_KEYS)
     for key, value in content.items():
         most = 1.0 if key == 'max_lost' else inf
@@ -152,6 +149,11 @@ def _topic(name: Any, content: Any) -> ExpectedTopic:
             what = 'a share, 0 to 1' if key == 'max_lost' else 'a number >= 0'
             raise ValueError(f'{name} {key} = {value!r} is refused: it must be {what}')
     return ExpectedTopic(**{key: float(value) for key, value in content.items()})
+
+
+def _must(condition: bool, text: str) -> None:
+    if not condition:
+        raise ValueError(text)
 
 
 def _only(content: Mapping[Any, Any], keys: tuple[str, ...]) -> None:

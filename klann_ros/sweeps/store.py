@@ -1,0 +1,149 @@
+"""Results in chunks on disk: each whole or not at all, and only of the sweep that began them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+import hashlib
+import json
+from pathlib import Path
+import secrets
+from typing import Any
+
+from klann_ros.engines import Failed, mapped
+from klann_ros.untrusted.files import open_plain, read_plain
+from klann_ros.untrusted.text import printable
+import numpy as np
+from numpy.typing import NDArray
+
+MANIFEST = 'sweep.json'
+_LONGEST = 1_000_000
+Arrays = Mapping[str, NDArray[Any]]
+# Is given how many chunks are done, and how many there are.
+Progress = Callable[[int, int], object]
+
+
+class SweepError(Exception):
+    """A sweep that cannot be begun, gone on with or ended; the text says why."""
+
+
+def fingerprint(*parts: object) -> str:
+    """Return what tells one sweep from another: arrays by their bytes, all else by its text."""
+    digest = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            digest.update(f'{part.dtype} {part.shape}'.encode())
+            digest.update(np.ascontiguousarray(part).tobytes())
+        else:
+            digest.update(repr(part).encode())
+        digest.update(b'\0')
+    return digest.hexdigest()
+
+
+class ChunkStore:
+    """
+    The chunks of one sweep in a folder.
+
+    Parameters
+    ----------
+    folder : path
+        Where they are; it is made if it is not there.
+    identity : str
+        Whose they are.
+    count : int
+        How many there are to be.
+
+    Raises
+    ------
+    SweepError
+        The folder holds another sweep, or cannot be written.
+
+    """
+
+    def __init__(self, folder: str | Path, identity: str, count: int) -> None:
+        """Begin, or go on."""
+        self.folder, self.count = Path(folder), count
+        told = json.dumps({'klann_ros': 'sweep', 'identity': identity, 'chunks': count})
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            manifest = self.folder / MANIFEST
+            if manifest.exists():
+                if read_plain(manifest, _LONGEST) != told:
+                    raise SweepError(
+                        f'{printable(folder)} holds another sweep: choose an empty folder'
+                    )
+            elif any(self.folder.iterdir()):
+                raise SweepError(f'{printable(folder)} is not empty, and holds no sweep')
+            else:
+                _write(manifest, lambda path: path.write_text(told))
+        except (OSError, ValueError) as error:
+            reason = getattr(error, 'strerror', None) or error
+            raise SweepError(f'{printable(folder)} cannot be used: {reason}') from error
+
+    def path(self, number: int) -> Path:
+        """Return where a chunk is."""
+        return self.folder / f'chunk_{number:06}.npz'
+
+    def missing(self) -> list[int]:
+        """Return the chunks that are not there yet."""
+        return [number for number in range(self.count) if not self.path(number).exists()]
+
+    def load(self, number: int) -> dict[str, NDArray[Any]]:
+        """Return the arrays of a chunk, read-only."""
+        with open_plain(self.path(number)) as file, np.load(file, allow_pickle=False) as content:
+            arrays = {name: content[name] for name in content.files}
+        for array in arrays.values():
+            array.setflags(write=False)
+        return arrays
+
+    def fill(
+        self,
+        function: Callable[[Any], Arrays],
+        items: Sequence[Any],
+        progress: Progress | None,
+        **engine: Any,
+    ) -> None:
+        """
+        Have the missing chunks computed; parameters of the engine as `klann_ros.engines.mapped`.
+
+        Raises
+        ------
+        SweepError
+            One of them cannot be; the others are there.
+        EngineError
+            The engine cannot be had.
+
+        """
+        missing = self.missing()
+        done, faults = self.count - len(missing), []
+        work = partial(_computed, function)
+        tasks = ((self.path(number), items[number]) for number in missing)
+        for place, answer in mapped(work, tasks, **engine):
+            if isinstance(answer, Failed):
+                faults.append(f'chunk {missing[place]}: {answer.reason}')
+                continue
+            done += 1
+            if progress is not None:
+                progress(done, self.count)
+        if faults:
+            more = f' (and {len(faults) - 1} more)' if len(faults) > 1 else ''
+            raise SweepError(f'{printable(faults[0])}{more}; what is done is kept')
+
+
+def _computed(function: Callable[[Any], Arrays], task: tuple[Path, Any]) -> None:
+    """Compute a chunk where it is computed, and write it there: the folder is everybody's."""
+    path, item = task
+    arrays = function(item)
+
+    def save(place: Path) -> None:
+        with place.open('wb') as file:
+            np.savez(file, **dict(arrays))  # type: ignore[arg-type]
+
+    _write(path, save)
+
+
+def _write(path: Path, save: Callable[[Path], object]) -> None:
+    beside = path.with_name(f'.{path.name}.{secrets.token_hex(8)}')
+    try:
+        save(beside)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
