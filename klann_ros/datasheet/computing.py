@@ -7,6 +7,7 @@ from math import isfinite
 from klann_ros.kinematics.angles import TURN
 from klann_ros.robot import Robot, RobotLeg
 from klann_ros.walking import NoWalkerError, walk_figures, WalkFigures
+import numpy as np
 
 from .leg_sheet import alike, dynamics_of, leg_sheet
 from .load import crank_load, CrankLoad, Turned
@@ -72,12 +73,13 @@ def data_sheet(
     of = {leg.name: sheets[k] for leg, k in zip(robot.legs, number, strict=True)}
     cranks = []
     for joint in robot.crank_joints:
-        own = robot.on_joint(joint)
-        turns = all(of[leg.name].turns_fully for leg in own)
-        turned = [Turned(leg, dynamics_of(robot, leg), of[leg.name].stance) for leg in own]
-        crank, hardest = _crank(joint, turned if turns else (), speed, load, samples)
-        known = replace(crank, legs=tuple(leg.name for leg in own))
-        cranks.append(_judged(known, hardest, motor, speed))
+        turned = [
+            Turned(leg, dynamics_of(robot, leg), own.stance, own.turns_fully)
+            for leg in robot.on_joint(joint)
+            for own in [of[leg.name]]
+        ]
+        crank, hardest = _crank(joint, turned, speed, load, samples)
+        cranks.append(_judged(crank, hardest, motor, speed))
     walk, no_walk = _walk(robot)
     return DataSheet(
         name=robot.name,
@@ -131,6 +133,9 @@ def _no_forces(legs: Sequence[LegSheet], missing: str, load: float) -> str:
         told.append('the crank does not turn fully: there is no turn to tell the forces of')
     if missing:
         told.append(f'{missing}; what follows is the load alone' if load else missing)
+    lost = [leg for leg in legs if any(np.isnan(of.torque).any() for of in leg.cases)]
+    if lost:
+        told.append('links are in line at a crank angle, where no force follows from the motion')
     return '; '.join(told)
 
 
@@ -138,11 +143,23 @@ def _crank(
     joint: str, turned: Sequence[Turned], speed: float, load: float, samples: int
 ) -> tuple[CrankSheet, CrankLoad | None]:
     """Return the sheet of a joint without its motor, and what the motor has to turn."""
-    weighed = all(each.leg.masses is not None for each in turned)
-    empty = crank_load(turned, 0.0, samples) if turned and weighed else None
-    loaded = crank_load(turned, load, samples) if turned and load else None
+    legs = [each.leg for each in turned]
+    (first, *others) = legs
+    bare = CrankSheet(
+        joint=joint,
+        legs=tuple(leg.name for leg in legs),
+        is_own=not others and (first.direction, first.phase) == (1, 0.0),
+        empty=None,
+        loaded=None,
+        motor=None,
+    )
+    if not all(each.is_full for each in turned):
+        return bare, None
+    weighed = all(leg.masses is not None for leg in legs)
+    empty = crank_load(turned, 0.0, samples) if weighed else None
+    loaded = crank_load(turned, load, samples) if load else None
     empty_turn, loaded_turn = (each.turn(speed) if each else None for each in (empty, loaded))
-    return CrankSheet(joint, (), empty_turn, loaded_turn, None), loaded or empty
+    return replace(bare, empty=empty_turn, loaded=loaded_turn), loaded or empty
 
 
 def _judged(

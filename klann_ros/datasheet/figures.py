@@ -251,7 +251,9 @@ def motor_figures(crank: CrankSheet) -> Iterator[Figure]:
 
 
 def _times(margin: float) -> str:
-    return 'any' if margin == inf else f'{margin:.2f}'
+    if margin == inf:
+        return 'any'
+    return f'{margin:.2f}' if margin < 100.0 else number(margin)
 
 
 def motor_line(sheet: DataSheet) -> str:

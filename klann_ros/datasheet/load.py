@@ -56,11 +56,12 @@ def foot_load(linkage_foot: str, stance: Stance, alphas: Array, load: float) -> 
 
 
 class Turned(NamedTuple):
-    """A leg that a joint turns, with its masses, and its stance where its foot is loaded."""
+    """A leg that a joint turns, with its masses, its stance, and whether it turns fully."""
 
     leg: RobotLeg
     dynamics: Dynamics
     stance: Stance | None
+    is_full: bool
 
 
 def crank_load(turned: Sequence[Turned], load: float, samples: int) -> CrankLoad:
@@ -81,7 +82,7 @@ def crank_load(turned: Sequence[Turned], load: float, samples: int) -> CrankLoad
     """
     angles = TURN * np.arange(samples) / samples
     still, squared = np.zeros(samples), np.zeros(samples)
-    for leg, dynamics, stance in turned:
+    for leg, dynamics, stance, _ in turned:
         alphas = leg.crank_angles(angles)
         forces = (
             foot_load(leg.linkage.structure.foot, stance, alphas, load)

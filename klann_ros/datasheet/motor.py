@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from math import inf, isfinite
+from math import degrees, inf, isfinite
 from typing import Any
 
 from klann_ros.untrusted.files import read_plain
@@ -146,7 +146,8 @@ class MotorVerdict:
     available : float
         What the gear's output gives at this speed [N m].
     peak : float
-        The greatest torque against the crank's turning, 0 where there is none [N m].
+        The greatest torque against the crank's turning, 0 where there is none, infinite where it
+        is not known at an angle [N m].
     peak_at : float
         The angle of the crank joint there [rad].
     braking_peak : float
@@ -191,6 +192,9 @@ class MotorVerdict:
         if self.available <= 0.0:
             most = self.motor.output_no_load_speed
             found.append(f'even without load it turns no faster than {most:.4g} rad/s')
+        elif self.peak == inf:
+            where = f'{degrees(self.peak_at):.1f} deg'
+            found.append(f'links are in line at {where}, where nobody knows what it takes')
         elif self.margin < 1.0:
             found.append(f'it gives {self.available:.4g} N m where {self.peak:.4g} N m are needed')
         if self.braking_margin < 1.0:
@@ -200,7 +204,7 @@ class MotorVerdict:
         if not found and self.fastest < self.speed:
             found.append(f'it gets no faster than {self.fastest:.4g} rad/s from standstill')
         thermal = self.thermal_margin
-        if thermal is not None and thermal < 1.0:
+        if thermal is not None and thermal < 1.0 and self.motor_rms < inf:
             found.append(
                 f'it gets too warm: {self.motor_rms:.4g} N m rms at the motor, which stands '
                 f'{self.motor.continuous_torque:.4g} N m for ever'
@@ -229,6 +233,8 @@ def verdict(motor: Motor, load: CrankLoad, speed: float) -> MotorVerdict:
     """
     way = -1.0 if speed < 0.0 else 1.0
     torque = way * load.torque(speed)
+    # At a change point links are in line, and no torque follows from the motion.
+    torque = np.where(np.isnan(torque), inf, torque)
     at_motor = np.where(torque > 0.0, torque / motor.efficiency, torque * motor.efficiency)
     worst = int(np.argmax(torque))
     return MotorVerdict(
@@ -252,6 +258,8 @@ def _fastest(motor: Motor, load: CrankLoad, way: float) -> float:
     """
     still, squared = way * load.still, way * load.per_speed_squared
     stall, most = motor.output_stall_torque, motor.output_no_load_speed
+    if np.isnan(still).any():
+        return 0.0
     driven = _first_root(squared, np.full_like(still, stall / most), still - stall)
     held = _first_root(-squared, np.zeros_like(still), -still - motor.holding_torque)
     return float(min(most, driven.min(), held.min()))

@@ -186,6 +186,11 @@ class LegSheet:
         return sum(body.mass for body in self.masses)
 
     @property
+    def cases(self) -> tuple[LegForces, ...]:
+        """Return what is known without and with the load."""
+        return tuple(of for of in (self.empty, self.loaded) if of is not None)
+
+    @property
     def title(self) -> str:
         """Return what is called so."""
         return ', '.join(self.names)
@@ -202,6 +207,9 @@ class CrankSheet:
         Its name.
     legs : tuple of str
         The legs that it turns.
+    is_own : bool
+        Whether its angle is the crank angle of the only leg that it turns: no phase, no other
+        direction.
     empty, loaded : TurnOfForces, optional
         Over the angles of the joint, without and with the load on each standing foot.
     motor : MotorVerdict, optional
@@ -211,6 +219,7 @@ class CrankSheet:
 
     joint: str
     legs: tuple[str, ...]
+    is_own: bool
     empty: TurnOfForces | None
     loaded: TurnOfForces | None
     motor: MotorVerdict | None
@@ -259,6 +268,11 @@ class DataSheet:
     no_forces: str
     walk: WalkFigures | None
     no_walk: str
+
+    @property
+    def is_single(self) -> bool:
+        """Return whether there is but one leg, whose crank angle is that of its joint."""
+        return len(self.cranks) == 1 and self.cranks[0].is_own
 
     @property
     def motor_turns(self) -> bool:

@@ -30,10 +30,10 @@ def _lines(sheet: DataSheet) -> Iterator[str]:
     for leg in sheet.legs:
         yield from _leg(leg, sheet)
     for crank in sheet.cranks:
-        several = len(sheet.cranks) > 1 or len(crank.legs) > 1
+        several = not sheet.is_single
         title = figures.crank_title(crank)
         if crank.hardest is not None:
-            turns = f', which turns {", ".join(crank.legs)}' if several else ''
+            turns = f', which turns {", ".join(crank.legs)}' if several and any(crank.legs) else ''
             yield from _table(figures.crank_forces(crank, sheet.speed), f'{title}{turns}')
         if crank.motor is not None:
             yield from _heading(f'Motor of {title.lower()}' if several else 'Motor')

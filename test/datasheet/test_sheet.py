@@ -5,9 +5,11 @@ import doctest
 import json
 from math import nan, pi
 from pathlib import Path
+import re
 
 import klann_ros.datasheet
-from klann_ros.datasheet import data_sheet, DataSheet, SheetError
+from klann_ros.datasheet import data_sheet, DataSheet, Motor, SheetError
+from klann_ros.datasheet.html_page import page
 from klann_ros.datasheet.json_report import report
 from klann_ros.dynamics import rods
 from klann_ros.kinematics import (
@@ -175,6 +177,52 @@ def test_legs_that_differ_have_a_sheet_each() -> None:
 
 
 LENGTHS = KlannGeometry.sem104().as_dict()
+
+
+def test_the_angle_of_a_joint_is_not_that_of_a_leg_with_a_phase() -> None:
+    robot = robot_from_parameters(
+        {**LENGTHS, 'bar_density': 1.0, 'phase': 0.5, 'direction': -1, 'crank_joint': 'axle'}
+    )
+    sheet = data_sheet(robot, samples=30)
+    (crank,) = sheet.cranks
+    assert crank.empty is not None
+    assert not crank.is_own
+    expected = -robot.dynamics(robot.legs[0]).crank_torque(0.5 - crank.empty.alphas, sheet.speed)
+    assert crank.empty.torque == pytest.approx(expected, abs=1e-9)
+    shown = page(sheet)
+    assert 'angle of axle / deg' in shown
+    assert 'Crank axle' in shown
+
+
+# Its links are in line twice a turn, where no velocity follows.
+PARALLELOGRAM = """
+name: Parallelogram
+density: 1.0
+pivots: {A: [0, 0], D: [0.2, 0]}
+crank: a
+foot: C
+bodies:
+  a: {bars: [{from: A, to: B, length: 0.1}]}
+  b: {bars: [{from: B, to: C, length: 0.2}]}
+  c: {bars: [{from: D, to: C, length: 0.1}]}
+start: {a: 1.0, b: 0.0, c: 1.0}
+"""
+
+
+def test_what_is_not_known_where_links_are_in_line_is_no_promise(tmp_path: Path) -> None:
+    path = tmp_path / 'parallelogram.yaml'
+    path.write_text(PARALLELOGRAM)
+    strong = Motor(stall_torque=1e6, no_load_speed=1e3, gear_ratio=1.0, efficiency=1.0)
+    sheet = data_sheet(robot_from_file(path), load=1.0, motor=strong, samples=360)
+    assert 'links are in line' in sheet.no_forces
+    assert not sheet.motor_turns
+    verdict = sheet.cranks[0].motor
+    assert verdict is not None
+    assert verdict.faults == ('links are in line at 0.0 deg, where nobody knows what it takes',)
+    assert 'NaN' not in report(sheet)
+    drawn = re.findall(r' (?:d|x|y|width)="([^"]*)"', page(sheet))
+    assert len(drawn) > 50
+    assert not [value for value in drawn if 'nan' in value or 'inf' in value]
 
 
 def test_what_does_not_turn_has_arcs_and_says_that_there_is_no_turn() -> None:

@@ -48,7 +48,7 @@ def legs(sheet: DataSheet) -> Markup:
 
 
 def _leg(sheet: DataSheet, leg: LegSheet, number: int) -> Markup:
-    alone = _is_alone(sheet)
+    alone = sheet.is_single
     own = [*_leg_charts(leg)]
     crank = [*_crank_charts(sheet.cranks[0], sheet, leg)] if alone and sheet.cranks else []
     beside = crank or own
@@ -69,11 +69,6 @@ def _leg(sheet: DataSheet, leg: LegSheet, number: int) -> Markup:
         grid([*beside[2:], *below]),
         element('div', *map(_table, _tables(sheet, leg)), class_='tables'),
     )
-
-
-def _is_alone(sheet: DataSheet) -> bool:
-    """Return whether there is one leg, whose crank angle is that of its joint."""
-    return len(sheet.legs) == 1 and sheet.legs[0].names == ('',)
 
 
 def _about(leg: LegSheet) -> str:
@@ -100,7 +95,7 @@ def _tile(figure: Figure) -> Markup:
 
 def _motor(sheet: DataSheet) -> list[Markup]:
     """Return the motor's table, where it stands beside the charts of its crank."""
-    if not _is_alone(sheet):
+    if not sheet.is_single:
         return []
     return [_table(_motor_table(crank)) for crank in sheet.cranks if crank.motor]
 
@@ -188,7 +183,7 @@ def _crank_charts(crank: CrankSheet, sheet: DataSheet, leg: LegSheet | None) -> 
 
 
 def _tables(sheet: DataSheet, leg: LegSheet) -> Iterator[Table]:
-    alone = _is_alone(sheet)
+    alone = sheet.is_single
     if alone:
         yield from _crank_tables(sheet.cranks, sheet)
     yield figures.bars(leg)
@@ -202,7 +197,7 @@ def _tables(sheet: DataSheet, leg: LegSheet) -> Iterator[Table]:
 
 def _crank_tables(cranks: Iterable[CrankSheet], sheet: DataSheet) -> Iterator[Table]:
     for crank in cranks:
-        if crank.motor is not None and not _is_alone(sheet):
+        if crank.motor is not None and not sheet.is_single:
             yield _motor_table(crank)
         if crank.hardest is not None:
             yield figures.crank_forces(crank, sheet.speed)
@@ -218,7 +213,7 @@ def _motor_table(crank: CrankSheet) -> Table:
 
 def cranks(sheet: DataSheet) -> Markup:
     """Return the sections of a walker's cranks."""
-    if _is_alone(sheet):
+    if sheet.is_single:
         return Markup()
     return joined(_crank(crank, sheet) for crank in sheet.cranks if crank.hardest)
 
@@ -227,7 +222,7 @@ def _crank(crank: CrankSheet, sheet: DataSheet) -> Markup:
     return element(
         'section',
         element('h2', figures.crank_title(crank)),
-        element('p', f'It turns {", ".join(crank.legs)}.', class_='quiet'),
+        _quiet(f'it turns {", ".join(crank.legs)}' if any(crank.legs) else ''),
         grid(_crank_charts(crank, sheet, None)),
         element('div', *map(_table, _crank_tables([crank], sheet)), class_='tables'),
     )
