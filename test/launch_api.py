@@ -16,6 +16,7 @@ NAMES: dict[str, dict[str, set[str]]] = {
     'launch': {'LaunchContext': set(), 'LaunchDescription': {'deprecated_reason'}},
     'launch.actions': {
         'DeclareLaunchArgument': ACTION | {'choices', 'default_value', 'description'},
+        'ExecuteProcess': PROCESS | {'cmd', 'shell'},
         'IncludeLaunchDescription': ACTION | {'launch_arguments'},
         'LogInfo': ACTION | {'msg'},
         'OpaqueFunction': ACTION | {'args', 'function', 'kwargs'},

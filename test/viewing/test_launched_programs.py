@@ -23,6 +23,7 @@ ARGUMENTS = {
     'leg': LEG,
     'demo': DEMO,
     'walker': DEMO | {'walker', 'crank'},
+    'walk': LEG | {'linear', 'friction', 'slope'},
     'replay': DESCRIPTION | {'log', 'play_rate', 'start_offset', 'loop'},
 }
 # What a launch file starts in any case, and what a flag adds.
@@ -31,6 +32,7 @@ ALWAYS = {
     'leg': {'solver_node'},
     'demo': {'solver_node', 'crank_node'},
     'walker': {'solver_node'},
+    'walk': {'solver_node', 'sim_node', 'walker_node'},
     'replay': {'player_node'},
 }
 FLAGS = {

@@ -1,0 +1,115 @@
+"""
+A simulated walker that takes cmd_vel: sim_node, walker_node, and what leg.launch.py starts.
+
+    ros2 launch klann_ros walk.launch.py linear:=0.1 rviz:=true
+
+It takes the arguments of leg.launch.py as well: with view:=true the live page steers it.
+"""
+
+from pathlib import Path
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import (
+    DeclareLaunchArgument,
+    ExecuteProcess,
+    IncludeLaunchDescription,
+    OpaqueFunction,
+)
+from launch.conditions import UnlessCondition
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import EqualsSubstitution, LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+FLAG = ['true', 'false', 'True', 'False']
+SHARE = FindPackageShare('klann_ros')
+ARGUMENTS = (
+    DeclareLaunchArgument(
+        'params_file',
+        default_value=PathJoinSubstitution([SHARE, 'config', 'walker6_two_motors.yaml']),
+        description='Parameter file of solver_node, instead of a shipped one.',
+    ),
+    DeclareLaunchArgument(
+        'namespace', default_value='', description='Namespace of the nodes and their topics.'
+    ),
+    DeclareLaunchArgument(
+        'use_sim_time',
+        default_value='false',
+        choices=FLAG,
+        description='Take the time from /clock.',
+    ),
+    DeclareLaunchArgument(
+        'linear',
+        default_value='',
+        description='Speed to walk with, sent as cmd_vel [m/s]; empty: nobody sends any.',
+    ),
+    DeclareLaunchArgument(
+        'friction', default_value='0.8', description='Friction of the feet on the floor.'
+    ),
+    DeclareLaunchArgument(
+        'slope', default_value='0.0', description='By how much the floor rises along x [rad].'
+    ),
+)
+
+
+def check(context: LaunchContext) -> None:
+    """Refuse what is no number before the walker is started."""
+    for name in ('linear', 'friction', 'slope'):
+        text = LaunchConfiguration(name).perform(context)
+        try:
+            float(text or '0')
+        except ValueError:
+            raise RuntimeError(f'{name}:={text} is no number') from None
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Describe the robot, what controls it, and what shows it."""
+    namespace = LaunchConfiguration('namespace')
+    use_sim_time = LaunchConfiguration('use_sim_time')
+    params_file = PathJoinSubstitution([str(Path.cwd()), LaunchConfiguration('params_file')])
+    names = ('params_file', 'namespace', 'use_sim_time')
+    leg = IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(PathJoinSubstitution([SHARE, 'launch', 'leg.launch.py'])),
+        launch_arguments={name: LaunchConfiguration(name) for name in names}.items(),
+    )
+    sim = Node(
+        package='klann_ros',
+        executable='sim_node',
+        name='sim_node',
+        namespace=namespace,
+        output='screen',
+        parameters=[
+            params_file,
+            {
+                # Others' time is its own.
+                'use_clock': ParameterValue(use_sim_time, value_type=bool),
+                'friction': ParameterValue(LaunchConfiguration('friction'), value_type=float),
+                'slope': ParameterValue(LaunchConfiguration('slope'), value_type=float),
+            },
+        ],
+    )
+    walker = Node(
+        package='klann_ros',
+        executable='walker_node',
+        name='walker_node',
+        namespace=namespace,
+        output='screen',
+        parameters=[params_file, {'use_sim_time': use_sim_time}],
+    )
+    # Without a stamp: it is as old as its arrival.
+    sent = ['{twist: {linear: {x: ', LaunchConfiguration('linear'), '}}}']
+    commander = ExecuteProcess(
+        cmd=[
+            *('ros2', 'topic', 'pub', '--rate', '10'),
+            [namespace, '/cmd_vel'],
+            'geometry_msgs/msg/TwistStamped',
+            sent,
+        ],
+        name='commander',
+        output='log',
+        condition=UnlessCondition(EqualsSubstitution(LaunchConfiguration('linear'), '')),
+    )
+    return LaunchDescription(
+        [*ARGUMENTS, OpaqueFunction(function=check), leg, sim, walker, commander]
+    )
