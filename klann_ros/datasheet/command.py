@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 import sys
 
 from klann_ros import __version__
@@ -10,7 +11,7 @@ from klann_ros.dynamics import MassError, rods
 from klann_ros.review.report.outputs import Output, OutputError, outputs
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.untrusted.arguments import ArgumentParser, path
-from klann_ros.untrusted.text import printable_line
+from klann_ros.untrusted.text import printable, printable_line
 
 from . import html_page, json_report
 from .computing import data_sheet, SPEED
@@ -50,6 +51,10 @@ def _fail(error: Exception, code: int) -> int:
 def _describe(options: argparse.Namespace) -> int:
     asked = {f'--{name}': getattr(options, name) for name in ('html', 'json')}
     files = outputs(asked, [given for given in (options.file, options.motor) if given])
+    for file in files:
+        if Path(file.path).suffix.lower() in ('.yaml', '.yml'):
+            what = 'a file of parameters or a linkage may be there, which FILE may name'
+            raise OutputError(f'{file.option} {printable(file.path)} is refused: {what}')
     motor = motor_from_file(options.motor) if options.motor is not None else None
     robot = robot_of(options.file)
     sheet = data_sheet(

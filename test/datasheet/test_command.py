@@ -39,7 +39,8 @@ def test_tables_are_in_columns(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([SEM]) == 0
     lines = capsys.readouterr().out.splitlines()
     start = lines.index('Bars') + 1
-    ends = {len(line) for line in lines[start : start + 14]}
+    # Its heads, and its 13 numbers.
+    ends = {len(line) for line in lines[slice(start, start + 14)]}
     assert len(ends) == 1
 
 
@@ -135,6 +136,18 @@ def test_nothing_is_written_where_it_may_not_be(
     assert told.err.count('\n') == 1
     assert leg.read_bytes() == Path(SEM).read_bytes()
     assert motor.read_bytes() == Path(MOTOR).read_bytes()
+
+
+def test_no_yaml_file_is_written_for_a_leg_may_name_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    linkage = tmp_path / 'linkage.yaml'
+    linkage.write_text(LINKAGE)
+    leg = tmp_path / 'leg.yaml'
+    leg.write_text('linkage: linkage.yaml\n')
+    assert main([str(leg), '--html', str(linkage)]) == 3
+    assert 'which FILE may name' in capsys.readouterr().err
+    assert linkage.read_text() == LINKAGE
 
 
 def test_both_in_one_file_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
