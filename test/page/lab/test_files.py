@@ -93,7 +93,7 @@ def test_saved_parameters_are_those_of_the_leg(saved: dict[str, Any]) -> None:
     # Moved by (10, 10) mm and back again: A is above the origin, D beside it.
     assert (geometry.x_d, geometry.y_a) == pytest.approx((sem.x_d, sem.y_a))
     assert (geometry.x_e, geometry.y_e) == pytest.approx((sem.x_e, sem.y_e))
-    assert geometry.angle_fgh == sem.angle_fgh
+    assert geometry.angle_fgh == pytest.approx(sem.angle_fgh, rel=1e-15)
     numbers, signs, outside = saved['klann']['read']
     assert signs == [1, 1]
     assert outside == [False, True]

@@ -265,7 +265,7 @@ def test_what_is_saved_is_loaded_by_solver_node_and_by_the_page(
     assert linkage.name == 'My leg: "1"'
     (values,) = parse(saved_by(lab, '#save-parameters', tmp_path)).values()
     geometry = KlannGeometry(**values['ros__parameters'])
-    assert geometry.l_bc == numbers[1]
+    assert geometry.l_bc == pytest.approx(numbers[1], rel=1e-14)
     assert {path.name for path in tmp_path.iterdir()} == {
         'my_leg_1.yaml',
         'my_leg_1_parameters.yaml',

@@ -23,7 +23,7 @@ function shapeOf({ structure, pointRows }) {
 }
 
 /** Return the linkage and the crank angle after a point was dragged; null where nothing can. */
-function draggedTo(linkage, pose, i, target) {
+function draggedTo(linkage, pose, crank, i, target) {
   const { structure } = linkage;
   const name = structure.points[i];
   const numbers = [...linkage.numbers];
@@ -33,13 +33,13 @@ function draggedTo(linkage, pose, i, target) {
       if (d.place === place && d.kind === 'x') [numbers[n]] = target;
       if (d.place === place && d.kind === 'y') [, numbers[n]] = target;
     });
-    return { linkage: linkage.with(numbers), alpha: pose.x[0] };
+    return { linkage: linkage.with(numbers), alpha: crank };
   }
   if (pose.error) return null;
   const points = pose.points.map((point, k) => (k === i ? target : point));
   const { u } = measured(structure, points, pose.u, name, numbers);
   const x = linkage.coordinates(u);
-  const alpha = pose.x[0] + wrap(x[0] - pose.x[0]);
+  const alpha = crank + wrap(x[0] - crank);
   const options = {
     ...linkage.kept,
     ...(linkage.isDyadic ? { signs: linkage.signs } : { start: [alpha, ...x.slice(1)] }),
@@ -48,12 +48,11 @@ function draggedTo(linkage, pose, i, target) {
   if (!made.isDyadic) return { linkage: made, alpha };
   // In which assembly it lies as it was dragged: a joint may pass from one into another.
   const off = (one) => Math.hypot(...one.points.flatMap((point, k) => C.sub(point, points[k])));
-  const poses = dyadPoses(made, alpha, 64);
-  const best = poses.reduce(
-    (a, b) => (off(b) < off(a) - 1e-9 * made.size ? b : a),
-    poseAt(made, alpha),
-  );
-  const isBetter = best.signs && String(best.signs) !== String(made.signs);
+  const own = poseAt(made, alpha);
+  const poses = own.error ? dyadPoses(made, alpha, 64) : [own, ...dyadPoses(made, alpha, 64)];
+  if (!poses.length) return { linkage: made, alpha };
+  const best = poses.reduce((a, b) => (off(b) < off(a) - 1e-9 * made.size ? b : a));
+  const isBetter = String(best.signs) !== String(made.signs);
   return { linkage: isBetter ? made.with(numbers, best.signs) : made, alpha };
 }
 

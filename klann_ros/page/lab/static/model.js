@@ -82,7 +82,7 @@ class Lab {
   /** Move a point [m]: a pivot with all lengths as they are, a joint by new lengths. */
   drag(i, target) {
     this.attempt(() => {
-      const moved = draggedTo(this.linkage, this.pose, i, target);
+      const moved = draggedTo(this.linkage, this.pose, this.alpha, i, target);
       if (!moved) return;
       this.alpha = moved.alpha;
       this.change(moved.linkage);

@@ -107,7 +107,8 @@ function parametersText(linkage) {
 
 /** Return a number with a point and without an exponent, as rcl wants it of a double. */
 function real(value) {
-  const text = String(value || 0);
+  // The sixteenth digit is that of a unit's conversion.
+  const text = String(Number(value.toPrecision(15)) || 0);
   if (/^-?\d+$/.test(text)) return `${text}.0`;
   return text.includes('e') ? value.toFixed(20).replace(/0+$/, '0') : text;
 }
