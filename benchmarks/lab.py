@@ -1,9 +1,9 @@
 """
 Hold the lab's solver to the kinematics: python benchmarks/lab.py [POSES].
 
-So many random legs and crank angles of every shipped linkage (100 000 where left out) are solved by
-both; it tells how far apart their points are at most, and how often they disagree about what jams.
-It needs node.
+So many random legs and crank angles of every shipped linkage (100 000 where left out) are solved
+by both; it tells how far apart their points are at most, and how often they disagree about what
+jams. It needs node.
 """
 
 from pathlib import Path

@@ -11,7 +11,7 @@ const TEXTS = {
     opened: 'from a file',
     drawing: 'The linkage',
     drawingHint:
-      'Joints: drag, or arrow keys (with shift ten times as far). Solid: the path of the foot.',
+      'Joints: drag, or arrow keys (with shift ten times as far). Solid: the path of the foot. Orange: an iterate of Newton-Raphson; red: where it, or a dyad, does not close.',
     crank: 'Crank angle',
     play: 'Turn',
     pause: 'Stop',
@@ -100,7 +100,7 @@ const TEXTS = {
     opened: 'de um arquivo',
     drawing: 'O mecanismo',
     drawingHint:
-      'Juntas: arraste, ou use as setas (com shift, dez vezes mais). Linha cheia: a trajetória do pé.',
+      'Juntas: arraste, ou use as setas (com shift, dez vezes mais). Linha cheia: a trajetória do pé. Laranja: uma iteração de Newton-Raphson; vermelho: onde ela, ou uma díade, não fecha.',
     crank: 'Ângulo da manivela',
     play: 'Girar',
     pause: 'Parar',
