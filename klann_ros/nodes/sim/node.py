@@ -26,6 +26,8 @@ from .outputs import RobotOutputs
 # Less of what is asked for is told [-].
 KEPT = 0.97
 SECOND = 10**9
+# The engine would never get anywhere [s].
+SHORTEST = 1e-5
 
 
 class SimNode(Node):
@@ -43,6 +45,8 @@ class SimNode(Node):
         """Declare, validate, and begin; `options` are those of Node."""
         super().__init__('sim_node', **options)
         values = declare(self, PARAMETERS)
+        step = values['time_step']
+        must(step == 0.0 or step >= SHORTEST, 'time_step', step, f'0, or {SHORTEST:g} .. 0.005')
         self._twin = self._made(values)
         self._period = 1.0 / values['rate']
         self._commands = CrankCommands(
