@@ -16,7 +16,7 @@ from playwright.sync_api import sync_playwright
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / 'docs' / 'describe.png'
-SIZE = {'width': 1280, 'height': 1240}
+SIZE = {'width': 1280, 'height': 1196}
 LOAD = 40.0
 
 
