@@ -31,6 +31,10 @@ LONGEST_STEP, MOST_STEPS = 0.05, 500
 # For so long feet hop that have touched down at a speed, by that [s^2/m]. Simulated: while they
 # do, the body goes with the mean of its feet, and after it as dry friction has it, to 0.1 %.
 HOPS = 2.5
+# Where the yaw is known, what feet slide moves the body by this part of what it does otherwise.
+KNOWN = 0.7
+# Within this time a yaw that is summed up of rates follows the orientation of the IMU [s].
+SETTLE = 0.5
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ class Errors:
     slid: float = 0.1
     sidewards: float = 0.1
     yaw: float = 0.3
-    imu_yaw: float = 0.02
+    imu_yaw: float = 0.005
     height: float = 0.01
     tilt: float = 0.02
 
@@ -152,6 +156,7 @@ class Odometry:
         self._spread = np.array([errors.advance, errors.slid, errors.sidewards, errors.yaw]) ** 2
         self._imu: ImuReading | None = None
         self._turned = 0.0
+        self._heading: float | None = None
         self._imu_variance: float | None = None
         # How fast the body rises, and for how long its feet hop still.
         self._rise = self._hopping = 0.0
@@ -161,11 +166,18 @@ class Odometry:
         last, self._imu = self._imu, reading
         self._imu_variance = variance or self.errors.imu_yaw**2
         if last is None:
-            self._turned = 0.0
-        elif reading.yaw is not None and last.yaw is not None:
-            self._turned += (reading.yaw - last.yaw + pi) % TURN - pi
-        elif reading.at > last.at:
-            self._turned += (reading.yaw_rate + last.yaw_rate) / 2.0 * (reading.at - last.at)
+            self._turned, self._heading = 0.0, reading.yaw
+            return
+        # What an orientation trembles by would drag the feet over the ground: from reading to
+        # reading the gyro counts, and the orientation in the long run.
+        dt = max(0.0, reading.at - last.at)
+        turned = (reading.yaw_rate + last.yaw_rate) / 2.0 * dt
+        if reading.yaw is not None:
+            heading = reading.yaw if self._heading is None else self._heading + turned
+            away = (reading.yaw - heading + pi) % TURN - pi
+            turned += min(1.0, dt / SETTLE) * away
+            self._heading = heading + min(1.0, dt / SETTLE) * away
+        self._turned += turned
 
     def forget_imu(self) -> None:
         """Turn by the feet from now on."""
@@ -200,7 +212,7 @@ class Odometry:
     def _follow(self, angles: Array, yaw: float | None, seconds: float) -> Step:
         placed = self._feet.at(angles)
         feet, centre = placed.feet.tolist(), placed.centre.tolist()
-        last, self.rest = self.rest, support(feet, centre, self.rest and self.rest.feet)
+        last, self.rest = self.rest, support(feet, centre, self.rest and self.rest.triple)
         before = self._pose
         self._pose = standing(feet, placed.rolled.tolist(), self.rest) if self.rest else None
         if before is None or last is None or self.rest is None or self._pose is None:
@@ -213,7 +225,7 @@ class Odometry:
     def _touch(self, last: Support, rest: Support, seconds: float) -> None:
         """Look whether feet touch down: then the body, which sank, is pushed up."""
         rise = (rest.height - last.height) / seconds
-        if rest.feet != last.feet:
+        if rest.triple != last.triple:
             self._hopping += max(0.0, HOPS * (rise - self._rise))
         self._hopping = max(0.0, self._hopping - seconds)
         self._rise = rise
@@ -228,7 +240,7 @@ class Odometry:
         self.slid += step.slid
         # What a wrong yaw makes of this step, and what the step itself may be off by.
         turning = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
-        slid = step.slid
+        slid = step.slid * (KNOWN if measured else 1.0)
         turn = 0.0 if measured else slid / self._feet.reach
         own = np.array(
             [

@@ -9,7 +9,8 @@ above,
 
 that facet is the triple whose plane is the lowest below c, min sum l_i f_i,z: by duality it is the
 only plane that touches a triple and has no foot below it. The l_i are the parts of the weight that
-its feet carry.
+its feet carry. Where more feet touch the plane, all are taken as equally stiff: among all loads that
+balance, theirs is the least sum of squares.
 
 One pose after the other is computed, in plain numbers: at six feet arrays would cost a hundred
 times what they hold.
@@ -18,7 +19,7 @@ times what they hold.
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from itertools import combinations
-from math import acos, asin, atan2, cos, hypot, sin, sqrt
+from math import acos, asin, atan2, cos, hypot, inf, sin, sqrt
 from typing import NamedTuple
 
 from .feet import Placed
@@ -28,20 +29,24 @@ Triple = tuple[int, int, int]
 # Triangles smaller than this part of their size squared are lines.
 FLAT = 1e-9
 # A centre that is so little outside, as a part of the whole, is on an edge; and a foot that is so
-# little below a plane stands on it [m].
-ROUNDING, TOUCHING = 1e-12, 1e-12
+# little below a plane is not [m].
+ROUNDING, BELOW = 1e-12, 1e-12
+# What is no higher than this above the plane carries as well [m].
+TOUCHING = 1e-6
 
 
 class Support(NamedTuple):
     """
-    How a body rests on three of its feet.
+    How a body rests on its feet.
 
     Attributes
     ----------
-    feet : (int, int, int)
-        On which.
-    loads : (float, float, float)
+    feet : tuple of int
+        On which, three or more.
+    loads : tuple of float
         The part of the weight that each of them carries.
+    triple : (int, int, int)
+        Three of them that are around its centre of mass.
     normal : (float, float, float)
         Upwards, in base_link.
     height : float
@@ -52,8 +57,9 @@ class Support(NamedTuple):
 
     """
 
-    feet: Triple
-    loads: tuple[float, float, float]
+    feet: tuple[int, ...]
+    loads: tuple[float, ...]
+    triple: Triple
     normal: tuple[float, float, float]
     height: float
     margin: float
@@ -84,7 +90,7 @@ def supports(placed: Placed) -> Iterator[Support | None]:
     """Yield how a body rests in poses one after the other; `placed` has one leading axis."""
     last = None
     for feet, centre in zip(placed.feet.tolist(), placed.centre.tolist(), strict=True):
-        found = support(feet, centre, last and last.feet)
+        found = support(feet, centre, last and last.triple)
         last = found or last
         yield found
 
@@ -108,18 +114,19 @@ def support(feet: Sequence[Point], centre: Point, guess: Triple | None = None) -
         if loads is not None:
             found = _on(feet, centre, guess, loads)
             if _is_lowest(feet, found):
-                return found
+                return _shared(feet, centre, found)
     rests = []
     for triple in _triples(len(feet)):
         loads = _loads(feet, centre, triple)
         if loads is not None:
             level = sum(share * feet[i][2] for share, i in zip(loads, triple, strict=True))
             rests.append((level, triple, loads))
-    least = min((level for level, *_ in rests), default=0.0) + TOUCHING
+    least = min((level for level, *_ in rests), default=0.0) + BELOW
     lowest = [_on(feet, centre, triple, loads) for level, triple, loads in rests if level <= least]
     # On an edge any third foot will do, but for the plane that it is to touch.
     first = lowest[0] if lowest else None
-    return next((each for each in lowest if _is_lowest(feet, each)), first)
+    found = next((each for each in lowest if _is_lowest(feet, each)), first)
+    return found and _shared(feet, centre, found)
 
 
 @cache
@@ -157,7 +164,49 @@ def _on(
     height = -(normal[0] * ax + normal[1] * ay + normal[2] * az)
     corners = [feet[i] for i in triple]
     margin = min(_from_edge(corners[i], corners[i - 1], centre, normal) for i in range(3))
-    return Support(triple, loads, normal, height, margin)
+    return Support(triple, loads, triple, normal, height, margin)
+
+
+def _shared(feet: Sequence[Point], centre: Point, found: Support) -> Support:
+    """Return a support on all feet that touch its plane."""
+    x, y, z = found.normal
+    top = TOUCHING - found.height
+    touch = [i for i, f in enumerate(feet) if f[0] * x + f[1] * y + f[2] * z <= top]
+    if len(touch) == 3:
+        return found
+    margin = max(found.margin, _from_hull([feet[i] for i in touch], centre, found.normal))
+    while len(touch) > 3:
+        loads = _least_loads([feet[i] for i in touch], centre)
+        if loads is None:
+            break
+        if min(loads) >= 0.0:
+            return found._replace(feet=tuple(touch), loads=tuple(loads), margin=margin)
+        touch = [i for i, load in zip(touch, loads, strict=True) if load > 0.0]
+    return found._replace(margin=margin)
+
+
+def _least_loads(feet: Sequence[Point], centre: Point) -> list[float] | None:
+    """Return the loads of least squares that balance; None where the feet are on a line."""
+    at = [(f[0] - centre[0], f[1] - centre[1]) for f in feet]
+    k = float(len(at))
+    sx, sy = sum(x for x, _ in at), sum(y for _, y in at)
+    xx, xy, yy = (sum(p[i] * p[j] for p in at) for i, j in ((0, 0), (0, 1), (1, 1)))
+    # The first two moments vanish, and the loads sum up to 1.
+    a, b, c = xy * sy - yy * sx, xy * sx - xx * sy, xx * yy - xy * xy
+    whole = a * sx + b * sy + c * k
+    if abs(whole) < FLAT * (xx + yy) ** 2:
+        return None
+    return [(a * x + b * y + c) / whole for x, y in at]
+
+
+def _from_hull(feet: Sequence[Point], centre: Point, normal: Point) -> float:
+    """Return the distance of a centre, which is inside, from the edges around feet [m]."""
+    nearest = inf
+    for a, b in combinations(feet, 2):
+        sides = [(b[0] - a[0]) * (f[1] - a[1]) - (b[1] - a[1]) * (f[0] - a[0]) for f in feet]
+        if min(sides) >= -ROUNDING or max(sides) <= ROUNDING:
+            nearest = min(nearest, _from_edge(a, b, centre, normal))
+    return nearest
 
 
 def _from_edge(a: Point, b: Point, centre: Point, normal: Point) -> float:
@@ -172,7 +221,7 @@ def _from_edge(a: Point, b: Point, centre: Point, normal: Point) -> float:
 
 def _is_lowest(feet: Sequence[Point], found: Support) -> bool:
     x, y, z = found.normal
-    least = -found.height - TOUCHING
+    least = -found.height - BELOW
     return all(f[0] * x + f[1] * y + f[2] * z >= least for f in feet)
 
 

@@ -49,9 +49,9 @@ class Walker:
         self._imu_at: float | None = None
         self._jumps = 0
 
-    def imu(self, reading: ImuReading, variance: float = 0.0) -> None:
+    def imu(self, reading: ImuReading, now: float, variance: float = 0.0) -> None:
         """Take what an IMU on base_link says."""
-        self._imu_at = reading.at
+        self._imu_at = now
         self.odometry.imu(reading, variance)
 
     def feedback(

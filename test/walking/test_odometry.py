@@ -98,9 +98,29 @@ def test_yaw_is_the_imus_where_there_is_one(two_motors: Feet) -> None:
     for k in range(200):
         odometry.imu(ImuReading(0.5 + 0.001 * k, 0.1, 0.01 * k))
         at = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0))
-    assert at.yaw == pytest.approx(0.199)
+    assert at.yaw == pytest.approx(0.199, abs=1e-6)
     assert at.angular == 0.1
     assert at.covariance[2, 2] == pytest.approx(odometry.errors.imu_yaw**2)
+
+
+def test_an_orientation_that_trembles_drags_no_feet(two_motors: Feet) -> None:
+    rng = np.random.default_rng(3)
+    odometry, feet_alone = Odometry(two_motors), Odometry(two_motors)
+    for k in range(400):
+        odometry.imu(ImuReading(0.002 * rng.standard_normal(), 0.0, 0.01 * k))
+        at = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0))
+        alone = feet_alone.update((0.01 * k, 0.01 * k), (1.0, 1.0))
+    assert (at.x, at.y) == pytest.approx((alone.x, alone.y), abs=0.02)
+    assert odometry.slid < 1.3 * feet_alone.slid
+
+
+def test_an_orientation_holds_in_the_long_run(two_motors: Feet) -> None:
+    odometry = Odometry(two_motors)
+    for k in range(2000):
+        # The gyro is off by 0.02 rad/s.
+        odometry.imu(ImuReading(0.0, 0.02, 0.01 * k))
+        at = odometry.update((0.0, 0.0), (0.0, 0.0))
+    assert at.yaw == pytest.approx(0.01, abs=0.002)
 
 
 def test_a_gyro_alone_is_summed_up(two_motors: Feet) -> None:
@@ -116,7 +136,7 @@ def test_an_imu_that_falls_silent_leaves_the_yaw_to_the_feet(steering: Steering)
     for k in range(300):
         now = 0.01 * k
         if k < 100:
-            walker.imu(ImuReading(1.0, 0.0, now))
+            walker.imu(ImuReading(1.0, 0.0, now), now)
         at = walker.feedback({'left_crank': (now, 1.0), 'right_crank': (2.0 * now, 2.0)}, now)
         if k == 100:
             assert at is not None

@@ -171,8 +171,10 @@ class WalkerNode(Node):
             self._complain(f'imu is rejected: {error}')
             return
         now = self._now()
-        reading = imu_reading(message.orientation, message.angular, now)
-        self._walker.imu(reading, message.variance)
+        # Its own clock trembles less than what brings its messages.
+        at = message.sec + message.nanosec / 1e9 or now
+        reading = imu_reading(message.orientation, message.angular, at)
+        self._walker.imu(reading, now, message.variance)
 
     def _complain(self, what: str) -> None:
         self.get_logger().warning(printable(what), throttle_duration_sec=THROTTLE)

@@ -1,0 +1,174 @@
+"""
+How well a simulated walker walks: its phases, its odometry, its tilt, and what stops it.
+
+    python3 benchmarks/walk.py [--seeds N]
+
+No ROS: the controller and the odometry of walker_node, and the twin in MuJoCo (the extra `sim`).
+"""
+
+import argparse
+from collections.abc import Iterator
+from math import atan2, degrees, hypot, pi
+from pathlib import Path
+from typing import NamedTuple
+
+from klann_ros.robot import robot_of
+from klann_ros.twin import Floor, Motors, Sensors, Twin
+from klann_ros.walking import Feet, imu_reading, Limits, Settings, Steering, Walker
+import numpy as np
+
+WALKER = Path(__file__).resolve().parents[1] / 'config' / 'walker6_two_motors.yaml'
+FOOT_RADIUS = 0.004
+PERIOD = 0.01
+# What walker_node is asked for, one after the other: m/s, rad/s.
+GRID = (
+    (0.15, 0.0), (0.1, 0.03), (0.05, 0.06), (0.0, 0.1), (0.1, -0.05),
+    (-0.1, 0.0), (0.05, -0.03), (-0.05, 0.05), (0.0, -0.06), (0.12, 0.02),
+)  # fmt: skip
+FREE = Limits(max_linear=1.0, max_angular=1.0)
+
+
+class Walk(NamedTuple):
+    """How a walk went."""
+
+    path: float
+    error: float
+    yaw_error: float
+    nees: float
+    tilt: float
+    phase: float
+    speed: float
+    yaw_rate: float
+
+
+def walk(
+    steering: Steering,
+    twist: tuple[float, float],
+    *,
+    seconds: float,
+    friction: float = 0.8,
+    factors: tuple[float, float] = (1.0, 1.0),
+    imu: bool = False,
+    lock: bool = True,
+    seed: int = 0,
+) -> Walk:
+    """Walk, and return how it went."""
+    feet = steering.feet
+    sensors = Sensors(encoder_noise=0.002, velocity_noise=0.01, gyro_noise=0.005, orientation_noise=0.002)
+    motors = Motors(factors=dict(zip(feet.joints, factors, strict=True)))
+    twin = Twin(feet.robot, floor=Floor(friction), motors=motors, sensors=sensors, seed=seed)
+    walker = Walker(steering, Settings(limits=FREE, phase_lock=lock))
+    tilt = phase = path = 0.0
+    begin = last = twin.truth()
+    turned = 0.0
+    for k in range(round(seconds / PERIOD)):
+        now = k * PERIOD
+        if imu:
+            read = twin.imu()
+            x, y, z, w = read.orientation
+            a, b, c = read.angular_velocity
+            walker.imu(imu_reading((x, y, z, w), (a, b, c), now), now)
+        at = walker.feedback(dict(twin.cranks()), now)
+        truth = twin.truth()
+        path += hypot(truth.position[0] - last.position[0], truth.position[1] - last.position[1])
+        turned += _wrapped(_yaw(truth) - _yaw(last))
+        last = truth
+        walker.controller.command(*twist, now)
+        command = walker.controller.step(now)
+        for joint, rate in zip(feet.joints, command.velocity if command else (), strict=True):
+            twin.command(joint, rate)
+        twin.step(now + PERIOD)
+        tilt = max(tilt, twin.tilt)
+        if now > 2.0 * pi:
+            cranks = [crank.position for crank in twin.cranks().values()]
+            phase = max(phase, abs(cranks[0] - cranks[1]) if not twist[1] else 0.0)
+    assert at is not None
+    off = np.array(
+        [
+            at.x - last.position[0] + begin.position[0],
+            at.y - last.position[1] + begin.position[1],
+            _wrapped(at.yaw - turned),
+        ]
+    )
+    return Walk(
+        path,
+        hypot(off[0], off[1]),
+        off[2],
+        float(off @ np.linalg.solve(at.covariance + 1e-9 * np.eye(3), off)),
+        degrees(tilt),
+        degrees(phase),
+        path / seconds,
+        turned / seconds,
+    )
+
+
+def _yaw(truth: object) -> float:
+    x, y, z, w = truth.orientation  # type: ignore[attr-defined]
+    return atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+
+
+def _wrapped(angle: float) -> float:
+    return (angle + pi) % (2.0 * pi) - pi
+
+
+def straight(steering: Steering) -> Iterator[str]:
+    """Yield how 25 s straight on went, with motors 5 % apart."""
+    yield 'straight on at 0.15 m/s for 25 s, motors 5 % apart'
+    for lock in (True, False):
+        for friction in (0.4, 0.8):
+            went = walk(
+                steering, (0.15, 0.0), seconds=25.0, friction=friction, factors=(1.0, 0.95),
+                lock=lock,
+            )  # fmt: skip
+            yield (
+                f'  friction {friction}, {"locked" if lock else "not locked"}: '
+                f'odom {went.error / went.path:.1%} of {went.path:.2f} m, '
+                f'cranks {went.phase:.2f} deg apart after the first turn, tilt {went.tilt:.1f} deg'
+            )
+
+
+def curves(steering: Steering) -> Iterator[str]:
+    """Yield how each of the grid went, with and without an IMU."""
+    yield 'friction 0.8, 15 s: odom by the way, without and with an IMU; yaw without; tilt'
+    for twist in GRID:
+        went = walk(steering, twist, seconds=15.0)
+        held = walk(steering, twist, seconds=15.0, imu=True)
+        yield (
+            f'  {twist[0]:5.2f} m/s {twist[1]:5.2f} rad/s: {went.error / went.path:6.1%} '
+            f'{held.error / held.path:6.1%} {degrees(went.yaw_error):7.1f} deg '
+            f'{went.tilt:5.1f} deg; went at {went.yaw_rate:5.2f} rad/s'
+        )
+
+
+def doubt(steering: Steering, seeds: int) -> Iterator[str]:
+    """Yield how the errors compare with what odom says of them."""
+    rng = np.random.default_rng(1)
+    for imu in (False, True):
+        found = []
+        for seed in range(seeds):
+            friction, one, other = rng.uniform((0.4, 0.95, 0.95), (0.9, 1.05, 1.05))
+            found.append(
+                walk(
+                    steering, GRID[seed % len(GRID)], seconds=14.0, friction=float(friction),
+                    factors=(float(one), float(other)), imu=imu, seed=seed,
+                ).nees
+            )  # fmt: skip
+        yield (
+            f'NEES of x, y, yaw over {seeds} seeds, {"with" if imu else "without"} IMU: '
+            f'mean {np.mean(found):.2f} of 3, {np.mean(np.array(found) < 7.81):.0%} below 7.81'
+        )
+
+
+def main() -> None:
+    """Print it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--seeds', type=int, default=20)
+    options = parser.parse_args()
+    steering = Steering(Feet(robot_of(str(WALKER)), foot_radius=FOOT_RADIUS))
+    for part in (straight(steering), curves(steering), doubt(steering, options.seeds)):
+        for line in part:
+            print(line, flush=True)
+
+
+if __name__ == '__main__':
+    main()
