@@ -54,7 +54,9 @@ def walk(
 ) -> Walk:
     """Walk, and return how it went."""
     feet = steering.feet
-    sensors = Sensors(encoder_noise=0.002, velocity_noise=0.01, gyro_noise=0.005, orientation_noise=0.002)
+    sensors = Sensors(
+        encoder_noise=0.002, velocity_noise=0.01, gyro_noise=0.005, orientation_noise=0.002
+    )
     motors = Motors(factors=dict(zip(feet.joints, factors, strict=True)))
     twin = Twin(feet.robot, floor=Floor(friction), motors=motors, sensors=sensors, seed=seed)
     walker = Walker(steering, Settings(limits=FREE, phase_lock=lock))
@@ -82,7 +84,8 @@ def walk(
         if now > 2.0 * pi:
             cranks = [crank.position for crank in twin.cranks().values()]
             phase = max(phase, abs(cranks[0] - cranks[1]) if not twist[1] else 0.0)
-    assert at is not None
+    if at is None:
+        raise AssertionError('the cranks are known from the start')
     off = np.array(
         [
             at.x - last.position[0] + begin.position[0],

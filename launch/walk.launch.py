@@ -95,7 +95,7 @@ def generate_launch_description() -> LaunchDescription:
         name='walker_node',
         namespace=namespace,
         output='screen',
-        parameters=[params_file, {'use_sim_time': use_sim_time}],
+        parameters=[params_file, {'use_sim_time': use_sim_time, 'use_imu': True}],
     )
     # Without a stamp: it is as old as its arrival.
     sent = ['{twist: {linear: {x: ', LaunchConfiguration('linear'), '}}}']

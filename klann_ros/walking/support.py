@@ -9,8 +9,8 @@ above,
 
 that facet is the triple whose plane is the lowest below c, min sum l_i f_i,z: by duality it is the
 only plane that touches a triple and has no foot below it. The l_i are the parts of the weight that
-its feet carry. Where more feet touch the plane, all are taken as equally stiff: among all loads that
-balance, theirs is the least sum of squares.
+its feet carry. Where more feet touch the plane, all are taken as equally stiff: among all loads
+that balance, theirs is the least sum of squares.
 
 One pose after the other is computed, in plain numbers: at six feet arrays would cost a hundred
 times what they hold.
@@ -125,8 +125,8 @@ def support(feet: Sequence[Point], centre: Point, guess: Triple | None = None) -
     lowest = [_on(feet, centre, triple, loads) for level, triple, loads in rests if level <= least]
     # On an edge any third foot will do, but for the plane that it is to touch.
     first = lowest[0] if lowest else None
-    found = next((each for each in lowest if _is_lowest(feet, each)), first)
-    return found and _shared(feet, centre, found)
+    rest = next((each for each in lowest if _is_lowest(feet, each)), first)
+    return rest and _shared(feet, centre, rest)
 
 
 @cache
