@@ -4,6 +4,8 @@
 const SPAN = 30;
 // Charts follow so often; the eye wants no more [ms].
 const CHART_PERIOD = 200;
+// A speed is that of so long [s].
+const RATE_TIME = 0.2;
 const CHART_FONT = '12px system-ui, sans-serif';
 
 /** The poses of a leg, as they came. */
@@ -165,11 +167,11 @@ class History {
   }
 }
 
-/** Return how fast the crank turned, by the stamps of a few poses each [rad/s]. */
+/** Return how fast the crank turned, by the stamps of poses a while apart [rad/s]. */
 function rates({ times, poses, stamps }) {
-  const step = 4;
+  let j = 0;
   return times.map((time, i) => {
-    const j = Math.max(0, i - step);
+    while (j < i && stamps[i] - stamps[j + 1] >= RATE_TIME) j += 1;
     const passed = stamps[i] - stamps[j];
     return time - times[j] < 1 && passed > 0 ? (poses[i][0] - poses[j][0]) / passed : null;
   });

@@ -1,6 +1,9 @@
 'use strict';
 /* The page: frames come in, and what they say is shown. */
 
+// Texts follow so often [s].
+const READ_PERIOD = 0.1;
+
 class Live {
   constructor() {
     this.you = null;
@@ -12,6 +15,7 @@ class Live {
     this.tiles = [];
     this.cards = new Map();
     this.drawn = [];
+    this.read = 0;
     this.crank = new CrankDrive(this);
     this.walk = new WalkDrive(this);
     this.lengths = new LengthFields(this, byId('lengths'), byId('lengths-state'));
@@ -98,8 +102,10 @@ class Live {
       tracks[i].leg = leg;
       return tracks[i];
     });
-    if (JSON.stringify(before.map((leg) => [leg.key, leg.text])) !==
-        JSON.stringify(this.legs.map((leg) => [leg.key, leg.text]))) this.arrange();
+    const look = (legs) => JSON.stringify(legs.map((leg) => [leg.key, leg.text]));
+    if (look(before) !== look(this.legs)) this.arrange();
+    // What its solver tells of it may be new all the same.
+    this.leg = this.legs.find((leg) => leg.key === this.shown);
     if (this.leg) this.lengths.tell(this.leg.solver, this.leg);
     this.tellDrives(this.driven || []);
   }
@@ -121,10 +127,10 @@ class Live {
       this.tiles.push({ leg, button, picture: new LegPicture(svg, leg, { small: true }) });
     }
     const mounts = drawable.filter((leg) => leg.mount);
-    byId('walker').hidden = mounts.length < 2;
+    for (const card of document.querySelectorAll('[data-of=walker]')) card.hidden = mounts.length < 2;
     this.views = mounts.length < 2
       ? []
-      : Object.keys(VIEWS).map((view) => ({ legs: mounts, picture: new WalkerPicture(byId(view), view, mounts) }));
+      : Object.keys(VIEWS).map((view) => new WalkerPicture(byId(view), view, mounts));
     const still = drawable.find((leg) => leg.key === this.shown) || drawable[0];
     this.leg = null;
     if (still) this.choose(still.key);
@@ -139,9 +145,8 @@ class Live {
     this.lengths.tell(leg.solver, leg);
     for (const tile of this.tiles) tile.button.setAttribute('aria-pressed', String(tile.leg.key === key));
     const count = this.legs.length;
-    const many = count === 1 ? '' : `, one of ${count} legs`;
-    byId('title').textContent = leg.name ? `${leg.name}` : leg.kind || 'Leg';
-    byId('subtitle').textContent = `${leg.kind}${many}, solved by ${leg.solver.node} on ${leg.solver.topics.join(', ')}`;
+    byId('title').textContent = count === 1 ? leg.name || leg.kind : titleOf(this.legs);
+    byId('subtitle').textContent = `${leg.kind}, solved by ${leg.solver.node} on ${leg.solver.topics.join(', ')}`;
     const note = byId('picture-note');
     note.hidden = !leg.solver.note;
     note.textContent = leg.solver.note;
@@ -180,7 +185,7 @@ class Live {
   }
 
   trackOf(leg) {
-    return this.tracks[this.legs.indexOf(leg)];
+    return this.tracks[this.legs.findIndex((other) => other.key === leg.key)];
   }
 
   move(poses, now) {
@@ -189,11 +194,14 @@ class Live {
       if (track && track.leg.shape && pose.length - 2 === track.leg.joints.length) track.add(now, pose);
     }
     for (const { leg, picture } of this.tiles) picture.show(this.trackOf(leg));
-    for (const { legs, picture } of this.views || []) picture.show(legs.map((leg) => this.trackOf(leg)));
+    for (const picture of this.views || []) picture.show((leg) => this.trackOf(leg));
     if (!this.leg) return;
     const track = this.trackOf(this.leg);
     this.picture.show(track);
     this.history.show(track, now);
+    // Nobody reads faster; and a text that changes costs more than a leg that moves.
+    if (now - this.read < READ_PERIOD) return;
+    this.read = now;
     this.crank.follow();
     this.caption(track);
     const [odom] = Object.values(poses.odom || {});
@@ -209,8 +217,13 @@ class Live {
     const foot = track.foot.map((value) => (1000 * value).toFixed(1));
     const age = track.age > OLD ? `, ${track.age.toFixed(0)} s old` : '';
     byId('picture-text').textContent =
-      `Crank ${degrees(wrapped(track.x[0])).toFixed(1)}°, foot at ${foot[0]}, ${foot[1]} mm${age}.`;
+      `${this.legs.length > 1 ? `${this.leg.title}: ` : ''}Crank ${degrees(wrapped(track.x[0])).toFixed(1)}°, foot at ${foot[0]}, ${foot[1]} mm${age}.`;
   }
+}
+
+function titleOf(legs) {
+  const isWalker = legs.every((leg) => leg.mount && leg.solver === legs[0].solver);
+  return isWalker ? `Walker with ${legs.length} legs` : `${legs.length} legs`;
 }
 
 // One name for whoever opens the console.

@@ -15,24 +15,42 @@ function make(name, className, ...content) {
   return node;
 }
 
+/** Show what nodes say of themselves; what several say alike is said once. */
 function showDiagnostics(list, statuses) {
-  const items = statuses.map((status) => {
-    const figures = Object.entries(status.figures)
-      .map(([key, value]) => `${key} ${value}`)
-      .join(' · ');
-    const words = status.meaning || status.text;
-    const own = status.meaning && status.level !== 'fine' ? make('em', '', status.text) : '';
-    const item = make(
-      'li',
-      LEVEL_CLASS[status.level],
-      make('span', 'mark', LEVEL_MARK[status.level]),
-      make('div', '', make('b', '', status.who), ` ${words}`, own, make('em', 'figures', figures)),
-    );
-    item.querySelector('.mark').setAttribute('aria-label', status.level);
-    item.querySelector('.mark').setAttribute('role', 'img');
-    return item;
-  });
+  const groups = new Map();
+  for (const status of statuses) {
+    const key = JSON.stringify([status.level, status.meaning || status.text]);
+    if (!groups.has(key)) groups.set(key, []);
+    groups.get(key).push(status);
+  }
+  const items = [...groups.values()].map((group) => diagnosis(group));
   list.replaceChildren(...(items.length ? items : [make('li', 'quiet', 'No diagnostics yet.')]));
+}
+
+function diagnosis(group) {
+  const [status] = group;
+  const mark = make('span', 'mark', LEVEL_MARK[status.level]);
+  mark.setAttribute('role', 'img');
+  mark.setAttribute('aria-label', status.level);
+  const own = status.meaning && status.level !== 'fine' ? make('em', '', status.text) : '';
+  const figures = Object.entries(status.figures).map(([key, value]) => `${key} ${value}`);
+  const words = make(
+    'div',
+    '',
+    make('b', '', whose(group)),
+    ` ${status.meaning || status.text}`,
+    own,
+    group.length === 1 ? make('em', 'figures', figures.join(' · ')) : '',
+  );
+  return make('li', LEVEL_CLASS[status.level], mark, words);
+}
+
+/** Return the names of a group, what they have in common once. */
+function whose(group) {
+  const [first, ...others] = group.map((status) => status.who);
+  const [node, leg] = first.split(': ');
+  if (!leg || others.some((who) => !who.startsWith(`${node}: `))) return [first, ...others].join(', ');
+  return `${node}: ${[leg, ...others.map((who) => who.slice(node.length + 2))].join(', ')}`;
 }
 
 function showTopics(body, topics) {

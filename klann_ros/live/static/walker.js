@@ -5,7 +5,10 @@ class WalkerPicture {
   constructor(svg, view, legs) {
     this.svg = svg;
     this.view = VIEWS[view];
-    this.legs = legs;
+    // From the side, those of the left are behind the others.
+    this.legs = [...legs].sort((a, b) => b.mount.xyz[1] - a.mount.xyz[1]);
+    const middle = legs.reduce((sum, leg) => sum + leg.mount.xyz[1], 0) / legs.length;
+    const isFar = (leg) => view === 'side' && leg.mount.xyz[1] > middle + 1e-9;
     const corners = legs.flatMap((leg) => {
       const [left, bottom, right, top] = leg.shape.box || [0, 0, 0, 0];
       const box = [left, right].flatMap((x) => [bottom, top].map((y) => [x, y]));
@@ -13,10 +16,11 @@ class WalkerPicture {
     });
     this.drawing = new Drawing(svg, planeAround(corners, { width: 640, margin: 30 }));
     this.drawBody();
-    this.bodies = legs.map(
-      (leg) => new DrawnLeg(this.drawing, leg.shape, { className: 'leg', hasLetters: false }),
-    );
-    this.trails = legs.map(() => this.drawing.add('path', 'trail thin'));
+    this.trails = this.legs.map(() => this.drawing.add('path', 'trail thin'));
+    this.bodies = this.legs.map((leg) => {
+      const className = isFar(leg) ? 'leg far' : 'leg';
+      return new DrawnLeg(this.drawing, leg.shape, { className, hasLetters: false });
+    });
   }
 
   /** A line through all mounts stands for the body. */
@@ -34,12 +38,14 @@ class WalkerPicture {
     body.setAttribute('rx', 12);
   }
 
-  show(tracks) {
+  /** Show the legs; `trackOf` returns the track of one. */
+  show(trackOf) {
     this.bodies.forEach((body, i) => {
-      const { points } = tracks[i];
+      const track = trackOf(this.legs[i]);
+      const { points } = track;
       const place = (some) => mounted(some, this.legs[i].mount).map(this.view);
       body.show(points && place(points));
-      const trail = tracks[i].trail(TRAIL);
+      const trail = track.trail(TRAIL);
       this.trails[i].setAttribute('d', this.drawing.line(trail.length ? place(trail) : []));
     });
   }

@@ -19,6 +19,9 @@ BUTTONS = {'recorder': ('pause', 'resume', 'split', 'trigger'), 'player': tuple(
 # A machine with more of them shows no more.
 MOST_MACHINES = 12
 
+# Discovery knows a publisher before it knows its node.
+_UNKNOWN = '_UNKNOWN_'
+
 Names = Sequence[tuple[str, Sequence[str]]]
 
 
@@ -56,7 +59,8 @@ class Graph:
     def publishers(self, topic: str) -> list[Any]:
         """Return who publishes a topic, but for this node."""
         infos = _asked(lambda: self._node.get_publishers_info_by_topic(topic))
-        return [info for info in infos if node_of(info) != self._own]
+        known = (info for info in infos if _UNKNOWN not in info.node_name)
+        return [info for info in known if node_of(info) != self._own]
 
     def names_of_publishers(self, topic: str) -> list[str]:
         """Return the names of those nodes, each once."""

@@ -343,7 +343,7 @@ class LiveWorld:
 
     def _figures(self) -> list[dict[str, Any]]:
         found = []
-        for topic in self._ears.topics.values():
+        for _, topic in sorted(self._ears.topics.items()):
             figures = topic.figures
             silence = figures.silence()
             found.append(

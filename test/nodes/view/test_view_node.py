@@ -233,7 +233,7 @@ def test_texts_of_others_are_never_markup(moving: Live) -> None:
     probe.until(is_shown)
     assert moving.page.locator('img').count() == 0
     moving.press('#legs button:last-child')
-    assert '<img' in moving.text('#title')
+    moving.until("document.getElementById('picture-text').textContent.includes('<img')")
     assert 'tells no lengths' in moving.text('#picture-note')
     assert moving.complaints == []
     probe.node.destroy_publisher(diagnostics)
@@ -323,7 +323,7 @@ def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
         publisher.publish(JointState(name=names, position=values))
         return bool(
             moving.page.evaluate(
-                "!document.getElementById('walker').hidden && "
+                "!document.querySelector('[data-of=walker]').hidden && "
                 "[...document.querySelectorAll('#above circle.joint')]"
                 ".every((node) => node.getAttribute('r'))"
             )

@@ -1,0 +1,234 @@
+"""
+What the live page costs, and how quick it is.
+
+First its server: a solver answers 1000 cranks a second while view_node shows it to one page, and
+to one page and 99 that read nothing, in turn; what counts is the ratio within a round. Then the
+page, in a Chromium without a screen, where there is one: how soon, how often, how late it draws.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import shutil
+import socket
+from statistics import median
+import subprocess
+import sys
+import time
+from typing import Any
+
+from support.node_under_test import NodeUnderTest, SOLVER
+
+ROUNDS, SECONDS, RATE = 5, 3.0, 1000.0
+STALLED = 99
+# The aims.
+MOST_P99, MOST_MEGABYTES = 1.05, 2.0
+MOST_START, LEAST_FRAMES, MOST_SLIDER, MOST_STOP = 3.0, 50.0, 50.0, 0.5
+VIEW = 'import sys; from klann_ros.executables import view_node as n; sys.exit(n())'
+CRANK = 'import sys; from klann_ros.executables import crank_node as n; sys.exit(n())'
+# A page that draws sixty times a second, without drawing.
+PAGE = """
+import asyncio, json, sys, aiohttp
+async def main(url):
+    place = url.split('/')[2]
+    async with aiohttp.ClientSession() as session:
+        async with session.ws_connect(
+            url.replace('/?', '/socket?'), headers={'Origin': f'http://{place}'}, max_msg_size=0
+        ) as socket:
+            async for message in socket:
+                await asyncio.sleep(1 / 60)
+                await socket.send_json({'ack': json.loads(message.data)['n']})
+asyncio.run(main(sys.argv[1]))
+"""
+SLIDER = """async (angle) => {
+    const slider = document.getElementById('angle');
+    const wanted = angle * Math.PI / 180;
+    const begin = performance.now();
+    slider.value = angle;
+    slider.dispatchEvent(new Event('input'));
+    while (true) {
+        await new Promise((drawn) => requestAnimationFrame(drawn));
+        const [x] = document.getElementById('picture').dataset.x.split(' ').map(Number);
+        if (Math.abs(x - wanted) < 1e-6) return performance.now() - begin;
+        if (performance.now() - begin > 2000) return 2000;
+    }
+}"""
+FRAMES = """async (seconds) => {
+    let frames = 0;
+    let cost = 0;
+    const draw = live.connection.draw;
+    live.connection.draw = (frame) => {
+        const begin = performance.now();
+        draw(frame);
+        cost += performance.now() - begin;
+        frames += 1;
+    };
+    await new Promise((done) => setTimeout(done, 1000 * seconds));
+    live.connection.draw = draw;
+    return [frames / seconds, cost / frames];
+}"""
+
+
+@contextmanager
+def process(code: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """Run a Python program, and end it."""
+    command = [sys.executable, '-c', code, *arguments]
+    made = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        yield made
+    finally:
+        made.terminate()
+        made.wait()
+
+
+@contextmanager
+def viewing() -> Iterator[tuple[int, str]]:
+    """Run a view_node; yield its process's number and its address."""
+    with process(VIEW, '--port', '0') as made:
+        yield made.pid, next(iter(made.stdout or [])).strip()
+
+
+def stalled(url: str) -> socket.socket:
+    """Open a page's socket, and read nothing of it."""
+    place = url.split('/')[2]
+    host, _, port = place.partition(':')
+    made = socket.create_connection((host, int(port)))
+    made.sendall(
+        f'GET /socket HTTP/1.1\r\nHost: {place}\r\nOrigin: http://{place}\r\n'
+        'Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n'
+        'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n'.encode()
+    )
+    return made
+
+
+def memory(pid: int) -> float:
+    """Return a process's resident memory [MB]."""
+    pages = int(Path(f'/proc/{pid}/statm').read_text().split()[1])
+    return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
+
+
+def all_met(*figures: tuple[str, float, float, str]) -> bool:
+    """Print figures with their aims, the most each may be; those below 0 are the least."""
+    for name, value, most, unit in figures:
+        aim = f'{">=" if most < 0 else "<="} {abs(most):g}{unit}'
+        print(f'{name}: {abs(value):.2f}{unit}, aim {aim}: {"met" if value <= most else "MISSED"}')
+    return all(value <= most for _, value, most, _ in figures)
+
+
+def server() -> bool:
+    """Measure the solver beside pages that stand still; return whether the aims are met."""
+    node = NodeUnderTest(SOLVER)
+    ratios, lost, sizes = [], 0, []
+    try:
+        with viewing() as (pid, url), process(PAGE, url):
+            time.sleep(2.0)
+            node.measure(RATE, SECONDS)
+            for number in range(ROUNDS):
+                p99 = {}
+                for count in (0, STALLED)[:: 1 if number % 2 else -1]:
+                    pages = [stalled(url) for _ in range(count)]
+                    time.sleep(0.5)
+                    figures = node.measure(RATE, SECONDS)
+                    p99[count], lost = figures.p99, lost + figures.lost
+                    if count:
+                        sizes.append(memory(pid))
+                    for page in pages:
+                        page.close()
+                ratios.append(p99[STALLED] / p99[0])
+    finally:
+        node.stop()
+    print(f'{RATE:g} Hz, {ROUNDS} rounds of {SECONDS:g} s, {STALLED} pages that read nothing')
+    ratio, grown = median(ratios), sizes[-1] - sizes[0]
+    return all_met(
+        ('p99 of the solver', ratio, MOST_P99, ''),
+        ('answers lost', lost, 0, ''),
+        ('memory grown', grown, MOST_MEGABYTES, ' MB'),
+    )
+
+
+def in_browser(browser: Any) -> bool:
+    """Measure the page; return whether the aims are met."""
+    with process(SOLVER[-1]):
+        with process(CRANK, '--ros-args', '-p', 'rate:=1000.0'):
+            time.sleep(2.0)
+            begin = time.monotonic()
+            with viewing() as (_, url):
+                page = browser.new_page(viewport={'width': 1280, 'height': 900})
+                page.goto(url)
+                page.wait_for_selector('#picture[data-x]')
+                start = time.monotonic() - begin
+                time.sleep(3.0)
+                frames, cost = page.evaluate(FRAMES, 5.0)
+                page.close()
+        with viewing() as (_, url):
+            late, stop = slider(browser, url)
+    print(f'a frame is drawn in {cost:.2f} ms')
+    return all_met(
+        ('to the first pose', start, MOST_START, ' s'),
+        ('frames a second', -frames, -LEAST_FRAMES, ''),
+        ('slider to answer, p95', late, MOST_SLIDER, ' ms'),
+        ('closed to still', stop, MOST_STOP, ' s'),
+    )
+
+
+def slider(browser: Any, url: str) -> tuple[float, float]:
+    """Return how late the leg follows the slider [ms], and the crank stops after the page [s]."""
+    import rclpy  # noqa: PLC0415
+    from rclpy.qos import QoSProfile  # noqa: PLC0415
+    from std_msgs.msg import Float64  # noqa: PLC0415
+
+    rclpy.init()
+    node = rclpy.create_node('listener')
+    heard: list[float] = []
+    turn = node.create_publisher(Float64, 'crank_angle', 10)
+    node.create_subscription(
+        Float64, 'crank_angle', lambda _: heard.append(time.monotonic()), QoSProfile(depth=2000)
+    )
+    page = browser.new_page(viewport={'width': 1280, 'height': 900})
+    page.goto(url)
+
+    def until(is_so: Callable[[], Any]) -> None:
+        while not is_so():
+            turn.publish(Float64(data=0.1))
+            rclpy.spin_once(node, timeout_sec=0.05)
+
+    until(lambda: page.evaluate("Boolean(document.getElementById('picture').dataset.x)"))
+    node.destroy_publisher(turn)
+    page.wait_for_selector('#take:enabled')
+    page.click('#take')
+    page.wait_for_selector('#angle:enabled')
+    time.sleep(1.0)
+    late = sorted(page.evaluate(SLIDER, float(angle % 170)) for angle in range(7, 7 + 40 * 7, 7))
+    page.locator('#speed').fill('3')
+    for _ in range(50):
+        rclpy.spin_once(node, timeout_sec=0.02)
+    closed = time.monotonic()
+    page.close()
+    while time.monotonic() < closed + 1.5:
+        rclpy.spin_once(node, timeout_sec=0.02)
+    node.destroy_node()
+    rclpy.shutdown()
+    return late[int(0.95 * len(late))], max(heard[-1] - closed, 0.0)
+
+
+def page() -> bool:
+    """Measure the page, if there is a browser; return whether the aims are met."""
+    try:
+        from playwright.sync_api import sync_playwright  # noqa: PLC0415
+    except ModuleNotFoundError:
+        print('no playwright here: the page itself is not measured')
+        return True
+    path = next(filter(None, map(shutil.which, ('chromium', 'google-chrome'))), None)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=['--no-sandbox'])
+        try:
+            return in_browser(browser)
+        finally:
+            browser.close()
+
+
+if __name__ == '__main__':
+    parts = {'server': server, 'page': page}
+    wanted = sys.argv[1:] or list(parts)
+    sys.exit(0 if all(parts[name]() for name in wanted) else 1)
