@@ -27,6 +27,8 @@ LEGS, ANGLES = 12, 40
 COUPLED_LEGS = 2
 # Of the linkage's size, and more where a dyad is nearly in line.
 NEAR = 1e-12
+# Turning fully and not, sliding, coupled: to follow a foot takes long.
+FIGURES = ['klann', 'peaucellier', 'quick_return', 'stephenson', 'walker_six_bar', 'watt_six_bar']
 LECTURE = (radians(60.0), np.radians([15.0, 60.0, 45.0, 60.0]))
 # x_2, x_3 and x_4 as SEM 104 prints them [deg].
 PRINTED = [
@@ -36,12 +38,12 @@ PRINTED = [
 ]
 
 DESCRIBE = """
-function answer(texts) {
+function answer({ texts, figures }) {
   const found = {};
   for (const [name, text] of Object.entries(texts)) {
     const { linkage, start } = readFile(text, texts.klann);
     const { structure } = linkage;
-    const arcs = reachableArcs(linkage);
+    const arcs = figures.includes(name) ? reachableArcs(linkage) : [];
     const turn = turnOf(linkage, arcs);
     const { u } = poseAt(linkage, start);
     found[name] = {
@@ -68,7 +70,7 @@ function answer({ texts, cases }) {
 
 @pytest.fixture(scope='module')
 def described() -> dict[str, Any]:
-    found: dict[str, Any] = in_node(DESCRIBE, TEXTS)
+    found: dict[str, Any] = in_node(DESCRIBE, {'texts': TEXTS, 'figures': FIGURES})
     return found
 
 
@@ -85,7 +87,7 @@ def test_the_structure_is_the_same(described: dict[str, Any], name: str) -> None
     assert found['closing'] == list(structure.paths.closing)
 
 
-@pytest.mark.parametrize('name', shipped_linkages())
+@pytest.mark.parametrize('name', FIGURES)
 def test_the_figures_are_the_same(described: dict[str, Any], name: str) -> None:
     linkage, found = shipped_linkage(name), described[name]
     assert np.array(found['arcs']) == pytest.approx(np.array(reachable_arcs(linkage)), abs=1e-12)

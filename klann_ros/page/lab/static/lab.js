@@ -43,6 +43,9 @@ function toggle() {
   crank.isTurning = !crank.isTurning;
   crank.last = null;
   crank.direction = 1;
+  // Nobody can listen to each pose of a turn.
+  for (const id of ['state', 'verdict'])
+    byId(id).setAttribute('aria-live', crank.isTurning ? 'off' : 'polite');
   showCrank();
   if (crank.isTurning) requestAnimationFrame(turnOn);
 }

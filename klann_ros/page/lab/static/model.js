@@ -25,14 +25,18 @@ class Lab {
   /** Take the linkage in a text; a Refusal leaves everything as it is. */
   load(text, source = '') {
     const read = readFile(text, this.shipped.klann);
-    this.source = source;
-    this.read = read;
-    this.content = read.content;
-    this.isKlann = isKlannLeg(read.linkage, this.shipped.klann);
-    this.linkage = read.linkage;
-    this.name = read.content.name;
     const arcs = reachableArcs(read.linkage);
-    this.alpha = read.start === undefined ? (arcs[0][0] + arcs[0][1]) / 2 : read.start;
+    const [start, end] = arcs[0] || [0, 0];
+    const alpha = read.start === undefined ? (start + end) / 2 : read.start;
+    const pose = poseAt(read.linkage, alpha);
+    refuseUnless(
+      !pose.error,
+      'it does not close where it starts',
+      'não fecha na posição em que começa',
+    );
+    Object.assign(this, { source, read, alpha, content: read.content, linkage: read.linkage });
+    this.isKlann = isKlannLeg(read.linkage, this.shipped.klann);
+    this.name = read.content.name;
     this.refusal = null;
     this.isDragged = false;
     this.turn = null;

@@ -11,6 +11,9 @@ class AssembliesPanel {
   /** Show them when nothing else is to be done. */
   soon() {
     clearTimeout(this.waiting);
+    const { linkage, alpha } = this.lab;
+    if (this.scene.hasOthers && linkage.isDyadic)
+      this.scene.showOthers(dyadPoses(linkage, alpha, 9).filter((pose) => !this.isDrawn(pose)));
     this.waiting = setTimeout(() => this.show(), this.lab.linkage.isDyadic ? 60 : 300);
   }
 

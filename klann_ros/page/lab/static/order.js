@@ -3,7 +3,7 @@
 
 const MOST_BODIES = 25;
 // All subsets of the bodies are tried; what needs more of them than these is no file that is meant.
-const MOST_TRIES = 200000;
+const MOST_TRIES = 30000;
 
 /** Return the groups of bodies that are placed together, in their order: see assembly.py. */
 function assemblyOrder(structure) {

@@ -1,7 +1,9 @@
 'use strict';
 /* The drawing: the linkage with grips, the path of its foot, other assemblies, and why it jams. */
 
+// What can be grabbed around a joint, in the drawing's units, and at least so many pixels.
 const GRIP = 17;
+const LEAST_GRIP = 13;
 const SMALL_STEP = 0.002;
 
 class Scene {
@@ -10,7 +12,12 @@ class Scene {
     this.lab = lab;
     this.hasOthers = false;
     this.iterate = null;
-    lab.on('linkage', () => this.fit());
+    lab.on('linkage', () => {
+      // They are another linkage's.
+      this.iterate = null;
+      this.otherPoses = [];
+      this.fit();
+    });
     lab.on('turn', () => this.showTurn());
     lab.on('numbers', () => this.show());
     lab.on('pose', () => this.show());
@@ -50,9 +57,10 @@ class Scene {
 
   addGrips() {
     const { structure } = this.lab.linkage;
+    const scale = this.svg.clientWidth / this.drawing.plane.width || 1;
     this.grips = structure.points.map((name, i) => {
       const grip = this.drawing.add('circle', 'grip');
-      grip.setAttribute('r', GRIP);
+      grip.setAttribute('r', Math.max(GRIP, LEAST_GRIP / scale));
       grip.setAttribute('tabindex', '0');
       grip.setAttribute('role', 'button');
       grip.dataset.grip = name;

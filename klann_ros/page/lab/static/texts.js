@@ -72,9 +72,10 @@ const TEXTS = {
     iterates: 'Iterates',
     gap: 'largest |f| [mm]',
     converged: (count, signs, isDrawn) =>
-      `Converged after ${count} corrections, to the assembly ${signs}${isDrawn ? ', the one drawn' : ', which is another than the one drawn'}.`,
-    diverged: (count) => `Not converged after ${count} corrections.`,
-    singular: (count) => `It breaks off after ${count} corrections: Φ is singular there.`,
+      `Converged after ${count} correction${count === 1 ? '' : 's'}, to the assembly ${signs}${isDrawn ? ', the one drawn' : ', which is another than the one drawn'}.`,
+    diverged: (count) => `Not converged after ${count} correction${count === 1 ? '' : 's'}.`,
+    singular: (count) =>
+      `It breaks off after ${count} correction${count === 1 ? '' : 's'}: Φ is singular there.`,
     noRoot: 'At this crank angle there is no root: it closes in no assembly.',
     save: 'Save for solver_node',
     name: 'Name',
@@ -161,9 +162,10 @@ const TEXTS = {
     iterates: 'Iterações',
     gap: 'maior |f| [mm]',
     converged: (count, signs, isDrawn) =>
-      `Convergiu após ${count} correções, para a montagem ${signs}${isDrawn ? ', a desenhada' : ', que não é a desenhada'}.`,
-    diverged: (count) => `Não convergiu após ${count} correções.`,
-    singular: (count) => `Interrompido após ${count} correções: ali Φ é singular.`,
+      `Convergiu após ${count} ${count === 1 ? 'correção' : 'correções'}, para a montagem ${signs}${isDrawn ? ', a desenhada' : ', que não é a desenhada'}.`,
+    diverged: (count) => `Não convergiu após ${count} ${count === 1 ? 'correção' : 'correções'}.`,
+    singular: (count) =>
+      `Interrompido após ${count} ${count === 1 ? 'correção' : 'correções'}: ali Φ é singular.`,
     noRoot: 'Neste ângulo da manivela não há raiz: não fecha em nenhuma montagem.',
     save: 'Salvar para o solver_node',
     name: 'Nome',
