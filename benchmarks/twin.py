@@ -16,8 +16,8 @@ from klann_ros.robot import robot_of
 from klann_ros.twin import agreement
 
 RATES = (2.0, 2.0 * math.pi)
-# Which are held: foot [m], torque as moved, and reactions.
-MOST = (20e-6, 1e-3, 1e-2)
+# Which are held: foot [m], torque of an even turn, torque as moved, and reactions.
+MOST = (20e-6, 5e-3, 1e-3, 1e-2)
 
 
 def main() -> int:
@@ -28,7 +28,7 @@ def main() -> int:
         f'{"":17}{"rad/s":>6}{"foot um":>9}{"torque, even":>14}{"as moved":>10}'
         f'{"reactions":>11}{"ripple":>9}'
     )
-    worst = [0.0, 0.0, 0.0]
+    worst = [0.0] * len(MOST)
     for name in ('sem104', 'patent', *shipped_linkages()):
         for rate in RATES:
             found = agreement(robot_of(name), rate, time_step=time_step)
@@ -37,9 +37,12 @@ def main() -> int:
                 f'{found.torque_as_moved:10.4%}{found.reactions:11.4%}{found.ripple:9.3%}',
                 flush=True,
             )
-            held = (found.foot, found.torque_as_moved, found.reactions)
+            held = (found.foot, found.torque, found.torque_as_moved, found.reactions)
             worst = [max(pair) for pair in zip(worst, held, strict=True)]
-    print(f'worst: foot {worst[0] * 1e6:.2f} um, torque {worst[1]:.4%}, reactions {worst[2]:.4%}')
+    print(
+        f'worst: foot {worst[0] * 1e6:.2f} um, torque {worst[1]:.3%} of an even turn and '
+        f'{worst[2]:.4%} as moved, reactions {worst[3]:.4%}'
+    )
     return int(any(value > most for value, most in zip(worst, MOST, strict=True)))
 
 

@@ -40,8 +40,9 @@ class Accuracy(NamedTuple):
     servo: float
 
 
-# Of a leg: what closes its loops is a spring, whose error falls with the fourth power of the step.
-HUNG = Accuracy(2e-4, 'RK4', 0.04, 2.0)
+# Of a leg: stiffer, what closes its loops would shake its crank, and softer, stray; a softer servo
+# would lag, and a stiffer one shake.
+HUNG = Accuracy(2e-4, 'RK4', 0.01, 2.0)
 # Feet that touch down know no higher order; and a robot has to keep up with the time.
 WALKING = Accuracy(5e-4, 'implicitfast', 0.04, 0.5)
 # What drives a crank has an inertia of its own: so many times the greatest one that the crank of

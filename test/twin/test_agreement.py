@@ -18,11 +18,12 @@ def turned(name: str) -> Agreement:
 @pytest.mark.parametrize('name', ['sem104', 'jansen', 'quick_return', 'andrews'])
 def test_foot_torque_and_reactions_are_those_of_the_engine(name: str) -> None:
     found = turned(name)
-    assert found.foot <= 1e-6
-    assert found.torque_as_moved <= 1e-4
-    assert found.reactions <= 1e-4
+    assert found.foot <= 3e-6
+    assert found.torque_as_moved <= 2e-4
+    assert found.reactions <= 2e-4
 
 
-def test_the_servo_of_the_model_turns_the_leg_evenly_and_feels_its_torque() -> None:
-    assert turned('sem104').ripple <= 2e-4
-    assert turned('sem104').torque <= 5e-3
+@pytest.mark.parametrize('name', ['sem104', 'jansen', 'quick_return'])
+def test_the_servo_of_the_model_turns_the_leg_evenly_and_feels_its_torque(name: str) -> None:
+    assert turned(name).ripple <= 2e-4
+    assert turned(name).torque <= 5e-3
