@@ -18,7 +18,8 @@ from .agreement import Agreement, agreement
 from .engine import NoMujocoError
 from .mjcf import Floor, robot_mjcf
 from .pace import Kept, Pace
-from .twin import Crank, DivergedError, Imu, Motors, Sensors, Truth, Twin, TwinError
+from .parts import Crank, Imu, Motors, Sensors, Truth, TwinError
+from .twin import DivergedError, Twin
 
 __all__ = [
     'Agreement',

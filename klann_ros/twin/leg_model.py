@@ -5,7 +5,6 @@ It is written in one pose, in which all joints but the crank are at 0: so it sta
 last digit. Its bodies hang in `leg_plane`, whose x and y are the linkage's own.
 """
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
@@ -15,10 +14,10 @@ from klann_ros.kinematics import LinkageLeg
 from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.structure import FIXED
 from klann_ros.robot import RobotLeg
-from klann_ros.untrusted.text import printable
 import numpy as np
 
 from .leg_tree import Hung, tree
+from .model_text import at, Names, number, touching
 
 # What weighs nothing would make its loop soft: it gets this part of the whole, and of its inertia.
 TINY = 1e-4
@@ -32,19 +31,11 @@ SAMPLES = 181
 
 
 class Stiffness(NamedTuple):
-    """
-    How stiff loops are closed: a violation r goes by r.. = -stiffness r - damping r. .
+    """How stiff loops are closed: a violation r goes by r.. = -stiffness r - damping r. ."""
 
-    Attributes
-    ----------
-    stiffness : float
-        [1/s^2].
-    damping : float
-        [1/s].
-
-    """
-
+    # In 1/s^2.
     stiffness: float
+    # In 1/s.
     damping: float
 
     @classmethod
@@ -63,21 +54,13 @@ class Stiffness(NamedTuple):
 
 
 class Section(NamedTuple):
-    """
-    Where a leg writes to, besides its plane.
+    """Where a leg writes to, besides its plane."""
 
-    Attributes
-    ----------
-    equality, tendon : Element
-        The sections of the model.
-    unique : callable
-        Returns a name that its kind ('body', 'joint', 'site') does not have yet.
-
-    """
-
+    # The sections of the model.
     equality: Element
     tendon: Element
-    unique: Callable[[str, str], str]
+    # Returns a name that its kind ('body', 'joint', 'site') does not have yet.
+    unique: Names
 
 
 class LegModel:
@@ -270,40 +253,3 @@ class LegModel:
         name = section.unique('site', f'{self.leg.prefix}spring')
         SubElement(plane, 'site', name=name, pos=at(complex(*end)), size=number(self._radius))
         return name
-
-
-class Names:
-    """Names of which none is given twice to one kind of element, and none breaks the XML."""
-
-    def __init__(self) -> None:
-        self._taken = {('body', 'world')}
-
-    def __call__(self, kind: str, wanted: str) -> str:
-        """Return a name: the wanted one, or it with as many `_` as it takes."""
-        name = printable(wanted)
-        while (kind, name) in self._taken:
-            name += '_'
-        self._taken.add((kind, name))
-        return name
-
-
-def touching(friction: float, *, floor: bool = False) -> dict[str, str]:
-    """Return the attributes of what touches the floor, or of the floor, and nothing else."""
-    own, other = ('1', '2') if floor else ('2', '1')
-    # Hard: in what is soft the feet sink and creep, which costs a walker some of its way.
-    return {
-        'contype': own,
-        'conaffinity': other,
-        'friction': f'{number(friction)} 0.005 0.0001',
-        'solref': '0.003 1',
-    }
-
-
-def at(place: complex) -> str:
-    """Return a place, or a direction, in a leg's plane."""
-    return f'{number(place.real)} {number(place.imag)} 0'
-
-
-def number(value: float) -> str:
-    """Return a number to the last digit."""
-    return repr(float(value) + 0.0).removesuffix('.0')

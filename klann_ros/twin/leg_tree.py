@@ -14,39 +14,22 @@ from klann_ros.kinematics.linkage.structure import FIXED, Structure
 
 
 class Hung(NamedTuple):
-    """
-    Where a body hangs in the tree.
+    """Where a body hangs in the tree."""
 
-    Attributes
-    ----------
-    body : int
-        Which one.
-    parent : int
-        The one before it, -1 for the ground.
-    point : str
-        Where it turns, or slides.
-
-    """
-
+    # Which one.
     body: int
+    # The one before it, -1 for the ground.
     parent: int
+    # Where it turns, or slides.
     point: str
 
 
 class Closing(NamedTuple):
-    """
-    What closes a loop: a point to which two bodies lead.
+    """What closes a loop: a point to which two bodies lead."""
 
-    Attributes
-    ----------
-    point : str
-        Which one.
-    first, body : int
-        The two bodies, -1 being the ground; the second is pulled to the first.
-
-    """
-
+    # Which one.
     point: str
+    # The two bodies, -1 being the ground; the second is pulled to the first.
     first: int
     body: int
 

@@ -11,32 +11,23 @@ from klann_ros.kinematics import KinematicsError, LinkageLeg
 from klann_ros.robot import Body, Robot, RobotLeg
 import numpy as np
 
-from .leg_model import LegModel, Names, number, Section, Stiffness, touching
+from .leg_model import LegModel, Section, Stiffness
+from .model_text import Names, number, touching
 
 GRAVITY = 9.80665
 SLOPES = pi / 4.0
 
 
 class Accuracy(NamedTuple):
-    """
-    How the engine integrates a model.
+    """How the engine integrates a model."""
 
-    Attributes
-    ----------
-    time_step : float
-        [s].
-    integrator : str
-        The engine's name of it.
-    closing : float
-        The stiffness of what closes loops, by the time step squared.
-    servo : float
-        By which part of its error a crank's speed is corrected in a step.
-
-    """
-
+    # In seconds.
     time_step: float
+    # The engine's name of it.
     integrator: str
+    # The stiffness of what closes loops, by the time step squared.
     closing: float
+    # By which part of its error a crank's speed is corrected in a step.
     servo: float
 
 

@@ -2,9 +2,21 @@
 
 import math
 from pathlib import Path
+import sys
 
 from klann_ros.robot import Robot, robot_of
-from klann_ros.twin import DivergedError, Floor, Motors, Pace, Sensors, Twin, TwinError
+from klann_ros.twin import (
+    agreement,
+    DivergedError,
+    Floor,
+    Motors,
+    NoMujocoError,
+    Pace,
+    robot_mjcf,
+    Sensors,
+    Twin,
+    TwinError,
+)
 import numpy as np
 import pytest
 
@@ -202,3 +214,13 @@ def test_time_can_go_faster() -> None:
     pace = Pace(0.01, 4.0, 0.0)
     assert pace.due(0.1) == 40
     assert pace.kept(0.1).factor == pytest.approx(4.0)
+
+
+def test_without_the_engine_a_line_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, 'mujoco', None)
+    with pytest.raises(NoMujocoError, match=r"pip install 'klann_ros\[sim\]'"):
+        Twin(robot_of('sem104'))
+    with pytest.raises(NoMujocoError):
+        agreement(robot_of('sem104'), 1.0)
+    # The model needs none.
+    assert robot_mjcf(robot_of('sem104')).startswith('<mujoco')
