@@ -232,6 +232,11 @@ def test_a_refused_number_is_said_and_changes_nothing(lab: Opened) -> None:
     assert not lab.page.locator('#refusal').is_visible()
 
 
+def test_the_second_transmission_angle_is_the_courses(lab: Opened) -> None:
+    lab.until('Boolean(lab.turn)')
+    assert 'dyad 1 31.2° to 156.2°dyad 2 59.0° to 128.1°' in lab.text('#legend')
+
+
 def test_in_portuguese_it_says_the_same(visit) -> None:
     opened = visit(locale='pt-BR')
     assert opened.page.locator('html').get_attribute('lang') == 'pt-BR'

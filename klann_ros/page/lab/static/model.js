@@ -25,6 +25,8 @@ class Lab {
   /** Take the linkage in a text; a Refusal leaves everything as it is. */
   load(text, source = '') {
     const read = readFile(text, this.shipped.klann);
+    const isKlann = isKlannLeg(read.linkage, this.shipped.klann);
+    if (isKlann) read.linkage = asTheCourse(read.linkage);
     const arcs = reachableArcs(read.linkage);
     const [start, end] = arcs[0] || [0, 0];
     const alpha = read.start === undefined ? (start + end) / 2 : read.start;
@@ -34,8 +36,8 @@ class Lab {
       'it does not close where it starts',
       'não fecha na posição em que começa',
     );
-    Object.assign(this, { source, read, alpha, content: read.content, linkage: read.linkage });
-    this.isKlann = isKlannLeg(read.linkage, this.shipped.klann);
+    Object.assign(this, { source, read, alpha, isKlann });
+    Object.assign(this, { content: read.content, linkage: read.linkage });
     this.name = read.content.name;
     this.refusal = null;
     this.isDragged = false;
@@ -127,4 +129,9 @@ class Lab {
       this.tell('turn');
     }, delay);
   }
+}
+
+/** Return a Klann leg whose second transmission angle is delta + theta, as the course has it. */
+function asTheCourse({ structure, numbers, signs, name }) {
+  return new Linkage(structure, numbers, { signs, name, outside: [2] });
 }
