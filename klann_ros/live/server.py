@@ -265,6 +265,8 @@ class _Unread(asyncio.Protocol):
     def connection_lost(self, error: Exception | None) -> None:
         """Hand on the loss."""
         self._inner.connection_lost(error)
+        # It and the transport would hold each other.
+        self._transport = None
 
     def pause_writing(self) -> None:
         """Hand on that nothing is taken any more."""
