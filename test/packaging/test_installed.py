@@ -142,6 +142,11 @@ def test_both_share_the_same_files(
     assert {f for f in colcons - ours if not f.startswith(('package.', 'hook/'))} == set()
 
 
+def test_the_lab_is_shared(installation: Installation) -> None:
+    shared = installation.prefix / 'share/klann_ros/lab.html'
+    assert shared.read_bytes() == (ROOT / 'klann_ros/page/lab/lab.html').read_bytes()
+
+
 def test_solver_node_solves(installation: Installation, domain: int) -> None:
     rclpy = pytest.importorskip('rclpy')
     context = rclpy.context.Context()
