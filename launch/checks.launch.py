@@ -29,6 +29,9 @@ def programs(given: dict[str, str]) -> Iterator[tuple[str, str, str]]:
     else:
         yield 'a leg with a URDF', 'robot_state_publisher', 'robot_state_publisher'
         yield 'a leg with a URDF', 'xacro', 'xacro'
+    if 'sim' in given:  # an argument of ros2_control.launch.py alone
+        yield 'ros2_control', 'controller_manager', 'ros2_control_node'
+        yield 'ros2_control', 'controller_manager', 'spawner'
     if asked(given, 'rviz'):
         yield 'rviz:=true', 'rviz2', 'rviz2'
     if asked(given, 'slider'):

@@ -42,7 +42,16 @@ def test_the_launch_files_are_those_of_the_manual() -> None:
     page = (ROOT / 'docs' / 'viewing.md').read_text()
     assert set(FILES) == {
         f'{name}.launch.py'
-        for name in ('leg', 'walker', 'walk', 'demo', 'replay', 'description', 'checks')
+        for name in (
+            'leg',
+            'walker',
+            'walk',
+            'ros2_control',
+            'demo',
+            'replay',
+            'description',
+            'checks',
+        )
     }
     assert [name for name in FILES if f'| `{name}` |' not in page] == []
 
@@ -94,6 +103,7 @@ def test_description_includes_the_checks_and_the_others_what_includes_them() -> 
         'description.launch.py': {'checks.launch.py'},
         'leg.launch.py': {'description.launch.py'},
         'replay.launch.py': {'description.launch.py'},
+        'ros2_control.launch.py': {'checks.launch.py'},
         'walk.launch.py': {'leg.launch.py'},
         'walker.launch.py': {'demo.launch.py', 'leg.launch.py'},
     }

@@ -24,6 +24,7 @@ ARGUMENTS = {
     'demo': DEMO,
     'walker': DEMO | {'walker', 'crank'},
     'walk': LEG | {'linear', 'friction', 'slope'},
+    'ros2_control': {'params_file', 'sim'},
     'replay': DESCRIPTION | {'log', 'play_rate', 'start_offset', 'loop'},
 }
 # What a launch file starts in any case, and what a flag adds.

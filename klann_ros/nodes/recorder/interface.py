@@ -24,6 +24,11 @@ TOPICS = (
     '*/velocity_h',
     'markers',
     'robot_description',
+    'cmd_vel',
+    'crank_command',
+    'odom',
+    'imu',
+    'ground_truth',
     '/diagnostics',
 )
 PARAMETERS = (
