@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 import os
 from pathlib import Path
 import signal
@@ -11,6 +12,7 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from fork_server import ForkedProcess, ForkServer
 import klann_ros
 from rcl_interfaces.srv import GetParameters
 import rclpy
@@ -32,7 +34,8 @@ class Process:
     """
     An executable of the checkout, as a process of its own.
 
-    It is started by the wrapper, if there is one; options are those of Popen.
+    It is started by the wrapper, if there is one; options are those of Popen. A node without any
+    is forked by a server, unless a fresh Python is wanted.
     """
 
     def __init__(
@@ -42,6 +45,7 @@ class Process:
         domain: int,
         cwd: Path,
         wrapper: Sequence[str] = (),
+        fresh: bool = False,
         **options: Any,
     ) -> None:
         code = f'import sys; from klann_ros.executables import {name}; sys.exit({name}())'
@@ -54,6 +58,16 @@ class Process:
             'ROS_LOG_DIR': str(cwd / 'ros_log'),
         }
         self.segments: set[str] = set()
+        self.popen: subprocess.Popen[str] | ForkedProcess
+        if not (fresh or wrapper or options) and name.endswith('_node'):
+            self.popen = _fork_server().start(
+                name,
+                arguments,
+                cwd=cwd,
+                environment=environment,
+                stderr=self._errors.fileno(),
+            )
+            return
         self.popen = subprocess.Popen(
             [*wrapper, sys.executable, '-c', code, *arguments],
             cwd=cwd,
@@ -101,6 +115,11 @@ class Process:
             self.popen.kill()
         self.popen.communicate()
         self._errors.close()
+
+
+@cache
+def _fork_server() -> ForkServer:
+    return ForkServer(PACKAGE)
 
 
 class Probe:
@@ -263,10 +282,19 @@ class RecorderReports:
 
 
 class World:
-    """A domain of its own with processes in it."""
+    """
+    A domain of its own with processes in it.
+
+    Attributes
+    ----------
+    fresh : bool
+        Whether each has a Python of its own from the start on.
+
+    """
 
     def __init__(self, domain: int, folder: Path) -> None:
         self.domain = domain
+        self.fresh = False
         self.folder = folder
         self._before = {path.name for path in SHARED_MEMORY.iterdir()}
         self.probe = Probe(domain)
@@ -296,7 +324,13 @@ class World:
     ) -> Process:
         """Start an executable by another one, or with options of Popen."""
         process = Process(
-            name, *arguments, domain=self.domain, cwd=self.folder, wrapper=wrapper, **options
+            name,
+            *arguments,
+            domain=self.domain,
+            cwd=self.folder,
+            wrapper=wrapper,
+            fresh=self.fresh,
+            **options,
         )
         self._processes.append(process)
         return process

@@ -26,6 +26,13 @@ EXECUTABLES = [
 STOP_SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 
 
+@pytest.fixture(autouse=True)
+def _fresh(request: pytest.FixtureRequest) -> None:
+    """Have every process begin with its own Python: the start is what is claimed here."""
+    if 'ros' in request.fixturenames:
+        request.getfixturevalue('ros').fresh = True
+
+
 def blocked(process: Process) -> set[int]:
     """Return the signals that a process has taken over."""
     status = Path(f'/proc/{process.popen.pid}/status').read_text()

@@ -1,0 +1,224 @@
+"""
+Processes that are forked from one which has imported everything, but begun nothing.
+
+To import rclpy takes most of what it costs to start a node, and the suite starts two hundred. What
+is forked is a process of its own like any other: its own signals, files, memory and DDS. Whoever
+claims something of the start itself starts a Python of its own.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+import json
+import os
+from pathlib import Path
+import select
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+from typing import TextIO
+
+# What a node needs before it knows what it is to do.
+MODULES = (
+    'klann_ros.executables',
+    'klann_ros.nodes.crank.node',
+    'klann_ros.nodes.player.node',
+    'klann_ros.nodes.recorder.node',
+    'klann_ros.nodes.solver.node',
+)
+_STATUS = struct.Struct('i')
+
+
+class ForkedProcess:
+    """
+    A process of the server's, as `subprocess.Popen` shows one.
+
+    Attributes
+    ----------
+    pid : int
+        Its number.
+    returncode : int or None
+        As of Popen.
+    stdout : file
+        What it writes there, as text.
+
+    """
+
+    def __init__(self, pid: int, stdout: TextIO, status: int) -> None:
+        self.pid, self.stdout, self._status = pid, stdout, status
+        self.returncode: int | None = None
+
+    def poll(self) -> int | None:
+        """Return its exit code if it has ended."""
+        with suppress(subprocess.TimeoutExpired):
+            self.wait(0.0)
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end; return the exit code."""
+        if self.returncode is None:
+            if not select.select([self._status], [], [], timeout)[0]:
+                raise subprocess.TimeoutExpired(f'process {self.pid}', timeout or 0.0)
+            (status,) = _STATUS.unpack(os.read(self._status, _STATUS.size))
+            os.close(self._status)
+            self.returncode = os.waitstatus_to_exitcode(status)
+        return self.returncode
+
+    def communicate(self, timeout: float | None = None) -> tuple[str, None]:
+        """Read what it writes until it has ended."""
+        if self.stdout.closed:
+            return '', None
+        end = None if timeout is None else time.monotonic() + timeout
+        pieces = []
+        while True:
+            left = None if end is None else max(0.0, end - time.monotonic())
+            if not select.select([self.stdout], [], [], left)[0]:
+                raise subprocess.TimeoutExpired(f'process {self.pid}', timeout or 0.0)
+            piece = os.read(self.stdout.fileno(), 65536)
+            if not piece:
+                break
+            pieces.append(piece)
+        self.wait(None if end is None else max(0.0, end - time.monotonic()))
+        self.stdout.close()
+        return b''.join(pieces).decode(), None
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal, unless it has ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def terminate(self) -> None:
+        """Send SIGTERM."""
+        self.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """Send SIGKILL."""
+        self.send_signal(signal.SIGKILL)
+
+
+class ForkServer:
+    """The process that is forked; it ends with the one that has started it."""
+
+    def __init__(self, package: str) -> None:
+        self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        environment = {
+            **os.environ,
+            'PYTHONPATH': os.pathsep.join([package, str(Path(__file__).parent)]),
+        }
+        code = f'import fork_server; fork_server.serve({theirs.fileno()})'
+        self._process = subprocess.Popen(
+            [sys.executable, '-c', code], pass_fds=[theirs.fileno()], env=environment
+        )
+        theirs.close()
+
+    def start(
+        self,
+        name: str,
+        arguments: Sequence[str],
+        *,
+        cwd: Path,
+        environment: Mapping[str, str],
+        stderr: int,
+    ) -> ForkedProcess:
+        """Start an executable of the package."""
+        ours, theirs = os.pipe()
+        status, told = os.pipe()
+        asked = [name, [*arguments], str(cwd), dict(environment)]
+        try:
+            socket.send_fds(self._socket, [json.dumps(asked).encode()], [theirs, stderr, told])
+        finally:
+            os.close(theirs)
+            os.close(told)
+        (pid,) = _STATUS.unpack(self._socket.recv(_STATUS.size))
+        return ForkedProcess(pid, os.fdopen(ours, 'r'), status)
+
+
+def serve(number: int) -> None:
+    """Fork whenever asked, and tell how each of these processes ended."""
+    for module in MODULES:
+        __import__(module)
+    asking = socket.socket(fileno=number)
+    children: dict[int, int] = {}
+    with _wakened_by_children() as wakeup:
+        while True:
+            ready, _, _ = select.select([asking, wakeup], [], [])
+            if wakeup in ready:
+                os.read(wakeup, 4096)
+                _tell_of_the_ended(children)
+            if asking in ready:
+                text, fds, _, _ = socket.recv_fds(asking, 1 << 20, 3)
+                if not text:
+                    return
+                pid = _forked(text, fds, [number, wakeup, *children.values()])
+                children[pid] = fds[2]
+                for fd in fds[:2]:
+                    os.close(fd)
+                asking.send(_STATUS.pack(pid))
+
+
+@contextmanager
+def _wakened_by_children() -> Iterator[int]:
+    """Yield what can be read when a child has ended."""
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    signal.signal(signal.SIGCHLD, lambda *_: None)
+    signal.set_wakeup_fd(writer)
+    # Ctrl-C in the terminal of the tests is theirs.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    yield reader
+
+
+def _tell_of_the_ended(children: dict[int, int]) -> None:
+    with suppress(ChildProcessError):
+        while True:
+            pid, status = os.waitpid(-1, os.WNOHANG)
+            if not pid:
+                return
+            told = children.pop(pid)
+            with suppress(OSError):
+                os.write(told, _STATUS.pack(status))
+            os.close(told)
+
+
+def _forked(text: bytes, fds: Sequence[int], others: Sequence[int]) -> int:
+    pid = os.fork()
+    if pid:
+        return pid
+    code = 1
+    try:
+        signal.set_wakeup_fd(-1)
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        name, arguments, cwd, environment = json.loads(text)
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        for fd, place in ((nothing, 0), (fds[0], 1), (fds[1], 2)):
+            os.dup2(fd, place)
+        for fd in {nothing, *fds, *others}:
+            os.close(fd)
+        os.chdir(cwd)
+        os.environ.clear()
+        os.environ.update(environment)
+        sys.argv = ['-c', *arguments]
+        code = _run(name)
+    finally:
+        # No further: what stands above is the server's.
+        os._exit(code)
+
+
+def _run(name: str) -> int:
+    """Run an executable, and end as an interpreter does."""
+    from klann_ros import executables
+
+    try:
+        return int(getattr(executables, name)())
+    except SystemExit as end:
+        return int(end.code or 0)
+    except BaseException:
+        sys.excepthook(*sys.exc_info())
+        return 1
+    finally:
+        for file in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):
+                file.flush()
