@@ -25,6 +25,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
 # Nobody waits for so long but on a machine that has much else to do [s].
 PATIENCE = 60.0
+# A node that has said nothing for so long answers nobody [s].
+SILENT = 10.0
 SHARED_MEMORY = Path('/dev/shm')  # noqa: S108 - Fast DDS's place, not ours
 # Traffic never leaves the machine, neither the probe's nor that of its processes.
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -185,15 +187,15 @@ class Probe:
         self._until_known(lambda: found(resolved), publishers)
 
     def _until_known(self, found: Callable[[], list[Any]], count: int) -> None:
-        """Wait until so many nodes of others are at a topic, and know what the probe has there."""
+        """Wait until so many are at a topic, and the others know what the probe has there."""
 
         def names() -> list[str]:
             # Discovery knows an endpoint before it knows its node.
             nodes = [f'{e.node_namespace.rstrip("/")}/{e.node_name}' for e in found()]
-            return [n for n in nodes if '_UNKNOWN_' not in n and n not in self._own]
+            return [node for node in nodes if '_UNKNOWN_' not in node]
 
         self.until(lambda: len(names()) >= count)
-        for name in sorted(set(names())):
+        for name in sorted(set(names()) - self._own):
             self.until_knows(name)
 
     @property
@@ -206,20 +208,21 @@ class Probe:
 
         A participant tells of them in the order in which they were made: whoever hears a client
         and is heard by it knows what was made before it. No count of endpoints says that: it is
-        what the probe knows of the others.
+        what the probe knows of the others. Who answers nobody is not waited for long.
         """
         client = self.node.create_client(GetParameters, f'{name}/get_parameters')
-        self.until(client.service_is_ready)
         futures: list[Any] = []
+        silent = time.monotonic() + SILENT
         again = 0.0
 
         def is_answered() -> bool:
             nonlocal again
             # An answer is lost where the server has not discovered yet who asks.
-            if time.monotonic() >= again:
+            if client.service_is_ready() and time.monotonic() >= again:
                 futures.append(client.call_async(GetParameters.Request()))
                 again = time.monotonic() + 0.5
-            return any(future.done() for future in futures)
+            answered = any(future.done() for future in futures)
+            return answered or time.monotonic() >= silent
 
         self.until(is_answered)
         self.node.destroy_client(client)
