@@ -112,6 +112,8 @@ class Client:
         Tells when there is something new.
     may_drive : bool
         Whether it knows the secret.
+    has_runs : bool
+        Whether there is a list of runs for who knows it.
 
     """
 
@@ -123,10 +125,12 @@ class Client:
         news: News,
         *,
         may_drive: bool,
+        has_runs: bool = False,
     ) -> None:
         self.number = number
         self._socket, self._world, self._news = socket, world, news
         self._may_drive = may_drive
+        self._you = {'page': number, 'may': may_drive, 'runs': has_runs}
         self._loop = asyncio.get_running_loop()
         self._limit = RateLimit()
         self._drawn = asyncio.Event()
@@ -201,8 +205,7 @@ class Client:
     def _frame(self, poses: str) -> str:
         fields = [f'"n":{self._sent}', f'"poses":{poses}']
         if self._sent == 1:
-            you = {'page': self.number, 'may': self._may_drive}
-            fields.append(f'"you":{json.dumps(you)}')
+            fields.append(f'"you":{json.dumps(self._you)}')
         for name, (version, text) in self._world.parts().items():
             if self._versions.get(name) != version:
                 self._versions[name] = version

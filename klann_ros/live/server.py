@@ -179,12 +179,14 @@ class LiveServer:
             heartbeat=_HEARTBEAT, max_msg_size=LARGEST, compress=False, timeout=_LAST_WORDS
         )
         await socket.prepare(request)
+        token = _token(request)
         client = Client(
             next(self._numbers),
             socket,
             self._world,
             self._news,
-            may_drive=self.guard.may_drive(_token(request)),
+            may_drive=self.guard.may_drive(token),
+            has_runs=bool(self._runs) and self.guard.knows(token),
         )
         self._clients.add(socket)
         unread = _Unread(request)

@@ -109,7 +109,9 @@ def test_who_does_not_know_the_secret_looks_only(served: Served, token: str) -> 
     async def attack(session: aiohttp.ClientSession) -> None:
         async with opened(session, served, token) as socket:
             before = list(served.world.wishes)
-            assert not (await frame(socket))['you']['may']
+            you = (await frame(socket))['you']
+            assert not you['may']
+            assert not you['runs']
             for number, do in enumerate(('take', 'release'), start=1):
                 answer = await wanted(socket, {**TAKE, 'id': number, 'do': do})
                 assert answer == {'id': number, 'done': False, 'said': 'this page may only look'}

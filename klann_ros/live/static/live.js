@@ -72,7 +72,7 @@ class Live {
     const now = performance.now() / 1000;
     this.drawn.push(now * 1000);
     if (this.drawn.length > 300) this.drawn.splice(0, 150);
-    if (frame.you) this.you = frame.you;
+    if (frame.you) this.greet(frame.you);
     if (frame.legs) this.tellLegs(frame.legs);
     if (frame.drives || frame.you) this.tellDrives(frame.drives || []);
     if (frame.diagnostics) showDiagnostics(byId('diagnostics'), frame.diagnostics);
@@ -80,6 +80,12 @@ class Live {
     if (frame.machines) this.tellMachines(frame.machines);
     this.move(frame.poses, now);
     if (frame.you) this.say();
+  }
+
+  greet(you) {
+    this.you = you;
+    byId('runs').hidden = !you.runs;
+    byId('runs').href = `/runs${location.search}`;
   }
 
   tellLegs(solvers) {
