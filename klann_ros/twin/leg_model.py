@@ -8,7 +8,7 @@ last digit. Its bodies hang in `leg_plane`, whose x and y are the linkage's own.
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
-from klann_ros.dynamics import Dynamics
+from klann_ros.dynamics import Dynamics, MassError
 from klann_ros.dynamics.masses import Spring
 from klann_ros.kinematics import LinkageLeg
 from klann_ros.kinematics.linkage import joints
@@ -87,10 +87,14 @@ class LegModel:
     ------
     CrankAngleError, UnreachableError, LoopsOpenError
         The linkage does not close at this angle.
+    MassError
+        It weighs nothing.
 
     """
 
     def __init__(self, leg: RobotLeg, dynamics: Dynamics, crank: float) -> None:
+        if not dynamics.masses.total > 0.0:
+            raise MassError(f'{leg.name or "the leg"} weighs nothing: it would move anyhow')
         self.leg, self._dynamics, self._crank = leg, dynamics, crank
         alpha = float(leg.crank_angles(crank))
         self._pose = LinkageLeg(leg.linkage).closed_form(alpha)
@@ -101,7 +105,7 @@ class LegModel:
         # Where the bodies' frames are in this pose.
         self._origins = {h.body: self._points[h.point] for h in self._hung} | {FIXED: 0j}
         self._size = float(np.ptp(self._pose.points, axis=0).max())
-        self.mass = max(dynamics.masses.total, 1e-6)
+        self.mass = dynamics.masses.total
         self.crank_name = ''
         self._bodies: dict[int, str] = {}
         self._sites: dict[str, str] = {}

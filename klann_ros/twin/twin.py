@@ -4,7 +4,7 @@ from math import cos, degrees, exp, isfinite
 from typing import Any
 
 from klann_ros.robot import Robot
-from klann_ros.untrusted.text import did_you_mean, printable
+from klann_ros.untrusted.text import did_you_mean, printable, printable_line
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,7 +59,7 @@ class Twin:
     MassError
         The robot's file does not tell what all weighs.
     TwinError
-        A motor is of no joint of it.
+        A motor is of no joint of it, or the engine cannot take it.
 
     """
 
@@ -84,7 +84,11 @@ class Twin:
         self._engine.set_mju_user_warning(_ignore)
         step = time_step or (TIME_STEP if robot.is_walker else 0.0)
         text = robot_mjcf(robot, floor=floor, time_step=step)
-        self._model = self._engine.MjModel.from_xml_string(text)
+        try:
+            self._model = self._engine.MjModel.from_xml_string(text)
+        except ValueError as error:
+            # Of masses and sizes that no robot has.
+            raise TwinError(f'the engine takes no such robot: {printable_line(error)}') from error
         self._model.opt.disableflags |= int(self._engine.mjtDisableBit.mjDSBL_AUTORESET)
         self._data = self._engine.MjData(self._model)
         self.is_free = robot.is_walker

@@ -24,7 +24,7 @@ VERSION = '.'.join(platform.python_version_tuple()[:2])
 NEEDS = {
     'demo': ('plot,view', None),
     'test': ('fast,plot,test', Path(__file__).with_name('checks.txt')),
-    'benchmark': ('fast,plot,view', Path(__file__).with_name('benchmarks.txt')),
+    'benchmark': ('fast,plot,sim,view', Path(__file__).with_name('benchmarks.txt')),
 }
 # 70.1: the first that makes wheels by itself; colcon-core wants one below 80.
 BUILD = 'setuptools>=70.1,<80'

@@ -4,7 +4,8 @@ import math
 from pathlib import Path
 import sys
 
-from klann_ros.robot import Robot, robot_of
+from klann_ros.dynamics import MassError
+from klann_ros.robot import Robot, robot_from_parameters, robot_of
 from klann_ros.twin import (
     agreement,
     DivergedError,
@@ -19,6 +20,7 @@ from klann_ros.twin import (
 )
 import numpy as np
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -168,6 +170,26 @@ def test_a_fallen_robot_says_so() -> None:
     twin = Twin(two_motors())
     twin._data.qpos[3:7] = (math.cos(0.8), math.sin(0.8), 0.0, 0.0)
     assert twin.state == 'it has fallen, tilted by 92 deg'
+
+
+@pytest.mark.parametrize(
+    ('wrong', 'reason'),
+    [
+        ({'bar_density': 0.0, 'foot_mass': 0.0}, 'weighs nothing'),
+        ({'bar_density': 1e-300}, 'the engine takes no such robot'),
+        ({'body_mass': 1e-300}, 'the engine takes no such robot'),
+        ({'body_centre': [1e300, 0.0, 0.0]}, 'became unstable'),
+        ({'body_mass': 1e300}, 'became unstable'),
+    ],
+)
+def test_masses_and_sizes_of_no_robot_are_told_in_one_line(
+    wrong: dict[str, object], reason: str
+) -> None:
+    content = yaml.safe_load((ROOT / 'config' / 'walker6_two_motors.yaml').read_text())
+    given = content['/**']['ros__parameters'] | wrong
+    with pytest.raises((MassError, TwinError), match=reason) as told:
+        Twin(robot_from_parameters(given)).step(0.1)
+    assert '\n' not in str(told.value)
 
 
 @pytest.mark.parametrize(

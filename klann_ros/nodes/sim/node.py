@@ -19,7 +19,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.time import Time
 
-from .commands import as_values, CrankCommands
+from .commands import as_values, CrankCommands, THROTTLE
 from .declarations import DRIVES, floor, motors, OUTPUT, PARAMETERS, READINGS, sensors, WORLD
 from .outputs import RobotOutputs
 
@@ -63,6 +63,8 @@ class SimNode(Node):
         # Of all ticks, and that at which the robot began.
         self._tick = self._first = 0
         self._resets = 0
+        # What has gone wrong since the last report.
+        self._astray = ''
         # Simulated time begins with 0, or with now.
         self._origin = 0 if values['use_clock'] else self.get_clock().now().nanoseconds
         self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
@@ -101,7 +103,8 @@ class SimNode(Node):
             try:
                 self._twin.step((self._tick - self._first) * self._period)
             except DivergedError as error:
-                self.get_logger().error(f'{error}; the robot is put back to its start')
+                self._astray = f'{error}; the robot is put back to its start'
+                self.get_logger().error(self._astray, throttle_duration_sec=THROTTLE)
                 self._reset()
             self._outputs.publish(self._stamp())
 
@@ -147,6 +150,9 @@ class SimNode(Node):
 
     def _verdict(self, kept: Kept) -> tuple[bytes, str]:
         """Return the level and the most important thing to say."""
+        if self._astray:
+            said, self._astray = self._astray, ''
+            return DiagnosticStatus.ERROR, said
         if self._twin.state:
             return DiagnosticStatus.ERROR, self._twin.state
         if kept.share < KEPT:

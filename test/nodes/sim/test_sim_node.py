@@ -87,8 +87,9 @@ def test_it_walks_as_it_is_commanded_and_tells_so_on_every_topic(robot: Robot) -
     assert (truth.header.frame_id, truth.child_frame_id) == ('world', 'base_link')
     assert imu.header.frame_id == 'base_link'
     assert imu.angular_velocity_covariance[0] == pytest.approx(1e-4)
-    feels = [getattr(imu.linear_acceleration, axis) for axis in 'xyz']
-    assert math.hypot(*feels) == pytest.approx(9.81, abs=5.0)
+    # Each foot that comes down is felt; in the mean it is the weight.
+    feels = [each.linear_acceleration.z for each in robot.imus]
+    assert sum(feels) / len(feels) == pytest.approx(9.81, abs=1.5)
 
 
 def test_its_stamps_are_its_clock(robot: Robot) -> None:
@@ -97,8 +98,8 @@ def test_its_stamps_are_its_clock(robot: Robot) -> None:
     steps = [later - earlier for earlier, later in pairwise(times)]
     # Whatever the machine has else to do: simulated time goes by even steps.
     assert steps == pytest.approx([0.01] * len(steps), abs=1e-6)
-    told = {(clock.clock.sec, clock.clock.nanosec) for clock in robot.clocks}
-    assert (stamps[-1].sec, stamps[-1].nanosec) in told
+    last = stamps[-1].sec, stamps[-1].nanosec
+    robot.probe.until(lambda: last in {(c.clock.sec, c.clock.nanosec) for c in robot.clocks})
 
 
 def test_without_commands_its_cranks_are_held(robot: Robot) -> None:
@@ -140,9 +141,8 @@ def test_what_is_too_fast_is_limited_and_counted(robot: Robot) -> None:
 def test_a_reset_puts_it_back(robot: Robot) -> None:
     answer = robot.probe.call(Trigger, '/sim_node/reset', Trigger.Request())
     assert answer.success
-    count = len(robot.truths)
-    robot.probe.until(lambda: len(robot.truths) > count + 2)
-    assert abs(robot.truths[-1].pose.pose.position.x) <= 0.02
+    # What was under way still comes first.
+    robot.probe.until(lambda: abs(robot.truths[-1].pose.pose.position.x) <= 0.02)
     robot.probe.until(lambda: int(robot.told('resets')) == 1)
 
 
