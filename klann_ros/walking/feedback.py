@@ -11,6 +11,8 @@ LARGEST = 1e6
 SLACK = 0.1
 # ... and a time between two messages is never less than this [s]: stamps and transport jitter.
 SHORTEST = 0.02
+# A rate beyond this many times what it can turn at is none.
+FASTEST = 10.0
 # A jump is believed after so many readings in a row that agree with each other.
 BELIEVED = 5
 
@@ -118,7 +120,8 @@ class CrankFeedback:
         return True
 
     def _take(self, position: float, velocity: float | None, at: float) -> None:
-        if velocity is not None and isfinite(velocity):
+        # What no crank can turn at, infinity included, is no rate; NaN compares with nothing.
+        if velocity is not None and abs(velocity) <= FASTEST * self.max_rate:
             self.velocity = velocity
         elif at > self.at:
             self.velocity = (position - self.position) / (at - self.at)

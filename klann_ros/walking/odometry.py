@@ -171,7 +171,8 @@ class Odometry:
         # What an orientation trembles by would drag the feet over the ground: from reading to
         # reading the gyro counts, and the orientation in the long run.
         dt = max(0.0, reading.at - last.at)
-        turned = (reading.yaw_rate + last.yaw_rate) / 2.0 * dt
+        # Over a longer silence a rate tells nothing.
+        turned = (reading.yaw_rate + last.yaw_rate) / 2.0 * dt if dt < SETTLE else 0.0
         if reading.yaw is not None:
             heading = reading.yaw if self._heading is None else self._heading + turned
             away = (reading.yaw - heading + pi) % TURN - pi

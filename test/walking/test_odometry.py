@@ -179,3 +179,23 @@ def test_no_angle_makes_the_pose_no_number(steering: Steering, bad: float) -> No
     at = walker.feedback({'left_crank': (bad, bad), 'right_crank': (0.01, nan)}, 0.01)
     assert at is not None
     assert np.isfinite([at.x, at.y, at.z, at.yaw, *at.linear, at.angular]).all()
+
+
+@pytest.mark.parametrize('rate', [nan, inf, 1e300, -1e300])
+def test_no_rate_makes_the_pose_no_number(steering: Steering, rate: float) -> None:
+    walker = Walker(steering)
+    for k in range(50):
+        now = 0.01 * k
+        at = walker.feedback({'left_crank': (now, rate), 'right_crank': (now, rate)}, now)
+    assert at is not None
+    assert np.isfinite([at.x, at.y, at.z, at.yaw, *at.linear, at.angular]).all()
+    assert at.linear[0] == pytest.approx(at.x / 0.49, abs=0.3)
+    assert np.isfinite(at.covariance).all()
+
+
+def test_an_imu_that_comes_back_turns_by_what_its_orientation_says(two_motors: Feet) -> None:
+    odometry = Odometry(two_motors)
+    for yaw, at in ((0.0, 0.0), (0.0, 0.01), (0.3, 3600.0)):
+        odometry.imu(ImuReading(yaw, 0.2, at))
+        pose = odometry.update((0.0, 0.0), (0.0, 0.0))
+    assert pose.yaw == pytest.approx(0.3, abs=0.01)

@@ -20,6 +20,8 @@ _MARK = 1.2345678e-300
 _STAMP = 123456789, 987654321
 # Of a rotation that is one, and what a quaternion that nobody has filled in is short of.
 UNIT = 1e-2
+# No body that walks turns at more [rad/s].
+FASTEST = 100.0
 
 
 class NumbersTemplate:
@@ -137,8 +139,9 @@ def read_imu(data: bytes) -> ImuMessage:
     numbers = _doubles(cursor, data, 37)
     x, y, z, w = numbers[:4]
     covariance, angular = numbers[4:13], numbers[13:16]
-    if not all(map(isfinite, angular)):
-        raise ValueError('its angular velocity is not finite')
+    # NaN compares with nothing.
+    if not all(abs(rate) <= FASTEST for rate in angular):
+        raise ValueError(f'its angular velocity is not finite, or beyond {FASTEST:g} rad/s')
     # So the message's definition has it: -1 where there is no orientation.
     size = x * x + y * y + z * z + w * w
     has = covariance[0] != -1.0 and abs(size - 1.0) < UNIT
