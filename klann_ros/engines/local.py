@@ -32,7 +32,7 @@ def mapped_here(
     workers: list[_Worker] = []
     try:
         for _ in range(jobs or len(os.sched_getaffinity(0))):
-            task = left.next()
+            task = left.following()
             if task is None:
                 break
             workers.append(_Worker(function, time_limit, task))
@@ -44,7 +44,7 @@ def mapped_here(
                 number, answer = worker.answer()
                 if isinstance(answer, Failed) and left.again(worker.task, answer):
                     answer = None
-                task = left.next()
+                task = left.following()
                 if task is None:
                     workers.remove(worker)
                     worker.end()
@@ -71,7 +71,7 @@ class _Left:
         self._again: list[tuple[int, Any]] = []
         self._tries: dict[int, int] = {}
 
-    def next(self) -> tuple[int, Any] | None:
+    def following(self) -> tuple[int, Any] | None:
         return self._again.pop() if self._again else next(self._items, None)
 
     def again(self, task: tuple[int, Any], failed: Failed) -> bool:

@@ -46,7 +46,8 @@ class PoseSweep:
     def __getitem__(self, number: int) -> LinkagePoses:
         """Return the poses of a chunk."""
         arrays = self._store.load(range(len(self))[number])
-        return LinkagePoses(**{name: arrays.get(name) for name in _NAMES})  # type: ignore[arg-type]
+        found: dict[str, Any] = {name: arrays.get(name) for name in _NAMES}
+        return LinkagePoses(**found)
 
 
 def sweep_poses(

@@ -365,7 +365,8 @@ def test_what_a_new_publisher_sent_before_it_was_heard_is_no_loss_and_told(
 def test_a_full_disk_ends_the_recording_with_a_readable_run(ros: World, tmp_path: Path) -> None:
     folder = tmp_path / 'run'
     statuses = ros.probe.listen(DiagnosticArray, '/diagnostics')
-    # No file of this process may grow beyond 200 kB.
+    # No file of this process may grow beyond 200 kB, nor of what it starts itself.
+    ros.fresh = True
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, before[1]))
     try:

@@ -118,7 +118,7 @@ def test_a_parquet_table_is_the_csv(reviewed: Path, tmp_path: Path) -> None:
     assert rows_from_table(str(place)) == rows
     frame = pandas.read_parquet(place)
     assert frame['run'].tolist() == [row.run for row in rows]
-    query = f"select verdict, count(*) from '{place}' group by 1 order by 1"  # noqa: S608 - it is ours
+    query = f"select verdict, count(*) from '{place}' group by 1 order by 1"  # noqa: S608
     assert duckdb.sql(query).fetchall() == [('findings', 3), ('ok', 1), ('unreadable', 3)]
 
 
