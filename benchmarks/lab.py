@@ -1,20 +1,17 @@
 """
-Hold the lab's solver to the kinematics: python benchmarks/lab.py [POSES].
+Hold the lab's solver to the kinematics: PYTHONPATH=test python benchmarks/lab.py [POSES].
 
 So many random legs and crank angles of every shipped linkage (100 000 where left out) are solved
 by both; it tells how far apart their points are at most, and how often they disagree about what
 jams. It needs node.
 """
 
-from pathlib import Path
 import sys
 import time
 
 from klann_ros.kinematics import GeometryError, linkage_poses, shipped_linkage, shipped_linkages
-import numpy as np
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / 'test'))
 from lab_solver import poses_in_node, varied_numbers
+import numpy as np
 
 ANGLES = 100
 # Coupled loops are followed all round for each leg.
