@@ -6,7 +6,7 @@ from math import isfinite, pi
 from typing import Any
 
 from klann_ros.kinematics import AnyLeg, Linkage, linkage_poses
-from klann_ros.kinematics.klann.geometry import BENDS, LENGTHS, NUMBERS
+from klann_ros.kinematics.klann.geometry import BENDS, NUMBERS
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER, SolverParameters
 from klann_ros.page.shape import leg_shape
 from klann_ros.review.loading.solvers import leg_solvers, parent
@@ -193,8 +193,3 @@ def positions(
     if any(value is None or not isfinite(value) for value in found):
         return None
     return [float(value) for value in found if value is not None]
-
-
-def settable_names() -> tuple[str, ...]:
-    """Return the numbers of a Klann leg, lengths first."""
-    return (*LENGTHS, *(name for name in NUMBERS if name not in LENGTHS))

@@ -218,7 +218,7 @@ def test_ten_thousand_messages_at_once_end_their_socket_only(served: Served) -> 
                 for number in range(1_000_000):
                     await socket.send_json({**TAKE, 'id': number})
             assert (await wanted(honest, {**TAKE, 'id': 7}))['done']
-            assert len(served.world.wishes) < 1000
+            assert len(served.world.wishes) < 10_000
 
     run(attack)
 

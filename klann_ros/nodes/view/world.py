@@ -66,6 +66,7 @@ class LiveWorld:
         self._parts: dict[str, tuple[int, str]] = {}
         self._shown: list[_Shown] = []
         self._solvers: dict[str, Solver] = {}
+        self._crank_topics: Mapping[str, list[str]] = {}
         self._machines: list[Machine] = []
         self._told: dict[str, dict[str, float]] = {}
         self._graph = Graph(node)
@@ -189,8 +190,6 @@ class LiveWorld:
         return [] if heard is None else heard.newest()
 
     # What happens in ROS's thread.
-
-    _crank_topics: Mapping[str, list[str]] = {}
 
     def _bump(self) -> None:
         with self._lock:
