@@ -12,6 +12,8 @@ LOSS_RECORD = 'klann_ros.loss'
 HARM_RECORD = 'klann_ros.harm'
 PAUSE_RECORD = 'klann_ros.pause'
 RECORDER_RECORD = 'klann_ros.recorder'
+FINDING_RECORD = 'klann_ros.finding'
+EVENT_RECORD = 'klann_ros.event'
 # The solver's parameter that holds the text of its linkage's file; empty for a Klann leg.
 LINKAGE_PARAMETER = 'linkage_description'
 # What a garbled record ends in: numbers may be infinite, and lists in lists without end.
@@ -96,6 +98,36 @@ def pause_of(record: Mapping[str, str]) -> Pause:
         return Pause(int(record['from']), int(record['to']), left_out)
     except _GARBLED:
         raise ValueError(f'not a record of a pause: {printable(dict(record))}') from None
+
+
+@dataclass(frozen=True)
+class ToldFinding:
+    """What a recorder found, and told, while it recorded."""
+
+    # Which check found it; `trigger` where somebody asked for the run.
+    check: str
+    # How grave it is, by the name of the severity in a review.
+    severity: str
+    # What it is.
+    text: str
+    # When it was first seen [ns since the epoch], on the clock of the log times.
+    time: int
+    # Of which leg or topic it is; '' for the only one.
+    leg: str = ''
+
+
+def finding_record(finding: ToldFinding) -> dict[str, str]:
+    """Return the metadata record of what a recorder found."""
+    return {key: str(value) for key, value in asdict(finding).items()}
+
+
+def told_finding(record: Mapping[str, str]) -> ToldFinding:
+    """Return what a recorder found from its metadata record; a ValueError if it is none."""
+    try:
+        check, severity, text = (str(record[key]) for key in ('check', 'severity', 'text'))
+        return ToldFinding(check, severity, text, int(record['time']), str(record['leg']))
+    except _GARBLED:
+        raise ValueError(f'not a record of a finding: {printable(dict(record))}') from None
 
 
 def loss_record(counts: Mapping[str, TopicCount]) -> dict[str, str]:

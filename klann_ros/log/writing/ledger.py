@@ -35,6 +35,22 @@ class Account:
 
 
 @dataclass(frozen=True)
+class Tally:
+    """What became of a topic's messages up to a moment."""
+
+    received: int = 0
+    left_out: int = 0
+    lost: int = 0
+    early: int = 0
+    left: int = 0
+
+
+# By the topic's name.
+Mark = Mapping[str, Tally]
+_NOTHING = Tally()
+
+
+@dataclass(frozen=True)
 class Fate:
     """What became of the messages that a run was given."""
 
@@ -94,6 +110,50 @@ class Ledger:
             )
             for name, account in self._items()
         }
+
+    def mark(self) -> Mark:
+        """Return what became of messages before they were written, up to now."""
+        return {
+            name: Tally(
+                account.received,
+                account.left_out,
+                account.loss.lost,
+                account.loss.early,
+                account.loss.left,
+            )
+            for name, account in self._items()
+        }
+
+    def between(
+        self, before: Mark, after: Mark, own: Mapping[str, TopicCount], again: Mapping[str, int]
+    ) -> dict[str, TopicCount]:
+        """
+        Return what became of the messages of each topic between two moments.
+
+        Parameters
+        ----------
+        before, after
+            The two.
+        own
+            What became of those that were written somewhere of their own.
+        again
+            How many were given to that once more, though they came earlier.
+
+        """
+        counts = {}
+        for name, account in self._items():
+            first, last = before.get(name, _NOTHING), after.get(name, _NOTHING)
+            written = own.get(name, TopicCount(0, 0))
+            counts[name] = TopicCount(
+                received=last.received - first.received + again.get(name, 0),
+                written=written.written,
+                dropped=written.dropped,
+                left_out=last.left_out - first.left_out,
+                unheard=last.lost - first.lost if account.loss.is_known else None,
+                early=last.early - first.early,
+                left=last.left - first.left,
+            )
+        return counts
 
     def _items(self) -> list[tuple[str, Account]]:
         # Another thread may open one meanwhile.

@@ -1,10 +1,15 @@
 """A recording as a whole: its run, its pauses, and what became of every message."""
 
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Protocol
 
+from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import (
+    FINDING_RECORD,
+    finding_record,
     HARM_RECORD,
     harm_record,
     LOSS_RECORD,
@@ -12,9 +17,14 @@ from klann_ros.log.run_parameters import (
     Pause,
     PAUSE_RECORD,
     pause_record,
+    SOLVER_RECORD,
+    solver_record,
+    SolverParameters,
+    ToldFinding,
     TopicCount,
 )
 from klann_ros.untrusted.text import counted, listed, printable, verb
+import yaml
 
 from .background_writer import BackgroundWriter
 from .ledger import Account, Ledger
@@ -23,6 +33,8 @@ from .writer import RunWriter
 _WHY = 'several published there at once, or their messages have no numbers'
 # So many topics are named.
 _MOST = 3
+# So many findings are in a run.
+MOST_FINDINGS = 1000
 
 
 @dataclass(frozen=True)
@@ -45,6 +57,9 @@ class RecordingState:
     failure: str = ''
     # What others have done to the run, a line each.
     faults: tuple[str, ...] = ()
+    # What else there is to say, where only events are written; '' and nothing otherwise.
+    stage: str = ''
+    held: Mapping[str, object] = field(default_factory=dict)
 
     @property
     def lost(self) -> int:
@@ -107,6 +122,35 @@ class Pauses:
         return pause
 
 
+class Recording(Protocol):
+    """What a recorder does with what it hears; see RecordingSession and EventSession."""
+
+    ledger: Ledger
+    pauses: Pauses
+
+    @property
+    def put(self) -> Callable[[Message], None]:
+        """Return what takes every message that is not left out."""
+
+    def tell(self, solver: SolverParameters) -> None:
+        """Take what a solver has from now on."""
+
+    def describe_pause(self) -> None:
+        """Take that a pause is over, when all that was received in it was taken."""
+
+    def describe_finding(self, finding: ToldFinding) -> None:
+        """Take what was found."""
+
+    def split(self) -> tuple[bool, str]:
+        """Go on in a new file; return whether that was done, and its name or why not."""
+
+    def state(self) -> RecordingState:
+        """Return how it stands."""
+
+    def finish(self) -> tuple[bool, str]:
+        """Finish, when all was put; return whether all went well, and what to say."""
+
+
 class RecordingSession:
     """
     What a recorder does with what it hears.
@@ -117,13 +161,35 @@ class RecordingSession:
         The run.
     background
         Writes to it, and keeps the ledger.
-    pauses
+    counts
+        Returns what became of the messages of each topic; the ledger's otherwise.
+
+    Attributes
+    ----------
+    put : callable
+        Takes every message that is not left out.
+    ledger : Ledger
+        Where every message is counted.
+    pauses : Pauses
         What is left out.
 
     """
 
-    def __init__(self, writer: RunWriter, background: BackgroundWriter, pauses: Pauses) -> None:
-        self._writer, self._background, self._pauses = writer, background, pauses
+    def __init__(
+        self,
+        writer: RunWriter,
+        background: BackgroundWriter,
+        counts: Callable[[], Mapping[str, TopicCount]] | None = None,
+    ) -> None:
+        self._writer, self._background = writer, background
+        self.put, self.ledger = background.put, background.ledger
+        self.pauses = Pauses(self.ledger)
+        self._counts = counts or self.ledger.counts
+        self._findings = 0
+
+    def tell(self, solver: SolverParameters) -> None:
+        """Write what a solver has from now on."""
+        self._background.put_entry(partial(describe_solver, solver))
 
     def split(self) -> tuple[bool, str]:
         """Go on in a new file; return whether that was done, and its name or why not."""
@@ -133,26 +199,33 @@ class RecordingSession:
 
     def describe_pause(self) -> None:
         """Write of a pause to the run, when all that was received in it was taken."""
-        record = pause_record(self._pauses.last())
+        record = pause_record(self.pauses.last())
         self._background.put_entry(lambda run: run.add_metadata(PAUSE_RECORD, record))
+
+    def describe_finding(self, finding: ToldFinding) -> None:
+        """Write to the run what was found; what comes again and again is not written for ever."""
+        if self._findings < MOST_FINDINGS:
+            self._findings += 1
+            record = finding_record(finding)
+            self._background.put_entry(lambda run: run.add_metadata(FINDING_RECORD, record))
 
     def state(self) -> RecordingState:
         """Return how it stands."""
         failure = self._background.failure
         return RecordingState(
-            counts=self._background.ledger.counts(),
+            counts=self._counts(),
             queued=self._background.queued,
             file=str(self._writer.file_path),
             size=self._writer.file.size,
             free=self._free_space(),
-            paused=self._pauses.paused,
+            paused=self.pauses.paused,
             failure='' if failure is None else str(failure),
             faults=self._writer.faults.lasting,
         )
 
     def _describe_losses(self, run: RunWriter) -> None:
         """Write to the run what became of its messages, and of itself."""
-        run.add_metadata(LOSS_RECORD, loss_record(self._background.ledger.counts()))
+        run.add_metadata(LOSS_RECORD, loss_record(self._counts()))
         harm = harm_record(str(self._background.failure or ''), run.faults.lasting)
         if harm:
             run.add_metadata(HARM_RECORD, harm)
@@ -165,9 +238,8 @@ class RecordingSession:
 
     def finish(self) -> tuple[bool, str]:
         """Finish the run, when all was put; return whether all went well, and what to say."""
-        ledger = self._background.ledger
         failure = self._background.close(self._describe_losses)
-        counts = ledger.counts()
+        counts = self._counts()
         written = sum(count.written for count in counts.values())
         path, faults = printable(self._writer.path), self._writer.faults.lasting
         what = f'{counted(written, "message")} of {counted(len(counts), "topic")}'
@@ -178,6 +250,14 @@ class RecordingSession:
         if self._writer.is_unfinished:
             said = f'{said}; `recover {path}` finishes the run'
         return False, f'the recording stopped early: {failure}; {said}'
+
+
+def describe_solver(solver: SolverParameters, run: RunWriter) -> None:
+    """Write a solver's parameters: as a record, and as the file that starts it so again."""
+    name = f'{solver.node.strip("/").replace("/", "_")}.yaml'
+    file = yaml.safe_dump({solver.node: {'ros__parameters': solver.parameters}}).encode()
+    run.add_metadata(SOLVER_RECORD, solver_record(solver), in_every_file=True)
+    run.attach(name, 'text/yaml', file, solver.time, in_every_file=True)
 
 
 def losses_in_words(counts: Mapping[str, TopicCount]) -> str:

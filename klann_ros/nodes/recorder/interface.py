@@ -1,7 +1,7 @@
 """What a recorder offers: its parameters, its services, and its diagnostics."""
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from klann_ros.log.writing.mcap_file import COMPRESSIONS
@@ -33,7 +33,11 @@ TOPICS = (
 )
 PARAMETERS = (
     Declaration(
-        'output', '', 'folder of the run; empty: runs/<UTC time>', constraint='not there yet'
+        'output',
+        '',
+        'folder of the run; empty: runs/<UTC time>. With pre_trigger the folder of all runs; '
+        'empty: runs',
+        constraint='not there yet, unless there is pre_trigger',
     ),
     Declaration('topics', list(TOPICS), 'names of the topics; * stands for anything'),
     Declaration('all_topics', False, 'record every topic that is not hidden'),
@@ -58,11 +62,38 @@ PARAMETERS = (
         'the recording ends when less is free on the disk [bytes]; 0: when it is full',
         limits=(0, 2**62),
     ),
+    Declaration(
+        'judge', False, 'hold what passes against the limits of a review, and tell what is wrong'
+    ),
+    Declaration('judge_limits', '', 'a file of other limits, as for review --limits'),
+    Declaration(
+        'pre_trigger',
+        0.0,
+        'write nothing until a finding, or a call of ~/trigger; then so much of what came before '
+        'as well, as a run in the folder output [s]; 0: write all. Above 0 judge is true unless '
+        'it is given',
+        limits=(0.0, 86400.0),
+        any_number=True,
+    ),
+    Declaration(
+        'post_trigger',
+        10.0,
+        'and so much of what comes after the last cause [s]',
+        limits=(0.0, 86400.0),
+        any_number=True,
+    ),
+    Declaration(
+        'pre_trigger_bytes',
+        256_000_000,
+        'what came before may take so much memory [bytes]',
+        limits=(1_000_000, 2**40),
+    ),
 )
 SERVICES = """Services (std_srvs/srv/Trigger):
   ~/split: finish the file and go on in a new one, whose name is the answer
   ~/pause: leave out what comes from now on; the run says when, and how much it was
-  ~/resume: record again"""
+  ~/resume: record again
+  ~/trigger: with pre_trigger, record an event now; the answer is its run"""
 PERIOD = 1.0
 # What is under way at the end is waited for at most so long [s].
 LAST_WORDS = 1.0
@@ -87,9 +118,15 @@ class RecordingDiagnostics:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._lost = 0
-        self._published: deque[bytes] = deque(maxlen=10)
+        # Others receive a report at most so many later.
+        self._published: deque[bytes] = deque(maxlen=50)
+        self._also: list[Callable[[], DiagnosticStatus]] = []
         self._publisher = create_publisher(node, DiagnosticArray, '/diagnostics')
         self.topic = self._publisher.topic_name
+
+    def also(self, status: Callable[[], DiagnosticStatus]) -> None:
+        """Tell what is returned here as well, in each report."""
+        self._also.append(status)
 
     def start(self, state: Callable[[], RecordingState]) -> None:
         """Tell once a second what is returned here."""
@@ -100,13 +137,11 @@ class RecordingDiagnostics:
         """Tell how a recording stands."""
         array = DiagnosticArray()
         array.header.stamp = self._node.get_clock().now().to_msg()
-        name = f'{self._node.get_name()}: recording'
         level, message = _verdict(state, state.lost - self._lost)
-        values = [KeyValue(key=key, value=str(value)) for key, value in _values(state).items()]
-        status = DiagnosticStatus(
-            level=level, name=name, message=message, hardware_id=name, values=values
-        )
-        array.status.append(status)
+        array.status = [
+            status_of(self._node, 'recording', level, message, _values(state).items()),
+            *(status() for status in self._also),
+        ]
         data = serialize_message(array)
         self._published.append(data)
         self._publisher.publish(data)
@@ -121,6 +156,20 @@ class RecordingDiagnostics:
         return data in self._published
 
 
+def status_of(
+    node: Node, what: str, level: bytes, message: str, values: Iterable[tuple[str, object]]
+) -> DiagnosticStatus:
+    """Return the status of a part of a node."""
+    name = f'{node.get_name()}: {what}'
+    return DiagnosticStatus(
+        level=level,
+        name=name,
+        message=message,
+        hardware_id=name,
+        values=[KeyValue(key=key, value=str(value)) for key, value in values],
+    )
+
+
 def _verdict(state: RecordingState, lost_now: int) -> tuple[bytes, str]:
     """Return the level and the most important thing to say."""
     if state.failure:
@@ -132,7 +181,7 @@ def _verdict(state: RecordingState, lost_now: int) -> tuple[bytes, str]:
             DiagnosticStatus.WARN,
             f'{counted(lost_now, "message")} {verb(lost_now, "was", "were")} lost',
         )
-    return DiagnosticStatus.OK, 'paused' if state.paused else 'recording'
+    return DiagnosticStatus.OK, 'paused' if state.paused else state.stage or 'recording'
 
 
 def _values(state: RecordingState) -> dict[str, object]:
@@ -142,6 +191,7 @@ def _values(state: RecordingState) -> dict[str, object]:
         'free': 'unknown' if state.free is None else state.free,
         'queued': state.queued,
         'paused': str(state.paused).lower(),
+        **state.held,
     }
     for name, count in state.counts.items():
         values[f'{name} received'] = count.received

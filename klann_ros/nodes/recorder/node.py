@@ -1,49 +1,36 @@
 """`recorder_node`: leg topics in, crash-safe MCAP run out."""
 
-from collections.abc import Sequence
-from datetime import datetime, timezone
-from functools import partial
-from importlib.metadata import PackageNotFoundError, version
-import os
-from pathlib import Path
-import platform
+from collections.abc import Callable, Sequence
 from time import monotonic, time_ns
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
-from klann_ros import __version__
-from klann_ros.log.errors import LogError
-from klann_ros.log.run_parameters import (
-    RECORDER_RECORD,
-    SOLVER_RECORD,
-    solver_record,
-    SolverParameters,
-)
-from klann_ros.log.writing.background_writer import BackgroundWriter, SplitLimits
-from klann_ros.log.writing.disk_space import check_free_space
-from klann_ros.log.writing.file_watch import Faults
-from klann_ros.log.writing.recording import Pauses, RecordingSession
-from klann_ros.log.writing.unfinished import remove_old_reserves, unfinished_runs
-from klann_ros.log.writing.writer import RunWriter
+from klann_ros.log.records import Message
+from klann_ros.log.run_parameters import SolverParameters, ToldFinding
+from klann_ros.log.writing.events.session import EventSession
 from klann_ros.nodes.endpoints import create_trigger
-from klann_ros.nodes.parameters import declare, StartError, usage
+from klann_ros.nodes.parameters import declare, overrides, usage
 from klann_ros.nodes.process import arguments, command_line, Finish, ProcessNode, run, spin_on
 from klann_ros.stop_signals import StopSignals
-from klann_ros.untrusted.text import printable
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.utilities import get_rmw_implementation_identifier
-import yaml
 
 from .interface import PARAMETERS, RecordingDiagnostics, SERVICES
+from .opening import open_events, open_run
 from .solver_watch import SolverWatch
 from .topic_watch import TopicWatch
 
-# A finished chunk is what a full disk has to have room for yet [bytes].
-CHUNK_SIZE = 128 * 1024
+if TYPE_CHECKING:
+    from klann_ros.log.writing.recording import Recording
+
+    from .judging import Judging
+
 # How long the end waits for a solver's parameters that have been asked for [s].
 LAST_ANSWERS = 1.0
 # Nobody waits for an answer of a recorder: one wake-up for many messages [s]. The queues of its
 # subscriptions hold what comes meanwhile up to 100 kHz.
 REST = 0.02
+# How often it is looked what is due of an event [s].
+TICK = 0.1
 
 
 class RecorderNode(ProcessNode):
@@ -66,46 +53,41 @@ class RecorderNode(ProcessNode):
         """Declare, validate, open the run; `options` are those of Node."""
         super().__init__('recorder_node', **options)
         values = declare(self, PARAMETERS)
-        teller = self.get_logger()
-        self._writer = _open(values, Faults(error=teller.error, warning=teller.warning))
-        remove_old_reserves(self._writer.path.parent)
-        for left in unfinished_runs(self._writer.path.parent):
-            name = printable(left)
-            teller.warning(f'{name} was not finished; `recover {name}` makes it whole')
-        self._background = BackgroundWriter(
-            self._writer,
-            flush_period=values['flush_period'],
-            on_failure=lambda: finish(1),
-            limits=SplitLimits(values['max_file_size'], values['max_file_duration']),
-            min_free_space=values['min_free_space'],
-        )
-        self._background.put_entry(_describe_recorder)
-        self._pauses = Pauses(self._background.ledger)
-        self._solvers = SolverWatch(
-            self, lambda solver: self._background.put_entry(partial(_describe_solver, solver))
-        )
+        waits = values['pre_trigger'] > 0.0
+        # Who waits for a cause looks for one, unless that is said not to be wanted.
+        judges = values['judge'] or (waits and 'judge' not in overrides(self))
         self._diagnostics = RecordingDiagnostics(self)
+        self._judging = self._judge(values['judge_limits']) if judges else None
+        teller = self.get_logger()
+        self._recording: Recording
+        if waits:
+            self._recording = self._events = open_events(values, teller)
+            self._wait_for_causes(self._events)
+        else:
+            self._recording = open_run(values, teller, finish)
+        self._pauses = self._recording.pauses
+        self._solvers = SolverWatch(self, self._on_solver)
         self._watch = TopicWatch(
             self,
             ['*'] if values['all_topics'] else self._full_names(values['topics']),
-            put=self._background.put,
-            ledger=self._background.ledger,
+            put=self._put(),
+            ledger=self._recording.ledger,
             pauses=self._pauses,
             solvers=self._solvers,
             diagnostics=self._diagnostics,
         )
-        self._recording = RecordingSession(self._writer, self._background, self._pauses)
         self._diagnostics.start(self._recording.state)
         create_trigger(self, 'split', self._recording.split)
         create_trigger(self, 'pause', self._pause)
         create_trigger(self, 'resume', self._resume)
-        teller.info(f'recording to {printable(self._writer.path)}')
 
     def close(self) -> int:
         """Take what still waits, and finish the run."""
         self._await_answers()
         self._watch.stop()
         self._watch.take_queued()
+        if self._judging is not None:
+            self._judging.stop()
         if self._pauses.paused:
             self._resume()
         is_well, said = self._recording.finish()
@@ -116,6 +98,50 @@ class RecorderNode(ProcessNode):
             self._diagnostics.report(self._recording.state())
             self._diagnostics.flush()
         return 0 if is_well else 1
+
+    def _judge(self, limits: str) -> 'Judging':
+        from .judging import Judging  # noqa: PLC0415 - who does not judge does not pay for it
+
+        judging = Judging(self, limits, published=self._published, on_new=self._on_findings)
+        self._diagnostics.also(judging.status)
+        return judging
+
+    def _published(self) -> set[str]:
+        return self._watch.published()
+
+    def _put(self) -> Callable[[Message], None]:
+        """Return what takes every message; who does not judge pays nothing for it."""
+        put = self._recording.put
+        if self._judging is None:
+            return put
+        judge = self._judging.add
+
+        def put_and_judge(message: Message) -> None:
+            put(message)
+            judge(message)
+
+        return put_and_judge
+
+    def _on_solver(self, solver: SolverParameters) -> None:
+        self._recording.tell(solver)
+        if self._judging is not None:
+            self._judging.tell(solver)
+
+    def _on_findings(self, findings: Sequence[ToldFinding]) -> None:
+        """Write to the run what is new, and tell it at once."""
+        for finding in findings:
+            self._recording.describe_finding(finding)
+        self._diagnostics.report(self._recording.state())
+
+    def _wait_for_causes(self, events: EventSession) -> None:
+        """Let events begin and end in time, and begin when somebody asks for one."""
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(TICK, events.tick, clock=clock)
+        create_trigger(self, 'trigger', self._trigger)
+
+    def _trigger(self) -> tuple[bool, str]:
+        self._watch.take_queued()
+        return self._events.trigger()
 
     def _await_answers(self) -> None:
         """Let the answers come that explain a run which was stopped early."""
@@ -135,6 +161,8 @@ class RecorderNode(ProcessNode):
             return True, 'it was paused already'
         self._watch.take_queued()
         self._pauses.begin(time_ns())
+        if self._judging is not None:
+            self._judging.pause()
         return True, 'paused'
 
     def _resume(self) -> tuple[bool, str]:
@@ -144,6 +172,8 @@ class RecorderNode(ProcessNode):
         # What was received meanwhile is to be in the record of the pause.
         self._watch.take_queued()
         self._recording.describe_pause()
+        if self._judging is not None:
+            self._judging.resume()
         return True, 'recording again'
 
     def _full_names(self, names: Sequence[str]) -> list[str]:
@@ -157,59 +187,6 @@ class RecorderNode(ProcessNode):
             else self.resolve_topic_name(name)
             for name in names
         ]
-
-
-def _default_output() -> str:
-    return f'runs/{datetime.now(timezone.utc):%Y-%m-%dT%H-%M-%SZ}'
-
-
-def _open(values: dict[str, Any], faults: Faults) -> RunWriter:
-    output = Path(values['output'] or _default_output()).expanduser()
-    try:
-        check_free_space(output, values['min_free_space'])
-        return RunWriter(
-            output,
-            compression=values['compression'],
-            chunk_size=CHUNK_SIZE,
-            reserve=True,
-            faults=faults,
-        )
-    except (LogError, OSError) as error:
-        raise StartError(str(error)) from error
-
-
-def _describe_recorder(run: RunWriter) -> None:
-    """Write which versions of what record, and where."""
-    run.add_metadata(
-        RECORDER_RECORD,
-        {
-            'version': __version__,
-            'host': platform.node(),
-            'system': platform.platform(),
-            'python': platform.python_version(),
-            'ros_distro': os.environ.get('ROS_DISTRO', 'jazzy'),
-            'rclpy': _version('rclpy'),
-            'rmw': get_rmw_implementation_identifier(),
-            'mcap': _version('mcap'),
-            'started': datetime.now(timezone.utc).isoformat(),
-        },
-        in_every_file=True,
-    )
-
-
-def _describe_solver(solver: SolverParameters, run: RunWriter) -> None:
-    """Write a solver's parameters: as a record, and as the file that starts it so again."""
-    name = f'{solver.node.strip("/").replace("/", "_")}.yaml'
-    file = yaml.safe_dump({solver.node: {'ros__parameters': solver.parameters}}).encode()
-    run.add_metadata(SOLVER_RECORD, solver_record(solver), in_every_file=True)
-    run.attach(name, 'text/yaml', file, solver.time, in_every_file=True)
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return 'unknown'
 
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:

@@ -105,6 +105,11 @@ class RecordedTopic:
         self._account.loss.identify(tuple(heard[0].endpoint_gid) if len(heard) == 1 else None)
         return sorted({publisher.topic_type for publisher in publishers} - {self.type})
 
+    @property
+    def has_publisher(self) -> bool:
+        """Return whether anybody else publishes on it now."""
+        return self._count > 0
+
     def take_queued(self) -> None:
         """Take what waits, as before the end, when no loop will take it any more."""
         for subscription in self._subscriptions.values():

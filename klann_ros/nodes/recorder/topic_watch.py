@@ -85,6 +85,10 @@ class TopicWatch:
         self._stopped.set()
         self._thread.join()
 
+    def published(self) -> set[str]:
+        """Return the recorded topics that have a publisher now."""
+        return {name for name, topic in self._topics.items() if topic.has_publisher}
+
     def take_queued(self) -> None:
         """Take all that was received so far."""
         for topic in self._topics.values():

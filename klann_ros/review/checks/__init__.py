@@ -4,7 +4,7 @@ from klann_ros.review.model.review import Finding, Review
 
 from .answers import check_answers
 from .clocks import check_clocks
-from .completeness import check_container, check_losses
+from .completeness import check_container, check_losses, check_told
 from .gaps import check_gaps
 from .motion import check_motion
 from .poses import check_poses
@@ -21,6 +21,7 @@ CHECKS = (
     check_clocks,
     check_motion,
     check_torques,
+    check_told,
 )
 """Each yields what it finds in a review; the cause at its source first."""
 

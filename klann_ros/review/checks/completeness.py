@@ -6,9 +6,11 @@ from klann_ros.review.loading.leg_file import preset_names
 from klann_ros.review.model.recording import RunRecording
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.topics import TopicRecording
-from klann_ros.untrusted.text import counted, printable, verb
+from klann_ros.untrusted.text import counted, printable, printable_line, verb
 
 _MOST_PROBLEMS = 3
+# So many of what the recorder told are repeated.
+_MOST_TOLD = 10
 
 
 def check_container(review: Review) -> Iterator[Finding]:
@@ -36,6 +38,22 @@ def check_container(review: Review) -> Iterator[Finding]:
             recording.since_start(failed.time),
         )
     yield from _poses(review)
+
+
+def check_told(review: Review) -> Iterator[Finding]:
+    """Yield what the recorder found while it recorded, which is judged again by what is there."""
+    recording = review.recording
+    for number, told in enumerate(recording.told):
+        left = len(recording.told) - number
+        if number == _MOST_TOLD:
+            text = f'the recorder told {left} more meanwhile'
+            yield Finding('told', Severity.NOTE, text, 'they are in the run (klann_ros.finding)')
+            return
+        what = ' of '.join(printable(part) for part in (told.check, told.leg) if part)
+        text = f'the recorder told meanwhile: {printable_line(told.text)} ({what})'
+        meaning = 'said on /diagnostics when it was seen; the run as a whole is judged beside it'
+        time = recording.since_start(told.time)
+        yield Finding('told', Severity.NOTE, text, meaning, time)
 
 
 def _poses(review: Review) -> Iterator[Finding]:

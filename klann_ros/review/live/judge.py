@@ -22,8 +22,8 @@ from .window import Window
 
 # How far back a window reaches, and how often there is a new one [s].
 LENGTH, STEP = 1.0, 0.5
-# A window of more messages is shorter [messages].
-MOST = 40_000
+# A window of more messages is shorter [messages], and one of larger ones [bytes].
+MOST, MOST_BYTES = 40_000, 64_000_000
 # What a window is too short to tell, or what is told otherwise here.
 _LEFT_OUT = frozenset({'container', 'geometry', 'drift', 'stale', 'frozen', 'clock', 'latency'})
 # Fewer messages tell no period; a topic whose period is longer is not waited for [s].
@@ -83,7 +83,7 @@ class LiveJudge:
     def __init__(self, limits: Limits | None = None) -> None:
         """Begin with nothing heard."""
         self._limits = limits or Limits()
-        self._window = Window(LENGTH, MOST)
+        self._window = Window(LENGTH, MOST, MOST_BYTES)
         self._topics: dict[str, _Topic] = {}
         self._before: set[tuple[str, str]] = set()
         self._changes: list[LiveFinding] = []
@@ -98,6 +98,11 @@ class LiveJudge:
         self._window.tell(solver)
         if before is not None:
             self._changes += _changes(before, solver)
+
+    def forget(self) -> None:
+        """Begin anew, as after a pause, with what solvers told."""
+        self._window.clear()
+        self._topics.clear()
 
     def findings(
         self, now: int | None = None, published: Collection[str] | None = None

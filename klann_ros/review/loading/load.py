@@ -9,7 +9,14 @@ from typing import Protocol
 from klann_ros.kinematics import AnyLeg
 from klann_ros.log.reading.block import MessageBlock
 from klann_ros.log.records import Topic
-from klann_ros.log.run_parameters import HARM_RECORD, pause_of, PAUSE_RECORD
+from klann_ros.log.run_parameters import (
+    FINDING_RECORD,
+    HARM_RECORD,
+    pause_of,
+    PAUSE_RECORD,
+    told_finding,
+    ToldFinding,
+)
 from klann_ros.review.model.recording import (
     Drive,
     LegRecording,
@@ -104,7 +111,15 @@ def load(
         stopped=_harm(log, 'stopped'),
         harmed=_harm(log, 'harmed'),
         drives=tuple(_drives(gathering, legs, shared)),
+        told=tuple(_told(log)),
     )
+
+
+def _told(log: Loadable) -> Iterator[ToldFinding]:
+    """Yield what the recorder told while it recorded."""
+    for record in log.metadata.get(FINDING_RECORD, ()):
+        with suppress(ValueError):
+            yield told_finding(record)
 
 
 def _drives(gathering: Gathering, legs: Sequence[LegRecording], shared: Shared) -> Iterator[Drive]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from klann_ros.dynamics import Dynamics
 from klann_ros.kinematics import AnyLeg
 from klann_ros.kinematics.klann.leg import JOINTS
+from klann_ros.log.run_parameters import ToldFinding
 import numpy as np
 
 from .pairing import pairs
@@ -194,6 +195,8 @@ class RunRecording:
     harmed: str = ''
     # The joints that turn cranks and tell efforts.
     drives: tuple[Drive, ...] = ()
+    # What the recorder found, and told, while it recorded.
+    told: tuple[ToldFinding, ...] = ()
 
     @property
     def duration(self) -> float:

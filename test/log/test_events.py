@@ -1,0 +1,340 @@
+"""Events: what came before and after a cause is in a run of its own, whole and accounted for."""
+
+from collections.abc import Iterator
+from pathlib import Path
+import time
+
+from klann_ros.log.errors import LowSpaceError
+from klann_ros.log.qos import Qos, qos_to_yaml
+from klann_ros.log.reader import open_log
+from klann_ros.log.records import Message, Topic
+from klann_ros.log.run_parameters import (
+    EVENT_RECORD,
+    FINDING_RECORD,
+    LOSS_RECORD,
+    PAUSE_RECORD,
+    SOLVER_RECORD,
+    SolverParameters,
+    told_finding,
+    ToldFinding,
+    topic_counts,
+)
+from klann_ros.log.writing.background_writer import BackgroundWriter, OVERHEAD
+from klann_ros.log.writing.events.ring import MOST_LATCHED, Ring
+from klann_ros.log.writing.events.session import EventSession, EventSettings
+from klann_ros.log.writing.ledger import Ledger, Tally
+from klann_ros.log.writing.writer import RunWriter
+import pytest
+
+LATCHED = qos_to_yaml([Qos(durability='transient_local')])
+CRANK, MODEL = Topic('/crank_angle', 'a/msg/A'), Topic('/model', 'a/msg/A', qos=LATCHED)
+
+
+def message(number: int, topic: Topic = CRANK, size: int = 8) -> Message:
+    data = number.to_bytes(8, 'little') + bytes(size - 8)
+    return Message(topic, data, time.time_ns(), number, number)
+
+
+class Hearer:
+    """What takes messages as a recorder does: counts each one, and puts it."""
+
+    def __init__(self, session: EventSession) -> None:
+        self.session, self.next = session, 1
+
+    def hear(self, count: int = 1, topic: Topic = CRANK) -> range:
+        first = self.next
+        for _ in range(count):
+            account = self.session.ledger[topic.name]
+            account.loss.count(self.next)
+            account.received += 1
+            if not self.session.pauses.leaves_out(account, time.time_ns()):
+                self.session.put(message(self.next, topic))
+            self.next += 1
+        return range(first, self.next)
+
+
+class Clock:
+    """A time that goes on when it is told to."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    made = Clock()
+    monkeypatch.setattr('klann_ros.log.writing.events.session.monotonic', made)
+    return made
+
+
+class Stage:
+    """A session, who hears for it, and what it says."""
+
+    def __init__(self, folder: Path, clock: Clock, settings: EventSettings) -> None:
+        self.folder, self.clock = folder, clock
+        self.said: list[tuple[bool, str]] = []
+        self.refusal: Exception | None = None
+        self.session = EventSession(
+            folder,
+            settings,
+            open_run=self.open,
+            say=lambda is_well, text: self.said.append((is_well, text)),
+        )
+        self.hearer = Hearer(self.session)
+        self.hear = self.hearer.hear
+
+    def open(self, path: Path) -> tuple[RunWriter, BackgroundWriter]:
+        if self.refusal is not None:
+            raise self.refusal
+        run = RunWriter(path)
+        return run, BackgroundWriter(run, flush_period=0.05, on_failure=lambda: None)
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass, as a recorder does: tick by tick."""
+        for _ in range(round(seconds / 0.25)):
+            self.clock.now += 0.25
+            self.session.tick()
+
+    def until_closed(self) -> None:
+        end = time.monotonic() + 30.0
+        while self.session._closing is not None:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+            self.session.tick()
+
+    def runs(self) -> list[Path]:
+        return sorted(self.folder.iterdir())
+
+
+@pytest.fixture
+def stage(tmp_path: Path, clock: Clock) -> Iterator[Stage]:
+    made = Stage(tmp_path, clock, EventSettings(3.0, 2.0, 10_000_000))
+    yield made
+    made.session.finish()
+
+
+def numbers(run: Path, topic: str = CRANK.name) -> list[int]:
+    with open_log(run) as log:
+        assert log.complete, log.problem
+        return [message.sequence for message in log.messages([topic])]
+
+
+def metadata(run: Path) -> dict[str, list[dict[str, str]]]:
+    with open_log(run) as log:
+        return log.metadata
+
+
+GAP = ToldFinding('gap', 'warning', 'nothing on /crank_angle', 17, '/crank_angle')
+
+
+def test_nothing_is_written_without_a_cause(stage: Stage) -> None:
+    stage.hear(100)
+    stage.wait(10.0)
+    assert stage.session.finish() == (True, 'there was no cause, and nothing was written')
+    assert stage.runs() == []
+
+
+def test_what_came_before_and_after_a_cause_is_in_its_run_and_nothing_else(stage: Stage) -> None:
+    heard = {}
+    for second in range(12):
+        heard[second] = stage.hear(10)
+        stage.wait(1.0)
+        if second == 7:
+            stage.session.describe_finding(GAP)
+    stage.until_closed()
+    (run,) = stage.runs()
+    assert run.name.endswith('_gap')
+    found = numbers(run)
+    # Three seconds before, two after; and no more than a little beside.
+    whole = [number for second in (5, 6, 7, 8, 9) for number in heard[second]]
+    assert set(whole) <= set(found)
+    assert found == [*range(found[0], found[-1] + 1)]
+    assert found[0] >= heard[3][0]
+    assert found[-1] <= heard[10][-1]
+    (record,) = metadata(run)[FINDING_RECORD]
+    assert told_finding(record) == GAP
+    (event,) = metadata(run)[EVENT_RECORD]
+    assert (event['cause'], event['fell_out']) == ('gap', '0')
+    count = topic_counts(metadata(run)[LOSS_RECORD][0])[CRANK.name]
+    assert count.received == count.written == len(found)
+    assert (count.lost, count.dropped, count.left_out) == (0, 0, 0)
+
+
+def test_it_waits_again_and_the_next_run_has_what_came_before_it(stage: Stage) -> None:
+    stage.hear(10)
+    stage.session.describe_finding(GAP)
+    stage.wait(2.5)
+    stage.until_closed()
+    later = stage.hear(10)
+    assert stage.session.trigger()[0]
+    stage.wait(2.5)
+    stage.until_closed()
+    first, second = stage.runs()
+    assert numbers(first) == [*range(1, 11)]
+    # What is not too long ago is in both.
+    assert numbers(second) == [*range(1, 11), *later]
+    assert second.name.endswith('_trigger')
+    assert stage.session.finish()[1].startswith('2 events in ')
+
+
+def test_a_cause_during_an_event_lets_it_last_longer(stage: Stage) -> None:
+    stage.session.describe_finding(GAP)
+    stage.wait(1.5)
+    done, said = stage.session.trigger()
+    assert done
+    assert said.endswith(' goes on')
+    stage.wait(1.75)
+    heard = stage.hear(5)
+    stage.wait(2.0)
+    stage.until_closed()
+    (run,) = stage.runs()
+    assert numbers(run) == [*heard]
+    assert [each['check'] for each in metadata(run)[FINDING_RECORD]] == ['gap', 'trigger']
+
+
+def test_latched_topics_and_solvers_are_in_every_run_however_old(stage: Stage) -> None:
+    stage.session.tell(SolverParameters('/solver', 1, {'l_ab': 1.0}))
+    stage.session.tell(SolverParameters('/solver', 2, {'l_ab': 2.0}))
+    stage.hear(1, MODEL)
+    stage.wait(100.0)
+    stage.hear(10)
+    stage.session.trigger()
+    stage.wait(2.5)
+    stage.until_closed()
+    (run,) = stage.runs()
+    assert numbers(run, MODEL.name) == [1]
+    (told,) = metadata(run)[SOLVER_RECORD]
+    assert '2.0' in told['parameters']
+    with open_log(run) as log:
+        # As if it had been received then, so that the run does not begin long before.
+        assert log.end_time - log.start_time < 10**9
+    counts = topic_counts(metadata(run)[LOSS_RECORD][0])
+    assert (counts[MODEL.name].received, counts[MODEL.name].written) == (1, 1)
+
+
+def test_a_pause_is_in_the_run_and_in_its_account(stage: Stage) -> None:
+    stage.hear(5)
+    stage.session.pauses.begin(time.time_ns())
+    stage.hear(7)
+    assert stage.session.trigger() == (False, 'it is paused')
+    stage.session.pauses.end(time.time_ns())
+    stage.session.describe_pause()
+    stage.hear(5)
+    stage.session.trigger()
+    stage.wait(2.5)
+    stage.until_closed()
+    (run,) = stage.runs()
+    count = topic_counts(metadata(run)[LOSS_RECORD][0])[CRANK.name]
+    assert (count.received, count.written, count.left_out) == (17, 10, 7)
+    assert len(metadata(run)[PAUSE_RECORD]) == 1
+
+
+def test_what_was_lost_before_is_not_lost_of_the_event(stage: Stage) -> None:
+    stage.hear(5)
+    stage.hearer.next += 100
+    stage.hear(5)
+    stage.wait(10.0)
+    stage.hear(5)
+    stage.hearer.next += 3
+    stage.hear(5)
+    stage.session.trigger()
+    stage.session.finish()
+    (run,) = stage.runs()
+    count = topic_counts(metadata(run)[LOSS_RECORD][0])[CRANK.name]
+    assert (count.received, count.written, count.lost) == (10, 10, 3)
+
+
+def test_a_disk_that_says_no_is_told_and_the_next_event_is_recorded(stage: Stage) -> None:
+    stage.refusal = LowSpaceError(stage.folder, 1, 2)
+    stage.session.describe_finding(GAP)
+    assert 'gap) is not recorded' in stage.session.state().faults[0]
+    assert stage.session.trigger()[0] is False
+    stage.refusal = None
+    stage.session.describe_finding(GAP)
+    stage.wait(2.5)
+    stage.until_closed()
+    assert len(stage.runs()) == 1
+    assert stage.session.state().faults == ()
+    # Something is missing all the same.
+    assert stage.session.finish()[0] is False
+
+
+def test_the_end_finishes_the_run_of_an_event(stage: Stage) -> None:
+    heard = stage.hear(5)
+    stage.session.trigger()
+    assert stage.session.finish()[0]
+    assert numbers(stage.runs()[0]) == [*heard]
+
+
+def test_two_events_within_a_second_have_names_of_their_own(stage: Stage) -> None:
+    for _ in range(3):
+        stage.session.trigger()
+        stage.wait(2.5)
+        stage.until_closed()
+    assert len(stage.runs()) == 3
+
+
+@pytest.mark.parametrize('cause', ['../../etc', 'a/b', '\n\x1b[31m', '', 'x' * 500])
+def test_whatever_a_cause_is_called_its_run_is_in_the_folder(stage: Stage, cause: str) -> None:
+    stage.session.describe_finding(ToldFinding(cause, 'error', 'what', 1))
+    stage.session.finish()
+    (run,) = stage.runs()
+    assert run.parent == stage.folder
+    assert numbers(run) == []
+
+
+def ring(most_bytes: int, length: float = 10.0) -> Ring:
+    return Ring(length, most_bytes, lambda: {CRANK.name: Tally()}, 0.0)
+
+
+def test_a_ring_takes_no_more_memory_than_it_may_and_says_what_fell_out() -> None:
+    most = 1_000_000
+    full = ring(most)
+    for number in range(10_000):
+        full.put(message(number, size=1000))
+        assert full.size <= most * 1.1
+    kept = [each.sequence for each in full.messages()]
+    assert kept == [*range(10_000 - len(kept), 10_000)]
+    assert full.fell_out == 10_000 - len(kept)
+    assert len(kept) * (1000 + OVERHEAD) > 0.8 * most
+
+
+def test_what_is_too_old_did_not_fall_out() -> None:
+    full = ring(1_000_000)
+    for second in range(100):
+        full.put(message(second))
+        full.turn(float(second))
+    kept = [each.sequence for each in full.messages()]
+    assert kept == [*range(100 - len(kept), 100)]
+    assert 10 <= len(kept) <= 12
+    assert full.fell_out == 0
+
+
+def test_of_a_latched_topic_the_last_ones_outlive_their_time_within_bounds() -> None:
+    full = ring(1_000_000)
+    for number in range(1000):
+        full.put(message(number, MODEL, 100))
+    full.turn(1.0)
+    full.turn(100.0)
+    full.turn(200.0)
+    assert [*full.messages()] == []
+    kept = full.latched(5)
+    assert [each.sequence for each in kept] == [*range(1000 - MOST_LATCHED, 1000)]
+    assert {each.log_time for each in kept} == {5}
+
+
+def test_a_ledger_between_two_moments_adds_up() -> None:
+    class NoRun:
+        def fate(self) -> None:
+            raise AssertionError
+
+    ledger = Ledger(NoRun())  # type: ignore[arg-type]
+    ledger['/a'].received = 5
+    before = ledger.mark()
+    ledger['/a'].received = 9
+    ledger['/b'].received = 2
+    counts = ledger.between(before, ledger.mark(), {}, {'/b': 1})
+    assert (counts['/a'].received, counts['/b'].received) == (4, 3)

@@ -1,0 +1,206 @@
+"""recorder_node that judges and waits for a cause: faults are told, and in runs of their own."""
+
+from collections.abc import Iterator
+from pathlib import Path
+import signal
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from domain import own_domain
+from klann_ros.log.reader import open_log
+from klann_ros.log.run_parameters import (
+    FINDING_RECORD,
+    LOSS_RECORD,
+    SOLVER_RECORD,
+    told_finding,
+    topic_counts,
+)
+from klann_ros.review.reviewing import review_run
+import pytest
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_world import Process, World, world
+from std_msgs.msg import Float64, String
+from std_srvs.srv import Trigger
+
+RATE = 200.0
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Stage:
+    """A crank, a solver, a recorder that waits, and all that it says."""
+
+    def __init__(self, ros: World) -> None:
+        self.ros, self.folder = ros, ros.folder / 'runs'
+        self.statuses = ros.probe.listen(DiagnosticArray, '/diagnostics')
+        model = ros.probe.node.create_publisher(String, 'robot_description', LATCHED)
+        model.publish(String(data='<robot name="leg"/>'))
+        self.solver = ros.start('solver_node')
+        self.recorder = ros.start(
+            'recorder_node', output=self.folder, pre_trigger=3.0, post_trigger=1.0
+        )
+        self.crank: Process = self.turn()
+        self.until(lambda: self.judged() is not None)
+        ros.probe.spin(4.0)
+
+    def turn(self) -> Process:
+        return self.ros.start('crank_node', rate=RATE, speed=2.0, min_subscribers=2)
+
+    def until(self, condition: Any) -> None:
+        self.ros.probe.until(condition)
+
+    def judged(self) -> DiagnosticStatus | None:
+        """Return what the judge said last."""
+        return self.said('judge')
+
+    def said(self, what: str) -> DiagnosticStatus | None:
+        found = [s for a in self.statuses for s in a.status if s.name == f'recorder_node: {what}']
+        return found[-1] if found else None
+
+    def is_told(self, check: str) -> bool:
+        """Return whether a finding of a kind was ever told."""
+        return any(
+            value.key.endswith(' check') and value.value == check
+            for array in self.statuses
+            for status in array.status
+            for value in status.values
+        )
+
+    def events(self) -> list[Path]:
+        return sorted(self.folder.iterdir()) if self.folder.exists() else []
+
+    def until_waiting(self) -> None:
+        """Wait until no event is being recorded, and nothing is found."""
+
+        def is_quiet() -> bool:
+            judge, recording = self.said('judge'), self.said('recording')
+            return (
+                judge is not None
+                and recording is not None
+                and judge.message == 'nothing found'
+                and recording.message == 'waiting for a cause'
+            )
+
+        self.statuses.clear()
+        self.until(is_quiet)
+
+    def call(self, name: str) -> Trigger.Response:
+        return self.ros.probe.call(Trigger, f'recorder_node/{name}', Trigger.Request())
+
+
+@pytest.fixture(scope='module')
+def seen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
+    """Let one fault come after another; return what was told and written of each."""
+    with own_domain() as domain, world(domain, tmp_path_factory.mktemp('judging')) as ros:
+        stage = Stage(ros)
+        seen: dict[str, Any] = {'folder': stage.folder}
+        stage.until_waiting()
+        before = stage.events()
+        seen['early'] = before
+        seen['answer'] = stage.call('trigger')
+        stage.until_waiting()
+        seen['asked'] = stage.events()[len(before) :]
+        for check, fault in (('geometry', longer), ('gap', stall), ('rejected', no_number)):
+            count = len(stage.events())
+            fault(stage)
+            stage.until(lambda check=check: stage.is_told(check))
+            stage.until(lambda count=count: len(stage.events()) > count)
+            if check == 'gap':
+                stage.crank.popen.send_signal(signal.SIGCONT)
+            stage.until_waiting()
+            seen[check] = stage.events()[count:]
+        seen['code'] = stage.recorder.stop(signal.SIGINT)
+        seen['errors'] = stage.recorder.errors
+        yield seen
+
+
+def longer(stage: Stage) -> None:
+    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.44)
+    request = SetParameters.Request(parameters=[Parameter(name='l_gh', value=value)])
+    stage.ros.probe.call(SetParameters, 'solver_node/set_parameters', request)
+
+
+def stall(stage: Stage) -> None:
+    stage.crank.popen.send_signal(signal.SIGSTOP)
+
+
+def no_number(stage: Stage) -> None:
+    publisher = stage.ros.probe.publisher(Float64, 'crank_angle', subscribers=2)
+    publisher.publish(Float64(data=float('nan')))
+    stage.ros.probe.spin(0.5)
+
+
+def test_each_fault_is_told_and_has_a_run_with_its_finding(seen: dict[str, Any]) -> None:
+    for check in ('geometry', 'gap', 'rejected'):
+        found = [told_finding(record).check for run in seen[check] for record in records(run)]
+        assert check in found, seen['errors']
+
+
+def records(run: Path) -> list[dict[str, str]]:
+    with open_log(run) as log:
+        assert log.complete, log.problem
+        return log.metadata[FINDING_RECORD]
+
+
+def test_who_asks_gets_the_seconds_before_and_after_whole(seen: dict[str, Any]) -> None:
+    (run,) = seen['asked']
+    assert seen['answer'].success
+    assert seen['answer'].message == str(run)
+    with open_log(run) as log:
+        # A machine that has much else to do may lose messages meanwhile, which is told as well.
+        (told, *_) = map(told_finding, log.metadata[FINDING_RECORD])
+        assert told.check == 'trigger'
+        counts = topic_counts(log.metadata[LOSS_RECORD][0])
+        for topic in ('/crank_angle', '/joint_states', '/point_h'):
+            messages = [*log.messages([topic])]
+            times = [message.log_time for message in messages]
+            assert times[0] <= told.time - 3.0e9
+            assert times[-1] >= told.time + 1.0e9 - 1e9 / RATE * 10
+            count, sequences = counts[topic], [message.sequence for message in messages]
+            assert count.received == count.written == len(messages)
+            missing = sequences[-1] - sequences[0] + 1 - len(sequences)
+            assert missing <= (count.lost or 0)
+
+
+def test_what_is_latched_and_the_solver_are_in_every_run(seen: dict[str, Any]) -> None:
+    runs = [run for check in ('asked', 'geometry', 'gap', 'rejected') for run in seen[check]]
+    assert len(runs) >= 4
+    for run in runs:
+        with open_log(run) as log:
+            assert len([*log.messages(['/robot_description'])]) == 1
+            assert log.metadata[SOLVER_RECORD]
+            assert log.metadata['klann_ros.recorder']
+
+
+def test_review_repeats_what_the_recorder_told(seen: dict[str, Any]) -> None:
+    review = review_run(seen['gap'][0])
+    texts = [finding.text for finding in review.findings if finding.check == 'told']
+    assert any('nothing on /' in text for text in texts)
+
+
+def test_it_ends_in_order(seen: dict[str, Any]) -> None:
+    assert seen['code'] == 0, seen['errors']
+    assert 'Traceback' not in seen['errors']
+    assert 'a callback failed' not in seen['errors']
+
+
+def test_who_waits_in_vain_writes_nothing_and_says_so(ros: World) -> None:
+    folder = ros.folder / 'runs'
+    recorder = ros.start('recorder_node', output=folder, pre_trigger=5.0)
+    ros.probe.until(lambda: 'waiting for a cause' in recorder.errors)
+    assert recorder.stop(signal.SIGINT) == 0
+    assert 'there was no cause, and nothing was written' in recorder.errors
+    assert list(folder.iterdir()) == []
+
+
+def test_limits_that_are_none_are_refused_before_anything_is_made(ros: World) -> None:
+    bad = ros.folder / 'limits.yaml'
+    bad.write_text('gap_tme: 3\n')
+    recorder = ros.start(
+        'recorder_node', output=ros.folder / 'run', judge='true', judge_limits=bad
+    )
+    assert recorder.wait() == 1
+    assert recorder.errors.startswith('recorder_node: judge_limits: ')
+    assert recorder.errors.count('\n') == 1
+    assert not (ros.folder / 'run').exists()
