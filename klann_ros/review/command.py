@@ -14,6 +14,7 @@ from klann_ros.kinematics import AnyLeg
 from klann_ros.log.errors import LogError
 from klann_ros.log.reading.run_files import LOG_HELP
 from klann_ros.page.browser import is_opened
+from klann_ros.review.live.follow import follow
 from klann_ros.review.loading.leg_file import leg_of, preset_names
 from klann_ros.review.model.comparing import compare
 from klann_ros.review.model.limits import Limits, limits_from_file, NAMES
@@ -61,6 +62,9 @@ With LOG2, say in what the two runs differ as well.
 Exit code: 0 nothing found, 1 findings (or a difference), 2 not a readable log, 3 what was asked
 for cannot be written: a FILE, which is found out at the start, or the report itself.
 
+With --follow, tell what is found while the run is recorded; the report follows when it is closed,
+or at Ctrl-C.
+
 Many runs, a row a run: review --each LOG...; review --each --help tells how."""
 EPILOG = f"""\
 FILE of --limits is YAML, a line a limit: {', '.join(NAMES)}."""
@@ -71,7 +75,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if argv is None else list(argv)
     if each.OPTION in given[: given.index('--') if '--' in given else None]:
         return each.main(given)
-    options = _parser().parse_args(given)
+    parser = _parser()
+    options = parser.parse_args(given)
+    if options.follow and options.log2:
+        parser.error('--follow takes one run')
     try:
         return _review(options)
     except (OutputError, NoPictureError) as error:
@@ -97,6 +104,8 @@ def _review(options: argparse.Namespace) -> int:
     given = leg_of(options.geometry) if options.geometry is not None else None
     limits = limits_from_file(options.limits) if options.limits is not None else Limits()
     robot = _robot(options.geometry)
+    if options.follow:
+        _follow(options.log, limits)
     reviews = [
         _one(path, options, given, robot, limits) for path in (options.log, options.log2) if path
     ]
@@ -118,6 +127,26 @@ def _review(options: argparse.Namespace) -> int:
         _open(options.html)
     healthy = all(review.is_healthy for review in reviews)
     return 0 if healthy and not (comparison and comparison.differences) else 1
+
+
+def _follow(path: str, limits: Limits) -> None:
+    """Tell what is found in a run that is being recorded, until it ends or Ctrl-C is pressed."""
+    try:
+        follow(
+            path,
+            limits,
+            found=_tell_now,
+            said=lambda text: print(f'review: {text}', file=sys.stderr, flush=True),
+        )
+    # Who reads no further (`| head -1`) wants no more of it either.
+    except (KeyboardInterrupt, BrokenPipeError):
+        print('review: followed no further; this is what is there', file=sys.stderr, flush=True)
+
+
+def _tell_now(line: str) -> None:
+    """Print a line at once: the report is caught on its way, to be written when all is known."""
+    out = sys.__stdout__ or sys.stdout
+    print(line, file=out, flush=True)
 
 
 def _robot(name: str | None) -> Robot | None:
@@ -182,6 +211,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('log', metavar='LOG', type=path, help=LOG_HELP)
     parser.add_argument(
         'log2', metavar='LOG2', nargs='?', type=path, help='another run to compare it with'
+    )
+    parser.add_argument(
+        '--follow',
+        action='store_true',
+        help='LOG is being recorded, or will be: tell findings as they come, then review it',
     )
     parser.add_argument('--json', metavar='FILE', help='the report for machines')
     parser.add_argument('--html', metavar='FILE', help='the page: the leg animated, and charts')

@@ -153,8 +153,8 @@ class Judging:
             self._judge.forget()
         while self._told:
             self._judge.tell(self._told.popleft())
-        for _ in range(len(self._inbox)):
-            self._judge.add(self._inbox.popleft())
+        inbox = self._inbox
+        self._judge.add_all([inbox.popleft() for _ in range(len(inbox))])
         return self._judge.findings(self._now, self._names)
 
 

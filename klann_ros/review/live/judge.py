@@ -1,6 +1,6 @@
 """Findings about what passes: a review of the last seconds, again and again."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from time import time_ns
 from typing import NamedTuple
@@ -20,8 +20,9 @@ import numpy as np
 
 from .window import Window
 
-# How far back a window reaches, and how often there is a new one [s].
-LENGTH, STEP = 1.0, 0.5
+# How far back a window reaches, and how often there is to be a new one [s]: a silence too short to
+# be waiting for falls into one, and what is wrong is found within a second.
+LENGTH, STEP = 1.1, 0.7
 # A window of more messages is shorter [messages], and one of larger ones [bytes].
 MOST, MOST_BYTES = 40_000, 64_000_000
 # What a window is too short to tell, or what is told otherwise here.
@@ -90,7 +91,11 @@ class LiveJudge:
 
     def add(self, message: Message) -> None:
         """Take a message; that is all that is done for each."""
-        self._window.add(message)
+        self._window.add((message,))
+
+    def add_all(self, messages: Iterable[Message]) -> None:
+        """Take messages, in the order in which they were received."""
+        self._window.add(messages)
 
     def tell(self, solver: SolverParameters) -> None:
         """Take what a solver has from now on; another leg than before is a finding."""
@@ -108,7 +113,7 @@ class LiveJudge:
         self, now: int | None = None, published: Collection[str] | None = None
     ) -> list[LiveFinding]:
         """
-        Return what is wrong now, the gravest first; to be asked every `STEP` seconds.
+        Return what is wrong now, the gravest first; to be asked every `STEP` seconds at least.
 
         Parameters
         ----------

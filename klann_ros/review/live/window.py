@@ -1,7 +1,8 @@
 """The last seconds of what passes, as a log that a review can load."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from klann_ros.log.reading.block import block_of_messages, HEAD, MessageBlock
@@ -10,13 +11,16 @@ from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverPar
 from klann_ros.review.loading.gathering import may_be_of_a_leg
 import numpy as np
 
-# What a message takes beside its data [bytes], about.
-_OVERHEAD = 400
+# The channels of a block are numbers of 16 bits.
+_MOST_TOPICS = 2**16
 
 
 class Window:
     """
     The last messages, by the times at which they were received.
+
+    They are brought into a block when they are first looked at, and stay in it: a window has most
+    of them in common with the one before.
 
     Parameters
     ----------
@@ -25,7 +29,7 @@ class Window:
     most : int
         No more messages are kept.
     most_bytes : int
-        And no more than they take.
+        And no more than these have, about.
 
     """
 
@@ -38,46 +42,36 @@ class Window:
         """Begin empty."""
         self.metadata: dict[str, list[Mapping[str, str]]] = {}
         self._length = round(length * 1e9)
-        self._messages: deque[Message] = deque()
-        self._most, self._most_bytes, self._size = most, most_bytes, 0
-        # Of a topic that tells nothing of a leg only the times are kept.
-        self._kept: dict[Topic, Topic | None] = {}
+        self._most, self._most_bytes = most, most_bytes
+        self._new: deque[Message] = deque(maxlen=most)
+        self._blocks: deque[MessageBlock] = deque()
+        # By the object, as to compare topics takes long; and the topic stays alive.
+        self._channels: dict[int, tuple[int, Topic]] = {}
+        self._topics: dict[int, Topic] = {}
         # By its name: one that was changed is told with its times.
         self._solvers: dict[str, list[SolverParameters]] = {}
 
-    def add(self, message: Message) -> None:
-        """Add a message, received after all others."""
-        kept = self._kept.get(message.topic, message.topic)
-        if kept is message.topic:
-            kept = self._kept[message.topic] = _without_content(message.topic)
-        if kept is not None:
-            times = message.log_time, message.publish_time
-            message = Message(kept, b'', *times, message.sequence)
-        self._messages.append(message)
-        self._size += len(message.data) + _OVERHEAD
-        while len(self._messages) > self._most or self._size > self._most_bytes:
-            self._drop()
+    def add(self, messages: Iterable[Message]) -> None:
+        """Add messages, received after all others."""
+        self._new.extend(messages)
 
     def clear(self) -> None:
         """Forget all messages."""
-        self._messages.clear()
-        self._size = 0
-
-    def _drop(self) -> None:
-        self._size -= len(self._messages.popleft().data) + _OVERHEAD
+        self._new.clear()
+        self._blocks.clear()
 
     def __len__(self) -> int:
-        return len(self._messages)
+        return sum(map(len, self._blocks)) + len(self._new)
 
     @property
     def start_time(self) -> int:
         """Return the log time of the earliest message [ns]."""
-        return min(message.log_time for message in self._messages)
+        return min(int(block.heads['log_time'].min()) for block in self._blocks)
 
     @property
     def end_time(self) -> int:
         """Return the log time of the latest message [ns]."""
-        return max(message.log_time for message in self._messages)
+        return max(int(block.heads['log_time'].max()) for block in self._blocks)
 
     def tell(self, solver: SolverParameters) -> None:
         """Add what a solver has from now on."""
@@ -92,28 +86,57 @@ class Window:
         return self._solvers[node][-1] if node in self._solvers else None
 
     def move(self, now: int) -> None:
-        """Forget what is too long ago."""
-        messages, first = self._messages, now - self._length
-        while messages and messages[0].log_time < first:
-            self._drop()
+        """Take what is new, and forget what is too long ago."""
+        if self._new:
+            messages = [*self._new]
+            self._new.clear()
+            self._blocks.append(self._block(messages))
+        kept = (_since(block, now - self._length) for block in self._blocks)
+        self._blocks = deque(block for block in kept if len(block))
+        while len(self._blocks) > 1 and self._is_too_much():
+            self._blocks.popleft()
 
     def blocks(self, progress: Callable[[float], object] | None = None) -> Iterator[MessageBlock]:
-        """Yield all messages, in one block."""
-        if not self._messages:
-            return
+        """Yield all messages."""
         if progress is not None:
             progress(0.0)
-        messages = [*self._messages]
-        channels: dict[Topic, int] = {}
+        yield from self._blocks
+
+    def _is_too_much(self) -> bool:
+        size = sum(len(block.data) for block in self._blocks)
+        return len(self) > self._most or size > self._most_bytes
+
+    def _block(self, messages: Sequence[Message]) -> MessageBlock:
+        ids = [id(message.topic) for message in messages]
+        if not self._channels.keys() >= set(ids):
+            for message in messages:
+                self._know(message.topic)
+        channels = self._channels
         heads = np.zeros(len(messages), HEAD)
-        heads['channel'] = [channels.setdefault(m.topic, len(channels)) for m in messages]
+        heads['channel'] = numbers = [channels[key][0] for key in ids]
         heads['sequence'] = [m.sequence & 0xFFFFFFFF for m in messages]
         heads['log_time'] = [m.log_time for m in messages]
         heads['publish_time'] = [m.publish_time for m in messages]
-        topics = {number: topic for topic, number in channels.items()}
-        yield block_of_messages(heads, [m.data for m in messages], topics)
+        topics, data = self._topics, [m.data for m in messages]
+        if any(not topic.type for topic in topics.values()):
+            data = [d if topics[n].type else b'' for n, d in zip(numbers, data, strict=True)]
+        return block_of_messages(heads, data, topics)
+
+    def _know(self, topic: Topic) -> None:
+        """Give a topic a number; of what tells nothing of a leg only the times are kept."""
+        if id(topic) not in self._channels:
+            number = len(self._channels)
+            if number >= _MOST_TOPICS:
+                msg = f'more than {_MOST_TOPICS} topics'
+                raise ValueError(msg)
+            self._channels[id(topic)] = number, topic
+            self._topics[number] = topic if may_be_of_a_leg(topic) else Topic(topic.name, '')
 
 
-def _without_content(topic: Topic) -> Topic | None:
-    """Return what stands for a topic that tells nothing of a leg; None for one that may."""
-    return None if may_be_of_a_leg(topic) else Topic(topic.name, '')
+def _since(block: MessageBlock, time: int) -> MessageBlock:
+    """Return the messages of a block that were received since a time [ns]."""
+    times = block.heads['log_time']
+    if not len(times) or times.min() >= time:
+        return block
+    rows = times >= time
+    return replace(block, heads=block.heads[rows], starts=block.starts[rows])

@@ -35,6 +35,10 @@ def preset_names() -> tuple[str, ...]:
     return *_PRESETS, *shipped_linkages()
 
 
+LEG_PARAMETERS = (*NUMBERS, 'assembly', LINKAGE_PARAMETER)
+"""Those of a solver that tell its leg."""
+
+
 def leg_of(name: str) -> AnyLeg:
     """
     Return the leg in a file, or the one of a name if no file is called so.

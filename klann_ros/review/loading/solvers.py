@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from functools import lru_cache
+import json
 import sys
 from typing import Any
 
@@ -10,7 +12,7 @@ from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD, Solve
 from klann_ros.review.model.recording import LegSolver
 from klann_ros.untrusted.text import printable
 
-from .leg_file import leg_from_parameters
+from .leg_file import leg_from_parameters, LEG_PARAMETERS
 
 # Who tells the leg that a run is held against.
 GIVEN = '--geometry'
@@ -108,7 +110,14 @@ def parent(name: str) -> str:
 
 
 def _leg(parameters: Mapping[str, Any]) -> AnyLeg | None:
+    told = {name: parameters[name] for name in LEG_PARAMETERS if name in parameters}
     try:
-        return leg_from_parameters(parameters)
+        return _leg_of(json.dumps(told))
     except (TypeError, ValueError):
         return None
+
+
+@lru_cache(maxsize=64)
+def _leg_of(text: str) -> AnyLeg:
+    """Return the leg of parameters as JSON; a thousand runs of it, or windows, need it once."""
+    return leg_from_parameters(json.loads(text))

@@ -7,12 +7,13 @@ from klann_ros.kinematics import KlannLeg
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SolverParameters
 from klann_ros.review.live import LiveFinding, LiveJudge
-from klann_ros.review.live.judge import STEP
 from leg_runs import LegRun, START
 import pytest
 
 GEOMETRY = {**KlannLeg().linkage.dimensions, 'assembly': [1, 1]}
 SECOND = 10**9
+# How often it is asked [s].
+STEP = 0.5
 # Of the whole run [ns].
 LENGTH = 2 * SECOND
 

@@ -1,0 +1,255 @@
+"""A run is judged as it grows, whatever becomes of it, and reviewed when it is closed."""
+
+from collections.abc import Iterator
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+from threading import Thread
+import time
+
+import klann_ros
+from klann_ros.kinematics import KlannLeg
+from klann_ros.log.errors import NotALogError
+from klann_ros.log.reading.mcap.growing import GrowingFile
+from klann_ros.log.records import Message
+from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
+from klann_ros.log.writing.writer import RunWriter
+from klann_ros.review.live import follow as following
+from klann_ros.review.live.follow import follow
+from klann_ros.review.model.limits import Limits
+from leg_runs import LegRun, START
+import pytest
+
+GEOMETRY = {**KlannLeg().linkage.dimensions, 'assembly': [1, 1]}
+GARBLED = LegRun(
+    parameters=GEOMETRY, count=600, turns=3.0, garbled={150: float('nan'), 500: float('nan')}
+)
+LIMIT = 30.0
+
+
+@pytest.fixture(autouse=True)
+def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(following, 'PERIOD', 0.01)
+    monkeypatch.setattr(following, 'SPLIT', 0.2)
+
+
+class Follower:
+    """Somebody who follows a run, in a thread."""
+
+    def __init__(self, path: Path) -> None:
+        self.found: list[str] = []
+        self.said: list[str] = []
+        self.error: Exception | None = None
+        self._path = path
+        self._thread = Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            follow(str(self._path), Limits(), found=self.found.append, said=self.said.append)
+        except (NotALogError, OSError) as error:
+            self.error = error
+
+    def until_found(self, count: int) -> None:
+        end = time.monotonic() + LIMIT
+        while len(self.found) < count:
+            assert time.monotonic() < end, self.said
+            time.sleep(0.01)
+
+    def until_ended(self) -> None:
+        self._thread.join(LIMIT)
+        assert not self._thread.is_alive(), self.said
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Iterator[RunWriter]:
+    made = begun(tmp_path / 'run')
+    yield made
+    made.close()
+
+
+def begun(folder: Path) -> RunWriter:
+    """Return a run in which there is only what the solver is."""
+    made = RunWriter(folder)
+    told = SolverParameters('/solver_node', START, GEOMETRY)
+    made.add_metadata(SOLVER_RECORD, solver_record(told), in_every_file=True)
+    made.flush()
+    return made
+
+
+def messages() -> list[Message]:
+    return [*GARBLED.messages()]
+
+
+def test_a_finding_is_told_while_the_run_is_recorded(run: RunWriter) -> None:
+    follower = Follower(run.path)
+    everything = messages()
+    middle = len(everything) // 2
+    for message in everything[:middle]:
+        run.write(message)
+    run.flush()
+    follower.until_found(1)
+    assert ' ERROR nan: ' in follower.found[0]
+    # By the clock of the log, which begins at this second.
+    assert follower.found[0].startswith('2023-11-14T22:13:20.')
+    before = len(follower.found)
+    for message in everything[middle:]:
+        run.write(message)
+    run.close()
+    follower.until_ended()
+    assert len(follower.found) > before
+    assert follower.said == [f'following {run.path / "run_0.mcap"}']
+
+
+def test_a_run_that_is_split_is_followed_into_its_next_file(run: RunWriter) -> None:
+    follower = Follower(run.path)
+    for number, message in enumerate(messages()):
+        run.write(message)
+        if number in (400, 800):
+            run.split()
+    run.close()
+    follower.until_ended()
+    assert [line.rpartition('_')[2] for line in follower.said] == ['0.mcap', '1.mcap', '2.mcap']
+    assert len([line for line in follower.found if ' nan: ' in line]) >= 2
+
+
+def test_a_run_that_is_not_there_yet_is_waited_for(tmp_path: Path) -> None:
+    folder = tmp_path / 'later'
+    follower = Follower(folder)
+    end = time.monotonic() + LIMIT
+    while not follower.said:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    GARBLED.write(folder)
+    follower.until_ended()
+    assert follower.said == [f'waiting for {folder}', f'following {folder / "later_0.mcap"}']
+    assert follower.found
+
+
+def test_a_file_that_is_removed_ends_it(tmp_path: Path) -> None:
+    run = begun(tmp_path / 'run')
+    for message in messages():
+        run.write(message)
+    run.flush()
+    follower = Follower(run.path)
+    follower.until_found(1)
+    (run.path / 'run_0.mcap').unlink()
+    follower.until_ended()
+    assert follower.said[-1] == 'run_0.mcap was removed'
+    run.discard()
+
+
+def test_a_recorder_that_was_killed_ends_it(
+    run: RunWriter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    follower = Follower(run.path)
+    for message in messages():
+        run.write(message)
+    run.flush()
+    follower.until_found(1)
+    # The end of its process takes the lock away.
+    monkeypatch.setattr(following, '_is_written', lambda _: False)
+    follower.until_ended()
+    assert follower.said[-1] == 'run_0.mcap was not finished, and nobody writes it'
+
+
+@pytest.mark.parametrize(
+    ('content', 'problem'),
+    [
+        (b'this is no log at all', 'it does not start as an MCAP file does'),
+        (b'\x89MCAP0\r\n' + bytes(100), 'what stands there is no record'),
+        (b'\x89MCAP0\r\n' + b'\x06' + b'\xff' * 8 + bytes(100), 'what stands there is no record'),
+        (b'\x89MCAP0\r\n' + b'\x06\x04' + bytes(7) + bytes(4), 'what stands there is no record'),
+        (b'\x89MCAP0\r\n' + b'\x06\x28' + bytes(7) + b'\xff' * 40, ''),
+    ],
+)
+def test_what_is_no_log_is_said_and_ends_it(tmp_path: Path, content: bytes, problem: str) -> None:
+    path = tmp_path / 'bad_0.mcap'
+    path.write_bytes(content)
+    follower = Follower(path)
+    follower.until_ended()
+    assert follower.error is None
+    assert 'bad_0.mcap is damaged: ' in follower.said[-1]
+    assert problem in follower.said[-1]
+
+
+def test_a_file_that_is_cut_off_meanwhile_ends_it(tmp_path: Path) -> None:
+    path = GARBLED.write(tmp_path / 'run') / 'run_0.mcap'
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    file = GrowingFile(path)
+    assert [*file.read()]
+    os.truncate(path, 100)
+    assert [*file.read()] == []
+    assert file.problem == 'it was cut off at byte 100'
+    file.close()
+
+
+def test_each_byte_is_read_once_however_it_comes(tmp_path: Path) -> None:
+    whole = (GARBLED.write(tmp_path / 'run') / 'run_0.mcap').read_bytes()
+    path = tmp_path / 'growing_0.mcap'
+    path.touch()
+    file, found = GrowingFile(path), []
+    with path.open('ab') as out:
+        for begin in range(0, len(whole), 1777):
+            end = begin + 1777
+            out.write(whole[begin:end])
+            out.flush()
+            found += [each for each in file.read() if isinstance(each, Message)]
+    assert file.is_finished
+    assert [m.data for m in found] == [m.data for m in messages()]
+    file.close()
+
+
+def test_what_is_no_mcap_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / 'bag.db3'
+    path.touch()
+    follower = Follower(path)
+    follower.until_ended()
+    assert 'only runs of MCAP files can be followed' in str(follower.error)
+
+
+def command(*arguments: str) -> subprocess.Popen[str]:
+    code = 'import sys; from klann_ros.executables import review; sys.exit(review())'
+    package = str(Path(klann_ros.__file__).resolve().parents[1])
+    return subprocess.Popen(
+        [sys.executable, '-c', code, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, 'PYTHONPATH': package},
+    )
+
+
+def test_ctrl_c_ends_it_with_the_review_of_what_is_there(run: RunWriter) -> None:
+    for message in messages():
+        run.write(message)
+    run.flush()
+    process = command('--follow', str(run.path))
+    assert process.stdout is not None
+    # It is told before the report is.
+    first = process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=LIMIT)
+    assert ' ERROR nan: ' in first
+    assert 'review: followed no further; this is what is there' in errors
+    assert 'not closed' in output
+    assert process.returncode == 1
+
+
+def test_a_run_that_is_closed_is_followed_by_its_review(tmp_path: Path) -> None:
+    sound = LegRun(parameters=GEOMETRY).write(tmp_path / 'sound')
+    process = command('--follow', str(sound))
+    output, errors = process.communicate(timeout=LIMIT)
+    assert process.returncode == 0, errors
+    assert str(sound) in output
+    assert 'Traceback' not in errors
+
+
+def test_one_run_is_followed_at_a_time() -> None:
+    process = command('--follow', 'one', 'two')
+    _, errors = process.communicate(timeout=LIMIT)
+    assert process.returncode == 2
+    assert '--follow takes one run' in errors
