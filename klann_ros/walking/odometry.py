@@ -5,7 +5,9 @@ From pose to pose the body moves as `slip.moved` says. What that is wrong by is 
 from step to step: friction is not quite Coulomb's, feet are worn, floors give way. So the errors
 are taken as constants nobody knows, with spreads s,
 
-    forwards = s_1 x advance + s_2 x slid,   sidewards = s_3 x slid,   yaw = s_4 x slid / reach,
+    forwards = s_1 x advance + s_2 x slid q,   sidewards = s_3 x slid q,   yaw = s_4 x slid q / reach,
+
+q being the part that the feet slid of what they slid and the body moved together,
 
 and their effect on the pose is summed up along the path, beside a random walk of the same size
 over a single step. Feet that slide more are trusted less by themselves.
@@ -47,7 +49,8 @@ class Errors:
     advance : float
         Of the way forwards, by that.
     slid, sidewards, yaw : float
-        Forwards, sidewards, and yaw at the reach of the feet, by how far the feet slid.
+        Forwards, sidewards, and yaw at the reach of the feet, by how far the feet slid and by the
+        part of all motion that this was.
     imu_yaw : float
         Of a yaw from an IMU whose message tells none [rad].
     height, tilt : float
@@ -56,9 +59,9 @@ class Errors:
     """
 
     advance: float = 0.01
-    slid: float = 0.1
-    sidewards: float = 0.1
-    yaw: float = 0.3
+    slid: float = 0.19
+    sidewards: float = 0.19
+    yaw: float = 0.53
     imu_yaw: float = 0.005
     height: float = 0.01
     tilt: float = 0.02
@@ -241,7 +244,9 @@ class Odometry:
         self.slid += step.slid
         # What a wrong yaw makes of this step, and what the step itself may be off by.
         turning = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
-        slid = step.slid * (KNOWN if measured else 1.0)
+        # The more of its way it slides, the less is known of how: on the spot more than in a curve.
+        whole = hypot(step.x, step.y) + step.slid
+        slid = step.slid * (KNOWN if measured else 1.0) * (step.slid / whole if whole else 0.0)
         turn = 0.0 if measured else slid / self._feet.reach
         own = np.array(
             [
