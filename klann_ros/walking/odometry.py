@@ -5,7 +5,9 @@ From pose to pose the body moves as `slip.moved` says. What that is wrong by is 
 from step to step: friction is not quite Coulomb's, feet are worn, floors give way. So the errors
 are taken as constants nobody knows, with spreads s,
 
-    forwards = s_1 x advance + s_2 x slid q,   sidewards = s_3 x slid q,   yaw = s_4 x slid q / reach,
+    forwards = s_1 x advance + s_2 x slid q,
+    sidewards = s_3 x slid q,
+    yaw = s_4 x slid q / reach,
 
 q being the part that the feet slid of what they slid and the body moved together,
 
@@ -244,7 +246,7 @@ class Odometry:
         self.slid += step.slid
         # What a wrong yaw makes of this step, and what the step itself may be off by.
         turning = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
-        # The more of its way it slides, the less is known of how: on the spot more than in a curve.
+        # The more of its way it slides, the less is known of how: on the spot least of all.
         whole = hypot(step.x, step.y) + step.slid
         slid = step.slid * (KNOWN if measured else 1.0) * (step.slid / whole if whole else 0.0)
         turn = 0.0 if measured else slid / self._feet.reach
