@@ -59,6 +59,30 @@ def _blocks(legs: int, angles: int, *, one_by_one: bool) -> Iterator[tuple[slice
             yield slice(leg, min(leg + step, legs)), columns
 
 
+# Of single linkages that were asked for: whoever asks again and again has few poses at a time.
+_MOST_KEPT = 64
+_kept: dict[object, tuple[Numbers, Array]] = {}
+
+
+def _numbers_of(
+    variants: Variants, made: Program, kind: tuple[bool, bool]
+) -> tuple[Numbers, Array]:
+    """Return the numbers and constants of linkages for a program, which is one of its kind."""
+    structure = variants.base.structure
+    key = None
+    if len(variants) == 1:
+        key = structure, kind, variants.numbers.tobytes(), variants.signs.tobytes()
+        if key in _kept:
+            return _kept[key]
+    numbers = Numbers(structure, *variants.vectors, variants.signs)
+    found = numbers, constants(made, numbers, len(variants))
+    if key is not None:
+        if len(_kept) >= _MOST_KEPT:
+            _kept.clear()
+        _kept[key] = found
+    return found
+
+
 class _Dyads:
     """Linkages whose blocks are all dyads: a kernel runs their program."""
 
@@ -67,12 +91,12 @@ class _Dyads:
         self._structure = structure = variants.base.structure
         others = results.arrays().keys() - {'h'}
         self._program = made = program(structure, links=bool(others))
-        self._numbers = Numbers(structure, *variants.vectors, variants.signs)
         self._derived = Derived(made, {})
         if results.h_1 is not None:
             self._derived = differentiated(made)
             self._program = self._derived.program
-        self._constants = constants(self._program, self._numbers, len(variants))
+        kind = bool(others), results.h_1 is not None
+        self._numbers, self._constants = _numbers_of(variants, self._program, kind)
         self._wanted = self._names(made, others)
         names = (name for pairs in self._wanted.values() for pair in pairs for name in pair)
         self._kernel = kernel.Kernel(self._program, (*made.foot, *names), SIZE)

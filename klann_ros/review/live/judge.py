@@ -22,7 +22,7 @@ from .window import Window
 
 # How far back a window reaches, and how often there is to be a new one [s]: a silence too short to
 # be waiting for falls into one, and what is wrong is found within a second.
-LENGTH, STEP = 1.1, 0.7
+LENGTH, STEP = 1.0, 0.7
 # A window of more messages is shorter [messages], and one of larger ones [bytes].
 MOST, MOST_BYTES = 40_000, 64_000_000
 # What a window is too short to tell, or what is told otherwise here.

@@ -159,6 +159,8 @@ def _surplus(answers: Times, stamps: StampCounts) -> Surplus:
 
 def _causes(leg: LegRecording, rows: RowIndices) -> RowIndices:
     """Return why a solver would not answer some inputs."""
+    if not rows.size:
+        return rows
     alphas, solved = _turned(leg, leg.cranks.values[rows, 0]), leg.solver.leg
     if solved is None or not (leg.solver.nodes or len(asked_angles(leg)[0])):
         # Nobody knows which angle the leg had; but none of this one's can be any.
