@@ -1,5 +1,6 @@
 """Events: what came before and after a cause is in a run of its own, whole and accounted for."""
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 import time
@@ -22,7 +23,7 @@ from klann_ros.log.run_parameters import (
 from klann_ros.log.writing.background_writer import BackgroundWriter, OVERHEAD
 from klann_ros.log.writing.events.ring import MOST_LATCHED, Ring
 from klann_ros.log.writing.events.session import EventSession, EventSettings
-from klann_ros.log.writing.ledger import Ledger, Tally
+from klann_ros.log.writing.ledger import Fate, Ledger, Tally
 from klann_ros.log.writing.writer import RunWriter
 import pytest
 
@@ -326,12 +327,15 @@ def test_of_a_latched_topic_the_last_ones_outlive_their_time_within_bounds() -> 
     assert {each.log_time for each in kept} == {5}
 
 
-def test_a_ledger_between_two_moments_adds_up() -> None:
-    class NoRun:
-        def fate(self) -> None:
-            raise AssertionError
+class NoRun:
+    """A run to which nothing is written."""
 
-    ledger = Ledger(NoRun())  # type: ignore[arg-type]
+    def fate(self) -> Fate:
+        return Fate(Counter(), Counter())
+
+
+def test_a_ledger_between_two_moments_adds_up() -> None:
+    ledger = Ledger(NoRun())
     ledger['/a'].received = 5
     before = ledger.mark()
     ledger['/a'].received = 9
