@@ -60,6 +60,10 @@ _PlainLoader.add_constructor(
 )
 
 
+# libyaml's takes a tenth of the time; a PyYAML built without it has none.
+_FastDumper = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
+
+
 class YamlError(ValueError):
     """A text that is no YAML, or none that is taken."""
 
@@ -156,8 +160,17 @@ def load(text: str) -> Any:
 
 def dump(data: object) -> str:
     """Return data as YAML in block style, keys in their own order, without a final newline."""
-    text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=10**6)
+    try:
+        text = _dumped(data, _FastDumper)
+    except UnicodeEncodeError:
+        # Half a pair of surrogates: libyaml takes none, PyYAML escapes it.
+        text = _dumped(data, yaml.SafeDumper)
     return text.rstrip('\n')
+
+
+def _dumped(data: object, dumper: Any) -> str:
+    text: str = yaml.dump(data, Dumper=dumper, sort_keys=False, allow_unicode=True, width=10**6)
+    return text
 
 
 class _WeighingLoader(_PlainLoader):

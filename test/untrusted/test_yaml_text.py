@@ -35,3 +35,20 @@ def test_whatever_stands_behind_a_tag_is_read_or_refused(load, tag, value) -> No
 def test_whatever_looks_like_a_number_is_read_or_refused(load, value) -> None:
     with suppress(ValueError):
         load(f'a: {value}')
+
+
+@pytest.mark.parametrize(
+    'text', ['', 'é', '\U0001f600', '\x00', '\x85', '\u2028', '\ufeff', '1:30', '- x']
+)
+@pytest.mark.parametrize('dumper', ['libyaml', 'none'])
+def test_what_is_written_is_read_back(monkeypatch: pytest.MonkeyPatch, dumper, text) -> None:
+    if dumper == 'none':
+        monkeypatch.setattr(yaml_text, '_FastDumper', yaml_text.yaml.SafeDumper)
+        # PyYAML's own writes a next line as it stands, which reads as a blank.
+        text = text.replace('\x85', '')
+    data = {'a': [text, {text: 1e-3}], 'b': {}}
+    assert yaml_text.load(yaml_text.dump(data)) == data
+
+
+def test_half_a_pair_of_surrogates_is_written_escaped() -> None:
+    assert yaml_text.dump({'a': '\ud800'}).isascii()

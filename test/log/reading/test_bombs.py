@@ -41,6 +41,7 @@ def crank(data):
 
 
 EMPTY = b'E[] name\n' + b'=' * 80 + b'\nMSG: sensor_msgs/E\n'
+# As many chunks as are more than 200 MB, should somebody hold them all at once, and no more.
 BOMBS = {
     'one big message': lambda: crank(message(bytes(MIN_LIMIT - MB))),
     'more than the limit': lambda: crank(message(bytes(5 * MIN_LIMIT))),
@@ -52,11 +53,11 @@ BOMBS = {
     'many descriptions': lambda: log(
         b''.join(mcap.channel(n % 65536, 0, str(n), '', {}) for n in range(600_000))
     ),
-    'many chunks of zeros': lambda: file_of_chunks('zeros', 38 * MB, 100),
+    'many chunks of zeros': lambda: file_of_chunks('zeros', 38 * MB, 12),
     'an index that names an attachment often': lambda: named_often(5000),
-    'chunks that overlap in time': lambda: overlapping(20, 30 * MB),
+    'chunks that overlap in time': lambda: overlapping(10, 30 * MB),
     'chunks that overlap though the index denies it': lambda: overlapping(
-        20, 30 * MB, honest=False
+        10, 30 * MB, honest=False
     ),
     'heads in heads': lambda: (
         log(b'')

@@ -27,7 +27,7 @@ from mcap_bytes.hostile import (
 import pytest
 from work import Work, Yaml
 
-SIZE = 10_000
+SIZE = 5000
 # Calls for a byte of the file, and at all. What costs most is to tell damage behind each record.
 EACH, ONCE = 100, 5000
 # Calls to write a run.
