@@ -2,6 +2,7 @@
 
 import io
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from klann_ros.export import urdf
 from klann_ros.export.travel import crank_angles
@@ -9,7 +10,9 @@ from klann_ros.kinematics import LinkageLeg, shipped_linkages
 from klann_ros.robot import robot_of, RobotLeg
 import numpy as np
 import pytest
-import yourdfpy
+
+if TYPE_CHECKING:
+    import yourdfpy
 
 ROOT = Path(__file__).resolve().parents[2]
 SHIPPED = ['sem104', 'patent', *shipped_linkages()]
@@ -17,7 +20,10 @@ WALKERS = [str(ROOT / 'config' / f'walker{legs}.yaml') for legs in (4, 6)]
 PLAIN = {'klann': 'sem104', 'walker4': WALKERS[0], 'walker6': WALKERS[1]}
 
 
-def loaded(text: str) -> yourdfpy.URDF:
+def loaded(text: str) -> 'yourdfpy.URDF':
+    # When called: its meshes' library takes a second, in each worker that collects this.
+    import yourdfpy
+
     options = {'load_meshes': False, 'build_scene_graph': True}
     return yourdfpy.URDF.load(io.BytesIO(text.encode()), **options)
 
@@ -95,7 +101,7 @@ def plain_text(name: str) -> str:
     return (ROOT / 'urdf' / f'{name}.urdf').read_text()
 
 
-def facts(joint: yourdfpy.Joint) -> tuple:
+def facts(joint: 'yourdfpy.Joint') -> tuple:
     """Return what makes a joint what it is, but for its place."""
     mimic = joint.mimic and (joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset)
     axis = None if joint.type == 'fixed' else tuple(map(float, joint.axis))

@@ -8,12 +8,8 @@ from klann_ros.log.reader import open_log
 from klann_ros.review.command import main
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
-import pandas as pd
 import pytest
 
-# Before 3.1 pandas reads doubles to the last bit only if it is told to.
-VERSION = tuple(int(part) for part in pd.__version__.split('.')[:2])
-EXACT = {} if VERSION >= (3, 1) else {'float_precision': 'round_trip'}
 ANGLES = [f'{joint} [rad]' for joint in JOINTS]
 RATES = [f'{joint}_rate [rad/s]' for joint in JOINTS]
 COLUMNS = [
@@ -32,11 +28,18 @@ COLUMNS = [
 def table(tmp_path, capsys):
     """Return what reviews a run and reads its CSV."""
 
+    # Here: it takes a second, in each worker that collects this.
+    import pandas as pd
+
+    # Before 3.1 pandas reads doubles to the last bit only if it is told to.
+    version = tuple(int(part) for part in pd.__version__.split('.')[:2])
+    exact = {} if version >= (3, 1) else {'float_precision': 'round_trip'}
+
     def read(run, **options):
         file = tmp_path / 'run.csv'
         assert main([str(run), '--csv', str(file)]) in (0, 1)
         capsys.readouterr()
-        return pd.read_csv(file, **EXACT, **options)
+        return pd.read_csv(file, **exact, **options)
 
     return read
 
