@@ -27,7 +27,6 @@ COLUMNS = [
 @pytest.fixture
 def table(tmp_path, capsys):
     """Return what reviews a run and reads its CSV."""
-
     # Here: it takes a second, in each worker that collects this.
     import pandas as pd
 
