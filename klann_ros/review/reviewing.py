@@ -16,6 +16,7 @@ from klann_ros.review.model.recording import LegRecording, RunRecording
 from klann_ros.review.model.review import Review, ReviewedLeg
 from klann_ros.review.model.topics import topic_figures
 from klann_ros.review.model.unanswered import Silence, silences, unanswered
+from klann_ros.review.model.walks import walk_figures
 from klann_ros.robot import Robot
 from klann_ros.untrusted.text import printable
 import numpy as np
@@ -81,6 +82,7 @@ def reviewed(
             tuple(_reviewed(each, recording, quiet, tell) for each in recording.legs),
             quiet,
             limits,
+            tuple(map(walk_figures, recording.walks)),
         )
         return replace(review, findings=findings(review))
 

@@ -10,6 +10,7 @@ from .motion import check_motion
 from .poses import check_poses
 from .solvers import check_solvers
 from .torques import check_torques
+from .walking import check_walking
 
 CHECKS = (
     check_container,
@@ -21,6 +22,7 @@ CHECKS = (
     check_clocks,
     check_motion,
     check_torques,
+    check_walking,
     check_told,
 )
 """Each yields what it finds in a review; the cause at its source first."""

@@ -19,6 +19,7 @@ from .pieces import DecodedRows, TopicReader
 from .solvers import GIVEN, leg_solvers, parent
 
 # A JointState tells by its joints what it is; of numbers and points there are many others.
+COMMAND = 'crank_command'
 LAST_PARTS = {CRANK_ANGLE: 'crank_angle', FOOT: 'point_h'}
 # The name under which crank_angle, which turns all legs, stands among the joints.
 ALL_JOINTS = ''
@@ -155,7 +156,8 @@ class Gathering:
                 self.pose_topics[namespace, name].add(topic)
                 self._add_pose((namespace, name), [names.index(j) for j in joints], block, piece)
                 self._add_effort(namespace, joints[0], block, piece)
-        if not found:
+        # What cranks are to do is no place where they are.
+        if not found and topic.rpartition('/')[2] != COMMAND:
             for joint in {solver.crank_joint for solver in self._crank_solvers(namespace)}:
                 if joint in names:
                     self._add_crank(topic, joint, block, piece, names.index(joint))

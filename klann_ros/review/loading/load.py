@@ -34,6 +34,7 @@ from .gathering import ALL_JOINTS, Gathering
 from .other_topics import Descriptions, Iterations
 from .solvers import Metadata, solver_records
 from .topics import recorded_losses, TopicTally
+from .walks import Walks
 from .weights import dynamics_of
 
 
@@ -82,12 +83,14 @@ def load(
     records = solver_records(log.metadata)
     gathering = Gathering(records, given, rates=rates)
     tally, iterations, descriptions = TopicTally(), Iterations(), Descriptions()
+    walks = Walks()
     for block in log.blocks(progress):
         for topic, rows in by_topic(block):
             tally.add(topic, block, rows)
             gathering.add(topic, block, rows)
             iterations.add(topic, block, rows)
             descriptions.add(topic, block, rows)
+            walks.add(topic, block, rows)
     # Reading finds what an index hides, so this comes last.
     holes = merged([*_pauses(log.metadata.get(PAUSE_RECORD, ())), *log.holes])
     shared = Shared()
@@ -105,9 +108,10 @@ def load(
         end=min(log.end_time, LAST_TIME),
         topics=tuple(replace(topic, times=shared.one(topic.times)) for topic in topics),
         problems=log.problems,
-        undecoded=gathering.undecoded(),
+        undecoded=(*gathering.undecoded(), *walks.undecoded()),
         holes=holes,
         legs=tuple(legs),
+        walks=tuple(walks.walks(shared)),
         stopped=_harm(log, 'stopped'),
         harmed=_harm(log, 'harmed'),
         drives=tuple(_drives(gathering, legs, shared)),

@@ -41,6 +41,11 @@ class Limits:
         Change of the crank angle from one input to the next [rad].
     path_drift : float
         Distance between the foot's paths in the first and the last part of the run [m].
+    crank_lag, phase : float
+        Difference of a walker's crank from its command, and of two cranks' distance from what was
+        commanded [rad].
+    odometry : float
+        Distance of odometry from the ground truth, as a part of the way.
     torque : float
         Difference of a crank's effort from the torque that the masses of its legs take, as a part
         of the greatest such torque in the run; besides what is not known of the motion.
@@ -62,6 +67,9 @@ class Limits:
     crank_jump: float = 0.35
     path_drift: float = 1e-3
     torque: float = 0.1
+    crank_lag: float = 0.35
+    phase: float = 0.2
+    odometry: float = 0.05
     compare_path: float = 1e-6
     compare_angle: float = 1e-6
     compare_length: float = 0.0

@@ -1,6 +1,6 @@
 """What a run holds, decoded to arrays: the model that everything else of a review works on."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 from klann_ros.dynamics import Dynamics
@@ -169,6 +169,19 @@ class Drive:
 
 
 @dataclass(frozen=True, eq=False)
+class Walk:
+    """What a run says of a walking robot in a namespace."""
+
+    namespace: str
+    # x, y and yaw of the body [m, rad], as odometry has it, and in truth where somebody knows.
+    odometry: Series
+    truth: Series
+    # By joint, the angles of the cranks [rad]: as commanded, and as they were.
+    commands: Mapping[str, Series]
+    states: Mapping[str, Series]
+
+
+@dataclass(frozen=True, eq=False)
 class RunRecording:
     """A run, decoded."""
 
@@ -195,6 +208,8 @@ class RunRecording:
     harmed: str = ''
     # The joints that turn cranks and tell efforts.
     drives: tuple[Drive, ...] = ()
+    # Robots that walk.
+    walks: tuple[Walk, ...] = ()
     # What the recorder found, and told, while it recorded.
     told: tuple[ToldFinding, ...] = ()
 

@@ -13,6 +13,7 @@ from .recording import LegRecording, RunRecording
 from .times import Floats
 from .topics import TopicFigures
 from .unanswered import Silence, Unanswered
+from .walks import WalkFigures
 
 
 class Severity(IntEnum):
@@ -112,6 +113,8 @@ class Review:
         When each topic that has a period said nothing, whatever the reason.
     limits : Limits
         What it was held against.
+    walks : tuple of WalkFigures
+        How robots walked.
     findings : tuple of Finding
         What is wrong with it, the gravest first.
 
@@ -122,6 +125,7 @@ class Review:
     legs: tuple[ReviewedLeg, ...]
     silences: tuple[Silence, ...]
     limits: Limits
+    walks: tuple[WalkFigures, ...] = ()
     findings: tuple[Finding, ...] = ()
 
     @property

@@ -43,6 +43,7 @@ def report(review: Review, comparison: Comparison | None = None) -> str:
             }
             for leg in review.legs
         ],
+        'walks': [asdict(walk) for walk in review.walks],
         'limits': asdict(review.limits),
         'findings': [
             {**asdict(finding), 'severity': finding.severity.name.lower()}

@@ -6,6 +6,7 @@ from math import degrees, isnan
 from klann_ros.review.model.comparing import Comparison
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.topics import MORE, TopicFigures, WHY_MORE
+from klann_ros.review.model.walks import WalkFigures
 from klann_ros.untrusted.text import counted, printable, printable_line
 
 # Gives a text a colour (SGR code), or leaves it as it is.
@@ -33,6 +34,7 @@ def report(review: Review, *, colour: bool = False) -> str:
         '',
         *_topics(review.topics, paint),
         *(line for leg in review.legs for line in _leg(leg, paint)),
+        *(line for walk in review.walks for line in _walk(walk, paint)),
         '',
         *_findings(review, paint),
     ]
@@ -85,6 +87,21 @@ def _leg(leg: ReviewedLeg, paint: _Paint) -> Iterator[str]:
     yield f'worst foot, by its angles  {_power(figures.worst_foot_error)} m off'
     if source:
         yield paint(f'the geometry is that of {source}', _FAINT)
+
+
+def _walk(walk: WalkFigures, paint: _Paint) -> Iterator[str]:
+    rows = (
+        ('way of the body', walk.way, 1.0, 'm'),
+        ('odometry, worst', walk.odometry_error, 1.0, 'm off the ground truth'),
+        ('heading, worst', walk.heading_error, degrees(1.0), 'deg off the ground truth'),
+        ('crank, worst', walk.crank_lag, degrees(1.0), 'deg off its command'),
+        ('phases, worst', walk.phase_error, degrees(1.0), 'deg off those commanded'),
+    )
+    told = [(what, value * scale, unit) for what, value, scale, unit in rows if not isnan(value)]
+    if told:
+        yield ''
+        yield paint(f'walk {printable(walk.namespace.lstrip("/"))}'.rstrip(), _HEAD)
+        yield from (f'{what:<28} {value:>8.3f} {unit}' for what, value, unit in told)
 
 
 def _findings(review: Review, paint: _Paint) -> Iterator[str]:

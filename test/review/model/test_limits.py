@@ -104,8 +104,9 @@ def test_each_limit_of_a_comparison_changes_it(make_script, make_run, name, what
 
 
 def test_every_limit_has_its_test() -> None:
-    # The torque's is in test_torques.py, which has the efforts.
-    tested = {*CASES, 'compare_path', 'compare_angle', 'compare_length', 'torque'}
+    # The torque's is in test_torques.py, which has the efforts, those of walks in test_walking.py.
+    elsewhere = {'torque', 'crank_lag', 'phase', 'odometry'}
+    tested = {*CASES, 'compare_path', 'compare_angle', 'compare_length', *elsewhere}
     assert tested == {field.name for field in fields(Limits)}
 
 

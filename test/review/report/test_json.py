@@ -64,6 +64,7 @@ SHAPE = {
             'crank_angles': dict.fromkeys(CRANK_ANGLES, (int, type(None))),
         }
     ],
+    'walks': [],
     'limits': dict.fromkeys(asdict(Limits()), NUMBER),
     'findings': [
         {
