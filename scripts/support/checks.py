@@ -30,6 +30,8 @@ def main(arguments: list[str]) -> int:
     ):
         work = Path(folder)
         variables = env.variables | world
+        # What is compiled once serves all that the tests start.
+        variables.pop('PYTHONDONTWRITEBYTECODE', None)
         if 'colcon' in names:
             # Without it the tests build the package themselves.
             variables['KLANN_ROS_COLCON_PREFIX'] = f'{work}/install'
