@@ -50,8 +50,9 @@ def make(root: Path, count: int) -> dict[str, int]:
 
 
 def _flipped(data: bytes) -> bytes:
-    place = len(data) // 3
-    return data[:place] + bytes([data[place] ^ 0xFF]) + data[place + 1 :]
+    flipped = bytearray(data)
+    flipped[len(data) // 3] ^= 0xFF
+    return bytes(flipped)
 
 
 def main() -> int:

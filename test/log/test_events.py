@@ -81,13 +81,13 @@ class Stage:
         self.session = EventSession(
             folder,
             settings,
-            open_run=self.open,
+            open_run=self.open_run,
             say=lambda is_well, text: self.said.append((is_well, text)),
         )
         self.hearer = Hearer(self.session)
         self.hear = self.hearer.hear
 
-    def open(self, path: Path) -> tuple[RunWriter, BackgroundWriter]:
+    def open_run(self, path: Path) -> tuple[RunWriter, BackgroundWriter]:
         if self.refusal is not None:
             raise self.refusal
         run = RunWriter(path)
