@@ -8,6 +8,7 @@ import struct
 from typing import Any
 
 import aiohttp
+from alone import run_alone
 from made_up_world import Served
 import pytest
 
@@ -21,7 +22,7 @@ def run(test: Callable[[aiohttp.ClientSession], Awaitable[None]]) -> None:
         async with aiohttp.ClientSession() as session:
             await asyncio.wait_for(test(session), PATIENCE)
 
-    asyncio.run(alone())
+    run_alone(alone())
 
 
 def headers(served: Served, **other: str | None) -> dict[str, str]:

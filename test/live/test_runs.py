@@ -5,6 +5,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 import sys
 
+from alone import run_alone
 from klann_ros.live.runs import Page, Reviews, runs_in
 from leg_runs import LegRun
 from made_up_world import EVIL
@@ -30,7 +31,7 @@ def with_reviews(folder: Path, test: Callable[[Reviews], Awaitable[None]], *comm
         finally:
             reviews.close()
 
-    asyncio.run(alone())
+    run_alone(alone())
 
 
 async def made(reviews: Reviews, name: str) -> Page:
