@@ -1,6 +1,7 @@
 """Settings of all tests, and which of them share a worker."""
 
 from collections import Counter
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
@@ -15,6 +16,16 @@ settings.load_profile('untimed')
 # Tests of real processes on real DDS: they wait more than they compute, so two lines of them run
 # side by side, in domains of their own; each is run one by one, so that none starves the others.
 ONE_BY_ONE = ('test/nodes/', 'test/packaging/', '/test_real_', '/test_launched_')
+# What a browser does for nobody.
+FLAGS = [
+    '--no-sandbox',
+    '--disable-gpu',
+    '--disable-background-networking',
+    '--disable-component-update',
+    '--disable-sync',
+    '--no-first-run',
+    '--disable-quic',
+]
 # One browser and one set of pages.
 TOGETHER = 'test/review/report/html_page/'
 
@@ -49,3 +60,15 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
             return TOGETHER if file.startswith(TOGETHER) else self.lines.get(file, file)
 
     return Scheduler(config, log)
+
+
+@pytest.fixture(scope='session')
+def browser() -> Iterator[Any]:
+    """Yield a Chromium for all tests of a worker: two of playwright's loops bar each other."""
+    from browser import find
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=find(), args=FLAGS)
+        yield opened
+        opened.close()

@@ -21,7 +21,6 @@ if find() is None:
 
 ROOT = Path(__file__).resolve().parents[2]
 ALL = ('leg', 'cannot', 'walker', 'massless', 'partial', 'hostile')
-FLAGS = ('--no-sandbox', '--disable-gpu', '--disable-background-networking', '--no-first-run')
 PLACES = """(svg) => [...svg.querySelectorAll('.leg [data-point]')].map((node) => {
     const at = (name) => Number(node.getAttribute(name));
     const middle = node.tagName === 'circle'
@@ -65,16 +64,6 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for name, sheet in sheets(folder).items():
         made[name].write_text(page(sheet), encoding='utf-8')
     return made
-
-
-@pytest.fixture(scope='module')
-def browser() -> Iterator[Any]:
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=find(), args=list(FLAGS))
-        yield opened
-        opened.close()
 
 
 class Opened:

@@ -23,7 +23,6 @@ pytest.importorskip('playwright')
 if find() is None:
     pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
 
-FLAGS = ('--no-sandbox', '--disable-gpu', '--disable-background-networking', '--no-first-run')
 NEAR = 1e-6
 # Where the points of a picture are, in metres of its plane, with what it was drawn from.
 DRAWN = """(svg) => ({
@@ -67,16 +66,6 @@ def address(process: Process) -> str:
     """Return what a view_node has printed."""
     assert process.popen.stdout is not None
     return str(process.popen.stdout.readline()).strip()
-
-
-@pytest.fixture(scope='module')
-def browser() -> Iterator[Any]:
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=find(), args=list(FLAGS))
-        yield opened
-        opened.close()
 
 
 @pytest.fixture(scope='module')

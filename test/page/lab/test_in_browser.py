@@ -22,7 +22,6 @@ pytest.importorskip('playwright')
 if find() is None:
     pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
 
-FLAGS = ('--no-sandbox', '--disable-gpu', '--disable-background-networking', '--no-first-run')
 HOSTILE = '</script><img src=http://a.test/ onerror=bad()>&amp;'
 # As SEM 104 prints them [deg].
 PRINTED = ['10.5138 67.0074 36.7323 45.7048', '10.6570 67.3283 34.4691 45.7564']
@@ -30,16 +29,6 @@ PRINTED += ['10.6570 67.3283 34.4634 45.7220']
 # What each joint is at, in metres of the leg's plane.
 PLACES = """() => Object.fromEntries(scene.leg.joints.map((node, i) => [
     node.dataset.point, scene.drawing.metresAt(scene.drawing.at(lab.pose.points[i]))]))"""
-
-
-@pytest.fixture(scope='module')
-def browser() -> Iterator[Any]:
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=find(), args=list(FLAGS))
-        yield opened
-        opened.close()
 
 
 class Opened:

@@ -6,7 +6,6 @@ import math
 from pathlib import Path
 from typing import Any
 
-from browser import find
 from klann_ros.kinematics import KlannLeg, LinkageLeg, shipped_linkage
 from klann_ros.review.model.comparing import compare
 from klann_ros.review.report.html_page.page import save
@@ -15,15 +14,6 @@ from leg_runs import LegRun
 import numpy as np
 import pytest
 
-FLAGS = (
-    '--no-sandbox',
-    '--disable-gpu',
-    '--disable-background-networking',
-    '--disable-component-update',
-    '--disable-sync',
-    '--no-first-run',
-    '--disable-quic',
-)
 LEGS = ('front_left', 'front_right', 'rear_left', 'rear_right')
 # All that a name may hold in a log, and hostile in HTML, in attributes and in scripts.
 HOSTILE = 'x\'"><img src=http://a.test/ onerror=bad()></script><script>bad()</script>&amp;<!--'
@@ -110,16 +100,6 @@ class Opened:
             name: np.array([left + x / scale, top - y / scale])
             for name, (x, y), left, top, scale in found
         }
-
-
-@pytest.fixture(scope='session')
-def browser() -> Iterator[Any]:
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=find(), args=list(FLAGS))
-        yield opened
-        opened.close()
 
 
 def linkage_run(name: str) -> LegRun:
