@@ -263,8 +263,8 @@ def test_a_killed_recorder_leaves_all_but_its_last_second(ros: World) -> None:
         recorder = ros.start('recorder_node', output=folder, all_topics='true')
         ros.probe.until(lambda folder=folder: topics <= topics_in(folder))
         ros.probe.spin(moment)
-        recorder.kill()
         end = time.time_ns()
+        recorder.kill()
         assert {path.name for path in folder.iterdir()} == {f'{folder.name}_0.mcap', METADATA}
         with open_log(folder) as log:
             assert not log.complete
