@@ -14,7 +14,7 @@ from klann_ros.review.model.times import nanoseconds, RowIndices, Times
 import numpy as np
 
 from .columns import GrowingArray, SeriesColumns
-from .layouts import CRANK_ANGLE, FOOT, JOINT_STATE, LAYOUTS
+from .layouts import CRANK_ANGLE, FOOT, JOINT_STATE
 from .pieces import DecodedRows, TopicReader
 from .solvers import GIVEN, leg_solvers, parent
 
@@ -29,9 +29,8 @@ Place = tuple[str, str]
 
 def may_be_of_a_leg(topic: Topic) -> bool:
     """Return whether a topic's messages may say something about a leg."""
-    if topic.type not in LAYOUTS:
-        return False
-    return topic.type == JOINT_STATE or topic.name.rpartition('/')[2] == LAST_PARTS[topic.type]
+    last = topic.name.rpartition('/')[2]
+    return topic.type == JOINT_STATE or LAST_PARTS.get(topic.type) == last
 
 
 class Gathering:
@@ -96,16 +95,19 @@ class Gathering:
         told = {(space, name) for space, _ in self.poses for name in self._in(space)}
         return sorted(told | self.poses.keys())
 
-    def add(self, topic: Topic, block: MessageBlock, rows: RowIndices) -> None:
-        """Add what a topic's messages in a block say."""
+    def add(self, topic: Topic, block: MessageBlock, rows: RowIndices) -> list[DecodedRows]:
+        """Add what a topic's messages in a block say, and return it as it was decoded."""
         reader = self._reader(topic)
         if reader is None:
-            return
+            return []
+        taken = []
         for piece in reader.read(block, rows):
             if self._is_torn(parent(topic.name), piece):
-                reader.refuse(_log_times(block, piece))
+                reader.refuse(log_times(block, piece))
             else:
                 self._add[topic.type](self, topic.name, block, piece)
+                taken.append(piece)
+        return taken
 
     def undecoded(self) -> tuple[Undecoded, ...]:
         """Return what could not be decoded so far."""
@@ -141,7 +143,7 @@ class Gathering:
         self._add_crank(topic, ALL_JOINTS, block, piece, 0)
 
     def _add_foot(self, topic: str, block: MessageBlock, piece: DecodedRows) -> None:
-        self.feet[parent(topic)].add(_log_times(block, piece), piece.stamps, piece.values[:, :2])
+        self.feet[parent(topic)].add(log_times(block, piece), piece.stamps, piece.values[:, :2])
 
     def _add_joint_state(self, topic: str, block: MessageBlock, piece: DecodedRows) -> None:
         namespace, names = parent(topic), piece.names
@@ -169,7 +171,7 @@ class Gathering:
     def _add_pose(
         self, place: Place, columns: list[int], block: MessageBlock, piece: DecodedRows
     ) -> None:
-        times = _log_times(block, piece)
+        times = log_times(block, piece)
         poses = self.poses.setdefault(place, SeriesColumns(len(columns)))
         poses.add(times, piece.stamps, piece.values[:, columns])
         if self._kind_of_rates:
@@ -186,7 +188,7 @@ class Gathering:
             return
         column = piece.names.index(joint)
         values = np.column_stack([piece.values[:, column], piece.efforts[:, column]])
-        self.efforts[namespace, joint].add(_log_times(block, piece), piece.stamps, values)
+        self.efforts[namespace, joint].add(log_times(block, piece), piece.stamps, values)
 
     def _add_crank(
         self, topic: str, joint: str, block: MessageBlock, piece: DecodedRows, column: int
@@ -195,7 +197,7 @@ class Gathering:
         namespace = parent(topic)
         self.crank_topics[namespace, joint].add(topic)
         stamps, values = piece.stamps, piece.values[:, slice(column, column + 1)]
-        times = _log_times(block, piece)
+        times = log_times(block, piece)
         unstamped = stamps == 0
         sources = nanoseconds(block.heads['publish_time'][piece.rows])
         # Recorders that do not know the source time write the log time, or nothing.
@@ -215,7 +217,8 @@ class Gathering:
     }
 
 
-def _log_times(block: MessageBlock, piece: DecodedRows) -> Times:
+def log_times(block: MessageBlock, piece: DecodedRows) -> Times:
+    """Return when the messages of a piece were received [ns]."""
     return nanoseconds(block.heads['log_time'][piece.rows])
 
 

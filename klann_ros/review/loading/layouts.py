@@ -1,5 +1,5 @@
 """
-Where the numbers stand in messages of the few types that tell a leg.
+Where the numbers stand in messages of the few types that tell a leg, or how it walks.
 
 Messages of a topic differ from each other in their numbers only, as a rule. So where the numbers
 stand is found in one of them, and read from all that are like it at once.
@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 CRANK_ANGLE = 'std_msgs/msg/Float64'
 FOOT = 'geometry_msgs/msg/PointStamped'
 JOINT_STATE = 'sensor_msgs/msg/JointState'
+ODOMETRY = 'nav_msgs/msg/Odometry'
+# Position, and orientation as a quaternion.
+POSE = 7
 
 Bytes = NDArray[np.uint8]
 
@@ -40,6 +43,22 @@ _STANDARD_FIELDS = {
             'float64[] velocity',
             'float64[] effort',
         ),
+        **_HEADER,
+    },
+    ODOMETRY: {
+        '': (
+            'std_msgs/Header header',
+            'string child_frame_id',
+            'geometry_msgs/PoseWithCovariance pose',
+            'geometry_msgs/TwistWithCovariance twist',
+        ),
+        'geometry_msgs/PoseWithCovariance': ('Pose pose', 'float64[36] covariance'),
+        # A quaternion's fields have defaults, and so are no fields here.
+        'geometry_msgs/Pose': ('Point position', 'Quaternion orientation'),
+        'geometry_msgs/Point': ('float64 x', 'float64 y', 'float64 z'),
+        'geometry_msgs/TwistWithCovariance': ('Twist twist', 'float64[36] covariance'),
+        'geometry_msgs/Twist': ('Vector3 linear', 'Vector3 angular'),
+        'geometry_msgs/Vector3': ('float64 x', 'float64 y', 'float64 z'),
         **_HEADER,
     },
 }
@@ -68,7 +87,8 @@ class Layout(NamedTuple):
     is_stamped: bool
     # The joints in a JointState.
     names: tuple[str, ...]
-    # The number of a Float64; x, y and z of a point; positions, velocities and efforts.
+    # The number of a Float64; x, y and z of a point; the pose of an Odometry; positions,
+    # velocities and efforts.
     numbers: tuple[Numbers, ...]
     # Which bytes are in all messages that are like it: byte order, lengths and texts. What stands
     # between them for alignment may be anything.
@@ -107,6 +127,15 @@ def _foot(data: bytes) -> Layout:
     return _layout(cursor, data, (), Numbers(cursor.skip(24), 3))
 
 
+def _odometry(data: bytes) -> Layout:
+    cursor = CdrCursor(data)
+    cursor.skip(STAMP_SIZE)
+    cursor.string()
+    cursor.string()
+    cursor.align(8)
+    return _layout(cursor, data, (), Numbers(cursor.skip(8 * POSE), POSE))
+
+
 def _joint_state(data: bytes) -> Layout:
     cursor = CdrCursor(data)
     joints, sequences = read_joint_state(cursor)
@@ -129,6 +158,7 @@ LAYOUTS: Mapping[str, Callable[[bytes], Layout]] = {
     CRANK_ANGLE: _crank_angle,
     FOOT: _foot,
     JOINT_STATE: _joint_state,
+    ODOMETRY: _odometry,
 }
 """How to find a message's layout, by its type; a ValueError says that it is no such message."""
 

@@ -87,10 +87,10 @@ def load(
     for block in log.blocks(progress):
         for topic, rows in by_topic(block):
             tally.add(topic, block, rows)
-            gathering.add(topic, block, rows)
+            pieces = gathering.add(topic, block, rows)
             iterations.add(topic, block, rows)
             descriptions.add(topic, block, rows)
-            walks.add(topic, block, rows)
+            walks.add(topic, block, rows, pieces)
     # Reading finds what an index hides, so this comes last.
     holes = merged([*_pauses(log.metadata.get(PAUSE_RECORD, ())), *log.holes])
     shared = Shared()

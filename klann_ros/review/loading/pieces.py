@@ -16,7 +16,15 @@ from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 from numpy.typing import NDArray
 
-from .layouts import CRANK_ANGLE, FOOT, has_standard_fields, JOINT_STATE, Layout, LAYOUTS
+from .layouts import (
+    CRANK_ANGLE,
+    FOOT,
+    has_standard_fields,
+    JOINT_STATE,
+    Layout,
+    LAYOUTS,
+    ODOMETRY,
+)
 
 # A message that tells of a leg is much smaller; what a small file unpacks to may be anything.
 MAX_MESSAGE = 256 * 1024
@@ -77,7 +85,7 @@ class DecodedRows(NamedTuple):
     stamps: Times
     # The joints in a JointState.
     names: tuple[str, ...]
-    # Shape (n, k): the number; x, y and z; or the positions.
+    # Shape (n, k): the number; x, y and z; the pose; or the positions.
     values: Floats
     # Shape (n, k) or (n, 0): the velocities of a JointState.
     velocities: Floats
@@ -187,10 +195,19 @@ def _point(decoded: Any) -> tuple[float, ...]:
     return tuple(float(getattr(decoded.point, axis)) for axis in 'xyz')
 
 
+def _pose(decoded: Any) -> tuple[float, ...]:
+    at, turned = decoded.pose.pose.position, decoded.pose.pose.orientation
+    return (
+        *(float(getattr(at, axis)) for axis in 'xyz'),
+        *(float(getattr(turned, axis)) for axis in 'xyzw'),
+    )
+
+
 # Stamp, names, values, velocities and efforts.
 _FIELDS: dict[str, Callable[[Any], tuple[int, Any, Any, Any, Any]]] = {
     CRANK_ANGLE: lambda decoded: (0, (), (float(decoded.data),), (), ()),
     FOOT: lambda decoded: (_stamp(decoded), (), _point(decoded), (), ()),
+    ODOMETRY: lambda decoded: (_stamp(decoded), (), _pose(decoded), (), ()),
     JOINT_STATE: lambda decoded: (
         _stamp(decoded),
         decoded.name,
