@@ -57,7 +57,9 @@ class Walks:
 
     def walks(self, shared: Shared) -> Iterator[Walk]:
         """Yield the robots that tell where they are, or what their cranks are to do."""
-        poses = {place: columns.series(shared) for place, columns in self._poses.items()}
+        poses = {
+            place: _unwrapped(columns.series(shared)) for place, columns in self._poses.items()
+        }
         cranks = {place: columns.series(shared) for place, columns in self._cranks.items()}
         commanded = {space for space, name, _ in cranks if name == COMMAND}
         nothing = Series(
@@ -89,4 +91,11 @@ def _planar(poses: Floats) -> Floats:
     """Return x, y and yaw of poses, shape (n, 7) [m, rad]."""
     x, y, _, qx, qy, qz, qw = poses.T
     yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-    return np.column_stack([x, y, np.unwrap(yaw)])
+    return np.column_stack([x, y, yaw])
+
+
+def _unwrapped(poses: Series) -> Series:
+    """Return poses whose yaw goes on where it goes around."""
+    x, y, yaw = poses.values.T
+    values = np.column_stack([x, y, np.unwrap(yaw)])
+    return Series(poses.times, poses.stamps, values)
