@@ -22,7 +22,8 @@ REPORT = 'diagnostic_msgs/msg/DiagnosticArray'
 
 
 @cache
-def _topic(name: str, kind: str) -> Topic:
+def topic_of(name: str, kind: str) -> Topic:
+    """Return a topic; its definition is looked for once."""
     return Topic(name, kind, definition(kind))
 
 
@@ -123,7 +124,7 @@ class LegRun:
     def _message(self, name: str, kind: str, time: int, number: int, content: Any) -> Message:
         data = bytes(STORE.serialize_cdr(content, kind))
         late = 150_000 + 20_000 * (number % 7)
-        return Message(_topic(name, kind), data, time + late, time, number + 1)
+        return Message(topic_of(name, kind), data, time + late, time, number + 1)
 
     def _header(self, time: int) -> Any:
         stamp = make('builtin_interfaces/msg/Time', sec=time // 10**9, nanosec=time % 10**9)

@@ -5,16 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from klann_ros.log.definitions import definition
-from klann_ros.log.records import Message, Topic
+from klann_ros.log.records import Message
 from klann_ros.log.writing.writer import RunWriter
 from klann_ros.review import review_run
 from klann_ros.review.model.review import Review
+from leg_runs import STORE, topic_of
 import numpy as np
 import pytest
-from rosbags.typesys import get_typestore, Stores
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
 START = 1_700_000_000_000_000_000
 ODOMETRY, STATE = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/JointState'
 JOINTS = ['left_crank', 'right_crank']
@@ -62,8 +60,7 @@ class Walking:
         data = bytes(STORE.serialize_cdr(content, kind))
         if self.cut == number and kind == ODOMETRY:
             data = data[:40]
-        topic = Topic(name, kind, definition(kind))
-        return Message(topic, data, stamp + 200_000, stamp, number + 1)
+        return Message(topic_of(name, kind), data, stamp + 200_000, stamp, number + 1)
 
     def _header(self, stamp: int) -> Any:
         time = make('builtin_interfaces/msg/Time', sec=stamp // 10**9, nanosec=stamp % 10**9)
