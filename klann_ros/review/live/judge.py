@@ -1,7 +1,7 @@
 """Findings about what passes: a review of the last seconds, again and again."""
 
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import time_ns
 from typing import NamedTuple
 
@@ -131,17 +131,7 @@ class LiveJudge:
             found += self._reviewed()
         found += self._silent(now, published)
         keys = {(each.check, each.leg) for each in found}
-        told = [
-            LiveFinding(
-                each.check,
-                each.severity,
-                each.text,
-                each.time,
-                each.leg,
-                is_new=(each.check, each.leg) not in self._before,
-            )
-            for each in found
-        ]
+        told = [replace(each, is_new=(each.check, each.leg) not in self._before) for each in found]
         self._before = keys
         return sorted(told, key=lambda each: -each.severity)
 

@@ -10,6 +10,7 @@ from typing import Any
 from klann_ros.kinematics import AnyLeg
 from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD, SolverParameters
 from klann_ros.review.model.recording import LegSolver
+from klann_ros.robot.file import of_leg
 from klann_ros.untrusted.text import printable
 
 from .leg_file import leg_from_parameters, LEG_PARAMETERS
@@ -58,7 +59,7 @@ def leg_solvers(
 
 
 def _solver(own: Sequence[SolverParameters], name: str, given: AnyLeg | None) -> LegSolver:
-    told = [_of_leg(record.parameters, name) for record in own]
+    told = [of_leg(record.parameters, name) for record in own]
     legs = [given] if given else [_leg(parameters) for parameters in told]
     last, source = told[-1], GIVEN if given else ''
     if legs[-1] and not given:
@@ -80,17 +81,6 @@ def last_change(times: Sequence[int], legs: Sequence[AnyLeg | None]) -> int:
     linkages = [leg and leg.linkage for leg in legs]
     changes = zip(times[1:], linkages, linkages[1:], strict=False)
     return max((time for time, before, after in changes if before != after), default=0)
-
-
-def _of_leg(parameters: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """Return the parameters of a leg: its own before those of all."""
-    prefix = f'{name}.'
-    own = {
-        key.removeprefix(prefix): value
-        for key, value in parameters.items()
-        if name and key.startswith(prefix) and value != ''
-    }
-    return {**parameters, **own}
 
 
 def _names(legs: Any) -> tuple[str, ...]:
