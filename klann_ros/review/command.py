@@ -15,7 +15,7 @@ from klann_ros.log.errors import LogError
 from klann_ros.log.reading.run_files import LOG_HELP
 from klann_ros.page.browser import is_opened
 from klann_ros.review.live.follow import follow
-from klann_ros.review.loading.leg_file import leg_of, preset_names
+from klann_ros.review.loading.leg_file import leg_of
 from klann_ros.review.model.comparing import compare
 from klann_ros.review.model.limits import Limits, limits_from_file, NAMES
 from klann_ros.review.model.review import Review
@@ -23,6 +23,7 @@ from klann_ros.review.report.html_page import page
 from klann_ros.review.report.outputs import Output, OutputError, outputs, Save
 from klann_ros.review.report.picture import NoPictureError, picture_format, save_picture
 from klann_ros.robot import Robot, robot_of, RobotFileError
+from klann_ros.robot.file import preset_names
 from klann_ros.untrusted.arguments import ArgumentParser, path
 from klann_ros.untrusted.text import printable, printable_line
 from tqdm import tqdm

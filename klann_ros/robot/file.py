@@ -14,17 +14,14 @@ from klann_ros.kinematics import (
     shipped_linkages,
 )
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.klann.geometry import NUMBERS
-from klann_ros.kinematics.linkage.file import linkage_text, SHIPPED
+from klann_ros.kinematics.klann.geometry import NUMBERS, PRESETS
+from klann_ros.kinematics.linkage.file import is_linkage, linkage_text, SHIPPED
 from klann_ros.untrusted.files import read_plain
 from klann_ros.untrusted.text import printable, printable_line
 from klann_ros.untrusted.yaml_text import LONGEST, parse
 
 from .robot import Body, Mount, Robot, RobotLeg, Triple
 
-_PRESETS = {'sem104': KlannGeometry.sem104, 'patent': KlannGeometry.patent}
-# One of them is enough to tell that a file is meant to be a linkage.
-_LINKAGE_KEYS = {'pivots', 'bodies', 'crank', 'foot'}
 _GEOMETRY = (*NUMBERS, 'assembly')
 # Whose parameters these are, the last word last.
 _SECTIONS = ('/**', 'solver_node', '/solver_node')
@@ -33,6 +30,11 @@ _BODY = ('body_mass', 'body_size', 'body_centre')
 
 class RobotFileError(ValueError):
     """A file that holds no robot; the text says why."""
+
+
+def preset_names() -> tuple[str, ...]:
+    """Return the names of the legs that come with the package."""
+    return *PRESETS, *shipped_linkages()
 
 
 def robot_of(name: str) -> Robot:
@@ -46,8 +48,8 @@ def robot_of(name: str) -> Robot:
 
     """
     if not Path(name).exists():
-        if name in _PRESETS:
-            linkage = _PRESETS[name]().linkage
+        if name in PRESETS:
+            linkage = PRESETS[name]().linkage
             # As the parameter file of that name has it.
             return Robot(name, (RobotLeg('', linkage, masses=rods(linkage, 1.0)),), source=name)
         if name in shipped_linkages():
@@ -69,7 +71,7 @@ def robot_from_file(path: str | Path) -> Robot:
     try:
         text = read_plain(str(path), LONGEST)
         content = parse(text)
-        if isinstance(content, dict) and not _LINKAGE_KEYS.isdisjoint(content):
+        if is_linkage(content):
             linkage = linkage_from_text(text, str(path))
             leg = RobotLeg('', linkage, masses=_own_masses(text, linkage, str(path)))
             return Robot(Path(path).stem, (leg,), source=shown)
@@ -77,8 +79,7 @@ def robot_from_file(path: str | Path) -> Robot:
     except LinkageFileError as error:
         raise RobotFileError(str(error)) from error
     except OSError as error:
-        names = ', '.join((*_PRESETS, *shipped_linkages()))
-        also = f'; shipped are {names}' * isinstance(error, FileNotFoundError)
+        also = f'; shipped are {", ".join(preset_names())}' * isinstance(error, FileNotFoundError)
         raise RobotFileError(f'{shown} cannot be read: {error.strerror}{also}') from error
     except (ValueError, TypeError) as error:
         raise RobotFileError(f'{shown} holds no robot: {printable_line(error)}') from error

@@ -202,6 +202,10 @@ class KlannGeometry:
         return {**values, 'assembly': list(self.assembly)}
 
 
+PRESETS = {'sem104': KlannGeometry.sem104, 'patent': KlannGeometry.patent}
+"""What makes the legs that are known by a name."""
+
+
 def _signs(assembly: Any) -> tuple[int, int]:
     try:
         # By place, since a set has no first.

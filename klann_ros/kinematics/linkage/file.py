@@ -17,6 +17,8 @@ from .file_checks import check_start, every_bar, IN_DEGREES, misspelt, reached, 
 from .linkage import Linkage
 from .structure import Bar, Body, Brace, Structure
 
+# What a linkage has, and no parameter file.
+_KEYS = {'pivots', 'bodies', 'crank', 'foot'}
 LENGTH_UNITS = {'m': 1.0, 'cm': 0.01, 'mm': 0.001}
 SHIPPED = resources.files('klann_ros') / 'linkages'
 
@@ -82,6 +84,11 @@ def linkage_text(path: str | Path) -> str:
         reason = getattr(error, 'strerror', None) or error
         msg = f'{printable(path)} cannot be read: {printable(reason)}'
         raise LinkageFileError(msg) from error
+
+
+def is_linkage(content: Any) -> bool:
+    """Return whether a file's content is meant to be a linkage: one of its keys is enough."""
+    return isinstance(content, Mapping) and not _KEYS.isdisjoint(content)
 
 
 def linkage_from_text(text: str, name: str) -> Linkage:

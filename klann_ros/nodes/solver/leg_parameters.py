@@ -15,6 +15,7 @@ from klann_ros.kinematics import (
     LinkageLeg,
 )
 from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.klann.geometry import PRESETS
 from klann_ros.kinematics.linkage.file import linkage_text, SHIPPED, shipped_linkages
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 from klann_ros.nodes.parameters import (
@@ -32,7 +33,7 @@ from .declarations import drive, GEOMETRY, GEOMETRY_NAMES, LEGS, MASSES, named_l
 from .driven_leg import DrivenLeg
 
 _NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
-_PRESETS = {'sem104': KlannGeometry.sem104(), 'patent': KlannGeometry.patent()}
+_PRESETS = {name: make() for name, make in PRESETS.items()}
 
 
 class LegParameters:

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 
-from klann_ros.review.loading.leg_file import preset_names
 from klann_ros.review.model.recording import RunRecording
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.topics import TopicRecording
+from klann_ros.robot.file import preset_names
 from klann_ros.untrusted.text import counted, printable, printable_line, verb
 
 _MOST_PROBLEMS = 3

@@ -12,27 +12,19 @@ from klann_ros.kinematics import (
     LinkageFileError,
     LinkageLeg,
     shipped_linkage,
-    shipped_linkages,
 )
-from klann_ros.kinematics.klann.geometry import NUMBERS
+from klann_ros.kinematics.klann.geometry import NUMBERS, PRESETS
+from klann_ros.kinematics.linkage.file import is_linkage
 from klann_ros.log.errors import LogError
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
+from klann_ros.robot.file import preset_names
 from klann_ros.untrusted.files import read_plain
 from klann_ros.untrusted.text import printable_line
 from klann_ros.untrusted.yaml_text import LONGEST, parse
 
-_PRESETS = {'sem104': KlannGeometry.sem104, 'patent': KlannGeometry.patent}
-# One of them is enough to tell that a file is meant to be a linkage.
-_LINKAGE_KEYS = {'pivots', 'bodies', 'crank', 'foot'}
-
 
 class LegFileError(LogError):
     """A file that holds no leg; the text says why."""
-
-
-def preset_names() -> tuple[str, ...]:
-    """Return the names of the legs that come with the package."""
-    return *_PRESETS, *shipped_linkages()
 
 
 LEG_PARAMETERS = (*NUMBERS, 'assembly', LINKAGE_PARAMETER)
@@ -50,7 +42,7 @@ def leg_of(name: str) -> AnyLeg:
 
     """
     if name in preset_names() and not Path(name).exists():
-        preset = _PRESETS.get(name)
+        preset = PRESETS.get(name)
         return KlannLeg(preset()) if preset else LinkageLeg(shipped_linkage(name))
     return leg_from_file(name)
 
@@ -64,7 +56,7 @@ def leg_from_file(path: str) -> AnyLeg:
     try:
         text = read_plain(path, LONGEST)
         content = parse(text)
-        if isinstance(content, dict) and not _LINKAGE_KEYS.isdisjoint(content):
+        if is_linkage(content):
             return LinkageLeg(linkage_from_text(text, path))
         return leg_from_parameters(_ros_parameters(content))
     except LinkageFileError as error:
