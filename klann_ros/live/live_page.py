@@ -8,7 +8,7 @@ from string import Template
 from urllib.parse import quote
 
 from klann_ros.page.markup import element, joined, Markup
-from klann_ros.page.parts import SHARED, text
+from klann_ros.page.parts import FRAME, SHARED, text
 
 from .runs import Run
 
@@ -16,7 +16,8 @@ _OWN = Path(__file__).resolve().parent / 'static'
 _UPLOT = SHARED / 'uplot'
 _STYLES = (
     _UPLOT / 'uPlot.min.css',
-    *(SHARED / f'{name}.css' for name in ('theme', 'base', 'layout', 'cards', 'drawing')),
+    *FRAME,
+    SHARED / 'drawing.css',
     SHARED / 'tables.css',
     _OWN / 'live.css',
 )

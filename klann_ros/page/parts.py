@@ -14,6 +14,8 @@ from pathlib import Path
 from .markup import element, joined, Markup
 
 SHARED = Path(__file__).resolve().parent / 'static'
+FRAME = tuple(SHARED / f'{name}.css' for name in ('theme', 'base', 'layout', 'cards'))
+"""The styles that every page begins with."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Any
 from klann_ros.datasheet.load import on_the_ground
 from klann_ros.datasheet.sheet import DataSheet, LegSheet
 from klann_ros.page.markup import element
-from klann_ros.page.parts import as_script, Parts, SHARED, text
+from klann_ros.page.parts import as_script, FRAME, Parts, SHARED, text
 from klann_ros.page.shape import leg_shape
 from klann_ros.untrusted.text import printable
 import numpy as np
@@ -17,10 +17,7 @@ from . import sections
 _OWN = Path(__file__).resolve().parent / 'static'
 PARTS = Parts(
     styles=(
-        SHARED / 'theme.css',
-        SHARED / 'base.css',
-        SHARED / 'layout.css',
-        SHARED / 'cards.css',
+        *FRAME,
         SHARED / 'drawing.css',
         SHARED / 'tables.css',
         _OWN / 'sheet.css',

@@ -5,7 +5,7 @@ from string import Template
 
 from klann_ros.kinematics.linkage.file import SHIPPED, shipped_linkages
 from klann_ros.page.markup import element
-from klann_ros.page.parts import as_script, Parts, SHARED, text
+from klann_ros.page.parts import as_script, FRAME, Parts, SHARED, text
 
 _FOLDER = Path(__file__).resolve().parent
 _OWN = _FOLDER / 'static'
@@ -37,10 +37,7 @@ SOLVER = tuple(
 
 PARTS = Parts(
     styles=(
-        SHARED / 'theme.css',
-        SHARED / 'base.css',
-        SHARED / 'layout.css',
-        SHARED / 'cards.css',
+        *FRAME,
         SHARED / 'drawing.css',
         SHARED / 'tables.css',
         _OWN / 'lab.css',

@@ -8,17 +8,14 @@ from pathlib import Path
 from typing import BinaryIO
 from urllib.parse import quote
 
-from klann_ros.page.markup import element, joined, Markup, UNKNOWN
-from klann_ros.page.parts import Parts, SHARED
+from klann_ros.page.markup import element, Markup, scrolling_table, UNKNOWN
+from klann_ros.page.parts import FRAME, Parts, SHARED
 from klann_ros.untrusted.text import counted
 
 from .row import FINDINGS, OK, Row, UNREADABLE
 
 _PARTS = Parts(
-    styles=[
-        SHARED / name
-        for name in ('theme.css', 'base.css', 'layout.css', 'cards.css', 'tables.css')
-    ],
+    styles=(*FRAME, SHARED / 'tables.css'),
     scripts=(),
 )
 _HEADS = (
@@ -125,33 +122,22 @@ def _groups(rows: Sequence[Row], links: Mapping[str, str]) -> Iterator[Markup]:
         own = [row for row in rows if row.verdict == verdict]
         if own:
             heading = element('h2', f'{words} ({len(own)})', id=verdict)
-            table = _table(words, own, links)
+            table = scrolling_table(
+                words, _HEADS, (_row(row, links.get(row.run, '')) for row in own)
+            )
             yield element('section', heading, table, aria_labelledby=verdict)
 
 
-def _table(name: str, rows: Sequence[Row], links: Mapping[str, str]) -> Markup:
-    head = element('tr', *(element('th', text, scope='col') for text in _HEADS))
-    body = (_row(row, links.get(row.run, '')) for row in rows)
-    table = element('table', element('thead', head), element('tbody', *body))
-    # What scrolls must be reached by keys.
-    return element('div', table, class_='scrolls', tabindex='0', role='region', aria_label=name)
-
-
-def _row(row: Row, link: str) -> Markup:
-    name = element('a', row.run, href=link) if link else joined([row.run])
-    numbers = (
+def _row(row: Row, link: str) -> tuple[str, ...]:
+    return (
+        element('a', row.run, href=link) if link else row.run,
+        element('span', row.reason, class_='reason'),
         _number(row.duration, '.2f'),
         _number(row.messages, ','),
         _number(row.lost, ','),
         _number(row.longest_gap and row.longest_gap * 1e3, '.1f'),
         _number(row.worst_angle_error, '.2g'),
         _number(row.worst_foot_error, '.2g'),
-    )
-    return element(
-        'tr',
-        element('th', name, scope='row'),
-        element('td', row.reason, class_='reason'),
-        *(element('td', text) for text in numbers),
     )
 
 

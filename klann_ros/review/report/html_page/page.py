@@ -6,7 +6,7 @@ from string import Template
 from typing import BinaryIO
 
 from klann_ros.page.markup import element, joined, Markup
-from klann_ros.page.parts import as_script, Parts, SHARED, text
+from klann_ros.page.parts import as_script, FRAME, Parts, SHARED, text
 from klann_ros.review.model.comparing import Comparison
 from klann_ros.review.model.review import Review
 from klann_ros.review.report.json_report import finite
@@ -19,10 +19,7 @@ _UPLOT = SHARED / 'uplot'
 PARTS = Parts(
     styles=(
         _UPLOT / 'uPlot.min.css',
-        SHARED / 'theme.css',
-        SHARED / 'base.css',
-        SHARED / 'layout.css',
-        SHARED / 'cards.css',
+        *FRAME,
         SHARED / 'drawing.css',
         _OWN / 'charts.css',
         SHARED / 'tables.css',
