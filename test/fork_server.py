@@ -1,32 +1,41 @@
 """
 Processes that are forked from one which has imported everything, but begun nothing.
 
-To import rclpy takes most of what it costs to start a node, and the suite starts two hundred. What
-is forked is a process of its own like any other: its own signals, files, memory and DDS. Whoever
-claims something of the start itself starts a Python of its own.
+To import takes most of what it costs to start a node or a tool, and the suite starts hundreds.
+What is forked is a process of its own like any other: its own signals, files, memory and DDS.
+Whoever claims something of the start itself starts a Python of its own.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import cache
 import json
 import os
 from pathlib import Path
+import resource
 import select
 import signal
 import socket
 import struct
 import subprocess
 import sys
+import tempfile
 import time
 from typing import TextIO
 
-# What a node needs before it knows what it is to do.
+import klann_ros
+
+# The processes run the very package that the tests import, installed or not.
+PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
+# What nodes and tools need before they know what they are to do.
 MODULES = (
     'klann_ros.executables',
+    'klann_ros.log.recover_command',
     'klann_ros.nodes.crank.node',
     'klann_ros.nodes.player.node',
     'klann_ros.nodes.recorder.node',
     'klann_ros.nodes.solver.node',
+    'klann_ros.review.command',
 )
 _STATUS = struct.Struct('i')
 
@@ -101,11 +110,11 @@ class ForkedProcess:
 class ForkServer:
     """The process that is forked; it ends with the one that has started it."""
 
-    def __init__(self, package: str) -> None:
+    def __init__(self) -> None:
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         environment = {
             **os.environ,
-            'PYTHONPATH': os.pathsep.join([package, str(Path(__file__).parent)]),
+            'PYTHONPATH': os.pathsep.join([PACKAGE, str(Path(__file__).parent)]),
         }
         code = f'import fork_server; fork_server.serve({theirs.fileno()})'
         self._process = subprocess.Popen(
@@ -121,11 +130,12 @@ class ForkServer:
         cwd: Path,
         environment: Mapping[str, str],
         stderr: int,
+        memory: int = resource.RLIM_INFINITY,
     ) -> ForkedProcess:
-        """Start an executable of the package."""
+        """Start an executable of the package, with so much memory [bytes]."""
         ours, theirs = os.pipe()
         status, told = os.pipe()
-        asked = [name, [*arguments], str(cwd), dict(environment)]
+        asked = [name, [*arguments], str(cwd), dict(environment), memory]
         try:
             socket.send_fds(self._socket, [json.dumps(asked).encode()], [theirs, stderr, told])
         finally:
@@ -133,6 +143,34 @@ class ForkServer:
             os.close(told)
         (pid,) = _STATUS.unpack(self._socket.recv(_STATUS.size))
         return ForkedProcess(pid, os.fdopen(ours, 'r'), status)
+
+
+@cache
+def server() -> ForkServer:
+    """Return the one of this process, started when it is asked for."""
+    return ForkServer()
+
+
+def called(
+    name: str, *arguments: object, memory: int = resource.RLIM_INFINITY, patience: float = 60.0
+) -> subprocess.CompletedProcess[str]:
+    """Run a tool to its end, as `subprocess.run` does."""
+    with tempfile.TemporaryFile('w+') as errors:
+        process = server().start(
+            name,
+            [*map(str, arguments)],
+            cwd=Path.cwd(),
+            environment=os.environ,
+            stderr=errors.fileno(),
+            memory=memory,
+        )
+        try:
+            said, _ = process.communicate(patience)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            raise
+        errors.seek(0)
+        return subprocess.CompletedProcess([name], process.wait(), said, errors.read())
 
 
 def serve(number: int) -> None:
@@ -191,12 +229,16 @@ def _forked(text: bytes, fds: Sequence[int], others: Sequence[int]) -> int:
         signal.set_wakeup_fd(-1)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        name, arguments, cwd, environment = json.loads(text)
+        name, arguments, cwd, environment, memory = json.loads(text)
+        resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
         nothing = os.open(os.devnull, os.O_RDONLY)
         for fd, place in ((nothing, 0), (fds[0], 1), (fds[1], 2)):
             os.dup2(fd, place)
         for fd in {nothing, *fds, *others}:
             os.close(fd)
+        # The server's own have found out what they write to, which is something else now.
+        sys.stdout = os.fdopen(1, 'w', closefd=False)
+        sys.stderr = os.fdopen(2, 'w', 1, errors='backslashreplace', closefd=False)
         os.chdir(cwd)
         os.environ.clear()
         os.environ.update(environment)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import cache
 import os
 from pathlib import Path
 import signal
@@ -12,8 +11,7 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from fork_server import ForkedProcess, ForkServer
-import klann_ros
+from fork_server import ForkedProcess, PACKAGE, server
 from rcl_interfaces.srv import GetParameters
 import rclpy
 from rclpy.context import Context
@@ -21,8 +19,6 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-# The processes run the very package that the tests import, installed or not.
-PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
 # Nobody waits for so long but on a machine that has much else to do [s].
 PATIENCE = 60.0
 # A node that has said nothing for so long answers nobody [s].
@@ -36,8 +32,8 @@ class Process:
     """
     An executable of the checkout, as a process of its own.
 
-    It is started by the wrapper, if there is one; options are those of Popen. A node without any
-    is forked by a server, unless a fresh Python is wanted.
+    It is started by the wrapper, if there is one; options are those of Popen. Without any it is
+    forked by a server, unless a fresh Python is wanted.
     """
 
     def __init__(
@@ -61,8 +57,8 @@ class Process:
         }
         self.segments: set[str] = set()
         self.popen: subprocess.Popen[str] | ForkedProcess
-        if not (fresh or wrapper or options) and name.endswith('_node'):
-            self.popen = _fork_server().start(
+        if not (fresh or wrapper or options):
+            self.popen = server().start(
                 name,
                 arguments,
                 cwd=cwd,
@@ -117,11 +113,6 @@ class Process:
             self.popen.kill()
         self.popen.communicate()
         self._errors.close()
-
-
-@cache
-def _fork_server() -> ForkServer:
-    return ForkServer(PACKAGE)
 
 
 class Probe:

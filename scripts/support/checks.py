@@ -1,6 +1,7 @@
 """Every check of the project, one line each; the output only of those that fail."""
 
 import argparse
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 import tempfile
 import time
@@ -11,7 +12,7 @@ from environment import Environment, environment
 from processes import Command, last_lines, run
 from source import ROOT
 
-NAMES = ('ruff', 'format', 'ament_flake8', 'ament_pep257', 'mypy', 'docs', 'colcon', 'pytest')
+NAMES = ('ruff', 'format', 'ament_flake8', 'mypy', 'ament_pep257', 'docs', 'colcon', 'pytest')
 FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'examples', 'docs')
 # Tests that compute beside those that wait for processes; see test/conftest.py.
 WORKERS = ('-n', '3')
@@ -38,10 +39,19 @@ def main(arguments: list[str]) -> int:
         if 'pytest' in names and (advice := browser.provide(env, work)):
             print(f'{"browser":14}FAILED    {advice}')
             failed.append('browser')
-        for name, command in _commands(env, work, pytest_arguments).items():
-            if name in names and not _passes(name, command, variables, work):
-                failed.append(name)
+        commands = _commands(env, work, pytest_arguments)
+        quick = [name for name in commands if name in names and name != 'pytest']
+
+        def passes(name: str) -> bool:
+            return _passes(name, commands[name], variables, work)
+
+        # One after the other they leave a core idle; the tests have the machine to themselves.
+        with ThreadPoolExecutor(2) as pool:
+            ok = dict(zip(quick, pool.map(passes, quick), strict=True))
+            failed += [name for name in quick if not ok[name]]
         if 'pytest' in names:
+            if not passes('pytest'):
+                failed.append('pytest')
             # So many passed, in so many seconds.
             summary = last_lines(work / 'pytest.txt').strip('= ')
     if failed:
@@ -76,8 +86,8 @@ def _commands(env: Environment, work: Path, pytest_arguments: list[str]) -> dict
         'ruff': [*ruff, 'check', '--quiet', '--output-format=concise', *FILES],
         'format': [*ruff, 'format', '--check', '--diff', '--quiet', *FILES],
         'ament_flake8': [env.python, '-m', 'ament_flake8.main', *FILES],
-        'ament_pep257': [env.python, '-m', 'ament_pep257.main', *FILES],
         'mypy': env.tool('mypy'),
+        'ament_pep257': [env.python, '-m', 'ament_pep257.main', *FILES],
         'docs': [env.python, 'docs/build.py', work / 'docs'],
         'colcon': colcon,
         'pytest': [*env.tool('pytest'), *WORKERS, *pytest_arguments],
@@ -85,13 +95,13 @@ def _commands(env: Environment, work: Path, pytest_arguments: list[str]) -> dict
 
 
 def _passes(name: str, command: Command, variables: dict[str, str], work: Path) -> bool:
-    print(f'{name:14}', end='', flush=True)
     begin, output = time.monotonic(), work / f'{name}.txt'
     code = run(command, variables, output, TIMEOUT)
     result = {0: 'ok', None: 'TIMED OUT'}.get(code, 'FAILED')
-    print(f'{result:10}{time.monotonic() - begin:6.1f} s')
+    said = f'{name:14}{result:10}{time.monotonic() - begin:6.1f} s'
     text = output.read_text(encoding='utf-8', errors='replace')
     # A skipped test proves nothing, so it is named.
     skipped = [f'    {line}' for line in text.splitlines() if line.startswith('SKIPPED')]
-    print(*([text] if code != 0 else skipped), sep='\n', end='\n' if code or skipped else '')
+    # In one piece: another check may end at the same time.
+    print('\n'.join([said, *(skipped if code == 0 else [text])]) + '\n', end='')
     return code == 0

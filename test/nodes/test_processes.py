@@ -7,10 +7,11 @@ import subprocess
 import sys
 import time
 
+from fork_server import PACKAGE
 from klann_ros import __version__
 from klann_ros.nodes.process import split
 import pytest
-from ros_world import PACKAGE, Process, World
+from ros_world import Process, World
 
 NODES = ['solver_node', 'crank_node', 'recorder_node']
 NODES_OF_WALKERS = ['walker_node', 'sim_node']
@@ -26,11 +27,11 @@ EXECUTABLES = [
 STOP_SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 
 
-@pytest.fixture(autouse=True)
-def _fresh(request: pytest.FixtureRequest) -> None:
-    """Have every process begin with its own Python: the start is what is claimed here."""
-    if 'ros' in request.fixturenames:
-        request.getfixturevalue('ros').fresh = True
+@pytest.fixture
+def fresh(ros: World) -> World:
+    """Have every process begin with its own Python: the start is what is claimed."""
+    ros.fresh = True
+    return ros
 
 
 def blocked(process: Process) -> set[int]:
@@ -77,24 +78,24 @@ def test_two_interrupts_in_a_row_are_one(ros: World, name: str) -> None:
 @pytest.mark.parametrize('delay', [0.0, 0.1, 0.2, 0.4, 0.7])
 @pytest.mark.parametrize('name', NODES)
 def test_an_interrupt_while_it_starts_leaves_no_traceback(
-    ros: World, name: str, delay: float
+    fresh: World, name: str, delay: float
 ) -> None:
-    node = ros.start(name)
-    ros.probe.until(lambda: signal.SIGINT in blocked(node))
+    node = fresh.start(name)
+    fresh.probe.until(lambda: signal.SIGINT in blocked(node))
     time.sleep(delay)
     assert node.stop(signal.SIGINT) == 0
     assert 'Traceback' not in node.errors
 
 
-def test_nohup_outlives_its_terminal(ros: World) -> None:
+def test_nohup_outlives_its_terminal(fresh: World) -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        node = ros.start('solver_node')
+        node = fresh.start('solver_node')
     finally:
         signal.signal(signal.SIGHUP, before)
-    ros.probe.until(lambda: 'solver_node' in ros.probe.node.get_node_names())
+    fresh.probe.until(lambda: 'solver_node' in fresh.probe.node.get_node_names())
     node.popen.send_signal(signal.SIGHUP)
-    ros.probe.spin(0.5)
+    fresh.probe.spin(0.5)
     assert node.popen.poll() is None
     assert node.stop(signal.SIGTERM) == 0
 

@@ -3,19 +3,17 @@
 import os
 from pathlib import Path
 import re
-import resource
 import socket
 import struct
 import subprocess
 import sys
 
-import klann_ros
+import fork_server
 from klann_ros.kinematics import KlannLeg
 from klann_ros.log.reading.mcap.container import MAGIC
 from leg_runs import LegRun
 import pytest
 
-PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
 SPARSE = 2**40
 # Who reads what has no end comes to an end here.
 MEMORY = 3 * 2**30
@@ -56,16 +54,7 @@ def make(kind: str, path: Path) -> None:
 
 def called(name: str, *arguments: object) -> tuple[int, str, str]:
     """Run a tool, which must come to an end with little memory; return what came of it."""
-    code = f'import sys; from klann_ros.executables import {name}; sys.exit({name}())'
-    done = subprocess.run(
-        [sys.executable, '-c', code, *map(str, arguments)],
-        env={**os.environ, 'PYTHONPATH': PACKAGE, 'OPENBLAS_NUM_THREADS': '1'},
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    done = fork_server.called(name, *arguments, memory=MEMORY, patience=PATIENCE)
     return done.returncode, done.stdout, done.stderr
 
 
@@ -152,7 +141,7 @@ def test_a_pipe_beside_a_run_that_was_left_hides_it_from_nobody(run: Path, tmp_p
     code += 'from pathlib import Path; print(*(path.name for path in u(Path(sys.argv[1]))))'
     done = subprocess.run(
         [sys.executable, '-c', code, str(tmp_path)],
-        env={**os.environ, 'PYTHONPATH': PACKAGE},
+        env={**os.environ, 'PYTHONPATH': fork_server.PACKAGE},
         capture_output=True,
         text=True,
         timeout=PATIENCE,

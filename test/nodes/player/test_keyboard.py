@@ -11,10 +11,11 @@ from threading import Thread
 from typing import Any
 
 from bags import COUNT, write_bag
+from fork_server import PACKAGE
 from hypothesis import given, strategies
 from klann_ros.nodes.player.keyboard import KeyParser, LONGEST
 import pytest
-from ros_world import PACKAGE, Process, World
+from ros_world import Process, World
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 

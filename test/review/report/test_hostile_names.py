@@ -4,19 +4,14 @@ import csv
 from dataclasses import replace
 from html.parser import HTMLParser
 import json
-import os
 from pathlib import Path
-import subprocess
-import sys
 
+from fork_server import called
 from fuzzing.hostile import EVIL, hostile_run
 from fuzzing.shown import hold
-import klann_ros
 from klann_ros.review.command import main
 from klann_ros.untrusted.text import printable
 import pytest
-
-PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
 
 
 @pytest.fixture(scope='module')
@@ -127,15 +122,7 @@ def test_a_definition_costs_no_more_than_its_bytes(healthy, make_run) -> None:
     for topic, text in (('poses', comment), ('feet', fields)):
         known = getattr(healthy, topic)
         setattr(healthy, topic, replace(known, definition=f'{known.definition}\n{text}'))
-    code = 'import sys; from klann_ros.executables import review; sys.exit(review())'
-    done = subprocess.run(
-        [sys.executable, '-c', code, str(make_run(healthy))],
-        env={**os.environ, 'PYTHONPATH': PACKAGE},
-        capture_output=True,
-        text=True,
-        timeout=60.0,
-        check=False,
-    )
+    done = called('review', make_run(healthy))
     assert (done.returncode, done.stderr) == (1, '')
     assert 'ERROR decode: 400 messages of /point_h cannot be decoded' in done.stdout
     assert '/joint_states cannot be decoded' not in done.stdout
@@ -143,14 +130,7 @@ def test_a_definition_costs_no_more_than_its_bytes(healthy, make_run) -> None:
 
 @pytest.mark.parametrize('tool', ['review', 'recover'])
 def test_arguments_may_be_the_names_of_any_files(tool: str) -> None:
-    code = f'import sys; from klann_ros.executables import {tool}; sys.exit({tool}())'
     name = EVIL.replace('\0', '')
-    done = subprocess.run(
-        [sys.executable, '-c', code, name, name, name, f'--{name}'],
-        env={**os.environ, 'PYTHONPATH': PACKAGE},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = called(tool, name, name, name, f'--{name}')
     assert (done.returncode, done.stdout) == (2, '')
     hold(done.stderr, tool)
