@@ -1,6 +1,6 @@
 """Angles that were measured or recorded, many poses at once: do they close, where is the foot."""
 
-from typing import Any
+from typing import Any, TypeAlias
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.linkage import joints
@@ -9,8 +9,16 @@ import numpy as np
 
 from .program import Array
 
+Vectors: TypeAlias = joints.Vectors
 
-def loop_errors(leg: Any, angles: Array) -> Array:
+
+def vectors(leg: Any, angles: Array) -> list[Array]:
+    """Return what each pose makes of its angles, which the other functions begin with."""
+    with np.errstate(invalid='ignore', over='ignore'):
+        return joints.vectors(as_linkage(leg).structure, [*angles.T])
+
+
+def loop_errors(leg: Any, angles: Array, u: Vectors | None = None) -> Array:
     """
     Return by how much the loops of each pose do not close.
 
@@ -20,6 +28,8 @@ def loop_errors(leg: Any, angles: Array) -> Array:
         What moves.
     angles : numpy.ndarray, shape (n, number of angles)
         All coordinates of each pose, the crank's first: angles [rad], and distances [m].
+    u : list of numpy.ndarray, optional
+        Their vectors, for whoever needs them twice; see `vectors`.
 
     Returns
     -------
@@ -29,19 +39,20 @@ def loop_errors(leg: Any, angles: Array) -> Array:
     """
     linkage = as_linkage(leg)
     w, c = linkage.equations
+    u = vectors(leg, angles) if u is None else u
     with np.errstate(invalid='ignore', over='ignore'):
-        gaps = np.stack(joints.vectors(linkage.structure, [*angles.T]), axis=-1) @ w.T + c
+        gaps = np.stack(u, axis=-1) @ w.T + c
         errors: Array = np.sqrt((gaps.real**2 + gaps.imag**2).sum(axis=1))
     return errors
 
 
-def feet(leg: Any, angles: Array) -> Array:
+def feet(leg: Any, angles: Array, u: Vectors | None = None) -> Array:
     """Return the foot H of each pose, shape (n, 2) [m], NaN likewise; see `loop_errors`."""
     linkage = as_linkage(leg)
     terms, constant = linkage.point_rows[linkage.foot]
+    u = vectors(leg, angles) if u is None else u
     with np.errstate(invalid='ignore', over='ignore'):
         h = np.full(len(angles), constant, dtype=np.complex128)
-        u = joints.vectors(linkage.structure, [*angles.T])
         for j, w in terms.items():
             h += w * u[j]
     return np.column_stack([h.real, h.imag])
@@ -70,6 +81,6 @@ def wrapped(angles: Array) -> Array:
 def transmission_angles(leg: Any, angles: Array) -> Array:
     """Return the transmission angles of each pose, one a block [rad]; see `loop_errors`."""
     linkage = as_linkage(leg)
+    u = vectors(leg, angles)
     with np.errstate(invalid='ignore', over='ignore'):
-        u = joints.vectors(linkage.structure, [*angles.T])
         return np.column_stack([block.transmission_angle(u) for block in linkage.blocks])

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import lru_cache
 import json
 from pathlib import Path
 import re
@@ -217,7 +218,7 @@ def _metadata(path: Path, remarks: list[str]) -> dict[str, Any]:
     if not path.exists():
         return {}
     try:
-        data = yaml_text.load(read_plain(path, yaml_text.MAX_SIZE))
+        data = _parsed(read_plain(path, yaml_text.MAX_SIZE))
     except OSError as error:
         remarks.append(f'{FILE_NAME} cannot be read: {error.strerror}')
         return {}
@@ -229,6 +230,12 @@ def _metadata(path: Path, remarks: list[str]) -> dict[str, Any]:
         remarks.append(f'{FILE_NAME} is damaged: there is no {ROOT_KEY} in it')
         return {}
     return content
+
+
+@lru_cache(maxsize=1)
+def _parsed(text: str) -> Any:
+    """Return what a text says; who reads a run looks for its files more than once."""
+    return yaml_text.load(text)
 
 
 def natural(path: Path) -> list[tuple[int, str]]:

@@ -146,8 +146,9 @@ def by_topic(block: MessageBlock) -> Iterator[tuple[Topic, RowIndices]]:
     """Yield the topics in a block that are known, and which messages are theirs."""
     channels = block.heads['channel']
     order = np.argsort(channels, kind='stable')
-    found, begins = np.unique(channels[order], return_index=True)
-    for channel, rows in zip(found.tolist(), np.split(order, begins[1:]), strict=False):
+    ordered = channels[order]
+    begins = np.flatnonzero(np.diff(ordered, prepend=-1))
+    for channel, rows in zip(ordered[begins].tolist(), np.split(order, begins[1:]), strict=False):
         topic = block.topics.get(channel)
         if topic is not None:
             yield topic, rows

@@ -118,8 +118,11 @@ class TopicReader:
         """Yield what these messages of a block say, in no particular order."""
         others: list[RowIndices] = []
         sizes = block.sizes[rows]
-        for size in np.unique(sizes).tolist():
-            yield from self._of_size(block, rows[sizes == size], size, others)
+        # As a rule all have one size.
+        found = sizes[:1] if (sizes == sizes[:1]).all() else np.unique(sizes)
+        for size in found.tolist():
+            alike = rows if len(found) == 1 else rows[sizes == size]
+            yield from self._of_size(block, alike, size, others)
         for row in chain.from_iterable(others):
             try:
                 yield self._one(block, row)
@@ -146,6 +149,9 @@ class TopicReader:
                 rows = rows[1:]
                 continue
             alike = layout.alike(data)
+            if alike.all():
+                yield _piece(layout, rows, data)
+                return
             yield _piece(layout, rows[alike], data[alike])
             rows = rows[~alike]
         others.append(rows)

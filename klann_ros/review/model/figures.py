@@ -5,6 +5,7 @@ from functools import lru_cache
 from math import inf, nan
 
 from klann_ros.kinematics import foot_path, KinematicsError, Linkage, LinkageLeg
+from klann_ros.kinematics.foot.path import FootPath
 from klann_ros.kinematics.foot.stance import Stance
 import numpy as np
 
@@ -78,10 +79,20 @@ def _covers_a_turn(alphas: Floats) -> bool:
 
 
 @lru_cache(maxsize=16)
+def path_of(linkage: Linkage) -> FootPath | None:
+    """Return the path of a leg's foot, if it has one; a thousand runs of it need it once."""
+    try:
+        return foot_path(LinkageLeg(linkage))
+    except KinematicsError:
+        return None
+
+
+@lru_cache(maxsize=16)
 def _stance(linkage: Linkage) -> Stance | None:
     """Return the stance of a leg; a thousand runs of it, or windows, need it once."""
+    path = path_of(linkage)
     try:
-        return foot_path(LinkageLeg(linkage)).stance()
+        return path.stance() if path is not None else None
     except KinematicsError:
         return None
 

@@ -11,6 +11,7 @@ from klann_ros.kinematics.batch.given_angles import (
     feet,
     loop_errors,
     transmission_angles,
+    vectors,
 )
 import numpy as np
 
@@ -96,9 +97,10 @@ def pose_errors(
         finite = np.isfinite(angles).all(axis=1)
         errors.transmission_angles[rows] = transmission_angles(leg, block.solved)
         errors.angle_errors[rows] = np.where(finite, block.angle_errors(leg).max(axis=1), inf)
-        errors.residuals[rows] = np.where(finite, loop_errors(leg, angles), inf)
+        u = vectors(leg, angles)
+        errors.residuals[rows] = np.where(finite, loop_errors(leg, angles, u), inf)
         recorded = recording.feet.values[block.of_feet]
-        own = feet(leg, angles[block.of_poses])
+        own = feet(leg, angles, u)[block.of_poses]
         errors.foot_errors[block.of_feet] = _foot_errors(recorded, own)
         progress(rows.stop / count)
     return errors

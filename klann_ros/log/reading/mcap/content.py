@@ -10,6 +10,7 @@ behind that in it is unpacked to the free multiple only.
 
 from array import array
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 import struct
 import sys
@@ -17,6 +18,8 @@ from typing import BinaryIO, TypeAlias
 
 from klann_ros.log.errors import DamagedError
 from mcap.opcode import Opcode
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from .layout import is_known, RECORD_HEAD, without_more
 
@@ -24,7 +27,8 @@ Row: TypeAlias = tuple[int, int, int, int, bytes]
 
 _MESSAGE = struct.Struct('<HIQQ')
 _WHOLE = struct.Struct('<QHIQQ')
-_LOG_TIME = struct.Struct('<6xQ')
+# Where in a message record its log time stands [bytes].
+_LOG_TIME_AT = RECORD_HEAD.size + 6
 _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
 
 # What stands one behind the other outside of chunks is read so much at once [bytes].
@@ -64,14 +68,13 @@ class Content:
     """
     The records in some bytes, as far as they are whole.
 
-    Only places and times are kept, 16 bytes a message: a chunk may hold a million of them.
+    Only places are kept, 8 bytes a message: a chunk may hold a million of them.
     """
 
     # The unpacked bytes.
     data: memoryview
-    # Where each message record starts [bytes], and its log time [ns].
+    # Where each message record starts [bytes].
     starts: 'array[int]'
-    times: 'array[int]'
     # Where each schema and each channel record starts [bytes].
     definition_starts: 'array[int]'
     # Whether there was a CRC that held.
@@ -86,6 +89,15 @@ class Content:
     def __len__(self) -> int:
         """Return how many messages there are."""
         return len(self.starts)
+
+    def times(self) -> 'array[int]':
+        """Return the log time of each message [ns]."""
+        times = array('Q')
+        if self.starts:
+            windows = sliding_window_view(np.frombuffer(self.data, np.uint8), 8)
+            found = windows[np.frombuffer(self.starts, np.uint64) + _LOG_TIME_AT].view('<u8')
+            times.frombytes(found.astype(np.uint64).tobytes())
+        return times
 
     def rows(self, *, by_time: bool = False) -> Iterator[Row]:
         """Yield of each message: channel, sequence, log time, publish time [ns] and its bytes."""
@@ -105,7 +117,7 @@ class Content:
             yield opcode, without_more(opcode, self.data[start:end].tobytes())
 
     def _by_time(self) -> Iterable[int]:
-        times = self.times
+        times = self.times()
         if all(times[n - 1] <= times[n] for n in range(1, len(times))):
             return self.starts
         return (self.starts[n] for n in sorted(range(len(times)), key=times.__getitem__))
@@ -123,9 +135,12 @@ def content_of(data: bytes | bytearray, *, verified: bool, allowed: int = sys.ma
         How much of them may be of no message, as :class:`Patience` counts.
 
     """
-    starts, times, definitions = array('Q'), array('Q'), array('Q')
+    starts, definitions = array('Q'), array('Q')
     position, size, broken, others, unknown = 0, len(data), '', 0, 0
     while position < size:
+        position = _behind_messages(data, position, starts)
+        if position == size:
+            break
         start = position + RECORD_HEAD.size
         if start > size:
             broken = 'its last record is cut off'
@@ -136,27 +151,38 @@ def content_of(data: bytes | bytearray, *, verified: bool, allowed: int = sys.ma
             broken = 'a record in it is longer than the chunk'
             break
         if opcode == Opcode.MESSAGE:
-            if length < _MESSAGE.size:
-                broken = 'a message in it is too short'
-                break
-            starts.append(position)
-            times.append(_LOG_TIME.unpack_from(data, start)[0])
-        elif not opcode:
+            broken = 'a message in it is too short'
+            break
+        if not opcode:
             broken = 'what stands in it is no record'
             break
+        others += length + (_DEFINITION_COST if opcode in _DEFINITIONS else _RECORD_COST)
+        if others > allowed + _MESSAGE_PAYS * len(starts):
+            broken = 'there are more records in it that are no messages than a file may have'
+            break
+        if opcode in _DEFINITIONS:
+            definitions.append(position)
         else:
-            others += length + (_DEFINITION_COST if opcode in _DEFINITIONS else _RECORD_COST)
-            if others > allowed + _MESSAGE_PAYS * len(starts):
-                broken = 'there are more records in it that are no messages than a file may have'
-                break
-            if opcode in _DEFINITIONS:
-                definitions.append(position)
-            else:
-                unknown += 1
+            unknown += 1
         position = end
     wasted = max(0, others - _MESSAGE_PAYS * len(starts)) + size - position
-    places = starts, times, definitions
-    return Content(memoryview(data), *places, verified, broken, wasted, unknown)
+    return Content(memoryview(data), starts, definitions, verified, broken, wasted, unknown)
+
+
+def _behind_messages(data: bytes | bytearray, position: int, starts: 'array[int]') -> int:
+    """Append where the messages start that follow each other; return where the last one ends."""
+    # Of nearly all records of a log: what is done here for each is what reading it costs.
+    unpack, found = RECORD_HEAD.unpack_from, starts.append
+    size, head, least, message = len(data), RECORD_HEAD.size, _MESSAGE.size, int(Opcode.MESSAGE)
+    with suppress(struct.error):
+        while True:
+            kind, length = unpack(data, position)
+            end = position + head + length
+            if kind != message or length < least or end > size:
+                break
+            found(position)
+            position = end
+    return position
 
 
 def message_content(content: bytes, offset: int) -> Content:
@@ -196,11 +222,9 @@ class Stretches:
         if not taken:
             return None
         starts = array('Q', (start for start in taken if data[start] == Opcode.MESSAGE))
-        times = array('Q', (_LOG_TIME.unpack_from(data, start + 9)[0] for start in starts))
         content = Content(
             memoryview(data),
             starts,
-            times,
             array('Q'),
             verified=False,
             unknown=len(taken) - len(starts),

@@ -89,7 +89,7 @@ def _can_be_merged(file: LogFile) -> bool:
 def _is_as_said(file: LogFile, chunk: ChunkIndex, content: Content) -> bool:
     """Return whether a chunk may be merged with others: it is as its index says, or is small."""
     said = chunk.message_start_time, chunk.message_end_time, chunk.uncompressed_size
-    size, times = len(content.data), content.times
+    size, times = len(content.data), content.times()
     if (min(times, default=said[0]), max(times, default=said[1]), size) == said:
         return True
     is_small = size <= max(_SMALL, MAX_RATIO * chunk.chunk_length)
@@ -143,8 +143,9 @@ class _Count:
 
     def add(self, offset: int, block: MessageBlock) -> set[int]:
         """Count the messages of the chunk or message at an offset; return their channels."""
-        channels, counts = np.unique(block.heads['channel'], return_counts=True)
-        self._messages.update(dict(zip(channels.tolist(), counts.tolist(), strict=True)))
+        counts = np.bincount(block.heads['channel'])
+        channels = np.flatnonzero(counts)
+        self._messages.update(dict(zip(channels.tolist(), counts[channels].tolist(), strict=True)))
         times = block.heads['log_time']
         held = (len(times), int(times.min()), int(times.max())) if len(times) else (0, 0, 0)
         self._chunks[offset] = held

@@ -158,8 +158,9 @@ class LogFile:
         with self.open() as file:
             walk = self.walk(file, channels)
             for _, content in walk.contents():
-                first = min(first, min(content.times, default=first))
-                last = max(last, max(content.times, default=last))
+                times = content.times()
+                first = min(first, min(times, default=first))
+                last = max(last, max(times, default=last))
             self.note_losses(walk)
         self._channels = channels
         for text in channels.contradictions:

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
-from klann_ros.kinematics import AnyLeg, foot_path, KinematicsError
+from klann_ros.kinematics import AnyLeg
 from klann_ros.page.shape import leg_shape
+from klann_ros.review.model.figures import path_of
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.review import Review, ReviewedLeg
 from klann_ros.review.model.times import Floats, RowIndices, Times
@@ -66,9 +67,8 @@ def drawn_leg(leg: AnyLeg) -> dict[str, Any]:
 
 def _path(leg: AnyLeg) -> dict[str, Any]:
     """Return the path that the foot has by the geometry, and whether it ends where it began."""
-    try:
-        path = foot_path(leg)
-    except KinematicsError:
+    path = path_of(leg.linkage)
+    if path is None:
         return {'path': None}
     return {'path': [packed.floats(s) for s in path.h.T], 'closed': path.full_turn}
 
