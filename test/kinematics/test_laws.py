@@ -358,7 +358,7 @@ def test_whole_turns_close(name: str, turns: int) -> None:
 def test_it_is_solved_where_its_arcs_say_and_nowhere_else(leg: AnyLeg) -> None:
     arcs, turn = leg.reachable_arcs(), 2 * math.pi
     edges = [edge for arc in arcs for edge in arc]
-    for alpha in np.linspace(0.0, turn, 73).tolist():
+    for alpha in np.linspace(0.0, turn, 37).tolist():
         inside = any(a <= alpha <= b or a <= alpha + turn <= b for a, b in arcs)
         near = any(abs(math.remainder(alpha - edge, turn)) < 1e-6 for edge in edges)
         if near and arcs != [(0.0, turn)]:

@@ -17,7 +17,7 @@ import yourdfpy
 ROOT = Path(__file__).resolve().parents[2]
 XACRO = ROOT / 'urdf' / 'klann.urdf.xacro'
 ANGLES = ('alpha', 'gamma', 'beta', 'delta', 'theta')
-CRANK = np.linspace(-np.pi, np.pi, 72, endpoint=False).tolist()
+CRANK = np.linspace(-np.pi, np.pi, 24, endpoint=False).tolist()
 PLAIN = {'klann': 'sem104', 'walker4': 'walker4', 'walker6': 'walker6'}
 
 # The point of the pose at which each link has its origin.

@@ -102,21 +102,21 @@ def test_lengths_beyond_all_measure_are_refused(factor: float) -> None:
         KlannGeometry(**numbers)
 
 
-def closes(geometry: KlannGeometry, alpha: float) -> bool:
+def closes(geometry: KlannGeometry, alpha: float, leg: KlannLeg | None = None) -> bool:
     try:
-        KlannLeg(geometry).closed_form(alpha)
+        (leg or KlannLeg(geometry)).closed_form(alpha)
     except UnreachableError:
         return False
     return True
 
 
 @settings(max_examples=60)
-@given(geometry=legs(change=0.5), offset=st.floats(0.0, 0.01))
+@given(geometry=legs(change=0.5), offset=st.floats(0.0, 0.03))
 def test_the_arcs_are_where_the_closed_form_closes(geometry: KlannGeometry, offset: float) -> None:
-    arcs = reachable_arcs(geometry)
+    arcs, leg = reachable_arcs(geometry), KlannLeg(geometry)
     assert arcs
-    for k in range(628):
-        alpha = offset + k / 100
+    for k in range(209):
+        alpha = offset + 3 * k / 100
         from_an_end = min(
             abs(math.remainder(alpha - end, 2 * math.pi)) for arc in arcs for end in arc
         )
@@ -124,7 +124,7 @@ def test_the_arcs_are_where_the_closed_form_closes(geometry: KlannGeometry, offs
             start <= angle <= end for start, end in arcs for angle in (alpha, alpha + 2 * math.pi)
         )
         if from_an_end > 1e-9:
-            assert closes(geometry, alpha) is inside
+            assert closes(geometry, alpha, leg) is inside
 
 
 @pytest.mark.parametrize('arc', reachable_arcs(KlannGeometry(l_bc=0.33)))
