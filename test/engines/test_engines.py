@@ -51,11 +51,3 @@ def test_an_engine_that_is_none_is_named() -> None:
         mapped(squared, [1], engine='dask')
     with pytest.raises(ValueError, match='jobs = 0'):
         mapped(squared, [1], jobs=0)
-
-
-def test_by_ray_the_answers_are_the_same(tmp_path: Path) -> None:
-    pytest.importorskip('ray')
-    items = ['a', 'die', f'die-once {tmp_path / "died"}', 'raise so', 'b']
-    by_ray = sorted(mapped(fragile, items, engine='ray', jobs=2))
-    (tmp_path / 'died').unlink()
-    assert by_ray == sorted(mapped(fragile, items, jobs=2))

@@ -8,6 +8,7 @@ from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message
 from klann_ros.log.recover_command import main
 from klann_ros.log.recovery import recover
+from klann_ros.untrusted import yaml_text
 import pytest
 import yaml
 
@@ -103,14 +104,19 @@ def test_the_good_files_come_back_beside_the_bad(
         'a: &a [x, x]\n' + ''.join(f'b{n}: &b [*a, *a]\na{n}: &a [*b, *b]\n' for n in range(40)),
         'a: &a {x: 1}\n'
         + ''.join(f'b{n}: &b\n  <<: [*a, *a]\na{n}: &a\n  <<: [*b, *b]\n' for n in range(40)),
-        '[' * 100_000,
-        '- a\n' * 200_000,
+        '[' * 10_000,
+        '- a\n' * 20_000,
     ],
     ids=['references', 'merges', 'depth', 'length'],
 )
 def test_a_metadata_yaml_that_unfolds_without_end_is_told(
-    split_run, batches: list[list[Message]], runs: ModuleType, text
+    split_run,
+    batches: list[list[Message]],
+    runs: ModuleType,
+    text,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(yaml_text, '_MAX_WEIGHT', 10_000)
     (split_run / 'metadata.yaml').write_text(text)
     with open_log(split_run) as log:
         assert 'metadata.yaml is damaged: not YAML' in log.problem

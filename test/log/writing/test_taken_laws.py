@@ -120,4 +120,4 @@ class Taking(RuleBasedStateMachine):
 
 
 TestTaking = pytest.mark.filterwarnings('error')(Taking.TestCase)
-TestTaking.settings = settings(max_examples=60, stateful_step_count=20, deadline=None)
+TestTaking.settings = settings(max_examples=25, stateful_step_count=20, deadline=None)

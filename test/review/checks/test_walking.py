@@ -38,7 +38,7 @@ class Walking:
 
     def write(self, folder: Path) -> Path:
         # Small chunks: what is said of a walk goes over their edges.
-        with RunWriter(folder, chunk_size=1024) as run:
+        with RunWriter(folder, chunk_size=8192) as run:
             for message in self._messages():
                 run.write(message)
         return folder
