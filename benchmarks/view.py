@@ -43,16 +43,21 @@ asyncio.run(main(sys.argv[1]))
 """
 SLIDER = """async (angle) => {
     const slider = document.getElementById('angle');
+    const picture = document.getElementById('picture');
     const wanted = angle * Math.PI / 180;
+    const isThere = () => Math.abs(Number(picture.dataset.x.split(' ')[0]) - wanted) < 1e-6;
     const begin = performance.now();
+    const drawn = new Promise((done) => {
+        new MutationObserver((_, watch) => {
+            if (!isThere()) return;
+            watch.disconnect();
+            done(performance.now() - begin);
+        }).observe(picture, {attributeFilter: ['data-x']});
+        setTimeout(() => done(2000), 2000);
+    });
     slider.value = angle;
     slider.dispatchEvent(new Event('input'));
-    while (true) {
-        await new Promise((drawn) => requestAnimationFrame(drawn));
-        const [x] = document.getElementById('picture').dataset.x.split(' ').map(Number);
-        if (Math.abs(x - wanted) < 1e-6) return performance.now() - begin;
-        if (performance.now() - begin > 2000) return 2000;
-    }
+    return drawn;
 }"""
 FRAMES = """async (seconds) => {
     let frames = 0;

@@ -77,15 +77,22 @@ class News:
                 self._world.wake_at_news(self._wake)
             await event.wait()
 
-    def poses(self) -> tuple[int, str]:
-        """Return the version of now, and its poses as JSON: made once for all that ask."""
+    def poses(self, seen: int) -> tuple[int, str]:
+        """
+        Return a version and its poses as JSON: made once for all that ask at a time.
+
+        Parameters
+        ----------
+        seen : int
+            The version that who asks has; it is given a newer one, if there is any.
+
+        """
         version = self._world.version
         known, made, text = self._frame
-        if version != known and monotonic() - made >= _ALIKE:
-            text = self._world.poses()
-            self._frame = version, monotonic(), text
-            return version, text
-        return known if version != known else version, text
+        if version != known and (known <= seen or monotonic() - made >= _ALIKE):
+            known, text = version, self._world.poses()
+            self._frame = known, monotonic(), text
+        return known, text
 
     def _wake(self) -> None:
         self._loop.call_soon_threadsafe(self._tell)
@@ -149,9 +156,9 @@ class Client:
                 await self._something(version)
             self._drawn.clear()
             self._answered.clear()
-            version, poses = self._news.poses()
+            seen, (version, poses) = version, self._news.poses(version)
             self._sent += 1
-            await self._socket.send_str(self._frame(poses))
+            await self._socket.send_str(self._frame(poses if version > seen else ''))
 
     def read(self, text: str) -> str:
         """
@@ -203,7 +210,9 @@ class Client:
         self._answered.set()
 
     def _frame(self, poses: str) -> str:
-        fields = [f'"n":{self._sent}', f'"poses":{poses}']
+        fields = [f'"n":{self._sent}']
+        if poses:
+            fields.append(f'"poses":{poses}')
         if self._sent == 1:
             fields.append(f'"you":{json.dumps(self._you)}')
         for name, (version, text) in self._world.parts().items():

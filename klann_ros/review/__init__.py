@@ -29,15 +29,19 @@ What can go wrong       `klann_ros.log.errors.LogError`: `NotALogError`,
 ======================  ===============================================================
 """
 
-from klann_ros.log.errors import NotALogError
+from importlib import import_module
+from typing import Any, TYPE_CHECKING
 
-from .loading.leg_file import leg_of, LegFileError
-from .model.comparing import compare, Comparison, Difference
-from .model.limits import Limits, limits_from_file, LimitsFileError
-from .model.review import Finding, Review, ReviewedLeg, Severity
-from .model.topics import TopicFigures
-from .report.pose_table import NoPandasError, pose_arrays, pose_frame
-from .reviewing import review_run
+if TYPE_CHECKING:
+    from klann_ros.log.errors import NotALogError
+
+    from .loading.leg_file import leg_of, LegFileError
+    from .model.comparing import compare, Comparison, Difference
+    from .model.limits import Limits, limits_from_file, LimitsFileError
+    from .model.review import Finding, Review, ReviewedLeg, Severity
+    from .model.topics import TopicFigures
+    from .report.pose_table import NoPandasError, pose_arrays, pose_frame
+    from .reviewing import review_run
 
 __all__ = [
     'Comparison',
@@ -59,3 +63,35 @@ __all__ = [
     'pose_frame',
     'review_run',
 ]
+
+_PLACES = {
+    'Comparison': '.model.comparing',
+    'Difference': '.model.comparing',
+    'Finding': '.model.review',
+    'LegFileError': '.loading.leg_file',
+    'Limits': '.model.limits',
+    'LimitsFileError': '.model.limits',
+    'NoPandasError': '.report.pose_table',
+    'NotALogError': 'klann_ros.log.errors',
+    'Review': '.model.review',
+    'ReviewedLeg': '.model.review',
+    'Severity': '.model.review',
+    'TopicFigures': '.model.topics',
+    'compare': '.model.comparing',
+    'leg_of': '.loading.leg_file',
+    'limits_from_file': '.model.limits',
+    'pose_arrays': '.report.pose_table',
+    'pose_frame': '.report.pose_table',
+    'review_run': '.reviewing',
+}
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is asked for: the live page knows a leg by its parameters, and reads no log."""
+    if name not in _PLACES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(_PLACES[name], __name__), name)

@@ -1,7 +1,8 @@
 'use strict';
 /*
- * The socket: one frame at a time, answered when it is drawn. A frame that is not drawn is not
- * answered, so nothing queues up, neither here nor there.
+ * The socket: one frame at a time, answered when it is its turn to be drawn, so that the next one is
+ * under way meanwhile. A frame that is not drawn is not answered, so nothing queues up, neither here
+ * nor there.
  */
 
 // Says that the page is there, while it drives [ms]; view_node lets go after 350.
@@ -31,19 +32,20 @@ class Connection {
     socket.addEventListener('close', (event) => this.close(socket, event));
   }
 
+  /** Take a frame. What moves nothing waits for no screen: the pose comes right behind its answer. */
   receive(socket, text) {
     const frame = JSON.parse(text);
-    requestAnimationFrame(() => {
-      if (socket !== this.socket || socket.readyState !== WebSocket.OPEN) return;
-      if (frame.n === 1) this.changed(true, '');
-      this.failures = 0;
-      for (const answer of frame.answers || []) this.answered(answer);
-      try {
-        this.draw(frame);
-      } finally {
-        this.say({ ack: frame.n });
-      }
-    });
+    if (frame.poses) requestAnimationFrame(() => this.take(socket, frame));
+    else this.take(socket, frame);
+  }
+
+  take(socket, frame) {
+    if (socket !== this.socket || socket.readyState !== WebSocket.OPEN) return;
+    if (frame.n === 1) this.changed(true, '');
+    this.failures = 0;
+    this.say({ ack: frame.n });
+    for (const answer of frame.answers || []) this.answered(answer);
+    this.draw(frame);
   }
 
   close(socket, event) {

@@ -69,16 +69,13 @@ class Live {
   }
 
   draw(frame) {
-    const now = performance.now() / 1000;
-    this.drawn.push(now * 1000);
-    if (this.drawn.length > 300) this.drawn.splice(0, 150);
     if (frame.you) this.greet(frame.you);
     if (frame.legs) this.tellLegs(frame.legs);
     if (frame.drives || frame.you) this.tellDrives(frame.drives || []);
     if (frame.diagnostics) showDiagnostics(byId('diagnostics'), frame.diagnostics);
     if (frame.topics) showTopics(byId('topics'), frame.topics);
     if (frame.machines) this.tellMachines(frame.machines);
-    this.move(frame.poses, now);
+    if (frame.poses) this.move(frame.poses);
     if (frame.you) this.say();
   }
 
@@ -194,7 +191,10 @@ class Live {
     return this.tracks[this.legs.findIndex((other) => other.key === leg.key)];
   }
 
-  move(poses, now) {
+  move(poses) {
+    const now = performance.now() / 1000;
+    this.drawn.push(now * 1000);
+    if (this.drawn.length > 300) this.drawn.splice(0, 150);
     for (const [number, pose] of Object.entries(poses.legs || {})) {
       const track = this.tracks[number];
       if (track && track.leg.shape && pose.length - 2 === track.leg.joints.length) track.add(now, pose);

@@ -96,6 +96,7 @@ class DrawnLeg {
       const isPivot = shape.pivots.includes(i);
       const joint = make(isPivot ? 'rect' : 'circle', isPivot ? 'pivot' : 'joint');
       joint.dataset.point = point.name;
+      size(joint);
       return joint;
     });
     this.letters = hasLetters
@@ -141,22 +142,28 @@ function letter(node, point) {
   return node;
 }
 
-function place(joint, [x, y]) {
+function size(joint) {
   if (joint.tagName === 'circle') {
-    joint.setAttribute('cx', x);
-    joint.setAttribute('cy', y);
     joint.setAttribute('r', 5);
     return;
   }
-  joint.setAttribute('x', x - 5.5);
-  joint.setAttribute('y', y - 5.5);
   joint.setAttribute('width', 11);
   joint.setAttribute('height', 11);
 }
 
+function place(joint, [x, y]) {
+  if (joint.tagName === 'circle') {
+    joint.setAttribute('cx', x);
+    joint.setAttribute('cy', y);
+    return;
+  }
+  joint.setAttribute('x', x - 5.5);
+  joint.setAttribute('y', y - 5.5);
+}
+
+// Moved as a whole: a text that is placed anew is measured anew, too.
 function placeLetter(text, [x, y], [dx, dy]) {
-  text.setAttribute('x', x + 19 * dx);
-  text.setAttribute('y', y + 19 * dy);
+  text.setAttribute('transform', `translate(${x + 19 * dx} ${y + 19 * dy})`);
 }
 
 /** Return a closed line through corners, in their order around the middle of them. */

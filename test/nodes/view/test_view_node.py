@@ -314,7 +314,7 @@ def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
             moving.page.evaluate(
                 "!document.querySelector('[data-of=walker]').hidden && "
                 "[...document.querySelectorAll('#above circle.joint')]"
-                ".every((node) => node.getAttribute('r'))"
+                ".every((node) => node.getAttribute('cx'))"
             )
         )
 
