@@ -3,14 +3,17 @@
 from collections import Counter
 from collections.abc import Iterator
 from functools import cached_property
+import gc
 from typing import Any
 
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 import pytest
 
 # No test asserts a time, and neither does hypothesis: the machine may be busy.
 # What a law needs more examples for says so; scripts/fuzz has millions.
-settings.register_profile('untimed', deadline=None, max_examples=30)
+settings.register_profile(
+    'untimed', deadline=None, max_examples=20, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile('untimed')
 
 # Tests of real processes on real DDS: they wait more than they compute, so two lines of them run
@@ -28,6 +31,11 @@ FLAGS = [
 ]
 # One browser and one set of pages.
 TOGETHER = 'test/review/report/html_page/'
+
+
+def pytest_collection_finish() -> None:
+    """Spare the garbage collector five thousand tests that stay, again and again."""
+    gc.freeze()
 
 
 @pytest.hookimpl(optionalhook=True)
