@@ -1,0 +1,46 @@
+"""How long a page takes to open in a browser without a window."""
+
+from pathlib import Path
+import shutil
+from statistics import median
+from time import monotonic
+
+ROUNDS = 5
+_NAMES = ('chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable')
+# When it was parsed and laid out, and first painted, since it was asked for [ms].
+_TIMES = """() => {
+  const [load] = performance.getEntriesByType('navigation');
+  const paint = performance.getEntriesByName('first-contentful-paint')[0];
+  return [load.loadEventEnd, paint ? paint.startTime : NaN];
+}"""
+
+
+def opening(page: Path) -> tuple[float, float, float] | None:
+    """
+    Return when a page is loaded, first painted, and laid out to its end [s]; medians.
+
+    None if there is no Playwright, or no Chromium.
+    """
+    try:
+        from playwright.sync_api import sync_playwright  # noqa: PLC0415 - it may be missing
+    except ImportError:
+        return None
+    path = next(filter(None, map(shutil.which, _NAMES)), None)
+    found = []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=['--no-sandbox'])
+        for _ in range(ROUNDS):
+            context = browser.new_context()
+            tab = context.new_page()
+            begin = monotonic()
+            tab.goto(page.as_uri(), wait_until='load')
+            # To say where the last thing is, all has to be laid out.
+            tab.evaluate('document.body.lastElementChild.getBoundingClientRect().bottom')
+            tab.evaluate('new Promise(done => requestAnimationFrame(() => setTimeout(done)))')
+            whole = monotonic() - begin
+            loaded, painted = tab.evaluate(_TIMES)
+            found.append((loaded / 1e3, painted / 1e3, whole))
+            context.close()
+        browser.close()
+    loads, paints, wholes = zip(*found, strict=True)
+    return median(loads), median(paints), median(wholes)
