@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Event
 import time
 
 from klann_ros.log.errors import LowSpaceError
@@ -78,6 +79,8 @@ class Stage:
         self.folder, self.clock = folder, clock
         self.said: list[tuple[bool, str]] = []
         self.refusal: Exception | None = None
+        self.disk = Event()
+        self.disk.set()
         self.session = EventSession(
             folder,
             settings,
@@ -90,6 +93,7 @@ class Stage:
     def open_run(self, path: Path) -> tuple[RunWriter, BackgroundWriter]:
         if self.refusal is not None:
             raise self.refusal
+        assert self.disk.wait(30.0)
         run = RunWriter(path)
         return run, BackgroundWriter(run, flush_period=0.05, on_failure=lambda: None)
 
@@ -263,6 +267,38 @@ def test_a_disk_that_says_no_is_told_and_the_next_event_is_recorded(stage: Stage
     assert stage.session.finish()[0] is False
 
 
+@pytest.mark.parametrize('is_ended', [False, True])
+def test_a_disk_that_takes_its_time_to_open_a_run_holds_nothing_up(
+    stage: Stage, *, is_ended: bool
+) -> None:
+    stage.disk.clear()
+    before = stage.hear(10)
+    stage.session.describe_finding(GAP)
+    # Longer than is held otherwise; who waited for the disk would not come to this.
+    heard = [before]
+    for _ in range(6):
+        heard.append(stage.hear(10))
+        stage.wait(1.0)
+    stage.session.describe_finding(GAP)
+    assert stage.session.state().stage == 'opening the run of an event'
+    assert stage.session.trigger()[1].endswith('which the disk takes its time to open')
+    assert stage.runs() == []
+    stage.disk.set()
+    if is_ended:
+        stage.session.finish()
+    else:
+        while stage.session._event is None:
+            time.sleep(0.01)
+            stage.session.tick()
+        heard.append(stage.hear(10))
+        stage.wait(3.0)
+        stage.until_closed()
+    (run,) = stage.runs()
+    assert numbers(run) == [number for each in heard for number in each]
+    told = [told_finding(record).check for record in metadata(run)[FINDING_RECORD]]
+    assert told == ['gap', 'gap', 'trigger']
+
+
 def test_the_end_finishes_the_run_of_an_event(stage: Stage) -> None:
     heard = stage.hear(5)
     stage.session.trigger()
@@ -307,7 +343,7 @@ def test_what_is_too_old_did_not_fall_out() -> None:
     full = ring(1_000_000)
     for second in range(100):
         full.put(message(second))
-        full.turn(float(second))
+        full.turn(float(second), float(second))
     kept = [each.sequence for each in full.messages()]
     assert kept == [*range(100 - len(kept), 100)]
     assert 10 <= len(kept) <= 12
@@ -318,9 +354,9 @@ def test_of_a_latched_topic_the_last_ones_outlive_their_time_within_bounds() -> 
     full = ring(1_000_000)
     for number in range(1000):
         full.put(message(number, MODEL, 100))
-    full.turn(1.0)
-    full.turn(100.0)
-    full.turn(200.0)
+    full.turn(1.0, 1.0)
+    full.turn(100.0, 100.0)
+    full.turn(200.0, 200.0)
     assert [*full.messages()] == []
     kept = full.latched(5)
     assert [each.sequence for each in kept] == [*range(1000 - MOST_LATCHED, 1000)]

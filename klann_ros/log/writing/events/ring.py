@@ -58,6 +58,7 @@ class Ring:
         """Begin empty."""
         self.fell_out = 0
         self._length, self._most_bytes, self._mark, self._now = length, most_bytes, mark, now
+        self._last = now
         self._most_in_piece = max(most_bytes // _PIECES, 1)
         self._pieces = deque([Piece(now, mark())])
         self._piece = self._pieces[-1]
@@ -71,15 +72,19 @@ class Ring:
         piece.messages.append(message)
         piece.size += len(message.data) + OVERHEAD
         if piece.size > self._most_in_piece:
-            self.turn(self._now)
+            self.turn(self._now, self._last)
 
-    def turn(self, now: float) -> None:
-        """Begin a new piece, and forget what is too old or too much; every `TURN` seconds."""
-        self._now = now
+    def turn(self, now: float, last: float) -> None:
+        """
+        Begin a new piece, and forget what is too old or too much; every `TURN` seconds.
+
+        Too old is what was received longer before a last moment that is wanted than it reaches.
+        """
+        self._now, self._last = now, last
         self._size += self._piece.size
         self._piece = Piece(now, self._mark())
         self._pieces.append(self._piece)
-        while len(self._pieces) > 1 and self._pieces[1].begin <= now - self._length:
+        while len(self._pieces) > 1 and self._pieces[1].begin <= last - self._length:
             self._forget()
         while len(self._pieces) > 1 and self._size > self._most_bytes:
             self.fell_out += self._forget()

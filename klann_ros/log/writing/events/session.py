@@ -18,20 +18,22 @@ from klann_ros.log.run_parameters import (
     SolverParameters,
     ToldFinding,
 )
-from klann_ros.log.writing.background_writer import BackgroundWriter, RunEntry
+from klann_ros.log.writing.background_writer import RunEntry
 from klann_ros.log.writing.disk_space import free_space
 from klann_ros.log.writing.ledger import Fate, Ledger
 from klann_ros.log.writing.recording import Pauses, RecordingState
-from klann_ros.log.writing.writer import RunWriter
 from klann_ros.untrusted.text import counted, printable
 
 from .event import Event
+from .opening import EventTimes, Opened, Opening, OpenRun
 from .ring import Ring, TURN
 
 # What is received until the end has been taken so much later [s].
 SETTLE = 0.25
 # A fault is found at most so much later, which is held beside what came before its finding [s].
 LOOK_BACK = 1.0
+# A run that is not open after so long is waited for beside all else [s].
+PATIENCE = 0.2
 # A solver that changes for ever is told by its last changes.
 _MOST_CHANGES = 100
 _NAME = '%Y-%m-%dT%H-%M-%SZ'
@@ -46,10 +48,6 @@ class EventSettings:
     after: float
     # What is held of it in memory at most [bytes].
     most_bytes: int
-
-
-# Opens a run in a folder that is not there yet.
-OpenRun = Callable[[Path], tuple[RunWriter, BackgroundWriter]]
 
 
 class EventSession:
@@ -67,7 +65,7 @@ class EventSession:
     settings : EventSettings
         How much of an event is recorded.
     open_run : callable
-        Opens a run in a folder; LogError or OSError if that cannot be.
+        Opens a run in a folder, in a thread of its own; LogError or OSError if that cannot be.
     entries : sequence of callable
         Write to each run what is true of all.
     say : callable
@@ -99,6 +97,7 @@ class EventSession:
         length = settings.before + LOOK_BACK
         self._ring = Ring(length, settings.most_bytes, self.ledger.mark, monotonic())
         self._turned = monotonic()
+        self._opening: Opening | None = None
         self._event: Event | None = None
         self._closing: Event | None = None
         self._wanted: list[ToldFinding] = []
@@ -133,7 +132,10 @@ class EventSession:
         """Take a cause: begin an event, or let the one that is under way last longer."""
         if self._event is not None:
             self._event.found(finding)
-            self._event.end = monotonic() + self._settings.after + SETTLE
+            self._event.end = self._end()
+        elif self._opening is not None:
+            self._opening.causes.append(finding)
+            self._opening.times.end = self._end()
         else:
             self._wanted.append(finding)
             self.tick()
@@ -149,6 +151,8 @@ class EventSession:
         if self._event is not None:
             longer = ' goes on' if was_there is self._event else ''
             return True, f'{self._event.path}{longer}'
+        if self._opening is not None:
+            return True, f'{self._opening.path}, which the disk takes its time to open'
         if self._wanted:
             return True, 'the run of the event before is being closed; this one follows'
         return False, self._failure
@@ -156,16 +160,18 @@ class EventSession:
     def tick(self) -> None:
         """See what is due; to be called every tenth of a second, and when something is new."""
         now = monotonic()
+        if self._opening is not None:
+            self._go_on(self._opening, 0.0)
         if now >= self._turned + TURN:
             self._turned = now
-            self._ring.turn(now)
+            self._ring.turn(now, self._opening.times.begin if self._opening else now)
             self._forget(now - self._ring.reach(now))
         if self._event is not None and (now >= self._event.end or self._event.has_failed):
             self._closing, self._event = self._event, None
             self._closing.close()
         if self._closing is not None and self._closing.outcome is not None:
             self._reap(self._closing)
-        if self._wanted and self._event is None and self._closing is None:
+        if self._wanted and not (self._opening or self._event or self._closing):
             causes, self._wanted = self._wanted, []
             self._begin(causes)
 
@@ -201,12 +207,19 @@ class EventSession:
             free=_free_space(self._folder),
             paused=self.pauses.paused,
             faults=(*faults, *([self._failure] if self._failure else [])),
-            stage='recording an event' if self._event else 'waiting for a cause',
+            stage=self._stage(),
             held=held,
         )
 
+    def _stage(self) -> str:
+        if self._event is not None:
+            return 'recording an event'
+        return 'opening the run of an event' if self._opening else 'waiting for a cause'
+
     def finish(self) -> tuple[bool, str]:
         """End an event that is under way; return whether all went well, and what to say."""
+        if self._opening is not None:
+            self._go_on(self._opening, None)
         for event in (self._closing, self._event):
             if event is not None:
                 if event is self._event:
@@ -221,19 +234,37 @@ class EventSession:
         said = runs if self._count else 'there was no cause, and nothing was written'
         return not self._has_failed, said
 
-    def _begin(self, causes: Sequence[ToldFinding]) -> None:
-        """Open the run of an event, and put into it what came before."""
-        now, time = monotonic(), time_ns()
+    def _begin(self, causes: list[ToldFinding]) -> None:
+        """Have the run of an event opened."""
+        times = EventTimes(monotonic(), self._end(), time_ns())
+        path = _free(self._folder, causes[0].check)
+        self._opening = Opening(self._open_run, path, causes, times)
+        self._go_on(self._opening, PATIENCE)
+
+    def _end(self) -> float:
+        """Return when an event ends whose cause is there now."""
+        return monotonic() + self._settings.after + SETTLE
+
+    def _go_on(self, opening: Opening, patience: float | None) -> None:
+        """Let an event begin if its run is open, after so long [s]."""
         try:
-            run, background = self._open_run(_free(self._folder, causes[0].check))
+            opened = opening.result(patience)
         except (LogError, OSError) as error:
-            self._fail(f'the event ({causes[0].check}) is not recorded: {error}')
+            self._opening = None
+            self._fail(f'the event ({opening.causes[0].check}) is not recorded: {error}')
             return
+        if opened is not None:
+            self._opening = None
+            self._fill(opened, opening.causes, opening.times)
+
+    def _fill(self, opened: Opened, causes: Sequence[ToldFinding], times: EventTimes) -> None:
+        """Put into the run of an event what came before."""
+        run, background = opened
         self._count += 1
         ring = self._ring
         event = self._event = Event(run, background, self.ledger, ring.before)
-        event.end = now + self._settings.after + SETTLE
-        first = next((message.log_time for message in ring.messages()), time)
+        event.end = times.end
+        first = next((message.log_time for message in ring.messages()), times.time)
         for entry in self._entries:
             background.put_entry(entry)
         for known in self._solvers.values():
@@ -246,12 +277,12 @@ class EventSession:
             event.put(message)
         for cause in causes:
             event.found(cause)
-        reach = ring.reach(now)
+        reach = ring.reach(times.begin)
         event.add_metadata(
             EVENT_RECORD,
             {
                 'cause': causes[0].check,
-                'time': str(time),
+                'time': str(times.time),
                 'held': f'{reach:.3f}',
                 'pre_trigger': str(self._settings.before),
                 'post_trigger': str(self._settings.after),
