@@ -24,6 +24,8 @@ def main() -> None:
     # Whoever gives the terminal away while he is in the background would be stopped for it.
     signal.signal(signal.SIGTTOU, signal.SIG_IGN)
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+    # Whoever started the tests in the background ignores it, and so would the job.
+    signal.signal(signal.SIGQUIT, signal.SIG_DFL)
     # There is no thread yet that it could disturb.
     job = subprocess.Popen(
         command,
