@@ -9,19 +9,17 @@ from klann_ros.log.errors import AnyPath
 from klann_ros.log.reader import open_log
 from klann_ros.review.loading.load import load
 from klann_ros.review.model.answering import answering
-from klann_ros.review.model.figures import leg_figures
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.pose_errors import pose_errors
 from klann_ros.review.model.recording import LegRecording, RunRecording
 from klann_ros.review.model.review import Review, ReviewedLeg
-from klann_ros.review.model.topics import topic_figures
 from klann_ros.review.model.unanswered import Silence, silences, unanswered
 from klann_ros.review.model.walks import walk_figures
 from klann_ros.robot import Robot
 from klann_ros.untrusted.text import printable
 import numpy as np
 
-from .checks import findings
+from .checks import Check, CHECKS, findings
 
 # Is given what is being done, and how much of it is done, from 0 to 1.
 Progress = Callable[[str, float], object]
@@ -70,21 +68,23 @@ def review_run(
 
 
 def reviewed(
-    recording: RunRecording, limits: Limits, tell: Progress = lambda _, __: None
+    recording: RunRecording,
+    limits: Limits,
+    tell: Progress = lambda _, __: None,
+    checks: Sequence[Check] = CHECKS,
 ) -> Review:
-    """Return the review of what a run holds."""
+    """Return the review of what a run holds, with what some checks find."""
     # A log may hold any number: what overflows is infinite, and what has no value is NaN.
     with np.errstate(over='ignore', invalid='ignore'):
         quiet = tuple(silence for topic in recording.topics for silence in silences(topic, limits))
         review = Review(
             recording,
-            tuple(map(topic_figures, recording.topics)),
             tuple(_reviewed(each, recording, quiet, tell) for each in recording.legs),
             quiet,
             limits,
             tuple(map(walk_figures, recording.walks)),
         )
-        return replace(review, findings=findings(review))
+        return replace(review, findings=findings(review, checks))
 
 
 def _reviewed(
@@ -99,7 +99,6 @@ def _reviewed(
         leg,
         evaluated,
         errors,
-        leg_figures(evaluated, errors),
         answers,
         unanswered(recording, evaluated, answers, quiet),
     )

@@ -17,8 +17,7 @@ _LEAST = 10
 
 
 def check_clocks(review: Review) -> Iterator[Finding]:
-    """Yield what is wrong with times."""
-    yield from _order(review)
+    """Yield which clocks are off, and what came late."""
     both = zip(review.topics, review.recording.topics, strict=True)
     off = [topic for topic, recorded in both if _clock_is_off(topic, recorded, review)]
     yield from _latency(review, {topic.name for topic in off})
@@ -29,7 +28,8 @@ def check_clocks(review: Review) -> Iterator[Finding]:
         yield from _stamps(review)
 
 
-def _order(review: Review) -> Iterator[Finding]:
+def check_order(review: Review) -> Iterator[Finding]:
+    """Yield times that go back."""
     back = [topic for topic in review.recording.topics if len(topic.set_back)]
     if back:
         often = times(max(len(topic.set_back) for topic in back))

@@ -8,7 +8,7 @@ from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.pairing import pairs
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Finding, Review, Severity
-from klann_ros.review.model.times import Flags, Floats, intervals, overlap, RowIndices
+from klann_ros.review.model.times import Flags, Floats, intervals, median, overlap, RowIndices
 from klann_ros.untrusted.text import listed, times as times_
 import numpy as np
 
@@ -80,7 +80,7 @@ def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
     if len(alphas) < 2:
         return
     steps = np.abs(np.diff(alphas))
-    usual, period = float(np.median(steps)), float(np.median(intervals(times)))
+    usual, period = median(steps), median(intervals(times))
     limit = max(review.limits.crank_jump, _UNUSUAL * usual)
     rows = np.flatnonzero(steps > limit)
     rows = rows[~overlap(times[rows], times[rows + 1], review.recording.holes)]
@@ -104,7 +104,7 @@ def _standstill(review: Review, leg: LegRecording) -> Iterator[Finding]:
         return
     steps = intervals(times)
     # While nothing is said nobody knows.
-    said = steps <= max(Limits.gap_periods * float(np.median(steps)), Limits.gap_time)
+    said = steps <= max(Limits.gap_periods * median(steps), Limits.gap_time)
     told = np.concatenate([[0.0], np.cumsum(steps * said)])
     firsts, lasts = np.append(0, changes + 1), np.append(changes, len(times) - 1)
     still = told[lasts] - told[firsts]

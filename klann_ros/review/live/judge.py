@@ -7,16 +7,17 @@ from typing import NamedTuple
 
 from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import SolverParameters
+from klann_ros.review.checks import CHECKS
+from klann_ros.review.checks.clocks import check_clocks
 from klann_ros.review.loading.load import load
 from klann_ros.review.loading.solvers import leg_solvers, parent
 from klann_ros.review.model.comparing import dimensions
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.recording import RunRecording
 from klann_ros.review.model.review import Severity
-from klann_ros.review.model.times import intervals
+from klann_ros.review.model.times import intervals, median
 from klann_ros.review.reviewing import reviewed
 from klann_ros.untrusted.text import printable
-import numpy as np
 
 from .window import Window
 
@@ -26,7 +27,8 @@ LENGTH, STEP = 1.0, 0.7
 # A window of more messages is shorter [messages], and one of larger ones [bytes].
 MOST, MOST_BYTES = 40_000, 64_000_000
 # What a window is too short to tell, or what is told otherwise here.
-_LEFT_OUT = frozenset({'container', 'geometry', 'drift', 'stale', 'frozen', 'clock', 'latency'})
+_LEFT_OUT = frozenset({'container', 'geometry', 'drift', 'stale', 'frozen'})
+_CHECKS = tuple(check for check in CHECKS if check is not check_clocks)
 # Fewer messages tell no period; a topic whose period is longer is not waited for [s].
 _LEAST, _LONGEST_PERIOD = 10, 0.2
 # A message is on its way so long, at most [s].
@@ -142,7 +144,7 @@ class LiveJudge:
         if not any(len(leg.poses) for leg in recording.legs):
             # Whoever turns a crank may do so before there is a solver.
             return
-        for finding in reviewed(recording, self._limits).findings:
+        for finding in reviewed(recording, self._limits, checks=_CHECKS).findings:
             if finding.is_fault and finding.check not in _LEFT_OUT:
                 time = recording.start + round((finding.time or 0.0) * 1e9)
                 yield LiveFinding(finding.check, finding.severity, finding.text, time, finding.leg)
@@ -151,7 +153,7 @@ class LiveJudge:
         """Note when the topics that have a period were heard last."""
         for topic in recording.topics:
             if len(topic.times) >= _LEAST:
-                period = float(np.median(intervals(topic.times)))
+                period = median(intervals(topic.times))
                 if period <= _LONGEST_PERIOD:
                     self._topics[topic.name] = _Topic(int(topic.times[-1]), period)
             elif len(topic.times) and topic.name in self._topics:

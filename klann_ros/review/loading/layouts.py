@@ -6,6 +6,7 @@ stand is found in one of them, and read from all that are like it at once.
 """
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import NamedTuple
 
 from klann_ros.log.records import Topic
@@ -167,7 +168,12 @@ def has_standard_fields(topic: Topic) -> bool:
     """Return whether a topic's messages are CDR of the fields that its type has in Jazzy."""
     if (topic.message_encoding, topic.schema_encoding) != ('cdr', 'ros2msg'):
         return False
-    return _fields(topic.definition) == _STANDARD_FIELDS.get(topic.type)
+    return _is_standard(topic.type, topic.definition)
+
+
+@lru_cache(maxsize=16)
+def _is_standard(name: str, definition: str) -> bool:
+    return _fields(definition) == _STANDARD_FIELDS.get(name)
 
 
 def _fields(definition: str) -> dict[str, tuple[str, ...]]:

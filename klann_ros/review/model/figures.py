@@ -11,7 +11,7 @@ import numpy as np
 
 from .pose_errors import PoseErrors
 from .recording import LegRecording
-from .times import Floats
+from .times import Floats, median
 
 _TURN = 2 * np.pi
 
@@ -75,7 +75,7 @@ def _covers_a_turn(alphas: Floats) -> bool:
     if not len(alphas):
         return True
     steps = np.abs(np.diff(alphas))
-    return bool(np.ptp(alphas) + (np.median(steps) if len(steps) else 0.0) >= _TURN)
+    return bool(np.ptp(alphas) + (median(steps) if len(steps) else 0.0) >= _TURN)
 
 
 @lru_cache(maxsize=16)

@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 
 from .answering import Answering
-from .figures import LegFigures
+from .figures import leg_figures, LegFigures
 from .limits import Limits
 from .pose_errors import PoseErrors
 from .recording import LegRecording, RunRecording
@@ -73,8 +74,6 @@ class ReviewedLeg:
         The part of it that its geometry holds for.
     errors : PoseErrors or None
         How far that part is from its poses solved again; None where the run does not tell the leg.
-    figures : LegFigures
-        Its figures.
     answering : Answering
         What it was asked in that part, and what came of it.
     unanswered : Unanswered
@@ -85,9 +84,15 @@ class ReviewedLeg:
     recording: LegRecording
     evaluated: LegRecording
     errors: PoseErrors | None
-    figures: LegFigures
     answering: Answering
     unanswered: Unanswered
+
+    @cached_property
+    def figures(self) -> LegFigures:
+        """Return its figures."""
+        # A log may hold any number: what overflows is infinite, and what has no value is NaN.
+        with np.errstate(over='ignore', invalid='ignore'):
+            return leg_figures(self.evaluated, self.errors)
 
     def for_all_poses(self, values: Floats) -> Floats:
         """Return values of the evaluated poses for all recorded ones; NaN for the others."""
@@ -105,8 +110,6 @@ class Review:
     ----------
     recording : RunRecording
         What it holds.
-    topics : tuple of TopicFigures
-        Its topics' figures.
     legs : tuple of ReviewedLeg
         Its legs.
     silences : tuple of Silence
@@ -121,12 +124,16 @@ class Review:
     """
 
     recording: RunRecording
-    topics: tuple[TopicFigures, ...]
     legs: tuple[ReviewedLeg, ...]
     silences: tuple[Silence, ...]
     limits: Limits
     walks: tuple[WalkFigures, ...] = ()
     findings: tuple[Finding, ...] = ()
+
+    @property
+    def topics(self) -> tuple[TopicFigures, ...]:
+        """Return its topics' figures."""
+        return tuple(topic.figures for topic in self.recording.topics)
 
     @property
     def is_healthy(self) -> bool:

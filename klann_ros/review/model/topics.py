@@ -1,12 +1,13 @@
 """A topic of a run: how its messages came, and its figures: how many, how often, how late."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .times import intervals, Times
+from .times import intervals, median, Times
 
 MORE = '+'
 """Stands behind a number of lost messages that is the least."""
@@ -49,6 +50,11 @@ class TopicRecording:
     def lost_at(self) -> int | None:
         """Return the log time of the first message behind a gap in the numbers [ns]."""
         return int(self.missing[0, 1]) if len(self.missing) else None
+
+    @cached_property
+    def figures(self) -> 'TopicFigures':
+        """Return its figures."""
+        return _figures(self)
 
 
 @dataclass(frozen=True)
@@ -100,8 +106,7 @@ class TopicFigures:
         return f'{self.lost}{MORE}' if self.publishers_left else str(self.lost)
 
 
-def topic_figures(topic: TopicRecording) -> TopicFigures:
-    """Return a topic's figures."""
+def _figures(topic: TopicRecording) -> TopicFigures:
     steps = intervals(topic.times)
     latencies = topic.latencies[~np.isnan(topic.latencies)]
     p50, p99 = np.percentile(latencies, [50.0, 99.0]) if len(latencies) else (nan, nan)
@@ -110,7 +115,7 @@ def topic_figures(topic: TopicRecording) -> TopicFigures:
         type=topic.type,
         count=len(topic.times),
         rate=1.0 / mean if steps.size and (mean := float(steps.mean())) > 0.0 else nan,
-        period=float(np.median(steps)) if steps.size else nan,
+        period=median(steps) if steps.size else nan,
         longest_gap=float(steps.max()) if steps.size else nan,
         latency_p50=float(p50),
         latency_p99=float(p99),

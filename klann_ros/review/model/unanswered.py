@@ -10,7 +10,7 @@ import numpy as np
 from .answering import Answering, Cause
 from .limits import Limits
 from .recording import LegRecording, RunRecording
-from .times import covered, Hole, intervals, merged, overlap, RowIndices
+from .times import covered, Hole, intervals, median, merged, overlap, RowIndices
 from .topics import TopicRecording
 
 # What is for viewers is published when there is something to see, and somebody who looks.
@@ -45,11 +45,11 @@ def silences(topic: TopicRecording, limits: Limits) -> Iterator[Silence]:
     if len(topic.times) < _LEAST or topic.type.startswith(_PICTURES):
         return
     steps = intervals(topic.times)
-    period = float(np.median(steps))
-    if float(np.percentile(steps, _REGULAR)) > _longest(period, _USUAL):
-        return
+    period = median(steps)
     longest = _longest(period, limits)
     rows = np.flatnonzero(steps > longest)
+    if not rows.size or float(np.percentile(steps, _REGULAR)) > _longest(period, _USUAL):
+        return
     lost = {begin: count for begin, _, count in topic.missing.tolist()}
     for begin, end in zip(topic.times[rows].tolist(), topic.times[rows + 1].tolist(), strict=True):
         silence = Silence(begin, end, (topic.name,), longest)
