@@ -10,8 +10,9 @@ phase lock, what stops it) and an `Odometry` (where it is, and how far that may 
 from .controller import Level, Settings, WalkController
 from .feet import Feet, NoWalkerError
 from .figures import walk_figures, WalkFigures
+from .imu import imu_reading, ImuReading
 from .limits import Limits
-from .odometry import Errors, imu_reading, ImuReading, Odometer, Odometry
+from .odometry import Errors, Odometer, Odometry
 from .phase_lock import CrankCommand, PhaseLock
 from .steering import Motion, Rates, Steering
 from .walker import Walker

@@ -142,6 +142,19 @@ class Feet:
         placed = self.at(np.linspace(0.0, TURN, 60)[:, None] * np.ones(len(self.joints)))
         return float(np.hypot(*placed.feet[..., :2].T).max())
 
+    @cached_property
+    def gyration(self) -> float:
+        """Return the radius of gyration about the vertical [m]; half the reach without masses."""
+        if not self._total:
+            return self.reach / 2.0
+        values = self._values(np.linspace(0.0, TURN, 12)[:, None] * np.ones(len(self.joints)))
+        squares = float(self._shares @ (values[..., 5:7] ** 2).sum(axis=-1).mean(axis=0))
+        body = self.robot.body
+        if body is not None:
+            x, y, _ = body.centre
+            squares += body.inertia[2] / self._total + (x**2 + y**2) * body.mass / self._total
+        return float(np.sqrt(squares))
+
     def at(self, cranks: ArrayLike) -> Placed:
         """
         Return where the feet are.
@@ -152,15 +165,19 @@ class Feet:
             Angles of the cranks [rad].
 
         """
+        values = self._values(cranks)
+        centre = self._fixed + self._shares @ values[..., 5:]
+        return Placed(values[..., :3], values[..., 3:5], centre)
+
+    def _values(self, cranks: ArrayLike) -> Array:
+        """Return foot, rolling and centre of mass of each leg, shape (..., n, 8)."""
         angles = np.asarray(cranks, dtype=np.float64)[..., self.crank_of]
         turned = (angles * self._directions + self._phases) * (SAMPLES / TURN)
         whole = np.floor(turned)
         t = (turned - whole)[..., None]
         cubic = self._cubics[self._which, whole.astype(np.int64) % SAMPLES]
         values = ((cubic[..., 3, :] * t + cubic[..., 2, :]) * t + cubic[..., 1, :]) * t
-        values = values + cubic[..., 0, :]
-        centre = self._fixed + self._shares @ values[..., 5:]
-        return Placed(values[..., :3], values[..., 3:5], centre)
+        return np.asarray(values + cubic[..., 0, :], dtype=np.float64)
 
 
 def _table(leg: RobotLeg, radius: float) -> Array:

@@ -1,7 +1,7 @@
 """
 Where a walker is, from the angles of its cranks; its yaw from an IMU where there is one.
 
-From pose to pose the body moves as `slip.moved` says. What that is wrong by is mostly the same
+From pose to pose the body moves as `momentum` says. What that is wrong by is mostly the same
 from step to step: friction is not quite Coulomb's, feet are worn, floors give way. So the errors
 are taken as constants nobody knows, with spreads s,
 
@@ -17,28 +17,33 @@ over a single step. Feet that slide more are trusted less by themselves.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, cos, hypot, inf, nan, pi, sin
-from typing import NamedTuple
+from math import cos, exp, hypot, inf, nan, pi, sin
+from operator import mul
 
 from klann_ros.kinematics.angles import TURN
 import numpy as np
 from numpy.typing import NDArray
 
 from .feet import Feet
-from .slip import moved, Standing, standing, Step
+from .imu import ImuReading
+from .momentum import Momentum
+from .slip import Standing, standing, Step
 from .support import Support, support
 
 Array = NDArray[np.float64]
 # A crank that turned further between two messages is followed in steps [rad], but in no more than
 # so many.
 LONGEST_STEP, MOST_STEPS = 0.05, 500
-# For so long feet hop that have touched down at a speed, by that [s^2/m]. Simulated: while they
-# do, the body goes with the mean of its feet, and after it as dry friction has it, to 0.1 %.
-HOPS = 2.5
 # Where the yaw is known, what feet slide moves the body by this part of what it does otherwise.
 KNOWN = 0.7
-# Within this time a yaw that is summed up of rates follows the orientation of the IMU [s].
+# Within this time angles that are summed up of rates follow the orientation of the IMU [s].
 SETTLE = 0.5
+# Within this a body without one tips onto other feet [s].
+TIPS = 0.1
+# Within this angles that are summed up of the cranks' rates follow their encoders [s], ...
+FOLLOWS = 0.1
+# ... where these agree so far [rad].
+AGREES = 0.1
 
 
 @dataclass(frozen=True)
@@ -67,30 +72,6 @@ class Errors:
     imu_yaw: float = 0.005
     height: float = 0.01
     tilt: float = 0.02
-
-
-class ImuReading(NamedTuple):
-    """
-    What an IMU on base_link says.
-
-    Attributes
-    ----------
-    yaw : float or None
-        [rad]; None without an orientation.
-    yaw_rate : float
-        About the vertical [rad/s].
-    at : float
-        When [s].
-    roll, pitch : float or None
-        [rad].
-
-    """
-
-    yaw: float | None
-    yaw_rate: float
-    at: float
-    roll: float | None = None
-    pitch: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,8 +144,10 @@ class Odometry:
         self._turned = 0.0
         self._heading: float | None = None
         self._imu_variance: float | None = None
-        # How fast the body rises, and for how long its feet hop still.
-        self._rise = self._hopping = 0.0
+        # How the body lies, of gyro and orientation.
+        self._lies: tuple[float, float] | None = None
+        self._attitude: tuple[float, float] | None = None
+        self._momentum = Momentum(feet.gyration)
 
     def imu(self, reading: ImuReading, variance: float = 0.0) -> None:
         """Take what an IMU says; it turns the body from now on, until `forget_imu`."""
@@ -172,6 +155,7 @@ class Odometry:
         self._imu_variance = variance or self.errors.imu_yaw**2
         if last is None:
             self._turned, self._heading = 0.0, reading.yaw
+            self._lean(reading, reading, 0.0)
             return
         # What an orientation trembles by would drag the feet over the ground: from reading to
         # reading the gyro counts, and the orientation in the long run.
@@ -184,32 +168,65 @@ class Odometry:
             turned += min(1.0, dt / SETTLE) * away
             self._heading = heading + min(1.0, dt / SETTLE) * away
         self._turned += turned
+        self._lean(last, reading, dt)
+
+    def _lean(self, last: ImuReading, reading: ImuReading, dt: float) -> None:
+        """Take how the body lies."""
+        if reading.roll is None or reading.pitch is None:
+            self._lies = None
+            return
+        roll, pitch = self._lies or (reading.roll, reading.pitch)
+        if dt < SETTLE:
+            roll += (reading.roll_rate + last.roll_rate) / 2.0 * dt
+            pitch += (reading.pitch_rate + last.pitch_rate) / 2.0 * dt
+        share = min(1.0, dt / SETTLE)
+        over = (reading.roll - roll + pi) % TURN - pi
+        self._lies = roll + share * over, pitch + share * (reading.pitch - pitch)
 
     def forget_imu(self) -> None:
         """Turn by the feet from now on."""
-        self._imu, self._turned, self._imu_variance = None, 0.0, None
+        self._imu, self._turned, self._imu_variance, self._lies = None, 0.0, None, None
 
     def jump(self) -> None:
         """Take the next angles as where the cranks are, not as a way."""
         self._cranks = self._pose = None
 
-    def update(self, cranks: Sequence[float], rates: Sequence[float]) -> Odometer:
+    def update(
+        self, cranks: Sequence[float], rates: Sequence[float], seconds: float = 0.0
+    ) -> Odometer:
         """
-        Follow the cranks to angles [rad]; `rates` are those that they have there [rad/s].
+        Follow the cranks.
 
         Where the angles are as they were, the body has moved by what the IMU says alone.
+
+        Parameters
+        ----------
+        cranks : sequence of float
+            Their angles [rad].
+        rates : sequence of float
+            The rates that they have there [rad/s].
+        seconds : float
+            Since the last; if it is not given, by angles and rates.
+
         """
+        speed = np.asarray(rates, dtype=np.float64)
         angles = np.array(cranks, dtype=np.float64)
         before = angles if self._cranks is None else self._cranks
+        # What an encoder trembles by would be speeds of the feet.
+        away = before + speed * seconds - angles
+        if 0.0 < seconds < FOLLOWS and np.abs(away).max() < AGREES:
+            angles += away * exp(-seconds / FOLLOWS)
         turned = angles - before
         steps = min(MOST_STEPS, 1 + int(float(np.abs(turned).max()) / LONGEST_STEP))
         yaw = self._turned / steps if self._imu is not None else None
         self._turned = 0.0
         self._cranks = angles
         speed = np.asarray(rates, dtype=np.float64)
-        # The time of a step by the cranks' own rates: stamps tremble.
-        along = float(turned @ speed) / steps
-        seconds = along / float(speed @ speed) if along > 0.0 else inf
+        if seconds > 0.0:
+            seconds = seconds / steps
+        else:
+            along = float(turned @ speed) / steps
+            seconds = along / float(speed @ speed) if along > 0.0 else inf
         last = Step(0.0, 0.0, 0.0, 0.0)
         for k in range(1, steps + 1):
             last = self._follow(before + turned * (k / steps), yaw, seconds)
@@ -220,21 +237,34 @@ class Odometry:
         feet, centre = placed.feet.tolist(), placed.centre.tolist()
         last, self.rest = self.rest, support(feet, centre, self.rest and self.rest.triple)
         before = self._pose
-        self._pose = standing(feet, placed.rolled.tolist(), self.rest) if self.rest else None
-        if before is None or last is None or self.rest is None or self._pose is None:
+        if self.rest is None:
+            self._pose = None
+            self._momentum.stop()
             return Step(0.0, 0.0, 0.0, 0.0)
-        self._touch(last, self.rest, seconds)
-        step = moved(before, self._pose, yaw, hops=self._hopping > 0.0)
+        lies = self._lying(self.rest, seconds)
+        self._pose = standing(feet, placed.rolled.tolist(), self.rest, lies, centre)
+        if before is None or last is None:
+            self._momentum.stop()
+            return Step(0.0, 0.0, 0.0, 0.0)
+        height = self.rest.height + sum(map(mul, self.rest.normal, centre))
+        step = self._momentum.step(before, self._pose, height, seconds, yaw)
         self._add(step, measured=yaw is not None)
         return step
 
-    def _touch(self, last: Support, rest: Support, seconds: float) -> None:
-        """Look whether feet touch down: then the body, which sank, is pushed up."""
-        rise = (rest.height - last.height) / seconds
-        if rest.triple != last.triple:
-            self._hopping += max(0.0, HOPS * (rise - self._rise))
-        self._hopping = max(0.0, self._hopping - seconds)
-        self._rise = rise
+    def _lying(self, rest: Support, seconds: float) -> tuple[float, float]:
+        """Return roll and pitch: those of an IMU, or else what they tip to on other feet."""
+        if self._lies is not None:
+            self._attitude = self._lies
+        elif self._attitude is None:
+            self._attitude = rest.roll, rest.pitch
+        else:
+            roll, pitch = self._attitude
+            share = 1.0 - exp(-seconds / TIPS)
+            self._attitude = (
+                roll + share * (rest.roll - roll),
+                pitch + share * (rest.pitch - pitch),
+            )
+        return self._attitude
 
     def _add(self, step: Step, *, measured: bool) -> None:
         middle = self._yaw + step.yaw / 2.0
@@ -288,34 +318,3 @@ class Odometry:
             covariance,
             np.array([[a * a, 0.0, 0.0], [0.0, b * b, 0.0], [0.0, 0.0, d * d]]),
         )
-
-
-def imu_reading(
-    orientation: tuple[float, float, float, float] | None,
-    angular: tuple[float, float, float],
-    at: float,
-) -> ImuReading:
-    """
-    Return what an IMU says of a body whose base_link it is turned like.
-
-    Parameters
-    ----------
-    orientation : (float, float, float, float), optional
-        x, y, z, w.
-    angular : (float, float, float)
-        In base_link [rad/s].
-    at : float
-        When [s].
-
-    """
-    if orientation is None:
-        return ImuReading(None, angular[2], at)
-    x, y, z, w = orientation
-    size = hypot(x, y, z, w)
-    x, y, z, w = x / size, y / size, z / size, w / size
-    # The last row of the rotation: what the body's axes rise by.
-    up = (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))
-    yaw = atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
-    rate = sum(u * a for u, a in zip(up, angular, strict=True))
-    roll, pitch = atan2(up[1], up[2]), atan2(-up[0], hypot(up[1], up[2]))
-    return ImuReading(yaw, rate, at, roll, pitch)

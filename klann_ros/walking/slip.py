@@ -59,11 +59,44 @@ class Standing(NamedTuple):
         On which feet.
     flat : list of (float, float)
         All feet in the level frame of base_link, with what they have rolled, seen from above [m].
+    centre : (float, float)
+        The centre of mass, likewise.
 
     """
 
     rest: Support
     flat: list[Flat]
+    centre: Flat = (0.0, 0.0)
+
+
+class Coasting(NamedTuple):
+    """
+    What a body does that nothing holds.
+
+    Attributes
+    ----------
+    before, after : (float, float)
+        Where its centre of mass is in the level frame of base_link [m].
+    way : (float, float)
+        How far its centre of mass goes [m].
+    turn : float
+        By how much it turns [rad].
+    gyration : float
+        Its radius of gyration about the vertical [m].
+    weight : float
+        How much it would rather do so, against friction: 1 / (mu g t^2) over a time t [1/m].
+    creep : float
+        A foot that slides less than this is held by less than its friction [m].
+
+    """
+
+    before: Flat
+    after: Flat
+    way: Flat
+    turn: float
+    gyration: float
+    weight: float
+    creep: float
 
 
 def standing(
@@ -71,28 +104,21 @@ def standing(
     rolled: Sequence[Sequence[float]],
     rest: Support,
     attitude: tuple[float, float] | None = None,
+    centre: Point = (0.0, 0.0, 0.0),
 ) -> Standing:
     """Return a pose; `attitude` is roll and pitch where they are measured [rad]."""
-    level = levelled(feet, *(attitude or (rest.roll, rest.pitch)))
+    *level, middle = levelled([*feet, centre], *(attitude or (rest.roll, rest.pitch)))
     flat = [(x + rx, y + ry) for (x, y), (rx, ry) in zip(level, rolled, strict=True)]
-    return Standing(rest, flat)
+    return Standing(rest, flat, middle)
 
 
-def moved(
-    before: Standing, after: Standing, yaw: float | None = None, *, hops: bool = False
-) -> Step:
-    """Return how a body moves from pose to pose; `yaw` and `hops` as for `step`."""
+def moved(before: Standing, after: Standing) -> Step:
+    """Return how a body moves from pose to pose."""
     loads = dict.fromkeys((*before.rest.feet, *after.rest.feet), 0.0)
     for rest in (before.rest, after.rest):
         for foot, load in zip(rest.feet, rest.loads, strict=True):
             loads[foot] += load / 2.0
-    return step(
-        [before.flat[i] for i in loads],
-        [after.flat[i] for i in loads],
-        [*loads.values()],
-        yaw,
-        hops=hops,
-    )
+    return step([before.flat[i] for i in loads], [after.flat[i] for i in loads], [*loads.values()])
 
 
 def step(
@@ -100,8 +126,7 @@ def step(
     after: Sequence[Flat],
     loads: Sequence[float],
     yaw: float | None = None,
-    *,
-    hops: bool = False,
+    coasting: Coasting | None = None,
 ) -> Step:
     """
     Return how a body moves while its feet move in it.
@@ -114,33 +139,38 @@ def step(
         What each carries.
     yaw : float, optional
         By how much it turns, where that is known [rad].
-    hops : bool
-        Whether the feet hop, so that now this one and now that one carries all: then the body goes
-        with their mean.
+    coasting : Coasting, optional
+        What it does where nothing holds it; without, it is so slow that friction is all.
 
     """
-    # To first order in the yaw, about the middle of both.
-    feet = [
-        (qx - px, qy - py, -(py + qy) / 2.0, (px + qx) / 2.0, load)
-        for (px, py), (qx, qy), load in zip(before, after, loads, strict=True)
-        if load > 0.0
-    ]
+    feet = [_entry(p, q, load) for p, q, load in zip(before, after, loads, strict=True) if load]
     scale = max((abs(dx) + abs(dy) for dx, dy, *_ in feet), default=0.0)
-    if scale == 0.0 and not yaw:
-        return Step(0.0, 0.0, 0.0, 0.0)
-    least = (HOLDS * (scale + abs(yaw or 0.0))) ** 2
-    x = y = turn = 0.0
-    weights = [load for *_, load in feet]
-    for _ in range(1 if hops else ITERATIONS):
+    if coasting is None:
+        if scale == 0.0:
+            return Step(0.0, 0.0, 0.0, 0.0)
+        x, y, turn = _balanced(feet, [load for *_, load in feet], yaw)
+        least = (HOLDS * scale) ** 2
+        body: list[tuple[float, ...]] = []
+        spin = (0.0, 0.0)
+    else:
+        dx, dy, jx, jy, weight = _entry(coasting.before, coasting.after, coasting.weight)
+        free = (dx - coasting.way[0], dy - coasting.way[1], jx, jy, weight)
+        turn = coasting.turn if yaw is None else yaw
+        x, y = -free[0] - turn * jx, -free[1] - turn * jy
+        least = coasting.creep**2
+        scale += abs(x) + abs(y)
+        body, spin = [free], (weight * coasting.gyration**2, coasting.turn)
+    for _ in range(ITERATIONS):
         last = x, y, turn
-        x, y, turn = _balanced(feet, weights, yaw)
-        # A turn moves feet by about as much as they are metres away.
-        if max(abs(x - last[0]), abs(y - last[1]), abs(turn - last[2])) < CHANGE * scale:
-            break
         weights = [
             load / sqrt((dx + x + turn * jx) ** 2 + (dy + y + turn * jy) ** 2 + least)
             for dx, dy, jx, jy, load in feet
         ]
+        # What coasts is drawn to its way by a spring, whose weight is the same everywhere.
+        x, y, turn = _balanced(feet + body, weights + [free[4] for free in body], yaw, spin)
+        # A turn moves feet by about as much as they are metres away.
+        if max(abs(x - last[0]), abs(y - last[1]), abs(turn - last[2])) < CHANGE * scale:
+            break
     slid = sum(
         load * sqrt((dx + x + turn * jx) ** 2 + (dy + y + turn * jy) ** 2)
         for dx, dy, jx, jy, load in feet
@@ -148,10 +178,19 @@ def step(
     return Step(x, y, turn, slid)
 
 
+def _entry(before: Flat, after: Flat, weight: float) -> tuple[float, ...]:
+    """Return what a point moves by, and by how much more for each rad, to first order."""
+    (px, py), (qx, qy) = before, after
+    return qx - px, qy - py, -(py + qy) / 2.0, (px + qx) / 2.0, weight
+
+
 def _balanced(
-    feet: Sequence[tuple[float, ...]], weights: Sequence[float], yaw: float | None
+    feet: Sequence[tuple[float, ...]],
+    weights: Sequence[float],
+    yaw: float | None,
+    spin: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[float, float, float]:
-    """Return the weighted least squares of d + psi J g = -(g' - g)."""
+    """Return the weighted least squares of d + psi J g = -(g' - g), and psi = `spin`."""
     whole = sx = sy = sjx = sjy = 0.0
     for (dx, dy, jx, jy, _), w in zip(feet, weights, strict=True):
         whole += w
@@ -161,7 +200,8 @@ def _balanced(
         sjy += w * jy
     sx, sy, sjx, sjy = sx / whole, sy / whole, sjx / whole, sjy / whole
     if yaw is None:
-        above = below = 0.0
+        below = spin[0]
+        above = spin[0] * spin[1]
         for (dx, dy, jx, jy, _), w in zip(feet, weights, strict=True):
             cx, cy = jx - sjx, jy - sjy
             above -= w * (cx * (dx + sx) + cy * (dy + sy))

@@ -1,16 +1,17 @@
 """
 On which feet a body rests, and how it lies on them.
 
-A body that may tilt comes to rest on the facet of its feet's convex hull that is below its centre
-of mass. With feet f and a centre c, and all triples of feet whose triangles contain c, seen from
-above,
+A body that may tilt rests on a facet of its feet's convex hull, three feet a, b, c with no foot
+below their plane, if its centre of mass is above them: the point of the plane below it, along the
+plane's normal, is
 
-    c_xy = sum l_i f_i,xy,   sum l_i = 1,   l_i >= 0,
+    sum l_i f_i,   sum l_i = 1,   l_i >= 0,
 
-that facet is the triple whose plane is the lowest below c, min sum l_i f_i,z: by duality it is the
-only plane that touches a triple and has no foot below it. The l_i are the parts of the weight that
-its feet carry. Where more feet touch the plane, all are taken as equally stiff: among all loads
-that balance, theirs is the least sum of squares.
+and the l_i are the parts of the weight that these feet carry. There may be more than one such
+facet, as there is for a chair that can be tilted back: the body stays on the one that it is on
+while that holds, and comes to rest on the one on which its centre of mass is the lowest. Where
+more feet touch the plane, all are taken as equally stiff: among all loads that balance, theirs is
+the least sum of squares.
 
 One pose after the other is computed, in plain numbers: at six feet arrays would cost a hundred
 times what they hold.
@@ -106,27 +107,17 @@ def support(feet: Sequence[Point], centre: Point, guess: Triple | None = None) -
     centre : (float, float, float)
         Its centre of mass [m].
     guess : (int, int, int), optional
-        The feet that it rested on before; are they so still, no others are looked at.
+        The feet that it rested on before; it does so still where it can.
 
     """
     if guess is not None:
-        loads = _loads(feet, centre, guess)
-        if loads is not None:
-            found = _on(feet, centre, guess, loads)
-            if _is_lowest(feet, found):
-                return _shared(feet, centre, found)
-    rests = []
-    for triple in _triples(len(feet)):
-        loads = _loads(feet, centre, triple)
-        if loads is not None:
-            level = sum(share * feet[i][2] for share, i in zip(loads, triple, strict=True))
-            rests.append((level, triple, loads))
-    least = min((level for level, *_ in rests), default=0.0) + BELOW
-    lowest = [_on(feet, centre, triple, loads) for level, triple, loads in rests if level <= least]
-    # On an edge any third foot will do, but for the plane that it is to touch.
-    first = lowest[0] if lowest else None
-    rest = next((each for each in lowest if _is_lowest(feet, each)), first)
-    return rest and _shared(feet, centre, rest)
+        found = _on(feet, centre, guess)
+        if found and _is_lowest(feet, found):
+            return _shared(feet, centre, found)
+    rests = [_on(feet, centre, triple) for triple in _triples(len(feet))]
+    lowest = [found for found in rests if found and _is_lowest(feet, found)]
+    found = min(lowest, key=lambda each: each.height + _dot(each.normal, centre), default=None)
+    return found and _shared(feet, centre, found)
 
 
 @cache
@@ -150,21 +141,35 @@ def _loads(
     return (a, b, c) if min(a, b, c) >= -ROUNDING else None
 
 
-def _on(
-    feet: Sequence[Point], centre: Point, triple: Triple, loads: tuple[float, float, float]
-) -> Support:
-    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (feet[i] for i in triple)
+def _on(feet: Sequence[Point], centre: Point, triple: Triple) -> Support | None:
+    """Return how it rests on three feet; None where its centre is not above them."""
+    corners = [feet[i] for i in triple]
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners
     ux, uy, uz = bx - ax, by - ay, bz - az
     vx, vy, vz = cx - ax, cy - ay, cz - az
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     size = sqrt(nx * nx + ny * ny + nz * nz)
+    if abs(nz) <= FLAT * (ux * ux + uy * uy + vx * vx + vy * vy):
+        return None
     if nz < 0.0:
         size = -size
     normal = (nx / size, ny / size, nz / size)
-    height = -(normal[0] * ax + normal[1] * ay + normal[2] * az)
-    corners = [feet[i] for i in triple]
+    height = -_dot(normal, corners[0])
+    loads = _loads(feet, _below(centre, normal, height), triple)
+    if loads is None:
+        return None
     margin = min(_from_edge(corners[i], corners[i - 1], centre, normal) for i in range(3))
     return Support(triple, loads, triple, normal, height, margin)
+
+
+def _dot(a: Point, b: Point) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _below(centre: Point, normal: Point, height: float) -> Point:
+    """Return the point of the ground below a centre, which is where its weight acts."""
+    above = height + _dot(normal, centre)
+    return tuple(c - above * n for c, n in zip(centre, normal, strict=True))
 
 
 def _shared(feet: Sequence[Point], centre: Point, found: Support) -> Support:
@@ -175,8 +180,9 @@ def _shared(feet: Sequence[Point], centre: Point, found: Support) -> Support:
     if len(touch) == 3:
         return found
     margin = max(found.margin, _from_hull([feet[i] for i in touch], centre, found.normal))
+    ground = _below(centre, found.normal, found.height)
     while len(touch) > 3:
-        loads = _least_loads([feet[i] for i in touch], centre)
+        loads = _least_loads([feet[i] for i in touch], ground)
         if loads is None:
             break
         if min(loads) >= 0.0:
@@ -194,7 +200,7 @@ def _least_loads(feet: Sequence[Point], centre: Point) -> list[float] | None:
     # The first two moments vanish, and the loads sum up to 1.
     a, b, c = xy * sy - yy * sx, xy * sx - xx * sy, xx * yy - xy * xy
     whole = a * sx + b * sy + c * k
-    if abs(whole) < FLAT * (xx + yy) ** 2:
+    if abs(whole) <= FLAT * (xx + yy) ** 2:
         return None
     return [(a * x + b * y + c) / whole for x, y in at]
 

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from math import nan
 
 from .controller import Level, Settings, WalkController
-from .odometry import Errors, ImuReading, Odometer, Odometry
+from .imu import ImuReading
+from .odometry import Errors, Odometer, Odometry
 from .steering import Steering
 
 
@@ -48,6 +49,7 @@ class Walker:
         self._imu_timeout = imu_timeout
         self._imu_at: float | None = None
         self._jumps = 0
+        self._at: float | None = None
 
     def imu(self, reading: ImuReading, now: float, variance: float = 0.0) -> None:
         """Take what an IMU on base_link says."""
@@ -70,7 +72,9 @@ class Walker:
         if jumps != self._jumps:
             self._jumps = jumps
             self.odometry.jump()
-        return self.odometry.update(controller.positions, controller.velocities)
+        seconds = 0.0 if self._at is None else now - self._at
+        self._at = now
+        return self.odometry.update(controller.positions, controller.velocities, seconds)
 
     def verdict(self, now: float) -> tuple[Level, str]:
         """Return how it is, and the most important thing to say."""

@@ -7,8 +7,9 @@ from hypothesis import given, settings, strategies as st
 from klann_ros.kinematics import linkage_poses
 from klann_ros.robot import Robot, robot_of
 from klann_ros.walking import Feet, NoWalkerError, walk_figures, WalkFigures
-from klann_ros.walking.slip import step
-from klann_ros.walking.support import levelled, support
+from klann_ros.walking.momentum import Momentum
+from klann_ros.walking.slip import Standing, step
+from klann_ros.walking.support import levelled, Support, support
 import numpy as np
 import pytest
 
@@ -92,9 +93,44 @@ def test_no_foot_is_below_the_plane_that_a_body_rests_on(
     assert np.abs(heights[list(rest.feet)]).max() < 2e-6
     assert sum(rest.loads) == pytest.approx(1.0)
     assert rest.margin >= 0.0
-    # What carries is around the centre.
-    carried = np.array(rest.loads) @ np.array(feet)[list(rest.feet), :2]
-    assert carried == pytest.approx([0.0, 0.0], abs=1e-9)
+    # What carries is around what is below the centre.
+    carried = np.array(rest.loads) @ np.array(feet)[list(rest.feet)]
+    assert np.cross((0.0, 0.0, 0.5) - carried, rest.normal) == pytest.approx([0.0] * 3, abs=2e-6)
+
+
+def test_a_body_stays_on_the_feet_that_hold_it_until_it_has_to_tip() -> None:
+    # A foot at each end, and two in the middle that are lower: it leans forwards or back.
+    feet = [(1.0, 0.0, -0.2), (0.0, 0.3, -0.3), (0.0, -0.3, -0.3), (-1.0, 0.0, -0.2)]
+    forwards, back = (0, 1, 2), (1, 2, 3)
+    for x, expected in ((0.01, forwards), (-0.01, back)):
+        rest = support(feet, (x, 0.0, 0.0))
+        assert rest is not None
+        assert rest.triple == expected
+    held = support(feet, (-0.01, 0.0, 0.0), forwards)
+    assert held is not None
+    assert held.triple == forwards
+    tipped = support(feet, (-0.05, 0.0, 0.0), forwards)
+    assert tipped is not None
+    assert tipped.triple == back
+
+
+def test_a_body_that_no_foot_holds_goes_on_as_fast_as_it_went() -> None:
+    # Two feet carry it at 0.1 m/s; then they are dragged against each other, and leave it so.
+    rest = Support((0, 1, 2), (0.5, 0.5, 0.0), (0, 1, 2), (0.0, 0.0, 1.0), 0.3, 0.0)
+
+    def pose(k: int, dragged: float) -> Standing:
+        x, y = -0.001 * min(k, 20), dragged * max(k - 20, 0)
+        return Standing(rest, [(1.0 + x, y), (x - 1.0, -y), (0.0, 1.0)])
+
+    for dragged, goes_on in ((0.01, True), (0.0, False)):
+        momentum = Momentum(0.4)
+        ways = [
+            momentum.step(pose(k, dragged), pose(k + 1, dragged), 0.4, 0.01, 0.0)
+            for k in range(30)
+        ]
+        assert ways[19].x == pytest.approx(0.001, rel=0.01)
+        assert (ways[25].x > 0.0005) == goes_on
+        assert max(abs(way.y) for way in ways) < 5e-4
 
 
 def test_four_feet_that_touch_share_the_weight() -> None:
