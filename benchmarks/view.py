@@ -4,6 +4,7 @@ What the live page costs, and how quick it is.
 First its server: a solver answers 1000 cranks a second while view_node shows it to one page, and
 to one page and 99 that read nothing, in turn; what counts is the ratio within a round. Then the
 page, in a Chromium without a screen, where there is one: how soon, how often, how late it draws.
+On request (`soak`) ten minutes with 99 pages that read nothing: whether memory stays as it is.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,6 +23,8 @@ from support.node_under_test import NodeUnderTest, SOLVER
 
 ROUNDS, SECONDS, RATE = 5, 3.0, 1000.0
 STALLED, SETTLED = 99, 2.5
+# Of ten minutes, in which the solver answers a quarter of the time [s].
+SOAK, SOAK_REST = 600.0, 9.0
 # The aims.
 MOST_P99, MOST_CPU, MOST_MEGABYTES = 1.05, 1.1, 1.0
 MOST_START, LEAST_FRAMES, MOST_SLIDER, MOST_STOP = 3.0, 50.0, 50.0, 0.5
@@ -161,6 +164,31 @@ def server() -> bool:
     )
 
 
+def soak() -> bool:
+    """Let 99 pages stand still for ten minutes; return whether the memory does, too."""
+    node = NodeUnderTest(SOLVER)
+    sizes, lost = [], 0
+    try:
+        with viewing() as (pid, url), process(PAGE, url):
+            pages = [stalled(url) for _ in range(STALLED)]
+            end = time.monotonic() + SOAK
+            while time.monotonic() < end:
+                lost += node.measure(RATE, SECONDS).lost
+                time.sleep(SOAK_REST)
+                sizes.append(memory(pid))
+            for page in pages:
+                page.close()
+    finally:
+        node.stop()
+    quarter = len(sizes) // 4
+    first, last = median(sizes[quarter : 2 * quarter]), median(sizes[-quarter:])
+    print(f'{len(sizes)} looks in {SOAK:g} s: {min(sizes):.2f} .. {max(sizes):.2f} MB')
+    return all_met(
+        ('answers lost', lost, 0, ''),
+        ('memory grown from the second quarter to the last', last - first, MOST_MEGABYTES, ' MB'),
+    )
+
+
 def in_browser(browser: Any) -> bool:
     """Measure the page; return whether the aims are met."""
     with process(SOLVER[-1]):
@@ -243,6 +271,6 @@ def page() -> bool:
 
 
 if __name__ == '__main__':
-    parts = {'server': server, 'page': page}
-    wanted = sys.argv[1:] or list(parts)
+    parts = {'server': server, 'page': page, 'soak': soak}
+    wanted = sys.argv[1:] or ['server', 'page']
     sys.exit(0 if all(parts[name]() for name in wanted) else 1)

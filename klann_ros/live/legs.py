@@ -5,11 +5,13 @@ from dataclasses import dataclass, field
 from math import isfinite, pi
 from typing import Any
 
-from klann_ros.kinematics import AnyLeg, Linkage, linkage_poses
+from klann_ros.kinematics import AnyLeg, KlannGeometry, KlannLeg, Linkage, linkage_poses
 from klann_ros.kinematics.klann.geometry import BENDS, NUMBERS
+from klann_ros.kinematics.klann.leg import JOINTS
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER, SolverParameters
 from klann_ros.page.shape import leg_shape
 from klann_ros.review.loading.solvers import leg_solvers, parent
+from klann_ros.review.model.recording import LegSolver
 from klann_ros.untrusted.text import printable
 import numpy as np
 
@@ -20,6 +22,12 @@ _POSES = 240
 _UPRIGHT = (pi / 2, 0.0, 0.0)
 # Digits beyond a tenth of a micrometre draw nothing.
 _DIGITS = 7
+_ASSUMED = 'It tells no lengths: the leg is drawn with those of SEM 104, which may not be its own.'
+_UNKNOWN = 'It tells no lengths, and its joints are not those of a Klann leg: it is not drawn.'
+_CHANGED = (
+    'Its lengths were changed while it was recorded: the leg is drawn with the last ones, which '
+    'are not its own before that.'
+)
 # The last answers: all legs of a walker have one linkage.
 _shapes: list[tuple[Linkage, dict[str, Any]]] = []
 _MOST_SHAPES = 32
@@ -74,6 +82,9 @@ class Solver:
     legs: tuple[LiveLeg, ...]
     # Parameters that are lengths or bends, as they are [m], [rad], and the two signs.
     lengths: Mapping[str, float | list[int]] = field(default_factory=dict)
+    # What it does with them, and what is to be known of that.
+    does: str = 'solved by'
+    note: str = ''
 
     @property
     def settable(self) -> frozenset[str]:
@@ -85,6 +96,8 @@ class Solver:
         return {
             'node': printable(self.node, 100),
             'legs': [leg.as_data() for leg in self.legs],
+            'does': self.does,
+            'note': self.note,
             'lengths': [
                 {'name': name, 'value': value, 'unit': unit_of(name), 'leg': leg_of(name)}
                 for name, value in self.lengths.items()
@@ -105,21 +118,66 @@ def leg_of(name: str) -> str:
 
 def solver_of(told: SolverParameters) -> Solver:
     """Return what a solver's parameters tell: anybody's, so they may be anything."""
-    parameters = told.parameters
-    found = leg_solvers([told], parent(told.node))
-    legs = tuple(
-        LiveLeg(
-            name,
-            solver.leg,
-            float(solver.direction) or 1.0,
-            float(solver.phase),
-            str(parameters.get(f'{name}.crank_joint') or solver.crank_joint)[:200],
-            _triple(parameters.get(f'{name}.mount_xyz')) if name else None,
-            (_triple(parameters.get(f'{name}.mount_rpy')) if name else None) or _UPRIGHT,
-        )
-        for name, solver in list(found.items())[:MOST_LEGS]
+    legs = _legs([told], parent(told.node))
+    return Solver(told.node, legs, _lengths(told.parameters, [leg.name for leg in legs]))
+
+
+def replayed_solver(node: str, topic: str, records: Sequence[SolverParameters]) -> Solver:
+    """
+    Return what a player tells of the legs on a topic that it plays.
+
+    Parameters
+    ----------
+    node, topic : str
+        The player's full name, and the topic's, which is below the player's namespace.
+    records : sequence of SolverParameters
+        What its run tells, in the order of time, at least one.
+
+    """
+    namespace = parent(topic.removeprefix(parent(node)))
+    has_changed = any(solver.leg_time for solver in leg_solvers(records, namespace).values())
+    return Solver(
+        node,
+        _legs(records, namespace),
+        does='replayed by',
+        note=_CHANGED if has_changed else '',
     )
-    return Solver(told.node, legs, _lengths(parameters, [leg.name for leg in legs]))
+
+
+def assumed_solver(node: str, names: Sequence[str]) -> Solver:
+    """Return the Klann legs whose joints a node publishes without telling their lengths."""
+    prefixes: dict[str, set[str]] = {}
+    for name in names:
+        prefix, _, joint = name.rpartition('/')
+        prefixes.setdefault(prefix, set()).add(joint)
+    legs = [prefix for prefix, joints in prefixes.items() if joints >= set(JOINTS)]
+    leg = KlannLeg(KlannGeometry.sem104())
+    return Solver(
+        node,
+        tuple(LiveLeg(name, leg) for name in legs[:MOST_LEGS]),
+        does='published by',
+        note=_ASSUMED if legs else _UNKNOWN,
+    )
+
+
+def _legs(records: Sequence[SolverParameters], namespace: str) -> tuple[LiveLeg, ...]:
+    parameters = {record.node: record.parameters for record in records}
+    return tuple(
+        _leg(name, solver, parameters[solver.nodes[-1]])
+        for name, solver in list(leg_solvers(records, namespace).items())[:MOST_LEGS]
+    )
+
+
+def _leg(name: str, solver: LegSolver, parameters: Mapping[str, Any]) -> LiveLeg:
+    return LiveLeg(
+        name,
+        solver.leg,
+        float(solver.direction) or 1.0,
+        float(solver.phase),
+        str(parameters.get(f'{name}.crank_joint') or solver.crank_joint)[:200],
+        _triple(parameters.get(f'{name}.mount_xyz')) if name else None,
+        (_triple(parameters.get(f'{name}.mount_rpy')) if name else None) or _UPRIGHT,
+    )
 
 
 def _lengths(parameters: Mapping[str, Any], legs: Sequence[str]) -> dict[str, float | list[int]]:

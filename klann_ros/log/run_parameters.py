@@ -1,6 +1,7 @@
 """What a run says about itself in metadata records: solvers, pauses, losses and their causes."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 import json
 from typing import Any
@@ -16,6 +17,9 @@ FINDING_RECORD = 'klann_ros.finding'
 EVENT_RECORD = 'klann_ros.event'
 # The solver's parameter that holds the text of its linkage's file; empty for a Klann leg.
 LINKAGE_PARAMETER = 'linkage_description'
+# The player's parameter that holds the records of a run's solvers, and how many of them at most.
+REPLAYED_PARAMETER = 'recorded_solvers'
+MOST_REPLAYED = 64
 # What a garbled record ends in: numbers may be infinite, and lists in lists without end.
 _GARBLED = (AttributeError, KeyError, OverflowError, RecursionError, TypeError, ValueError)
 
@@ -45,6 +49,29 @@ def solver_parameters(record: Mapping[str, str]) -> SolverParameters:
         return SolverParameters(record['node'], int(record['time']), parameters)
     except _GARBLED:
         raise ValueError(f'not a record of a solver: {printable(dict(record))}') from None
+
+
+def replayed_text(records: Sequence[Mapping[str, str]]) -> str:
+    """Return what a player tells of a run's solvers, the last ones, as JSON."""
+    found = []
+    for record in records[-MOST_REPLAYED:]:
+        with suppress(ValueError):
+            found.append(solver_record(solver_parameters(record)))
+    return json.dumps(found)
+
+
+def replayed_solvers(text: str) -> list[SolverParameters]:
+    """Return what a player tells of a run's solvers, in the order of time: anybody's text."""
+    try:
+        records = json.loads(text)
+    except (RecursionError, ValueError):
+        return []
+    found = []
+    known = records[:MOST_REPLAYED] if isinstance(records, list) else []
+    for record in (one for one in known if isinstance(one, dict)):
+        with suppress(ValueError):
+            found.append(solver_parameters(record))
+    return sorted(found, key=lambda solver: solver.time)
 
 
 @dataclass(frozen=True)

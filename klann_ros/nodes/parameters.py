@@ -98,7 +98,7 @@ def declare(node: Node, parameters: Sequence[Declaration]) -> dict[str, Any]:
     return {parameter.name: _declare(node, parameter) for parameter in parameters}
 
 
-def declare_constant(node: Node, name: str, value: str, description: str) -> None:
+def declare_constant(node: Node, name: str, value: Any, description: str) -> None:
     """Declare what a node tells of itself and nobody else may set."""
     descriptor = ParameterDescriptor(description=description, read_only=True)
     node.declare_parameter(name, value, descriptor, ignore_override=True)

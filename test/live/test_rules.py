@@ -3,11 +3,22 @@
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.live.drive import crank_at, CrankDrive, DriveError, PATIENCE, WalkDrive
 from klann_ros.live.guard import ForbiddenError, Guard, new_token
-from klann_ros.live.legs import drawn_shape, positions, solver_of
+from klann_ros.live.legs import (
+    assumed_solver,
+    drawn_shape,
+    positions,
+    replayed_solver,
+    solver_of,
+)
 from klann_ros.live.protocol import parsed, RateLimit, Wish
 from klann_ros.live.rates import TopicFigures
 from klann_ros.live.words import plain_status, recorded
-from klann_ros.log.run_parameters import SolverParameters
+from klann_ros.log.run_parameters import (
+    replayed_solvers,
+    replayed_text,
+    solver_record,
+    SolverParameters,
+)
 import numpy as np
 import pytest
 
@@ -161,6 +172,47 @@ def test_a_leg_is_known_by_its_solver() -> None:
 def test_parameters_of_strangers_are_no_leg_and_no_fault(parameters: dict[str, object]) -> None:
     solver = solver_of(SolverParameters('/x', 0, parameters))
     assert all(leg.as_data()['shape'] is None for leg in solver.legs)
+
+
+def test_a_player_tells_the_legs_of_its_run_by_their_namespaces() -> None:
+    """The last lengths hold, and that there were others is said."""
+
+    def told(node: str, time: int, **lengths: float) -> SolverParameters:
+        geometry = {**KlannGeometry.sem104().as_dict(), 'assembly': [1, 1], **lengths}
+        return SolverParameters(node, time, geometry)
+
+    records = [
+        told('/left/solver_node', 1, l_gh=0.5),
+        told('/solver_node', 2, l_gh=0.6),
+        told('/solver_node', 3, l_gh=0.7),
+    ]
+    text = replayed_text([solver_record(record) for record in records] + [{'no': 'record'}])
+    read = replayed_solvers(text)
+    assert read == records
+    for topic, length, is_changed in (
+        ('/again/left/joint_states', 0.5, False),
+        ('/again/joint_states', 0.7, True),
+    ):
+        solver = replayed_solver('/again/player_node', topic, read)
+        (leg,) = solver.legs
+        assert isinstance(leg.leg, KlannLeg)
+        assert leg.leg.geometry.l_gh == length
+        assert solver.lengths == {}
+        assert ('were changed while it was recorded' in solver.note) is is_changed
+
+
+@pytest.mark.parametrize('text', ['', '7', '{}', '[7, {}, []]', '[' * 10000, 'null', '"x"'])
+def test_what_is_no_record_of_a_player_is_no_leg(text: str) -> None:
+    assert replayed_solvers(text) == []
+
+
+def test_a_node_that_tells_nothing_is_a_klann_leg_or_is_not_drawn() -> None:
+    assumed = assumed_solver('/other', [f'left/{name}' for name in KlannLeg().joint_names])
+    assert [leg.name for leg in assumed.legs] == ['left']
+    assert 'SEM 104' in assumed.note
+    unknown = assumed_solver('/other', ['wheel'])
+    assert not unknown.legs
+    assert 'not drawn' in unknown.note
 
 
 def test_a_box_holds_all_that_a_leg_reaches() -> None:

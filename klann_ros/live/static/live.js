@@ -57,11 +57,12 @@ class Live {
     const rate = this.drawn.filter((time) => time > performance.now() - 1000).length;
     const hasPose = this.legs.some((_, i) => this.tracks[i].age < OLD);
     const state = !this.isThere ? 'bad' : hasPose && rate ? 'good' : 'still';
+    const notes = this.solvers.map((solver) => solver.note && `${solver.node}: ${solver.note}`).join(' ');
     const titles = { bad: 'No connection', good: 'Live', still: 'Nothing moves' };
     const texts = {
       bad: this.why || 'Is view_node running? Started anew, it has a new address.',
       good: `${rate} frames a second${this.may ? '' : ', looking only'}`,
-      still: this.legs.length ? 'No new poses.' : 'No leg publishes yet.',
+      still: this.legs.length ? 'No new poses.' : notes || 'No leg publishes yet.',
     };
     byId('state').className = `verdict ${state}`;
     byId('state-title').textContent = titles[state];
@@ -93,7 +94,7 @@ class Live {
     for (const solver of solvers) {
       solver.numbers.forEach((number, i) => {
         const leg = { ...solver.legs[i], solver };
-        leg.key = `${solver.node} ${leg.name}`;
+        leg.key = `${solver.node} ${solver.topics} ${leg.name}`;
         leg.text = JSON.stringify([leg.shape, leg.mount]);
         leg.title = leg.name || (solvers.length > 1 ? solver.node : 'Leg');
         this.legs[number] = leg;
@@ -144,12 +145,13 @@ class Live {
     this.leg = this.legs.find((leg) => leg.key === key);
     const { leg } = this;
     this.picture = new LegPicture(byId('picture'), leg);
+    this.picture.show(this.trackOf(leg));
     this.history = new History(byId('charts'), leg);
     this.lengths.tell(leg.solver, leg);
     for (const tile of this.tiles) tile.button.setAttribute('aria-pressed', String(tile.leg.key === key));
     const count = this.legs.length;
     byId('title').textContent = count === 1 ? leg.name || leg.kind : titleOf(this.legs);
-    byId('subtitle').textContent = `${leg.kind}, solved by ${leg.solver.node} on ${leg.solver.topics.join(', ')}`;
+    byId('subtitle').textContent = `${leg.kind}, ${leg.solver.does} ${leg.solver.node} on ${leg.solver.topics.join(', ')}`;
     const note = byId('picture-note');
     note.hidden = !leg.solver.note;
     note.textContent = leg.solver.note;

@@ -18,6 +18,7 @@ class LegPicture {
     this.trail = this.drawing.add('path', 'trail');
     this.bodies = new DrawnLeg(this.drawing, shape, { hasLetters: !small });
     this.bodies.show(null);
+    delete svg.dataset.x;
   }
 
   show(track) {

@@ -11,7 +11,8 @@ from klann_ros.log.errors import LogError
 from klann_ros.log.playing.playback import length, Playback, Selection
 from klann_ros.log.reader import Log, open_log
 from klann_ros.log.records import Topic
-from klann_ros.nodes.parameters import declare
+from klann_ros.log.run_parameters import REPLAYED_PARAMETER, replayed_text, SOLVER_RECORD
+from klann_ros.nodes.parameters import declare, declare_constant
 from klann_ros.nodes.process import arguments, command_line, Finish, ProcessNode, run
 from klann_ros.stop_signals import StopSignals
 from klann_ros.untrusted.text import listed, printable, printable_line
@@ -77,6 +78,16 @@ class PlayerNode(ProcessNode):
         end = min(length(log), options.start_offset + options.duration)
         parameters = declarations(options.rate, options.start_offset, end)
         values = declare(self, parameters)
+        declare_constant(
+            self, 'length', float(end), "where playing ends, from the log's start [s]"
+        )
+        # Who shows the legs that are played has to know their lengths.
+        declare_constant(
+            self,
+            REPLAYED_PARAMETER,
+            replayed_text(log.metadata.get(SOLVER_RECORD, [])),
+            "what the log tells of its solvers' parameters [JSON]",
+        )
         self._topics = PlayedTopics(self, _selected_topics(log, options), dict(options.remap))
         self._playback = Playback(
             log,

@@ -1,7 +1,7 @@
 """The parameters of the solvers that a recording hears: a log must explain itself."""
 
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from time import monotonic, time_ns
 from typing import Any
@@ -74,6 +74,8 @@ class SolverWatch:
     on_parameters : callable
         Is given a solver's parameters when they are others than before; a node without a leg's
         geometry is none.
+    others : collection of str
+        Whoever has a parameter of such a name is asked for its parameters as well.
 
     Attributes
     ----------
@@ -82,8 +84,14 @@ class SolverWatch:
 
     """
 
-    def __init__(self, node: Node, on_parameters: Callable[[SolverParameters], None]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        on_parameters: Callable[[SolverParameters], None],
+        others: Collection[str] = (),
+    ) -> None:
         self.unanswered: set[str] = set()
+        self._others = frozenset(others)
         self._node = node
         self._on_parameters = on_parameters
         self._questions: dict[str, _Question] = {}
@@ -130,7 +138,7 @@ class SolverWatch:
 
     def _on_names(self, name: str, future: Future) -> None:
         names = list(future.result().result.names)
-        if set(GEOMETRY_NAMES) <= set(names):
+        if set(GEOMETRY_NAMES) <= set(names) or self._others & set(names):
             question = self._questions[name]
             answer = partial(self._on_values, name, names)
             question.send(question.values, GetParameters.Request(names=names), answer)

@@ -10,11 +10,7 @@ from typing import Any
 from klann_ros.live.clients import Answer
 from klann_ros.untrusted.text import printable
 from rcl_interfaces.msg import Parameter as ParameterMessage  # noqa: TC002 - a message
-from rcl_interfaces.srv import (
-    DescribeParameters,
-    GetParameters,
-    SetParametersAtomically,
-)
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -110,17 +106,6 @@ class Errands:
 
         request = GetParameters.Request(names=[name])
         self._call(GetParameters, f'{node}/get_parameters', request, done, _nobody)
-
-    def get_limit(self, node: str, name: str, tell: Callable[[float], object]) -> None:
-        """Ask a node how large a parameter may be."""
-
-        def done(response: Any) -> None:
-            for descriptor in response.descriptors[:1]:
-                for limits in descriptor.floating_point_range[:1]:
-                    tell(float(limits.to_value))
-
-        request = DescribeParameters.Request(names=[name])
-        self._call(DescribeParameters, f'{node}/describe_parameters', request, done, _nobody)
 
     def _run(self) -> None:
         while True:

@@ -95,7 +95,8 @@ class Graph:
         found = []
         for node, names in sorted(offered.items()):
             kind = 'recorder' if names >= _RECORDER else 'player' if names >= _PLAYER else ''
-            if kind and node:
+            # A service is known as long as somebody would call it, as this node itself does.
+            if kind and node and self._node.count_services(f'{node}/pause') > 0:
                 services = tuple(name for name in BUTTONS[kind] if name in names)
                 found.append(Machine(kind, node, services))
         return found[:MOST_MACHINES]

@@ -8,14 +8,24 @@ from threading import Lock
 from time import monotonic
 from typing import Any
 
-from klann_ros.kinematics import KlannGeometry, KlannLeg
-from klann_ros.kinematics.klann.leg import JOINTS
 from klann_ros.live.clients import Answer
 from klann_ros.live.drive import crank_at
-from klann_ros.live.legs import LiveLeg, MOST_LEGS, positions, Solver, solver_of
+from klann_ros.live.legs import (
+    assumed_solver,
+    LiveLeg,
+    MOST_LEGS,
+    positions,
+    replayed_solver,
+    Solver,
+    solver_of,
+)
 from klann_ros.live.protocol import Wish
 from klann_ros.live.words import plain_status, PlainStatus, recorded
-from klann_ros.log.run_parameters import SolverParameters
+from klann_ros.log.run_parameters import (
+    REPLAYED_PARAMETER,
+    replayed_solvers,
+    SolverParameters,
+)
 from klann_ros.nodes.recorder.solver_watch import SolverWatch
 from klann_ros.untrusted.text import printable
 from rclpy.clock import Clock, ClockType
@@ -41,6 +51,7 @@ class _Shown:
     """A leg on the page: where its poses are found."""
 
     topic: str
+    # Its key: the node's name, and where it plays several topics, the topic.
     solver: str
     leg: LiveLeg
 
@@ -66,13 +77,14 @@ class LiveWorld:
         self._parts: dict[str, tuple[int, str]] = {}
         self._shown: list[_Shown] = []
         self._solvers: dict[str, Solver] = {}
+        self._replays: dict[str, list[SolverParameters]] = {}
         self._crank_topics: Mapping[str, list[str]] = {}
         self._machines: list[Machine] = []
         self._told: dict[str, dict[str, float]] = {}
         self._graph = Graph(node)
         self._errands = Errands(node)
         self._ears = Ears(node, self._bump)
-        self._watch = SolverWatch(node, self._on_parameters)
+        self._watch = SolverWatch(node, self._on_parameters, [REPLAYED_PARAMETER])
         self._drives = None if read_only else Drives(node, self._errands, self._on_drives)
         self._began = monotonic()
         self._timer = node.create_timer(
@@ -207,7 +219,11 @@ class LiveWorld:
             self._bump()
 
     def _on_parameters(self, told: SolverParameters) -> None:
-        self._solvers = {**self._solvers, told.node: solver_of(told)}
+        text = told.parameters.get(REPLAYED_PARAMETER)
+        if isinstance(text, str):
+            self._replays[told.node] = replayed_solvers(text)
+        else:
+            self._solvers = {**self._solvers, told.node: solver_of(told)}
         self._look_at_legs()
 
     def _on_drives(self) -> None:
@@ -231,38 +247,38 @@ class LiveWorld:
     def _look_at_legs(self) -> None:
         shown: list[_Shown] = []
         solvers: dict[str, Solver] = {}
-        notes: dict[str, str] = {}
         for topic in self._ears.of_kind(JOINT_STATE):
-            nodes = self._graph.names_of_publishers(topic.name)
-            known = {node: self._solvers[node] for node in nodes if node in self._solvers}
-            for node in nodes:
-                if node in known or node in self._watch.unanswered:
-                    continue
-                assumed = _assumed(node, topic)
-                if assumed is not None:
-                    known[node] = assumed
-                    notes[node] = (
-                        'It tells no lengths: the leg is drawn with those of SEM 104, which may '
-                        'not be its own.'
-                    )
+            known = self._solvers_of(topic)
             solvers.update(known)
-            shown += [
-                _Shown(topic.name, node, leg) for node, of in known.items() for leg in of.legs
-            ]
+            shown += [_Shown(topic.name, key, leg) for key, of in known.items() for leg in of.legs]
         self._shown = shown[:MOST_LEGS]
         data = []
-        for node, solver in solvers.items():
-            own = [number for number, leg in enumerate(self._shown) if leg.solver == node]
+        for key, solver in solvers.items():
+            own = [number for number, leg in enumerate(self._shown) if leg.solver == key]
             data.append(
                 {
                     **solver.as_data(),
                     'topics': sorted({printable(self._shown[number].topic) for number in own}),
                     'numbers': own,
-                    'note': notes.get(node, ''),
-                    'cranks': self._crank_topics.get(node, []),
+                    'cranks': self._crank_topics.get(key, []),
                 }
             )
         self._tell('legs', data)
+
+    def _solvers_of(self, topic: HeardTopic) -> dict[str, Solver]:
+        """Return whose legs are on a topic, by their keys."""
+        found = {}
+        for node in self._graph.names_of_publishers(topic.name):
+            if node in self._solvers:
+                found[node] = self._solvers[node]
+            elif self._replays.get(node):
+                key = f'{node} {topic.name}'
+                found[key] = replayed_solver(node, topic.name, self._replays[node])
+            elif node not in self._watch.unanswered:
+                names = [name for _, message in topic.newest() for name in message.name[:200]]
+                if names:
+                    found[node] = assumed_solver(node, names)
+        return found
 
     def _look_at_drives(self, topics: Names) -> None:
         if self._drives is None:
@@ -318,8 +334,7 @@ class LiveWorld:
             return kept
 
         def ask() -> None:
-            self._errands.get_limit(node, 'position', keep('length'))
-            for name in ('position', 'rate'):
+            for name in ('length', 'position', 'rate'):
                 self._errands.get_number(node, name, keep(name))
 
         self._errands.put(ask)
@@ -370,20 +385,6 @@ def _newest_pose(
                 stamp = message.header.stamp
                 best = time, stamp.sec + stamp.nanosec / 1e9, x
     return best
-
-
-def _assumed(node: str, topic: HeardTopic) -> Solver | None:
-    """Return the Klann legs whose angles a node publishes without telling their lengths."""
-    prefixes: dict[str, set[str]] = {}
-    for _, message in topic.newest():
-        for name in message.name[:200]:
-            prefix, _, joint = name.rpartition('/')
-            prefixes.setdefault(prefix, set()).add(joint)
-    names = [prefix for prefix, joints in prefixes.items() if joints >= set(JOINTS)]
-    if not names:
-        return None
-    leg = KlannLeg(KlannGeometry.sem104())
-    return Solver(node, tuple(LiveLeg(name, leg) for name in names[:MOST_LEGS]))
 
 
 def _place(topic: HeardTopic) -> list[float] | None:

@@ -1,7 +1,6 @@
 """The live page in a real browser, before a real solver: it shows what is, and drives if asked."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 import socket
 from typing import Any
 
@@ -10,11 +9,12 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from domain import own_domain
 from geometry_msgs.msg import TwistStamped
 from klann_ros.kinematics import KlannGeometry, KlannLeg
+from live_browser import address, DRAWN, Live
 from made_up_world import EVIL
 import numpy as np
 import pytest
 from rcl_interfaces.srv import GetParameters
-from ros_world import Process, World, world
+from ros_world import World, world
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
@@ -24,48 +24,6 @@ if find() is None:
     pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
 
 NEAR = 1e-6
-# Where the points of a picture are, in metres of its plane, with what it was drawn from.
-DRAWN = """(svg) => ({
-    x: svg.dataset.x.split(' ').map(Number),
-    points: [...svg.querySelectorAll('[data-point]')].map((node) => {
-        const at = (name) => Number(node.getAttribute(name));
-        const [x, y] = node.tagName === 'circle' ? [at('cx'), at('cy')]
-            : [at('x') + at('width') / 2, at('y') + at('height') / 2];
-        const { left, top, scale } = svg.dataset;
-        return [Number(left) + x / scale, Number(top) - y / scale];
-    }),
-})"""
-
-
-@dataclass
-class Live:
-    """A domain with a solver and a live page in a browser."""
-
-    ros: World
-    url: str
-    page: Any
-    complaints: list[str] = field(default_factory=list)
-
-    def until(self, expression: str) -> None:
-        """Wait until something is so on the page; ROS goes on meanwhile."""
-        self.ros.probe.until(lambda: self.page.evaluate(expression))
-
-    def text(self, selector: str) -> str:
-        return str(self.page.locator(selector).text_content())
-
-    def drawn(self) -> tuple[list[float], np.ndarray]:
-        """Return the pose that is drawn, and where its points are [m]."""
-        found = self.page.eval_on_selector('#picture', DRAWN)
-        return found['x'], np.array(found['points'])
-
-    def press(self, selector: str) -> None:
-        self.page.locator(selector).click()
-
-
-def address(process: Process) -> str:
-    """Return what a view_node has printed."""
-    assert process.popen.stdout is not None
-    return str(process.popen.stdout.readline()).strip()
 
 
 @pytest.fixture(scope='module')
@@ -91,13 +49,9 @@ def turn(ros_of_all: World, url: str) -> Iterator[Callable[[float], None]]:
 
 @pytest.fixture
 def live(ros_of_all: World, url: str, browser: Any) -> Iterator[Live]:
-    page = browser.new_page(viewport={'width': 1280, 'height': 900})
-    made = Live(ros_of_all, url, page)
-    page.on('console', lambda said: made.complaints.append(said.text))
-    page.on('pageerror', lambda error: made.complaints.append(str(error)))
-    page.goto(url)
+    made = Live(ros_of_all, url, browser)
     yield made
-    page.close()
+    made.page.close()
 
 
 @pytest.fixture
