@@ -9,7 +9,9 @@ from typing import Any
 
 import aiohttp
 from alone import run_alone
-from made_up_world import Served
+from klann_ros.live.guard import Guard
+from klann_ros.live.server import LiveServer, ServerError
+from made_up_world import MadeUpWorld, Served
 import pytest
 
 TAKE = {'id': 1, 'do': 'take', 'what': 'crank:/crank_angle'}
@@ -347,3 +349,8 @@ def test_a_world_is_told_who_is_gone(served: Served) -> None:
             await asyncio.sleep(0.01)
 
     run(leave)
+
+
+def test_an_address_that_is_not_this_machines_is_refused_in_one_line() -> None:
+    with pytest.raises(ServerError, match=r'^cannot listen on 203\.0\.113\.1, port 0: .+$'):
+        LiveServer(Guard('203.0.113.1', 0, ''), MadeUpWorld())

@@ -1,8 +1,10 @@
 'use strict';
 /* The page: frames come in, and what they say is shown. */
 
-// Texts follow so often [s].
+// Texts, and legs that are shown beside the chosen one, follow so often [s].
 const READ_PERIOD = 0.1;
+// A walker with more of them is seen so often as well.
+const MANY_LEGS = 8;
 
 class Live {
   constructor() {
@@ -138,6 +140,15 @@ class Live {
     const still = drawable.find((leg) => leg.key === this.shown) || drawable[0];
     this.leg = null;
     if (still) this.choose(still.key);
+    else this.miss();
+  }
+
+  /** Say that there is no leg to be drawn any more; the last one stays, and is pale. */
+  miss() {
+    byId('title').textContent = 'Waiting for a leg';
+    byId('subtitle').textContent = 'Nobody publishes a leg that can be drawn.';
+    byId('picture').classList.add('old');
+    byId('lengths-section').hidden = true;
   }
 
   choose(key) {
@@ -155,6 +166,7 @@ class Live {
     const note = byId('picture-note');
     note.hidden = !leg.solver.note;
     note.textContent = leg.solver.note;
+    this.caption(this.trackOf(leg));
     this.tellDrives(this.driven || []);
   }
 
@@ -201,15 +213,18 @@ class Live {
       const track = this.tracks[number];
       if (track && track.leg.shape && pose.length - 2 === track.leg.joints.length) track.add(now, pose);
     }
-    for (const { leg, picture } of this.tiles) picture.show(this.trackOf(leg));
-    for (const picture of this.views || []) picture.show((leg) => this.trackOf(leg));
+    // Nobody reads faster; and a text that changes costs more than a leg that moves.
+    const isRead = now - this.read >= READ_PERIOD;
+    if (isRead) this.read = now;
+    if (isRead) for (const { leg, picture } of this.tiles) picture.show(this.trackOf(leg));
+    if (isRead || this.legs.length <= MANY_LEGS) {
+      for (const picture of this.views || []) picture.show((leg) => this.trackOf(leg));
+    }
     if (!this.leg) return;
     const track = this.trackOf(this.leg);
     this.picture.show(track);
     this.history.show(track, now);
-    // Nobody reads faster; and a text that changes costs more than a leg that moves.
-    if (now - this.read < READ_PERIOD) return;
-    this.read = now;
+    if (!isRead) return;
     this.crank.follow();
     this.caption(track);
     const [odom] = Object.values(poses.odom || {});
@@ -221,7 +236,10 @@ class Live {
   }
 
   caption(track) {
-    if (!track.x) return;
+    if (!track.x) {
+      byId('picture-text').textContent = 'No pose yet.';
+      return;
+    }
     const foot = track.foot.map((value) => (1000 * value).toFixed(1));
     const age = track.age > OLD ? `, ${track.age.toFixed(0)} s old` : '';
     byId('picture-text').textContent =

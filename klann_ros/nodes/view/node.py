@@ -35,6 +35,9 @@ REST = 0.003
 def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return its exit code."""
     options = arguments(_parser(), argv)
+    if options.runs and not Path(options.runs).is_dir():
+        print(f'view_node: --runs {printable(options.runs)} is no folder', file=sys.stderr)
+        return 1
     try:
         import aiohttp  # noqa: F401, PLC0415 - an extra
     except ModuleNotFoundError:
@@ -70,8 +73,6 @@ class ViewNode(ProcessNode):
 
         # What is read only publishes nothing, not even what it has to say.
         super().__init__('view_node', enable_rosout=not options.read_only)
-        if options.runs and not Path(options.runs).is_dir():
-            raise StartError(f'--runs {printable(options.runs)} is no folder')
         self._world = LiveWorld(self, read_only=options.read_only)
         guard = Guard(options.host, options.port, new_token(), options.read_only)
         try:

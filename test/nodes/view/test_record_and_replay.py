@@ -150,8 +150,10 @@ def test_a_replay_is_played_by_its_buttons_and_drawn_with_its_own_lengths(
         assert np.abs(ANGLES - x[0]).min() < NEAR
         assert np.abs(points - leg.solve(x[0]).points).max() < NEAR
     assert page.locator('#take').is_disabled()
-    assert live.complaints == []
     assert player.stop() == 0
+    live.until("document.getElementById('subtitle').textContent.startsWith('Nobody publishes')")
+    assert page.locator('#picture.old').count() == 1
+    assert live.complaints == []
 
 
 def told_position(card: Machine) -> float:
