@@ -57,9 +57,16 @@ class Walker:
         self.odometry.imu(reading, variance)
 
     def feedback(
-        self, readings: Mapping[str, tuple[float, float | None]], now: float
+        self,
+        readings: Mapping[str, tuple[float, float | None]],
+        now: float,
+        at: float | None = None,
     ) -> Odometer | None:
-        """Take angles and rates of cranks; return where it is, None while one is unknown."""
+        """
+        Take angles and rates of cranks; return where it is, None while one is unknown.
+
+        `at` is when they were so, where that is told; it may be of another clock [s].
+        """
         controller = self.controller
         controller.feedback(readings, now)
         cranks = controller.cranks
@@ -72,8 +79,10 @@ class Walker:
         if jumps != self._jumps:
             self._jumps = jumps
             self.odometry.jump()
-        seconds = 0.0 if self._at is None else now - self._at
-        self._at = now
+        # What comes late, or all at once, was so at its own time.
+        at = now if at is None else at
+        seconds = 0.0 if self._at is None else at - self._at
+        self._at = at
         return self.odometry.update(controller.positions, controller.velocities, seconds)
 
     def verdict(self, now: float) -> tuple[Level, str]:

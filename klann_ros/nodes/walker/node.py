@@ -159,7 +159,8 @@ class WalkerNode(Node):
         if not readings:
             self._complain(f'crank_state is rejected: {problem}')
             return
-        at_feet = self._walker.feedback(readings, self._now())
+        when = stamp[0] + stamp[1] / 1e9 if stamp != (0, 0) else None
+        at_feet = self._walker.feedback(readings, self._now(), when)
         if at_feet is not None:
             self._odom.publish(at_feet, *(stamp if stamp != (0, 0) else self._stamp()))
             self._driven += self._command()

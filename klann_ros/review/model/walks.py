@@ -98,6 +98,25 @@ def _cranks(walk: Walk) -> dict[str, Any]:
     return found
 
 
+def ways(walk: Walk) -> dict[str, Series]:
+    """
+    Return where a robot was, seen from where it was when all that tell it had begun.
+
+    By who tells it: 'odometry', and 'ground truth' where there is one.
+    """
+    told = {'odometry': walk.odometry, 'ground truth': walk.truth}
+    told = {name: series for name, series in told.items() if len(series) >= _LEAST}
+    if not told:
+        return {}
+    begin = np.array([max(int(series.stamps.min()) for series in told.values())])
+    return {
+        name: Series(
+            series.times, series.stamps, _from_start(series.values, _at(series, begin)[0])
+        )
+        for name, series in told.items()
+    }
+
+
 def _at(series: Series, stamps: 'np.ndarray[tuple[int], np.dtype[np.int64]]') -> Floats:
     """Return the values between those of a series, by their stamps."""
     order = np.argsort(series.stamps, kind='stable')
@@ -107,10 +126,11 @@ def _at(series: Series, stamps: 'np.ndarray[tuple[int], np.dtype[np.int64]]') ->
     return np.column_stack(columns)
 
 
-def _from_start(poses: Floats) -> Floats:
-    """Return poses (x, y, yaw) as seen from the first."""
-    x, y, yaw = (poses - poses[0]).T
-    cosine, sine = np.cos(poses[0, 2]), np.sin(poses[0, 2])
+def _from_start(poses: Floats, start: Floats | None = None) -> Floats:
+    """Return poses (x, y, yaw) as seen from one, or from the first."""
+    start = poses[0] if start is None else start
+    x, y, yaw = (poses - start).T
+    cosine, sine = np.cos(start[2]), np.sin(start[2])
     return np.column_stack([cosine * x + sine * y, cosine * y - sine * x, yaw])
 
 

@@ -37,6 +37,7 @@ PARTS = Parts(
         _OWN / 'run.js',
         _OWN / 'player.js',
         _OWN / 'picture.js',
+        _OWN / 'way.js',
         _OWN / 'axes.js',
         _OWN / 'legend.js',
         _OWN / 'chart.js',

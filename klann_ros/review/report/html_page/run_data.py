@@ -13,6 +13,10 @@ from numpy.typing import NDArray
 
 from . import packed
 from .leg_data import drawn_leg, foot_rows, pose_rows
+from .walk_data import walks_data
+
+# What the ways of walking robots may take, of all numbers.
+WALKS = 0.125
 
 
 def chart_texts(leg: ReviewedLeg) -> dict[str, str]:
@@ -128,11 +132,13 @@ def run_data(review: Review, most_bytes: float) -> dict[str, Any]:
         What the rows of all legs may take, before base64; see `kept_rows`.
 
     """
-    share = most_bytes / max(len(review.legs), 1)
+    walks = walks_data(review, WALKS * most_bytes)
+    share = most_bytes * (1.0 - WALKS * bool(walks)) / max(len(review.legs), 1)
     return {
         'path': printable(review.recording.path),
         'duration': review.recording.duration,
         'legs': [_leg(leg, review, share) for leg in review.legs],
+        'walks': walks,
         'topics': [timing(topic) for topic in review.recording.topics],
         'marks': [finding.time for finding in review.findings if finding.time is not None],
     }

@@ -13,6 +13,7 @@ from klann_ros.review.reviewing import review_run
 from leg_runs import LegRun
 import numpy as np
 import pytest
+from walk_runs import Walking
 
 LEGS = ('front_left', 'front_right', 'rear_left', 'rear_right')
 # All that a name may hold in a log, and hostile in HTML, in attributes and in scripts.
@@ -59,6 +60,8 @@ RUNS = {
     'hostile': LegRun(
         legs={HOSTILE: KlannLeg()}, parameters={**KLANN.as_dict(), 'legs': [HOSTILE]}
     ),
+    # It thinks that it goes further than it does.
+    'walk': Walking(scale=1.1, turning=0.2, space=f'/{HOSTILE}'),
 }
 
 

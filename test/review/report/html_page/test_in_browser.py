@@ -185,6 +185,26 @@ def test_each_leg_of_a_walker_is_drawn_at_its_own_phase(visit, runs) -> None:
         assert drawn_well(opened.points(), expected)
 
 
+def test_a_robot_that_walks_is_seen_from_above_where_it_was(visit) -> None:
+    opened = visit('walk')
+    opened.slide(2.0)
+    text = opened.page.locator('#ways figcaption').text_content()
+    assert text.startswith('The robot /x\'"><img src=http://a.test/ onerror=bad()></script>')
+    assert 'goes 2.0' in text
+    # Odometry begins where the truth does, however far it was, and goes a tenth further.
+    places = opened.page.eval_on_selector_all(
+        '#ways .robot',
+        """(marks) => marks.map((mark) => {
+            const { left, top, scale } = mark.ownerSVGElement.dataset;
+            const { e, f } = mark.transform.baseVal[0].matrix;
+            return [Number(left) + e / scale, Number(top) - f / scale];
+        })""",
+    )
+    assert places == [pytest.approx([1.0, 0.0], abs=0.01), pytest.approx([1.1, 0.0], abs=0.01)]
+    assert opened.page.locator('#ways .scale-text').text_content() == '0.5 m'
+    assert opened.complaints == []
+
+
 def test_two_runs_lie_over_each_other(visit, runs) -> None:
     opened, run = visit('two'), runs['klann']
     opened.slide(pose_time(run, 77))
@@ -273,7 +293,13 @@ def test_on_paper_there_are_pictures_and_no_controls(visit) -> None:
 
 @pytest.mark.parametrize(
     ('name', 'scheme'),
-    [('faulty', 'light'), ('faulty', 'dark'), ('walker', 'dark'), ('two', 'light')],
+    [
+        ('faulty', 'light'),
+        ('faulty', 'dark'),
+        ('walker', 'dark'),
+        ('two', 'light'),
+        ('walk', 'dark'),
+    ],
 )
 def test_axe_finds_no_barrier(visit, name: str, scheme: str) -> None:
     axe = pytest.importorskip('axe_playwright_python.sync_playwright')

@@ -11,6 +11,8 @@ class Page {
     this.controls = new Controls(this.player, () => this.legs[0]);
     this.controls.mark(runs.flatMap((run) => run.marks));
     this.timing = new TimingCharts(document.getElementById('timing'), runs);
+    const showWay = showWays(runs);
+    this.player.listen(() => showWay(this.player.time));
     this.player.listen(() => this.show());
     this.listen();
     this.showLegs();

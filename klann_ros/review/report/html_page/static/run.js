@@ -6,6 +6,7 @@ class Run {
     this.path = data.path;
     this.duration = data.duration;
     this.legs = data.legs.map((leg) => new Leg(leg));
+    this.walks = data.walks;
     this.topics = data.topics;
     this.marks = data.marks;
   }

@@ -1,0 +1,95 @@
+'use strict';
+/* The way of a walking robot from above, and where it is at the moment: told, and in truth. */
+
+// The robot is a mark of this size, in the drawing's units; it looks along its x axis.
+const ROBOT = 'M16 0L-10 10L-5 0L-10 -10Z';
+const COLOURS = { odometry: 'accent', 'ground truth': 'second' };
+
+class Way {
+  constructor(holder, data, number) {
+    this.lines = data.lines.map((line) => ({
+      name: line.name,
+      times: unpacked(line.times),
+      at: line.at.map(unpacked),
+      yaw: unpacked(line.yaw),
+    }));
+    const figure = document.createElement('figure');
+    figure.className = 'card';
+    const svg = document.createElementNS(SVG, 'svg');
+    const caption = document.createElement('figcaption');
+    caption.id = `way-text-${number}`;
+    caption.textContent = `${data.text}. A square is where it began, the arrow where it is.`;
+    svg.setAttribute('class', 'way');
+    svg.setAttribute('role', 'img');
+    svg.setAttribute('aria-labelledby', caption.id);
+    figure.append(this.legend(), svg, caption);
+    holder.append(figure);
+    this.draw(svg);
+  }
+
+  legend() {
+    const node = document.createElement('div');
+    node.className = 'legend';
+    for (const { name } of this.lines) {
+      const entry = document.createElement('span');
+      const mark = swatch({ colour: 0, dash: name === 'odometry' ? [] : [6, 4] });
+      mark.firstChild.setAttribute('class', `ink-${COLOURS[name]}`);
+      entry.append(mark, document.createTextNode(name));
+      node.append(entry);
+    }
+    return node;
+  }
+
+  draw(svg) {
+    const points = this.lines.map(({ at: [xs, ys] }) => Array.from(xs, (x, i) => [x, ys[i]]));
+    this.drawing = new Drawing(svg, planeAround([[0, 0], ...points.flat()]));
+    const size = scaleBar(this.drawing);
+    // The truth below, so that odometry is seen where they agree.
+    [...this.lines.keys()].reverse().forEach((i) => {
+      const { name } = this.lines[i];
+      const kind = `way-line ink-${COLOURS[name]} ${name === 'odometry' ? '' : 'way-truth'}`;
+      this.drawing.add('path', kind).setAttribute('d', this.drawing.line(points[i]));
+      this.lines[i].mark = this.drawing.add('path', `robot ink-${COLOURS[name]}`);
+      this.lines[i].mark.setAttribute('d', ROBOT);
+    });
+    const [x, y] = this.drawing.at([0, 0]);
+    const begin = this.drawing.add('rect', 'pivot');
+    begin.setAttribute('width', 9);
+    begin.setAttribute('height', 9);
+    begin.setAttribute('x', x - 4.5);
+    begin.setAttribute('y', y - 4.5);
+    svg.dataset.bar = size;
+  }
+
+  show(time) {
+    for (const { times, at, yaw, mark } of this.lines) {
+      const row = nearestIn(times, time);
+      const [x, y] = this.drawing.at(at.map((column) => column[row]));
+      mark.setAttribute('transform', `translate(${x} ${y}) rotate(${(-yaw[row] * 180) / Math.PI})`);
+    }
+  }
+}
+
+/** Draw how long a round number of metres is; return that number. */
+function scaleBar(drawing) {
+  const { scale, height } = drawing.plane;
+  const most = 160 / scale;
+  const decade = 10 ** Math.floor(Math.log10(most));
+  const metres = [5, 2, 1].map((n) => n * decade).find((n) => n <= most);
+  const y = height - 12;
+  drawing.add('path', 'scale-bar').setAttribute('d', `M12 ${y - 6}V${y}H${12 + metres * scale}V${y - 6}`);
+  const text = drawing.add('text', 'scale-text');
+  text.textContent = `${Number(metres.toPrecision(1))} m`;
+  text.setAttribute('x', 18);
+  text.setAttribute('y', y - 6);
+  return metres;
+}
+
+/** Show the ways of all robots; return what shows them at a time. */
+function showWays(runs) {
+  const ways = runs.flatMap((run) => run.walks);
+  document.getElementById('ways').hidden = !ways.length;
+  const holder = document.getElementById('way-figures');
+  const shown = ways.map((way, number) => new Way(holder, way, number));
+  return (time) => shown.forEach((way) => way.show(time));
+}
