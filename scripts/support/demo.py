@@ -10,12 +10,25 @@ import time
 
 from domain import own_world
 from environment import environment
-from processes import CommandError, end, last_lines, pause, run, running
+from processes import Command, CommandError, end, last_lines, pause, run, running
 from source import ROOT
 
 TURNS = 3
 # Its first message waits for the solver and the recorder: then the run has no ragged start.
 CRANK = ('mode:=constant', f'revolutions:={TURNS}', 'rate:=200.0', 'min_subscribers:=2')
+WALKER = ('--ros-args', '--params-file', ROOT / 'config' / 'walker6_two_motors.yaml')
+# What is shown live: what it is, and its nodes with their arguments.
+SHOWS: dict[str, tuple[str, dict[str, Command]]] = {
+    'demo': ('A leg', {'solver_node': (), 'crank_node': ()}),
+    'demo --walk': (
+        'A simulated robot',
+        {
+            'solver_node': WALKER,
+            'walker_node': (*WALKER, '-p', 'use_imu:=true'),
+            'sim_node': (*WALKER, '-p', 'linear:=0.1'),
+        },
+    ),
+}
 # Three turns take three seconds; the rest is for slow machines to find each other [s].
 TIMEOUT = 60.0
 
@@ -29,8 +42,12 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         '--view', action='store_true', help='a leg in the browser instead, until Ctrl-C'
     )
-    if parser.parse_args(arguments).view:
-        return _view()
+    parser.add_argument(
+        '--walk', action='store_true', help='a simulated robot that walks in the browser instead'
+    )
+    options = parser.parse_args(arguments)
+    if options.view or options.walk:
+        return _view('demo --walk' if options.walk else 'demo')
     recording = ROOT / 'runs' / f'demo-{datetime.now(timezone.utc):%Y%m%dT%H%M%S.%fZ}'
     with (
         environment('demo') as env,
@@ -56,22 +73,23 @@ Look at it again:  {programs}/review {here}""")
     return 0
 
 
-def _view() -> int:
-    """Let a leg walk, and show it in a browser; return 0 when it is stopped."""
+def _view(show: str) -> int:
+    """Let a leg or a robot walk, and show it in a browser; return 0 when it is stopped."""
+    what, parts = SHOWS[show]
     with (
-        environment('demo') as env,
+        environment(show) as env,
         tempfile.TemporaryDirectory(prefix='klann_ros-') as work,
         own_world(Path(work)) as world,
         ExitStack() as stack,
     ):
         programs, variables = env.folder / 'bin', env.variables | world
-        outputs = [Path(work, f'{name}.txt') for name in ('solver_node', 'crank_node')]
+        outputs = {name: Path(work, f'{name}.txt') for name in parts}
         nodes = [
-            stack.enter_context(running([programs / output.stem], variables, output))
-            for output in outputs
+            stack.enter_context(running([programs / name, *given], variables, outputs[name]))
+            for name, given in parts.items()
         ]
         (ROOT / 'runs').mkdir(exist_ok=True)
-        print('A leg walks; this is its page. Ctrl-C ends it.', flush=True)
+        print(f'{what} walks; this is its page. Ctrl-C ends it.', flush=True)
         view = [programs / 'view_node', '--port', '0', '--open', '--runs', ROOT / 'runs']
         nodes.append(stack.enter_context(running(view, variables)))
         try:
@@ -80,7 +98,7 @@ def _view() -> int:
         except CommandError:
             return 0
         raise CommandError(
-            '\n'.join(['a node has ended', *(last_lines(output, 3) for output in outputs)])
+            '\n'.join(['a node has ended', *(last_lines(each, 3) for each in outputs.values())])
         )
 
 

@@ -23,6 +23,7 @@ VERSION = '.'.join(platform.python_version_tuple()[:2])
 # What each command needs: extras of setup.py, and more requirements in a file.
 NEEDS = {
     'demo': ('plot,view', None),
+    'demo --walk': ('plot,sim,view', None),
     'test': ('fast,plot,test', Path(__file__).with_name('checks.txt')),
     'benchmark': ('fast,plot,sim,view', Path(__file__).with_name('benchmarks.txt')),
 }

@@ -38,6 +38,9 @@ READINGS = (
     Declaration('seed', 0, 'of all noise', limits=(0, 2**31 - 1)),
 )
 OUTPUT = (
+    _number(
+        'linear', 0.0, 'sent as cmd_vel while nobody else sends any [m/s]; 0: none', -1.0, 1.0
+    ),
     _number('rate', 100.0, 'messages a second of simulated time [Hz]', 1.0, 1000.0),
     _number('real_time_factor', 1.0, "simulated time by the world's", 0.01, 100.0),
     Declaration('use_clock', False, 'whether /clock is published, and is in the stamps'),

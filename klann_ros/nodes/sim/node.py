@@ -21,6 +21,7 @@ from rclpy.time import Time
 
 from .commands import as_values, CrankCommands, THROTTLE
 from .declarations import DRIVES, floor, motors, OUTPUT, PARAMETERS, READINGS, sensors, WORLD
+from .driver import Driver
 from .outputs import RobotOutputs
 
 # Less of what is asked for is told [-].
@@ -69,6 +70,8 @@ class SimNode(Node):
         self._origin = 0 if values['use_clock'] else self.get_clock().now().nanoseconds
         self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
         create_trigger(self, 'reset', self._on_reset)
+        if values['linear']:
+            Driver(self, values['linear'])
         self._factor = values['real_time_factor']
         must(
             values['use_clock'] or self._factor == 1.0,
