@@ -271,10 +271,13 @@ class LiveWorld:
         for node in self._graph.names_of_publishers(topic.name):
             if node in self._solvers:
                 found[node] = self._solvers[node]
+            # What a player tells never changes: who is asked again is another one of its name.
+            elif node in self._watch.unanswered:
+                continue
             elif self._replays.get(node):
                 key = f'{node} {topic.name}'
                 found[key] = replayed_solver(node, topic.name, self._replays[node])
-            elif node not in self._watch.unanswered:
+            else:
                 names = [name for _, message in topic.newest() for name in message.name[:200]]
                 if names:
                     found[node] = assumed_solver(node, names)
@@ -302,6 +305,8 @@ class LiveWorld:
     def _look_at_machines(self) -> None:
         before = {machine.node for machine in self._machines}
         self._machines = self._graph.machines()
+        there = {machine.node for machine in self._machines}
+        self._told = {node: told for node, told in self._told.items() if node in there}
         for machine in self._machines:
             if machine.kind == 'player' and machine.node not in before:
                 self._ask_player(machine.node)
