@@ -98,7 +98,7 @@ class Live {
         const leg = { ...solver.legs[i], solver };
         leg.key = `${solver.node} ${solver.topics} ${leg.name}`;
         leg.text = JSON.stringify([leg.shape, leg.mount]);
-        leg.title = leg.name || (solvers.length > 1 ? solver.node : 'Leg');
+        leg.title = leg.name || titleAmong(solvers, solver);
         this.legs[number] = leg;
       });
     }
@@ -245,6 +245,13 @@ class Live {
     byId('picture-text').textContent =
       `${this.legs.length > 1 ? `${this.leg.title}: ` : ''}Crank ${degrees(wrapped(track.x[0])).toFixed(1)}°, foot at ${foot[0]}, ${foot[1]} mm${age}.`;
   }
+}
+
+/** Return what the unnamed leg of a solver is called: a player has several of different topics. */
+function titleAmong(solvers, solver) {
+  if (solvers.length === 1) return 'Leg';
+  const isOne = solvers.filter((other) => other.node === solver.node).length === 1;
+  return isOne ? solver.node : solver.topics.join(', ');
 }
 
 function titleOf(legs) {

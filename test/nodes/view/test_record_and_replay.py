@@ -137,6 +137,7 @@ def test_a_replay_is_played_by_its_buttons_and_drawn_with_its_own_lengths(
     live.until('live.tracks.every((track) => track.points)')
     card.press('Pause')
     card.says('paused at')
+    assert page.locator('#legs button').all_text_contents() == list(LEGS)
     for topic, leg in LEGS.items():
         page.evaluate(
             f'live.choose(live.legs.find((leg) => leg.solver.topics.includes("{topic}")).key)'
