@@ -41,6 +41,12 @@ class Figures:
     lost: int
 
 
+def cpu_of(process: int) -> float:
+    """Return the time that all threads of a process have run [s]."""
+    threads = Path(f'/proc/{process}/task').iterdir()
+    return sum(int((each / 'schedstat').read_text().split()[0]) for each in threads) / 1e9
+
+
 class NodeUnderTest:
     """
     A process that answers crank angles, and the probe that asks it.
@@ -93,10 +99,7 @@ class NodeUnderTest:
 
     def cpu(self) -> float:
         """Return the time that all its threads have run [s]."""
-        total = 0
-        for thread in Path(f'/proc/{self.process.pid}/task').iterdir():
-            total += int((thread / 'schedstat').read_text().split()[0])
-        return total / 1e9
+        return cpu_of(self.process.pid)
 
     def memory(self) -> float:
         """Return its resident memory [MB]."""

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 # Between so many angles of a turn a cubic is within 1e-9 of a leg's size.
 SAMPLES = 720
+_POWERS = np.arange(4.0)
 # A crank whose legs are on both sides is in the middle; so far from it they are on one [m].
 MIDDLE = 1e-6
 # Legs that advance by less than this part of the robot's size per radian drive it nowhere.
@@ -174,10 +175,9 @@ class Feet:
         angles = np.asarray(cranks, dtype=np.float64)[..., self.crank_of]
         turned = (angles * self._directions + self._phases) * (SAMPLES / TURN)
         whole = np.floor(turned)
-        t = (turned - whole)[..., None]
+        powers = (turned - whole)[..., None, None] ** _POWERS
         cubic = self._cubics[self._which, whole.astype(np.int64) % SAMPLES]
-        values = ((cubic[..., 3, :] * t + cubic[..., 2, :]) * t + cubic[..., 1, :]) * t
-        return np.asarray(values + cubic[..., 0, :], dtype=np.float64)
+        return np.asarray((powers @ cubic)[..., 0, :], dtype=np.float64)
 
 
 def _table(leg: RobotLeg, radius: float) -> Array:

@@ -11,8 +11,8 @@ are taken as constants nobody knows, with spreads s,
 
 q being the part that the feet slid of what they slid and the body moved together,
 
-and their effect on the pose is summed up along the path, beside a random walk of the same size
-over a single step. Feet that slide more are trusted less by themselves.
+and their effect on the pose is summed up along the path. Feet that slide more are trusted less by
+themselves.
 """
 
 from collections.abc import Sequence
@@ -136,9 +136,8 @@ class Odometry:
         self._x = self._y = self._yaw = 0.0
         self._cranks: Array | None = None
         self._pose: Standing | None = None
-        # How the pose follows the unknown constants, and what single steps added.
-        self._follows = np.zeros((3, 4))
-        self._walk = np.zeros((3, 3))
+        # How x, y and yaw follow the unknown constants.
+        self._follows: tuple[tuple[float, ...], ...] = 3 * ((0.0,) * 4,)
         self._spread = np.array([errors.advance, errors.slid, errors.sidewards, errors.yaw]) ** 2
         self._imu: ImuReading | None = None
         self._turned = 0.0
@@ -221,7 +220,6 @@ class Odometry:
         yaw = self._turned / steps if self._imu is not None else None
         self._turned = 0.0
         self._cranks = angles
-        speed = np.asarray(rates, dtype=np.float64)
         if seconds > 0.0:
             seconds = seconds / steps
         else:
@@ -274,24 +272,26 @@ class Odometry:
         self._yaw = (self._yaw + step.yaw + pi) % TURN - pi
         self.travelled += hypot(dx, dy)
         self.slid += step.slid
-        # What a wrong yaw makes of this step, and what the step itself may be off by.
-        turning = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
         # The more of its way it slides, the less is known of how: on the spot least of all.
         whole = hypot(step.x, step.y) + step.slid
         slid = step.slid * (KNOWN if measured else 1.0) * (step.slid / whole if whole else 0.0)
         turn = 0.0 if measured else slid / self._feet.reach
-        own = np.array(
-            [
-                [c * step.x, c * slid, -s * slid, 0.0],
-                [s * step.x, s * slid, c * slid, 0.0],
-                [0.0, 0.0, 0.0, turn],
-            ]
+        # What the step itself may be off by, and what a wrong yaw makes of it. In plain numbers:
+        # of so few each call of arrays would cost as much as all of them.
+        own = (
+            (c * step.x, c * slid, -s * slid, 0.0),
+            (s * step.x, s * slid, c * slid, 0.0),
+            (0.0, 0.0, 0.0, turn),
         )
-        self._follows = turning @ self._follows + own
-        self._walk = turning @ self._walk @ turning.T + (own * self._spread) @ own.T
+        heading = self._follows[2]
+        self._follows = tuple(
+            tuple(f + arm * w + o for f, w, o in zip(row, heading, new, strict=True))
+            for row, arm, new in zip(self._follows, (-dy, dx, 0.0), own, strict=True)
+        )
 
     def _told(self, step: Step, seconds: float) -> Odometer:
-        covariance = (self._follows * self._spread) @ self._follows.T + self._walk
+        follows = np.array(self._follows)
+        covariance = (follows * self._spread) @ follows.T
         if self._imu_variance is not None:
             covariance[2, 2] += self._imu_variance
         rest, imu, errors = self.rest, self._imu, self.errors
