@@ -1,22 +1,30 @@
-"""All together: cmd_vel to walker_node, cranks to sim_node, and the robot is where odom says."""
+"""All together: cmd_vel to walker_node, cranks to sim_node, odom; recorded, and played back."""
 
 from pathlib import Path
 
 from geometry_msgs.msg import TwistStamped
+from klann_ros.log.reader import open_log
 from nav_msgs.msg import Odometry
 import pytest
 from ros_world import World
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 WALKER = str(Path(__file__).resolve().parents[3] / 'config' / 'walker6_two_motors.yaml')
 
 
-def test_what_walks_by_cmd_vel_is_where_its_odometry_says(ros: World) -> None:
+def test_what_walks_by_cmd_vel_is_where_its_odometry_says_and_is_played_back(
+    ros: World, tmp_path: Path
+) -> None:
     truths: list[Odometry] = ros.probe.listen(Odometry, 'ground_truth')
     odometry: list[Odometry] = ros.probe.listen(Odometry, 'odom')
+    recorder = ros.start('recorder_node', output=str(tmp_path / 'run'))
     given = ('--ros-args', '--params-file', WALKER)
-    ros.start_by([], 'sim_node', *given, '-p', 'use_clock:=true', '-p', 'linear:=0.15')
+    sim = ros.start_by([], 'sim_node', *given, '-p', 'use_clock:=true', '-p', 'linear:=0.15')
     # Simulated time: however slow the machine is, they see the same.
-    ros.start_by([], 'walker_node', *given, '-p', 'use_sim_time:=true')
+    walker = ros.start_by(
+        [], 'walker_node', *given, '-p', 'use_sim_time:=true', '-p', 'use_imu:=true'
+    )
     ros.probe.until(lambda: bool(odometry) and truths[-1].pose.pose.position.x > 0.15)
     told = {truth.header.stamp.sec * 10**9 + truth.header.stamp.nanosec: truth for truth in truths}
     both = [
@@ -32,3 +40,21 @@ def test_what_walks_by_cmd_vel_is_where_its_odometry_says(ros: World) -> None:
     # Once somebody else may steer it nobody else does.
     ros.probe.publisher(TwistStamped, 'cmd_vel')
     ros.probe.until(lambda: abs(odometry[-1].twist.twist.linear.x) < 0.01)
+    assert [node.stop() for node in (walker, sim, recorder)] == [0, 0, 0]
+    # Each message that is heard again is one of the run, to the last byte.
+    kinds = {'/odom': Odometry, '/crank_command': JointState}
+    log = open_log(tmp_path / 'run')
+    logged = {name: [each.data for each in log.messages([name])] for name in kinds}
+    heard = {
+        name: ros.probe.listen(kind, f'/replay{name}', raw=True) for name, kind in kinds.items()
+    }
+    options = ('--delay', '0', '--start-paused', '--ros-args', '-r', '__ns:=/replay')
+    player = ros.start('player_node', str(tmp_path / 'run'), *options)
+    for name in kinds:
+        ros.probe.matched(f'/replay{name}')
+    resume = '/replay/player_node/resume'
+    assert ros.probe.call(Trigger, resume, Trigger.Request()).success
+    ros.probe.until(lambda: all(len(messages) > 50 for messages in heard.values()))
+    assert player.stop() == 0
+    for name, messages in heard.items():
+        assert set(messages) <= set(logged[name])

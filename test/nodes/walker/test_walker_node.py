@@ -161,34 +161,6 @@ def test_rates_alone_on_one_crank_that_refuses_to_turn(ros: World) -> None:
     assert node.errors.count('angular.z is refused: it cannot turn') == 1
 
 
-def test_a_simulated_robot_is_where_its_odom_says(ros: World) -> None:
-    pytest.importorskip('mujoco')
-    given = ['--ros-args', '--params-file', str(CONFIG / 'walker6_two_motors.yaml')]
-    given += ['-r', '__ns:=/sim']
-    nodes = [
-        ros.start('sim_node', *given),
-        ros.start('walker_node', *given, '-p', 'use_imu:=true'),
-    ]
-    probe = ros.probe
-    odom = probe.listen(Odometry, '/sim/odom')
-    truth = probe.listen(Odometry, '/sim/ground_truth')
-    cmd_vel = probe.publisher(TwistStamped, '/sim/cmd_vel')
-    command = TwistStamped()
-    command.twist.linear.x = 0.1
-
-    def walks() -> bool:
-        # Without a stamp it is as old as its arrival.
-        cmd_vel.publish(command)
-        return bool(odom and truth and truth[-1].pose.pose.position.x > 0.25)
-
-    probe.until(walks)
-    probe.until(lambda: odom[-1].pose.pose.position.x > 0.2)
-    at, real = odom[-1].pose.pose.position, truth[-1].pose.pose.position
-    assert at.x == pytest.approx(real.x, abs=0.04)
-    assert at.z == pytest.approx(real.z, abs=0.01)
-    assert [node.stop() for node in nodes] == [0, 0]
-
-
 @pytest.mark.parametrize(
     ('arguments', 'reason'),
     [
