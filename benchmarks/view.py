@@ -160,7 +160,7 @@ def server() -> bool:
     return all_met(
         ('p99 of the solver', median(ratios), MOST_P99, ''),
         ('CPU of view_node', median(costs), MOST_CPU, ''),
-        ('answers lost', lost[STALLED], 0, ''),
+        ('answers lost or of others', abs(lost[STALLED]), 0, ''),
         ('memory grown in a round', max(grown), MOST_MEGABYTES, ' MB'),
     )
 
@@ -185,7 +185,8 @@ def soak() -> bool:
     first, last = median(sizes[quarter : 2 * quarter]), median(sizes[-quarter:])
     print(f'{len(sizes)} looks in {SOAK:g} s: {min(sizes):.2f} .. {max(sizes):.2f} MB')
     return all_met(
-        ('answers lost', lost, 0, ''),
+        # More than were asked for are of another solver in the domain.
+        ('answers lost or of others', abs(lost), 0, ''),
         ('memory grown from the second quarter to the last', last - first, MOST_MEGABYTES, ' MB'),
     )
 
