@@ -21,10 +21,10 @@ from .slip import Coasting, Flat, Standing, Step, step
 from .support import Point
 
 GRAVITY = 9.80665
-# Of feet on the floor, which nobody knows: halfway between a wet tile and rubber on concrete.
-FRICTION = 0.7
+# Of feet on the floor, which nobody knows: between a wet tile and rubber on concrete.
+FRICTION = 0.6
 # Where a foot is said to hold it trembles, and creeps by less than this [m/s].
-CREEP = 0.005
+CREEP = 0.004
 # The acceleration that tips it is the mean over so long [s].
 TIPPING = 0.05
 # Over a longer step nobody knows what became of a speed [s].

@@ -39,7 +39,7 @@ KNOWN = 0.65
 # Within this time angles that are summed up of rates follow the orientation of the IMU [s].
 SETTLE = 0.5
 # Within this a body without one tips onto other feet [s].
-TIPS = 0.1
+TIPS = 0.03
 # Within this angles that are summed up of the cranks' rates follow their encoders [s], ...
 FOLLOWS = 0.1
 # ... where these agree so far [rad].
