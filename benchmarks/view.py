@@ -182,7 +182,7 @@ def soak() -> bool:
     finally:
         node.stop()
     quarter = len(sizes) // 4
-    first, last = median(sizes[quarter : 2 * quarter]), median(sizes[-quarter:])
+    first, last = median(sizes[quarter:][:quarter]), median(sizes[-quarter:])
     print(f'{len(sizes)} looks in {SOAK:g} s: {min(sizes):.2f} .. {max(sizes):.2f} MB')
     return all_met(
         # More than were asked for are of another solver in the domain.
