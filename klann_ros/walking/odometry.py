@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 # so many.
 LONGEST_STEP, MOST_STEPS = 0.05, 500
 # Where the yaw is known, what feet slide moves the body by this part of what it does otherwise.
-KNOWN = 0.65
+KNOWN = 0.5
 # Within this time angles that are summed up of rates follow the orientation of the IMU [s].
 SETTLE = 0.5
 # Within this a body without one tips onto other feet [s].
@@ -66,9 +66,9 @@ class Errors:
     """
 
     advance: float = 0.015
-    slid: float = 0.1
-    sidewards: float = 0.1
-    yaw: float = 0.28
+    slid: float = 0.12
+    sidewards: float = 0.12
+    yaw: float = 0.34
     imu_yaw: float = 0.005
     height: float = 0.01
     tilt: float = 0.02
