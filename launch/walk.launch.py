@@ -9,15 +9,9 @@ It takes the arguments of leg.launch.py as well: with view:=true the live page s
 from pathlib import Path
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import (
-    DeclareLaunchArgument,
-    ExecuteProcess,
-    IncludeLaunchDescription,
-    OpaqueFunction,
-)
-from launch.conditions import UnlessCondition
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import EqualsSubstitution, LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -41,8 +35,8 @@ ARGUMENTS = (
     ),
     DeclareLaunchArgument(
         'linear',
-        default_value='',
-        description='Speed to walk with, sent as cmd_vel [m/s]; empty: nobody sends any.',
+        default_value='0.0',
+        description='Speed that sim_node sends as cmd_vel while nobody else does [m/s]; 0: none.',
     ),
     DeclareLaunchArgument(
         'friction', default_value='0.8', description='Friction of the feet on the floor.'
@@ -58,7 +52,7 @@ def check(context: LaunchContext) -> None:
     for name in ('linear', 'friction', 'slope'):
         text = LaunchConfiguration(name).perform(context)
         try:
-            float(text or '0')
+            float(text)
         except ValueError:
             raise RuntimeError(f'{name}:={text} is no number') from None
 
@@ -84,6 +78,7 @@ def generate_launch_description() -> LaunchDescription:
             {
                 # Others' time is its own.
                 'use_clock': ParameterValue(use_sim_time, value_type=bool),
+                'linear': ParameterValue(LaunchConfiguration('linear'), value_type=float),
                 'friction': ParameterValue(LaunchConfiguration('friction'), value_type=float),
                 'slope': ParameterValue(LaunchConfiguration('slope'), value_type=float),
             },
@@ -97,19 +92,4 @@ def generate_launch_description() -> LaunchDescription:
         output='screen',
         parameters=[params_file, {'use_sim_time': use_sim_time, 'use_imu': True}],
     )
-    # Without a stamp: it is as old as its arrival.
-    sent = ['{twist: {linear: {x: ', LaunchConfiguration('linear'), '}}}']
-    commander = ExecuteProcess(
-        cmd=[
-            *('ros2', 'topic', 'pub', '--rate', '10'),
-            [namespace, '/cmd_vel'],
-            'geometry_msgs/msg/TwistStamped',
-            sent,
-        ],
-        name='commander',
-        output='log',
-        condition=UnlessCondition(EqualsSubstitution(LaunchConfiguration('linear'), '')),
-    )
-    return LaunchDescription(
-        [*ARGUMENTS, OpaqueFunction(function=check), leg, sim, walker, commander]
-    )
+    return LaunchDescription([*ARGUMENTS, OpaqueFunction(function=check), leg, sim, walker])
