@@ -9,7 +9,6 @@ the bodies have equations.
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.dyads import cross
 from klann_ros.kinematics.linkage.structure import FIXED, GROUND
 import numpy as np
@@ -128,7 +127,7 @@ class _System:
         structure = self._moving.linkage.structure
         for j in self._slides:
             at = self._moving.point(structure.bodies[j].points[0])[0]
-            along = joints.line(self._moving.linkage, self._moving.u, j) + zero
+            along = self._moving.linkage.line(self._moving.u, j) + zero
             on = structure.along[j]
             square, moment = np.zeros((count, size)), np.zeros((count, size))
             self._add(square, j, at, 1j * along)

@@ -51,7 +51,7 @@ def track(  # noqa: PLR0917 - as they are called
     each guessed along the tangent of the one before. Where there is no last pose, a part fails, or
     the pose is singular, so that its sign does not tell the branch, `seed` gives the guess, and
     Newton-Raphson confirms it; else a NotConvergedError. `seed` raises where there is no pose;
-    `refine` and `ahead` are those of `linkage.step`.
+    `refine` and `ahead` are those of a `Step`.
     """
     tolerance, max_crank_step, max_parts = settings
     if last is not None:

@@ -6,7 +6,6 @@ from math import atan2, cos, radians, sin, tau
 from typing import NamedTuple
 
 from klann_ros.kinematics import LinkagePose
-from klann_ros.kinematics.linkage.joints import line
 import numpy as np
 from numpy.typing import NDArray
 
@@ -136,7 +135,7 @@ class Drawn(NamedTuple):
 def line_directions(pose: LinkagePose) -> list[complex]:
     """Return the direction of each line that something slides along, in the bodies' order."""
     linkage, u = pose.linkage, pose.vectors
-    return [complex(line(linkage, u, j)) for j in sorted(linkage.structure.line_of)]
+    return [complex(linkage.line(u, j)) for j in sorted(linkage.structure.line_of)]
 
 
 def colour_of(body: int) -> str:

@@ -11,7 +11,6 @@ from xml.etree.ElementTree import Element, SubElement
 from klann_ros.dynamics import Dynamics, MassError
 from klann_ros.dynamics.masses import Spring
 from klann_ros.kinematics import LinkageLeg
-from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.structure import FIXED
 from klann_ros.robot import RobotLeg
 import numpy as np
@@ -234,7 +233,7 @@ class LegModel:
             return
         name = section.unique('joint', self.leg.prefix + body.angle)
         if body.slides:
-            along = joints.line(self.leg.linkage, self._pose.vectors, j)
+            along = self.leg.linkage.line(self._pose.vectors, j)
             SubElement(
                 element, 'joint', name=name, type='slide', axis=at(complex(along)),
                 ref=number(self._pose.joints[j]),

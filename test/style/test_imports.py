@@ -163,6 +163,7 @@ def test_a_part_that_nobody_has_placed_is_found(tmp_path: Path) -> None:
         ('from .other import NAME', 'from .offender import NAME'),
         ('from . import other', 'from made_up.kinematics.offender import NAME'),
         ('import made_up.kinematics.other', 'def late():\n    from . import offender'),
+        ('from .other import NAME', 'if TYPE_CHECKING:\n    from .offender import NAME'),
     ],
 )
 def test_a_circle_is_found(line: str, other: str, tmp_path: Path) -> None:
@@ -183,7 +184,6 @@ def test_a_circle_by_way_of_a_face_is_found(tmp_path: Path) -> None:
     'other',
     [
         'from . import errors',
-        'if TYPE_CHECKING:\n    from .offender import NAME',
         'from made_up.log.offender import NAME',
     ],
 )
@@ -282,14 +282,14 @@ def reachable(imports: Mapping[str, set[str]], start: str) -> set[str]:
 
 
 def imported_modules(package: Path) -> dict[str, set[str]]:
-    """Return which modules of the package each module imports, anywhere in it but for types."""
+    """Return which modules of the package each module imports, anywhere in it, for types too."""
     paths = {
         '.'.join(path.relative_to(package.parent).with_suffix('').parts): path
         for path in sorted(package.rglob('*.py'))
     }
     imports = {}
     for name, path in paths.items():
-        full_names = imported_names(package, path, executed(ast.parse(path.read_text('utf-8'))))
+        full_names = imported_names(package, path, ast.walk(ast.parse(path.read_text('utf-8'))))
         modules = (module_of(full_name, paths) for full_name in full_names)
         imports[name] = {module for module in modules if module and module != name}
     return imports
@@ -300,12 +300,3 @@ def module_of(full_name: str, modules: Collection[str]) -> str | None:
     around = full_name.rpartition('.')[0]
     candidates = (full_name, f'{full_name}.__init__', around, f'{around}.__init__')
     return next((name for name in candidates if name in modules), None)
-
-
-def executed(tree: ast.AST) -> Iterator[ast.AST]:
-    """Yield what is below a node, but for what only a checker of types looks at."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.If) and ast.unparse(node.test) == 'TYPE_CHECKING':
-            continue
-        yield node
-        yield from executed(node)

@@ -22,7 +22,6 @@ from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
 from numpy.typing import NDArray
 
-from . import joints
 from .circles import placed
 from .linkage import as_linkage, Linkage
 from .pose import closed_pose, LinkagePose
@@ -188,7 +187,7 @@ def _newton(
 
 def _apart(linkage: Linkage, x: Any, other: Any) -> float:
     """Return by how much two poses differ at most, modulo whole turns [rad]: see `joints`."""
-    return max(map(abs, joints.differences(linkage, x, other)))
+    return max(map(abs, linkage.differences(x, other)))
 
 
 def nearest_assembly(linkage: Linkage, start: tuple[float, ...]) -> float:

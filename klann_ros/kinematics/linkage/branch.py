@@ -9,7 +9,8 @@ led on along its tangent.
 from bisect import bisect_left
 from collections.abc import Sequence
 from math import isnan, pi
-from typing import NamedTuple, TYPE_CHECKING
+from operator import itemgetter
+from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arcs import Arc
@@ -17,11 +18,8 @@ from klann_ros.kinematics.errors import GeometryError, LoopsOpenError
 import numpy as np
 from numpy.typing import NDArray
 
-from . import joints
-from .step import TRUSTED
-
-if TYPE_CHECKING:
-    from .linkage import Linkage
+from .equations import LoopEquations
+from .step import step, TRUSTED
 
 Array = NDArray[np.float64]
 # Between the table's poses [rad]: an eighth of what a tangent of the Klann leg may lead astray.
@@ -29,6 +27,8 @@ STEP = 0.05
 # Where steps smaller than this fail the branch ends [rad].
 SHORTEST = 1e-9
 TOLERANCE, ITERATIONS = 1e-9, 6
+# Of what a step returns: see LinkagePose, which is above all this.
+X_AND_RATES = itemgetter(1, 5)
 
 
 class Row(NamedTuple):
@@ -49,8 +49,10 @@ class Branch:
 
     Parameters
     ----------
-    linkage : Linkage
-        One that ends with coupled loops.
+    linkage : LoopEquations
+        Of one that ends with coupled loops.
+    start : sequence of float
+        A pose of it: every coordinate, the crank's angle first [rad, m].
     block : int
         Which block these are, from 1.
 
@@ -61,10 +63,10 @@ class Branch:
 
     """
 
-    def __init__(self, linkage: 'Linkage', block: int) -> None:
-        self._linkage, self._block = linkage, block
-        start, *x = linkage.start
-        first = self._row(start, tuple(x))
+    def __init__(self, linkage: LoopEquations, start: Sequence[float], block: int) -> None:
+        self._block, self._refine = block, step(linkage, tuple).refine
+        alpha, *x = start
+        first = self._row(alpha, tuple(x))
         if first is None:
             msg = (
                 'its coupled loops cannot be followed from the start: it is nearly singular there'
@@ -72,7 +74,7 @@ class Branch:
             raise GeometryError(msg)
         rows = self._walk(first, 1.0)
         if not _is_closed(linkage, rows):
-            rows = _one_turn([*reversed(self._walk(first, -1.0)[1:]), *rows], start)
+            rows = _one_turn([*reversed(self._walk(first, -1.0)[1:]), *rows], alpha)
         self._rows = rows
         self._first, self._last = rows[0].alpha, rows[-1].alpha
         self._is_turn = _is_closed(linkage, rows)
@@ -92,10 +94,9 @@ class Branch:
         at = self._within(alpha)
         near = self._near(at)
         if self._first <= at <= self._last:
-            guess = near.ahead(at - near.alpha)
-            found = self._linkage.step.refine(alpha, guess, TOLERANCE, ITERATIONS)
-            if found is not None:
-                return found.x  # type: ignore[no-any-return]  # of a pose
+            row = self._refined(alpha, near.ahead(at - near.alpha))
+            if row is not None:
+                return row.x
         raise LoopsOpenError(alpha, self._block, alpha + near.alpha - at)
 
     def guesses(self, alphas: Array) -> Array:
@@ -111,22 +112,24 @@ class Branch:
 
     def _row(self, alpha: float, guess: tuple[float, ...]) -> Row | None:
         """Return the pose at a crank angle; None where the guess does not lead to it safely."""
-        found = self._linkage.step.refine(alpha, guess, TOLERANCE, ITERATIONS)
-        if found is None or isnan(found.coefficients[0]):
-            return None
-        return Row(alpha, found.x, found.coefficients)
+        row = self._refined(alpha, guess)
+        return None if row is None or isnan(row.x_1[0]) else row
+
+    def _refined(self, alpha: float, guess: tuple[float, ...]) -> Row | None:
+        found = self._refine(alpha, guess, TOLERANCE, ITERATIONS)
+        return None if found is None else Row(alpha, *X_AND_RATES(found))
 
     def _walk(self, first: Row, direction: float) -> list[Row]:
         """Return the poses from the first on, for a whole turn or until the branch ends."""
-        rows, step = [first], STEP
-        while abs(rows[-1].alpha - first.alpha) < TURN and step > SHORTEST:
-            guess = rows[-1].ahead(direction * step)
-            row = self._row(rows[-1].alpha + direction * step, guess)
+        rows, length = [first], STEP
+        while abs(rows[-1].alpha - first.alpha) < TURN and length > SHORTEST:
+            guess = rows[-1].ahead(direction * length)
+            row = self._row(rows[-1].alpha + direction * length, guess)
             if row is None:
-                step /= 2.0
+                length /= 2.0
             else:
                 rows.append(row)
-                step = min(STEP, 2.0 * step)
+                length = min(STEP, 2.0 * length)
         return rows
 
     def _check_seam(self) -> None:
@@ -155,13 +158,13 @@ class Branch:
         return min(neighbours, key=lambda row: abs(row.alpha - at))
 
 
-def _is_closed(linkage: 'Linkage', rows: Sequence[Row]) -> bool:
+def _is_closed(linkage: LoopEquations, rows: Sequence[Row]) -> bool:
     """Return whether rows are a whole turn, after which the loops are back where they were."""
     start, end = rows[0], rows[-1]
     if end.alpha - start.alpha < TURN:
         return False
     back = end.ahead(start.alpha + TURN - end.alpha)
-    return max(map(abs, joints.differences(linkage, back, start.x))) <= TRUSTED
+    return max(map(abs, linkage.differences(back, start.x))) <= TRUSTED
 
 
 def _one_turn(rows: list[Row], start: float) -> list[Row]:

@@ -6,15 +6,12 @@ closed form: theirs is the nearest pose of their branch, refined.
 """
 
 from cmath import rect
-from typing import TYPE_CHECKING
 
 from . import joints
-
-if TYPE_CHECKING:
-    from .linkage import Linkage
+from .linkage import Linkage
 
 
-def placed(linkage: 'Linkage', alpha: float) -> list[complex]:
+def placed(linkage: Linkage, alpha: float) -> list[complex]:
     """
     Return the vectors of all bodies at a crank angle [rad], in the linkage's assembly.
 
@@ -39,7 +36,7 @@ def placed(linkage: 'Linkage', alpha: float) -> list[complex]:
     return u
 
 
-def seed(linkage: 'Linkage', alpha: float) -> tuple[float, ...]:
+def seed(linkage: Linkage, alpha: float) -> tuple[float, ...]:
     """Return the other coordinates at a crank angle; parameters and errors as `placed`."""
     u, structure = placed(linkage, alpha), linkage.structure
     return tuple(float(joints.coordinate(structure, u, j)) for j in range(1, len(u)))

@@ -15,15 +15,12 @@ The functions take one pose, or many at once: a coordinate or a vector is a numb
 
 from cmath import phase
 from collections.abc import Mapping, Sequence
-from typing import Any, TYPE_CHECKING, TypeAlias
+from typing import Any, TypeAlias
 
 from klann_ros.kinematics.angles import wrap
 import numpy as np
 
 from .structure import FIXED, Structure
-
-if TYPE_CHECKING:
-    from .linkage import Linkage
 
 # The u_j of every body: complex numbers, or arrays of them.
 Vectors: TypeAlias = Any
@@ -49,12 +46,6 @@ def frame(structure: Structure, u: Vectors, j: int) -> Any:
     """Return the vector of what a body that slides is turned with."""
     own = structure.frames[j]
     return 1.0 if own == FIXED else u[own]
-
-
-def line(linkage: 'Linkage', u: Vectors, j: int) -> Any:
-    """Return the unit vector along the line that a body slides along."""
-    structure = linkage.structure
-    return linkage.bars[structure.line_of[j]] * frame(structure, u, j)
 
 
 def coordinate(structure: Structure, u: Vectors, j: int) -> Any:
@@ -120,11 +111,3 @@ def bent(structure: Structure, u: Vectors, rates: Any) -> list[Any]:
             part = part + 2j * structure.senses[own] * rates[j] * turning * u[own]
         found.append(part)
     return found
-
-
-def differences(linkage: 'Linkage', x: Sequence[float], other: Sequence[float]) -> list[float]:
-    """Return the differences of two poses' other coordinates [rad]; lengths by the linkage's."""
-    return [
-        (a - b) / linkage.size if body.slides else wrap(a - b)
-        for body, a, b in zip(linkage.structure.bodies[1:], x, other, strict=True)
-    ]

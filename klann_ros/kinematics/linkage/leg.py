@@ -86,13 +86,14 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
     def _make(self) -> None:
         functions = step(self._linkage, self.pose_class)
         self._refine, self._ahead = functions.refine, functions.ahead
+        self._velocity, self._acceleration = functions.velocity, functions.acceleration
 
     def __repr__(self) -> str:
         return f'{type(self).__name__}({self._linkage!r})'
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the functions, which are made anew."""
-        made = ('_refine', '_ahead')
+        made = ('_refine', '_ahead', '_velocity', '_acceleration')
         return {name: value for name, value in self.__dict__.items() if name not in made}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -227,7 +228,7 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
         if isnan(pose.coefficients[0]):
             raise SingularPoseError(pose.crank_angle)
         validation.rate('alpha_rate', alpha_rate)
-        found = pose.linkage.step.velocity(pose.crank_angle, pose.x, pose.coefficients, alpha_rate)
+        found = self._velocity(pose.crank_angle, pose.x, pose.coefficients, alpha_rate)
         moving: Any = self.motion_class._make((*found, pose, None))
         return moving  # type: ignore[no-any-return]  # its own
 
@@ -267,7 +268,7 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
         moving = self.velocity(pose, alpha_rate)
         validation.rate('alpha_acceleration', alpha_acceleration)
         state = pose.crank_angle, pose.x, pose.coefficients, alpha_rate, alpha_acceleration
-        found = pose.linkage.step.acceleration(*state)
+        found = self._acceleration(*state)
         changing: Any = self.motion_class._make((*found, pose, moving))
         return changing  # type: ignore[no-any-return]  # its own
 

@@ -7,18 +7,14 @@ from math import degrees
 from typing import Any
 
 from klann_ros.kinematics import validation
-from klann_ros.kinematics.angles import TURN, wrap
+from klann_ros.kinematics.angles import wrap
 from klann_ros.kinematics.errors import GeometryError, NotAssembledError, NotConvergedError
 from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
 from numpy.typing import NDArray
 
-from . import joints, shape
-from .blocks import Block
 from .branch import Branch
-from .dyads import longest
-from .pose import LinkagePose
-from .step import Step, step
+from .equations import LoopEquations
 from .structure import by_name, Structure
 
 Array = NDArray[np.float64]
@@ -26,10 +22,9 @@ Array = NDArray[np.float64]
 START_ITERATIONS = 50
 # Of |sin| between two links, at the start: nearer to in line it does not say which branch.
 LEAST_START_SINE = 1e-6
-NO_TRIANGLE = 'this brace and its bar do not meet'
 
 
-class Linkage:
+class Linkage(LoopEquations):
     """
     A crank-driven linkage of N bars: immutable; `LinkageLeg` solves it.
 
@@ -66,14 +61,8 @@ class Linkage:
         name: str = '',
         source: str = '',
     ) -> None:
-        self.structure = structure
-        self.numbers = _checked(structure, numbers)
+        super().__init__(structure, numbers)
         self.name, self.source = name, source
-        self.pivots, self.bars = shape.vectors(structure, self.numbers)
-        for d in structure.dimensions:
-            if d.kind == 'brace' and np.isnan(self.bars[d.place]):
-                msg = f'{d.name} = {self.dimensions[d.name]:g} m is refused: {NO_TRIANGLE}'
-                raise GeometryError(msg)
         self.given_start = None if start is None else tuple(map(float, start))
         self.assembly = self._signs() if assembly is None else self._checked_signs(assembly)
 
@@ -95,19 +84,6 @@ class Linkage:
         """Return what its motion depends on: the start matters where loops are coupled."""
         start = None if self.is_dyadic else self.given_start
         return self.structure, self.numbers, self.assembly, start
-
-    # What it consists of.
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Return the names of the angles, the crank's first."""
-        return self.structure.angles
-
-    @property
-    def dimensions(self) -> dict[str, float]:
-        """Return its numbers by name [m, rad]."""
-        names = (dimension.name for dimension in self.structure.dimensions)
-        return dict(zip(names, self.numbers, strict=True))
 
     def varied(self, changes: Mapping[str, float] | None = None, **named: float) -> 'Linkage':
         """
@@ -225,63 +201,9 @@ class Linkage:
         return _made(made, numbers, signs, start, self.name, self.source)
 
     @cached_property
-    def blocks(self) -> tuple[Block, ...]:
-        """Return what is solved, in this order."""
-        structure = self.structure
-        made = zip(structure.groups, structure.paths.rows, structure.dyad_names, strict=True)
-        return tuple(
-            Block(
-                number,
-                tuple(self.rows[k] for k in loops),
-                group,
-                structure,
-                names,
-                number in structure.outside,
-            )
-            for number, (group, loops, names) in enumerate(made, 1)
-        )
-
-    @property
-    def is_dyadic(self) -> bool:
-        """Return whether every block is a dyad, so that the geometric method gives the pose."""
-        return all(len(rows) == 1 for rows in self.structure.paths.rows)
-
-    @property
-    def two_circles(self) -> bool:
-        """Return whether every block is a dyad that turns, which two circles place."""
-        return self.is_dyadic and not self.structure.slides
-
-    @cached_property
-    def rows(self) -> tuple[tuple[dict[int, complex], complex], ...]:
-        """Return of each loop what the bodies add to it, and what the pivots do [m]."""
-        paths = self.structure.paths.loops
-        return tuple(shape.row(self.structure, p, self.pivots, self.bars) for p in paths)
-
-    @cached_property
-    def point_rows(self) -> tuple[tuple[dict[int, complex], complex], ...]:
-        """Return of each point what the bodies add to it, and what its pivot does [m]."""
-        paths = self.structure.paths.points
-        return tuple(shape.row(self.structure, p, self.pivots, self.bars) for p in paths)
-
-    @property
-    def foot(self) -> int:
-        """Return which of the points is the foot."""
-        return self.structure.points.index(self.structure.foot)
-
-    @cached_property
     def start(self) -> tuple[float, ...]:
         """Return the pose that Newton-Raphson reaches from the start, the crank's angle first."""
         return self._assembled()
-
-    @cached_property
-    def step(self) -> Step:
-        """Return its Newton-Raphson and its derivatives as functions made for it."""
-        return step(self, LinkagePose)
-
-    @cached_property
-    def size(self) -> float:
-        """Return its longest vector [m]: what distances of what slides are measured against."""
-        return float(longest(self.structure, self.rows))
 
     # Coupled loops.
 
@@ -296,7 +218,8 @@ class Linkage:
     def branch(self) -> Branch:
         """Return the branch of its coupled loops; it takes some 10 ms to be followed."""
         number = max(block.number for block in self.blocks if not block.is_dyad)
-        return Branch(self._head(number), number)
+        head = self._head(number)
+        return Branch(head, head.start, number)
 
     def _head(self, count: int) -> 'Linkage':
         """Return the linkage of the first so many blocks, in which all else is left out."""
@@ -311,75 +234,6 @@ class Linkage:
         ]
         start = [self.start[j] for j in self.head_bodies]
         return Linkage(structure, numbers, assembly=self.assembly[:count], start=start)
-
-    # Its equations, as matrices.
-
-    @cached_property
-    def equations(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return W, shape (m, n), and c, shape (m,), of f = W u + c [m]."""
-        return shape.matrix(self.rows, len(self.structure.bodies))
-
-    @cached_property
-    def point_equations(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return Q, shape (p, n), and q, shape (p,), of p = Q u + q [m]."""
-        return shape.matrix(self.point_rows, len(self.structure.bodies))
-
-    def f(self, alpha: float, x: Sequence[float] | Array) -> Array:
-        """
-        Return the loop equations' left-hand sides; the linkage is closed where f = 0.
-
-        Parameters
-        ----------
-        alpha : float
-            Crank angle [rad].
-        x : sequence of float, shape (n - 1,)
-            The other coordinates, in the order of `joint_names`: angles [rad], and distances [m]
-            of what slides.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n - 1,)
-            Of each loop its x equation, then its y equation [m].
-
-        """
-        w, c = self.equations
-        return _real_rows(w @ self.vectors(alpha, x) + c)
-
-    def phi(self, alpha: float, x: Sequence[float] | Array) -> Array:
-        """Return the Jacobian df/dx, shape (n - 1, n - 1) [m/rad]; parameters as in `f`."""
-        return self._jacobian(alpha, x)[:, 1:]
-
-    def f_alpha(self, alpha: float, x: Sequence[float] | Array) -> Array:
-        """Return df/dalpha, shape (n - 1,) [m/rad]; parameters as in `f`."""
-        column: Array = self._jacobian(alpha, x)[:, 0]
-        return column
-
-    def points(self, alpha: float, x: Sequence[float] | Array) -> Array:
-        """Return the points, shape (p, 2), in the order of the structure's [m]."""
-        q_u, q = self.point_equations
-        return _plane(q_u @ self.vectors(alpha, x) + q)
-
-    def points_moved(self, vectors: NDArray[np.complex128]) -> Array:
-        """Return the points' derivative, shape (p, 2), from that of the bodies' vectors."""
-        return _plane(self.point_equations[0] @ vectors)
-
-    def vectors(self, alpha: Any, x: Any) -> NDArray[np.complex128]:
-        """Return u_j of every body, shape (n,): exp(i s_j phi_j), or what slides: see `joints`."""
-        if self.structure.slides:
-            return np.array(joints.vectors(self.structure, [alpha, *x]))
-        u: NDArray[np.complex128] = np.exp(self._i_s * np.array([alpha, *x]))
-        return u
-
-    @cached_property
-    def _i_s(self) -> NDArray[np.complex128]:
-        """Return i s_j of every body, for linkages in which nothing slides: most of them."""
-        return 1j * np.array(self.structure.senses)
-
-    def _jacobian(self, alpha: float, x: Sequence[float] | Array) -> Array:
-        u, w = self.vectors(alpha, x), self.equations[0]
-        if self.structure.slides:
-            return _real_rows(w @ joints.tangents(self.structure, u))
-        return _real_rows(w * (self._i_s * u))
 
     def _checked_signs(self, assembly: Sequence[int]) -> tuple[int, ...]:
         """Return signs as a tuple, if there is one for each block."""
@@ -458,32 +312,3 @@ def _made(  # noqa: PLR0917 - what a pickle holds, in its order
     source: str,
 ) -> Linkage:
     return Linkage(structure, numbers, assembly=assembly, start=start, name=name, source=source)
-
-
-def _checked(structure: Structure, numbers: Sequence[float]) -> tuple[float, ...]:
-    """Return the numbers as floats, if they are numbers of a linkage."""
-    checked = []
-    for dimension, number in zip(structure.dimensions, numbers, strict=True):
-        # Nearly every number is one that nothing is wrong with.
-        largest = TURN if dimension.kind == 'bend' else validation.LARGEST
-        if type(number) is float and validation.SMALLEST <= number <= largest:
-            checked.append(number)
-            continue
-        value = validation.finite(dimension.name, number)
-        if dimension.is_length:
-            validation.positive(dimension.name, value)
-        if dimension.unit == 'm':
-            validation.representable(dimension.name, value)
-        else:
-            validation.bend(dimension.name, value)
-        checked.append(value)
-    return tuple(checked)
-
-
-def _real_rows(values: NDArray[np.complex128]) -> Array:
-    """Return complex equations as real ones: of each its x, then its y."""
-    return np.stack([values.real, values.imag], axis=1).reshape(-1, *values.shape[1:])
-
-
-def _plane(values: NDArray[np.complex128]) -> Array:
-    return np.stack([values.real, values.imag], axis=-1)

@@ -1,17 +1,14 @@
 """A solved pose of a linkage, and how it moves."""
 
+from collections.abc import Sequence
 from math import nan
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import joints
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from .linkage import Linkage
+from .linkage import Linkage
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float]
@@ -62,7 +59,7 @@ class LinkagePose(NamedTuple):
     residual: float
     coefficients: tuple[float, ...]
     sines: tuple[float, ...]
-    linkage: 'Linkage'
+    linkage: Linkage
 
     def __repr__(self) -> str:
         # `linkage`, `coefficients` and the rest are there to be asked for.
@@ -162,7 +159,7 @@ class LinkageMotion(NamedTuple):
         return self.pose.linkage.points_moved(self.vectors)
 
 
-def _named(linkage: 'Linkage', numbers: 'Sequence[float]') -> str:
+def _named(linkage: Linkage, numbers: Sequence[float]) -> str:
     """Return numbers with the joints' names, as far as one reads them."""
     pairs = zip(linkage.joint_names, numbers, strict=True)
     return ', '.join(f'{name}={number:.7g}' for name, number in pairs)
@@ -172,7 +169,7 @@ def _short(vector: Vector) -> str:
     return f'({vector[0]:.7g}, {vector[1]:.7g})'
 
 
-def closed_pose(linkage: 'Linkage', u: 'Sequence[complex]', alpha: float) -> LinkagePose:
+def closed_pose(linkage: Linkage, u: Sequence[complex], alpha: float) -> LinkagePose:
     """Return the pose whose bodies have these vectors, by circles and not by iteration."""
     structure = linkage.structure
     x = tuple(float(joints.coordinate(structure, u, j)) for j in range(1, len(u)))
@@ -185,7 +182,7 @@ def closed_pose(linkage: 'Linkage', u: 'Sequence[complex]', alpha: float) -> Lin
 
 
 def _coefficients(
-    linkage: 'Linkage', alpha: float, x: 'Sequence[float]', u: 'Sequence[complex]'
+    linkage: Linkage, alpha: float, x: Sequence[float], u: Sequence[complex]
 ) -> tuple[float, ...]:
     """Solve Phi dx/dalpha = -df/dalpha; NaN where Phi is singular but for rounding."""
     if any(abs(block.sine(u)) <= block.singular_sine for block in linkage.blocks):

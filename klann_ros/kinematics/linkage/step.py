@@ -10,15 +10,13 @@ structure: their numbers are its constants. No name of a user's file is in it, o
 from collections.abc import Callable
 import linecache
 from math import cos, hypot, nan, pi, sin
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import FAR, wrap
 
+from .equations import LoopEquations
 from .step_text import Writer
 from .structure import Structure
-
-if TYPE_CHECKING:
-    from .linkage import Linkage
 
 # A guess of coupled loops that needs more correction may have left its branch [rad].
 TRUSTED = 0.05
@@ -42,7 +40,7 @@ class Step(NamedTuple):
 _made: dict[Structure, tuple[Writer, Callable[..., Any]]] = {}
 
 
-def step(linkage: 'Linkage', kind: type[tuple[Any, ...]]) -> Step:
+def step(linkage: LoopEquations, kind: type[tuple[Any, ...]]) -> Step:
     """Return the functions of a linkage, for a class of poses."""
     if linkage.structure not in _made:
         writer = Writer(linkage.structure)

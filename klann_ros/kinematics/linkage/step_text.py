@@ -16,13 +16,10 @@ and coupled loops take Gauss's elimination with pivots.
 
 from collections.abc import Iterable, Sequence
 from math import inf, prod
-from typing import TYPE_CHECKING
 
+from .equations import LoopEquations
 from .step_vectors import elimination, joined, Sum, Term, Vectors
 from .structure import Structure
-
-if TYPE_CHECKING:
-    from .linkage import Linkage
 
 
 class Writer:
@@ -35,9 +32,9 @@ class Writer:
         self._vectors = Vectors(structure)
         self._lines: list[str] = []
 
-    def constants(self, linkage: 'Linkage') -> dict[str, float]:
+    def constants(self, linkage: LoopEquations) -> dict[str, float]:
         """Return the constants that the text names, of a linkage of this structure."""
-        found = self._vectors.constants(linkage)
+        found = self._vectors.constants(linkage.bars)
         fixed = {f'c{k}': constant for k, (_, constant) in enumerate(linkage.rows)}
         for name, constant in (*fixed.items(), ('h', linkage.point_rows[linkage.foot][1])):
             found |= {f'{name}x': constant.real, f'{name}y': constant.imag}

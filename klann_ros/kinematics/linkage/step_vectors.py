@@ -1,12 +1,8 @@
 """What a step's text is made of: vectors, sums of them, and the solution of equations."""
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 from .structure import FIXED, Structure
-
-if TYPE_CHECKING:
-    from .linkage import Linkage
 
 # A product of named factors with its sign.
 Term = tuple[int, str]
@@ -41,11 +37,11 @@ class Vectors:
         self.in_loops = {v for terms in self.loops for _, v in terms.values()}
         self.in_foot = {v for _, v in self.foot.values()}
 
-    def constants(self, linkage: 'Linkage') -> dict[str, float]:
-        """Return the constants that the text names, of a linkage of this structure."""
+    def constants(self, all_bars: Sequence[complex]) -> dict[str, float]:
+        """Return the constants that the text names, by the bars of a linkage."""
         found: dict[str, float] = {}
         for (body, bars), v in self._numbers.items():
-            w = sum(n * linkage.bars[bar] for bar, n in bars)
+            w = sum(n * all_bars[bar] for bar, n in bars)
             frame = self._structure.frames[body]
             sense = 1 if frame == FIXED else self._structure.senses[frame]
             found |= {f'a{v}': w.real, f'd{v}': sense * w.real}

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import shape
-from .linkage import Linkage, NO_TRIANGLE
+from .equations import NO_TRIANGLE
+from .linkage import Linkage
 from .structure import by_name
 
 Array = NDArray[np.float64]

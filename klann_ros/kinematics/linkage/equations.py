@@ -1,0 +1,227 @@
+"""What a linkage is as numbers: its vectors, its loop equations, and what is solved in turn."""
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+from klann_ros.kinematics import validation
+from klann_ros.kinematics.angles import TURN, wrap
+from klann_ros.kinematics.errors import GeometryError
+import numpy as np
+from numpy.typing import NDArray
+
+from . import joints, shape
+from .blocks import Block
+from .dyads import longest
+from .structure import Structure
+
+Array = NDArray[np.float64]
+NO_TRIANGLE = 'this brace and its bar do not meet'
+
+
+class LoopEquations:
+    """
+    The equations of a linkage: f = W u + c of its loops, and p = Q u + q of its points.
+
+    Parameters
+    ----------
+    structure : Structure
+        What is joined to what.
+    numbers : sequence of float
+        Its dimensions, in the structure's order [m, rad].
+
+    Attributes
+    ----------
+    assembly : tuple of int
+        The sign (+1 or -1) of each block's sine: how it is put together.
+
+    Raises
+    ------
+    GeometryError
+        A number is none, a length is not positive or beyond all measure, or a triangle of bars
+        does not close.
+
+    """
+
+    assembly: tuple[int, ...]
+
+    def __init__(self, structure: Structure, numbers: Sequence[float]) -> None:
+        self.structure = structure
+        self.numbers = _checked(structure, numbers)
+        self.pivots, self.bars = shape.vectors(structure, self.numbers)
+        for d in structure.dimensions:
+            if d.kind == 'brace' and np.isnan(self.bars[d.place]):
+                msg = f'{d.name} = {self.dimensions[d.name]:g} m is refused: {NO_TRIANGLE}'
+                raise GeometryError(msg)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Return the names of the angles, the crank's first."""
+        return self.structure.angles
+
+    @property
+    def dimensions(self) -> dict[str, float]:
+        """Return its numbers by name [m, rad]."""
+        names = (dimension.name for dimension in self.structure.dimensions)
+        return dict(zip(names, self.numbers, strict=True))
+
+    @cached_property
+    def blocks(self) -> tuple[Block, ...]:
+        """Return what is solved, in this order."""
+        structure = self.structure
+        made = zip(structure.groups, structure.paths.rows, structure.dyad_names, strict=True)
+        return tuple(
+            Block(
+                number,
+                tuple(self.rows[k] for k in loops),
+                group,
+                structure,
+                names,
+                number in structure.outside,
+            )
+            for number, (group, loops, names) in enumerate(made, 1)
+        )
+
+    @property
+    def is_dyadic(self) -> bool:
+        """Return whether every block is a dyad, so that the geometric method gives the pose."""
+        return all(len(rows) == 1 for rows in self.structure.paths.rows)
+
+    @property
+    def two_circles(self) -> bool:
+        """Return whether every block is a dyad that turns, which two circles place."""
+        return self.is_dyadic and not self.structure.slides
+
+    @cached_property
+    def rows(self) -> tuple[tuple[dict[int, complex], complex], ...]:
+        """Return of each loop what the bodies add to it, and what the pivots do [m]."""
+        paths = self.structure.paths.loops
+        return tuple(shape.row(self.structure, p, self.pivots, self.bars) for p in paths)
+
+    @cached_property
+    def point_rows(self) -> tuple[tuple[dict[int, complex], complex], ...]:
+        """Return of each point what the bodies add to it, and what its pivot does [m]."""
+        paths = self.structure.paths.points
+        return tuple(shape.row(self.structure, p, self.pivots, self.bars) for p in paths)
+
+    @property
+    def foot(self) -> int:
+        """Return which of the points is the foot."""
+        return self.structure.points.index(self.structure.foot)
+
+    @cached_property
+    def size(self) -> float:
+        """Return its longest vector [m]: what distances of what slides are measured against."""
+        return float(longest(self.structure, self.rows))
+
+    # Of poses.
+
+    def line(self, u: joints.Vectors, j: int) -> Any:
+        """Return the unit vector along the line that a body slides along."""
+        structure = self.structure
+        return self.bars[structure.line_of[j]] * joints.frame(structure, u, j)
+
+    def differences(self, x: Sequence[float], other: Sequence[float]) -> list[float]:
+        """Return the differences of two poses' other coordinates [rad]; lengths by its size."""
+        return [
+            (a - b) / self.size if body.slides else wrap(a - b)
+            for body, a, b in zip(self.structure.bodies[1:], x, other, strict=True)
+        ]
+
+    # Its equations, as matrices.
+
+    @cached_property
+    def equations(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return W, shape (m, n), and c, shape (m,), of f = W u + c [m]."""
+        return shape.matrix(self.rows, len(self.structure.bodies))
+
+    @cached_property
+    def point_equations(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return Q, shape (p, n), and q, shape (p,), of p = Q u + q [m]."""
+        return shape.matrix(self.point_rows, len(self.structure.bodies))
+
+    def f(self, alpha: float, x: Sequence[float] | Array) -> Array:
+        """
+        Return the loop equations' left-hand sides; the linkage is closed where f = 0.
+
+        Parameters
+        ----------
+        alpha : float
+            Crank angle [rad].
+        x : sequence of float, shape (n - 1,)
+            The other coordinates, in the order of `joint_names`: angles [rad], and distances [m]
+            of what slides.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n - 1,)
+            Of each loop its x equation, then its y equation [m].
+
+        """
+        w, c = self.equations
+        return _real_rows(w @ self.vectors(alpha, x) + c)
+
+    def phi(self, alpha: float, x: Sequence[float] | Array) -> Array:
+        """Return the Jacobian df/dx, shape (n - 1, n - 1) [m/rad]; parameters as in `f`."""
+        return self._jacobian(alpha, x)[:, 1:]
+
+    def f_alpha(self, alpha: float, x: Sequence[float] | Array) -> Array:
+        """Return df/dalpha, shape (n - 1,) [m/rad]; parameters as in `f`."""
+        column: Array = self._jacobian(alpha, x)[:, 0]
+        return column
+
+    def points(self, alpha: float, x: Sequence[float] | Array) -> Array:
+        """Return the points, shape (p, 2), in the order of the structure's [m]."""
+        q_u, q = self.point_equations
+        return _plane(q_u @ self.vectors(alpha, x) + q)
+
+    def points_moved(self, vectors: NDArray[np.complex128]) -> Array:
+        """Return the points' derivative, shape (p, 2), from that of the bodies' vectors."""
+        return _plane(self.point_equations[0] @ vectors)
+
+    def vectors(self, alpha: Any, x: Any) -> NDArray[np.complex128]:
+        """Return u_j of every body, shape (n,): exp(i s_j phi_j), or what slides: see `joints`."""
+        if self.structure.slides:
+            return np.array(joints.vectors(self.structure, [alpha, *x]))
+        u: NDArray[np.complex128] = np.exp(self._i_s * np.array([alpha, *x]))
+        return u
+
+    @cached_property
+    def _i_s(self) -> NDArray[np.complex128]:
+        """Return i s_j of every body, for linkages in which nothing slides: most of them."""
+        return 1j * np.array(self.structure.senses)
+
+    def _jacobian(self, alpha: float, x: Sequence[float] | Array) -> Array:
+        u, w = self.vectors(alpha, x), self.equations[0]
+        if self.structure.slides:
+            return _real_rows(w @ joints.tangents(self.structure, u))
+        return _real_rows(w * (self._i_s * u))
+
+
+def _checked(structure: Structure, numbers: Sequence[float]) -> tuple[float, ...]:
+    """Return the numbers as floats, if they are numbers of a linkage."""
+    checked = []
+    for dimension, number in zip(structure.dimensions, numbers, strict=True):
+        # Nearly every number is one that nothing is wrong with.
+        largest = TURN if dimension.kind == 'bend' else validation.LARGEST
+        if type(number) is float and validation.SMALLEST <= number <= largest:
+            checked.append(number)
+            continue
+        value = validation.finite(dimension.name, number)
+        if dimension.is_length:
+            validation.positive(dimension.name, value)
+        if dimension.unit == 'm':
+            validation.representable(dimension.name, value)
+        else:
+            validation.bend(dimension.name, value)
+        checked.append(value)
+    return tuple(checked)
+
+
+def _real_rows(values: NDArray[np.complex128]) -> Array:
+    """Return complex equations as real ones: of each its x, then its y."""
+    return np.stack([values.real, values.imag], axis=1).reshape(-1, *values.shape[1:])
+
+
+def _plane(values: NDArray[np.complex128]) -> Array:
+    return np.stack([values.real, values.imag], axis=-1)
