@@ -3,15 +3,19 @@ Processes that are forked from one which has imported everything, but begun noth
 
 To import takes most of what it costs to start a node or a tool, and the suite starts hundreds.
 What is forked is a process of its own like any other: its own signals, files, memory and DDS.
-Whoever claims something of the start itself starts a Python of its own.
+What it imports on its way it tells at its end, and the next one finds it there already. Whoever claims something of the start itself starts a Python of its own.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
+import gc
+from importlib import import_module
+import inspect
 import json
 import os
 from pathlib import Path
+import re
 import resource
 import select
 import signal
@@ -37,6 +41,8 @@ MODULES = (
     'klann_ros.nodes.solver.node',
     'klann_ros.review.command',
 )
+# What they may import later without beginning anything: ours, and the types of messages.
+LEARNT = re.compile(r'(klann_ros|lark|rosidl_\w+|\w+_(msgs|interfaces|srvs))(\.|$)')
 _STATUS = struct.Struct('i')
 
 
@@ -175,25 +181,38 @@ def called(
 
 def serve(number: int) -> None:
     """Fork whenever asked, and tell how each of these processes ended."""
-    for module in MODULES:
-        __import__(module)
+    _learn(MODULES)
     asking = socket.socket(fileno=number)
+    lessons, teaching = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     children: dict[int, int] = {}
     with _wakened_by_children() as wakeup:
         while True:
-            ready, _, _ = select.select([asking, wakeup], [], [])
+            ready, _, _ = select.select([asking, lessons, wakeup], [], [])
             if wakeup in ready:
                 os.read(wakeup, 4096)
                 _tell_of_the_ended(children)
+            if lessons in ready:
+                _learn(json.loads(lessons.recv(1 << 20)))
             if asking in ready:
                 text, fds, _, _ = socket.recv_fds(asking, 1 << 20, 3)
                 if not text:
                     return
-                pid = _forked(text, fds, [number, wakeup, *children.values()])
+                ours = [number, lessons.fileno(), wakeup, *children.values()]
+                pid = _forked(text, fds, ours, teaching)
                 children[pid] = fds[2]
                 for fd in fds[:2]:
                     os.close(fd)
                 asking.send(_STATUS.pack(pid))
+
+
+def _learn(names: Sequence[str]) -> None:
+    """Import modules, and whatever else is the same for all that is forked from now on."""
+    for name in names:
+        with suppress(ImportError):
+            import_module(name)
+    # The first message of a logger looks through all modules for the one that it is from.
+    inspect.getmodule(inspect.currentframe())
+    gc.freeze()
 
 
 @contextmanager
@@ -220,11 +239,13 @@ def _tell_of_the_ended(children: dict[int, int]) -> None:
             os.close(told)
 
 
-def _forked(text: bytes, fds: Sequence[int], others: Sequence[int]) -> int:
+def _forked(
+    text: bytes, fds: Sequence[int], others: Sequence[int], teaching: socket.socket
+) -> int:
     pid = os.fork()
     if pid:
         return pid
-    code = 1
+    code, known = 1, set(sys.modules)
     try:
         signal.set_wakeup_fd(-1)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
@@ -244,6 +265,9 @@ def _forked(text: bytes, fds: Sequence[int], others: Sequence[int]) -> int:
         os.environ.update(environment)
         sys.argv = ['-c', *arguments]
         code = _run(name)
+        new = [name for name in sys.modules if name not in known and LEARNT.match(name)]
+        if new:
+            teaching.send(json.dumps(new).encode())
     finally:
         # No further: what stands above is the server's.
         os._exit(code)
