@@ -373,8 +373,9 @@ def test_a_full_disk_ends_the_recording_with_a_readable_run(ros: World, tmp_path
         recorder = ros.start('recorder_node', output=folder, compression='none')
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        ros.fresh = False
     ros.probe.matched('/diagnostics')
-    ros.start('crank_node', rate=2000.0)
+    ros.start('crank_node', rate=1000.0)
     assert recorder.wait() == 1
     assert 'the recording stopped early: [Errno 27] File too large' in recorder.errors
     assert f'`recover {folder}` finishes the run' in recorder.errors

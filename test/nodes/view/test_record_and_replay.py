@@ -76,6 +76,7 @@ def run(live: Live) -> Path:
         for crank in cranks:
             for angle in ANGLES:
                 crank.publish(Float64(data=float(angle)))
+        ros.probe.spin(0.1)
         return False
 
     card = Machine(live, 'Recorder /recorder_node')
