@@ -3,7 +3,8 @@ Processes that are forked from one which has imported everything, but begun noth
 
 To import takes most of what it costs to start a node or a tool, and the suite starts hundreds.
 What is forked is a process of its own like any other: its own signals, files, memory and DDS.
-What it imports on its way it tells at its end, and the next one finds it there already. Whoever claims something of the start itself starts a Python of its own.
+What it imports on its way it tells at its end, and the next one finds it there already. Whoever
+claims something of the start itself starts a Python of its own.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
