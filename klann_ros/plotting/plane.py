@@ -173,6 +173,7 @@ def animate(
     leg = leg_of(given)
     frames = validation.count('frames', frames, FEWEST_FRAMES)
     poses = [leg.closed_form(alpha) for alpha in _crank_angles(leg, frames)]
+    is_new = ax is None
     ax = axes_of(ax)
     from matplotlib.animation import FuncAnimation  # noqa: PLC0415 - as in `axes_of`
 
@@ -183,13 +184,17 @@ def animate(
     ax.update_datalim(np.concatenate([pose.points for pose in poses]))
     ax.autoscale_view()
     ax.autoscale(enable=False)
+    # Of a part of a figure the whole.
+    whole: Any = ax.figure.figure
+    if is_new:
+        # Nothing makes room or needs it from here on: to lay each frame out takes most of its time.
+        whole.draw_without_rendering()
+        whole.set_layout_engine('none')
 
     def show(frame: int) -> 'list[Artist]':
         return drawn.move(poses[frame])
 
     interval = TURN_TIME / frames
-    # Of a part of a figure the whole.
-    whole: Any = ax.figure.figure
     return FuncAnimation(whole, show, frames=frames, interval=interval)
 
 
