@@ -18,6 +18,7 @@ import os
 from pathlib import Path
 import re
 import resource
+import runpy
 import select
 import signal
 import socket
@@ -42,8 +43,12 @@ MODULES = (
     'klann_ros.nodes.solver.node',
     'klann_ros.review.command',
 )
-# What they may import later without beginning anything: ours, and the types of messages.
-LEARNT = re.compile(r'(klann_ros|lark|rosidl_\w+|\w+_(msgs|interfaces|srvs))(\.|$)')
+# What they may import later without beginning anything: ours, the types of messages, drawing.
+LEARNT = re.compile(
+    r'(klann_ros|lark|rosidl_\w+|\w+_(msgs|interfaces|srvs)|matplotlib|pandas|PIL)(\.|$)'
+)
+# Instead of an executable: a script, and its arguments.
+PYTHON = 'python'
 _STATUS = struct.Struct('i')
 
 
@@ -161,7 +166,7 @@ def server() -> ForkServer:
 def called(
     name: str, *arguments: object, memory: int = resource.RLIM_INFINITY, patience: float = 60.0
 ) -> subprocess.CompletedProcess[str]:
-    """Run a tool to its end, as `subprocess.run` does."""
+    """Run a tool, or a script by PYTHON, to its end, as `subprocess.run` does."""
     with tempfile.TemporaryFile('w+') as errors:
         process = server().start(
             name,
@@ -275,10 +280,15 @@ def _forked(
 
 
 def _run(name: str) -> int:
-    """Run an executable, and end as an interpreter does."""
+    """Run an executable, or a script, and end as an interpreter does."""
     from klann_ros import executables
 
     try:
+        if name == PYTHON:
+            del sys.argv[0]
+            sys.path.insert(0, str(Path(sys.argv[0]).parent))
+            runpy.run_path(sys.argv[0], run_name='__main__')
+            return 0
         return int(getattr(executables, name)())
     except SystemExit as end:
         return int(end.code or 0)

@@ -1,12 +1,11 @@
 """README and manual: links that lead somewhere, examples that run, nothing that is not so."""
 
 from collections.abc import Iterator
-import os
 from pathlib import Path
 import re
-import subprocess
-import sys
+from subprocess import CompletedProcess
 
+from fork_server import called, PYTHON
 from klann_ros import executables
 from leg_runs import LegRun
 import pytest
@@ -44,18 +43,12 @@ def links(page: Path) -> Iterator[tuple[Path, str]]:
             yield ((page.parent / name).resolve() if name else page), place
 
 
-def run(source: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    package = str(Path(executables.__file__).resolve().parents[1])
-    paths = os.pathsep.join(filter(None, [package, os.environ.get('PYTHONPATH', '')]))
-    return subprocess.run(
-        [sys.executable, '-c', source],
-        env=os.environ | {'PYTHONPATH': paths, 'MPLBACKEND': 'Agg'},
-        cwd=folder,
-        capture_output=True,
-        check=False,
-        text=True,
-        timeout=600,
-    )
+def run(source: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> CompletedProcess[str]:
+    script = folder / 'example.py'
+    script.write_text(source, encoding='utf-8')
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv('MPLBACKEND', 'Agg')
+    return called(PYTHON, script, patience=600.0)
 
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
@@ -117,8 +110,10 @@ def test_the_readme_names_every_executable() -> None:
         assert name.startswith('_') or f'| `{name}' in README.read_text(encoding='utf-8')
 
 
-def test_the_readmes_first_example_is_warm_started() -> None:
-    done = run(blocks(README, 'python')[0], ROOT)
+def test_the_readmes_first_example_is_warm_started(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done = run(blocks(README, 'python')[0], tmp_path, monkeypatch)
     assert (done.returncode, done.stderr) == (0, '')
     steps = [line.split() for line in done.stdout.splitlines() if line[0] != '[']
     assert [int(step[0]) for step in steps] == list(range(0, 360, 10))
@@ -131,7 +126,9 @@ def test_the_readmes_first_example_is_warm_started() -> None:
     [page for page in PAGES if page.name not in RUN_ELSEWHERE and blocks(page, 'python')],
     ids=lambda page: page.name,
 )
-def test_the_examples_of_a_page_run(page: Path, tmp_path: Path) -> None:
+def test_the_examples_of_a_page_run(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     # One after the other, as a reader types them: a later one knows the names of the earlier.
     source = '\n'.join(blocks(page, 'python'))
     if 'klann_ros.plotting' in source:
@@ -140,5 +137,5 @@ def test_the_examples_of_a_page_run(page: Path, tmp_path: Path) -> None:
     if page.name == 'adding_a_linkage.md':
         (described,) = blocks(page, 'yaml')
         (tmp_path / 'watt.yaml').write_text(described, encoding='utf-8')
-    done = run(source, tmp_path)
+    done = run(source, tmp_path, monkeypatch)
     assert (done.returncode, done.stderr) == (0, '')
