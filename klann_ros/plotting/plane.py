@@ -187,7 +187,7 @@ def animate(
     # Of a part of a figure the whole.
     whole: Any = ax.figure.figure
     if is_new:
-        # Nothing makes room or needs it from here on: to lay each frame out takes most of its time.
+        # Nothing needs other room from here on: to lay out each frame would take most of its time.
         whole.draw_without_rendering()
         whole.set_layout_engine('none')
 
