@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from itertools import pairwise
 from math import cos, inf, pi
+from typing import NamedTuple
 
 from .angles import TURN
 
@@ -11,6 +12,13 @@ SAMPLES = 360
 GOLDEN = (5.0**0.5 - 1.0) / 2.0
 
 Arc = tuple[float, float]
+
+
+class Sample(NamedTuple):
+    """A crank angle [rad], and whether its clearance is not negative."""
+
+    alpha: float
+    closes: bool
 
 
 def arcs_inside(clearance: Callable[[float], float], arc: Arc = (0.0, TURN)) -> list[Arc]:
@@ -22,16 +30,15 @@ def arcs_inside(clearance: Callable[[float], float], arc: Arc = (0.0, TURN)) -> 
     """
     samples = _with_extrema(clearance, _samples(arc))
     arcs: list[Arc] = []
-    start = samples[0] if clearance(samples[0]) >= 0.0 else None
+    start = samples[0].alpha if samples[0].closes else None
     for left, right in pairwise(samples):
-        closes_left, closes_right = clearance(left) >= 0.0, clearance(right) >= 0.0
-        if closes_right and not closes_left:
-            start = _boundary(clearance, right, left)
-        elif closes_left and not closes_right and start is not None:
-            arcs.append((start, _boundary(clearance, left, right)))
+        if right.closes and not left.closes:
+            start = _boundary(clearance, right.alpha, left.alpha)
+        elif left.closes and not right.closes and start is not None:
+            arcs.append((start, _boundary(clearance, left.alpha, right.alpha)))
             start = None
     if start is not None:
-        arcs.append((start, samples[-1]))
+        arcs.append((start, samples[-1].alpha))
     return arcs
 
 
@@ -45,15 +52,15 @@ def _samples(arc: Arc) -> list[float]:
     return [middle - half * cos(pi * k / SAMPLES) for k in range(SAMPLES + 1)]
 
 
-def _with_extrema(clearance: Callable[[float], float], samples: list[float]) -> list[float]:
-    """Add the peaks and dips that the samples on their two sides may hide."""
-    first, last = samples[0], samples[-1]
+def _with_extrema(clearance: Callable[[float], float], angles: list[float]) -> list[Sample]:
+    """Sample a clearance at angles, and at the peaks and dips that those on two sides may hide."""
+    first, last = angles[0], angles[-1]
     if last - first >= TURN:
         # A whole turn goes on before its first sample.
-        samples = [samples[-2] - TURN, *samples]
-    values = [clearance(alpha) for alpha in samples]
+        angles = [angles[-2] - TURN, *angles]
+    values = [clearance(alpha) for alpha in angles]
     found = []
-    neighbours = zip(samples, samples[2:], values, values[1:], values[2:], strict=False)
+    neighbours = zip(angles, angles[2:], values, values[1:], values[2:], strict=False)
     for left, right, before, value, after in neighbours:
         if value < 0.0 and before <= value >= after:
             found.append(_peak(clearance, left, right))
@@ -61,17 +68,24 @@ def _with_extrema(clearance: Callable[[float], float], samples: list[float]) -> 
         elif 0.0 <= value < inf and before >= value <= after:
             found.append(_peak(lambda alpha: -clearance(alpha), left, right))
     turned = (alpha if alpha >= first else alpha + TURN for alpha in found)
-    return sorted([*(alpha for alpha in samples if alpha >= first), *turned])
+    pairs = zip(angles, values, strict=True)
+    samples = [Sample(alpha, value >= 0.0) for alpha, value in pairs if alpha >= first]
+    return sorted([*samples, *(Sample(alpha, clearance(alpha) >= 0.0) for alpha in turned)])
 
 
 def _peak(function: Callable[[float], float], left: float, right: float) -> float:
     """Return where a function with one peak between two angles is greatest (golden section)."""
+    a, b = right - GOLDEN * (right - left), left + GOLDEN * (right - left)
+    at_a, at_b = function(a), function(b)
     while right - left > 1e-9:
-        a, b = right - GOLDEN * (right - left), left + GOLDEN * (right - left)
-        if function(a) > function(b):
-            right = b
+        if at_a > at_b:
+            right, b, at_b = b, a, at_a
+            a = right - GOLDEN * (right - left)
+            at_a = function(a)
         else:
-            left = a
+            left, a, at_a = a, b, at_b
+            b = left + GOLDEN * (right - left)
+            at_b = function(b)
     return (left + right) / 2.0
 
 

@@ -111,8 +111,16 @@ class Block:
 
     def way(self, u: Vectors) -> Any:
         """Return what a dyad's W_a u_a + W_b u_b must be, by all others [m]."""
+        known, way = self._known
+        for j, w in known:
+            way = way + w * u[j]
+        return -way
+
+    @cached_property
+    def _known(self) -> tuple[tuple[tuple[int, complex], ...], complex]:
+        """Return what a dyad's loop consists of besides the two, and what the pivots do [m]."""
         terms, constant = self.rows[0]
-        return -sum((w * u[j] for j, w in terms.items() if j not in self.unknowns), constant)
+        return tuple((j, w) for j, w in terms.items() if j not in self.unknowns), constant
 
     def place(self, u: Vectors, alpha: float, sign: int) -> tuple[complex, complex]:
         """
