@@ -97,7 +97,7 @@ def walk(
         path,
         hypot(off[0], off[1]),
         off[2],
-        float(off @ np.linalg.solve(at.covariance + 1e-9 * np.eye(3), off)),
+        float(off @ np.linalg.solve(np.array(at.covariance) + 1e-9 * np.eye(3), off)),
         degrees(tilt),
         degrees(phase),
         path / seconds,

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import lru_cache
 from math import degrees, hypot, inf, isfinite
 
 from .feedback import CrankFeedback
@@ -95,6 +96,9 @@ class WalkController:
             integral=settings.integral * settings.phase_lock,
             rephase=settings.rephase * settings.phase_lock,
         )
+        # What is wanted is mostly what it was at the step before.
+        self._limited = lru_cache(maxsize=1)(self._limit)
+        self._rates = lru_cache(maxsize=1)(self._crank_rates)
         self.motion, self._wanted = STANDS, STANDS
         self._commanded = -inf
         self.rejected = self.late = self.refused = 0
@@ -195,15 +199,19 @@ class WalkController:
 
     def _approach(self, now: float, dt: float) -> Motion:
         is_old = now - self._commanded > self._settings.cmd_vel_timeout
-        limits = self._settings.limits
-        wanted, hit = limits.motion(STANDS if is_old else self._wanted)
-        share, slow = limits.rates(self.steering.rates(wanted))
-        self.limits_hit = hit + slow
-        aim = Motion(wanted.linear * share, wanted.angular * share)
-        self.motion = limits.approach(self.motion, aim, dt)
+        aim, self.limits_hit = self._limited(STANDS if is_old else self._wanted)
+        if self.motion != aim:
+            self.motion = self._settings.limits.approach(self.motion, aim, dt)
         return self.motion
 
-    def _rates(self, motion: Motion) -> list[float]:
+    def _limit(self, wanted: Motion) -> tuple[Motion, list[str]]:
+        """Return the motion that is possible, and what limits it."""
+        limits = self._settings.limits
+        wanted, hit = limits.motion(wanted)
+        share, slow = limits.rates(self.steering.rates(wanted))
+        return Motion(wanted.linear * share, wanted.angular * share), hit + slow
+
+    def _crank_rates(self, motion: Motion) -> list[float]:
         return self.steering.crank_rates(
             Rates(0.0, 0.0) if hypot(*motion) == 0.0 else self.steering.rates(motion)
         )

@@ -1,19 +1,26 @@
 """Where the feet and the centre of mass of a walker are, for any angles of its cranks."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import floor
+import struct
+from typing import NamedTuple
 
-from klann_ros.dynamics.motion import Motion, motion
 from klann_ros.kinematics import foot_path, LinkageLeg, turns_fully
 from klann_ros.kinematics.angles import TURN
-from klann_ros.robot import Robot, RobotLeg
+from klann_ros.robot import Robot
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .leg_cubics import COLUMNS, leg_cubics, SAMPLES
+
 Array = NDArray[np.float64]
-# Between so many angles of a turn a cubic is within 1e-9 of a leg's size.
-SAMPLES = 720
+# Intervals of a leg's cubics in a radian.
+PER_RADIAN = SAMPLES / TURN
 _POWERS = np.arange(4.0)
+_CUBIC = struct.Struct('=4d')
+_INTERVAL = COLUMNS * _CUBIC.size
 # A crank whose legs are on both sides is in the middle; so far from it they are on one [m].
 MIDDLE = 1e-6
 # Legs that advance by less than this part of the robot's size per radian drive it nowhere.
@@ -46,6 +53,26 @@ class Placed:
     centre: Array
 
 
+class Pose(NamedTuple):
+    """
+    What `Placed` tells, of one pose, in plain numbers.
+
+    Attributes
+    ----------
+    feet : list of (float, float, float)
+        Where the feet touch what they stand on [m].
+    rolled : list of (float, float)
+        By what the ground under them would be passed by their round soles [m].
+    centre : (float, float, float)
+        The centre of mass of all [m].
+
+    """
+
+    feet: list[tuple[float, float, float]]
+    rolled: list[tuple[float, float]]
+    centre: tuple[float, float, float]
+
+
 class Feet:
     """
     The feet of a robot over the angles of its cranks.
@@ -76,12 +103,16 @@ class Feet:
 
     def __init__(self, robot: Robot, *, foot_radius: float = 0.0) -> None:
         self.robot, self.joints = robot, robot.crank_joints
-        self._radius = foot_radius
         if len(robot.legs) < 3:
             raise NoWalkerError(
                 f'{robot.source or robot.name} is no walker: it has {len(robot.legs)} '
                 f'{"leg" if len(robot.legs) == 1 else "legs"}, and stands on three'
             )
+        for leg in robot.legs:
+            if not turns_fully(leg.linkage):
+                raise NoWalkerError(
+                    f'{leg.name or "the leg"} does not turn fully, so it cannot walk'
+                )
         self.crank_of = np.array([self.joints.index(leg.crank_joint) for leg in robot.legs])
         self._directions = np.array([leg.direction for leg in robot.legs], dtype=np.float64)
         self._phases = np.array([leg.phase for leg in robot.legs])
@@ -92,10 +123,19 @@ class Feet:
         self._fixed = np.zeros(3)
         if body is not None:
             self._fixed = np.array(body.centre) * body.mass / self._total
-        tables = {id(leg): _table(leg, self._radius) for leg in robot.legs}
-        # Cubics: by leg, by interval, by power, by column.
-        self._cubics = np.stack([tables[id(leg)] for leg in robot.legs])
+        # By leg, by interval, by column, by power.
+        self._cubics = np.stack([leg_cubics(leg, foot_radius) for leg in robot.legs])
         self._which = np.arange(len(robot.legs))
+        self._packed = list(
+            zip(
+                self.crank_of.tolist(),
+                self._directions.tolist(),
+                self._phases.tolist(),
+                self._shares.tolist(),
+                map(np.ndarray.tobytes, self._cubics),
+                strict=True,
+            )
+        )
 
     @property
     def count(self) -> int:
@@ -170,59 +210,37 @@ class Feet:
         centre = self._fixed + self._shares @ values[..., 5:]
         return Placed(values[..., :3], values[..., 3:5], centre)
 
+    def pose(self, cranks: Sequence[float]) -> Pose:
+        """
+        Return where the feet are in one pose, which is ten times as quick as `at`.
+
+        Parameters
+        ----------
+        cranks : sequence of float
+            Angles of the cranks [rad].
+
+        """
+        feet, rolled = [], []
+        cx, cy, cz = self._fixed.tolist()
+        for crank, direction, phase, share, cubics in self._packed:
+            turned = (cranks[crank] * direction + phase) * PER_RADIAN
+            whole = floor(turned)
+            t = turned - whole
+            begin = whole % SAMPLES * _INTERVAL
+            x, y, z, rx, ry, mx, my, mz = [
+                a + t * (b + t * (c + t * d))
+                for a, b, c, d in _CUBIC.iter_unpack(cubics[slice(begin, begin + _INTERVAL)])
+            ]
+            feet.append((x, y, z))
+            rolled.append((rx, ry))
+            cx, cy, cz = cx + share * mx, cy + share * my, cz + share * mz
+        return Pose(feet, rolled, (cx, cy, cz))
+
     def _values(self, cranks: ArrayLike) -> Array:
         """Return foot, rolling and centre of mass of each leg, shape (..., n, 8)."""
         angles = np.asarray(cranks, dtype=np.float64)[..., self.crank_of]
-        turned = (angles * self._directions + self._phases) * (SAMPLES / TURN)
+        turned = (angles * self._directions + self._phases) * PER_RADIAN
         whole = np.floor(turned)
-        powers = (turned - whole)[..., None, None] ** _POWERS
+        powers = (turned - whole)[..., None] ** _POWERS
         cubic = self._cubics[self._which, whole.astype(np.int64) % SAMPLES]
-        return np.asarray((powers @ cubic)[..., 0, :], dtype=np.float64)
-
-
-def _table(leg: RobotLeg, radius: float) -> Array:
-    """Return a leg's turn as cubics, shape (SAMPLES, 4, 8): foot, rolling, centre of mass."""
-    if not turns_fully(leg.linkage):
-        name = leg.name or 'the leg'
-        raise NoWalkerError(f'{name} does not turn fully, so it cannot walk')
-    moving = motion(leg.linkage, np.arange(SAMPLES) * (TURN / SAMPLES))
-    at, at_1 = (_columns(leg, moving, radius, order) for order in (0, 1))
-    step = TURN / SAMPLES
-    p, q = at, np.roll(at, -1, axis=0)
-    v, w = at_1 * step, np.roll(at_1, -1, axis=0) * step
-    return np.stack([p, v, 3.0 * (q - p) - 2.0 * v - w, 2.0 * (p - q) + v + w], axis=1)
-
-
-def _columns(leg: RobotLeg, moving: Motion, radius: float, order: int) -> Array:
-    """Return foot, rolling and centre of mass in base_link, or their derivatives, (k, 8)."""
-    place = leg.mount.turned if order else leg.mount.placed
-    structure = leg.linkage.structure
-    foot = place(_plane(moving.point(structure.foot)[order]))
-    owner = structure.first_owner(structure.foot)
-    turned = moving.turning_1[owner] if order else _turned(moving, owner)
-    # Rolling counter-clockwise, seen from the plane's z, it goes towards -x.
-    along = leg.mount.turned((1.0, 0.0))[:2]
-    # One that turns about itself would roll on from turn to turn: none is known that stands.
-    spins = round(float(moving.turning_1[owner].mean())) != 0
-    rolled = (0.0 if spins else radius) * turned[:, None] * along
-    if not order:
-        foot[:, 2] -= radius
-    centre = np.zeros((moving.alphas.size, 2))
-    masses = leg.masses
-    if masses is not None and masses.total > 0.0:
-        for j, body in enumerate(masses.bodies):
-            share = body.mass / masses.total
-            centre += share * _plane(moving.fixed_to(j, body.centre)[order])
-    return np.concatenate([foot, rolled, place(centre)], axis=1)
-
-
-def _plane(values: NDArray[np.complex128]) -> Array:
-    return np.stack([values.real, values.imag], axis=-1)
-
-
-def _turned(moving: Motion, body: int) -> Array:
-    """Return by what a body has turned since the first angle [rad]."""
-    rate = moving.turning_1[body]
-    step = np.diff(moving.alphas)
-    steps = (rate[1:] + rate[:-1]) / 2.0 * step
-    return np.concatenate([[0.0], np.cumsum(steps)])
+        return np.asarray((cubic @ powers[..., None])[..., 0], dtype=np.float64)

@@ -19,10 +19,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, exp, hypot, inf, nan, pi, sin
 from operator import mul
+from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN
-import numpy as np
-from numpy.typing import NDArray
 
 from .feet import Feet
 from .imu import ImuReading
@@ -30,7 +29,7 @@ from .momentum import Momentum
 from .slip import Standing, standing, Step
 from .support import Support, support
 
-Array = NDArray[np.float64]
+Triple = tuple[float, float, float]
 # A crank that turned further between two messages is followed in steps [rad], but in no more than
 # so many.
 LONGEST_STEP, MOST_STEPS = 0.05, 500
@@ -74,8 +73,7 @@ class Errors:
     tilt: float = 0.02
 
 
-@dataclass(frozen=True, eq=False)
-class Odometer:
+class Odometer(NamedTuple):
     """
     Where a walker is, in a frame that begins on the ground below where it began.
 
@@ -89,9 +87,9 @@ class Odometer:
         Its velocity over ground, forwards and to the left [m/s].
     angular : float
         Its yaw rate [rad/s].
-    covariance : numpy.ndarray, shape (3, 3)
+    covariance : 3 tuples of 3 floats
         Of x, y, yaw.
-    rate_covariance : numpy.ndarray, shape (3, 3)
+    rate_variances : (float, float, float)
         Of the velocity and the yaw rate.
 
     """
@@ -104,8 +102,8 @@ class Odometer:
     yaw: float
     linear: tuple[float, float]
     angular: float
-    covariance: Array
-    rate_covariance: Array
+    covariance: tuple[Triple, Triple, Triple]
+    rate_variances: Triple
 
 
 class Odometry:
@@ -134,11 +132,11 @@ class Odometry:
         self.rest: Support | None = None
         self.travelled = self.slid = 0.0
         self._x = self._y = self._yaw = 0.0
-        self._cranks: Array | None = None
+        self._cranks: list[float] | None = None
         self._pose: Standing | None = None
-        # How x, y and yaw follow the unknown constants.
-        self._follows: tuple[tuple[float, ...], ...] = 3 * ((0.0,) * 4,)
-        self._spread = np.array([errors.advance, errors.slid, errors.sidewards, errors.yaw]) ** 2
+        # How x and y follow the unknown constants, and how yaw follows the last of them.
+        self._x_follows = self._y_follows = (0.0, 0.0, 0.0, 0.0)
+        self._yaw_follows = 0.0
         self._imu: ImuReading | None = None
         self._turned = 0.0
         self._heading: float | None = None
@@ -208,31 +206,33 @@ class Odometry:
             Since the last; if it is not given, by angles and rates.
 
         """
-        speed = np.asarray(rates, dtype=np.float64)
-        angles = np.array(cranks, dtype=np.float64)
+        angles = list(cranks)
         before = angles if self._cranks is None else self._cranks
         # What an encoder trembles by would be speeds of the feet.
-        away = before + speed * seconds - angles
-        if 0.0 < seconds < FOLLOWS and np.abs(away).max() < AGREES:
-            angles += away * exp(-seconds / FOLLOWS)
-        turned = angles - before
-        steps = min(MOST_STEPS, 1 + int(float(np.abs(turned).max()) / LONGEST_STEP))
+        both = zip(before, rates, angles, strict=True)
+        away = [was + rate * seconds - is_ for was, rate, is_ in both]
+        if 0.0 < seconds < FOLLOWS and all(abs(each) < AGREES for each in away):
+            share = exp(-seconds / FOLLOWS)
+            angles = [is_ + share * each for is_, each in zip(angles, away, strict=True)]
+        turned = [is_ - was for is_, was in zip(angles, before, strict=True)]
+        steps = min(MOST_STEPS, 1 + int(max(map(abs, turned)) / LONGEST_STEP))
         yaw = self._turned / steps if self._imu is not None else None
         self._turned = 0.0
         self._cranks = angles
         if seconds > 0.0:
             seconds = seconds / steps
         else:
-            along = float(turned @ speed) / steps
-            seconds = along / float(speed @ speed) if along > 0.0 else inf
+            along = sum(map(mul, turned, rates)) / steps
+            seconds = along / sum(map(mul, rates, rates)) if along > 0.0 else inf
         last = Step(0.0, 0.0, 0.0, 0.0)
         for k in range(1, steps + 1):
-            last = self._follow(before + turned * (k / steps), yaw, seconds)
+            share = k / steps
+            at = [was + share * by for was, by in zip(before, turned, strict=True)]
+            last = self._follow(at, yaw, seconds)
         return self._told(last, seconds)
 
-    def _follow(self, angles: Array, yaw: float | None, seconds: float) -> Step:
-        placed = self._feet.at(angles)
-        feet, centre = placed.feet.tolist(), placed.centre.tolist()
+    def _follow(self, angles: Sequence[float], yaw: float | None, seconds: float) -> Step:
+        feet, rolled, centre = self._feet.pose(angles)
         last, self.rest = self.rest, support(feet, centre, self.rest and self.rest.triple)
         before = self._pose
         if self.rest is None:
@@ -240,7 +240,7 @@ class Odometry:
             self._momentum.stop()
             return Step(0.0, 0.0, 0.0, 0.0)
         lies = self._lying(self.rest, seconds)
-        self._pose = standing(feet, placed.rolled.tolist(), self.rest, lies, centre)
+        self._pose = standing(feet, rolled, self.rest, lies, centre)
         if before is None or last is None:
             self._momentum.stop()
             return Step(0.0, 0.0, 0.0, 0.0)
@@ -276,24 +276,36 @@ class Odometry:
         whole = hypot(step.x, step.y) + step.slid
         slid = step.slid * (KNOWN if measured else 1.0) * (step.slid / whole if whole else 0.0)
         turn = 0.0 if measured else slid / self._feet.reach
-        # What the step itself may be off by, and what a wrong yaw makes of it. In plain numbers:
-        # of so few each call of arrays would cost as much as all of them.
-        own = (
-            (c * step.x, c * slid, -s * slid, 0.0),
-            (s * step.x, s * slid, c * slid, 0.0),
-            (0.0, 0.0, 0.0, turn),
+        # What a wrong yaw makes of the step, and what the step itself may be off by. In plain
+        # numbers: of so few each call of arrays would cost as much as all of them.
+        heading = self._yaw_follows
+        own, slides, aside, turns = self._x_follows
+        self._x_follows = (
+            own + c * step.x,
+            slides + c * slid,
+            aside - s * slid,
+            turns - dy * heading,
         )
-        heading = self._follows[2]
-        self._follows = tuple(
-            tuple(f + arm * w + o for f, w, o in zip(row, heading, new, strict=True))
-            for row, arm, new in zip(self._follows, (-dy, dx, 0.0), own, strict=True)
+        own, slides, aside, turns = self._y_follows
+        self._y_follows = (
+            own + s * step.x,
+            slides + s * slid,
+            aside + c * slid,
+            turns + dx * heading,
         )
+        self._yaw_follows = heading + turn
+
+    def _covariance(self) -> tuple[Triple, Triple, Triple]:
+        errors = self.errors
+        spread = errors.advance, errors.slid, errors.sidewards, errors.yaw
+        x = tuple(map(mul, self._x_follows, spread))
+        y = tuple(map(mul, self._y_follows, spread))
+        yaw = self._yaw_follows * errors.yaw
+        xx, xy, yy = sum(map(mul, x, x)), sum(map(mul, x, y)), sum(map(mul, y, y))
+        own = yaw * yaw + (self._imu_variance or 0.0)
+        return (xx, xy, x[3] * yaw), (xy, yy, y[3] * yaw), (x[3] * yaw, y[3] * yaw, own)
 
     def _told(self, step: Step, seconds: float) -> Odometer:
-        follows = np.array(self._follows)
-        covariance = (follows * self._spread) @ follows.T
-        if self._imu_variance is not None:
-            covariance[2, 2] += self._imu_variance
         rest, imu, errors = self.rest, self._imu, self.errors
         linear = (step.x / seconds, step.y / seconds)
         slides = step.slid / seconds
@@ -315,6 +327,6 @@ class Odometry:
             self._yaw,
             linear,
             angular,
-            covariance,
-            np.array([[a * a, 0.0, 0.0], [0.0, b * b, 0.0], [0.0, 0.0, d * d]]),
+            self._covariance(),
+            (a * a, b * b, d * d),
         )

@@ -22,6 +22,11 @@ from typing import NamedTuple
 from .support import levelled, Point, Support
 
 Flat = tuple[float, float]
+# How a point moves, by how much more for each rad, and its weight.
+Entry = tuple[float, float, float, float, float]
+NOTHING = (0.0,) * 7
+# So small a part of what it is the difference of is none.
+ROUNDING = 1e-12
 # It is done where the step changes by less than this part of it, or after so many times.
 ITERATIONS, CHANGE = 12, 1e-5
 # Feet that slide by less than this part of the longest step hold.
@@ -144,67 +149,89 @@ def step(
 
     """
     feet = [_entry(p, q, load) for p, q, load in zip(before, after, loads, strict=True) if load]
-    scale = max((abs(dx) + abs(dy) for dx, dy, *_ in feet), default=0.0)
+    scale = max([abs(dx) + abs(dy) for dx, dy, *_ in feet], default=0.0)
     if coasting is None:
         if scale == 0.0:
             return Step(0.0, 0.0, 0.0, 0.0)
-        x, y, turn = _balanced(feet, [load for *_, load in feet], yaw)
+        x, y, turn = _balance(feet, (0.0, 0.0, 0.0), None, NOTHING, yaw)
         least = (HOLDS * scale) ** 2
-        body: list[tuple[float, ...]] = []
-        spin = (0.0, 0.0)
+        free = NOTHING
     else:
         dx, dy, jx, jy, weight = _entry(coasting.before, coasting.after, coasting.weight)
-        free = (dx - coasting.way[0], dy - coasting.way[1], jx, jy, weight)
+        dx, dy = dx - coasting.way[0], dy - coasting.way[1]
         turn = coasting.turn if yaw is None else yaw
-        x, y = -free[0] - turn * jx, -free[1] - turn * jy
+        x, y = -dx - turn * jx, -dy - turn * jy
         least = coasting.creep**2
         scale += abs(x) + abs(y)
-        body, spin = [free], (weight * coasting.gyration**2, coasting.turn)
-    for _ in range(ITERATIONS):
-        last = x, y, turn
-        weights = [
-            load / sqrt((dx + x + turn * jx) ** 2 + (dy + y + turn * jy) ** 2 + least)
-            for dx, dy, jx, jy, load in feet
-        ]
         # What coasts is drawn to its way by a spring, whose weight is the same everywhere.
-        x, y, turn = _balanced(feet + body, weights + [free[4] for free in body], yaw, spin)
-        # A turn moves feet by about as much as they are metres away.
-        if max(abs(x - last[0]), abs(y - last[1]), abs(turn - last[2])) < CHANGE * scale:
+        spin = weight * coasting.gyration**2
+        free = (
+            weight,
+            weight * dx,
+            weight * dy,
+            weight * jx,
+            weight * jy,
+            weight * (jx * jx + jy * jy) + spin,
+            weight * (jx * dx + jy * dy) - spin * coasting.turn,
+        )
+    # A turn moves feet by about as much as they are metres away.
+    change = CHANGE * scale
+    for _ in range(ITERATIONS):
+        last_x, last_y, last_turn = x, y, turn
+        x, y, turn = _balance(feet, (x, y, turn), least, free, yaw)
+        if (
+            abs(x - last_x) < change
+            and abs(y - last_y) < change
+            and abs(turn - last_turn) < change
+        ):
             break
     slid = sum(
-        load * sqrt((dx + x + turn * jx) ** 2 + (dy + y + turn * jy) ** 2)
-        for dx, dy, jx, jy, load in feet
+        [
+            load * sqrt((dx + x + turn * jx) ** 2 + (dy + y + turn * jy) ** 2)
+            for dx, dy, jx, jy, load in feet
+        ]
     )
     return Step(x, y, turn, slid)
 
 
-def _entry(before: Flat, after: Flat, weight: float) -> tuple[float, ...]:
+def _entry(before: Flat, after: Flat, weight: float) -> Entry:
     """Return what a point moves by, and by how much more for each rad, to first order."""
     (px, py), (qx, qy) = before, after
     return qx - px, qy - py, -(py + qy) / 2.0, (px + qx) / 2.0, weight
 
 
-def _balanced(
-    feet: Sequence[tuple[float, ...]],
-    weights: Sequence[float],
+def _balance(
+    feet: Sequence[Entry],
+    at: tuple[float, float, float],
+    least: float | None,
+    free: tuple[float, ...],
     yaw: float | None,
-    spin: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[float, float, float]:
-    """Return the weighted least squares of d + psi J g = -(g' - g), and psi = `spin`."""
-    whole = sx = sy = sjx = sjy = 0.0
-    for (dx, dy, jx, jy, _), w in zip(feet, weights, strict=True):
+    """
+    Return the weighted least squares of d + psi J g = -(g' - g).
+
+    The weights are loads by how far the feet slide in the step `at`, and the loads alone without
+    `least`. `free` are the sums over all else: of weights w, w d, w j, w j^2 and w j d.
+    """
+    x, y, turn = at
+    whole, sx, sy, sjx, sjy, sjj, sjd = free
+    for dx, dy, jx, jy, load in feet:
+        if least is None:
+            w = load
+        else:
+            ex, ey = dx + x + turn * jx, dy + y + turn * jy
+            w = load / sqrt(ex * ex + ey * ey + least)
         whole += w
-        sx -= w * dx
-        sy -= w * dy
+        sx += w * dx
+        sy += w * dy
         sjx += w * jx
         sjy += w * jy
-    sx, sy, sjx, sjy = sx / whole, sy / whole, sjx / whole, sjy / whole
+        if yaw is None:
+            sjj += w * (jx * jx + jy * jy)
+            sjd += w * (jx * dx + jy * dy)
     if yaw is None:
-        below = spin[0]
-        above = spin[0] * spin[1]
-        for (dx, dy, jx, jy, _), w in zip(feet, weights, strict=True):
-            cx, cy = jx - sjx, jy - sjy
-            above -= w * (cx * (dx + sx) + cy * (dy + sy))
-            below += w * (cx * cx + cy * cy)
-        yaw = above / below if below else 0.0
-    return sx - yaw * sjx, sy - yaw * sjy, yaw
+        below = sjj - (sjx * sjx + sjy * sjy) / whole
+        # What is all in one place turns by nothing.
+        is_wide = below > ROUNDING * sjj
+        yaw = ((sjx * sx + sjy * sy) / whole - sjd) / below if is_wide else 0.0
+    return -(sx + yaw * sjx) / whole, -(sy + yaw * sjy) / whole, yaw

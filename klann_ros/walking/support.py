@@ -158,7 +158,12 @@ def _on(feet: Sequence[Point], centre: Point, triple: Triple) -> Support | None:
     loads = _loads(feet, _below(centre, normal, height), triple)
     if loads is None:
         return None
-    margin = min(_from_edge(corners[i], corners[i - 1], centre, normal) for i in range(3))
+    a, b, c = corners
+    margin = min(
+        _from_edge(a, b, centre, normal),
+        _from_edge(b, c, centre, normal),
+        _from_edge(c, a, centre, normal),
+    )
     return Support(triple, loads, triple, normal, height, margin)
 
 
@@ -169,7 +174,11 @@ def _dot(a: Point, b: Point) -> float:
 def _below(centre: Point, normal: Point, height: float) -> Point:
     """Return the point of the ground below a centre, which is where its weight acts."""
     above = height + _dot(normal, centre)
-    return tuple(c - above * n for c, n in zip(centre, normal, strict=True))
+    return (
+        centre[0] - above * normal[0],
+        centre[1] - above * normal[1],
+        centre[2] - above * normal[2],
+    )
 
 
 def _shared(feet: Sequence[Point], centre: Point, found: Support) -> Support:
@@ -217,7 +226,7 @@ def _from_hull(feet: Sequence[Point], centre: Point, normal: Point) -> float:
 
 def _from_edge(a: Point, b: Point, centre: Point, normal: Point) -> float:
     """Return the distance of a centre from the upright plane through two feet [m]."""
-    ex, ey, ez = (b[k] - a[k] for k in range(3))
+    ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     ox = ey * normal[2] - ez * normal[1]
     oy = ez * normal[0] - ex * normal[2]
     oz = ex * normal[1] - ey * normal[0]
@@ -227,8 +236,7 @@ def _from_edge(a: Point, b: Point, centre: Point, normal: Point) -> float:
 
 def _is_lowest(feet: Sequence[Point], found: Support) -> bool:
     x, y, z = found.normal
-    least = -found.height - BELOW
-    return all(f[0] * x + f[1] * y + f[2] * z >= least for f in feet)
+    return min([fx * x + fy * y + fz * z for fx, fy, fz in feet]) >= -found.height - BELOW
 
 
 def to_polygon(feet: Sequence[Point], centre: Point) -> float:

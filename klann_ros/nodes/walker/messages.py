@@ -11,7 +11,7 @@ import struct
 from typing import Any, NamedTuple
 
 from geometry_msgs.msg import TransformStamped
-from klann_ros.untrusted.cdr import CdrCursor
+from klann_ros.untrusted.cdr import CdrCursor, HEADER_SIZE, STAMP_SIZE
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 
@@ -20,6 +20,8 @@ _MARK = 1.2345678e-300
 _STAMP = 123456789, 987654321
 # Of a rotation that is one, and what a quaternion that nobody has filled in is short of.
 UNIT = 1e-2
+# How long the frame of a header is.
+_FRAME = slice(HEADER_SIZE + STAMP_SIZE, HEADER_SIZE + STAMP_SIZE + 4)
 # No body that walks turns at more [rad/s].
 FASTEST = 100.0
 
@@ -124,30 +126,50 @@ class ImuMessage(NamedTuple):
     nanosec: int
 
 
-def read_imu(data: bytes) -> ImuMessage:
-    """
-    Return what a sensor_msgs/Imu says.
+class ImuReader:
+    """Read one sensor_msgs/Imu after the other."""
 
-    Raises
-    ------
-    ValueError
-        It is no such message, or its rates are no numbers.
+    def __init__(self) -> None:
+        # Most messages differ from the last one in their numbers only: its size, what it begins
+        # with, how long its frame is, and where its numbers are.
+        self._layout = -1, b'', b'', _imu_numbers('<', 0)
 
-    """
+    def read(self, data: bytes) -> ImuMessage:
+        """
+        Return what a message says.
+
+        Raises
+        ------
+        ValueError
+            It is no such message, or its rates are no numbers.
+
+        """
+        kind = len(data), data[:2], data[_FRAME]
+        if kind != self._layout[:3]:
+            self._layout = *kind, _imu_layout(data)
+        numbers = self._layout[3].unpack_from(data)
+        sec, nanosec, x, y, z, w, first, variance, a, b, c = numbers
+        # NaN compares with nothing.
+        if not (abs(a) <= FASTEST and abs(b) <= FASTEST and abs(c) <= FASTEST):
+            raise ValueError(f'its angular velocity is not finite, or beyond {FASTEST:g} rad/s')
+        # So the message's definition has it: -1 where there is no orientation.
+        has = first != -1.0 and abs(x * x + y * y + z * z + w * w - 1.0) < UNIT
+        if not (isfinite(variance) and variance > 0.0):
+            variance = 0.0
+        return ImuMessage((x, y, z, w) if has else None, variance, (a, b, c), sec, nanosec)
+
+
+def _imu_layout(data: bytes) -> struct.Struct:
     cursor = CdrCursor(data)
-    sec, nanosec = _stamp(cursor, data)
-    numbers = _doubles(cursor, data, 37)
-    x, y, z, w = numbers[:4]
-    covariance, angular = numbers[4:13], numbers[13:16]
-    # NaN compares with nothing.
-    if not all(abs(rate) <= FASTEST for rate in angular):
-        raise ValueError(f'its angular velocity is not finite, or beyond {FASTEST:g} rad/s')
-    # So the message's definition has it: -1 where there is no orientation.
-    size = x * x + y * y + z * z + w * w
-    has = covariance[0] != -1.0 and abs(size - 1.0) < UNIT
-    variance = covariance[8] if isfinite(covariance[8]) and covariance[8] > 0.0 else 0.0
-    a, b, c = angular
-    return ImuMessage((x, y, z, w) if has else None, variance, (a, b, c), sec, nanosec)
+    _stamp(cursor, data)
+    cursor.align(8)
+    return _imu_numbers(cursor.order, cursor.skip(8 * 37))
+
+
+def _imu_numbers(order: str, begin: int) -> struct.Struct:
+    """Return stamp, orientation, the first and last of its covariance, and angular velocity."""
+    between = max(0, begin - _FRAME.start)
+    return struct.Struct(f'{order}{HEADER_SIZE}xiI{between}x4dd{7 * 8}xd3d')
 
 
 def _stamp(cursor: CdrCursor, data: bytes) -> tuple[int, int]:

@@ -8,7 +8,6 @@ from klann_ros.nodes.endpoints import create_publisher, message_class, UnknownMe
 from klann_ros.nodes.solver.cdr import JointStateTemplate
 from klann_ros.walking import CrankCommand, Odometer
 from nav_msgs.msg import Odometry
-import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -17,8 +16,7 @@ from .messages import odometry_template, transform_template
 
 # Where it is told of nothing: the variance of what moves only as much as the body tilts.
 UNTOLD = 1e-2
-# x, y and yaw among x, y, z, roll, pitch, yaw.
-FLAT = np.ix_((0, 1, 5), (0, 1, 5))
+NONE = (0.0, 0.0, 0.0)
 
 
 class CrankOutput:
@@ -95,25 +93,35 @@ class OdomOutput:
             return
         pose = (at.x, at.y, at.z, *_quaternion(at.roll, at.pitch, at.yaw))
         twist = (*at.linear, 0.0, 0.0, 0.0, at.angular)
-        numbers = (*pose, *self._spread(at.covariance), *twist, *_rates(at.rate_covariance))
+        numbers = (*pose, *self._spread(at), *twist, *_rates(at))
         self._odom.publish(self._odom_template.fill(sec, nanosec, numbers))
         if self._tf is not None:
             self._tf.publish(self._tf_template.fill(sec, nanosec, pose))
 
-    def _spread(self, flat: Any) -> list[float]:
-        full = np.zeros((6, 6))
-        full[FLAT] = flat
-        full[2, 2] = self._height
-        full[3, 3] = full[4, 4] = self._tilt
-        spread: list[float] = full.ravel().tolist()
-        return spread
+    def _spread(self, at: Odometer) -> tuple[float, ...]:
+        """Return the covariance of x, y, z, roll, pitch and yaw, row by row."""
+        (xx, xy, xt), (yx, yy, yt), (tx, ty, tt) = at.covariance
+        return (
+            *(xx, xy, *NONE, xt),
+            *(yx, yy, *NONE, yt),
+            *(0.0, 0.0, self._height, *NONE),
+            *(*NONE, self._tilt, 0.0, 0.0),
+            *(*NONE, 0.0, self._tilt, 0.0),
+            *(tx, ty, *NONE, tt),
+        )
 
 
-def _rates(flat: Any) -> list[float]:
-    full = np.diag((0.0, 0.0, UNTOLD, UNTOLD, UNTOLD, 0.0))
-    full[FLAT] = flat
-    spread: list[float] = full.ravel().tolist()
-    return spread
+def _rates(at: Odometer) -> tuple[float, ...]:
+    """Return the covariance of the velocities, row by row."""
+    x, y, turn = at.rate_variances
+    return (
+        *(x, 0.0, 0.0, *NONE),
+        *(0.0, y, 0.0, *NONE),
+        *(0.0, 0.0, UNTOLD, *NONE),
+        *(*NONE, UNTOLD, 0.0, 0.0),
+        *(*NONE, 0.0, UNTOLD, 0.0),
+        *(*NONE, 0.0, 0.0, turn),
+    )
 
 
 def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:

@@ -1,9 +1,11 @@
 """What goes over the wire is what a typed message would be."""
 
+import struct
+
 from geometry_msgs.msg import Twist, TwistStamped
 from klann_ros.nodes.walker.messages import (
+    ImuReader,
     odometry_template,
-    read_imu,
     read_twist,
     transform_template,
 )
@@ -58,7 +60,7 @@ def test_what_is_too_short_is_no_message(size: int) -> None:
     with pytest.raises(ValueError, match=r'ends too early|begins'):
         read_twist(data, stamped=True)
     with pytest.raises(ValueError, match=r'ends too early|begins'):
-        read_imu(data)
+        ImuReader().read(data)
 
 
 def test_an_imu_without_orientation_says_so() -> None:
@@ -66,18 +68,18 @@ def test_an_imu_without_orientation_says_so() -> None:
     imu.header.frame_id = 'imu'
     imu.angular_velocity.z = 0.5
     imu.orientation_covariance[0] = -1.0
-    read = read_imu(serialize_message(imu))
+    read = ImuReader().read(serialize_message(imu))
     assert (read.orientation, read.angular) == (None, (0.0, 0.0, 0.5))
     imu.orientation_covariance[0] = imu.orientation_covariance[8] = 0.01
     imu.orientation.w = 1.0
-    read = read_imu(serialize_message(imu))
+    read = ImuReader().read(serialize_message(imu))
     assert (read.orientation, read.variance) == ((0.0, 0.0, 0.0, 1.0), 0.01)
 
 
 def test_an_orientation_that_nobody_filled_in_is_none() -> None:
     imu = Imu()
     imu.orientation.w = 0.0
-    assert read_imu(serialize_message(imu)).orientation is None
+    assert ImuReader().read(serialize_message(imu)).orientation is None
 
 
 @pytest.mark.parametrize('rate', [float('nan'), float('inf'), -1e300])
@@ -85,4 +87,21 @@ def test_an_imu_that_turns_at_no_rate_is_refused(rate: float) -> None:
     imu = Imu()
     imu.angular_velocity.x = rate
     with pytest.raises(ValueError, match='not finite, or beyond'):
-        read_imu(serialize_message(imu))
+        ImuReader().read(serialize_message(imu))
+
+
+def test_messages_of_other_frames_and_byte_orders_follow_each_other() -> None:
+    reader = ImuReader()
+    for frame in ('imu', 'imu_link', '', 'imu', 'the/back/of/it'):
+        imu = Imu()
+        imu.header.frame_id = frame
+        imu.header.stamp.sec = len(frame)
+        imu.orientation.w, imu.orientation_covariance[8] = 1.0, 0.25
+        imu.angular_velocity.x, imu.angular_velocity.z = 0.5, -0.5
+        read = reader.read(serialize_message(imu))
+        assert read == ((0.0, 0.0, 0.0, 1.0), 0.25, (0.5, 0.0, -0.5), len(frame), 0)
+    with pytest.raises(ValueError, match='ends too early'):
+        reader.read(bytes(serialize_message(imu))[:-120])
+    big = b'\0\0\0\0' + struct.pack('>iII4x', 7, 8, 1)
+    big += struct.pack('>37d', 0, 0, 0, 1, *[0] * 9, 1, 2, 3, *[0] * 21)
+    assert reader.read(big) == ((0.0, 0.0, 0.0, 1.0), 0.0, (1.0, 2.0, 3.0), 7, 8)
