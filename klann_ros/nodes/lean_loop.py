@@ -5,11 +5,11 @@ For every single message an executor builds a wait set of all that a node has, a
 callback in a coroutine and a task. That costs more than what most callbacks do. Here two threads
 share the work:
 
-- The *loop*, in the caller's thread, waits for the subscriptions of LeanCallbackGroups and for one
-  guard condition. It takes what has come and calls the callbacks.
-- The *watch* (executor_watch.py) lets the executor wait for all else: timers, services, clients,
-  simulated time, events, other subscriptions, new entities, the end. It hands what is ready to the
-  loop, and rests until that is done.
+- The *loop*, in the caller's thread, waits for the subscriptions and timers of LeanCallbackGroups
+  and for one guard condition. It takes what has come and calls the callbacks.
+- The *watch* (executor_watch.py) lets the executor wait for all else: services, clients, simulated
+  time, events, other subscriptions and timers, new entities, the end. It hands what is ready to
+  the loop, and rests until that is done.
 
 So all callbacks run in the caller's thread, one after the other, as a SingleThreadedExecutor runs
 them; a message does not pay for what it does not concern; and whatever rclpy can do goes on
@@ -31,9 +31,11 @@ from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.subscription import Subscription
 from rclpy.task import Future
+from rclpy.timer import Timer
 
 from . import executor_watch
 from .executor_watch import ExecutorWatch
+from .plain_loop import spin_plain
 
 # Where this environment variable is set and not empty, every loop is a plain one.
 PLAIN = 'KLANN_ROS_PLAIN_LOOP'
@@ -45,11 +47,12 @@ Info = dict[str, Any]
 
 class LeanCallbackGroup(MutuallyExclusiveCallbackGroup):
     """
-    Subscriptions whose messages a LeanLoop takes, while there is one.
+    Subscriptions whose messages a LeanLoop takes, and timers that it calls, while there is one.
 
-    They are made with `raw=True` and a callback that takes bytes and Info, no coroutine. Their
-    events are the loop's too: Fast DDS tells of both by one condition, so that whoever waits for
-    the events wakes up for every message. Put nothing else into the group.
+    Subscriptions are made with `raw=True` and a callback that takes bytes and Info, no coroutine.
+    Their events are the loop's too: Fast DDS tells of both by one condition, so that whoever waits
+    for the events wakes up for every message. Timers have a callback without arguments, likewise.
+    Put nothing else into the group.
     """
 
     def __init__(self) -> None:
@@ -82,7 +85,7 @@ class LeanLoop:
         self._executor = executor
         self._rest = rest
         self._plain = plain or bool(os.environ.get(PLAIN)) or not _is_possible(executor)
-        self._lean: list[Subscription] = []
+        self._lean: tuple[list[Subscription], list[Timer]] = [], []
         self._groups: set[LeanCallbackGroup] = set()
         self._context_ended = False
         # To ask the context at each message costs four locks; and the watch may tell too late.
@@ -95,7 +98,7 @@ class LeanLoop:
         What a callback raises is raised, and ExternalShutdownException when the context ends.
         """
         if self._plain:
-            _spin_plain(self._executor, future)
+            spin_plain(self._executor, future)
             return
         self._ended = False
         self._guard = GuardCondition(None, None, context=self._executor.context)
@@ -124,20 +127,19 @@ class LeanLoop:
 
     def _has_changed(self) -> bool:
         """Return whether the loop waits for the wrong ones."""
-        return self._subscriptions() != self._lean
+        return self._entities() != self._lean
 
-    def _subscriptions(self) -> list[Subscription]:
-        return [
-            subscription
-            for node in self._executor.get_nodes()
-            for subscription in node.subscriptions
-            if isinstance(subscription.callback_group, LeanCallbackGroup)
-        ]
+    def _entities(self) -> tuple[list[Subscription], list[Timer]]:
+        nodes = self._executor.get_nodes()
+        return (
+            [each for node in nodes for each in node.subscriptions if _is_lean(each)],
+            [each for node in nodes for each in node.timers if _is_lean(each)],
+        )
 
     def _adopt(self) -> None:
-        """Take over the subscriptions that there are."""
-        self._lean = self._subscriptions()
-        self._groups |= {subscription.callback_group for subscription in self._lean}
+        """Take over the subscriptions and timers that there are."""
+        self._lean = self._entities()
+        self._groups |= {each.callback_group for kind in self._lean for each in kind}
         for group in self._groups:
             group.has_loop = True
 
@@ -145,12 +147,14 @@ class LeanLoop:
         """Take messages until the watch has something else to do, or all ends."""
         context, guard = self._executor.context.handle, self._guard.handle
         with ExitStack() as held:
-            handles, events, takes = self._hold(held)
+            handles, events, takes, timers = self._hold(held)
             held.enter_context(context)
-            wait_set = rclpy_implementation.WaitSet(len(handles), 1, 0, 0, 0, len(events), context)
+            wait_set = rclpy_implementation.WaitSet(
+                len(handles), 1, len(timers), 0, 0, len(events), context
+            )
             while True:
                 try:
-                    _fill(wait_set, guard, handles, events)
+                    _fill(wait_set, guard, handles, timers, events)
                 except InvalidHandle:
                     # Another thread has asked for the end of one of them: begin anew without it.
                     return
@@ -158,6 +162,7 @@ class LeanLoop:
                 if self._context_ended:
                     raise executors.ExternalShutdownException
                 self._serve(takes, events, wait_set)
+                _call(timers, wait_set)
                 # Last, so that messages have a turn between any two other callbacks.
                 if watch.is_ready or self._ended:
                     return
@@ -174,20 +179,25 @@ class LeanLoop:
         if _take(takes, wait_set) < BURST:
             sleep(self._rest)
 
-    def _hold(self, held: ExitStack) -> tuple[list[Any], list[Any], list[Any]]:
-        """Return the subscriptions' handles and events, and how to take; none is destroyed."""
+    def _hold(self, held: ExitStack) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
+        """Return subscriptions' handles and events, how to take, and timers; none is destroyed."""
         self._adopt()
-        handles, events, takes = [], [], []
-        for subscription in self._lean:
-            handle = subscription.handle
+        handles, events, takes, timers = [], [], [], []
+        subscriptions, all_timers = self._lean
+        for timer in all_timers:
             with suppress(InvalidHandle):  # another thread has just destroyed it
+                held.enter_context(timer.handle)
+                timers.append((timer.handle, timer.callback))
+        for subscription in subscriptions:
+            handle = subscription.handle
+            with suppress(InvalidHandle):  # likewise
                 held.enter_context(handle)
                 handles.append(handle)
                 takes.append((handle.take_message, subscription.msg_type, subscription.callback))
                 for event in subscription.event_handlers:
                     held.enter_context(event)
                     events.append(event)
-        return handles, events, takes
+        return handles, events, takes, timers
 
     def _run_events(self, events: list[Any], wait_set: Any) -> None:
         for event in events:
@@ -199,9 +209,17 @@ class LeanLoop:
                     event.callback(data)
 
 
-def _fill(wait_set: Any, guard: Any, handles: list[Any], events: list[Any]) -> None:
+def _is_lean(entity: Any) -> bool:
+    return isinstance(entity.callback_group, LeanCallbackGroup)
+
+
+def _fill(
+    wait_set: Any, guard: Any, handles: list[Any], timers: list[Any], events: list[Any]
+) -> None:
     wait_set.clear_entities()
     wait_set.add_guard_condition(guard)
+    for timer, _ in timers:
+        wait_set.add_timer(timer)
     for handle in handles:
         wait_set.add_subscription(handle)
     for event in events:
@@ -223,38 +241,20 @@ def _take(takes: list[Any], wait_set: Any) -> int:
     return most
 
 
+def _call(timers: list[Any], wait_set: Any) -> None:
+    """Call the timers whose time has come."""
+    for index, (timer, callback) in enumerate(timers):
+        # One of the callbacks before may have cancelled it.
+        if wait_set.is_ready('timer', index) and timer.is_timer_ready():
+            timer.call_timer()
+            callback()
+
+
 def _is_possible(executor: Any) -> bool:
     """Return whether rclpy has what is used of it that is not promised to users."""
     return (
         executor_watch.is_possible(executor)
         and hasattr(rclpy_implementation, 'WaitSet')
         and hasattr(rclpy_implementation.Subscription, 'take_message')
+        and hasattr(rclpy_implementation.Timer, 'call_timer')
     )
-
-
-def _spin_plain(executor: Any, future: Future) -> None:
-    """Let an executor run callbacks until a future is done, or the executor is shut down."""
-
-    def wake(_: Future) -> None:
-        executor.wake()
-
-    future.add_done_callback(wake)
-    try:
-        executor.spin_until_future_complete(_Awaited(future))
-    finally:
-        future.remove_done_callback(wake)
-
-
-class _Awaited:
-    """
-    A future, as an executor may wait for it for days.
-
-    rclpy adds a callback to the future for each thing that it does, and keeps them all: 264 bytes
-    each, 2 GB a day at 100 Hz.
-    """
-
-    def __init__(self, future: Future) -> None:
-        self.done, self.cancelled = future.done, future.cancelled
-
-    def add_done_callback(self, callback: Any) -> None:
-        """Do without: whoever made this wakes the executor."""

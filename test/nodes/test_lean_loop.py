@@ -36,7 +36,8 @@ class Echo(Node):
         self.group = LeanCallbackGroup()
         self.taken: list[tuple[bytes, dict[str, Any]]] = []
         self.threads: set[str] = set()
-        self.ticks = self.ros_ticks = self.matches = self.calls = 0
+        self.ticks = self.ros_ticks = self.lean_ticks = self.lean_ros_ticks = 0
+        self.matches = self.calls = 0
         self.pause = 0.0
         self.trouble: type[Exception] | None = None
         self.back = self.create_publisher(Float64, 'back', 2000)
@@ -45,6 +46,8 @@ class Echo(Node):
         self.create_subscription(Float64, 'typed', lambda m: self.typed.append(m.data), 2000)
         self.create_timer(0.02, self._tick, clock=STEADY)
         self.create_timer(1.0, self._ros_tick)
+        self.lean_timer = self.create_timer(0.02, self._lean_tick, self.group, STEADY)
+        self.create_timer(1.0, self._lean_ros_tick, self.group)
         self.create_service(Trigger, 'echo/call', self._call)
         self.declare_parameter('value', 0.0)
 
@@ -77,6 +80,13 @@ class Echo(Node):
 
     def _ros_tick(self) -> None:
         self.ros_ticks += 1
+
+    def _lean_tick(self) -> None:
+        self.threads.add(threading.current_thread().name)
+        self.lean_ticks += 1
+
+    def _lean_ros_tick(self) -> None:
+        self.lean_ros_ticks += 1
 
     def _call(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.threads.add(threading.current_thread().name)
@@ -192,12 +202,13 @@ def test_a_burst_is_taken_in_order_with_what_is_known_about_it(ros: World, plain
 def test_all_else_goes_on_under_load_in_one_thread(ros: World, plain: bool) -> None:
     with running(ros, plain=plain) as run, load(ros, 1000.0 if not plain else 200.0) as sent:
         typed = ros.probe.publisher(Float64, 'typed')
-        ticks = run.echo.ticks
+        ticks, lean_ticks = run.echo.ticks, run.echo.lean_ticks
         for k in range(10):
             assert ros.probe.call(Trigger, 'echo/call', Trigger.Request()).success
             set_value(ros, float(k))
             typed.publish(Float64(data=float(k)))
         ros.probe.until(lambda: run.echo.ticks > ticks and len(run.echo.typed) == 10)
+        ros.probe.until(lambda: run.echo.lean_ticks > lean_ticks)
         assert run.echo.get_parameter('value').value == 9.0
         count = len(sent)
         ros.probe.until(lambda: len(run.echo.taken) > count)
@@ -211,8 +222,9 @@ def test_all_else_goes_on_without_messages(ros: World, plain: bool) -> None:
     with running(ros, plain=plain) as run:
         assert ros.probe.call(Trigger, 'echo/call', Trigger.Request()).success
         set_value(ros, 1.0)
-        ticks = run.echo.ticks
+        ticks, lean_ticks = run.echo.ticks, run.echo.lean_ticks
         ros.probe.until(lambda: run.echo.ticks > ticks + 3)
+        ros.probe.until(lambda: run.echo.lean_ticks > lean_ticks + 3)
 
 
 @LOOPS
@@ -230,7 +242,7 @@ def test_simulated_time_moves_clock_and_timers(ros: World, plain: bool) -> None:
                 return bool(run.echo.get_clock().now().nanoseconds == to * 10**9)
 
             ros.probe.until(has_moved)
-        ros.probe.until(lambda: run.echo.ros_ticks >= 2)
+        ros.probe.until(lambda: run.echo.ros_ticks >= 2 and run.echo.lean_ros_ticks >= 2)
 
 
 def test_nobody_wakes_up_without_need(ros: World, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -291,6 +303,29 @@ def test_a_subscription_that_comes_late_is_heard(ros: World, where: str) -> None
         ros.probe.heard(late)
         late.publish(Float64(data=2.0))
         ros.probe.until(lambda: 2.0 in run.echo.numbers())
+
+
+@LOOPS
+def test_a_lean_timer_can_be_cancelled_begun_anew_and_destroyed(ros: World, plain: bool) -> None:
+    def ticks_within(seconds: float) -> int:
+        before = run.echo.lean_ticks
+        ros.probe.spin(seconds)
+        return run.echo.lean_ticks - before
+
+    with running(ros, plain=plain) as run:
+        ros.probe.until(lambda: run.echo.lean_ticks > 0)
+        run.echo.lean_timer.cancel()
+        # It may be running just now.
+        ros.probe.until(lambda: ticks_within(0.1) == 0)
+        run.echo.lean_timer.reset()
+        ros.probe.until(lambda: ticks_within(0.1) > 0)
+        late: list[int] = []
+        run.echo.create_timer(0.01, lambda: late.append(1), run.echo.group, STEADY)
+        ros.probe.until(lambda: len(late) > 3)
+        run.echo.destroy_timer(run.echo.lean_timer)
+        ros.probe.until(lambda: ticks_within(0.1) == 0)
+        count = len(late)
+        ros.probe.until(lambda: len(late) > count)
 
 
 def test_what_was_there_before_the_loop_is_taken(ros: World) -> None:
@@ -412,9 +447,11 @@ def test_what_a_callback_raises_is_raised(ros: World, plain: bool) -> None:
         assert run.echo.numbers() == [2.0]
 
 
-def test_what_a_timer_raises_is_raised(ros: World) -> None:
+@pytest.mark.parametrize('is_lean', [False, True])
+def test_what_a_timer_raises_is_raised(ros: World, is_lean: bool) -> None:
     with running(ros) as run:
-        run.echo.create_timer(0.01, lambda: 1 // 0, clock=STEADY)
+        group = run.echo.group if is_lean else None
+        run.echo.create_timer(0.01, lambda: 1 // 0, group, STEADY)
         run.ends()
         assert isinstance(run.error, ZeroDivisionError)
 

@@ -65,6 +65,14 @@ def test_the_second_half_of_the_turn_mirrors_the_first(walk: WalkFigures) -> Non
     assert np.mean(np.isclose(np.roll(walk.roll, half), -walk.roll, atol=1e-6)) > 0.99
 
 
+@pytest.mark.parametrize('cranks', [(0.0, 0.0), (1.234, -7.7), (-1e3, 1e5), (6.2831853, 1e-9)])
+def test_one_pose_is_what_arrays_of_them_are(two_motors: Feet, cranks: tuple[float, ...]) -> None:
+    pose, placed = two_motors.pose(cranks), two_motors.at([[0.5, 0.5], cranks])
+    assert np.array(pose.feet) == pytest.approx(placed.feet[1], abs=1e-12)
+    assert np.array(pose.rolled) == pytest.approx(placed.rolled[1], abs=1e-12)
+    assert np.array(pose.centre) == pytest.approx(placed.centre[1], abs=1e-12)
+
+
 @settings(max_examples=40, deadline=None)
 @given(angle=ANGLES)
 def test_the_feet_are_where_the_linkage_puts_them(feet: Feet, angle: float) -> None:

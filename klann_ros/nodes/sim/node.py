@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from klann_ros.dynamics import MassError
 from klann_ros.kinematics import KinematicsError
 from klann_ros.nodes.endpoints import create_publisher, create_trigger, QOS_USAGE
+from klann_ros.nodes.lean_loop import LeanCallbackGroup
 from klann_ros.nodes.parameters import declare, must, StartError, usage
 from klann_ros.nodes.process import arguments, command_line, run
 from klann_ros.nodes.robot_parameters import declared_robot
@@ -81,7 +82,8 @@ class SimNode(Node):
         )
         self._pace = Pace(self._period, self._factor, monotonic())
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(self._period / max(1.0, self._factor), self._on_timer, clock=steady)
+        period = self._period / max(1.0, self._factor)
+        self.create_timer(period, self._on_timer, LeanCallbackGroup(), steady)
         self.create_timer(values['diagnostics_period'], self._report, clock=steady)
         self.get_logger().info(f'ready: {self._twin.summary}, by {self._commands.topic}')
 

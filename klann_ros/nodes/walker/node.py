@@ -92,8 +92,9 @@ class WalkerNode(Node):
         # What comes in drives what goes out, which is quicker, and costs half of what a timer
         # does; where too little comes in, the timer helps.
         self._driven = 0
-        self._timer = self.create_timer(self._period, self._on_timer, clock=clock)
-        self.create_timer(WATCH * self._period, self._on_watch, clock=clock)
+        lean = LeanCallbackGroup()
+        self._timer = self.create_timer(self._period, self._on_timer, lean, clock)
+        self.create_timer(WATCH * self._period, self._on_watch, lean, clock)
 
     def _listen(self, kind: type, topic: str, callback: Any) -> None:
         self.create_subscription(
