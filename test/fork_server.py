@@ -47,7 +47,7 @@ MODULES = (
 LEARNT = re.compile(
     r'(klann_ros|lark|rosidl_\w+|\w+_(msgs|interfaces|srvs)|matplotlib|pandas|PIL)(\.|$)'
 )
-# Instead of an executable: a script, and its arguments.
+# Instead of an executable: a script, or -c and a text; and its arguments.
 PYTHON = 'python'
 _STATUS = struct.Struct('i')
 
@@ -142,17 +142,25 @@ class ForkServer:
         cwd: Path,
         environment: Mapping[str, str],
         stderr: int,
+        stdout: int | None = None,
+        stdin: int | None = None,
         memory: int = resource.RLIM_INFINITY,
     ) -> ForkedProcess:
-        """Start an executable of the package, with so much memory [bytes]."""
-        ours, theirs = os.pipe()
+        """
+        Start an executable of the package, with so much memory [bytes].
+
+        Without a `stdout` there is a pipe, and without a `stdin` nothing to be read.
+        """
+        nothing = os.open(os.devnull, os.O_RDWR)
+        ours, theirs = os.pipe() if stdout is None else (os.dup(nothing), os.dup(stdout))
         status, told = os.pipe()
         asked = [name, [*arguments], str(cwd), dict(environment), memory]
+        given = [theirs, stderr, told, nothing if stdin is None else stdin]
         try:
-            socket.send_fds(self._socket, [json.dumps(asked).encode()], [theirs, stderr, told])
+            socket.send_fds(self._socket, [json.dumps(asked).encode()], given)
         finally:
-            os.close(theirs)
-            os.close(told)
+            for descriptor in (theirs, told, nothing):
+                os.close(descriptor)
         (pid,) = _STATUS.unpack(self._socket.recv(_STATUS.size))
         return ForkedProcess(pid, os.fdopen(ours, 'r'), status)
 
@@ -164,7 +172,12 @@ def server() -> ForkServer:
 
 
 def called(
-    name: str, *arguments: object, memory: int = resource.RLIM_INFINITY, patience: float = 60.0
+    name: str,
+    *arguments: object,
+    environment: Mapping[str, str] = os.environ,
+    stdout: int | None = None,
+    memory: int = resource.RLIM_INFINITY,
+    patience: float = 60.0,
 ) -> subprocess.CompletedProcess[str]:
     """Run a tool, or a script by PYTHON, to its end, as `subprocess.run` does."""
     with tempfile.TemporaryFile('w+') as errors:
@@ -172,8 +185,9 @@ def called(
             name,
             [*map(str, arguments)],
             cwd=Path.cwd(),
-            environment=os.environ,
+            environment=environment,
             stderr=errors.fileno(),
+            stdout=stdout,
             memory=memory,
         )
         try:
@@ -200,13 +214,13 @@ def serve(number: int) -> None:
             if lessons in ready:
                 _learn(json.loads(lessons.recv(1 << 20)))
             if asking in ready:
-                text, fds, _, _ = socket.recv_fds(asking, 1 << 20, 3)
+                text, fds, _, _ = socket.recv_fds(asking, 1 << 20, 4)
                 if not text:
                     return
                 ours = [number, lessons.fileno(), wakeup, *children.values()]
                 pid = _forked(text, fds, ours, teaching)
                 children[pid] = fds[2]
-                for fd in fds[:2]:
+                for fd in (*fds[:2], fds[3]):
                     os.close(fd)
                 asking.send(_STATUS.pack(pid))
 
@@ -258,17 +272,20 @@ def _forked(
         signal.signal(signal.SIGINT, signal.default_int_handler)
         name, arguments, cwd, environment, memory = json.loads(text)
         resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-        nothing = os.open(os.devnull, os.O_RDONLY)
-        for fd, place in ((nothing, 0), (fds[0], 1), (fds[1], 2)):
+        for fd, place in ((fds[3], 0), (fds[0], 1), (fds[1], 2)):
             os.dup2(fd, place)
-        for fd in {nothing, *fds, *others}:
+        for fd in {*fds, *others}:
             os.close(fd)
-        # The server's own have found out what they write to, which is something else now.
-        sys.stdout = os.fdopen(1, 'w', closefd=False)
-        sys.stderr = os.fdopen(2, 'w', 1, errors='backslashreplace', closefd=False)
         os.chdir(cwd)
         os.environ.clear()
         os.environ.update(environment)
+        # The server's own have found out what they write to, which is something else now.
+        encoding = os.environ.get('PYTHONIOENCODING')
+        sys.stdin = os.fdopen(0, encoding=encoding, closefd=False)
+        sys.stdout = os.fdopen(1, 'w', encoding=encoding, closefd=False)
+        sys.stderr = os.fdopen(
+            2, 'w', 1, encoding=encoding, errors='backslashreplace', closefd=False
+        )
         sys.argv = ['-c', *arguments]
         code = _run(name)
         new = [name for name in sys.modules if name not in known and LEARNT.match(name)]
@@ -284,13 +301,11 @@ def _run(name: str) -> int:
     from klann_ros import executables
 
     try:
-        if name == PYTHON:
-            del sys.argv[0]
-            sys.path.insert(0, str(Path(sys.argv[0]).parent))
-            runpy.run_path(sys.argv[0], run_name='__main__')
-            return 0
-        return int(getattr(executables, name)())
+        return _run_script() if name == PYTHON else int(getattr(executables, name)())
     except SystemExit as end:
+        if isinstance(end.code, str):
+            print(end.code, file=sys.stderr)
+            return 1
         return int(end.code or 0)
     except BaseException:
         sys.excepthook(*sys.exc_info())
@@ -299,3 +314,14 @@ def _run(name: str) -> int:
         for file in (sys.stdout, sys.stderr):
             with suppress(OSError, ValueError):
                 file.flush()
+
+
+def _run_script() -> int:
+    del sys.argv[0]
+    if sys.argv[0] == '-c':
+        text = compile(sys.argv.pop(1), '<string>', 'exec')
+        exec(text, {'__name__': '__main__'})  # noqa: S102 - a test's own
+    else:
+        sys.path.insert(0, str(Path(sys.argv[0]).parent))
+        runpy.run_path(sys.argv[0], run_name='__main__')
+    return 0

@@ -6,35 +6,18 @@ import signal
 import subprocess
 import sys
 import time
-from typing import Any
 
-import klann_ros
+from fork_server import called, PACKAGE, PYTHON
 import pytest
-
-PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
-
-
-def start(name: str, *arguments: object, stdout: Any, say: str = '') -> subprocess.Popen[str]:
-    """Start a tool of the checkout; it may say a line when its signals count."""
-    says = f'print({say!r}, flush=True); ' if say else ''
-    code = f'import sys; from klann_ros.executables import {name}; {says}sys.exit({name}())'
-    return subprocess.Popen(
-        [sys.executable, '-c', code, *map(str, arguments)],
-        env={**os.environ, 'PYTHONPATH': PACKAGE},
-        stdout=stdout,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
 
 
 def without_a_reader(name: str, *arguments: object) -> tuple[int, str]:
     """Run a tool whose output nobody takes; return its exit code and what it complains of."""
     reader, writer = os.pipe()
     os.close(reader)
-    process = start(name, *arguments, stdout=writer)
+    done = called(name, *arguments, stdout=writer)
     os.close(writer)
-    _, errors = process.communicate(timeout=60.0)
-    return process.returncode, errors
+    return done.returncode, done.stderr
 
 
 def test_review_without_a_reader_keeps_its_exit_code(healthy, make_run) -> None:
@@ -64,10 +47,9 @@ def test_a_full_disk_is_one_line(healthy, make_run, tmp_path, name: str, expecte
     run = make_run(healthy)
     output = [] if name == 'review' else ['-o', tmp_path / 'recovered']
     with Path('/dev/full').open('w') as full:
-        process = start(name, run, *output, stdout=full)
-        _, errors = process.communicate(timeout=60.0)
-    assert process.returncode == expected
-    assert errors == f'{name}: the report cannot be written: No space left on device\n'
+        done = called(name, run, *output, stdout=full.fileno())
+    assert done.returncode == expected
+    assert done.stderr == f'{name}: the report cannot be written: No space left on device\n'
 
 
 def test_a_report_comes_before_the_traceback_of_a_fault() -> None:
@@ -79,13 +61,7 @@ def test_a_report_comes_before_the_traceback_of_a_fault() -> None:
         'sys.modules["faulty"] = module\n'
         'executables._tool("faulty", "faulty", 2)\n'
     )
-    done = subprocess.run(
-        [sys.executable, '-c', code],
-        env={**os.environ, 'PYTHONPATH': PACKAGE},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = called(PYTHON, '-c', code)
     assert (done.returncode, done.stdout) == (1, 'said before\n')
     assert 'ZeroDivisionError' in done.stderr
 
@@ -97,7 +73,18 @@ def test_interrupts_end_a_tool_without_noise(healthy, make_run, tmp_path, delay:
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
     run = make_run(healthy)
-    process = start('review', '--csv', pipe, run, stdout=subprocess.PIPE, say='ready')
+    # It says a line when its signals count; what it imports then is part of the claim.
+    code = (
+        'import sys; from klann_ros.executables import review; '
+        'print("ready", flush=True); sys.exit(review())'
+    )
+    process = subprocess.Popen(
+        [sys.executable, '-c', code, '--csv', pipe, run],
+        env={**os.environ, 'PYTHONPATH': PACKAGE},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     assert process.stdout.readline() == 'ready\n'
     time.sleep(delay)
     process.send_signal(signal.SIGINT)

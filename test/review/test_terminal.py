@@ -6,14 +6,11 @@ from pathlib import Path
 import pty
 import re
 import struct
-import subprocess
-import sys
 import termios
 
-import klann_ros
+from fork_server import called, PYTHON, server
 import pytest
 
-PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
 CODE = 'import sys; from klann_ros.executables import review; sys.exit(review())'
 # Shows a bar at once, whatever the machine takes for it.
 EAGER = 'import klann_ros.review.command as p; p._PATIENCE = 0.0; '
@@ -22,16 +19,18 @@ ESCAPE = '\x1b['
 
 def environment(**changes: str) -> dict[str, str]:
     kept = {key: value for key, value in os.environ.items() if key != 'NO_COLOR'}
-    return {**kept, 'PYTHONPATH': PACKAGE, 'TERM': 'xterm', **changes}
+    return {**kept, 'TERM': 'xterm', **changes}
 
 
 def in_terminal(*arguments: object, code: str = CODE, **variables: str) -> tuple[int, str]:
     """Run a review in a terminal of its own; return the exit code and all that was shown."""
     here, there = pty.openpty()
     fcntl.ioctl(there, termios.TIOCSWINSZ, struct.pack('4H', 50, 120, 0, 0))
-    process = subprocess.Popen(
-        [sys.executable, '-c', code, *map(str, arguments)],
-        env=environment(**variables),
+    process = server().start(
+        PYTHON,
+        ['-c', code, *map(str, arguments)],
+        cwd=Path.cwd(),
+        environment=environment(**variables),
         stdin=there,
         stdout=there,
         stderr=there,
@@ -52,13 +51,8 @@ def in_terminal(*arguments: object, code: str = CODE, **variables: str) -> tuple
 
 
 def in_pipe(*arguments: object, code: str = CODE, **variables: str) -> tuple[int, str, str]:
-    done = subprocess.run(
-        [sys.executable, '-c', code, *map(str, arguments)],
-        env=environment(**variables),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    given = environment(**variables)
+    done = called(PYTHON, '-c', code, *arguments, environment=given)
     return done.returncode, done.stdout, done.stderr
 
 

@@ -7,7 +7,7 @@ import re
 import subprocess
 import sys
 
-import klann_ros
+from fork_server import called, PACKAGE, PYTHON
 from klann_ros.kinematics import FourBar
 import numpy as np
 import pytest
@@ -16,18 +16,9 @@ EXAMPLE = Path(__file__).resolve().parents[3] / 'examples' / 'two_discs.py'
 PNG = b'\x89PNG\r\n\x1a\n'
 
 
-def run(*arguments: object, path: str = '') -> subprocess.CompletedProcess[str]:
+def run(*arguments: object) -> subprocess.CompletedProcess[str]:
     """Run the example, which is no part of the package, with the package that is tested."""
-    package = str(Path(klann_ros.__file__).resolve().parents[1])
-    paths = os.pathsep.join(filter(None, [path, package, os.environ.get('PYTHONPATH', '')]))
-    return subprocess.run(
-        [sys.executable, EXAMPLE, *map(str, arguments)],
-        env=os.environ | {'PYTHONPATH': paths},
-        capture_output=True,
-        check=False,
-        text=True,
-        timeout=60,
-    )
+    return called(PYTHON, EXAMPLE, *arguments)
 
 
 @pytest.mark.parametrize('assembly', [1, -1])
@@ -63,7 +54,15 @@ def test_the_example_draws_a_figure(tmp_path: Path) -> None:
 
 def test_the_example_says_that_matplotlib_is_missing(tmp_path: Path) -> None:
     (tmp_path / 'matplotlib.py').write_text('raise ImportError("none here")\n')
-    result = run('--plot', tmp_path / 'discs.png', path=str(tmp_path))
+    paths = os.pathsep.join([str(tmp_path), PACKAGE, os.environ.get('PYTHONPATH', '')])
+    result = subprocess.run(
+        [sys.executable, EXAMPLE, '--plot', tmp_path / 'discs.png'],
+        env=os.environ | {'PYTHONPATH': paths},
+        capture_output=True,
+        check=False,
+        text=True,
+        timeout=60,
+    )
     assert result.returncode == 1
     assert result.stderr == '--plot needs matplotlib: pip install matplotlib\n'
     assert 'greatest difference' in result.stdout

@@ -3,17 +3,14 @@
 from collections.abc import Callable
 import os
 from pathlib import Path
-import subprocess
-import sys
-from typing import IO
+from subprocess import CompletedProcess
 
-import klann_ros
+from fork_server import called, PYTHON
 from klann_ros.review import command
 from klann_ros.review.command import main
 from klann_ros.untrusted.files import is_within
 import pytest
 
-PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
 OPTIONS = ('--html', '--json', '--csv', '--picture')
 
 
@@ -123,19 +120,11 @@ def test_what_cannot_be_written_is_said_at_once(run: Path, refused, tmp_path: Pa
 
 
 def in_process(
-    *arguments: object, before: str = '', stdout: int | IO[str] = subprocess.PIPE
-) -> subprocess.CompletedProcess[str]:
+    *arguments: object, before: str = '', stdout: int | None = None
+) -> CompletedProcess[str]:
     """Run a review after some preparation."""
     code = 'import sys; from klann_ros.executables import review; sys.exit(review())'
-    return subprocess.run(
-        [sys.executable, '-c', f'{before}\n{code}', *map(str, arguments)],
-        env={**os.environ, 'PYTHONPATH': PACKAGE},
-        stdout=stdout,
-        stderr=subprocess.PIPE,
-        text=True,
-        timeout=60.0,
-        check=False,
-    )
+    return called(PYTHON, '-c', f'{before}\n{code}', *arguments, stdout=stdout)
 
 
 def test_without_permission_it_is_said_at_once(run: Path, tmp_path: Path) -> None:
@@ -198,7 +187,7 @@ def test_a_pipe_is_written_as_it_is_and_one_that_nobody_reads_is_not_waited_for(
 
 def test_the_file_of_the_report_is_no_place_for_another(run: Path, tmp_path: Path) -> None:
     with (tmp_path / 'report').open('w') as file:
-        done = in_process(run, '--json', '/dev/stdout', stdout=file)
+        done = in_process(run, '--json', '/dev/stdout', stdout=file.fileno())
     assert done.returncode == 3
     assert 'the report itself goes there' in done.stderr
 
