@@ -125,6 +125,8 @@ class Probe:
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._neighbours: list[Node] = []
+        # Tells, where something is waited for in vain, of those who may be to blame.
+        self.witness: Callable[[], str] = str
 
     def listen(
         self, kind: type, topic: str, qos: QoSProfile | int = 2000, *, raw: bool = False
@@ -162,7 +164,7 @@ class Probe:
         """Spin until a condition holds."""
         end = time.monotonic() + patience
         while not condition():
-            assert time.monotonic() < end, 'waited in vain'
+            assert time.monotonic() < end, f'waited in vain{self.witness()}'
             self._executor.spin_once(timeout_sec=0.02)
 
     def spin(self, seconds: float) -> None:
@@ -292,6 +294,7 @@ class World:
         self.folder = folder
         self._before = {path.name for path in SHARED_MEMORY.iterdir()}
         self.probe = Probe(domain)
+        self.probe.witness = self._told
         self._processes: list[Process] = []
 
     def start(self, name: str, *arguments: str, **parameters: object) -> Process:
@@ -328,6 +331,13 @@ class World:
         )
         self._processes.append(process)
         return process
+
+    def _told(self) -> str:
+        """Return what has become of the processes, and what each has said last."""
+        return ''.join(
+            f'\n{process.name} ({process.popen.poll()}): {process.errors[-500:]}'
+            for process in self._processes
+        )
 
     def close(self) -> None:
         """End everything."""
