@@ -1,0 +1,69 @@
+"""
+What walker_node hears and says, and nothing computed.
+
+    python3 walker_relay.py lean | rclpy
+
+In the project's own loop, of raw messages, or as rclpy has it, of typed ones.
+"""
+
+from contextlib import suppress
+import sys
+from typing import Any
+
+from geometry_msgs.msg import TwistStamped
+from klann_ros.nodes.endpoints import INPUT, OUTPUT
+from klann_ros.nodes.lean_loop import LeanCallbackGroup
+from klann_ros.nodes.process import run
+from klann_ros.nodes.solver.cdr import JointReader, JointStateTemplate
+from klann_ros.nodes.walker.messages import odometry_template
+from klann_ros.stop_signals import StopSignals
+from nav_msgs.msg import Odometry
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from sensor_msgs.msg import Imu, JointState
+
+CRANKS = ['left_crank', 'right_crank']
+
+
+class Relay(Node):
+    """Answer each crank_state with an odom and a crank_command, all of them zeros."""
+
+    def __init__(self, *, raw: bool) -> None:
+        """Make what is published once."""
+        super().__init__('walker_relay')
+        self._odom = self.create_publisher(Odometry, 'odom', OUTPUT)
+        self._commands = self.create_publisher(JointState, 'crank_command', OUTPUT)
+        options: dict[str, Any] = {'raw': True, 'callback_group': LeanCallbackGroup()}
+        for kind, topic, callback in (
+            (JointState, 'crank_state', self._relay_raw if raw else self._relay),
+            (Imu, 'imu', self._hear),
+            (TwistStamped, 'cmd_vel', self._hear),
+        ):
+            self.create_subscription(kind, topic, callback, INPUT, **(options if raw else {}))
+        self._reader = JointReader(CRANKS[0])
+        self._filled = odometry_template('odom', 'base_link'), JointStateTemplate(CRANKS)
+        self._typed = Odometry(), JointState(name=CRANKS, position=[0.0] * 2, velocity=[0.0] * 2)
+
+    def _hear(self, message: Any, info: Any) -> None:
+        pass
+
+    def _relay_raw(self, data: bytes, _: Any) -> None:
+        *_, sec, nanosec = self._reader.read(data)
+        odom, command = self._filled
+        self._odom.publish(odom.fill(sec, nanosec, (0.0,) * 85))
+        self._commands.publish(command.fill(sec, nanosec, (0.0, 0.0), (0.0, 0.0)))
+
+    def _relay(self, message: JointState, _: Any) -> None:
+        odom, command = self._typed
+        odom.header.stamp = command.header.stamp = message.header.stamp
+        self._odom.publish(odom)
+        self._commands.publish(command)
+
+
+if __name__ == '__main__':
+    if sys.argv[1] == 'lean':
+        sys.exit(run('relay', lambda _: Relay(raw=True), [''], StopSignals(), lean=True))
+    rclpy.init()
+    with suppress(KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(Relay(raw=False))
