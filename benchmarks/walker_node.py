@@ -7,8 +7,8 @@ sim_node has one core to itself as far as the machine lets it; walker_node and t
 others. Latencies are between the middleware's stamps of what was published; the probe takes it
 afterwards, for it would wake up together with walker_node.
 
-Beside walker_node stand two relays that take and publish the same, and compute nothing: in the loop
-that it has, which is the least that it could cost, and in rclpy's own with typed messages.
+Beside walker_node stand two relays that take and publish the same, and compute nothing: one in the
+loop that it has, which is the least that it could cost, one in rclpy's own with typed messages.
 """
 
 import argparse

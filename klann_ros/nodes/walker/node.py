@@ -88,7 +88,8 @@ class WalkerNode(Node):
             self._listen(Imu, 'imu', self._on_imu)
         clock = self.get_clock() if self._sim else self._steady
         self._period = 1.0 / values['rate']
-        self._due = 0.0
+        # Of the commands, and of the feedback that could drive them.
+        self._due, self._fed = Beat(self._period), Beat(self._period)
         # What comes in drives what goes out, which is quicker, and costs half of what a timer
         # does; where too little comes in, the timer helps.
         self._driven = 0
@@ -167,7 +168,9 @@ class WalkerNode(Node):
         at_feet = self._walker.feedback(readings, now, when)
         if at_feet is not None:
             self._odom.publish(at_feet, *(stamp if stamp != (0, 0) else self._stamp()))
-            self._driven += self._command(now)
+            # Also where the timer was first: or it would go on for ever.
+            self._driven += self._fed.take(now)
+            self._command(now)
 
     def _on_imu(self, data: bytes, _: Info) -> None:
         try:
@@ -197,16 +200,36 @@ class WalkerNode(Node):
         elif not is_enough and self._timer.is_canceled():
             self._timer.reset()
 
-    def _command(self, now: float) -> bool:
-        """Tell the cranks what to do, if it is time; return whether it was."""
+    def _command(self, now: float) -> None:
+        """Tell the cranks what to do, if it is time."""
+        if not self._due.take(now):
+            return
+        command = self._walker.controller.step(now)
+        if command is not None:
+            self._commands.publish(command, *self._stamp())
+
+
+class Beat:
+    """
+    A beat that is kept in the mean, by whatever comes often enough.
+
+    Parameters
+    ----------
+    period : float
+        [s].
+
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period, self._due = period, 0.0
+
+    def take(self, now: float) -> bool:
+        """Return whether the next is due [s]; if so, it is taken."""
         if abs(now - self._due) > WATCH * self._period:
             self._due = now
         if now < self._due - EARLY * self._period:
             return False
         self._due += self._period
-        command = self._walker.controller.step(now)
-        if command is not None:
-            self._commands.publish(command, *self._stamp())
         return True
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from domain import own_domain
 from geometry_msgs.msg import Twist, TwistStamped
+from klann_ros.nodes.walker.node import Beat
 from nav_msgs.msg import Odometry
 import pytest
 from ros_world import Process, World, world
@@ -84,6 +85,20 @@ def walker(ros: World) -> Process:
 @pytest.fixture(scope='module')
 def motors(ros: World, walker: Process) -> Motors:  # noqa: ARG001 - it is there first
     return Motors(ros)
+
+
+@pytest.mark.parametrize(
+    ('rate', 'least', 'most'),
+    [(100.0, 99, 101), (150.0, 97, 101), (500.0, 97, 101), (40.0, 40, 41)],
+)
+def test_a_beat_is_kept_in_the_mean_and_never_exceeded(rate: float, least: int, most: int) -> None:
+    beat = Beat(0.01)
+    # Every other message comes late.
+    times = [5000.0 + (k + 0.2 * (k % 2)) / rate for k in range(round(rate))]
+    assert least <= sum(map(beat.take, times)) <= most
+    # Whatever the clock does, it goes on.
+    assert beat.take(times[-1] - 1000.0)
+    assert beat.take(times[-1])
 
 
 def test_a_walk(ros: World, walker: Process, motors: Motors) -> None:
