@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import os
 from pathlib import Path
+import re
 import signal
 import subprocess
 import sys
@@ -24,8 +25,12 @@ PATIENCE = 60.0
 # A node that has said nothing for so long answers nobody [s].
 SILENT = 10.0
 SHARED_MEMORY = Path('/dev/shm')  # noqa: S108 - Fast DDS's place, not ours
+# What a process has for itself. Its ports are not: they have numbers, some of them the same in all
+# domains, and whoever is next takes over what is there; to remove one makes a stranger deaf.
+SEGMENT = re.compile(rf'{SHARED_MEMORY}/(fastrtps_[0-9a-f]{{16}})\b')
 # Traffic never leaves the machine, neither the probe's nor that of its processes.
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(Path(__file__).with_name('fastdds.xml'))
 
 
 class Process:
@@ -94,10 +99,9 @@ class Process:
 
     def leaves_behind(self, pid: int) -> None:
         """Remember the shared memory of a process that is about to end without an order."""
-        maps = Path(f'/proc/{pid}/maps').read_text().split()
-        names = {Path(word).name for word in maps if word.startswith(f'{SHARED_MEMORY}/fastrtps_')}
-        for name in names:
-            self.segments |= {name, f'{name}_el', f'sem.{name}_mutex'}
+        maps = Path(f'/proc/{pid}/maps').read_text()
+        for name in SEGMENT.findall(maps):
+            self.segments |= {name, f'{name}_el'}
 
     @property
     def errors(self) -> str:

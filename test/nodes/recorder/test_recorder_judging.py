@@ -85,6 +85,16 @@ class Stage:
         self.statuses.clear()
         self.until(is_quiet)
 
+    def asked(self) -> tuple[list[Path], Trigger.Response]:
+        """Ask for an event where none is under way; return those before, and the answer."""
+        while True:
+            self.until_waiting()
+            before, answer = self.events(), self.call('trigger')
+            self.until_waiting()
+            # A machine that stalled may just have begun one.
+            if not answer.message.endswith(' goes on'):
+                return before, answer
+
     def call(self, name: str) -> Trigger.Response:
         return self.ros.probe.call(Trigger, f'recorder_node/{name}', Trigger.Request())
 
@@ -95,11 +105,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
     with own_domain() as domain, world(domain, tmp_path_factory.mktemp('judging')) as ros:
         stage = Stage(ros)
         seen: dict[str, Any] = {'folder': stage.folder}
-        stage.until_waiting()
-        before = stage.events()
-        seen['early'] = before
-        seen['answer'] = stage.call('trigger')
-        stage.until_waiting()
+        before, seen['answer'] = stage.asked()
         seen['asked'] = [run for run in stage.events() if run not in before]
         for check, fault in (('geometry', longer), ('gap', stall), ('rejected', no_number)):
             count = len(stage.events())
