@@ -6,9 +6,10 @@ Services without arguments are here as well.
 Who names a topic or a type may be a stranger: a log, or a publisher on the network.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from copy import copy
 from importlib import import_module
+from time import monotonic
 from typing import Any
 
 from klann_ros.log.definitions import is_installed, split_type
@@ -16,6 +17,7 @@ from klann_ros.untrusted.text import printable
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
@@ -33,6 +35,8 @@ from .parameters import Declaration, declare, overrides
 DEPTH = 2000
 INPUT = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 OUTPUT = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
+# Fast DDS asks every 3 s what has arrived: who waits for less may lose what was lost before [s].
+ARRIVES = 3.5
 
 # Quality of service as parameters: `qos_overrides.TOPIC.publisher.POLICY`, as ROS 2 has it.
 _WORDS = {
@@ -118,6 +122,14 @@ def create_publisher(
     return node.create_publisher(
         kind, topic, overridden(node, topic, 'publisher', profile), **options
     )
+
+
+def flush(publishers: Iterable[Publisher], seconds: float = ARRIVES) -> None:
+    """Wait until what is under way has arrived wherever that is asked for, but no longer [s]."""
+    end = monotonic() + seconds
+    for publisher in publishers:
+        if publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE:
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - monotonic())))
 
 
 def create_trigger(node: Node, name: str, action: Callable[[], tuple[bool, str]]) -> None:

@@ -6,7 +6,7 @@ from functools import partial
 from math import inf, isfinite
 from typing import Any, TYPE_CHECKING
 
-from klann_ros.nodes.endpoints import create_publisher, QOS_USAGE
+from klann_ros.nodes.endpoints import create_publisher, flush, QOS_USAGE
 from klann_ros.nodes.parameters import declare, must, StartError, usage
 from klann_ros.nodes.process import arguments, command_line, Finish, run
 from klann_ros.stop_signals import StopSignals
@@ -122,7 +122,7 @@ class CrankNode(Node):
             self._n += 1
         if self._n >= self._count:
             # The last messages are under way still.
-            self._publisher.wait_for_all_acked(Duration(seconds=2.0))
+            flush([self._publisher])
             self._finish()
 
     def _elapsed(self) -> float:

@@ -36,7 +36,7 @@ from .topics import PlayedTopics
 CLOCK = '/clock'
 # A message cannot hold later times [ns].
 LATEST = 2**31 * 10**9 - 1
-# What is under way at the end is waited for at most so long [s].
+# Whoever reads the log is waited for at most so long [s].
 LAST_WORDS = 2.0
 # How often late messages are told of at most while it plays [s].
 REPORT_PERIOD = 5.0
@@ -122,7 +122,7 @@ class PlayerNode(ProcessNode):
         self._stopped.set()
         self._playback.transport.stop()
         self._thread.join(LAST_WORDS)
-        self._topics.flush(LAST_WORDS)
+        self._topics.flush()
         return 0
 
     def _play(self) -> None:

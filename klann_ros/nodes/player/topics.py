@@ -8,6 +8,7 @@ from klann_ros.log.qos import latched_count, Qos, QosTexts
 from klann_ros.log.records import Message, Topic
 from klann_ros.nodes.endpoints import (
     DEPTH,
+    flush,
     message_class,
     name_refusal,
     OUTPUT,
@@ -95,11 +96,9 @@ class PlayedTopics:
                 throttle_duration_sec=THROTTLE,
             )
 
-    def flush(self, seconds: float) -> None:
-        """Wait until what is under way has arrived, but not for ever [s]."""
-        for publisher in set(self._made.values()):
-            if publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE:
-                publisher.wait_for_all_acked(Duration(seconds=seconds))
+    def flush(self) -> None:
+        """Wait until what is under way has arrived, but not for ever."""
+        flush(set(self._made.values()))
 
     def _try(self, name: str, channels: Sequence[Topic]) -> None:
         try:

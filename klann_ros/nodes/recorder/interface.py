@@ -6,11 +6,10 @@ from collections.abc import Callable, Iterable
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from klann_ros.log.writing.mcap_file import COMPRESSIONS
 from klann_ros.log.writing.recording import RecordingState
-from klann_ros.nodes.endpoints import create_publisher
+from klann_ros.nodes.endpoints import create_publisher, flush
 from klann_ros.nodes.parameters import Declaration
 from klann_ros.untrusted.text import counted, verb
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
@@ -149,7 +148,7 @@ class RecordingDiagnostics:
 
     def flush(self) -> None:
         """Wait until the last report has arrived, but not for ever."""
-        self._publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
+        flush([self._publisher], LAST_WORDS)
 
     def has_published(self, data: bytes) -> bool:
         """Return whether a message is one of these."""
