@@ -61,6 +61,10 @@ class Sensors:
         By which all encoders are wrong [rad].
     gyro_noise : float
         Of each component [rad/s].
+    accelerometer_noise : float
+        Of each component [m/s^2].
+    accelerometer_offset : float
+        By which each component is wrong [m/s^2].
     orientation_noise : float
         About each axis [rad].
 
@@ -70,12 +74,23 @@ class Sensors:
     velocity_noise: float = 0.0
     encoder_offset: float = 0.0
     gyro_noise: float = 0.0
+    accelerometer_noise: float = 0.0
+    accelerometer_offset: float = 0.0
     orientation_noise: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what is no noise."""
-        _must(isfinite(self.encoder_offset), 'encoder_offset', self.encoder_offset, 'finite')
-        for name in ('encoder_noise', 'velocity_noise', 'gyro_noise', 'orientation_noise'):
+        for name in ('encoder_offset', 'accelerometer_offset'):
+            value = getattr(self, name)
+            _must(isfinite(value), name, value, 'finite')
+        noises = (
+            'encoder_noise',
+            'velocity_noise',
+            'gyro_noise',
+            'accelerometer_noise',
+            'orientation_noise',
+        )
+        for name in noises:
             value = getattr(self, name)
             _must(isfinite(value) and value >= 0.0, name, value, 'finite and >= 0')
 

@@ -98,8 +98,9 @@ class Twin:
         self._angles = self._model.jnt_qposadr[ids]
         self._rates = self._model.jnt_dofadr[ids]
         if self.is_free:
-            first = int(self._model.sensor('linear_acceleration').adr[0])
-            self._feels = slice(first, first + 3)
+            # Its rates and what it feels, one after the other.
+            first = int(self._model.sensor('angular_velocity').adr[0])
+            self._feels = slice(first, first + 6)
         self._gain = 1.0 - exp(-motors.bandwidth * self._model.opt.timestep)
         self.reset()
 
@@ -119,6 +120,7 @@ class Twin:
         self._random = np.random.default_rng(self._seed)
         self._wanted = np.zeros(len(self.joints))
         self._engine.mj_forward(self._model, self._data)
+        self._felt, self._steps, self._is_read = self._feel(), 1, True
 
     def command(self, joint: str, velocity: float) -> float:
         """
@@ -156,6 +158,10 @@ class Twin:
         while data.time < end:
             data.ctrl += self._gain * (wanted - data.ctrl)
             move(model, data)
+            if self._is_read:
+                self._felt, self._steps, self._is_read = np.zeros(6), 0, False
+            self._felt += self._feel()
+            self._steps += 1
         # What is not finite is not smaller, either.
         if not (np.abs(data.qpos).max() < ASTRAY and np.abs(data.qvel).max() < ASTRAY):
             raise DivergedError(f'the simulation became unstable at {self.time:.3f} s')
@@ -177,16 +183,26 @@ class Twin:
         return found
 
     def imu(self) -> Imu:
-        """Return what the IMU reads; of a leg, which hangs, the weight alone."""
+        """
+        Return what the IMU reads: since it was last read, as chips that filter what they sample.
+
+        Of a leg, which hangs, the weight alone.
+        """
         truth, sensors = self.truth(), self._sensors
-        rates = np.array(truth.angular) + sensors.gyro_noise * self._random.standard_normal(3)
+        self._is_read = True
+        felt = self._felt / self._steps
+        rates = felt[:3] + sensors.gyro_noise * self._random.standard_normal(3)
+        feels = felt[3:] + sensors.accelerometer_offset
+        feels = feels + sensors.accelerometer_noise * self._random.standard_normal(3)
         turned = sensors.orientation_noise * self._random.standard_normal(3)
         at = _product(truth.orientation, (*(turned / 2.0).tolist(), 1.0))
         size = float(np.linalg.norm(at))
-        feels = -self._model.opt.gravity
-        if self.is_free:
-            feels = self._data.sensordata[self._feels]
         return Imu(tuple(part / size for part in at), tuple(rates.tolist()), tuple(feels.tolist()))
+
+    def _feel(self) -> Array:
+        if self.is_free:
+            return np.array(self._data.sensordata[self._feels])
+        return np.concatenate((np.zeros(3), -self._model.opt.gravity))
 
     def truth(self) -> Truth:
         """Return where it is."""

@@ -34,6 +34,15 @@ def yaw(twin: Twin) -> float:
     return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
+def axes(twin: Twin) -> np.ndarray:
+    x, y, z, w = twin.truth().orientation
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+
+
 def driven(seconds: float, left: float, right: float, **options: object) -> Twin:
     twin = Twin(two_motors(), **options)
     twin.command('left_crank', left)
@@ -106,7 +115,7 @@ def test_a_leg_that_hangs_is_a_robot_as_well() -> None:
 def test_noise_has_the_spread_and_the_offset_that_are_told() -> None:
     sensors = Sensors(
         encoder_noise=0.01, velocity_noise=0.2, encoder_offset=0.5, gyro_noise=0.03,
-        orientation_noise=0.02,
+        accelerometer_noise=0.3, accelerometer_offset=0.7, orientation_noise=0.02,
     )  # fmt: skip
     twin = Twin(two_motors(), sensors=sensors)
     cranks = np.array([twin.cranks()['left_crank'] for _ in range(2000)])
@@ -114,6 +123,10 @@ def test_noise_has_the_spread_and_the_offset_that_are_told() -> None:
     assert cranks.std(0) == pytest.approx([0.01, 0.2], rel=0.1)
     imus = [twin.imu() for _ in range(2000)]
     assert np.std([imu.angular_velocity for imu in imus], axis=0) == pytest.approx(0.03, rel=0.1)
+    felt = np.array([imu.linear_acceleration for imu in imus])
+    assert felt.std(0) == pytest.approx(0.3, rel=0.1)
+    still = np.array(Twin(two_motors()).imu().linear_acceleration)
+    assert felt.mean(0) == pytest.approx(still + 0.7, abs=0.03)
     halves = np.array([imu.orientation[:3] for imu in imus])
     assert 2.0 * halves.std(0) == pytest.approx(0.02, rel=0.1)
     assert np.linalg.norm([imu.orientation for imu in imus], axis=1) == pytest.approx(1.0)
@@ -128,6 +141,26 @@ def test_the_same_seed_is_the_same_robot_to_the_last_digit() -> None:
 
     assert run(3) == run(3)
     assert run(3) != run(4)
+
+
+def test_what_an_imu_feels_between_two_readings_is_all_told() -> None:
+    # However hard the feet hit the ground: it adds up to the velocity that the body has.
+    twin = Twin(two_motors())
+    for joint in twin.joints:
+        twin.command(joint, 2.0)
+    twin.imu()
+    gained, lay = np.zeros(3), axes(twin)
+    began = lay @ twin.truth().linear
+    for k in range(100):
+        twin.step(0.01 * (k + 1))
+        imu = twin.imu()
+        assert imu == twin.imu()
+        lies = axes(twin)
+        gained += ((lay + lies) / 2.0 @ imu.linear_acceleration - (0.0, 0.0, 9.80665)) * 0.01
+        lay = lies
+    has = lay @ twin.truth().linear - began
+    assert np.linalg.norm(has) > 0.05
+    assert gained == pytest.approx(has, abs=0.01)
 
 
 def test_a_reset_begins_anew() -> None:

@@ -34,6 +34,20 @@ READINGS = (
     _number('velocity_noise', 0.0, 'standard deviation of crank rates [rad/s]', 0.0, 100.0),
     _number('encoder_offset', 0.0, 'by which all crank angles are wrong [rad]', -10.0, 10.0),
     _number('gyro_noise', 0.0, "standard deviation of the IMU's rates [rad/s]", 0.0, 100.0),
+    _number(
+        'accelerometer_noise',
+        0.0,
+        "standard deviation of the IMU's accelerations [m/s^2]",
+        0.0,
+        100.0,
+    ),
+    _number(
+        'accelerometer_offset',
+        0.0,
+        "by which each of the IMU's accelerations is wrong [m/s^2]",
+        -100.0,
+        100.0,
+    ),
     _number('orientation_noise', 0.0, "standard deviation of the IMU's attitude [rad]", 0.0, 3.2),
     Declaration('seed', 0, 'of all noise', limits=(0, 2**31 - 1)),
 )

@@ -45,6 +45,7 @@ class RobotOutputs:
         self._truth.header.frame_id = world
         self._imu.orientation_covariance = _diagonal(sensors.orientation_noise**2)
         self._imu.angular_velocity_covariance = _diagonal(sensors.gyro_noise**2)
+        self._imu.linear_acceleration_covariance = _diagonal(sensors.accelerometer_noise**2)
 
     def publish(self, stamp: Time) -> None:
         """Publish what is now."""
