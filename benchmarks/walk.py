@@ -20,6 +20,8 @@ import numpy as np
 WALKER = Path(__file__).resolve().parents[1] / 'config' / 'walker6_two_motors.yaml'
 FOOT_RADIUS = 0.004
 PERIOD = 0.01
+# It stands so long before it walks, for what its accelerometer is wrong by to be learned [s].
+STANDS = 2.0
 # What walker_node is asked for, one after the other: m/s, rad/s.
 GRID = (
     (0.15, 0.0), (0.1, 0.03), (0.05, 0.06), (0.0, 0.1), (0.1, -0.05),
@@ -55,7 +57,12 @@ def walk(
     """Walk, and return how it went."""
     feet = steering.feet
     sensors = Sensors(
-        encoder_noise=0.002, velocity_noise=0.01, gyro_noise=0.005, orientation_noise=0.002
+        encoder_noise=0.002,
+        velocity_noise=0.01,
+        gyro_noise=0.005,
+        accelerometer_noise=0.03,
+        accelerometer_offset=0.1,
+        orientation_noise=0.002,
     )
     motors = Motors(factors=dict(zip(feet.joints, factors, strict=True)))
     twin = Twin(feet.robot, floor=Floor(friction), motors=motors, sensors=sensors, seed=seed)
@@ -63,23 +70,25 @@ def walk(
     tilt = phase = path = 0.0
     begin = last = twin.truth()
     turned = 0.0
-    for k in range(round(seconds / PERIOD)):
+    for k in range(-round(STANDS / PERIOD), round(seconds / PERIOD)):
         now = k * PERIOD
         if imu:
             read = twin.imu()
             x, y, z, w = read.orientation
             a, b, c = read.angular_velocity
-            walker.imu(imu_reading((x, y, z, w), (a, b, c), now), now)
+            fx, fy, fz = read.linear_acceleration
+            walker.imu(imu_reading((x, y, z, w), (a, b, c), now, (fx, fy, fz)), now)
         at = walker.feedback(dict(twin.cranks()), now)
         truth = twin.truth()
         path += hypot(truth.position[0] - last.position[0], truth.position[1] - last.position[1])
         turned += _wrapped(_yaw(truth) - _yaw(last))
         last = truth
-        walker.controller.command(*twist, now)
+        if now >= 0.0:
+            walker.controller.command(*twist, now)
         command = walker.controller.step(now)
         for joint, rate in zip(feet.joints, command.velocity if command else (), strict=True):
             twin.command(joint, rate)
-        twin.step(now + PERIOD)
+        twin.step(now + PERIOD + STANDS)
         tilt = max(tilt, twin.tilt)
         if now > 2.0 * pi:
             cranks = [crank.position for crank in twin.cranks().values()]

@@ -3,6 +3,8 @@
 from math import atan2, hypot
 from typing import NamedTuple
 
+Triple = tuple[float, float, float]
+
 
 class ImuReading(NamedTuple):
     """
@@ -20,6 +22,8 @@ class ImuReading(NamedTuple):
         [rad].
     roll_rate, pitch_rate : float
         What these change by [rad/s].
+    force : (float, float, float) or None
+        What its accelerometer feels, in base_link [m/s^2]: 9.8 upwards at rest, as in REP 145.
 
     """
 
@@ -30,12 +34,14 @@ class ImuReading(NamedTuple):
     pitch: float | None = None
     roll_rate: float = 0.0
     pitch_rate: float = 0.0
+    force: Triple | None = None
 
 
 def imu_reading(
     orientation: tuple[float, float, float, float] | None,
-    angular: tuple[float, float, float],
+    angular: Triple,
     at: float,
+    force: Triple | None = None,
 ) -> ImuReading:
     """
     Return what an IMU says of a body whose base_link it is turned like.
@@ -48,6 +54,8 @@ def imu_reading(
         In base_link [rad/s].
     at : float
         When [s].
+    force : (float, float, float), optional
+        What its accelerometer feels, in base_link [m/s^2].
 
     """
     if orientation is None:
@@ -65,4 +73,4 @@ def imu_reading(
     across = (up[2] * angular[1] - up[1] * angular[2]) / (level or 1.0)
     along = (up[1] * angular[1] + up[2] * angular[2]) / (level or 1.0)
     rolls = angular[0] - up[0] / (level or 1.0) * along
-    return ImuReading(yaw, rate, at, roll, pitch, rolls, across)
+    return ImuReading(yaw, rate, at, roll, pitch, rolls, across, force)

@@ -12,23 +12,58 @@ s_i being what foot i slides: an implicit step of Newton's law with dry friction
 Unilateral contact and dry friction in finite freedom dynamics, 1988). What friction accelerates
 tips it as well, for it acts on the ground, and the centre of mass is at a height h: the feet carry
 it as if that were above c - h a / g. In MuJoCo this takes most of what odometry was wrong by.
+
+A slope pulls as well, by g sin(slope), and v t is ahead by that. Where an accelerometer feels what
+the velocity changes by, that is believed instead, and friction corrects it by a small part T:
+
+    T mu g  for  mu g,  and  (1 - T) felt + T g sin(slope)  for  g sin(slope):
+
+where both are true, that is what is felt.
 """
 
 from collections.abc import Sequence
-from math import cos, exp, sin
+from math import exp, hypot
+from typing import NamedTuple
 
-from .slip import Coasting, Flat, Standing, Step, step
+from .slip import Coasting, Flat, Standing, Step, step, turned
+from .slope import GRAVITY
 from .support import Point
 
-GRAVITY = 9.80665
 # Of feet on the floor, which nobody knows: between a wet tile and rubber on concrete.
 FRICTION = 0.6
 # Where a foot is said to hold it trembles, and creeps by less than this [m/s].
 CREEP = 0.004
 # The acceleration that tips it is the mean over so long [s].
 TIPPING = 0.05
+# Where it is felt what the velocity changes by, friction corrects it by this part of itself: as
+# little as brings it home from what an accelerometer is wrong by, a tenth of a m/s^2.
+TRUST = 0.05
+# How fast it is when it is found is for the feet to tell, for so long [s].
+ALONE = 0.2
+# What friction corrects is the mean over so long [s].
+CORRECTING = 1.0
 # Over a longer step nobody knows what became of a speed [s].
 LONGEST = 0.1
+
+
+class Told(NamedTuple):
+    """
+    What is measured of how a body moves in a step.
+
+    Attributes
+    ----------
+    yaw : float or None
+        By how much it turns [rad].
+    pull : (float, float)
+        What a slope would accelerate it by [m/s^2].
+    push : (float, float) or None
+        What the velocity of base_link changes by [m/s].
+
+    """
+
+    yaw: float | None = None
+    pull: Flat = (0.0, 0.0)
+    push: Flat | None = None
 
 
 class Momentum:
@@ -40,20 +75,38 @@ class Momentum:
     gyration : float
         Its radius of gyration about the vertical [m].
 
+    Attributes
+    ----------
+    corrected : (float, float)
+        What friction corrects by what is felt, of late [m/s^2].
+
     """
 
     def __init__(self, gyration: float) -> None:
         self._gyration = gyration
         self.stop()
 
+    @property
+    def strain(self) -> float:
+        """Return how much of what may correct what is felt does so: from 0 to 1."""
+        return hypot(*self.corrected) / (TRUST * FRICTION * GRAVITY)
+
     def stop(self) -> None:
         """Let it stand."""
         # Of the centre of mass, in the level frame of base_link.
         self._velocity = self._acceleration = (0.0, 0.0)
         self._turning = 0.0
+        # Of base_link, where it is felt what changes it.
+        self._base: Flat = (0.0, 0.0)
+        self._going = 0.0
+        self.relax()
+
+    def relax(self) -> None:
+        """Forget what friction corrected."""
+        self.corrected: Flat = (0.0, 0.0)
 
     def step(
-        self, before: Standing, after: Standing, height: float, seconds: float, yaw: float | None
+        self, before: Standing, after: Standing, height: float, seconds: float, told: Told
     ) -> Step:
         """
         Return how the body moves from pose to pose.
@@ -66,34 +119,36 @@ class Momentum:
             Of the centre of mass above the ground [m].
         seconds : float
             The time between them.
-        yaw : float, optional
-            By how much it turns, where that is known [rad].
+        told : Told
+            What is measured of it.
 
         """
         if seconds > LONGEST:
             self.stop()
         seconds = min(seconds, LONGEST)
+        self._going += seconds
+        if self._going < ALONE:
+            told = told._replace(push=None)
         feet = after.rest.triple
-        half = (self._turning * seconds if yaw is None else yaw) / 2.0
+        half = (self._turning * seconds if told.yaw is None else told.yaw) / 2.0
         velocity = turned(self._velocity, -half)
         tipping = turned(self._acceleration, -half)
         over = [c - height / GRAVITY * a for c, a in zip(after.centre, tipping, strict=True)]
-        coasting = Coasting(
-            before.centre,
-            after.centre,
-            (velocity[0] * seconds, velocity[1] * seconds),
-            self._turning * seconds,
-            self._gyration,
-            1.0 / (FRICTION * GRAVITY * seconds**2),
-            CREEP * seconds,
-        )
+        coasting = self._coasting(before, after, seconds, told, half)
         found = step(
             [before.flat[i] for i in feet],
             [after.flat[i] for i in feet],
             shares([after.flat[i] for i in feet], over),
-            yaw,
+            told.yaw,
             coasting,
         )
+        if told.push is not None:
+            new = 1.0 - exp(-seconds / CORRECTING)
+            (x, y), (to_x, to_y) = self.corrected, coasting.way
+            self.corrected = (
+                x + new * ((found.x - to_x) / seconds**2 - x),
+                y + new * ((found.y - to_y) / seconds**2 - y),
+            )
         (px, py), (qx, qy) = before.centre, after.centre
         gone = (
             (found.x + qx - px - found.yaw * (py + qy) / 2.0) / seconds,
@@ -107,14 +162,31 @@ class Momentum:
         half = found.yaw / 2.0
         self._velocity = turned(gone, -half)
         self._acceleration = turned((mean[0], mean[1]), -half)
+        self._base = turned((found.x / seconds, found.y / seconds), -half)
         self._turning = found.yaw / seconds
         return found
 
-
-def turned(vector: Flat, angle: float) -> Flat:
-    """Return a vector, turned counter-clockwise."""
-    (x, y), c, s = vector, cos(angle), sin(angle)
-    return c * x - s * y, s * x + c * y
+    def _coasting(
+        self, before: Standing, after: Standing, seconds: float, told: Told, half: float
+    ) -> Coasting:
+        """Return what it does that friction does not hold, of half a turn in the middle [rad]."""
+        if told.push is None:
+            trust, points = 1.0, (before.centre, after.centre)
+            x, y = turned(self._velocity, -half)
+        else:
+            # Where base_link is, that is where it is felt.
+            trust, points = TRUST, ((0.0, 0.0), (0.0, 0.0))
+            x, y = turned(self._base, -half)
+            x, y = x + (1.0 - trust) * told.push[0], y + (1.0 - trust) * told.push[1]
+        x, y = x + trust * told.pull[0] * seconds, y + trust * told.pull[1] * seconds
+        return Coasting(
+            *points,
+            (x * seconds, y * seconds),
+            self._turning * seconds,
+            self._gyration,
+            1.0 / (trust * FRICTION * GRAVITY * seconds**2),
+            CREEP * seconds,
+        )
 
 
 def shares(feet: Sequence[Flat], over: Point) -> list[float]:

@@ -23,18 +23,21 @@ from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN
 
+from .accelerometer import Accelerometer
 from .feet import Feet
 from .imu import ImuReading
-from .momentum import Momentum
-from .slip import Standing, standing, Step
+from .momentum import LONGEST, Momentum, Told
+from .slip import Flat, Standing, standing, Step
+from .slope import Slope
 from .support import Support, support
 
 Triple = tuple[float, float, float]
 # A crank that turned further between two messages is followed in steps [rad], but in no more than
 # so many.
 LONGEST_STEP, MOST_STEPS = 0.05, 500
-# Where the yaw is known, what feet slide moves the body by this part of what it does otherwise.
-KNOWN = 0.5
+# Where the yaw is known, what feet slide moves the body by this part of what it does otherwise;
+# and by that one where it is felt as well what its velocity changes by.
+KNOWN, FELT = 0.5, 0.3
 # Within this time angles that are summed up of rates follow the orientation of the IMU [s].
 SETTLE = 0.5
 # Within this a body without one tips onto other feet [s].
@@ -43,6 +46,10 @@ TIPS = 0.03
 FOLLOWS = 0.1
 # ... where these agree so far [rad].
 AGREES = 0.1
+# A walker rests whose cranks, and which itself, turn by less [rad/s].
+RESTS = 0.1
+# Where friction corrects what is felt by more of what it may, that is wrong: it was 0.1 at most.
+STRAINED = 0.25
 
 
 @dataclass(frozen=True)
@@ -121,6 +128,8 @@ class Odometry:
     ----------
     rest : Support or None
         On which feet it stands; None before the first angles, and where it does not rest.
+    accelerometer : Accelerometer
+        The IMU's.
     travelled, slid : float
         How far it went, and how far its feet slid [m].
 
@@ -145,6 +154,8 @@ class Odometry:
         self._lies: tuple[float, float] | None = None
         self._attitude: tuple[float, float] | None = None
         self._momentum = Momentum(feet.gyration)
+        self._slope = Slope()
+        self.accelerometer = Accelerometer()
 
     def imu(self, reading: ImuReading, variance: float = 0.0) -> None:
         """Take what an IMU says; it turns the body from now on, until `forget_imu`."""
@@ -157,6 +168,7 @@ class Odometry:
         # What an orientation trembles by would drag the feet over the ground: from reading to
         # reading the gyro counts, and the orientation in the long run.
         dt = max(0.0, reading.at - last.at)
+        self.accelerometer.read(last, reading)
         # Over a longer silence a rate tells nothing.
         turned = (reading.yaw_rate + last.yaw_rate) / 2.0 * dt if dt < SETTLE else 0.0
         if reading.yaw is not None:
@@ -183,6 +195,8 @@ class Odometry:
     def forget_imu(self) -> None:
         """Turn by the feet from now on."""
         self._imu, self._turned, self._imu_variance, self._lies = None, 0.0, None, None
+        self.accelerometer.miss()
+        self._slope = Slope()
 
     def jump(self) -> None:
         """Take the next angles as where the cranks are, not as a way."""
@@ -224,14 +238,34 @@ class Odometry:
         else:
             along = sum(map(mul, turned, rates)) / steps
             seconds = along / sum(map(mul, rates, rates)) if along > 0.0 else inf
+        push = self._felt(rates, seconds * steps)
         last = Step(0.0, 0.0, 0.0, 0.0)
         for k in range(1, steps + 1):
             share = k / steps
             at = [was + share * by for was, by in zip(before, turned, strict=True)]
-            last = self._follow(at, yaw, seconds)
+            last = self._follow(at, yaw, seconds, push and (push[0] / steps, push[1] / steps))
+        if push is not None:
+            self._judge(seconds * steps)
         return self._told(last, seconds)
 
-    def _follow(self, angles: Sequence[float], yaw: float | None, seconds: float) -> Step:
+    def _judge(self, seconds: float) -> None:
+        """Have the accelerometer learn of what friction corrects it by."""
+        self.accelerometer.correct(self._momentum.corrected, seconds)
+        if self._momentum.strain > STRAINED:
+            self.accelerometer.disbelieve()
+            self._momentum.relax()
+
+    def _felt(self, rates: Sequence[float], seconds: float) -> Flat | None:
+        """Return what the velocity has changed by, if that is felt [m/s]."""
+        if self._imu is None:
+            return None
+        turns = self._imu.yaw_rate, self._imu.roll_rate, self._imu.pitch_rate
+        rests = all(abs(rate) < RESTS for rate in (*rates, *turns))
+        return self.accelerometer.gained(seconds, rests=rests)
+
+    def _follow(
+        self, angles: Sequence[float], yaw: float | None, seconds: float, push: Flat | None
+    ) -> Step:
         feet, rolled, centre = self._feet.pose(angles)
         last, self.rest = self.rest, support(feet, centre, self.rest and self.rest.triple)
         before = self._pose
@@ -240,13 +274,18 @@ class Odometry:
             self._momentum.stop()
             return Step(0.0, 0.0, 0.0, 0.0)
         lies = self._lying(self.rest, seconds)
+        if self._lies is not None:
+            roll, pitch = lies[0] - self.rest.roll, lies[1] - self.rest.pitch
+            self._slope.learn(roll, pitch, min(seconds, LONGEST))
         self._pose = standing(feet, rolled, self.rest, lies, centre)
         if before is None or last is None:
             self._momentum.stop()
             return Step(0.0, 0.0, 0.0, 0.0)
         height = self.rest.height + sum(map(mul, self.rest.normal, centre))
-        step = self._momentum.step(before, self._pose, height, seconds, yaw)
-        self._add(step, measured=yaw is not None)
+        told = Told(yaw, self._slope.pull, push)
+        step = self._momentum.step(before, self._pose, height, seconds, told)
+        self._slope.turn(step.yaw)
+        self._add(step, measured=yaw is not None, felt=push is not None)
         return step
 
     def _lying(self, rest: Support, seconds: float) -> tuple[float, float]:
@@ -264,7 +303,7 @@ class Odometry:
             )
         return self._attitude
 
-    def _add(self, step: Step, *, measured: bool) -> None:
+    def _add(self, step: Step, *, measured: bool, felt: bool) -> None:
         middle = self._yaw + step.yaw / 2.0
         c, s = cos(middle), sin(middle)
         dx, dy = c * step.x - s * step.y, s * step.x + c * step.y
@@ -274,7 +313,8 @@ class Odometry:
         self.slid += step.slid
         # The more of its way it slides, the less is known of how: on the spot least of all.
         whole = hypot(step.x, step.y) + step.slid
-        slid = step.slid * (KNOWN if measured else 1.0) * (step.slid / whole if whole else 0.0)
+        known = FELT if felt else KNOWN if measured else 1.0
+        slid = step.slid * known * (step.slid / whole if whole else 0.0)
         turn = 0.0 if measured else slid / self._feet.reach
         # What a wrong yaw makes of the step, and what the step itself may be off by. In plain
         # numbers: of so few each call of arrays would cost as much as all of them.

@@ -16,7 +16,7 @@ so it is solved: by least squares whose weights are 1 / how far each foot slides
 """
 
 from collections.abc import Sequence
-from math import sqrt
+from math import cos, sin, sqrt
 from typing import NamedTuple
 
 from .support import levelled, Point, Support
@@ -192,6 +192,12 @@ def step(
         ]
     )
     return Step(x, y, turn, slid)
+
+
+def turned(vector: Flat, angle: float) -> Flat:
+    """Return a vector, turned counter-clockwise."""
+    (x, y), c, s = vector, cos(angle), sin(angle)
+    return c * x - s * y, s * x + c * y
 
 
 def _entry(before: Flat, after: Flat, weight: float) -> Entry:

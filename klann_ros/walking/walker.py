@@ -116,5 +116,7 @@ class Walker:
         found['cmd_vel_late'] = str(controller.late)
         found['cmd_vel_refused'] = str(controller.refused)
         found['travelled'] = f'{self.odometry.travelled:.3f}'
-        found['imu'] = 'used' if self._imu_at is not None else 'none'
+        has_imu = self._imu_at is not None
+        found['imu'] = 'used' if has_imu else 'none'
+        found['accelerometer'] = self.odometry.accelerometer.state if has_imu else 'none'
         return found

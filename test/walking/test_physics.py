@@ -2,7 +2,7 @@
 
 from math import atan2, degrees, hypot
 
-from klann_ros.twin import Motors, Twin
+from klann_ros.twin import Floor, Motors, Sensors, Twin
 from klann_ros.walking import Feet, imu_reading, Level, Steering, Walker
 import pytest
 
@@ -22,20 +22,28 @@ class Walked:
         imu: bool = False,
         right_motor: float = 0.95,
         left_jump: float = 0.0,
+        stands: float = 0.0,
+        slope: float = 0.0,
+        sensors: Sensors | None = None,
+        warms: float = 0.0,
     ) -> None:
         feet: Feet = steering.feet
         motors = Motors(factors={feet.joints[1]: right_motor})
-        twin, walker = Twin(feet.robot, motors=motors), Walker(steering)
+        twin = Twin(
+            feet.robot, floor=Floor(slope=slope), motors=motors, sensors=sensors or Sensors()
+        )
+        walker = Walker(steering)
         self.tilt = self.path = 0.0
         self.verdicts: list[tuple[Level, str]] = []
         begin = last = twin.truth()
-        for k in range(round(seconds / PERIOD)):
+        for k in range(round((stands + seconds) / PERIOD)):
             now = k * PERIOD
             if imu:
-                (x, y, z, w), (a, b, c), _ = twin.imu()
-                walker.imu(imu_reading((x, y, z, w), (a, b, c), now), now)
+                (x, y, z, w), (a, b, c), (u, v, f) = twin.imu()
+                force = u + warms * now, v, f
+                walker.imu(imu_reading((x, y, z, w), (a, b, c), now, force), now)
             left, right = (twin.cranks()[joint] for joint in feet.joints)
-            if now > seconds / 2.0:
+            if now > stands + seconds / 2.0:
                 left = left._replace(position=left.position + left_jump)
             at = walker.feedback(dict(zip(feet.joints, (left, right), strict=True)), now)
             truth = twin.truth()
@@ -43,7 +51,7 @@ class Walked:
                 truth.position[0] - last.position[0], truth.position[1] - last.position[1]
             )
             last = truth
-            walker.controller.command(*twist, now)
+            walker.controller.command(*(twist if now >= stands else (0.0, 0.0)), now)
             command = walker.controller.step(now)
             assert command is not None
             for joint, rate in zip(feet.joints, command.velocity, strict=True):
@@ -53,6 +61,7 @@ class Walked:
             self.verdicts.append(walker.verdict(now))
         self.rates = [crank.velocity for crank in twin.cranks().values()]
         assert at is not None
+        self.values = walker.values(now)
         x, y, z, w = last.orientation
         self.yaw = atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
         self.yaw_error = at.yaw - self.yaw
@@ -107,3 +116,25 @@ def test_an_encoder_that_jumps_is_named_and_it_walks_on(simulated: Steering) -> 
     assert 'the encoder of left_crank jumped by 5' in text
     assert min(walked.rates) > 0.3
     assert walked.tilt < 10.0
+
+
+@pytest.mark.parametrize('slope', [0.0, 0.05, -0.05])
+@pytest.mark.parametrize('twist', [(0.12, 0.02), (0.1, -0.05), (0.1, 0.03), (0.05, 0.06)])
+def test_in_a_curve_an_accelerometer_tells_what_feet_cannot(
+    simulated: Steering, twist: tuple[float, float], slope: float
+) -> None:
+    # By its feet alone it would be off by 5 % and more.
+    sensors = Sensors(accelerometer_noise=0.03, accelerometer_offset=0.1)
+    walked = Walked(simulated, twist, 8.0, imu=True, stands=1.0, slope=slope, sensors=sensors)
+    assert walked.values['accelerometer'] == 'used'
+    assert walked.path > 0.4
+    assert walked.error < 0.03
+
+
+def test_an_accelerometer_that_grows_warm_is_followed_by_what_the_feet_say(
+    simulated: Steering,
+) -> None:
+    # It is wrong by 0.1 m/s^2 at the end, which would be found to be more than it may.
+    walked = Walked(simulated, (0.15, 0.0), 20.0, imu=True, stands=1.0, warms=0.005)
+    assert walked.values['accelerometer'] == 'used'
+    assert walked.error < 0.04

@@ -114,6 +114,8 @@ class ImuMessage(NamedTuple):
         Of the yaw [rad^2]; 0 where nobody knows.
     angular : tuple of 3 floats
         [rad/s].
+    force : tuple of 3 floats, or None
+        What its accelerometer feels [m/s^2]; None where there is none.
     sec, nanosec : int
         The stamp.
 
@@ -122,6 +124,7 @@ class ImuMessage(NamedTuple):
     orientation: tuple[float, float, float, float] | None
     variance: float
     angular: tuple[float, float, float]
+    force: tuple[float, float, float] | None
     sec: int
     nanosec: int
 
@@ -148,15 +151,17 @@ class ImuReader:
         if kind != self._layout[:3]:
             self._layout = *kind, _imu_layout(data)
         numbers = self._layout[3].unpack_from(data)
-        sec, nanosec, x, y, z, w, first, variance, a, b, c = numbers
+        sec, nanosec, x, y, z, w, first, variance, a, b, c, *force, feels = numbers
         # NaN compares with nothing.
         if not (abs(a) <= FASTEST and abs(b) <= FASTEST and abs(c) <= FASTEST):
             raise ValueError(f'its angular velocity is not finite, or beyond {FASTEST:g} rad/s')
-        # So the message's definition has it: -1 where there is no orientation.
+        # So the message's definition has it: -1 where there is no orientation, or no acceleration.
         has = first != -1.0 and abs(x * x + y * y + z * z + w * w - 1.0) < UNIT
         if not (isfinite(variance) and variance > 0.0):
             variance = 0.0
-        return ImuMessage((x, y, z, w) if has else None, variance, (a, b, c), sec, nanosec)
+        orientation = (x, y, z, w) if has else None
+        felt = (force[0], force[1], force[2]) if feels != -1.0 else None
+        return ImuMessage(orientation, variance, (a, b, c), felt, sec, nanosec)
 
 
 def _imu_layout(data: bytes) -> struct.Struct:
@@ -167,9 +172,14 @@ def _imu_layout(data: bytes) -> struct.Struct:
 
 
 def _imu_numbers(order: str, begin: int) -> struct.Struct:
-    """Return stamp, orientation, the first and last of its covariance, and angular velocity."""
+    """
+    Return the places of the stamp, and of what there is of each of three and their covariances.
+
+    Of the orientation with the first and last, of the angular velocity with none, of the linear
+    acceleration with the first.
+    """
     between = max(0, begin - _FRAME.start)
-    return struct.Struct(f'{order}{HEADER_SIZE}xiI{between}x4dd{7 * 8}xd3d')
+    return struct.Struct(f'{order}{HEADER_SIZE}xiI{between}x4dd{7 * 8}xd3d{9 * 8}x3dd')
 
 
 def _stamp(cursor: CdrCursor, data: bytes) -> tuple[int, int]:

@@ -181,7 +181,7 @@ class WalkerNode(Node):
         now = self._now()
         # Its own clock trembles less than what brings its messages.
         at = message.sec + message.nanosec / 1e9 or now
-        reading = imu_reading(message.orientation, message.angular, at)
+        reading = imu_reading(message.orientation, message.angular, at, message.force)
         self._walker.imu(reading, now, message.variance)
 
     def _complain(self, what: str) -> None:

@@ -76,6 +76,14 @@ def test_an_imu_without_orientation_says_so() -> None:
     assert (read.orientation, read.variance) == ((0.0, 0.0, 0.0, 1.0), 0.01)
 
 
+def test_an_imu_without_accelerometer_says_so() -> None:
+    imu = Imu()
+    imu.linear_acceleration.z = 9.5
+    assert ImuReader().read(serialize_message(imu)).force == (0.0, 0.0, 9.5)
+    imu.linear_acceleration_covariance[0] = -1.0
+    assert ImuReader().read(serialize_message(imu)).force is None
+
+
 def test_an_orientation_that_nobody_filled_in_is_none() -> None:
     imu = Imu()
     imu.orientation.w = 0.0
@@ -98,10 +106,14 @@ def test_messages_of_other_frames_and_byte_orders_follow_each_other() -> None:
         imu.header.stamp.sec = len(frame)
         imu.orientation.w, imu.orientation_covariance[8] = 1.0, 0.25
         imu.angular_velocity.x, imu.angular_velocity.z = 0.5, -0.5
+        imu.linear_acceleration.z = 9.5
         read = reader.read(serialize_message(imu))
-        assert read == ((0.0, 0.0, 0.0, 1.0), 0.25, (0.5, 0.0, -0.5), len(frame), 0)
+        force = (0.0, 0.0, 9.5)
+        assert read == ((0.0, 0.0, 0.0, 1.0), 0.25, (0.5, 0.0, -0.5), force, len(frame), 0)
     with pytest.raises(ValueError, match='ends too early'):
         reader.read(bytes(serialize_message(imu))[:-120])
     big = b'\0\0\0\0' + struct.pack('>iII4x', 7, 8, 1)
-    big += struct.pack('>37d', 0, 0, 0, 1, *[0] * 9, 1, 2, 3, *[0] * 21)
-    assert reader.read(big) == ((0.0, 0.0, 0.0, 1.0), 0.0, (1.0, 2.0, 3.0), 7, 8)
+    numbers = 0, 0, 0, 1, *[0] * 9, 1, 2, 3, *[0] * 9, 4, 5, 6, *[0] * 9
+    big += struct.pack('>37d', *numbers)
+    read = reader.read(big)
+    assert read == ((0.0, 0.0, 0.0, 1.0), 0.0, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), 7, 8)

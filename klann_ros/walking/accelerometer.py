@@ -1,0 +1,144 @@
+"""
+How the velocity of a walker changes, from the accelerometer of an IMU.
+
+What one feels is levelled by how the IMU says that it lies. An error of it, or of how it is
+mounted, is a velocity that grows: it is learned while the walker rests, and until then nothing is
+known.
+"""
+
+from math import cos, sin
+
+from .imu import ImuReading, Triple
+from .slip import Flat
+from .slope import GRAVITY
+
+# What is further apart tells nothing of the steps between [s]; nor does what is further apart than
+# usual by this: what it felt at each impact of a foot is lost with a message.
+LONGEST, LATE = 0.03, 1.8
+# What is usual follows the readings by this part of each.
+USUAL = 0.05
+# Its error is known once it has rested for so long, and is the mean over so much of its rest [s].
+ENOUGH, REST = 0.5, 2.0
+# What is wrong by more is told in other units or directions, or without the weight [m/s^2].
+WORST = 1.0
+# No foot hits the ground as hard, in the mean over 10 ms: level it was 14 at most [m/s^2].
+STRONGEST = 100.0
+# Within this it follows what friction corrects while it walks: that it grows warm [s].
+FOLLOWS = 10.0
+
+
+class Accelerometer:
+    """What an accelerometer has felt since it was last asked, and what it is wrong by."""
+
+    def __init__(self) -> None:
+        self._has = False
+        # In base_link [m/s^2].
+        self._error: Triple = (0.0, 0.0, 0.0)
+        self._rested, self._enough = 0.0, ENOUGH
+        self._usual = self._silent = 0.0
+        self.miss()
+
+    @property
+    def _is_believed(self) -> bool:
+        return self._rested >= self._enough and max(map(abs, self._error)) < WORST
+
+    @property
+    def state(self) -> str:
+        """Return what becomes of it, in words."""
+        if not self._has:
+            return 'none'
+        if self._is_believed:
+            return 'used'
+        wrong = self._enough > ENOUGH or self._rested >= self._enough
+        return 'not believed' if wrong else 'unknown until it rests'
+
+    def miss(self) -> None:
+        """Take it that something was not told."""
+        self._forget()
+        self._missed = True
+
+    def correct(self, corrected: Flat, seconds: float) -> None:
+        """Learn of what friction corrects it by, level [m/s^2], for a time [s]."""
+        (x, y, z), share = self._error, seconds / FOLLOWS
+        self._error = x - share * corrected[0], y - share * corrected[1], z
+
+    def disbelieve(self) -> None:
+        """Learn what it is wrong by anew, for twice as long: it has been found to be wrong."""
+        self._rested, self._enough = 0.0, 2.0 * self._enough
+
+    def _forget(self) -> None:
+        # What it felt besides the weight: in base_link, and of that what is level, without its
+        # error [m/s].
+        self._sum: Triple = (0.0, 0.0, 0.0)
+        self._level: Flat = (0.0, 0.0)
+        self._felt, self._missed = 0.0, False
+
+    def read(self, last: ImuReading, reading: ImuReading) -> None:
+        """Take what it felt from one reading to the next."""
+        seconds = reading.at - last.at
+        if seconds == 0.0:
+            return
+        if (
+            reading.force is None
+            or last.roll is None
+            or last.pitch is None
+            or reading.roll is None
+            or reading.pitch is None
+            or not 0.0 < seconds < LONGEST
+            # NaN compares with nothing.
+            or not all(abs(part) < STRONGEST for part in reading.force)
+        ):
+            self._missed = True
+            return
+        self._has = True
+        self._missed |= seconds > LATE * (self._usual or seconds)
+        self._usual += USUAL * (seconds - self._usual) if self._usual else seconds
+        roll, pitch = (last.roll + reading.roll) / 2.0, (last.pitch + reading.pitch) / 2.0
+        sr, cr, sp, cp = sin(roll), cos(roll), sin(pitch), cos(pitch)
+        x, y, z = reading.force
+        x, y, z = x + GRAVITY * sp, y - GRAVITY * sr * cp, z - GRAVITY * cr * cp
+        sx, sy, sz = self._sum
+        self._sum = sx + x * seconds, sy + y * seconds, sz + z * seconds
+        x, y, z = x - self._error[0], y - self._error[1], z - self._error[2]
+        lx, ly = self._level
+        self._level = (
+            lx + (cp * x + sp * (sr * y + cr * z)) * seconds,
+            ly + (cr * y - sr * z) * seconds,
+        )
+        self._felt += seconds
+
+    def gained(self, seconds: float, *, rests: bool) -> Flat | None:
+        """
+        Return what the velocity of base_link has changed by since this was last asked.
+
+        Parameters
+        ----------
+        seconds : float
+            Since then.
+        rests : bool
+            Whether the walker does.
+
+        Returns
+        -------
+        (float, float) or None
+            In its level frame [m/s]; None where that is not known.
+
+        """
+        level, felt, missed = self._level, self._felt, self._missed
+        self._silent = 0.0 if felt else self._silent + seconds
+        if felt and rests:
+            self._learn(felt)
+        self._forget()
+        if missed or self._silent > LONGEST or not self._is_believed:
+            return None
+        return level
+
+    def _learn(self, felt: float) -> None:
+        self._rested += felt
+        share = felt / min(self._rested, REST)
+        (a, b, c), (x, y, z) = self._error, self._sum
+        self._error = (
+            a + share * (x / felt - a),
+            b + share * (y / felt - b),
+            c + share * (z / felt - c),
+        )
