@@ -72,7 +72,7 @@ class SimNode(Node):
         self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
         create_trigger(self, 'reset', self._on_reset)
         if values['linear']:
-            Driver(self, values['linear'])
+            Driver(self, values['linear'], lambda: self._twin.time)
         self._factor = values['real_time_factor']
         must(
             values['use_clock'] or self._factor == 1.0,

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 from geometry_msgs.msg import TwistStamped
 from klann_ros.log.reader import open_log
 from nav_msgs.msg import Odometry
@@ -18,6 +19,7 @@ def test_what_walks_by_cmd_vel_is_where_its_odometry_says_and_is_played_back(
 ) -> None:
     truths: list[Odometry] = ros.probe.listen(Odometry, 'ground_truth')
     odometry: list[Odometry] = ros.probe.listen(Odometry, 'odom')
+    reports: list[DiagnosticArray] = ros.probe.listen(DiagnosticArray, '/diagnostics')
     recorder = ros.start('recorder_node', output=str(tmp_path / 'run'))
     given = ('--ros-args', '--params-file', WALKER)
     sim = ros.start_by([], 'sim_node', *given, '-p', 'use_clock:=true', '-p', 'linear:=0.15')
@@ -37,6 +39,9 @@ def test_what_walks_by_cmd_vel_is_where_its_odometry_says_and_is_played_back(
     assert truth.x > 0.1
     assert odom.x == pytest.approx(truth.x, abs=0.02)
     assert odom.y == pytest.approx(truth.y, abs=0.02)
+    # It has stood before it walked.
+    used = KeyValue(key='accelerometer', value='used')
+    ros.probe.until(lambda: any(used in report.status[0].values for report in reports))
     # Once somebody else may steer it nobody else does.
     ros.probe.publisher(TwistStamped, 'cmd_vel')
     ros.probe.until(lambda: abs(odometry[-1].twist.twist.linear.x) < 0.01)
