@@ -118,8 +118,10 @@ def test_an_encoder_that_jumps_is_named_and_it_walks_on(simulated: Steering) -> 
     assert walked.tilt < 10.0
 
 
-@pytest.mark.parametrize('slope', [0.0, 0.05, -0.05])
-@pytest.mark.parametrize('twist', [(0.12, 0.02), (0.1, -0.05), (0.1, 0.03), (0.05, 0.06)])
+@pytest.mark.parametrize(
+    ('twist', 'slope'),
+    [((0.12, 0.02), 0.0), ((0.1, -0.05), 0.0), ((0.1, 0.03), 0.05), ((0.05, 0.06), -0.05)],
+)
 def test_in_a_curve_an_accelerometer_tells_what_feet_cannot(
     simulated: Steering, twist: tuple[float, float], slope: float
 ) -> None:

@@ -22,13 +22,19 @@ class _Content(ReadDataStream):
     """A record's content; unlike the library's stream it gives all bytes asked for, or none."""
 
     def __init__(self, content: bytes) -> None:
-        super().__init__(io.BytesIO(content))
-        self._size = len(content)
+        # Nothing is read of a stream: to cut the bytes takes a third of the time.
+        super().__init__(io.BytesIO())
+        self._content, self._at = content, 0
+
+    @property
+    def count(self) -> int:
+        return self._at
 
     def read(self, length: int) -> bytes:
-        if length > self._size - self.count:
+        begin, self._at = self._at, self._at + length
+        if self._at > len(self._content):
             raise EndOfFile
-        return super().read(length)
+        return self._content[begin : self._at]
 
 
 def parse(kind: type[Parsed], content: bytes, offset: int = 0) -> Parsed:
