@@ -77,13 +77,16 @@ def test_a_signal_ends_a_process_and_all_that_it_started(
         text=True,
     )
     wanted = script.count('sleep')
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 40
     try:
         while len(sleepers(duration)) < wanted and time.monotonic() < deadline:
             time.sleep(0.05)
         assert len(sleepers(duration)) == wanted
         process.send_signal(number)
         assert 'CommandError: stopped by' in process.communicate(timeout=20)[1]
+        # What is killed takes a moment to go.
+        while sleepers(duration) and time.monotonic() < deadline:
+            time.sleep(0.01)
         assert sleepers(duration) == []
     finally:
         process.kill()
