@@ -15,7 +15,7 @@ from source import ROOT
 NAMES = ('ruff', 'format', 'ament_flake8', 'mypy', 'ament_pep257', 'docs', 'colcon', 'pytest')
 FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'examples', 'docs')
 # Tests that compute beside those that wait for processes; see test/conftest.py.
-WORKERS = ('-n', '3')
+WORKERS = ('-n', '4')
 # A check that hangs is ended, so that CI still gets to see its output.
 TIMEOUT = 840.0
 
