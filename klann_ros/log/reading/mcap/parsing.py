@@ -31,10 +31,11 @@ class _Content(ReadDataStream):
         return self._at
 
     def read(self, length: int) -> bytes:
-        begin, self._at = self._at, self._at + length
-        if self._at > len(self._content):
+        begin, end = self._at, self._at + length
+        if end > len(self._content):
             raise EndOfFile
-        return self._content[begin : self._at]
+        self._at = end
+        return self._content[begin:end]
 
 
 def parse(kind: type[Parsed], content: bytes, offset: int = 0) -> Parsed:
