@@ -21,8 +21,9 @@ USUAL = 0.05
 ENOUGH, REST = 0.5, 2.0
 # What is wrong by more is told in other units or directions, or without the weight [m/s^2].
 WORST = 1.0
-# No foot hits the ground as hard, in the mean over 10 ms: level it was 14 at most [m/s^2].
-STRONGEST = 100.0
+# No foot hits the ground as hard, however short the time that it is told for: level it was a
+# seventh at most [m/s].
+HARDEST = 1.0
 # Within this it follows what friction corrects while it walks: that it grows warm [s].
 FOLLOWS = 10.0
 
@@ -86,7 +87,7 @@ class Accelerometer:
             or reading.pitch is None
             or not 0.0 < seconds < LONGEST
             # NaN compares with nothing.
-            or not all(abs(part) < STRONGEST for part in reading.force)
+            or not all(abs(part) * seconds < HARDEST for part in reading.force)
         ):
             self._missed = True
             return

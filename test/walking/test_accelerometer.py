@@ -123,6 +123,21 @@ def test_a_lost_message_is_not_guessed_and_a_slow_imu_is_not_believed() -> None:
     assert slow.accelerometer.state == 'none'
 
 
+def test_an_impact_is_as_long_as_it_is_told() -> None:
+    told = Told(period=0.001)
+    told.rest()
+    assert told.accelerometer.state == 'unknown until it rests'
+    for _ in range(10):
+        told.rest()
+    told.read((500.0, 0.0, GRAVITY))
+    assert told.gained() == pytest.approx((0.5, 0.0), abs=1e-9)
+    # In 10 ms it would be 5 m/s.
+    slow = Told()
+    slow.rest()
+    slow.read((500.0, 0.0, GRAVITY))
+    assert slow.gained() is None
+
+
 def test_what_does_not_say_how_it_lies_is_none() -> None:
     told = Told()
     told.rest()
