@@ -80,19 +80,11 @@ class Sensors:
 
     def __post_init__(self) -> None:
         """Refuse what is no noise."""
-        for name in ('encoder_offset', 'accelerometer_offset'):
-            value = getattr(self, name)
-            _must(isfinite(value), name, value, 'finite')
-        noises = (
-            'encoder_noise',
-            'velocity_noise',
-            'gyro_noise',
-            'accelerometer_noise',
-            'orientation_noise',
-        )
-        for name in noises:
-            value = getattr(self, name)
-            _must(isfinite(value) and value >= 0.0, name, value, 'finite and >= 0')
+        for name, value in vars(self).items():
+            if name.endswith('_offset'):
+                _must(isfinite(value), name, value, 'finite')
+            else:
+                _must(isfinite(value) and value >= 0.0, name, value, 'finite and >= 0')
 
 
 class Crank(NamedTuple):

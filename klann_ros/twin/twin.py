@@ -120,7 +120,11 @@ class Twin:
         self._random = np.random.default_rng(self._seed)
         self._wanted = np.zeros(len(self.joints))
         self._engine.mj_forward(self._model, self._data)
-        self._felt, self._steps, self._is_read = self._feel(), 1, True
+        self._felt, self._steps = np.zeros(6), 0
+        # What it is until it has moved.
+        self._mean = np.array([0.0, 0.0, 0.0, *-self._model.opt.gravity])
+        if self.is_free:
+            self._mean = np.array(self._data.sensordata[self._feels])
 
     def command(self, joint: str, velocity: float) -> float:
         """
@@ -158,10 +162,9 @@ class Twin:
         while data.time < end:
             data.ctrl += self._gain * (wanted - data.ctrl)
             move(model, data)
-            if self._is_read:
-                self._felt, self._steps, self._is_read = np.zeros(6), 0, False
-            self._felt += self._feel()
-            self._steps += 1
+            if self.is_free:
+                self._felt += data.sensordata[self._feels]
+                self._steps += 1
         # What is not finite is not smaller, either.
         if not (np.abs(data.qpos).max() < ASTRAY and np.abs(data.qvel).max() < ASTRAY):
             raise DivergedError(f'the simulation became unstable at {self.time:.3f} s')
@@ -189,20 +192,16 @@ class Twin:
         Of a leg, which hangs, the weight alone.
         """
         truth, sensors = self.truth(), self._sensors
-        self._is_read = True
-        felt = self._felt / self._steps
-        rates = felt[:3] + sensors.gyro_noise * self._random.standard_normal(3)
-        feels = felt[3:] + sensors.accelerometer_offset
+        if self._steps:
+            self._mean = self._felt / self._steps
+            self._felt, self._steps = np.zeros(6), 0
+        rates = self._mean[:3] + sensors.gyro_noise * self._random.standard_normal(3)
+        feels = self._mean[3:] + sensors.accelerometer_offset
         feels = feels + sensors.accelerometer_noise * self._random.standard_normal(3)
         turned = sensors.orientation_noise * self._random.standard_normal(3)
         at = _product(truth.orientation, (*(turned / 2.0).tolist(), 1.0))
         size = float(np.linalg.norm(at))
         return Imu(tuple(part / size for part in at), tuple(rates.tolist()), tuple(feels.tolist()))
-
-    def _feel(self) -> Array:
-        if self.is_free:
-            return np.array(self._data.sensordata[self._feels])
-        return np.concatenate((np.zeros(3), -self._model.opt.gravity))
 
     def truth(self) -> Truth:
         """Return where it is."""
