@@ -11,6 +11,7 @@ from math import cos, sin
 from .imu import ImuReading, Triple
 from .slip import Flat
 from .slope import GRAVITY
+from .support import levelled
 
 # What is further apart tells nothing of the steps between [s]; nor does what is further apart than
 # usual by this: what it felt at each impact of a foot is lost with a message.
@@ -95,17 +96,16 @@ class Accelerometer:
         self._missed |= seconds > LATE * (self._usual or seconds)
         self._usual += USUAL * (seconds - self._usual) if self._usual else seconds
         roll, pitch = (last.roll + reading.roll) / 2.0, (last.pitch + reading.pitch) / 2.0
-        sr, cr, sp, cp = sin(roll), cos(roll), sin(pitch), cos(pitch)
         x, y, z = reading.force
-        x, y, z = x + GRAVITY * sp, y - GRAVITY * sr * cp, z - GRAVITY * cr * cp
+        x += GRAVITY * sin(pitch)
+        y -= GRAVITY * sin(roll) * cos(pitch)
+        z -= GRAVITY * cos(roll) * cos(pitch)
         sx, sy, sz = self._sum
         self._sum = sx + x * seconds, sy + y * seconds, sz + z * seconds
-        x, y, z = x - self._error[0], y - self._error[1], z - self._error[2]
+        ex, ey, ez = self._error
+        ((forwards, left),) = levelled([(x - ex, y - ey, z - ez)], roll, pitch)
         lx, ly = self._level
-        self._level = (
-            lx + (cp * x + sp * (sr * y + cr * z)) * seconds,
-            ly + (cr * y - sr * z) * seconds,
-        )
+        self._level = lx + forwards * seconds, ly + left * seconds
         self._felt += seconds
 
     def gained(self, seconds: float, *, rests: bool) -> Flat | None:

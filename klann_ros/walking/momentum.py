@@ -25,7 +25,7 @@ from collections.abc import Sequence
 from math import exp, hypot
 from typing import NamedTuple
 
-from .slip import Coasting, Flat, Standing, Step, step, turned
+from .slip import Coasting, Flat, nearer, Standing, Step, step, turned
 from .slope import GRAVITY
 from .support import Point
 
@@ -46,7 +46,7 @@ CORRECTING = 1.0
 LONGEST = 0.1
 
 
-class Told(NamedTuple):
+class Measured(NamedTuple):
     """
     What is measured of how a body moves in a step.
 
@@ -106,7 +106,7 @@ class Momentum:
         self.corrected: Flat = (0.0, 0.0)
 
     def step(
-        self, before: Standing, after: Standing, height: float, seconds: float, told: Told
+        self, before: Standing, after: Standing, height: float, seconds: float, measured: Measured
     ) -> Step:
         """
         Return how the body moves from pose to pose.
@@ -119,8 +119,8 @@ class Momentum:
             Of the centre of mass above the ground [m].
         seconds : float
             The time between them.
-        told : Told
-            What is measured of it.
+        measured : Measured
+            What is known of it.
 
         """
         if seconds > LONGEST:
@@ -128,57 +128,51 @@ class Momentum:
         seconds = min(seconds, LONGEST)
         self._going += seconds
         if self._going < ALONE:
-            told = told._replace(push=None)
+            measured = measured._replace(push=None)
         feet = after.rest.triple
-        half = (self._turning * seconds if told.yaw is None else told.yaw) / 2.0
+        half = (self._turning * seconds if measured.yaw is None else measured.yaw) / 2.0
         velocity = turned(self._velocity, -half)
         tipping = turned(self._acceleration, -half)
         over = [c - height / GRAVITY * a for c, a in zip(after.centre, tipping, strict=True)]
-        coasting = self._coasting(before, after, seconds, told, half)
+        coasting = self._coasting(before, after, seconds, measured, half)
         found = step(
             [before.flat[i] for i in feet],
             [after.flat[i] for i in feet],
             shares([after.flat[i] for i in feet], over),
-            told.yaw,
+            measured.yaw,
             coasting,
         )
-        if told.push is not None:
-            new = 1.0 - exp(-seconds / CORRECTING)
-            (x, y), (to_x, to_y) = self.corrected, coasting.way
-            self.corrected = (
-                x + new * ((found.x - to_x) / seconds**2 - x),
-                y + new * ((found.y - to_y) / seconds**2 - y),
-            )
+        if measured.push is not None:
+            (x, y), new = coasting.way, 1.0 - exp(-seconds / CORRECTING)
+            by = (found.x - x) / seconds**2, (found.y - y) / seconds**2
+            self.corrected = nearer(self.corrected, by, new)
         (px, py), (qx, qy) = before.centre, after.centre
         gone = (
             (found.x + qx - px - found.yaw * (py + qy) / 2.0) / seconds,
             (found.y + qy - py + found.yaw * (px + qx) / 2.0) / seconds,
         )
-        new = 1.0 - exp(-seconds / TIPPING)
-        mean = [
-            old + new * ((one - other) / seconds - old)
-            for old, one, other in zip(tipping, gone, velocity, strict=True)
-        ]
+        by = (gone[0] - velocity[0]) / seconds, (gone[1] - velocity[1]) / seconds
+        mean = nearer(tipping, by, 1.0 - exp(-seconds / TIPPING))
         half = found.yaw / 2.0
         self._velocity = turned(gone, -half)
-        self._acceleration = turned((mean[0], mean[1]), -half)
+        self._acceleration = turned(mean, -half)
         self._base = turned((found.x / seconds, found.y / seconds), -half)
         self._turning = found.yaw / seconds
         return found
 
     def _coasting(
-        self, before: Standing, after: Standing, seconds: float, told: Told, half: float
+        self, before: Standing, after: Standing, seconds: float, measured: Measured, half: float
     ) -> Coasting:
         """Return what it does that friction does not hold, of half a turn in the middle [rad]."""
-        if told.push is None:
+        if measured.push is None:
             trust, points = 1.0, (before.centre, after.centre)
             x, y = turned(self._velocity, -half)
         else:
             # Where base_link is, that is where it is felt.
             trust, points = TRUST, ((0.0, 0.0), (0.0, 0.0))
             x, y = turned(self._base, -half)
-            x, y = x + (1.0 - trust) * told.push[0], y + (1.0 - trust) * told.push[1]
-        x, y = x + trust * told.pull[0] * seconds, y + trust * told.pull[1] * seconds
+            x, y = x + (1.0 - trust) * measured.push[0], y + (1.0 - trust) * measured.push[1]
+        x, y = x + trust * measured.pull[0] * seconds, y + trust * measured.pull[1] * seconds
         return Coasting(
             *points,
             (x * seconds, y * seconds),

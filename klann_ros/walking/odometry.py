@@ -25,13 +25,12 @@ from klann_ros.kinematics.angles import TURN
 
 from .accelerometer import Accelerometer
 from .feet import Feet
-from .imu import ImuReading
-from .momentum import LONGEST, Momentum, Told
+from .imu import ImuReading, Triple
+from .momentum import LONGEST, Measured, Momentum
 from .slip import Flat, Standing, standing, Step
 from .slope import Slope
 from .support import Support, support
 
-Triple = tuple[float, float, float]
 # A crank that turned further between two messages is followed in steps [rad], but in no more than
 # so many.
 LONGEST_STEP, MOST_STEPS = 0.05, 500
@@ -239,11 +238,12 @@ class Odometry:
             along = sum(map(mul, turned, rates)) / steps
             seconds = along / sum(map(mul, rates, rates)) if along > 0.0 else inf
         push = self._felt(rates, seconds * steps)
+        each = push and (push[0] / steps, push[1] / steps)
         last = Step(0.0, 0.0, 0.0, 0.0)
         for k in range(1, steps + 1):
             share = k / steps
             at = [was + share * by for was, by in zip(before, turned, strict=True)]
-            last = self._follow(at, yaw, seconds, push and (push[0] / steps, push[1] / steps))
+            last = self._follow(at, yaw, seconds, each)
         if push is not None:
             self._judge(seconds * steps)
         return self._told(last, seconds)
@@ -282,8 +282,8 @@ class Odometry:
             self._momentum.stop()
             return Step(0.0, 0.0, 0.0, 0.0)
         height = self.rest.height + sum(map(mul, self.rest.normal, centre))
-        told = Told(yaw, self._slope.pull, push)
-        step = self._momentum.step(before, self._pose, height, seconds, told)
+        measured = Measured(yaw, self._slope.pull, push)
+        step = self._momentum.step(before, self._pose, height, seconds, measured)
         self._slope.turn(step.yaw)
         self._add(step, measured=yaw is not None, felt=push is not None)
         return step

@@ -200,6 +200,12 @@ def turned(vector: Flat, angle: float) -> Flat:
     return c * x - s * y, s * x + c * y
 
 
+def nearer(old: Flat, new: Flat, share: float) -> Flat:
+    """Return a vector by a share of the way nearer to another: a mean over time, step by step."""
+    (x, y), (to_x, to_y) = old, new
+    return x + share * (to_x - x), y + share * (to_y - y)
+
+
 def _entry(before: Flat, after: Flat, weight: float) -> Entry:
     """Return what a point moves by, and by how much more for each rad, to first order."""
     (px, py), (qx, qy) = before, after

@@ -2,7 +2,7 @@
 
 from math import sin
 
-from .slip import Flat, turned
+from .slip import Flat, nearer, turned
 
 GRAVITY = 9.80665
 # A walker rocks: its slope is the mean over so long [s].
@@ -28,11 +28,7 @@ class Slope:
         """Take by how much more it leans than on level ground [rad]."""
         self._known += seconds
         share = seconds / min(self._known, MEAN) if self._known else 1.0
-        x, y = self.pull
-        self.pull = (
-            x + share * (GRAVITY * sin(pitch) - x),
-            y - share * (GRAVITY * sin(roll) + y),
-        )
+        self.pull = nearer(self.pull, (GRAVITY * sin(pitch), -GRAVITY * sin(roll)), share)
 
     def turn(self, yaw: float) -> None:
         """Turn the walker on it."""

@@ -82,7 +82,7 @@ class Support(NamedTuple):
 
 
 def levelled(points: Iterable[Point], roll: float, pitch: float) -> list[tuple[float, float]]:
-    """Return points of base_link, turned by roll and pitch, seen from above [m]."""
+    """Return points or vectors of base_link, turned by roll and pitch, seen from above."""
     b, a, d, c = sin(roll), cos(roll), sin(pitch), cos(pitch)
     return [(c * x + d * (b * y + a * z), a * y - b * z) for x, y, z in points]
 

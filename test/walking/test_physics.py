@@ -125,7 +125,7 @@ def test_an_encoder_that_jumps_is_named_and_it_walks_on(simulated: Steering) -> 
 def test_in_a_curve_an_accelerometer_tells_what_feet_cannot(
     simulated: Steering, twist: tuple[float, float], slope: float
 ) -> None:
-    # By its feet alone it would be off by 5 % and more.
+    # By its feet and the yaw alone it would be off by 3.4 % in three of them.
     sensors = Sensors(accelerometer_noise=0.03, accelerometer_offset=0.1)
     walked = Walked(simulated, twist, 8.0, imu=True, stands=1.0, slope=slope, sensors=sensors)
     assert walked.values['accelerometer'] == 'used'

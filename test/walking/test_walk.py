@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 from klann_ros.kinematics import linkage_poses
 from klann_ros.robot import Robot, robot_of
 from klann_ros.walking import Feet, NoWalkerError, walk_figures, WalkFigures
-from klann_ros.walking.momentum import Momentum, Told
+from klann_ros.walking.momentum import Measured, Momentum
 from klann_ros.walking.slip import Standing, step
 from klann_ros.walking.support import levelled, Support, support
 import numpy as np
@@ -133,7 +133,7 @@ def test_a_body_that_no_foot_holds_goes_on_as_fast_as_it_went() -> None:
     for dragged, goes_on in ((0.01, True), (0.0, False)):
         momentum = Momentum(0.4)
         ways = [
-            momentum.step(pose(k, dragged), pose(k + 1, dragged), 0.4, 0.01, Told(0.0))
+            momentum.step(pose(k, dragged), pose(k + 1, dragged), 0.4, 0.01, Measured(0.0))
             for k in range(30)
         ]
         assert ways[19].x == pytest.approx(0.001, rel=0.01)
