@@ -12,9 +12,12 @@ from pathlib import Path
 from statistics import median
 import subprocess
 import sys
+from typing import IO
+
+from support.aims import exit_code, is_met, SMOKE
 
 HERE = Path(__file__).resolve().parent
-ROUNDS = 15
+ROUNDS = 1 if SMOKE else 15
 # One way shall take at most so many times as long a pose as another of the same checkout. Jansen's
 # leg has three dyads, the Klann leg two.
 AIMS = (
@@ -40,20 +43,30 @@ class Checkout:
     def __init__(self, folder: Path) -> None:
         """Start it."""
         self._process = subprocess.Popen(
-            [sys.executable, HERE / 'support' / 'worker.py'],
+            [sys.executable, HERE / 'support' / 'worker.py', *(['--smoke'] if SMOKE else [])],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
             env=os.environ | {'PYTHONPATH': str(folder)},
         )
-        self.ways = self._process.stdout.readline().strip().split('|')
+        self.ways = self._answers.readline().strip().split('|')
         self.times: dict[str, list[float]] = {way: [] for way in self.ways}
+
+    @property
+    def _requests(self) -> IO[str]:
+        assert self._process.stdin  # noqa: S101 - a pipe
+        return self._process.stdin
+
+    @property
+    def _answers(self) -> IO[str]:
+        assert self._process.stdout  # noqa: S101 - a pipe
+        return self._process.stdout
 
     def run(self, way: str) -> float:
         """Do a work; return the time a pose [s]."""
-        self._process.stdin.write(f'{way}\n')
-        self._process.stdin.flush()
-        return float(self._process.stdout.readline())
+        self._requests.write(f'{way}\n')
+        self._requests.flush()
+        return float(self._answers.readline())
 
     def measure(self, way: str) -> None:
         """Do a work and keep its time."""
@@ -61,19 +74,13 @@ class Checkout:
 
     def end(self) -> None:
         """End it."""
-        self._process.stdin.close()
+        self._requests.close()
         self._process.wait()
 
 
 def ratio(own: list[float], other: list[float]) -> float:
     """Return how many times as long one takes: the median over the rounds."""
     return median(a / b for a, b in zip(own, other, strict=True))
-
-
-def verdict(name: str, found: float, most: float) -> bool:
-    """Print a ratio and whether the aim is met; return that."""
-    print(f'{name}: {found:.3f}, aim <= {most:.3g}: {"met" if found <= most else "MISSED"}')
-    return found <= most
 
 
 def main() -> int:
@@ -98,17 +105,17 @@ def main() -> int:
         beside = f' {median(there) * 1e6:9.4f} {ratio(times, there):7.3f}' if there else ''
         print(f'{way:24} {median(times) * 1e6:9.4f}{beside}')
     met = [
-        verdict(f'{way} / {other}', ratio(ours.times[way], ours.times[other]), most)
+        is_met(f'{way} / {other}', ratio(ours.times[way], ours.times[other]), most)
         for way, other, most in AIMS
     ]
     met += [
-        verdict(
+        is_met(
             f'{way} here / there', ratio(ours.times[way], checkout.times[way]), MOST_OF_THE_OTHER
         )
         for checkout in others
         for way in HELD
     ]
-    return 0 if all(met) else 1
+    return exit_code(*met)
 
 
 if __name__ == '__main__':

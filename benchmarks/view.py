@@ -19,10 +19,12 @@ import sys
 import time
 from typing import Any
 
+from support.aims import exit_code, REST, SMOKE
 from support.node_under_test import NodeUnderTest, SOLVER
 
-ROUNDS, SECONDS, RATE = 5, 3.0, 1000.0
-STALLED, SETTLED = 99, 2.5
+ROUNDS, SECONDS = (1, 0.3) if SMOKE else (5, 3.0)
+RATE = 1000.0
+STALLED, SETTLED = (3, 0.5) if SMOKE else (99, 2.5)
 # Of ten minutes, in which the solver answers a quarter of the time [s].
 SOAK, SOAK_REST = 600.0, 9.0
 # The aims.
@@ -136,7 +138,7 @@ def server() -> bool:
     ratios, costs, grown, lost = [], [], [], {0: 0, STALLED: 0}
     try:
         with viewing() as (pid, url), process(PAGE, url):
-            time.sleep(2.0)
+            time.sleep(REST)
             node.measure(RATE, SECONDS)
             for number in range(ROUNDS):
                 p99, cost = {}, {}
@@ -195,15 +197,15 @@ def in_browser(browser: Any) -> bool:
     """Measure the page; return whether the aims are met."""
     with process(SOLVER[-1]):
         with process(CRANK, '--ros-args', '-p', 'rate:=1000.0'):
-            time.sleep(2.0)
+            time.sleep(REST)
             begin = time.monotonic()
             with viewing() as (_, url):
                 page = browser.new_page(viewport={'width': 1280, 'height': 900})
                 page.goto(url)
                 page.wait_for_selector('#picture[data-x]')
                 start = time.monotonic() - begin
-                time.sleep(3.0)
-                frames, cost = page.evaluate(FRAMES, 5.0)
+                time.sleep(0.5 if SMOKE else 3.0)
+                frames, cost = page.evaluate(FRAMES, 0.5 if SMOKE else 5.0)
                 page.close()
         with viewing() as (_, url):
             late, stop = slider(browser, url)
@@ -243,7 +245,8 @@ def slider(browser: Any, url: str) -> tuple[float, float]:
     page.click('#take')
     page.wait_for_selector('#angle:enabled')
     time.sleep(1.0)
-    late = sorted(page.evaluate(SLIDER, float(angle % 170)) for angle in range(7, 7 + 40 * 7, 7))
+    angles = [float(7 * k % 170) for k in range(1, 3 if SMOKE else 41)]
+    late = sorted(page.evaluate(SLIDER, angle) for angle in angles)
     page.locator('#speed').fill('3')
     for _ in range(50):
         rclpy.spin_once(node, timeout_sec=0.02)
@@ -275,4 +278,4 @@ def page() -> bool:
 if __name__ == '__main__':
     parts = {'server': server, 'page': page, 'soak': soak}
     wanted = sys.argv[1:] or ['server', 'page']
-    sys.exit(0 if all(parts[name]() for name in wanted) else 1)
+    sys.exit(exit_code(*[parts[name]() for name in wanted]))

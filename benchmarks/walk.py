@@ -16,6 +16,7 @@ from klann_ros.robot import robot_of
 from klann_ros.twin import Floor, Motors, Sensors, Twin
 from klann_ros.walking import Feet, imu_reading, Limits, Settings, Steering, Walker
 import numpy as np
+from support.aims import SMOKE
 
 WALKER = Path(__file__).resolve().parents[1] / 'config' / 'walker6_two_motors.yaml'
 FOOT_RADIUS = 0.004
@@ -70,7 +71,8 @@ def walk(
     tilt = phase = path = 0.0
     begin = last = twin.truth()
     turned = 0.0
-    for k in range(-round(STANDS / PERIOD), round(seconds / PERIOD)):
+    rest, seconds = (0.1, 0.1) if SMOKE else (STANDS, seconds)
+    for k in range(-round(rest / PERIOD), round(seconds / PERIOD)):
         now = k * PERIOD
         if imu:
             read = twin.imu()
@@ -174,7 +176,7 @@ def doubt(steering: Steering, seeds: int) -> Iterator[str]:
 def main() -> None:
     """Print it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--seeds', type=int, default=20)
+    parser.add_argument('--seeds', type=int, default=1 if SMOKE else 20)
     options = parser.parse_args()
     steering = Steering(Feet(robot_of(str(WALKER)), foot_radius=FOOT_RADIUS))
     for part in (straight(steering), curves(steering), doubt(steering, options.seeds)):

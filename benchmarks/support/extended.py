@@ -1,9 +1,12 @@
 """The foot in 80-bit arithmetic: what the errors are measured against."""
 
+from typing import Any
+
 from klann_ros.kinematics import KlannGeometry
 import numpy as np
 
-Extended = np.ndarray
+# Arrays and numbers of 80 bits; NumPy types them by platform.
+Extended = Any
 
 
 def feet(geometry: KlannGeometry, alphas: np.ndarray) -> Extended:

@@ -77,8 +77,8 @@ def main(times: int) -> int:
                 losses = killed(Path(work, f'run_{number}'), seconds)
                 worst = max(worst, *(lost for lost, _ in losses.values()))
                 missing += sum(count for _, count in losses.values())
-                told = losses.items()
-                said = ', '.join(f'{name} {lost:.3f} s, {gone}' for name, (lost, gone) in told)
+                rows = losses.items()
+                said = ', '.join(f'{name} {lost:.3f} s, {gone}' for name, (lost, gone) in rows)
                 print(f'{number + 1:3}: {said}', flush=True)
     finally:
         for process in (crank, solver):

@@ -54,17 +54,17 @@ def _write_block(run: RunWriter, linkage: Linkage, numbers: np.ndarray, rate: fl
     state, point = JointStateTemplate([*linkage.joint_names]), PointTemplate('leg_plane')
     alphas = 2 * pi * numbers / rate
     poses = linkage_poses(linkage, alphas, angles=True)
+    assert poses.angles is not None  # noqa: S101 - asked for
     angles = np.column_stack([alphas, poses.angles])
     rates = np.gradient(angles, 1 / rate, axis=0) if len(numbers) > 1 else np.zeros_like(angles)
     late = np.random.default_rng(int(numbers[0])).integers(200_000, 500_000, len(numbers))
     times = START + (numbers * (1e9 / rate)).astype(np.int64)
     columns = (each.tolist() for each in (numbers, times, late, angles, rates, poses.h))
     for n, time, delay, x, v, h in zip(*columns, strict=True):
-        stamp = divmod(time, 10**9)
+        sec, nanosec = divmod(time, 10**9)
         crank = struct.pack('<4sd', b'\0\1\0\0', x[0])
         run.write(Message(CRANK, crank, time + delay, time, n + 1))
-        data = state.fill(*stamp, tuple(x), tuple(v))
+        data = state.fill(sec, nanosec, tuple(x), tuple(v))
         run.write(Message(POSES, data, time + delay + 100_000, time + 50_000, n + 1))
-        run.write(
-            Message(FEET, point.fill(*stamp, *h), time + delay + 150_000, time + 60_000, n + 1)
-        )
+        foot = point.fill(sec, nanosec, *h)
+        run.write(Message(FEET, foot, time + delay + 150_000, time + 60_000, n + 1))

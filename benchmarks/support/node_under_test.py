@@ -16,6 +16,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
+from .aims import REST
+
 # The traffic never leaves the machine, nor meets another's.
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ.setdefault('ROS_DOMAIN_ID', '90')
@@ -26,7 +28,7 @@ SOLVER = [
     '-c',
     'import sys; from klann_ros.executables import solver_node; sys.exit(solver_node())',
 ]
-WARM_UP = 0.5
+WARM_UP = REST / 4.0
 OUTPUTS = ((JointState, 'joint_states'), (PointStamped, 'point_h'))
 
 
@@ -80,7 +82,7 @@ class NodeUnderTest:
         self._received: list[list[float]] = [[], []]
 
     def measure(self, rate: float, seconds: float) -> Figures:
-        """Turn the crank at a rate [Hz] for some time [s], then leave it alone for 2 s."""
+        """Turn the crank at a rate [Hz] for some time [s], then leave it at rest."""
         self._turn(rate, round(rate * WARM_UP))
         before, count = self.cpu(), round(rate * seconds)
         sent = self._turn(rate, count)
@@ -88,12 +90,12 @@ class NodeUnderTest:
         points = self._received[1]
         latencies = sorted(b - a for a, b in zip(sent, points, strict=False)) or [float('nan')]
         before = self.cpu()
-        time.sleep(2.0)
+        time.sleep(REST)
         return Figures(
             cpu=spent / count * 1e6,
             p50=latencies[len(latencies) // 2] * 1e6,
             p99=latencies[min(len(latencies) - 1, int(0.99 * len(latencies)))] * 1e6,
-            idle=(self.cpu() - before) / 2.0 * 100.0,
+            idle=(self.cpu() - before) / REST * 100.0,
             lost=sum(count - len(received) for received in self._received),
         )
 

@@ -42,7 +42,7 @@ class PylinkageLeg:
 
     def feet_fast(self, count: int) -> np.ndarray:
         """Return H of the next poses by the compiled `step_fast`, shape (count, 2) [m]."""
-        return self._linkage.step_fast(count)[:, -1]
+        return np.asarray(self._linkage.step_fast(count)[:, -1])
 
 
 def _end(first: float, second: float, bend: float) -> tuple[float, float]:

@@ -14,6 +14,8 @@ import rclpy
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
+from .aims import REST
+
 # The traffic never leaves the machine, nor meets another's.
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ.setdefault('ROS_DOMAIN_ID', '91')
@@ -24,7 +26,7 @@ OURS = [
     'import sys; from klann_ros.executables import recorder_node; sys.exit(recorder_node())',
 ]
 STOCK = [sys.executable, str(Path(__file__).with_name('stock_recorder.py'))]
-WARM_UP = 1.0
+WARM_UP = REST / 2.0
 # How many messages are published at once: a publisher that wakes up for each has no time for it.
 BURST = 5
 
@@ -68,17 +70,19 @@ class RecorderUnderTest:
         else:
             command = [*STOCK, str(self._folder), *names]
         self._ours = ours
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        self._log = folder / 'recorder.log'
+        with self._log.open('w') as log:
+            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=log)
         while any(p.get_subscription_count() < 1 for p in self._publishers):
             if self._process.poll() is not None:
-                raise SystemExit('the recorder has ended')
+                raise SystemExit(f'the recorder has ended:\n{self._log.read_text()}')
             time.sleep(0.05)
-        time.sleep(2.0)
+        time.sleep(REST)
 
     def measure(self, rate: float, seconds: float) -> Cost:
         """Publish on every topic at a rate [Hz] for some time [s], then end it."""
         idle = self._cpu()
-        time.sleep(2.0)
+        time.sleep(REST)
         idle = self._cpu() - idle
         warm_up, count = round(rate * WARM_UP), round(rate * seconds)
         self._publish(rate, warm_up)
@@ -88,7 +92,7 @@ class RecorderUnderTest:
         self._stop()
         lost = (warm_up + count) * len(self._publishers) - self._written()
         per_message = spent / (count * len(self._publishers))
-        return Cost(per_message * 1e6, idle / 2.0 * 100.0, memory, lost)
+        return Cost(per_message * 1e6, idle / REST * 100.0, memory, lost)
 
     def _publish(self, rate: float, count: int) -> None:
         state = JointState(name=['alpha', 'gamma', 'beta', 'delta', 'theta'], position=[0.5] * 5)

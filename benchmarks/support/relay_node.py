@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 
-class Relay(Node):
+class Relay(Node):  # type: ignore[misc] # Node is Any
     """Publish what solver_node publishes, of what came in."""
 
     def __init__(self) -> None:

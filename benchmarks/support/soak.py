@@ -1,12 +1,12 @@
 """
 Let solver_node answer 1 kHz for a long time: nothing may be lost, and its memory stays flat.
 
-    python benchmarks/support/soak.py [MINUTES]
+    PYTHONPATH=benchmarks python -m support.soak [MINUTES]
 """
 
 import sys
 
-from node_under_test import NodeUnderTest, SOLVER
+from support.node_under_test import NodeUnderTest, SOLVER
 
 RATE = 1000.0
 # Growth that a leak of one small object a message would exceed many times [MB].
@@ -16,7 +16,7 @@ MOST_GROWTH = 5.0
 def main(minutes: float) -> int:
     """Print the figures of every minute; return 0 if nothing was lost and memory stayed flat."""
     node = NodeUnderTest(SOLVER)
-    lost, memory = 0, []
+    lost, memory = 0, list[float]()
     try:
         print(f'{"minute":>6} {"CPU/us":>7} {"p50/us":>7} {"p99/us":>7} {"lost":>5} {"MB":>7}')
         for minute in range(round(minutes)):

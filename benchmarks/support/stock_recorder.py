@@ -7,7 +7,6 @@ from threading import Thread
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.writing.writer import RunWriter
-from klann_ros.nodes.recorder.node import CHUNK_SIZE
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
@@ -17,13 +16,13 @@ from sensor_msgs.msg import JointState
 FLUSH_PERIOD = 0.5
 
 
-class StockRecorder(Node):
+class StockRecorder(Node):  # type: ignore[misc] # Node is Any
     """Write every message in its callback, and flush by a timer."""
 
     def __init__(self, folder: str, topics: list[str]) -> None:
         """Subscribe to topics of joint states."""
         super().__init__('stock_recorder')
-        self.writer = RunWriter(folder, chunk_size=CHUNK_SIZE)
+        self.writer = RunWriter(folder)
         for name in topics:
             self.create_subscription(
                 JointState, name, self._writes(name), QoSProfile(depth=2000), raw=True

@@ -26,7 +26,7 @@ from sensor_msgs.msg import Imu, JointState
 CRANKS = ['left_crank', 'right_crank']
 
 
-class Relay(Node):
+class Relay(Node):  # type: ignore[misc] # Node is Any
     """Answer each crank_state with an odom and a crank_command, all of them zeros."""
 
     def __init__(self, *, raw: bool) -> None:

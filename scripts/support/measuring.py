@@ -1,9 +1,9 @@
-"""What is run by hand: every benchmark, one after the other, and runs damaged at random."""
+"""Programs that are run by hand: the benchmarks, and the fuzzer."""
 
 import argparse
 import os
 
-from environment import environment
+from environment import Environment, environment
 from processes import run
 from source import ROOT
 
@@ -22,7 +22,7 @@ def benchmark(arguments: list[str]) -> int:
     with environment('benchmark') as env:
         for name in chosen:
             print(f'{name}: ', end='', flush=True)
-            if run([env.python, scripts[name]], env.variables) != 0:
+            if run([env.python, scripts[name]], _with_tests(env)) != 0:
                 missed.append(name)
     if missed:
         print(f'missed their aim: {", ".join(missed)}')
@@ -32,7 +32,11 @@ def benchmark(arguments: list[str]) -> int:
 def fuzz(arguments: list[str]) -> int:
     """Run `test/fuzzing` in the environment of the tests; return 0 if no case broke a law."""
     with environment('test') as env:
-        paths = [str(ROOT / 'test'), env.variables.get('PYTHONPATH', '')]
-        variables = env.variables | {'PYTHONPATH': os.pathsep.join(filter(None, paths))}
-        code = run([env.python, '-m', 'fuzzing', *arguments], variables)
+        code = run([env.python, '-m', 'fuzzing', *arguments], _with_tests(env))
     return 1 if code is None else code
+
+
+def _with_tests(env: Environment) -> dict[str, str]:
+    """Return the variables of a program that imports modules of `test`."""
+    paths = [str(ROOT / 'test'), env.variables.get('PYTHONPATH', '')]
+    return env.variables | {'PYTHONPATH': os.pathsep.join(filter(None, paths))}
