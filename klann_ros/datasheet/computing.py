@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from math import isfinite
 
 from klann_ros.kinematics.angles import TURN
@@ -10,7 +11,7 @@ from klann_ros.walking import NoWalkerError, walk_figures, WalkFigures
 import numpy as np
 
 from .leg_sheet import alike, dynamics_of, leg_sheet
-from .load import crank_load, CrankLoad, Turned
+from .load import crank_load, CrankLoad, turn_angles, Turned, with_extremes
 from .motor import Motor, verdict
 from .sheet import CrankSheet, DataSheet, LegSheet, SheetError
 
@@ -48,7 +49,7 @@ def data_sheet(
     margins : bool
         Whether the margins of coupled loops are wanted, too, which take seconds.
     samples : int
-        Of the turn.
+        Of the turn; those where the load steps are added.
 
     Raises
     ------
@@ -156,8 +157,19 @@ def _crank(
     if not all(each.is_full for each in turned):
         return bare, None
     weighed = all(leg.masses is not None for leg in legs)
-    empty = crank_load(turned, 0.0, samples) if weighed else None
-    loaded = crank_load(turned, load, samples) if load else None
+    edges = [edge for each in turned for edge in each.edges] if load else []
+    angles = turn_angles(samples, edges)
+
+    def cases() -> list[CrankLoad | None]:
+        return [
+            crank_load(turned, 0.0, angles) if weighed else None,
+            crank_load(turned, load, angles) if load else None,
+        ]
+
+    known = [case for case in cases() if case]
+    curves = [(case.still, case.per_speed_squared, case.torque(speed)) for case in known]
+    angles = with_extremes(angles, chain.from_iterable(curves))
+    empty, loaded = cases()
     empty_turn, loaded_turn = (each.turn(speed) if each else None for each in (empty, loaded))
     return replace(bare, empty=empty_turn, loaded=loaded_turn), loaded or empty
 

@@ -16,6 +16,8 @@ from .sheet import CrankSheet, DataSheet, Extreme, LegSheet
 
 # How much slower and faster than on average a crank may be for which a flywheel is told.
 UNEVENNESS = 0.1
+# Of a mean over a turn, as a part of the peak.
+SAMPLING_ERROR = 1e-5
 # What the literature calls good transmission, from in line [rad].
 GOOD_TRANSMISSION = 40.0 * pi / 180.0
 # So many groups of feet are told.
@@ -215,15 +217,15 @@ def _crank_column(turn: TurnOfForces, speed: float) -> list[Figure]:
         Figure('Torque, mean', number(_zero(turn.mean, turn.peak)), 'N m'),
         Figure('Power, least', number(float(power.min())), 'W'),
         Figure('Power, greatest', number(float(power.max())), 'W'),
-        Figure('Power, mean', number(_zero(float(power.mean()), turn.peak * abs(speed))), 'W'),
+        Figure('Power, mean', number(_zero(turn.mean * turn.rate, turn.peak * abs(speed))), 'W'),
         Figure('Energy swing', number(turn.energy_swing), 'J'),
         Figure('Flywheel', number(turn.flywheel(UNEVENNESS)), 'kg m²'),
     ]
 
 
 def _zero(value: float, scale: float) -> float:
-    """Return a value, 0 where it is but the rounding of others."""
-    return 0.0 if abs(value) <= 1e-9 * scale else value
+    """Return a value, 0 where it is within the sampling error of a mean."""
+    return 0.0 if abs(value) <= SAMPLING_ERROR * scale else value
 
 
 def motor_figures(crank: CrankSheet) -> Iterator[Figure]:

@@ -167,7 +167,7 @@ def _turn(turn: TurnOfForces | None) -> dict[str, Any] | None:
         'torque_mean': turn.mean,
         'power_least': float(turn.power.min()),
         'power_greatest': float(turn.power.max()),
-        'power_mean': float(turn.power.mean()),
+        'power_mean': turn.mean * turn.rate,
         'energy_swing': turn.energy_swing,
         'angle': turn.alphas.tolist(),
         'torque': turn.torque.tolist(),

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from math import pi
+from typing import Any
 
 from klann_ros.dynamics import BodyMass, Dynamics, Masses, Reactions
 from klann_ros.kinematics import (
@@ -23,7 +24,7 @@ from klann_ros.robot import Robot, RobotLeg
 import numpy as np
 from numpy.typing import NDArray
 
-from .load import foot_load
+from .load import foot_load, turn_angles, with_extremes
 from .sheet import (
     BarFigures,
     BodyMassFigures,
@@ -46,11 +47,9 @@ def leg_sheet(
     linkage = leg.linkage
     arcs = tuple(reachable_arcs(linkage))
     turns = arcs == ((0.0, TURN),)
-    alphas = _alphas(arcs, samples)
-    found = linkage_poses(linkage, alphas, points=True, transmission_angles=True)
-    if found.points is None or found.transmission_angles is None:
-        raise AssertionError('both were asked for')
     path, stance, no_stance = _path(linkage)
+    edges = (stance.start, stance.end) if load and stance else ()
+    alphas = turn_angles(samples, edges) if turns else _alphas(arcs, samples)
     bars, no_margins = _bars(linkage, turns=turns, margins=margins)
     sheet = LegSheet(
         names=(leg.name,),
@@ -62,20 +61,34 @@ def leg_sheet(
         path=path,
         stance=stance,
         no_stance=no_stance,
-        alphas=alphas,
-        points=found.points,
-        transmission=_transmission(linkage, alphas, found.transmission_angles),
         masses=_masses(leg),
         empty=None,
         loaded=None,
+        **_poses(linkage, alphas),
     )
     if not turns:
         return sheet
     if load and stance is None:
         raise SheetError(f'a load on the foot has nowhere to be: {no_stance}')
-    empty = _forces(robot.dynamics(leg), sheet, speed, 0.0) if leg.masses else None
-    loaded = _forces(dynamics_of(robot, leg), sheet, speed, load) if load else None
-    return replace(sheet, empty=empty, loaded=loaded)
+
+    def with_forces() -> LegSheet:
+        empty = _forces(robot.dynamics(leg), sheet, speed, 0.0) if leg.masses else None
+        loaded = _forces(dynamics_of(robot, leg), sheet, speed, load) if load else None
+        return replace(sheet, empty=empty, loaded=loaded)
+
+    cases = with_forces().cases
+    curves = [curve for of in cases for curve in (of.torque, *(j.force for j in of.joints))]
+    sheet = replace(sheet, **_poses(linkage, with_extremes(alphas, curves)))
+    return with_forces()
+
+
+def _poses(linkage: Linkage, alphas: Array) -> dict[str, Any]:
+    """Return the fields of a sheet that are sampled over crank angles [rad]."""
+    found = linkage_poses(linkage, alphas, points=True, transmission_angles=True)
+    if found.points is None or found.transmission_angles is None:
+        raise AssertionError('points and transmission angles are requested')
+    transmission = _transmission(linkage, alphas, found.transmission_angles)
+    return {'alphas': alphas, 'points': found.points, 'transmission': transmission}
 
 
 def dynamics_of(robot: Robot, leg: RobotLeg) -> Dynamics:
@@ -93,9 +106,7 @@ def alike(one: RobotLeg, other: RobotLeg) -> bool:
 
 
 def _alphas(arcs: Sequence[Arc], samples: int) -> Array:
-    """Return crank angles: of a turn evenly from 0 on, of arcs with their ends."""
-    if tuple(arcs) == ((0.0, TURN),):
-        return TURN * np.arange(samples) / samples
+    """Return crank angles of arcs, with their ends."""
     shares = [max(2, round(samples * (end - start) / TURN)) for start, end in arcs]
     spread = [np.linspace(*arc, share) for arc, share in zip(arcs, shares, strict=True)]
     return np.concatenate([np.empty(0), *spread])

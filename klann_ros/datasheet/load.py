@@ -1,6 +1,6 @@
 """What a crank takes over its turn, at any constant speed: of one leg, or of several."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from klann_ros.dynamics import Dynamics, TurnOfForces
@@ -11,6 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+# From a step of the load to the samples on both sides of it [rad].
+EDGE_OFFSET = 1e-9
+# An extreme within this part of a curve's range from its greatest or least value is refined, by
+# this number of samples between its neighbours.
+EXTREME_PART, EXTREME_SAMPLES = 0.02, 15
 Forces = dict[str, tuple[float, float]]
 
 
@@ -21,7 +26,7 @@ class CrankLoad(NamedTuple):
     Attributes
     ----------
     angles : numpy.ndarray, shape (k,)
-        Of the joint, evenly over a turn from 0 on [rad].
+        Of the joint over a turn, ascending, in [0, 2 pi) [rad].
     still : numpy.ndarray, shape (k,)
         G: by weight, springs and the load on the foot [N m].
     per_speed_squared : numpy.ndarray, shape (k,)
@@ -55,6 +60,31 @@ def foot_load(linkage_foot: str, stance: Stance, alphas: Array, load: float) -> 
     return {linkage_foot: (0.0, up)}  # type: ignore[dict-item]
 
 
+def turn_angles(samples: int, edges: Iterable[float] = ()) -> Array:
+    """
+    Return the sampled angles of a turn: even from 0 on, and both sides of edges, ascending [rad].
+
+    Edges are where the load steps: a curve may have its peak there.
+    """
+    even = TURN * np.arange(samples) / samples
+    sides = [(edge + side) % TURN for edge in edges for side in (-EDGE_OFFSET, EDGE_OFFSET)]
+    return np.unique([*even, *sides])
+
+
+def with_extremes(angles: Array, curves: Iterable[Array]) -> Array:
+    """Return angles of a turn [rad] with more of them beside the extremes of curves."""
+    padded = np.concatenate([[angles[-1] - TURN], angles, [angles[0] + TURN]])
+    found = set()
+    for curve in curves:
+        span = np.ptp(curve)
+        for values in (curve, -curve):
+            is_peak = (values >= np.roll(values, 1)) & (values >= np.roll(values, -1))
+            near_top = values > values.max() - EXTREME_PART * span
+            found.update(np.flatnonzero(is_peak & near_top).tolist())
+    added = [np.linspace(padded[k], padded[k + 2], EXTREME_SAMPLES + 2)[1:-1] for k in found]
+    return np.unique(np.concatenate([angles, *added]) % TURN)
+
+
 class Turned(NamedTuple):
     """A leg that a joint turns, with its masses, its stance, and whether it turns fully."""
 
@@ -63,8 +93,16 @@ class Turned(NamedTuple):
     stance: Stance | None
     is_full: bool
 
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """Return the angles of the joint at which the stance starts and ends [rad]."""
+        if self.stance is None:
+            return ()
+        alphas = self.stance.start, self.stance.end
+        return tuple(self.leg.direction * (alpha - self.leg.phase) for alpha in alphas)
 
-def crank_load(turned: Sequence[Turned], load: float, samples: int) -> CrankLoad:
+
+def crank_load(turned: Sequence[Turned], load: float, angles: Array) -> CrankLoad:
     """
     Return what a joint takes that turns some legs, which all turn fully.
 
@@ -76,12 +114,11 @@ def crank_load(turned: Sequence[Turned], load: float, samples: int) -> CrankLoad
         The legs.
     load : float
         On each foot that stands [N].
-    samples : int
-        Of the turn.
+    angles : numpy.ndarray, shape (k,)
+        Of the joint [rad].
 
     """
-    angles = TURN * np.arange(samples) / samples
-    still, squared = np.zeros(samples), np.zeros(samples)
+    still, squared = np.zeros(angles.size), np.zeros(angles.size)
     for leg, dynamics, stance, _ in turned:
         alphas = leg.crank_angles(angles)
         forces = (

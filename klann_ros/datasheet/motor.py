@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 from math import degrees, inf, isfinite
 from typing import Any
 
+from klann_ros.dynamics.forces import turn_mean
 from klann_ros.untrusted.files import read_plain
 from klann_ros.untrusted.text import did_you_mean, printable, printable_line
 from klann_ros.untrusted.yaml_text import LONGEST, parse
@@ -244,7 +245,7 @@ def verdict(motor: Motor, load: CrankLoad, speed: float) -> MotorVerdict:
         peak=max(float(torque[worst]), 0.0),
         peak_at=float(load.angles[worst]),
         braking_peak=max(-float(torque.min()), 0.0),
-        motor_rms=float(np.sqrt((at_motor**2).mean())) / motor.gear_ratio,
+        motor_rms=float(np.sqrt(turn_mean(load.angles, at_motor**2))) / motor.gear_ratio,
         fastest=_fastest(motor, load, way),
     )
 

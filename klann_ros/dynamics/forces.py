@@ -40,7 +40,7 @@ class TurnOfForces(NamedTuple):
     Attributes
     ----------
     alphas : numpy.ndarray, shape (k,)
-        Crank angles, evenly over a turn from 0 on [rad].
+        Crank angles of a turn, ascending, in [0, 2 pi) [rad].
     rate : float
         Of the crank [rad/s].
     torque : numpy.ndarray, shape (k,)
@@ -60,7 +60,7 @@ class TurnOfForces(NamedTuple):
     @property
     def mean(self) -> float:
         """Return the mean torque [N m]: the work of a turn over 2 pi."""
-        return float(self.torque.mean())
+        return turn_mean(self.alphas, self.torque)
 
     @property
     def peak(self) -> float:
@@ -70,22 +70,18 @@ class TurnOfForces(NamedTuple):
     @property
     def rms(self) -> float:
         """Return the root of the mean square of the torque, by which a motor gets warm [N m]."""
-        return float(np.sqrt((self.torque**2).mean()))
+        return float(np.sqrt(turn_mean(self.alphas, self.torque**2)))
 
     @property
     def energy_swing(self) -> float:
         """
         Return by how much a shaft with the mean torque gains and loses energy in a turn [J].
 
-        The integral of T - mean by Fourier's series, exact to rounding for a smooth turn.
+        The integral of T - mean by the trapezoidal rule.
         """
         excess = self.torque - self.mean
-        spectrum = np.fft.rfft(excess)
-        orders = np.arange(len(spectrum))
-        spectrum[1:] /= 1j * orders[1:]
-        spectrum[0] = 0.0
-        energy = np.fft.irfft(spectrum, len(excess))
-        return float(np.ptp(energy))
+        work = np.diff(self.alphas) * (excess[1:] + excess[:-1]) / 2.0
+        return float(np.ptp(np.cumsum([0.0, *work])))
 
     def flywheel(self, unevenness: float) -> float:
         """
@@ -108,6 +104,12 @@ class TurnOfForces(NamedTuple):
             )
             raise ValueError(msg)
         return self.energy_swing / (unevenness * self.rate**2)
+
+
+def turn_mean(alphas: Array, values: Array) -> float:
+    """Return the mean over a turn of values at ascending angles [rad], by the trapezoidal rule."""
+    steps = np.diff(alphas, append=alphas[0] + 2.0 * pi)
+    return float((steps * (values + np.roll(values, -1))).sum() / (4.0 * pi))
 
 
 class Dynamics:

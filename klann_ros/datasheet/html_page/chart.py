@@ -16,6 +16,8 @@ _MOST = 361
 # Between the labels of the horizontal axis [deg].
 _ANGLE_STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0)
 _COLOURS = 7
+# Samples that are nearer have a step between them [rad].
+_STEP = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +95,7 @@ class Chart:
         if not self.angles.size:
             return 0.0, 360.0
         ends = np.degrees([self.angles.min(), self.angles.max()])
-        step = np.degrees(self.angles[1] - self.angles[0]) if self.angles.size > 1 else 0.0
+        step = np.degrees(np.diff(self.angles).max(initial=0.0))
         whole = abs(ends[1] - ends[0] + step - 360.0) < 1e-6
         return (0.0, 360.0) if whole else (float(ends[0]), float(ends[1]))
 
@@ -111,6 +113,9 @@ class Chart:
     def _path(self, frame: '_Frame', line: Line) -> Markup:
         step = max(1, len(self.angles) // (_MOST - 1))
         kept = np.unique(np.append(np.arange(0, len(self.angles), step), len(self.angles) - 1))
+        # Both sides of a step are drawn.
+        before = np.flatnonzero(np.diff(self.angles) < _STEP)
+        kept = np.union1d(kept, [*before, *before + 1]).astype(int)
         degrees, values = np.degrees(self.angles)[kept].tolist(), line.values[kept].tolist()
         if self._reach == (0.0, 360.0):
             degrees, values = [*degrees, 360.0], [*values, values[0]]

@@ -4,8 +4,9 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from klann_ros.datasheet.load import on_the_ground
+from klann_ros.datasheet.load import EDGE_OFFSET, on_the_ground
 from klann_ros.datasheet.sheet import DataSheet, LegSheet
+from klann_ros.kinematics.angles import TURN
 from klann_ros.page.markup import element
 from klann_ros.page.parts import as_script, FRAME, Parts, SHARED, text
 from klann_ros.page.shape import leg_shape
@@ -48,9 +49,14 @@ def page(sheet: DataSheet) -> str:
 
 def _leg(leg: LegSheet, speed: float) -> dict[str, Any]:
     """Return what moves in the page: a leg's shape, and where its points are at crank angles."""
-    known = np.isfinite(leg.points).all(axis=(1, 2))
+    known = np.asarray(np.isfinite(leg.points).all(axis=(1, 2)))
     step = max(1, len(leg.alphas) // POSES)
-    rows = np.flatnonzero(known)[::step]
+    rows = np.arange(0, len(leg.alphas), step)
+    if leg.turns_fully:
+        # Evenly: the samples are denser at extremes.
+        even = np.linspace(0.0, TURN, POSES, endpoint=False) - EDGE_OFFSET
+        rows = np.unique(np.searchsorted(leg.alphas, even) % len(leg.alphas))
+    rows = rows[known[rows]]
     stands = on_the_ground(leg.stance, leg.alphas) if leg.stance else np.zeros(known.shape, bool)
     shape = leg_shape(leg.linkage)
     names = [{**point, 'name': printable(point['name'], 12)} for point in shape['points']]
