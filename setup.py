@@ -60,7 +60,7 @@ setup(
         f'{NAME}.kinematics.linkage': ['schema.json'],
         f'{NAME}.live': ['static/*'],
         f'{NAME}.datasheet.html_page': ['static/*'],
-        f'{NAME}.page': ['static/*', 'static/uplot/*'],
+        f'{NAME}.page': ['static/*', 'static/js_yaml/*', 'static/uplot/*'],
         f'{NAME}.page.lab': ['lab.html', 'static/*'],
         f'{NAME}.review.report.html_page': ['static/*'],
     },

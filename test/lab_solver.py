@@ -21,11 +21,12 @@ TEXTS = {name: text(Path(str(SHIPPED / f'{name}.yaml'))) for name in shipped_lin
 def in_node(script: str, given: Any) -> Any:
     """Return what a script behind the solver's makes of `given`: what its `answer` returns."""
     driver = (
-        f"\nconst given = JSON.parse(require('fs').readFileSync(0, 'utf8'));\n{script}\n"
+        "\nimport { readFileSync } from 'node:fs';\n"
+        f"const given = JSON.parse(readFileSync(0, 'utf8'));\n{script}\n"
         'process.stdout.write(JSON.stringify(answer(given)));\n'
     )
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, 'solver.js')
+        path = Path(folder, 'solver.mjs')
         path.write_text('\n'.join(map(text, SOLVER)) + driver, encoding='utf-8')
         done = subprocess.run(
             [str(NODE), str(path)],

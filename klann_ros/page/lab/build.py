@@ -13,25 +13,30 @@ _OWN = _FOLDER / 'static'
 FILE = _FOLDER / 'lab.html'
 """The page as it is installed; it is under version control, so that no build step makes it."""
 
-SOLVER = tuple(
-    _OWN / f'{name}.js'
-    for name in (
-        'complex',
-        'structure',
-        'order',
-        'linkage',
-        'dyads',
-        'blocks',
-        'solve',
-        'branch',
-        'assemblies',
-        'reach',
-        'yaml',
-        'yaml_text',
-        'schema',
-        'file',
-        'parameters',
-    )
+_JS_YAML = SHARED / 'js_yaml'
+
+SOLVER = (
+    _JS_YAML / 'js-yaml.min.js',
+    *(
+        _OWN / f'{name}.js'
+        for name in (
+            'complex',
+            'structure',
+            'order',
+            'linkage',
+            'dyads',
+            'blocks',
+            'solve',
+            'branch',
+            'assemblies',
+            'reach',
+            'yaml',
+            'yaml_text',
+            'schema',
+            'file',
+            'parameters',
+        )
+    ),
 )
 """What needs no browser: any linkage, solved as the kinematics does."""
 
@@ -65,6 +70,7 @@ def lab_page() -> str:
     shipped = {name: text(Path(str(SHIPPED), f'{name}.yaml')) for name in shipped_linkages()}
     return Template(text(_OWN / 'lab.html')).substitute(
         policy=PARTS.policy(),
+        licence=text(_JS_YAML / 'LICENSE').strip(),
         styles=PARTS.style_elements(),
         data=element('script', as_script(shipped), id='data', type='application/json'),
         scripts=PARTS.script_elements(),

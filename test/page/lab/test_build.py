@@ -9,4 +9,10 @@ def test_the_file_is_up_to_date() -> None:
 
 
 def test_it_is_small_enough_to_be_passed_on() -> None:
-    assert FILE.stat().st_size < 300_000
+    assert FILE.stat().st_size < 250_000
+
+
+def test_it_holds_the_licence_of_what_it_includes() -> None:
+    page = FILE.read_text(encoding='utf-8')
+    assert 'Copyright (C) 2011-2015 by Vitaly Puzrin' in page
+    assert 'WITHOUT WARRANTY OF ANY KIND' in page

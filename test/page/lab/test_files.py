@@ -41,6 +41,7 @@ function answer({ texts, klann, isYaml }) {
   return texts.map((text) => {
     try {
       const content = isYaml ? readYaml(text) : readFile(text, klann).linkage.numbers;
+      if ('polluted' in {}) throw Error('the prototype of all objects was changed');
       return { content };
     } catch (error) {
       if (error instanceof Refusal) return { refused: Object.values(error.texts) };
@@ -130,6 +131,8 @@ YAML = [
     '',
     '# nothing\n',
     'a: 08\nb: 1e5\nc: 1.5e+3\nd: -.5\n',
+    '__proto__: {polluted: 1}\nconstructor: {prototype: {polluted: 1}}\nb: {__proto__: 1}\n',
+    'a: "\\U0001F600"\n? b\n: [c: 1, d]\n',
 ]
 REFUSED = [
     'a: &x 1\nb: *x\n',
@@ -154,8 +157,22 @@ REFUSED = [
     'a: [1, 2\n',
     'a: {b: 1\n',
     'a: 1\n  b: 2\n',
-    'a\n',
     '1: 2\n',
+    'null: 2\n',
+    '? [a]\n: b\n',
+    '? {a: 1}\n: b\n',
+    '__proto__: 1\n__proto__: 2\n',
+    'a: !!str 1\n',
+    'a: ! 1\n',
+    'a: !x\n  |\n  y\n',
+    'a: [b?]\n',
+    'a: [:b]\n',
+    'a: {b\n}c: 1\n',
+    'a: "\\ud83d\\ude00"\n',
+    'a: "\\U00110000"\n',
+    'a: 1\n...\n',
+    '[' * 21 + ']' * 21,
+    f'{"x" * 2000}: 1\n',
     'a: "\\q"\n',
     'a: \x00\n',
     'a: \x1b[31m\n',
@@ -173,12 +190,22 @@ def test_yaml_means_the_same_to_both() -> None:
 
 
 def test_what_is_not_taken_is_refused_in_a_line() -> None:
-    # As a file: a word alone is YAML, and no linkage.
-    found = read_in_node(REFUSED, is_yaml=False)
+    found = read_in_node(REFUSED, is_yaml=True)
     assert [text[:40] for text, one in zip(REFUSED, found, strict=True) if 'content' in one] == []
 
 
-MARKS = [*'#:-,[]{}"\'&*!|>%@`~ \n\t0.e', ': ', '\n  ', '- ', ' #', '']
+MARKS = [
+    *'#:-,[]{}"\'&*!|>%@`~? \n\t0.e',
+    ': ',
+    '\n  ',
+    '- ',
+    ' #',
+    '? ',
+    '!!str ',
+    '&a ',
+    '*a',
+    '',
+]
 
 
 def damaged(count: int) -> list[str]:

@@ -69,7 +69,7 @@ async function openFile(file) {
     lab.attempt(() => {
       throw new Refusal(en, pt);
     });
-  if (file.size > LONGEST_FILE) {
+  if (file.size > MAX_FILE_SIZE) {
     refuse(TEXTS.en.tooLong(file.size), TEXTS.pt.tooLong(file.size));
     return;
   }
