@@ -13,6 +13,7 @@ from aiohttp import web, WSCloseCode, WSMsgType
 from .clients import Client, News, World
 from .guard import ForbiddenError, Guard
 from .live_page import FILES, HTML, list_page, note_page, POLICY
+from .malformed import RequestLog, UnreadLimit
 from .protocol import LARGEST
 from .runs import Reviews
 
@@ -20,9 +21,6 @@ from .runs import Reviews
 MOST_PAGES = 200
 # A page that answers no ping for so long is gone [s].
 _HEARTBEAT = 20.0
-# What a socket may have sent since its last whole message [bytes]: old releases of aiohttp put a
-# frame together before they look how large it is.
-_MOST_UNREAD = 64 * LARGEST
 # At the end nobody is waited for longer [s].
 _LAST_WORDS = 1.0
 _HEADERS = {
@@ -56,6 +54,8 @@ class LiveServer:
         What the page shows and drives.
     runs : str
         A folder of runs; '' for none.
+    warn : callable, optional
+        Logs one line about malformed requests.
 
     Attributes
     ----------
@@ -69,8 +69,15 @@ class LiveServer:
 
     """
 
-    def __init__(self, guard: Guard, world: World, runs: str = '') -> None:
+    def __init__(
+        self,
+        guard: Guard,
+        world: World,
+        runs: str = '',
+        warn: Callable[[str], object] = lambda _: None,
+    ) -> None:
         self.guard = guard
+        self._log = RequestLog(warn)
         self._world, self._runs = world, runs
         self._numbers = count(1)
         self._clients: set[web.WebSocketResponse] = set()
@@ -87,6 +94,7 @@ class LiveServer:
         with suppress(RuntimeError):
             self._loop.call_soon_threadsafe(self._ended.set)
         self._thread.join(5.0 * _LAST_WORDS)
+        self._log.close()
 
     def _run(self) -> None:
         asyncio.run(self._serve())
@@ -95,7 +103,7 @@ class LiveServer:
         self._loop, self._ended = asyncio.get_running_loop(), asyncio.Event()
         self._news = News(self._world)
         self._reviews = Reviews(self._runs) if self._runs else None
-        runner = web.AppRunner(self._app(), access_log=None)
+        runner = web.AppRunner(self._app(), access_log=None, logger=self._log)
         try:
             await runner.setup()
             site = web.TCPSite(runner, self.guard.host, self.guard.port)
@@ -144,6 +152,9 @@ class LiveServer:
         @web.middleware
         async def checked(request: web.Request, handler: _Handler) -> web.StreamResponse:
             try:
+                if len(request.headers.getall('Host', [])) != 1:
+                    self._log.count('not exactly one Host header')
+                    raise web.HTTPBadRequest
                 self.guard.check_host(_only(request, 'Host'))
                 # A link or a bookmark may lead to the page itself, nothing else may.
                 if request.path != '/':
@@ -189,7 +200,7 @@ class LiveServer:
             has_runs=bool(self._runs) and self.guard.knows(token),
         )
         self._clients.add(socket)
-        unread = _Unread(request)
+        unread = UnreadLimit(request)
         writer = asyncio.ensure_future(client.write())
         # Its end is the socket's: nobody else looks at what it raises.
         writer.add_done_callback(lambda done: done.cancelled() or done.exception())
@@ -233,50 +244,6 @@ class LiveServer:
     def _check_token(self, request: web.Request) -> None:
         if not self.guard.knows(_token(request)):
             raise ForbiddenError('open the whole address that view_node printed')
-
-
-class _Unread(asyncio.Protocol):
-    """
-    Count what a socket sends, and cut it off when that is no message.
-
-    It stands between the socket and aiohttp.
-    """
-
-    def __init__(self, request: web.Request) -> None:
-        self.bytes = 0
-        self._inner: Any = request.protocol
-        self._transport: Any = request.transport
-        if self._transport is not None:
-            self._transport.set_protocol(self)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._inner, name)
-
-    def data_received(self, data: bytes) -> None:
-        """Hand on what was sent."""
-        self.bytes += len(data)
-        if self.bytes > _MOST_UNREAD:
-            self._transport.abort()
-        else:
-            self._inner.data_received(data)
-
-    def eof_received(self) -> Any:
-        """Hand on the end."""
-        return self._inner.eof_received()
-
-    def connection_lost(self, error: Exception | None) -> None:
-        """Hand on the loss."""
-        self._inner.connection_lost(error)
-        # It and the transport would hold each other.
-        self._transport = None
-
-    def pause_writing(self) -> None:
-        """Hand on that nothing is taken any more."""
-        self._inner.pause_writing()
-
-    def resume_writing(self) -> None:
-        """Hand on that it is again."""
-        self._inner.resume_writing()
 
 
 def _only(request: web.Request, name: str) -> str | None:

@@ -77,7 +77,9 @@ class ViewNode(ProcessNode):
         self._world = LiveWorld(self, read_only=options.read_only)
         guard = Guard(options.host, options.port, new_token(), options.read_only)
         try:
-            self._server = LiveServer(guard, self._world, options.runs or '')
+            self._server = LiveServer(
+                guard, self._world, options.runs or '', self.get_logger().warning
+            )
         except ServerError as error:
             self._world.close()
             raise StartError(str(error)) from error
