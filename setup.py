@@ -66,6 +66,7 @@ setup(
     },
     python_requires='>=3.10',
     install_requires=[
+        'argcomplete',
         'jsonschema',
         'lz4',
         'mcap>=1.6.0',
@@ -82,7 +83,7 @@ setup(
         (f'share/{NAME}', ['package.xml', f'{NAME}/page/lab/lab.html']),
         (f'share/{NAME}/config', glob('config/*.yaml')),
         (f'share/{NAME}/linkages', glob(f'{NAME}/linkages/*.yaml')),
-        (f'share/{NAME}/launch', glob('launch/*.launch.py')),
+        (f'share/{NAME}/launch', glob('launch/*.py')),
         (f'share/{NAME}/urdf', [*glob('urdf/*.xacro'), *glob('urdf/*.urdf')]),
         (f'share/{NAME}/rviz', glob('rviz/*.rviz')),
         (f'share/{NAME}/foxglove', glob('foxglove/*.json')),

@@ -1,3 +1,4 @@
+# PYTHON_ARGCOMPLETE_OK
 """
 The console scripts: what `ros2 run klann_ros NAME` starts.
 
@@ -16,6 +17,10 @@ import sys
 from .stop_signals import StopSignals
 
 INTERRUPTED = 130
+# A tool's exit code where a package that it needs is not installed: nothing could be read.
+MISSING = 2
+# Distributions on PyPI whose name is not that of their module.
+DISTRIBUTIONS = {'mcap_ros2': 'mcap-ros2-support', 'yaml': 'PyYAML'}
 
 
 def solver_node() -> int:
@@ -79,15 +84,20 @@ def _node(name: str, *, uses_terminal: bool = False) -> int:
     try:
         module = import_module(f'klann_ros.nodes.{room}.node')
     except ModuleNotFoundError as error:
-        if (error.name or '').startswith('klann_ros'):
-            raise
-        print(
-            f'{name}: there is no Python module {error.name} here: source ROS 2 '
-            f"(/opt/ros/jazzy/setup.bash), or pip install 'klann_ros[ros]'",
-            file=sys.stderr,
-        )
+        _report_missing(name, error)
         return 1
     return int(module.main(sys.argv, stop))
+
+
+def _report_missing(name: str, error: ModuleNotFoundError) -> None:
+    """Print the remedy for a package that is not installed; raise the error if it is ours."""
+    package = (error.name or '').partition('.')[0]
+    if package in ('', 'klann_ros'):
+        raise error
+    remedy = f'pip install {DISTRIBUTIONS.get(package, package)}'
+    if package.startswith('rcl') or package.endswith(('_msgs', '_srvs', '_interfaces')):
+        remedy = "source ROS 2 (/opt/ros/jazzy/setup.bash), or pip install 'klann_ros[ros]'"
+    print(f'{name}: there is no Python module {package} here: {remedy}', file=sys.stderr)
 
 
 def _tool(name: str, module: str, untold: int) -> int:
@@ -105,6 +115,9 @@ def _tool(name: str, module: str, untold: int) -> int:
         try:
             with redirect_stdout(report):
                 code = _exit_code(module)
+        except ModuleNotFoundError as error:
+            _report_missing(name, error)
+            return MISSING
         except Exception:
             # A fault of ours; what was said before it is worth reading all the same.
             _tell(name, report.getvalue())

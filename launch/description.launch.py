@@ -104,7 +104,7 @@ def frames(context: LaunchContext) -> list[LogInfo | Node]:
 def generate_launch_description() -> LaunchDescription:
     """Describe robot_state_publisher, or what stands in for it, and RViz."""
     checks = IncludeLaunchDescription(
-        PythonLaunchDescriptionSource(PathJoinSubstitution([SHARE, 'launch', 'checks.launch.py']))
+        PythonLaunchDescriptionSource(PathJoinSubstitution([SHARE, 'launch', 'checks.py']))
     )
     namespace = LaunchConfiguration('namespace')
     use_sim_time = LaunchConfiguration('use_sim_time')

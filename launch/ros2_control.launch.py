@@ -55,7 +55,7 @@ def generate_launch_description() -> LaunchDescription:
     params_file = PathJoinSubstitution([str(Path.cwd()), LaunchConfiguration('params_file')])
     control = PathJoinSubstitution([SHARE, 'config', 'ros2_control.yaml'])
     checks = IncludeLaunchDescription(
-        PythonLaunchDescriptionSource(PathJoinSubstitution([SHARE, 'launch', 'checks.launch.py']))
+        PythonLaunchDescriptionSource(PathJoinSubstitution([SHARE, 'launch', 'checks.py']))
     )
     manager = Node(
         package='controller_manager',

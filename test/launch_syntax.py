@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-FILES = {path.name: path for path in sorted((ROOT / 'launch').glob('*.launch.py'))}
+FILES = {path.name: path for path in sorted((ROOT / 'launch').glob('*.py'))}
 
 
 def nodes(name: str, kind: type) -> Iterator:
@@ -48,5 +48,5 @@ def included(name: str) -> set[str]:
         str(word)
         for call in calls(name, 'PathJoinSubstitution', 'included')
         for word in constants(getattr(call.args[0], 'elts', call.args))
-        if str(word).endswith('.launch.py')
+        if str(word).endswith('.py')
     }

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 import sys
 
-from klann_ros import __version__
 from klann_ros.dynamics import MassError, rods
 from klann_ros.review.report.outputs import Output, OutputError, outputs
 from klann_ros.robot import Robot, robot_of, RobotFileError
@@ -92,13 +91,7 @@ def _is_saved(file: Output, sheet: DataSheet) -> bool:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = ArgumentParser(
-        prog='describe',
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
+    parser = ArgumentParser('describe', DESCRIPTION, EPILOG)
     parser.add_argument('file', metavar='FILE', type=path, help='the leg or the walker')
     parser.add_argument(
         '--speed',

@@ -7,7 +7,6 @@ from pathlib import Path
 import sys
 from typing import BinaryIO
 
-from klann_ros import __version__
 from klann_ros.review.report.outputs import Output, OutputError, outputs
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.twin import robot_mjcf
@@ -120,13 +119,7 @@ def _positive(text: str) -> float:
 
 
 def _parser() -> ArgumentParser:
-    parser = ArgumentParser(
-        prog='export',
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
+    parser = ArgumentParser('export', DESCRIPTION, EPILOG)
     parser.add_argument('file', metavar='FILE', type=path, help='a leg, a walker or a linkage')
     parser.add_argument('--mjcf', metavar='OUT.xml', help='a model of MuJoCo, with its masses')
     parser.add_argument('--urdf', metavar='OUT.urdf', help='for robot_state_publisher')

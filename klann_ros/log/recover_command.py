@@ -5,7 +5,6 @@ import os
 from pathlib import Path
 import sys
 
-from klann_ros import __version__
 from klann_ros.untrusted.arguments import ArgumentParser, path
 from klann_ros.untrusted.text import counted, LONGEST_LINE, printable, printable_line
 
@@ -58,10 +57,7 @@ def default_output(log: Path) -> Path:
 
 
 def _parser() -> ArgumentParser:
-    parser = ArgumentParser(
-        prog='recover', description='Make a readable run out of a damaged one.', epilog=_EPILOG
-    )
-    parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
+    parser = ArgumentParser('recover', 'Make a readable run out of a damaged one.', _EPILOG)
     parser.add_argument('log', metavar='LOG', type=path, help=LOG_HELP)
     parser.add_argument(
         '-o',

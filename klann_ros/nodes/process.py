@@ -9,9 +9,7 @@ import sys
 import traceback
 from typing import Protocol
 
-from klann_ros import __version__
 from klann_ros.stop_signals import StopSignals
-from klann_ros.untrusted.arguments import ArgumentParser
 from klann_ros.untrusted.text import printable, printable_line
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
@@ -31,6 +29,8 @@ FOR_ROS = ('-p', '--param', '--params-file', '-r', '--remap', '--log-level', '-e
 ROS_ERRORS = (NameValidationException, RCLError, RuntimeError, ValueError)
 # And when a node or its parameters make none.
 START_ERRORS = (StartError, ParameterException, *ROS_ERRORS)
+# ROS writes its log files there, and does not start where it cannot.
+LOG_FOLDER_REMEDY = 'set ROS_LOG_DIR (or HOME) to a folder that can be written'
 # How often a failed callback is logged at most [s].
 THROTTLE = 2.0
 
@@ -48,18 +48,6 @@ class ProcessNode(Node):
     def close(self) -> int:
         """Put it in order; return the exit code."""
         return 0
-
-
-def command_line(name: str, description: str, epilog: str = '') -> argparse.ArgumentParser:
-    """Return the parser of an executable: `--help` and `--version`, arguments to be added."""
-    parser = ArgumentParser(
-        prog=name,
-        description=description,
-        epilog=epilog,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
-    return parser
 
 
 def arguments(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.Namespace:
@@ -147,6 +135,8 @@ def run(
         known = '-p NAME:=VALUE, --params-file FILE, -r OLD:=NEW, --log-level LEVEL'
         return _refused(name, StartError(f'unknown arguments for ROS {error}; it takes {known}'))
     except START_ERRORS as error:
+        if 'log directory' in str(error):
+            error = StartError(f'{ros_error(error)}; {LOG_FOLDER_REMEDY}')
         return _refused(name, error)
     try:
         stop.on_stop(finish)

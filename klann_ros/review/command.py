@@ -9,7 +9,6 @@ from pathlib import Path
 import sys
 import tempfile
 
-from klann_ros import __version__
 from klann_ros.kinematics import AnyLeg
 from klann_ros.log.errors import LogError
 from klann_ros.log.reading.run_files import LOG_HELP
@@ -24,7 +23,7 @@ from klann_ros.review.report.outputs import Output, OutputError, outputs, Save
 from klann_ros.review.report.picture import NoPictureError, picture_format, save_picture
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.robot.file import preset_names
-from klann_ros.untrusted.arguments import ArgumentParser, path
+from klann_ros.untrusted.arguments import ArgumentParser, command_words, path
 from klann_ros.untrusted.text import printable, printable_line
 from tqdm import tqdm
 
@@ -73,7 +72,7 @@ FILE of --limits is YAML, a line a limit: {', '.join(NAMES)}."""
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Review a run, or many; return the exit code."""
-    given = sys.argv[1:] if argv is None else list(argv)
+    given = command_words() if argv is None else list(argv)
     if each.OPTION in given[: given.index('--') if '--' in given else None]:
         return each.main(given)
     parser = _parser()
@@ -202,13 +201,7 @@ def _wants_colour() -> bool:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = ArgumentParser(
-        prog='review',
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
+    parser = ArgumentParser('review', DESCRIPTION, EPILOG)
     parser.add_argument('log', metavar='LOG', type=path, help=LOG_HELP)
     parser.add_argument(
         'log2', metavar='LOG2', nargs='?', type=path, help='another run to compare it with'

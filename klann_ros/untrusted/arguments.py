@@ -1,14 +1,23 @@
-"""Command lines whose complaints show what was given, and do nothing: it may be `review *`."""
+"""
+The command line of every executable: help, version, completion, and refusals in one line.
+
+A refusal shows an argument, and runs nothing of it: the argument may be a file name of `review *`.
+"""
 
 import argparse
-from typing import NoReturn
+import os
+import sys
+import textwrap
+from typing import Any, NoReturn
+
+from klann_ros import __version__
 
 from .text import printable_line
 
 
 def path(text: str) -> str:
     """
-    Return a path that was given; an empty one is a variable that is not set, not this folder.
+    Return a path from the command line; an empty one is an unset variable, not this folder.
 
     Raises
     ------
@@ -21,9 +30,61 @@ def path(text: str) -> str:
     return text
 
 
+def command_words() -> list[str]:
+    """Return the arguments of this process, or those that a shell wants to have completed."""
+    return os.environ.get('COMP_LINE', '').split()[1:] or sys.argv[1:]
+
+
+class _HelpFormatter(argparse.HelpFormatter):
+    """Keep the lines of a description as they are, but fold those wider than the terminal."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        folded = []
+        for line in text.splitlines():
+            margin = line[: len(line) - len(line.lstrip())]
+            lines = textwrap.wrap(
+                line,
+                width,
+                initial_indent=indent,
+                subsequent_indent=f'{indent}{margin}  ' if margin else indent,
+                break_long_words=False,
+                break_on_hyphens=False,
+            )
+            folded += lines or ['']
+        return '\n'.join(folded)
+
+
 class ArgumentParser(argparse.ArgumentParser):
-    """A parser that refuses arguments of any letters in one line below its usage."""
+    """
+    A parser with `--version` and completion by argcomplete, whose refusals are one line.
+
+    Parameters
+    ----------
+    prog : str
+        The executable's name.
+    description, epilog : str
+        What stands above and below the options in `--help`; their line breaks are kept.
+
+    """
+
+    _is_completed = False
+
+    def __init__(self, prog: str, description: str, epilog: str = '') -> None:
+        super().__init__(
+            prog=prog, description=description, epilog=epilog, formatter_class=_HelpFormatter
+        )
+        self.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
+
+    def parse_known_args(self, *args: Any, **kwargs: Any) -> Any:
+        """Parse as argparse does; answer the shell instead if it asks for completions."""
+        # It parses what is typed so far by this very function.
+        if '_ARGCOMPLETE' in os.environ and not self._is_completed:
+            self._is_completed = True
+            import argcomplete  # noqa: PLC0415 - for a shell that completes, and for nothing else
+
+            argcomplete.autocomplete(self)
+        return super().parse_known_args(*args, **kwargs)
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong, and end the process with exit code 2."""
+        """Print the usage and a line of what is wrong, and end with exit code 2."""
         super().error(printable_line(message))

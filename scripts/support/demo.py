@@ -5,6 +5,7 @@ from contextlib import ExitStack
 from datetime import datetime, timezone
 import os
 from pathlib import Path
+from shlex import quote
 import tempfile
 import time
 
@@ -60,7 +61,9 @@ def main(arguments: list[str]) -> int:
         _record(recording, programs, variables, Path(work))
         said = _review(recording, programs, variables, Path(work))
     here = os.path.relpath(recording)
-    programs = Path(os.path.relpath(programs))
+    player, review = (
+        quote(os.path.relpath(programs / name)) for name in ('player_node', 'review')
+    )
     print(f"""
 {said}
 
@@ -68,8 +71,8 @@ The leg walked {TURNS} turns. What there is now:
   {here}.html    open it in a browser: the leg, animated, and its charts
   {here}.png    a picture: the leg and the path of its foot
   {here}    the recorded run (MCAP; also for Foxglove and ros2 bag)
-Play it back:      {programs}/player_node {here}
-Look at it again:  {programs}/review {here}""")
+Play it back:      {player} {quote(here)}
+Look at it again:  {review} {quote(here)}""")
     return 0
 
 

@@ -10,6 +10,7 @@ from itertools import count
 import os
 from pathlib import Path
 import platform
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -42,6 +43,10 @@ FOREIGN = {'PIP_USER', 'PIP_TARGET', 'PIP_PREFIX', 'PIP_CONSTRAINT', 'PYTHONHOME
 FOREIGN |= {'_ROS_WHEELS_BOOTSTRAP_COMPLETE'}
 OF_ROS = {'PYTHONPATH', 'AMENT_PREFIX_PATH', 'LD_LIBRARY_PATH', 'COLCON_PREFIX_PATH'}
 OF_ROS |= {'RMW_IMPLEMENTATION', 'ROS_DISTRO'}
+
+
+class PipError(CommandError):
+    """Pip or venv ended by itself, without success."""
 
 
 @dataclass(frozen=True)
@@ -155,12 +160,32 @@ def _make(env: Environment, command: str) -> None:
     (made, goal), installed = _goal(env, command), _installed(env)
     # Without a stamp it is made from nothing: so ends what is interrupted from here on.
     (env.folder / STAMP).unlink(missing_ok=True)
+    try:
+        _install(env, command, made in installed)
+    except BaseException as error:
+        if made in installed and isinstance(error, PipError):
+            # pip fetches and builds before it changes anything: what was there still works.
+            _stamp(env, installed)
+        else:
+            # What is half made would fail later, in other words. The folder itself is the lock.
+            for path in env.folder.iterdir():
+                shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
+        raise
+    kept = {line for line in installed if made in installed and not line.startswith(command)}
+    _stamp(env, {*kept, made, goal})
+    print(f'... done in {time.monotonic() - begin:.0f} s')
+
+
+def _stamp(env: Environment, lines: set[str]) -> None:
+    (env.folder / STAMP).write_text('\n'.join(lines), encoding='utf-8')
+
+
+def _install(env: Environment, command: str, is_made: bool) -> None:
     with tempfile.TemporaryDirectory(prefix='klann_ros-') as folder:
         work = Path(folder)
         # What is never imported need not be compiled; what is, Python compiles by itself.
         pip = [env.python, '-m', 'pip', 'install', '--quiet', '--no-input', '--no-compile']
-        if made not in installed:
-            installed = set()
+        if not is_made:
             _make_venv(env, work)
             # Today's pip takes a quarter of the time of one that is two years old.
             _run(env, work, [*pip, '--upgrade', 'pip', BUILD])
@@ -173,9 +198,6 @@ def _make(env: Environment, command: str) -> None:
         wanted += ['--requirement', str(more)] if more else []
         options = ['--no-build-isolation', '--constraint', work / 'constraints.txt']
         _run(env, work, [*pip, *options, *wanted])
-    others = {line for line in installed if not line.startswith(command)}
-    (env.folder / STAMP).write_text('\n'.join({*others, made, goal}), encoding='utf-8')
-    print(f'... done in {time.monotonic() - begin:.0f} s')
 
 
 def _make_venv(env: Environment, work: Path) -> None:
@@ -198,4 +220,4 @@ def _make_venv(env: Environment, work: Path) -> None:
 def _run(env: Environment, work: Path, command: Command) -> None:
     if run(command, env.variables, work / 'log') != 0:
         said = last_lines(work / 'log', 5)
-        raise CommandError(f'set-up of {env.folder.name} failed; it needs {NEEDED}:\n{said}')
+        raise PipError(f'set-up of {env.folder.name} failed; it needs {NEEDED}:\n{said}')

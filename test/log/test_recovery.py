@@ -247,14 +247,6 @@ def test_the_default_output_is_beside_the_log(
     assert 'written: ' in capsys.readouterr().out
 
 
-@pytest.mark.parametrize('option', ['--help', '--version'])
-def test_help_and_version_exit_with_0(option, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as caught:
-        main([option])
-    assert caught.value.code == 0
-    assert capsys.readouterr().out
-
-
 def test_an_interrupt_leaves_neither_traceback_nor_output(
     run_file: Path,
     tmp_path: Path,

@@ -42,11 +42,39 @@ def blocked(process: Process) -> set[int]:
 
 
 @pytest.mark.parametrize('name', EXECUTABLES)
-def test_help_and_version(ros: World, name: str) -> None:
+def test_help_and_version(ros: World, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('COLUMNS', '80')
     asked = {option: ros.start(name, option) for option in ('--help', '--version')}
     assert [process.wait() for process in asked.values()] == [0, 0]
     assert asked['--help'].output.startswith(f'usage: {name}')
+    # Of a terminal's 80 columns argparse leaves two free.
+    assert max(map(len, asked['--help'].output.splitlines())) <= 80
     assert asked['--version'].output == f'{name} {__version__}\n'
+
+
+@pytest.mark.parametrize(
+    ('line', 'completed'),
+    [
+        *((f'{name} --ver', '--version') for name in EXECUTABLES),
+        ('review --each runs --engine r', 'ray'),
+    ],
+)
+def test_a_shell_completes_options_and_choices(line: str, completed: str, tmp_path: Path) -> None:
+    name = line.partition(' ')[0]
+    variables = {
+        '_ARGCOMPLETE': '1',
+        '_ARGCOMPLETE_IFS': ' ',
+        '_ARGCOMPLETE_SUPPRESS_SPACE': '1',
+        '_ARGCOMPLETE_STDOUT_FILENAME': str(tmp_path / 'completions'),
+        'COMP_LINE': line,
+        'COMP_POINT': str(len(line)),
+        'COMP_TYPE': '9',
+    }
+    command = f'import sys; from klann_ros.executables import {name}; sys.exit({name}())'
+    subprocess.run(
+        [sys.executable, '-c', command], env=os.environ | variables, check=True, timeout=60
+    )
+    assert (tmp_path / 'completions').read_text().split() == [completed]
 
 
 @pytest.mark.parametrize('name', EXECUTABLES)
@@ -54,6 +82,15 @@ def test_an_unknown_option_is_exit_code_2_without_a_traceback(ros: World, name: 
     process = ros.start(name, '--no-such-option')
     assert process.wait() == 2
     assert 'Traceback' not in process.errors
+
+
+def test_a_folder_for_logs_that_cannot_be_made_names_the_remedy(fresh: World) -> None:
+    (fresh.folder / 'ros_log').touch()
+    process = fresh.start('crank_node')
+    assert process.wait() == 1
+    (line,) = process.errors.splitlines()
+    assert line.startswith('crank_node: ')
+    assert 'set ROS_LOG_DIR' in line
 
 
 @pytest.mark.parametrize('number', STOP_SIGNALS)
@@ -100,21 +137,31 @@ def test_nohup_outlives_its_terminal(fresh: World) -> None:
     assert node.stop(signal.SIGTERM) == 0
 
 
-def test_without_ros_one_line_says_what_to_do() -> None:
-    code = (
-        'import sys; sys.modules["rclpy"] = None\n'
-        'from klann_ros.executables import solver_node; sys.exit(solver_node())'
+@pytest.mark.parametrize(
+    ('name', 'absent', 'code', 'remedy'),
+    [
+        ('solver_node', 'rclpy', 1, 'source ROS 2'),
+        ('recorder_node', 'mcap', 1, 'pip install mcap'),
+        ('review', 'mcap_ros2', 2, 'pip install mcap-ros2-support'),
+    ],
+)
+def test_a_package_that_is_absent_is_one_line_with_its_remedy(
+    name: str, absent: str, code: int, remedy: str
+) -> None:
+    program = (
+        f'import sys; sys.modules["{absent}"] = None\n'
+        f'from klann_ros.executables import {name}; sys.exit({name}())'
     )
     done = subprocess.run(
-        [sys.executable, '-c', code],
+        [sys.executable, '-c', program, 'no_such_run'],
         env={**os.environ, 'PYTHONPATH': PACKAGE},
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 1
+    assert done.returncode == code
     assert done.stderr.count('\n') == 1
-    assert 'source ROS 2' in done.stderr
+    assert remedy in done.stderr
 
 
 def test_a_command_line_is_split_between_us_and_ros() -> None:

@@ -3,13 +3,14 @@
 from contextlib import ExitStack
 import os
 from pathlib import Path
+import shutil
 import signal
 import subprocess
 import sys
 import time
 
 from domain import own_domain
-from environment import Environment
+from environment import Environment, STAMP, VERSION
 import pytest
 import source
 
@@ -112,6 +113,31 @@ def test_a_sourced_ros_is_seen_where_it_is_used_and_its_klann_ros_comes_last(
     assert others == ([f'{tmp_path}/workspace', '/opt/ros/jazzy'] if numpy else [])
     assert first.endswith('site-packages') == bool(numpy)
     assert '_ROS_WHEELS_BOOTSTRAP_COMPLETE' not in variables
+
+
+@pytest.mark.parametrize('was_made', [False, True])
+def test_a_set_up_that_fails_leaves_no_broken_environment(tmp_path: Path, was_made: bool) -> None:
+    root = tmp_path / 'a checkout'
+    shutil.copytree(ROOT / 'scripts', root / 'scripts')
+    folder = root / f'.venv-{VERSION}'
+    stamp = f'{folder} {Path(sys.executable).resolve()}\ntest of before'
+    if was_made:
+        subprocess.run([sys.executable, '-m', 'venv', '--without-pip', folder], check=True)
+        (folder / STAMP).write_text(stamp)
+    result = subprocess.run(
+        [root / 'scripts' / 'demo'],
+        env=os.environ | {'PYTHON': sys.executable, 'PIP_NO_INDEX': '1'},
+        capture_output=True,
+        check=False,
+        text=True,
+    )
+    assert result.returncode == 1
+    assert 'set-up of' in result.stderr
+    if was_made:
+        subprocess.run([folder / 'bin' / 'python', '-c', ''], check=True)
+        assert {*(folder / STAMP).read_text().splitlines()} == {*stamp.splitlines()}
+    else:
+        assert [*folder.iterdir()] == []
 
 
 def test_what_is_shipped_is_seen_to_change(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ def test_what_is_true_or_false_takes_nothing_else(name: str) -> None:
 @pytest.mark.parametrize('name', FILES)
 def test_every_argument_is_described(name: str) -> None:
     # The checks look at the arguments of those that include them.
-    assert bool(declared(name)) == (name != 'checks.launch.py')
+    assert bool(declared(name)) == (name != 'checks.py')
     for argument, description in declared(name).items():
         assert isinstance(description, str), argument
         assert description.endswith('.'), argument
@@ -63,13 +63,11 @@ def test_what_is_used_is_declared(name: str) -> None:
 
 def test_what_is_checked_is_declared() -> None:
     checked = {
-        constant
-        for call in calls('checks.launch.py', 'asked')
-        for constant in constants(call.args)
+        constant for call in calls('checks.py', 'asked') for constant in constants(call.args)
     }
     checked |= {
         node.value.value
-        for node in nodes('checks.launch.py', ast.Yield)
+        for node in nodes('checks.py', ast.Yield)
         if isinstance(node.value, ast.Constant)
     }
     assert checked == {'linkage', 'params_file', 'rviz', 'rviz_config', 'slider'}

@@ -50,9 +50,8 @@ def test_the_launch_files_are_those_of_the_manual() -> None:
             'demo',
             'replay',
             'description',
-            'checks',
         )
-    }
+    } | {'checks.py'}
     assert [name for name in FILES if f'| `{name}` |' not in page] == []
 
 
@@ -89,7 +88,7 @@ def test_nothing_to_do_at_an_exit_is_none_and_not_an_empty_list(name: str) -> No
                 assert all(part.elts for part in lists), ast.unparse(call)
 
 
-@pytest.mark.parametrize('name', [name for name in FILES if name != 'checks.launch.py'])
+@pytest.mark.parametrize('name', [name for name in FILES if name != 'checks.py'])
 def test_the_checks_come_before_everything_that_starts_something(name: str) -> None:
     kinds = order(name)
     first = kinds.index('IncludeLaunchDescription' if name != 'walker.launch.py' else 'included')
@@ -98,12 +97,12 @@ def test_the_checks_come_before_everything_that_starts_something(name: str) -> N
 
 def test_description_includes_the_checks_and_the_others_what_includes_them() -> None:
     assert {name: included(name) for name in FILES} == {
-        'checks.launch.py': set(),
+        'checks.py': set(),
         'demo.launch.py': {'leg.launch.py'},
-        'description.launch.py': {'checks.launch.py'},
+        'description.launch.py': {'checks.py'},
         'leg.launch.py': {'description.launch.py'},
         'replay.launch.py': {'description.launch.py'},
-        'ros2_control.launch.py': {'checks.launch.py'},
+        'ros2_control.launch.py': {'checks.py'},
         'walk.launch.py': {'leg.launch.py'},
         'walker.launch.py': {'demo.launch.py', 'leg.launch.py'},
     }
@@ -112,7 +111,7 @@ def test_description_includes_the_checks_and_the_others_what_includes_them() -> 
 def test_every_program_of_others_is_looked_for() -> None:
     looked_for = {
         tuple(constants(node.value.elts)[1:])
-        for node in nodes('checks.launch.py', ast.Yield)
+        for node in nodes('checks.py', ast.Yield)
         if isinstance(node.value, ast.Tuple)
     }
     started = {program for name in FILES for program in others_programs(name)}

@@ -8,8 +8,9 @@ from typing import Any, TYPE_CHECKING
 
 from klann_ros.nodes.endpoints import create_publisher, flush, QOS_USAGE
 from klann_ros.nodes.parameters import declare, must, StartError, usage
-from klann_ros.nodes.process import arguments, command_line, Finish, run
+from klann_ros.nodes.process import arguments, Finish, run
 from klann_ros.stop_signals import StopSignals
+from klann_ros.untrusted.arguments import ArgumentParser
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -142,7 +143,7 @@ class CrankNode(Node):
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return the exit code."""
-    parser = command_line(
+    parser = ArgumentParser(
         'crank_node',
         'Drive the crank: publish its angle on crank_angle, or angle and rate on crank_state.',
         f'{usage({"": [*MOTION, *PARAMETERS]})}\n{QOS_USAGE}',

@@ -13,8 +13,9 @@ from klann_ros.log.reader import Log, open_log
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import REPLAYED_PARAMETER, replayed_text, SOLVER_RECORD
 from klann_ros.nodes.parameters import declare, declare_constant
-from klann_ros.nodes.process import arguments, command_line, Finish, ProcessNode, run
+from klann_ros.nodes.process import arguments, Finish, ProcessNode, run
 from klann_ros.stop_signals import StopSignals
+from klann_ros.untrusted.arguments import ArgumentParser
 from klann_ros.untrusted.text import listed, printable, printable_line
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -225,7 +226,7 @@ class _LogClock:
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return the exit code."""
-    parser = command_line('player_node', DESCRIPTION, EPILOG)
+    parser = ArgumentParser('player_node', DESCRIPTION, EPILOG)
     add_options(parser)
     options = arguments(parser, argv)
     try:

@@ -9,8 +9,9 @@ from klann_ros.log.run_parameters import SolverParameters, ToldFinding
 from klann_ros.log.writing.events.session import EventSession
 from klann_ros.nodes.endpoints import create_trigger
 from klann_ros.nodes.parameters import declare, overrides, usage
-from klann_ros.nodes.process import arguments, command_line, Finish, ProcessNode, run, spin_on
+from klann_ros.nodes.process import arguments, Finish, ProcessNode, run, spin_on
 from klann_ros.stop_signals import StopSignals
+from klann_ros.untrusted.arguments import ArgumentParser
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 
@@ -191,7 +192,7 @@ class RecorderNode(ProcessNode):
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return the exit code."""
-    parser = command_line(
+    parser = ArgumentParser(
         'recorder_node',
         'Record the topics of a leg to an MCAP run that survives a crash. Ctrl-C finishes it.',
         f'{usage({"": PARAMETERS})}\n\n{SERVICES}',

@@ -11,10 +11,11 @@ from klann_ros.kinematics import KinematicsError
 from klann_ros.nodes.endpoints import create_publisher, create_trigger, QOS_USAGE
 from klann_ros.nodes.lean_loop import LeanCallbackGroup
 from klann_ros.nodes.parameters import declare, must, StartError, usage
-from klann_ros.nodes.process import arguments, command_line, run
+from klann_ros.nodes.process import arguments, run
 from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.stop_signals import StopSignals
 from klann_ros.twin import DivergedError, Kept, NoMujocoError, Pace, Twin, TwinError
+from klann_ros.untrusted.arguments import ArgumentParser
 from klann_ros.untrusted.text import printable
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -180,7 +181,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         'what is known of it': READINGS,
         'what is published': OUTPUT,
     }
-    parser = command_line(
+    parser = ArgumentParser(
         'sim_node',
         'Simulate a robot in MuJoCo, in real time: speeds of its cranks in (crank_command), its '
         'cranks (crank_state), its IMU (imu) and where it really is (ground_truth) out.',

@@ -7,8 +7,9 @@ from typing import Any
 from klann_ros.kinematics import CrankAngleError, GeometryError, KinematicsError
 from klann_ros.nodes.endpoints import create_trigger, QOS_USAGE
 from klann_ros.nodes.parameters import declare, usage
-from klann_ros.nodes.process import arguments, command_line, run
+from klann_ros.nodes.process import arguments, run
 from klann_ros.stop_signals import StopSignals
+from klann_ros.untrusted.arguments import ArgumentParser
 from klann_ros.untrusted.text import printable
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -194,7 +195,7 @@ class ManagedSolverNode(LifecycleNode):
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return the exit code."""
-    parser = command_line(
+    parser = ArgumentParser(
         'solver_node',
         'Solve the Klann leg, or any linkage from a file: crank angle in (crank_angle, '
         'crank_state), pose out (joint_states, point_h, velocity_h).',

@@ -8,10 +8,10 @@ from threading import Thread
 
 from klann_ros.live.guard import Guard, new_token
 from klann_ros.nodes.parameters import StartError
-from klann_ros.nodes.process import arguments, command_line, Finish, ProcessNode, run
+from klann_ros.nodes.process import arguments, Finish, ProcessNode, run
 from klann_ros.page.browser import is_opened
 from klann_ros.stop_signals import StopSignals
-from klann_ros.untrusted.arguments import path
+from klann_ros.untrusted.arguments import ArgumentParser, path
 from klann_ros.untrusted.text import printable
 
 DESCRIPTION = """\
@@ -108,7 +108,7 @@ class ViewNode(ProcessNode):
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_line('view_node', DESCRIPTION, EPILOG)
+    parser = ArgumentParser('view_node', DESCRIPTION, EPILOG)
     add = parser.add_argument
     add('--port', type=_port, default=8321, metavar='PORT', help='0: any free one')
     add('--host', type=path, default='127.0.0.1', metavar='ADDRESS', help='where it listens')

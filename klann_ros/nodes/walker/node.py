@@ -9,10 +9,11 @@ from klann_ros.kinematics import KinematicsError
 from klann_ros.nodes.endpoints import INPUT, overridden, QOS_USAGE
 from klann_ros.nodes.lean_loop import Info, LeanCallbackGroup
 from klann_ros.nodes.parameters import declare, StartError, usage
-from klann_ros.nodes.process import arguments, command_line, run
+from klann_ros.nodes.process import arguments, run
 from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.nodes.solver.cdr import JointReader
 from klann_ros.stop_signals import StopSignals
+from klann_ros.untrusted.arguments import ArgumentParser
 from klann_ros.untrusted.text import printable
 from klann_ros.walking import Feet, imu_reading, NoWalkerError, Steering, Walker
 from rclpy.clock import Clock, ClockType
@@ -240,7 +241,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         'how it is controlled': CONTROL,
         'where it is': ODOMETRY,
     }
-    parser = command_line(
+    parser = ArgumentParser(
         'walker_node',
         'Walk: take cmd_vel to the cranks of a walker (crank_command), whose legs keep their '
         'phases, and tell where it is (odom) from the angles of its cranks (crank_state).',

@@ -8,7 +8,6 @@ import re
 import signal
 import sys
 
-from klann_ros import __version__
 from klann_ros.engines import EngineError, ENGINES
 from klann_ros.log.errors import LogError
 from klann_ros.log.reader import open_log
@@ -204,13 +203,8 @@ def _jobs(text: str) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = ArgumentParser(
-        prog='review --each',
-        description=DESCRIPTION,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = ArgumentParser('review --each', DESCRIPTION)
     add = parser.add_argument
-    add('--version', action='version', version=f'%(prog)s {__version__}')
     add(OPTION, action='store_true', required=True, help=argparse.SUPPRESS)
     add('logs', metavar='LOG', nargs='+', type=path, help='a run, or a folder with runs in it')
     add('--expect', metavar='FILE', help='topics, allowed findings and a baseline, as YAML')

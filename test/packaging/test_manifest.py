@@ -1,0 +1,84 @@
+"""package.xml and setup.py declare what the package imports, and block no binary release."""
+
+import ast
+from pathlib import Path
+import re
+import sys
+
+from catkin_pkg.package import Package, parse_package
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+# The distribution and the rosdep key of a module; no key: mcap-ros2-support brings it, or it is an
+# extra that package.xml leaves to pip.
+MODULES = {
+    'aiohttp': ('aiohttp', 'python3-aiohttp'),
+    'argcomplete': ('argcomplete', 'python3-argcomplete'),
+    'ezdxf': ('ezdxf', ''),
+    'jsonschema': ('jsonschema', 'python3-jsonschema'),
+    'lz4': ('lz4', ''),
+    'matplotlib': ('matplotlib', 'python3-matplotlib'),
+    'mcap': ('mcap', ''),
+    'mcap_ros2': ('mcap-ros2-support', 'mcap-ros2-support'),
+    'mujoco': ('mujoco', 'python3-mujoco-pip'),
+    'numba': ('numba', ''),
+    'numpy': ('numpy', 'python3-numpy'),
+    'pandas': ('pandas', ''),
+    'pyarrow': ('pyarrow', ''),
+    'ray': ('ray', ''),
+    'scipy': ('scipy', ''),
+    'tqdm': ('tqdm', 'python3-tqdm'),
+    'yaml': ('PyYAML', 'python3-yaml'),
+    'zstandard': ('zstandard', ''),
+}
+OF_ROS = re.compile(r'rclpy|ament_index_python|\w+_(msgs|srvs|interfaces)')
+SHELL = {'HOME': '/home/user', 'ROS_VERSION': '2', 'ROS_DISTRO': 'jazzy'}
+# What bloom evaluates the conditions of REP 149 with.
+BLOOM = {'ROS_VERSION': '2', 'ROS_DISTRO': 'jazzy', 'ROS_PYTHON_VERSION': '3'}
+
+
+def imported() -> set[str]:
+    """Return the modules of others that the package imports."""
+    names: set[str] = set()
+    for path in (ROOT / 'klann_ros').rglob('*.py'):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                names |= {alias.name.partition('.')[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+                names.add(node.module.partition('.')[0])
+    return names - sys.stdlib_module_names - {'klann_ros', 'typing_extensions'}
+
+
+@pytest.fixture
+def package() -> Package:
+    return parse_package(str(ROOT / 'package.xml'))
+
+
+def keys(package: Package, context: dict[str, str]) -> set[str]:
+    """Return the rosdep keys that count where the conditions see these variables."""
+    package.evaluate_conditions(context)
+    depends = [*package.exec_depends, *package.test_depends, *package.doc_depends]
+    return {depend.name for depend in depends if depend.evaluated_condition}
+
+
+def test_what_is_imported_is_declared_to_pip_and_to_rosdep(package: Package) -> None:
+    of_ros = {name for name in imported() if OF_ROS.fullmatch(name)}
+    assert imported() - of_ros <= {*MODULES}
+    setup = (ROOT / 'setup.py').read_text()
+    for module in imported() - of_ros:
+        distribution, key = MODULES[module]
+        assert re.search(rf"'{distribution}[\[>']", setup), module
+        assert not key or key in keys(package, SHELL), module
+    assert of_ros <= keys(package, SHELL)
+
+
+def test_keys_that_rosdep_installs_by_pip_do_not_block_a_binary_release(package: Package) -> None:
+    by_pip = {key for key in keys(package, SHELL) if key.endswith('-pip') or 'mcap' in key}
+    assert by_pip >= {'mcap-ros2-support', 'python3-mujoco-pip'}
+    assert keys(package, SHELL) - keys(package, BLOOM) == by_pip
+
+
+def test_the_manifest_names_repository_bug_tracker_and_licences(package: Package) -> None:
+    assert {url.type for url in package.urls} == {'repository', 'bugtracker'}
+    assert package.licenses == ['Apache-2.0', 'MIT']
+    assert package.licenses[0].file == 'LICENSE'
