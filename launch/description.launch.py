@@ -82,6 +82,7 @@ def frames(context: LaunchContext) -> list[LogInfo | Node]:
         # What follows is where in klann.urdf.xacro it was met.
         reason = ' '.join(takewhile(lambda line: not line.startswith('when '), said))
         raise RuntimeError(f'{params_file}: xacro makes no URDF of it: {reason}')
+    joint_states = '/'.join(filter(None, ['', value('namespace').strip('/'), 'joint_states']))
     publisher = Node(
         package='robot_state_publisher',
         executable='robot_state_publisher',
@@ -94,6 +95,8 @@ def frames(context: LaunchContext) -> list[LogInfo | Node]:
                 'robot_description': ParameterValue(urdf.stdout, value_type=str),
                 # Its default, 20 Hz, is less than smooth.
                 'publish_frequency': 200.0,
+                # Its default of 5 messages loses those of 50 ms whenever it is held up.
+                f'qos_overrides.{joint_states}.subscription.depth': 200,
                 'use_sim_time': value('use_sim_time').lower() == 'true',
             }
         ],

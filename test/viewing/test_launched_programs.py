@@ -91,7 +91,8 @@ def test_a_path_may_hold_what_it_likes(prefix: Callable[..., Prefix]) -> None:
     folder.mkdir()
     shutil.copy(ROOT / 'config' / 'patent.yaml', folder)
     path = f'{folder.name}/patent.yaml'
-    launch = made.launch('demo', [f'params_file:={path}', 'frame_prefix:=left/'])
+    arguments = [f'params_file:={path}', 'frame_prefix:=left/', 'namespace:=left']
+    launch = made.launch('demo', arguments)
     assert launch.communicate(timeout=PATIENCE)[0]
     assert launch.returncode == 0
     assert str(made.folder / path) in made.given('solver_node')
@@ -99,3 +100,5 @@ def test_a_path_may_hold_what_it_likes(prefix: Callable[..., Prefix]) -> None:
     urdf = yaml.safe_load(description.read_text())
     (parameters,) = (node['ros__parameters'] for node in urdf.values())
     assert 'left/leg_plane' in parameters['robot_description']
+    # A publisher of frames that is held up for a second loses no joint state.
+    assert parameters['qos_overrides./left/joint_states.subscription.depth'] >= 100
