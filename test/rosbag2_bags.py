@@ -1,11 +1,14 @@
 """Bags of rosbag2's own variety, written and read by rosbags."""
 
+from collections.abc import Iterable
 import hashlib
 from pathlib import Path
 from typing import Any
 
 from db3_files import HASH
 from klann_ros.log.reader import open_log
+from klann_ros.log.records import Message, Topic
+from mcap.writer import Writer as McapWriter
 from rosbags import rosbag2
 from rosbags.interfaces import (
     Qos,
@@ -59,6 +62,28 @@ def write_bag(
                 )
             writer.write(topics[topic], message.log_time, message.data)
     return folder
+
+
+def write_jazzy_bag(path: Path, messages: Iterable[Message]) -> Path:
+    """
+    Write messages as `ros2 bag record` of Jazzy does: times of sending and receiving, no numbers.
+
+    rosbags' writer knows one time only.
+    """
+    with path.open('wb') as file:
+        writer = McapWriter(file)
+        writer.start('ros2')
+        channels: dict[Topic, int] = {}
+        for message in messages:
+            topic = message.topic
+            if topic not in channels:
+                schema = writer.register_schema(topic.type, 'ros2msg', topic.definition.encode())
+                metadata = {'offered_qos_profiles': topic.qos}
+                channels[topic] = writer.register_channel(topic.name, 'cdr', schema, metadata)
+            times = message.log_time, message.publish_time
+            writer.add_message(channels[topic], times[0], message.data, times[1], 0)
+        writer.finish()
+    return path
 
 
 def told_by_rosbags(bag: Path) -> list[tuple[str, str, int, bytes]]:

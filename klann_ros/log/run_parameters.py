@@ -103,26 +103,30 @@ class TopicCount:
 
 @dataclass(frozen=True)
 class Pause:
-    """A time in which nothing was recorded, by intention."""
+    """A time in which nothing was recorded: by intention, or as the recorder itself stalled."""
 
     # From and until when [ns since the epoch], on the clock of the log times.
     begin: int
     end: int
     # How many messages of each topic came meanwhile.
     left_out: dict[str, int]
+    # Why nothing was recorded; '' for a pause that was requested.
+    reason: str = ''
 
 
 def pause_record(pause: Pause) -> dict[str, str]:
     """Return the metadata record of a pause."""
     left_out = json.dumps(pause.left_out, sort_keys=True)
-    return {'from': str(pause.begin), 'to': str(pause.end), 'left_out': left_out}
+    reason = {'reason': pause.reason} if pause.reason else {}
+    return {'from': str(pause.begin), 'to': str(pause.end), 'left_out': left_out, **reason}
 
 
 def pause_of(record: Mapping[str, str]) -> Pause:
     """Return a pause from a metadata record; a ValueError if it is none of a pause."""
     try:
         left_out = {name: int(n) for name, n in json.loads(record['left_out']).items()}
-        return Pause(int(record['from']), int(record['to']), left_out)
+        reason = str(record.get('reason', ''))
+        return Pause(int(record['from']), int(record['to']), left_out, reason)
     except _GARBLED:
         raise ValueError(f'not a record of a pause: {printable(dict(record))}') from None
 

@@ -13,6 +13,7 @@ from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.pose_errors import pose_errors
 from klann_ros.review.model.recording import LegRecording, RunRecording
 from klann_ros.review.model.review import Review, ReviewedLeg
+from klann_ros.review.model.simulated_time import resolution
 from klann_ros.review.model.unanswered import Silence, silences, unanswered
 from klann_ros.review.model.walks import walk_figures
 from klann_ros.robot import Robot
@@ -76,7 +77,8 @@ def reviewed(
     """Return the review of what a run holds, with what some checks find."""
     # A log may hold any number: what overflows is infinite, and what has no value is NaN.
     with np.errstate(over='ignore', invalid='ignore'):
-        quiet = tuple(silence for topic in recording.topics for silence in silences(topic, limits))
+        tick = resolution(recording.clock)
+        quiet = tuple(one for topic in recording.topics for one in silences(topic, limits, tick))
         review = Review(
             recording,
             tuple(_reviewed(each, recording, quiet, tell) for each in recording.legs),

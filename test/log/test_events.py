@@ -226,7 +226,7 @@ def test_a_pause_is_in_the_run_and_in_its_account(stage: Stage) -> None:
     stage.hear(7)
     assert stage.session.trigger() == (False, 'it is paused')
     stage.session.pauses.end(time.time_ns())
-    stage.session.describe_pause()
+    stage.session.describe_pause(stage.session.pauses.last())
     stage.hear(5)
     stage.session.trigger()
     stage.wait(2.5)

@@ -8,7 +8,14 @@ from findings import checks, moments
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.run_parameters import LOSS_RECORD, Pause, PAUSE_RECORD, pause_record
+from klann_ros.log.run_parameters import (
+    LOSS_RECORD,
+    loss_record,
+    Pause,
+    PAUSE_RECORD,
+    pause_record,
+    TopicCount,
+)
 from klann_ros.review.command import main
 from klann_ros.review.reviewing import review_run
 import pytest
@@ -110,6 +117,59 @@ def test_pictures_for_viewers_may_come_when_they_like(healthy, make_run) -> None
     times = [start + n * MS for n in (0, *range(1000, 2000, 50))]
     healthy.messages = [Message(markers, bytes(8), time, time, 0) for time in times]
     assert checks(review_run(make_run(healthy))) == []
+
+
+EVENTS = [
+    ('/rosout', 'rcl_interfaces/msg/Log'),
+    ('/parameter_events', 'rcl_interfaces/msg/ParameterEvent'),
+    ('/walker/cmd_vel', 'geometry_msgs/msg/TwistStamped'),
+    ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray'),
+]
+
+
+@pytest.mark.parametrize(('name', 'kind'), EVENTS)
+def test_a_topic_that_comes_in_bursts_has_no_gap_and_no_latency(
+    healthy, make_run, name, kind
+) -> None:
+    topic, start = Topic(name, kind, ''), healthy.answers[0].stamp
+    times = [start + (500 * burst + n) * MS for burst in range(4) for n in range(12)]
+    # The log of nodes waits for whoever discovers them; the others come at once.
+    late = 300 * MS if 'rcl_interfaces' in kind else MS
+    healthy.messages = [Message(topic, b'', time + late, time, 0) for time in times]
+    assert checks(review_run(make_run(healthy))) == []
+
+
+def restarted(healthy, make_run, lost: int | None) -> list[str]:
+    """Return what is found where a crank begins anew at 0 after 0.3 s."""
+    del healthy.answers[100:160]
+    first = healthy.answers[100].alpha
+    for n in range(100, 340):
+        pose = KlannLeg().solve(healthy.answers[n].alpha - first)
+        healthy.change(n, sequence=n - 99, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
+    counts = {'/crank_angle': TopicCount(340, 340, unheard=lost, left=1)}
+    # The solver went on, which no sequence number of these runs says.
+    counts |= dict.fromkeys(('/joint_states', '/point_h'), TopicCount(340, 340, unheard=None))
+    healthy.metadata.append((LOSS_RECORD, loss_record(counts)))
+    return checks(review_run(make_run(healthy)))
+
+
+def test_a_crank_that_ended_in_order_and_began_anew_is_a_note(healthy, make_run) -> None:
+    assert restarted(healthy, make_run, lost=0) == ['restart']
+
+
+def test_a_crank_that_died_and_began_anew_is_a_gap(healthy, make_run) -> None:
+    # The middleware waits for it for seconds, so that there are two, and no loss is known.
+    assert restarted(healthy, make_run, lost=None) == ['gap', 'jump']
+
+
+def test_a_time_in_which_the_recorder_did_not_run_is_a_note(healthy, make_run) -> None:
+    del healthy.answers[100:300]
+    begin, end = healthy.answers[99].stamp, healthy.answers[100].stamp - 150 * MS
+    stall = Pause(begin, end, {}, 'the recorder did not run\n')
+    healthy.metadata += [(PAUSE_RECORD, pause_record(stall)), (LOSS_RECORD, {})]
+    review = review_run(make_run(healthy))
+    assert moments(review) == [('stall', 0.495)]
+    assert review.findings[0].text == 'the recorder did not run'
 
 
 def test_a_silence_in_a_pause_is_no_finding(healthy, make_run) -> None:

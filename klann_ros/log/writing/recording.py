@@ -135,8 +135,8 @@ class Recording(Protocol):
     def tell(self, solver: SolverParameters) -> None:
         """Take what a solver has from now on."""
 
-    def describe_pause(self) -> None:
-        """Take that a pause is over, when all that was received in it was taken."""
+    def describe_pause(self, pause: Pause) -> None:
+        """Take a pause that is over, when all that was received in it was taken."""
 
     def describe_finding(self, finding: ToldFinding) -> None:
         """Take what was found."""
@@ -197,9 +197,9 @@ class RecordingSession:
             return False, f'there is no message in {self._writer.file_path.name} yet'
         return True, self._background.split()
 
-    def describe_pause(self) -> None:
-        """Write of a pause to the run, when all that was received in it was taken."""
-        record = pause_record(self.pauses.last())
+    def describe_pause(self, pause: Pause) -> None:
+        """Write a pause to the run, when all that was received in it was taken."""
+        record = pause_record(pause)
         self._background.put_entry(lambda run: run.add_metadata(PAUSE_RECORD, record))
 
     def describe_finding(self, finding: ToldFinding) -> None:

@@ -28,6 +28,7 @@ TOPICS = (
     'odom',
     'imu',
     'ground_truth',
+    '/clock',
     '/diagnostics',
 )
 PARAMETERS = (

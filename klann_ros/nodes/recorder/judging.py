@@ -1,7 +1,7 @@
 """What is recorded is held against the limits of a review meanwhile, in a thread of its own."""
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from datetime import datetime, timezone
 from threading import Event, Thread
 from time import thread_time, time_ns
@@ -9,7 +9,7 @@ from time import thread_time, time_ns
 from diagnostic_msgs.msg import DiagnosticStatus
 from klann_ros.log.errors import LogError
 from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import SolverParameters, ToldFinding
+from klann_ros.log.run_parameters import Pause, SolverParameters, ToldFinding
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.process import error_and_place
 from klann_ros.review.live.judge import LiveFinding, LiveJudge, MOST, STEP
@@ -48,6 +48,10 @@ class Judging:
         A file of what is still all right; '' for the limits of a review.
     published : callable
         Returns the topics that have publishers.
+    has_stalled : callable
+        Returns whether this process has just not run.
+    lost : callable
+        Returns how many messages of each topic were lost so far, as the recorder counts them.
     on_new : callable
         Is given what was found and was not there a moment ago, the gravest first.
 
@@ -71,6 +75,8 @@ class Judging:
         limits: str,
         *,
         published: Callable[[], Collection[str]],
+        has_stalled: Callable[[], bool],
+        lost: Callable[[], Mapping[str, int]],
         on_new: Callable[[Sequence[ToldFinding]], None],
     ) -> None:
         """Begin at once."""
@@ -79,11 +85,13 @@ class Judging:
         self._inbox, self._judge = inbox, LiveJudge(_limits_of(limits))
         self._status, self.problem = JudgeStatus(node), ''
         self._teller = node.get_logger()
-        self._told: deque[SolverParameters] = deque()
-        self._published, self._on_new = published, on_new
+        self._told: deque[SolverParameters | Pause] = deque()
+        self._published, self._lost, self._on_new = published, lost, on_new
+        self._has_stalled = has_stalled
         self._paused = self._forgets = False
         self._asked, self._stopped = Event(), Event()
         self._now, self._names = 0, frozenset[str]()
+        self._counts: Mapping[str, int] = {}
         self._found: deque[list[LiveFinding]] = deque()
         self._news = node.create_guard_condition(self._hand_over)
         clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -94,6 +102,10 @@ class Judging:
     def tell(self, solver: SolverParameters) -> None:
         """Take what a solver has from now on."""
         self._told.append(solver)
+
+    def excuse(self, pause: Pause) -> None:
+        """Take a time in which silence is no fault."""
+        self._told.append(pause)
 
     def status(self) -> DiagnosticStatus:
         """Return what is wrong now, for /diagnostics."""
@@ -118,8 +130,10 @@ class Judging:
 
     def _ask(self) -> None:
         """Have what has come judged, unless the thread still works."""
-        if not self._paused and not self._asked.is_set():
+        # After a stall of this process, what was published meanwhile is still to be taken.
+        if not (self._paused or self._asked.is_set() or self._has_stalled()):
             self._now, self._names = time_ns(), frozenset(self._published())
+            self._counts = self._lost()
             self._asked.set()
 
     def _hand_over(self) -> None:
@@ -156,10 +170,14 @@ class Judging:
             self._forgets = False
             self._judge.forget()
         while self._told:
-            self._judge.tell(self._told.popleft())
+            news = self._told.popleft()
+            if isinstance(news, Pause):
+                self._judge.excuse(news)
+            else:
+                self._judge.tell(news)
         inbox = self._inbox
         self._judge.add_all([inbox.popleft() for _ in range(len(inbox))])
-        return self._judge.findings(self._now, self._names)
+        return self._judge.findings(self._now, self._names, self._counts)
 
 
 class JudgeStatus:

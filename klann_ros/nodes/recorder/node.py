@@ -5,7 +5,7 @@ from time import monotonic, time_ns
 from typing import Any, TYPE_CHECKING
 
 from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import SolverParameters, ToldFinding
+from klann_ros.log.run_parameters import Pause, SolverParameters, ToldFinding
 from klann_ros.log.writing.events.session import EventSession
 from klann_ros.nodes.endpoints import create_trigger
 from klann_ros.nodes.parameters import declare, overrides, usage
@@ -76,6 +76,7 @@ class RecorderNode(ProcessNode):
             pauses=self._pauses,
             solvers=self._solvers,
             diagnostics=self._diagnostics,
+            on_stall=self._on_stall,
         )
         self._diagnostics.start(self._recording.state)
         create_trigger(self, 'split', self._recording.split)
@@ -103,7 +104,14 @@ class RecorderNode(ProcessNode):
     def _judge(self, limits: str) -> 'Judging':
         from .judging import Judging  # noqa: PLC0415 - who does not judge does not pay for it
 
-        judging = Judging(self, limits, published=self._published, on_new=self._on_findings)
+        judging = Judging(
+            self,
+            limits,
+            published=self._published,
+            has_stalled=lambda: self._watch.has_stalled,
+            lost=self._lost,
+            on_new=self._on_findings,
+        )
         self._diagnostics.also(judging.status)
         return judging
 
@@ -127,6 +135,19 @@ class RecorderNode(ProcessNode):
         self._recording.tell(solver)
         if self._judging is not None:
             self._judging.tell(solver)
+
+    def _on_stall(self, stall: Pause) -> None:
+        """Write to the run when this process did not run: silence is no fault then."""
+        self._watch.take_queued()
+        self._recording.describe_pause(stall)
+        self.get_logger().warning(stall.reason)
+        if self._judging is not None:
+            self._judging.excuse(stall)
+
+    def _lost(self) -> dict[str, int]:
+        """Return how many messages were lost before they were received, where that is known."""
+        counts = self._recording.ledger.counts()
+        return {name: count.unheard or 0 for name, count in counts.items()}
 
     def _on_findings(self, findings: Sequence[ToldFinding]) -> None:
         """Write to the run what is new, and tell it at once."""
@@ -172,7 +193,7 @@ class RecorderNode(ProcessNode):
         self._pauses.end(time_ns())
         # What was received meanwhile is to be in the record of the pause.
         self._watch.take_queued()
-        self._recording.describe_pause()
+        self._recording.describe_pause(self._pauses.last())
         if self._judging is not None:
             self._judging.resume()
         return True, 'recording again'

@@ -1,13 +1,16 @@
 """Which topics are recorded: each from when it appears, with all of its publishers."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from fnmatch import fnmatchcase
 from threading import Event, Thread
-from time import monotonic
+import time
+from time import monotonic, time_ns
 
 from klann_ros.log.errors import LogError
 from klann_ros.log.records import Message
+from klann_ros.log.run_parameters import Pause
 from klann_ros.log.writing.ledger import Ledger
 from klann_ros.log.writing.recording import Pauses
 from klann_ros.nodes.endpoints import name_refusal, UnknownMessageTypeError
@@ -25,10 +28,41 @@ from .solver_watch import SolverWatch
 PERIOD, PATIENCE = 0.1, 1.0
 # Discovery tells of a publisher before it tells its node: so long is it looked at again [s].
 SETTLING = 1.0
+# A thread that is so late did not run: the process was stopped, or the machine suspended [s].
+MAX_DELAY = 0.9
+# NTP moves a clock by less between two looks; a larger step is a clock that was set [s].
+MAX_CLOCK_STEP = 0.05
+# Runs on while the machine is suspended, where the system has it.
+_STEADY_CLOCK = getattr(time, 'CLOCK_BOOTTIME', time.CLOCK_MONOTONIC)
 # Anybody may publish, so often that a log of complaints would fill the disk.
 MOST_COMPLAINTS = 500
 # What one topic, or one of its publishers, can be wrong about; the others are recorded.
 TOPIC_ERRORS = (UnknownMessageTypeError, LogError, *ROS_ERRORS)
+
+
+class Heartbeat:
+    """Detects, from one call of `beat` to the next, that this process did not run."""
+
+    def __init__(self) -> None:
+        self._before = time.clock_gettime(_STEADY_CLOCK), time_ns()
+
+    @property
+    def is_late(self) -> bool:
+        """Return whether the next call is overdue."""
+        return time.clock_gettime(_STEADY_CLOCK) - self._before[0] > PERIOD + MAX_DELAY
+
+    def beat(self) -> Pause | None:
+        """Return the time since the last call if the process did not run, or its clock jumped."""
+        (steady, wall), now = self._before, (time.clock_gettime(_STEADY_CLOCK), time_ns())
+        self._before = now
+        passed, shown = now[0] - steady, (now[1] - wall) / 1e9
+        if passed > PERIOD + MAX_DELAY:
+            why = f'the recorder did not run for {passed:.1f} s (stopped, or suspended)'
+        elif shown - passed > MAX_CLOCK_STEP:
+            why = f'the clock was set forward by {shown - passed:.2f} s'
+        else:
+            return None
+        return Pause(wall, now[1], {}, why)
 
 
 class TopicWatch:
@@ -51,6 +85,8 @@ class TopicWatch:
         Is told who publishes joint states.
     diagnostics : RecordingDiagnostics
         What is published by the node itself, and not recorded.
+    on_stall : callable
+        Is given each time in which this process did not run.
 
     """
 
@@ -64,8 +100,11 @@ class TopicWatch:
         pauses: Pauses,
         solvers: SolverWatch,
         diagnostics: RecordingDiagnostics,
+        on_stall: Callable[[Pause], None],
     ) -> None:
         """Look at once, and from then on."""
+        self._on_stall, self._stalls = on_stall, deque[Pause]()
+        self._heartbeat = Heartbeat()
         self._topics: dict[str, RecordedTopic] = {}
         self._node, self._patterns, self._solvers = node, patterns, solvers
         self._put, self._ledger = put, ledger
@@ -84,6 +123,11 @@ class TopicWatch:
         """Look for new topics no more."""
         self._stopped.set()
         self._thread.join()
+
+    @property
+    def has_stalled(self) -> bool:
+        """Return whether this process did not run just now, and nobody has been told yet."""
+        return bool(self._stalls) or self._heartbeat.is_late
 
     def published(self) -> set[str]:
         """Return the recorded topics that have a publisher now."""
@@ -106,8 +150,11 @@ class TopicWatch:
         while not self._stopped.wait(PERIOD):
             looks += 1
             is_late = looks >= PATIENCE / PERIOD
+            stall = self._heartbeat.beat()
+            if stall is not None:
+                self._stalls.append(stall)
             now = self._graph()
-            if now != before or self._is_due(is_late):
+            if now != before or stall is not None or self._is_due(is_late):
                 self._news.trigger()
                 before, looks = now, 0
 
@@ -120,6 +167,8 @@ class TopicWatch:
         return bool(self._unsettled) or (is_late and bool(self._solvers.unanswered))
 
     def _look(self) -> None:
+        while self._stalls:
+            self._on_stall(self._stalls.popleft())
         for name, kinds in _topics_and_types(self._node):
             if all(self._is_known(name, kind) for kind in kinds):
                 continue

@@ -2,7 +2,10 @@
 
 from collections.abc import Collection, Iterator
 
+from klann_ros.review.model.recording import Series
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
+from klann_ros.review.model.simulated_time import CLOCK, offsets
+from klann_ros.review.model.times import overlap
 from klann_ros.review.model.topics import TopicFigures, TopicRecording
 from klann_ros.untrusted.text import listed, printable, times, verb
 import numpy as np
@@ -92,13 +95,18 @@ def _publishers_clock(topics: list[TopicFigures]) -> Finding:
 def _latency(review: Review, untold: Collection[str]) -> Iterator[Finding]:
     limit = review.limits.latency
     for topic, recorded in zip(review.topics, review.recording.topics, strict=True):
-        known = _known(recorded)
-        if topic.name in untold or known < _LEAST or topic.latency_p99 <= limit:
+        if topic.name in untold or not recorded.is_periodic:
             continue
-        late = recorded.latencies > limit
+        # What waited while the recorder stalled says nothing of the way.
+        times, holes = recorded.times, review.recording.holes
+        latencies = np.where(overlap(times, times, holes), np.nan, recorded.latencies)
+        known = int(np.count_nonzero(~np.isnan(latencies)))
+        if known < _LEAST or np.nanpercentile(latencies, 99.0) <= limit:
+            continue
+        late = latencies > limit
         text = (
             f'{int(late.sum())} of {known} messages of {printable(topic.name)} took more than '
-            f'{limit:g} s to arrive, up to {float(np.nanmax(recorded.latencies)):.3f} s'
+            f'{limit:g} s to arrive, up to {float(np.nanmax(latencies)):.3f} s'
         )
         meaning = 'the recorder, or the network, did not keep up'
         if topic.latency_p50 > limit and _is_steady(topic):
@@ -109,17 +117,21 @@ def _latency(review: Review, untold: Collection[str]) -> Iterator[Finding]:
 
 def _stamps(review: Review) -> Iterator[Finding]:
     for leg in review.legs:
-        off = _offset(leg)
+        clock = review.recording.clock
+        off = _offset(leg, clock)
         if abs(off) > review.limits.clock_offset:
             side = 'behind' if off < 0 else 'ahead of'
-            text = f"the stamps of the poses are {abs(off):.3f} s {side} the log's clock"
+            of = CLOCK if leg.recording.solver.sim_time else "the log's clock"
+            text = f'the stamps of the poses are {abs(off):.3f} s {side} {of}'
             meaning = 'inputs of another clock, or as old as that; tf and viewers may drop them'
             yield Finding('clock', Severity.WARNING, text, meaning, leg=leg.recording.title)
 
 
-def _offset(leg: ReviewedLeg) -> float:
-    """Return how far the stamps are ahead of the log times, in the median [s]; 0 if unknown."""
+def _offset(leg: ReviewedLeg, clock: Series) -> float:
+    """Return how far the stamps are ahead of their clock, in the median [s]; 0 if unknown."""
     poses = leg.evaluated.poses
-    if leg.recording.solver.sim_time or not len(poses):
+    if not len(poses) or (leg.recording.solver.sim_time and not len(clock)):
         return 0.0
+    if leg.recording.solver.sim_time:
+        return float(np.median(offsets(poses, clock)))
     return float(np.median(poses.stamps - poses.times)) / 1e9

@@ -4,10 +4,12 @@ from collections.abc import Iterator
 from itertools import groupby
 from operator import attrgetter
 
+from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Finding, Review, Severity
+from klann_ros.review.model.simulated_time import CLOCK, pauses
 from klann_ros.review.model.times import Hole, merged
-from klann_ros.review.model.unanswered import refusals, Silence, without_holes
-from klann_ros.untrusted.text import counted, listed, verb
+from klann_ros.review.model.unanswered import refusals, Silence, SOON, without_holes
+from klann_ros.untrusted.text import counted, listed, printable_line, verb
 
 # What a solver publishes beside the poses.
 _ANSWERS = ('point_h', 'velocity_h')
@@ -21,20 +23,39 @@ def check_gaps(review: Review) -> Iterator[Finding]:
         for (topic,), own in groupby(review.silences, key=attrgetter('topics'))
         for silence in without_holes(list(own), holes.get(topic, review.recording.holes))
     ]
-    if found:
-        yield _gap(review, _together(found))
+    answers = {topic for leg in review.legs for topic in answer_topics(leg.recording)}
+    # A restart of a solver leaves questions open: that is a gap.
+    restarts = [one for one in found if one.is_restart and answers.isdisjoint(one.topics)]
+    gaps = [one for one in found if one not in restarts]
+    if gaps:
+        yield _gap(review, _together(gaps))
+    if restarts:
+        yield _restart(review, _together(restarts))
+    for stall in review.recording.stalls:
+        meaning = 'silence in that time is no gap; what was published meanwhile may be lost'
+        time = review.recording.since_start(stall.begin)
+        yield Finding('stall', Severity.NOTE, printable_line(stall.reason), meaning, time)
     yield from _ended(review)
 
 
 def _holes(review: Review) -> dict[str, tuple[Hole, ...]]:
-    """Return by topic when the solver could say nothing, or the log has holes."""
-    found: dict[str, list[Hole]] = {}
+    """Return by topic when nobody asked the solver, it could say nothing, or the log has holes."""
+    recording = review.recording
+    paused = [*recording.holes, *pauses(recording.clock)]
+    found = {topic.name: [*paused] for topic in recording.topics if topic.name != CLOCK}
     for leg in review.legs:
         of_leg = refusals(leg.evaluated, leg.answering)
-        place = f'{leg.recording.namespace}/{leg.recording.name}'.rstrip('/')
-        for topic in (*leg.recording.pose_topics, *(f'{place}/{name}' for name in _ANSWERS)):
-            found.setdefault(topic, list(review.recording.holes)).extend(of_leg)
+        restarts = recording.restarts_on(leg.recording.crank_topics)
+        of_leg += [(begin, end + SOON) for begin, end in restarts]
+        for topic in answer_topics(leg.recording):
+            found.setdefault(topic, [*paused]).extend(of_leg)
     return {topic: merged(holes) for topic, holes in found.items()}
+
+
+def answer_topics(leg: LegRecording) -> list[str]:
+    """Return the topics on which a leg's solver answers."""
+    place = f'{leg.namespace}/{leg.name}'.rstrip('/')
+    return [*leg.pose_topics, *(f'{place}/{name}' for name in _ANSWERS)]
 
 
 def _together(silences: list[Silence]) -> list[Silence]:
@@ -60,9 +81,16 @@ def _gap(review: Review, silences: list[Silence]) -> Finding:
     if count:
         angles = verb(count, 'crank angle was', 'crank angles were')
         what += f'; {count} {angles} not answered meanwhile'
-    meaning = 'whoever publishes stood still, or the way into the run was blocked'
+    meaning = 'the publisher stalled, or messages could not reach the recorder'
     time = recording.since_start(silences[0].begin)
     return Finding('gap', Severity.WARNING, what, meaning, time)
+
+
+def _restart(review: Review, silences: list[Silence]) -> Finding:
+    recording, first = review.recording, silences[0]
+    text = f'another publisher of {listed(first.topics)} began {first.length:.3f} s after the last'
+    meaning = 'a node ended in order and was started again; the time between is no gap'
+    return Finding('restart', Severity.NOTE, text, meaning, recording.since_start(first.begin))
 
 
 def _unanswered(review: Review) -> int:

@@ -8,7 +8,15 @@ from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.pairing import pairs
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Finding, Review, Severity
-from klann_ros.review.model.times import Flags, Floats, intervals, median, overlap, RowIndices
+from klann_ros.review.model.times import (
+    Flags,
+    Floats,
+    intervals,
+    median,
+    merged,
+    overlap,
+    RowIndices,
+)
 from klann_ros.untrusted.text import listed, times as times_
 import numpy as np
 
@@ -83,7 +91,10 @@ def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
     usual, period = median(steps), median(intervals(times))
     limit = max(review.limits.crank_jump, _UNUSUAL * usual)
     rows = np.flatnonzero(steps > limit)
-    rows = rows[~overlap(times[rows], times[rows + 1], review.recording.holes)]
+    # Nor did one that another publisher turns from then on.
+    restarts = review.recording.restarts_on(leg.crank_topics)
+    holes = merged([*review.recording.holes, *restarts])
+    rows = rows[~overlap(times[rows], times[rows + 1], holes)]
     # A crank that turned on unseen, while messages were lost or held up, did not jump.
     waits = (times[rows + 1] - times[rows]) / 1e9
     unseen = waits > max(_LATE * period, review.limits.gap_time)

@@ -11,7 +11,7 @@ from klann_ros.log.errors import NotALogError
 from klann_ros.log.reading.mcap.growing import GrowingFile, NamedRecord
 from klann_ros.log.reading.run_files import natural
 from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD
+from klann_ros.log.run_parameters import pause_of, PAUSE_RECORD, solver_parameters, SOLVER_RECORD
 from klann_ros.log.writing.durable_file import is_being_written
 from klann_ros.review.model.limits import Limits
 from klann_ros.untrusted.files import open_plain
@@ -70,9 +70,11 @@ class _Judging:
     def take(self, record: Message | NamedRecord) -> None:
         if not isinstance(record, Message):
             name, content = record
-            if name == SOLVER_RECORD:
-                with suppress(ValueError):
+            with suppress(ValueError):
+                if name == SOLVER_RECORD:
                     self._judge.tell(solver_parameters(content))
+                elif name == PAUSE_RECORD:
+                    self._judge.excuse(pause_of(content))
             return
         self._waiting.append(record)
         self._last = max(self._last, min(record.log_time, _LAST_TIME))

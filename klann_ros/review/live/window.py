@@ -9,6 +9,7 @@ from klann_ros.log.reading.block import block_of_messages, HEAD, MessageBlock
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
 from klann_ros.review.loading.gathering import may_be_of_a_leg
+from klann_ros.review.model.times import Hole, merged
 import numpy as np
 
 # The channels of a block are numbers of 16 bits.
@@ -36,11 +37,12 @@ class Window:
     path = Path('window')
     paths: tuple[Path, ...] = ()
     problems: tuple[str, ...] = ()
-    holes: tuple[tuple[int, int], ...] = ()
 
     def __init__(self, length: float, most: int, most_bytes: int) -> None:
         """Begin empty."""
         self.metadata: dict[str, list[Mapping[str, str]]] = {}
+        # When silence is no fault: log times [ns].
+        self.holes: tuple[Hole, ...] = ()
         self._length = round(length * 1e9)
         self._most, self._most_bytes = most, most_bytes
         self._new: deque[Message] = deque(maxlen=most)
@@ -48,6 +50,7 @@ class Window:
         # By the object, as to compare topics takes long; and the topic stays alive.
         self._channels: dict[int, tuple[int, Topic]] = {}
         self._topics: dict[int, Topic] = {}
+        self.types: dict[str, str] = {}
         # By its name: one that was changed is told with its times.
         self._solvers: dict[str, list[SolverParameters]] = {}
 
@@ -81,9 +84,18 @@ class Window:
         records = [each for told in self._solvers.values() for each in told]
         self.metadata = {SOLVER_RECORD: [solver_record(each) for each in records]}
 
+    def excuse(self, begin: int, end: int) -> None:
+        """Add a time in which nothing could be received."""
+        self.holes = merged([*self.holes, (begin, end)])
+
     def solver(self, node: str) -> SolverParameters | None:
         """Return what a solver has, as far as it was told."""
         return self._solvers[node][-1] if node in self._solvers else None
+
+    @property
+    def new(self) -> Iterable[Message]:
+        """Return what has been added since the last move."""
+        return self._new
 
     def move(self, now: int) -> None:
         """Take what is new, and forget what is too long ago."""
@@ -93,6 +105,7 @@ class Window:
             self._blocks.append(self._block(messages))
         kept = (_since(block, now - self._length) for block in self._blocks)
         self._blocks = deque(block for block in kept if len(block))
+        self.holes = tuple(hole for hole in self.holes if hole[1] >= now - self._length)
         while len(self._blocks) > 1 and self._is_too_much():
             self._blocks.popleft()
 
@@ -130,6 +143,7 @@ class Window:
                 msg = f'more than {_MOST_TOPICS} topics'
                 raise ValueError(msg)
             self._channels[id(topic)] = number, topic
+            self.types[topic.name] = topic.type
             self._topics[number] = topic if may_be_of_a_leg(topic) else Topic(topic.name, '')
 
 

@@ -12,6 +12,7 @@ from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import (
     FINDING_RECORD,
     HARM_RECORD,
+    Pause,
     pause_of,
     PAUSE_RECORD,
     told_finding,
@@ -24,18 +25,24 @@ from klann_ros.review.model.recording import (
     RunRecording,
     Series,
 )
+from klann_ros.review.model.simulated_time import is_simulated, is_time_of_log
 from klann_ros.review.model.times import Hole, LAST_TIME, merged, RowIndices
+from klann_ros.review.model.topics import TopicRecording
+from klann_ros.review.model.unanswered import SOON
 from klann_ros.robot import Robot
 from klann_ros.untrusted.text import printable_line
 import numpy as np
 
 from .columns import Shared
 from .gathering import ALL_JOINTS, Gathering
-from .other_topics import Descriptions, Iterations
+from .other_topics import Descriptions, Iterations, SimulatedTime
 from .solvers import Metadata, solver_records
 from .topics import recorded_losses, TopicTally
 from .walks import Walks
 from .weights import dynamics_of
+
+# A greater latency is from one clock to another [s].
+MAX_LATENCY = 3600.0
 
 
 class Loadable(Protocol):
@@ -83,23 +90,30 @@ def load(
     records = solver_records(log.metadata)
     gathering = Gathering(records, given, rates=rates)
     tally, iterations, descriptions = TopicTally(), Iterations(), Descriptions()
-    walks = Walks()
+    walks, simulated = Walks(), SimulatedTime()
     for block in log.blocks(progress):
         for topic, rows in by_topic(block):
             tally.add(topic, block, rows)
             pieces = gathering.add(topic, block, rows)
             iterations.add(topic, block, rows)
             descriptions.add(topic, block, rows)
+            simulated.add(topic, block, rows)
             walks.add(topic, block, rows, pieces)
     # Reading finds what an index hides, so this comes last.
-    holes = merged([*_pauses(log.metadata.get(PAUSE_RECORD, ())), *log.holes])
+    pauses = [*_pauses(log.metadata.get(PAUSE_RECORD, ()))]
+    # After a stall of the recorder all others have to run again, too.
+    ends = ((pause.begin, pause.end + (SOON if pause.reason else 0)) for pause in pauses)
+    holes = merged([*ends, *log.holes])
     shared = Shared()
     topics = tally.topics(recorded_losses(log.metadata), holes)
+    clock = simulated.series()
+    if is_time_of_log(clock):
+        topics = tuple(map(_without_wall_times, topics))
     drives = gathering.efforts
     legs = [
         # What nobody asks for is not weighed.
         leg if not drives else replace(leg, solver=dynamics_of(leg, records, robot))
-        for leg in _legs(gathering, iterations, descriptions, shared)
+        for leg in _legs(gathering, iterations, descriptions, shared, clock)
     ]
     return RunRecording(
         path=str(log.path),
@@ -110,6 +124,8 @@ def load(
         problems=log.problems,
         undecoded=(*gathering.undecoded(), *walks.undecoded()),
         holes=holes,
+        stalls=tuple(pause for pause in pauses if pause.reason),
+        clock=clock,
         legs=tuple(legs),
         walks=tuple(walks.walks(shared)),
         stopped=_harm(log, 'stopped'),
@@ -155,7 +171,11 @@ def by_topic(block: MessageBlock) -> Iterator[tuple[Topic, RowIndices]]:
 
 
 def _legs(
-    gathering: Gathering, iterations: Iterations, descriptions: Descriptions, shared: Shared
+    gathering: Gathering,
+    iterations: Iterations,
+    descriptions: Descriptions,
+    shared: Shared,
+    clock: Series,
 ) -> Iterator[LegRecording]:
     """Yield the legs of solvers with poses; where there is none at all, what else is of a leg."""
     feet = {namespace: columns.series(shared) for namespace, columns in gathering.feet.items()}
@@ -168,6 +188,8 @@ def _legs(
         poses = columns.series(shared) if columns else no_series(len(solver.joint_names))
         if solver.leg is None:
             solver = descriptions.described(solver, namespace, name, poses)
+        if is_simulated(poses, clock):
+            solver = replace(solver, sim_time=True)
         rates = gathering.rates.get((namespace, name))
         joints = [(namespace, joint) for joint in (ALL_JOINTS, solver.crank_joint)]
         yield LegRecording(
@@ -202,9 +224,15 @@ def _merged(inputs: list[Series]) -> Series:
     return Series(times[order], stamps[order], values[order])
 
 
-def _pauses(records: Iterable[Mapping[str, str]]) -> Iterator[Hole]:
-    """Yield from when to when the recorder paused [ns], as its records say."""
+def _pauses(records: Iterable[Mapping[str, str]]) -> Iterator[Pause]:
+    """Yield the pauses and stalls of the recorder, as its records say."""
     for record in records:
         with suppress(ValueError):
-            pause = pause_of(record)
-            yield pause.begin, pause.end
+            yield pause_of(record)
+
+
+def _without_wall_times(topic: TopicRecording) -> TopicRecording:
+    """Return a topic without latencies from the wall time of sending to a simulated log time."""
+    with np.errstate(invalid='ignore'):
+        mixed = np.abs(topic.latencies) > MAX_LATENCY
+    return replace(topic, latencies=np.where(mixed, np.float32(np.nan), topic.latencies))

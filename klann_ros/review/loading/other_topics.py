@@ -1,4 +1,4 @@
-"""What topics beside a leg's own tell of it: its geometry, and the iterations of its solver."""
+"""What other topics tell of a leg: geometry, iterations of its solver, and simulated time."""
 
 from collections import defaultdict
 from contextlib import suppress
@@ -10,12 +10,13 @@ from klann_ros.kinematics import GeometryError, KlannGeometry, KlannLeg
 from klann_ros.log.reading.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.review.model.recording import LegSolver, no_series, Series
+from klann_ros.review.model.simulated_time import CLOCK
 from klann_ros.review.model.times import nanoseconds, RowIndices
 from klann_ros.untrusted.cdr import CdrCursor
 from klann_ros.untrusted.text import printable
 import numpy as np
 
-from .columns import SeriesColumns, Shared
+from .columns import GrowingArray, SeriesColumns, Shared
 from .klann_urdf import klann_legs_in_urdf, LONGEST
 from .pieces import decoder
 from .solvers import last_change
@@ -59,6 +60,34 @@ class Iterations:
                 if solver and value.key == 'iterations':
                     self._solvers[leg].add(solver)
                     self._columns[leg].add(time, time, np.array([[float(value.value)]]))
+
+
+# An encapsulation of 4 bytes, seconds, and nanoseconds; little endian if the second byte is odd.
+_CLOCK_SIZE = 12
+
+
+class SimulatedTime:
+    """Gathers the simulated time: the log times and values of /clock [ns]."""
+
+    def __init__(self) -> None:
+        self._times, self._values = GrowingArray(np.int64), GrowingArray(np.int64)
+
+    def add(self, topic: Topic, block: MessageBlock, rows: RowIndices) -> None:
+        """Add a topic's messages in a block."""
+        if (topic.name, topic.type) != (CLOCK, 'rosgraph_msgs/msg/Clock'):
+            return
+        rows = rows[block.sizes[rows] == _CLOCK_SIZE]
+        data = block.rows(rows, _CLOCK_SIZE)
+        rows, data = rows[data[:, 1] % 2 == 1], data[data[:, 1] % 2 == 1]
+        seconds, rest = (np.ascontiguousarray(data[:, k : k + 4]).view('<u4') for k in (4, 8))
+        self._times.add(nanoseconds(block.heads['log_time'][rows]))
+        self._values.add(seconds[:, 0].astype(np.int64) * 10**9 + rest[:, 0])
+
+    def series(self) -> Series:
+        """Return it by log times: the stamps are the simulated times."""
+        times, values = self._times.array(), self._values.array()
+        order = np.argsort(times, kind='stable')
+        return Series(times[order], values[order], np.empty((len(times), 0)))
 
 
 TEXT, NAME = 'std_msgs/msg/String', 'robot_description'

@@ -37,6 +37,7 @@ class _Seen:
     numbered: int = 0
     missing: GrowingArray = field(default_factory=partial(GrowingArray, np.int64, 3))
     steps_back: int = 0
+    restarts: GrowingArray = field(default_factory=partial(GrowingArray, np.int64, 2))
     early: int = 0
 
     def add(self, heads: NDArray[np.void], rows: RowIndices) -> None:
@@ -84,8 +85,11 @@ class _Seen:
         back = steps <= 0
         self.early += int((numbers[back] - 1).sum())
         self.steps_back += int(np.count_nonzero(back))
-        # Who starts anew starts at 1, about; else messages are out of order.
-        self.steps_back += int(np.count_nonzero(back & (2 * numbers > before)))
+        # A new publisher starts at 1, about; else messages are out of order.
+        disordered = back & (2 * numbers > before)
+        self.steps_back += int(np.count_nonzero(disordered))
+        new = np.flatnonzero(back & ~disordered)
+        self.restarts.add(np.column_stack([befores[new], times[new]]))
         rows = np.flatnonzero(steps > 1)
         self.missing.add(np.column_stack([befores[rows], times[rows], steps[rows] - 1]))
 
@@ -163,6 +167,9 @@ def _topic(
     else:
         missing = missing[:0]
     lost, early, left, shared = _losses(seen, recorded, int(missing[:, 2].sum()))
+    if seen.latched and not seen.numbered:
+        # Publishers repeat what they sent before they were heard, and no number tells which.
+        latencies = np.full_like(latencies, np.nan)
     return TopicRecording(
         name=name,
         type=kind,
@@ -173,6 +180,7 @@ def _topic(
         left=left,
         shared=shared,
         missing=missing,
+        restarts=seen.restarts.array()[: 0 if shared else None],
         set_back=set_back,
         overtaken=len(back) - len(set_back),
         dropped=0 if recorded is None else recorded.dropped,

@@ -25,6 +25,8 @@ class Limits:
     ----------
     gap_periods, gap_time : float
         A silence on a topic is a gap if it is longer than so many periods, and than this [s].
+    start_time : float
+        A silence that begins so soon after its topic's first message is no gap: nodes start [s].
     stale_time : float
         A topic is stale if it ends so long before the run does [s].
     latency : float
@@ -58,6 +60,7 @@ class Limits:
 
     gap_periods: float = 5.0
     gap_time: float = 0.05
+    start_time: float = 0.3
     stale_time: float = 2.0
     latency: float = 0.1
     clock_offset: float = 0.5

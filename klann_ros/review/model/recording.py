@@ -6,11 +6,11 @@ from dataclasses import dataclass, field, replace
 from klann_ros.dynamics import Dynamics
 from klann_ros.kinematics import AnyLeg
 from klann_ros.kinematics.klann.leg import JOINTS
-from klann_ros.log.run_parameters import ToldFinding
+from klann_ros.log.run_parameters import Pause, ToldFinding
 import numpy as np
 
 from .pairing import pairs
-from .times import Floats, Times
+from .times import Floats, Hole, Times
 from .topics import TopicRecording
 
 
@@ -199,7 +199,7 @@ class RunRecording:
     # What concerns a leg by its topic, and cannot be decoded.
     undecoded: tuple[Undecoded, ...]
     # Where the log has nothing for reasons of its own, a pause or damage: log times in order [ns].
-    holes: tuple[tuple[int, int], ...]
+    holes: tuple[Hole, ...]
     # The legs.
     legs: tuple[LegRecording, ...]
     # What ended the recording before its time, and what somebody took away meanwhile, as the
@@ -210,6 +210,10 @@ class RunRecording:
     drives: tuple[Drive, ...] = ()
     # Robots that walk.
     walks: tuple[Walk, ...] = ()
+    # When the recorder itself did not run, and why.
+    stalls: tuple[Pause, ...] = ()
+    # The simulated time by log times, values of shape (k, 0); empty where nobody published it.
+    clock: Series = field(default_factory=lambda: no_series(0))
     # What the recorder found, and told, while it recorded.
     told: tuple[ToldFinding, ...] = ()
 
@@ -221,6 +225,11 @@ class RunRecording:
     def since_start(self, log_time: int) -> float:
         """Return a log time from the start of the run [s]."""
         return (int(log_time) - self.start) / 1e9
+
+    def restarts_on(self, names: Collection[str]) -> list[Hole]:
+        """Return between which log times [ns] publishers of some topics were started again."""
+        restarts = (t.restarts.tolist() for t in self.topics if t.name in names)
+        return [(begin, end) for pairs_ in restarts for begin, end in pairs_]
 
     def lost_on(self, names: Collection[str]) -> int:
         """Return how many messages of some topics were lost, as far as is known."""

@@ -9,6 +9,20 @@ from numpy.typing import NDArray
 
 from .times import intervals, median, Times
 
+# Sent on events, not at a rate: markers, logs, parameter events, states of nodes; joysticks and
+# commands while somebody drives.
+_EVENT_PACKAGES = ('visualization_msgs/', 'rcl_interfaces/', 'lifecycle_msgs/')
+_EVENT_TYPES = ('sensor_msgs/msg/Joy', 'geometry_msgs/msg/Twist')
+_COMMAND = 'cmd_vel'
+# Sent at a rate, however long they stall.
+_STREAMS = (
+    'sensor_msgs/',
+    'geometry_msgs/',
+    'nav_msgs/msg/Odometry',
+    'rosgraph_msgs/',
+    'std_msgs/msg/Float64',
+)
+
 MORE = '+'
 """Stands behind a number of lost messages that is the least."""
 WHY_MORE = 'publishers left, and of what they sent last nothing is known'
@@ -40,16 +54,33 @@ class TopicRecording:
     # Shape (k, 2): where the recorder's clock was set back: the log times after that, and by how
     # much at least [ns].
     set_back: Times = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    # Shape (k, 2): where one publisher ended and another began: the log times before and after
+    # [ns]; known only where no two publish at once.
+    restarts: Times = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
     # How many other messages are logged earlier than the one before them in the file: those of
     # several publishers come in turns, and some are sent again.
     overtaken: int = 0
     # How many of those that are lost the recorder had received.
     dropped: int = 0
+    # Log time of the topic's first message where these are not all [ns]; 0 for the first of these.
+    first: int = 0
 
     @property
     def lost_at(self) -> int | None:
         """Return the log time of the first message behind a gap in the numbers [ns]."""
         return int(self.missing[0, 1]) if len(self.missing) else None
+
+    @property
+    def is_periodic(self) -> bool:
+        """Return whether messages of this type are sent at a rate; others are sent on events."""
+        is_command = self.name.rpartition('/')[2] == _COMMAND
+        is_event = self.type in _EVENT_TYPES or self.type.startswith(_EVENT_PACKAGES)
+        return not (is_command or is_event)
+
+    @property
+    def is_stream(self) -> bool:
+        """Return whether messages of this type have a rate even where long silences hide it."""
+        return self.is_periodic and self.type.startswith(_STREAMS)
 
     @cached_property
     def figures(self) -> 'TopicFigures':

@@ -10,16 +10,17 @@ import numpy as np
 from .answering import Answering, Cause
 from .limits import Limits
 from .recording import LegRecording, RunRecording
-from .times import covered, Hole, intervals, median, merged, overlap, RowIndices
+from .times import covered, Floats, Hole, intervals, median, merged, overlap, RowIndices
 from .topics import TopicRecording
 
-# What is for viewers is published when there is something to see, and somebody who looks.
-_PICTURES = 'visualization_msgs/'
 # Fewer messages tell no period.
 _LEAST = 10
 # Of a periodic topic so many intervals in a hundred are no longer than usual, whatever is allowed.
 _REGULAR = 90.0
 _USUAL = Limits()
+# Topics that come in bursts have no rate: regular intervals are less than this part of their time,
+# and no longer than this between two silences, in the mean [s].
+_PRESENT, _STRETCH = 0.25, 0.5
 # A silence is a loss if so many of the messages that it could have held are known to be missing.
 _MOSTLY = 0.5
 # An answer comes so long after its question, at most [ns].
@@ -27,12 +28,17 @@ SOON = 200_000_000
 
 
 class Silence(NamedTuple):
-    """When nothing came [ns], on which topics, and how long one may be without being one [s]."""
+    """
+    When nothing came [ns], on which topics, and how long one may be without being one [s].
+
+    A restart is a silence between two publishers, the first of which left in order.
+    """
 
     begin: int
     end: int
     topics: tuple[str, ...]
     longest: float = 0.0
+    is_restart: bool = False
 
     @property
     def length(self) -> float:
@@ -40,21 +46,50 @@ class Silence(NamedTuple):
         return (self.end - self.begin) / 1e9
 
 
-def silences(topic: TopicRecording, limits: Limits) -> Iterator[Silence]:
-    """Yield the silences of a topic, but for those in which what came is known to be lost."""
-    if len(topic.times) < _LEAST or topic.type.startswith(_PICTURES):
+def silences(topic: TopicRecording, limits: Limits, resolution: float = 0.0) -> Iterator[Silence]:
+    """
+    Yield the silences of a topic, but for those in which what came is known to be lost.
+
+    Parameters
+    ----------
+    topic : TopicRecording
+        How its messages came.
+    limits : Limits
+        What is still all right.
+    resolution : float
+        By how much log times advance at once [s].
+
+    """
+    if len(topic.times) < _LEAST or not topic.is_periodic:
         return
     steps = intervals(topic.times)
-    period = median(steps)
+    period = max(median(steps), resolution)
     longest = _longest(period, limits)
     rows = np.flatnonzero(steps > longest)
-    if not rows.size or float(np.percentile(steps, _REGULAR)) > _longest(period, _USUAL):
+    if not rows.size or not _has_rate(topic, steps, period):
         return
+    # Nodes that start hold each other up.
+    starts = np.array([topic.first or topic.times[0], *topic.restarts[:, 1]])
+    last_start = starts[np.searchsorted(starts, topic.times[rows], side='right') - 1]
+    rows = rows[topic.times[rows] - last_start >= limits.start_time * 1e9]
+    restarts = {begin for begin, _ in topic.restarts.tolist()}
     lost = {begin: count for begin, _, count in topic.missing.tolist()}
     for begin, end in zip(topic.times[rows].tolist(), topic.times[rows + 1].tolist(), strict=True):
-        silence = Silence(begin, end, (topic.name,), longest)
+        silence = Silence(begin, end, (topic.name,), longest, begin in restarts)
         if lost.get(begin, 0) * period < _MOSTLY * silence.length:
             yield silence
+
+
+def _has_rate(topic: TopicRecording, steps: Floats, period: float) -> bool:
+    """Return whether intervals [s] are regular, but for silences."""
+    usual = _longest(period, _USUAL)
+    if float(np.percentile(steps, _REGULAR)) > usual:
+        return False
+    if topic.is_stream:
+        return True
+    regular, silent = float(steps[steps <= usual].sum()), steps[steps > usual]
+    is_present = regular >= _PRESENT * float(steps.sum())
+    return is_present or regular >= _STRETCH * (len(silent) + 1)
 
 
 def without_holes(found: Sequence[Silence], holes: Sequence[Hole]) -> list[Silence]:

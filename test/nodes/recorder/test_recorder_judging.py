@@ -15,6 +15,7 @@ from klann_ros.log.run_parameters import (
     told_finding,
     topic_counts,
 )
+from klann_ros.nodes.recorder import topic_watch
 from klann_ros.review.reviewing import review_run
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
@@ -211,3 +212,20 @@ def test_limits_that_are_none_are_refused_before_anything_is_made(ros: World) ->
     assert recorder.errors.startswith('recorder_node: judge_limits: ')
     assert recorder.errors.count('\n') == 1
     assert not (ros.folder / 'run').exists()
+
+
+def test_a_clock_that_is_set_forward_is_a_stall_and_a_late_thread_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # No test may set the clock of the machine.
+    wall = [10.0, 10.1, 13.2, 13.3, 13.32]
+    steady = [5.0, 5.1, 5.2, 5.3, 7.3]
+    monkeypatch.setattr(topic_watch, 'time_ns', lambda: round(wall.pop(0) * 1e9))
+    monkeypatch.setattr(topic_watch.time, 'clock_gettime', lambda _: steady.pop(0))
+    heartbeat = topic_watch.Heartbeat()
+    stalls = [heartbeat.beat() for _ in range(4)]
+    reasons = [stall and stall.reason for stall in stalls]
+    late = 'the recorder did not run for 2.0 s (stopped, or suspended)'
+    assert reasons == [None, 'the clock was set forward by 3.00 s', None, late]
+    assert stalls[1] is not None
+    assert (stalls[1].begin, stalls[1].end) == (10_100_000_000, 13_200_000_000)

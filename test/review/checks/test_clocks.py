@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 import re
+import struct
 
 from findings import moments
 from klann_ros.log.definitions import definition
@@ -56,6 +57,29 @@ def test_stamps_that_go_back_are_found(healthy, make_run) -> None:
     healthy.change(101, header_stamp=first)
     review = review_run(make_run(healthy))
     assert moments(review) == [('order', 0.505)]
+
+
+def simulated(healthy, make_run, late: int = 0) -> list[str]:
+    """Return what is found in a run of simulated time with wall log times and /clock in it."""
+    healthy.by_crank_state()
+    clock, start = Topic('/clock', 'rosgraph_msgs/msg/Clock', ''), healthy.answers[0].stamp
+    for n in range(400):
+        stamp = healthy.answers[n].stamp
+        shown = (stamp - start) // 2 + 5_000 * MS
+        healthy.change(n, header_stamp=shown - late)
+        data = struct.pack('<4BII', 0, 1, 0, 0, *divmod(shown, 10**9))
+        healthy.messages.append(Message(clock, data, stamp + MS, stamp, n + 1))
+    review = review_run(make_run(healthy))
+    return [finding.text for finding in review.findings]
+
+
+def test_stamps_of_a_simulation_are_held_against_its_clock(healthy, make_run) -> None:
+    assert simulated(healthy, make_run) == []
+
+
+def test_stamps_that_are_behind_a_simulated_clock_are_found(healthy, make_run) -> None:
+    (text,) = simulated(healthy, make_run, late=700 * MS)
+    assert text == 'the stamps of the poses are 0.700 s behind /clock'
 
 
 def latched(make_run, healthy, *sent: tuple[float, float, int]) -> Path:

@@ -102,6 +102,36 @@ def test_lost_messages_are_found_by_their_numbers() -> None:
     assert 'lost' in {each.check for _, each in found}
 
 
+def with_reports(*numbers: int) -> list[Message]:
+    """Return a run of 4 s, and diagnostics with these sequence numbers, evenly in it."""
+    topic = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', '')
+    run = LegRun(count=800, turns=4.0, iterations=False)
+    times = [START + 1 + n * 4 * SECOND // len(numbers) for n in range(len(numbers))]
+    reports = [Message(topic, b'', t, t, n) for t, n in zip(times, numbers, strict=True)]
+    return sorted([*run.messages(), *reports], key=lambda message: message.log_time)
+
+
+@pytest.mark.parametrize(
+    'numbers',
+    [
+        [n + offset for n in range(1, 5) for offset in (0, 2, 30)],
+        [*range(100, 120), 3, *range(120, 140), 4, *range(140, 160), 5],
+    ],
+    ids=['alike', 'one faster'],
+)
+def test_several_publishers_of_a_topic_lose_nothing(numbers: list[int]) -> None:
+    assert judged(with_reports(*numbers), solver(), until=7 * SECOND // 2) == []
+
+
+def test_the_losses_that_a_recorder_counts_are_told_once() -> None:
+    judge = LiveJudge()
+    judge.add_all(with_reports(1, 2, 9)[:1])
+    told = [judge.findings(START + SECOND, None, {'/diagnostics': n}) for n in (0, 2, 2, 3)]
+    texts = [[each.text for each in findings] for findings in told]
+    two, one = '2 messages of /diagnostics were lost', '1 message of /diagnostics was lost'
+    assert texts == [[], [two], [], [one]]
+
+
 def test_what_is_over_is_new_when_it_comes_again() -> None:
     run = LegRun(garbled={20: float('nan'), 1100: float('nan')}, count=1200, turns=6.0)
     found = judged(run.messages(), solver(), until=6 * SECOND)

@@ -62,10 +62,17 @@ def drifted(run) -> None:
         run.change(n, foot=(x, y + 2e-3))
 
 
+def held_up(run) -> None:
+    for n in range(10, 400):
+        run.change(n, stamp=run.answers[n].stamp + 300 * MS)
+
+
 # What is done to a run, the check that finds it, and the limits that let it pass.
 CASES = {
     'gap_periods': (silent, 'gap', {'gap_periods': 70.0}),
     'gap_time': (silent, 'gap', {'gap_time': 0.4}),
+    # 45 ms after the first message.
+    'start_time': (held_up, 'gap', {'start_time': 0.1}),
     'stale_time': (ended, 'stale', {'stale_time': 2.2}),
     'latency': (late, 'latency', {'latency': 0.13}),
     'clock_offset': (stamped, 'clock', {'clock_offset': 0.7}),
@@ -83,7 +90,8 @@ def test_each_limit_changes_its_check(make_script, make_run, tmp_path, name) -> 
     script = make_script(turns=8.0)
     change(script)
     run = make_run(script)
-    assert check in checks(review_run(run))
+    sharp = Limits(start_time=0.0)
+    assert check in checks(review_run(run, limits=sharp))
     file = tmp_path / 'limits.yaml'
     file.write_text(''.join(f'{key}: {value}\n' for key, value in limits.items()))
     assert check not in checks(review_run(run, limits=limits_from_file(str(file))))

@@ -121,9 +121,8 @@ class EventSession:
         if self._event is not None:
             self._event.tell(solver)
 
-    def describe_pause(self) -> None:
-        """Take that a pause is over: the runs in which it falls are to have it."""
-        pause = self.pauses.last()
+    def describe_pause(self, pause: Pause) -> None:
+        """Take a pause that is over: the runs in which it falls are to have it."""
         self._pauses_told.append((monotonic(), pause))
         if self._event is not None:
             self._event.add_metadata(PAUSE_RECORD, pause_record(pause))

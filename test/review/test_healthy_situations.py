@@ -1,0 +1,185 @@
+"""Nothing is wrong, whatever happens: real nodes, recorded and judged meanwhile, have no fault."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+import signal
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from domain import own_domain
+from geometry_msgs.msg import Twist
+from klann_ros.log.reader import open_log
+from klann_ros.log.records import Message
+from klann_ros.review.model.limits import Limits
+from klann_ros.review.model.review import Review
+from klann_ros.review.reviewing import review_run
+import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_world import Process, RecorderReports, World, world
+from rosbag2_bags import write_jazzy_bag
+from std_msgs.msg import String
+
+ROOT = Path(__file__).resolve().parents[2]
+WALKER = ROOT / 'config' / 'walker4.yaml'
+# This machine may hold anything up for a moment, but for no second.
+LIMITS = Limits(gap_time=1.0, latency=1.0, clock_offset=3.0)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# What happens in the run lasts longer than a gap, and than the judge takes to find one [s].
+LONG, STALL = 2.2, 1.5
+LEG = ('/crank_angle', '/joint_states', '/point_h')
+
+
+class Scene:
+    """
+    A leg by wall time, a walker by simulated time, three recorders, and others on their topics.
+
+    Diagnostics have several publishers, commands come in bursts, and the description is latched.
+    """
+
+    def __init__(self, ros: World) -> None:
+        self.ros, self.reports = ros, RecorderReports(ros.probe)
+        self.limits = ros.folder / 'limits.yaml'
+        self.limits.write_text('gap_time: 1.0\nlatency: 1.0\n')
+        described = ros.probe.node.create_publisher(String, 'robot_description', LATCHED)
+        described.publish(String(data='<robot name="none"/>'))
+        for number in range(2):
+            node = ros.probe.neighbour(f'reporter_{number}')
+            publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+            for _ in range(7 * number):
+                publisher.publish(DiagnosticArray())
+            node.create_timer(0.4, lambda p=publisher: p.publish(DiagnosticArray()))
+        self._commands = ros.probe.node.create_publisher(Twist, '/walker/cmd_vel', 10)
+        ros.probe.node.create_timer(0.05, self._command)
+        self.recorders = [
+            self.record('all', all_topics='true', judge='true'),
+            self.record('second'),
+            self.record('waiting', pre_trigger=2.0),
+        ]
+        clock = ('--ros-args', '-r', '__ns:=/walker', '--params-file', str(WALKER))
+        simulated = (*clock, '-p', 'use_sim_time:=true')
+        ros.solver()
+        ros.solver(*simulated, namespace='/walker')
+        ros.start('walker_node', *simulated)
+        ros.start('sim_node', *clock, '-p', 'use_clock:=true')
+        self.crank = self.turn()
+
+    def _command(self) -> None:
+        # Somebody drives half a second of every two.
+        if time.monotonic() % 2.0 < 0.5:
+            self._commands.publish(Twist())
+
+    def turn(self) -> Process:
+        return self.ros.start('crank_node', rate=100.0, min_subscribers=3)
+
+    def record(self, name: str, **parameters: Any) -> Process:
+        judged = 'judge' in parameters or 'pre_trigger' in parameters
+        limits = {'judge_limits': self.limits} if judged else {}
+        named = ('--ros-args', '-r', f'__node:={name}')
+        output = self.ros.folder / name
+        return self.ros.start('recorder_node', *named, output=output, **limits, **parameters)
+
+    def hear(self, count: int) -> None:
+        """Wait until the recorders have heard so much more of the leg, and of the walker."""
+        for topic in ('/joint_states', '/walker/joint_states'):
+            before = self.reports.count(f'{topic} received')
+            self.reports.until_heard({topic: before + count})
+
+    def end_in_order_and_begin(self) -> None:
+        assert self.crank.stop() == 0
+        self.ros.probe.spin(LONG)
+        self.crank = self.turn()
+
+    def suspend(self) -> None:
+        """Stop everything at once, this process too, as far as others can tell."""
+        running = [p for p in self.ros._processes if p.popen.poll() is None]
+        for process in running:
+            process.popen.send_signal(signal.SIGSTOP)
+        time.sleep(STALL)
+        for process in running:
+            process.popen.send_signal(signal.SIGCONT)
+
+
+@pytest.fixture(scope='module')
+def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Let one thing happen after the other; return the runs, and what was said meanwhile."""
+    folder = tmp_path_factory.mktemp('healthy')
+    seen: dict[str, Any] = {'folder': folder}
+    with own_domain() as domain, world(domain, folder) as ros:
+        scene = Scene(ros)
+        scene.hear(100)
+        seen['end'] = time.time_ns()
+        scene.end_in_order_and_begin()
+        scene.hear(50)
+        scene.suspend()
+        scene.hear(100)
+        assert [recorder.stop() for recorder in scene.recorders] == [0, 0, 0]
+        seen['said'] = [recorder.errors for recorder in scene.recorders]
+    with own_domain() as domain, world(domain, folder) as ros:
+        scene = Scene.__new__(Scene)
+        scene.ros, scene.limits = ros, folder / 'limits.yaml'
+        recorder = scene.record('replayed', judge='true')
+        ros.probe.until(lambda: 'recording to' in recorder.errors)
+        flags = ['--rate', '2', '--clock', '100', '--duration', '2', '--topics', *LEG]
+        player = ros.start('player_node', str(folder / 'all'), *flags)
+        assert player.wait() == 0
+        assert recorder.stop() == 0
+        seen['said'].append(recorder.errors)
+    return seen
+
+
+def faults(review: Review) -> list[tuple[str, str]]:
+    return [(f.check, f.text) for f in review.findings if f.is_fault and f.check != 'geometry']
+
+
+def test_the_judge_says_nothing_but_that_all_stood_still(seen: dict[str, Any]) -> None:
+    warned = [line for text in seen['said'] for line in text.splitlines() if '[WARN]' in line]
+    assert all('did not run for' in line for line in warned), warned
+    assert len(warned) >= 3
+    assert list((seen['folder'] / 'waiting').iterdir()) == []
+
+
+def test_no_run_has_a_fault_and_notes_tell_what_happened(seen: dict[str, Any]) -> None:
+    for name, count in (('all', 5), ('second', 1)):
+        review = review_run(seen['folder'] / name, limits=LIMITS)
+        assert faults(review) == []
+        checks = {finding.check for finding in review.findings}
+        assert checks >= {'restart', 'stall'}
+        assert 'told' not in checks
+        # What is claimed was there to be judged.
+        legs = {leg.recording.title: len(leg.evaluated.poses) for leg in review.legs}
+        assert len(legs) == count
+        assert min(legs.values()) >= 200
+
+
+def test_a_replay_at_another_rate_has_no_fault(seen: dict[str, Any]) -> None:
+    review = review_run(seen['folder'] / 'replayed', limits=LIMITS)
+    assert faults(review) == []
+    assert all(len(leg.evaluated.poses) >= 50 for leg in review.legs)
+
+
+@pytest.mark.parametrize('with_sim_time', [False, True], ids=['wall time', 'simulated time'])
+def test_a_bag_of_all_topics_by_rosbag2_has_no_fault(
+    seen: dict[str, Any], tmp_path: Path, with_sim_time: bool
+) -> None:
+    with open_log(seen['folder'] / 'all') as log:
+        messages = [m for m in log.messages() if m.log_time < seen['end']]
+    if with_sim_time:
+        messages = [*by_clock(messages)]
+    review = review_run(write_jazzy_bag(tmp_path / 'bag.mcap', messages), limits=LIMITS)
+    assert faults(review) == []
+    assert len(review.legs) >= 4
+    names = {topic.name for topic in review.topics}
+    assert names >= {'/clock', '/walker/joint_states', *([] if with_sim_time else ['/rosout'])}
+
+
+def by_clock(messages: list[Message]) -> Iterator[Message]:
+    """Yield the messages of the walker as they are received by simulated time."""
+    now = 0
+    for message in messages:
+        if message.topic.name == '/clock':
+            seconds, rest = (int.from_bytes(message.data[k : k + 4], 'little') for k in (4, 8))
+            now = seconds * 10**9 + rest
+        if now and (message.topic.name == '/clock' or message.topic.name.startswith('/walker/')):
+            yield replace(message, log_time=now)
