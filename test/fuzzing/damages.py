@@ -4,6 +4,8 @@ import struct
 
 import yaml
 
+PAGE = 4096
+
 
 def _cut(data, chance):
     start = chance.randrange(len(data))
@@ -77,6 +79,29 @@ def _wrong_head(data, chance):
         data[at] = chance.randrange(256)
 
 
+def _overwrite_page(data, chance):
+    start = _page(data, chance)
+    data[start : start + PAGE] = chance.randbytes(min(PAGE, len(data) - start))
+
+
+def _copy_page(data, chance):
+    source, target = _page(data, chance), _page(data, chance)
+    content = data[source : source + PAGE]
+    data[target : target + len(content)] = content
+
+
+def _wrong_in_page(data, chance):
+    """Overwrite bytes in the head of a page of SQLite: its type, cell count and pointers."""
+    start = _page(data, chance)
+    for _ in range(chance.randrange(1, 6)):
+        at = min(start + chance.randrange(120), len(data) - 1)
+        data[at] = chance.choice([0, 1, 2, 5, 10, 13, 127, 128, 255])
+
+
+def _page(data, chance):
+    return chance.randrange(-(-len(data) // PAGE)) * PAGE
+
+
 # Whether a damage can take messages away without a trace of them.
 DAMAGES = {
     _cut: True,
@@ -91,6 +116,9 @@ DAMAGES = {
     _wrong_length: False,
     _wrong_opcode: False,
     _wrong_head: False,
+    _overwrite_page: True,
+    _copy_page: True,
+    _wrong_in_page: True,
 }
 
 

@@ -19,10 +19,11 @@ from .mcap.container import MAGIC
 from .mcap.mcap_storage import McapStorage
 from .packed_messages import is_packed, PackedMessages
 from .run_files import run_files, RunFiles
-from .sqlite.pages import SQLITE_MAGIC
 from .storage import Storage
 from .temporary import TemporaryFile
 from .zstd_file import SUFFIXES, unpack, ZSTD_MAGIC
+
+SQLITE_MAGIC = b'SQLite format 3\0'
 
 Kind: TypeAlias = Callable[[Path, TemporaryFile | None], Storage]
 

@@ -1,24 +1,28 @@
-"""What is in an SQLite file of rosbag2's, read by the one that can: SQLite, or page by page."""
+"""What is in an SQLite file of rosbag2's: what SQLite reads; what it refuses is refused."""
 
-from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
+import shlex
 import sqlite3
+import struct
 
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reading.temporary import TemporaryFile
 from klann_ros.untrusted.files import open_plain
 from klann_ros.untrusted.text import counted, listed, printable, verb
 
-from .database import columns, connect, table_names
-from .journals import left_beside, settled, uncommitted
-from .paged_rows import PagedRows
-from .rows import MessageRows, RowsBehind, RowsError, SqlRows
+from .database import columns, database, DatabaseError, reason_of, table_names
+from .journals import left_beside, settled
+from .rows import MessageRows
 from .topics import Described, described
 
 _KIND = "SQLite, rosbag2's .db3"
 _MESSAGES = frozenset(('topic_id', 'timestamp', 'data'))
 _TOPICS = frozenset(('name', 'type'))
+# Page size and number of pages in the first page.
+_HEADER = struct.Struct('>16xH10xI')
+# The command is there to be copied.
+_MAX_COMMAND = 1000
 
 
 @dataclass
@@ -33,10 +37,8 @@ class Contents:
     remarks: list[str] = field(default_factory=list)
     # What of it cannot be read, one line each.
     losses: list[str] = field(default_factory=list)
-    # From when to when messages are missing [ns].
-    holes: list[tuple[int, int]] = field(default_factory=list)
     # What it is read from, if that is not the file itself.
-    copies: list[TemporaryFile] = field(default_factory=list)
+    copy: TemporaryFile | None = None
 
     def notes(self) -> list[str]:
         """Return what else a recovery should say, one line each."""
@@ -49,8 +51,8 @@ class Contents:
 
     def close(self) -> None:
         """Remove what it was read from, if that is not the file itself."""
-        for copy in self.copies:
-            copy.close()
+        if self.copy is not None:
+            self.copy.close()
 
 
 def contents_of(path: Path, unpacked: TemporaryFile | None) -> Contents:
@@ -76,13 +78,10 @@ def contents_of(path: Path, unpacked: TemporaryFile | None) -> Contents:
         suffixes = [] if unpacked else left_beside(path)
         if suffixes:
             copy, remarks = _settled(path, suffixes)
-            suffixes = suffixes if copy else []
-        place = copy.path if copy else path
-        others = uncommitted(path, place, suffixes)
-        found = _contents(path, place, others[0] if others else None)
+        found = _contents(path, copy.path if copy else path)
     except OSError as error:
         raise NotALogError(path, error.strerror or str(error)) from None
-    found.copies = [item for item in (copy, others[1] if others else None) if item is not None]
+    found.copy = copy
     found.remarks = remarks + found.remarks
     return found
 
@@ -92,49 +91,55 @@ def _settled(path: Path, suffixes: list[str]) -> tuple[TemporaryFile | None, lis
     names = ' and '.join(printable(path.name) + suffix for suffix in suffixes)
     try:
         copy = settled(path, suffixes)
-    except (sqlite3.Error, OSError) as error:
-        return None, [f'it was not closed, and {names} beside it is of no use: {printable(error)}']
+    except (sqlite3.Error, UnicodeDecodeError, OSError) as error:
+        return None, [f'it was not closed, and {names} beside it is of no use: {reason_of(error)}']
     return copy, [f'it was not closed: {names} is beside it, and is read with it']
 
 
-def _contents(path: Path, place: Path, others: Path | None) -> Contents:
-    """Return what is in a file, by the pages that were not committed if there is more in them."""
+def _contents(path: Path, place: Path) -> Contents:
     with open_plain(place) as file:
         size = file.seek(0, 2)
-    if not size and others is None:
+    if not size:
         raise NotALogError(path, f'it should be {_KIND}, and is empty')
     try:
-        committed = _by_sqlite(path, place, size)
-    except (sqlite3.Error, RowsError) as error:
-        return _damaged(path, others or place, printable(error))
-    if others is None:
-        return committed
-    last = max((piece.last for piece in committed.rows.pieces), default=0)
-    more = _by_pages(others, last)
-    count = more.rows.count
-    if not count:
-        return committed
-    committed.rows = RowsBehind(committed.rows, more.rows)
-    committed.described.topics = more.described.topics | committed.described.topics
-    committed.holes += more.holes
-    committed.losses += more.losses
-    were = verb(count, 'message in it was', 'messages in it were')
-    committed.remarks.append(f'{count} {were} not committed, and read as well')
-    return committed
+        return _read(path, place, size)
+    except DatabaseError as error:
+        raise NotALogError(path, _refusal(path, str(error))) from None
 
 
-def _by_sqlite(path: Path, place: Path, size: int) -> Contents:
-    """Return what SQLite reads; it raises, as the rows do, if that cannot be relied on."""
-    with closing(connect(place)) as connection:
+def _read(path: Path, place: Path, size: int) -> Contents:
+    """Return what SQLite reads; a DatabaseError if that cannot be relied on."""
+    with database(place) as connection:
         is_bag = columns(connection, 'messages') >= _MESSAGES
         if not (is_bag and columns(connection, 'topics') >= _TOPICS):
             raise NotALogError(path, _no_bag(path, table_names(connection)))
         said = described(connection)
-    rows = SqlRows(place, size)
-    losses = list(said.problems)
+    rows = MessageRows(place, size)
+    losses = [*said.problems, *_uncommitted(place, size)]
     if rows.unsound:
         losses.append(f'{rows.unsound} rows of its table of messages hold no message')
     return Contents(rows, said, losses=losses)
+
+
+def _uncommitted(place: Path, size: int) -> list[str]:
+    """Return a line on the pages behind the size in the header: they were not committed."""
+    with open_plain(place) as file:
+        page_size, pages = _HEADER.unpack(file.read(_HEADER.size))
+    more = size // (page_size if page_size > 1 else 65536) - pages
+    if more <= 0:
+        return []
+    return [f'{counted(more, "page")} behind its last commit {verb(more, "is", "are")} left out']
+
+
+def _refusal(path: Path, reason: str) -> str:
+    """Return why a file is refused, and how SQLite itself may salvage it."""
+    source, copy = (shlex.quote(str(file)) for file in (path, _recovered(path)))
+    command = printable(f'sqlite3 {source} .recover | sqlite3 {copy}', _MAX_COMMAND)
+    return f'SQLite refuses it ({reason}); `{command}` may salvage a part of it'
+
+
+def _recovered(path: Path) -> Path:
+    return path.with_name(f'{path.stem}_recovered.db3')
 
 
 def _no_bag(path: Path, names: list[str]) -> str:
@@ -145,33 +150,3 @@ def _no_bag(path: Path, names: list[str]) -> str:
         )
     tables = listed(names)
     return f"it is SQLite, but no bag: its tables ({tables}) are not rosbag2's topics and messages"
-
-
-def _damaged(path: Path, place: Path, reason: str) -> Contents:
-    found = _by_pages(place)
-    if not found.rows.pieces:
-        raise NotALogError(
-            path, f'it should be {_KIND}, but {reason}, and there is no message in its pages'
-        )
-    found.losses.insert(0, f'{reason}; its pages were gone through one by one')
-    return found
-
-
-def _by_pages(place: Path, behind: int = 0) -> Contents:
-    """Return what is found without SQLite, page by page, behind the message of a number."""
-    rows = PagedRows(place, behind)
-    leaves, form = rows.leaves, rows.form
-    losses = [] if form.sound else ['its first bytes are not those of SQLite']
-    if form.said > rows.pages:
-        missing = form.said - rows.pages
-        losses.append(f'it is cut off: {missing} of its {form.said} pages are missing')
-    if leaves.missing:
-        are = verb(leaves.missing, 'message is', 'messages are')
-        losses.append(
-            f'{leaves.missing} {are} missing by the numbers, '
-            f'the first behind number {leaves.missing_behind}'
-        )
-    if rows.broken:
-        losses.append(f'{counted(rows.broken, "row")} cannot be read')
-    losses += rows.described.problems
-    return Contents(rows, rows.described, losses=losses, holes=leaves.holes)

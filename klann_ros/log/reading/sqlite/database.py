@@ -6,8 +6,12 @@ when a statement is prepared, before anything of it runs (https://www.sqlite.org
 The file is opened immutable, so that nothing is made beside it and no lock is waited for.
 """
 
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 import sqlite3
+
+from klann_ros.untrusted.text import printable
 
 TABLES = ('topics', 'messages', 'message_definitions', 'metadata')
 """What is read of a bag."""
@@ -24,40 +28,42 @@ _SETTINGS = (
 )
 
 
-def connect(path: Path) -> sqlite3.Connection:
+class DatabaseError(Exception):
+    """SQLite cannot read the file, or its rows are inconsistent; the text says why."""
+
+
+@contextmanager
+def database(path: Path) -> Iterator[sqlite3.Connection]:
     """
-    Open an SQLite file as it is, without what may be in a journal beside it; texts are bytes.
+    Open an SQLite file without the journal beside it; texts are returned as bytes.
 
     Raises
     ------
-    sqlite3.Error
-        It cannot be opened.
+    DatabaseError
+        It cannot be opened, or SQLite refuses it while it is open.
 
     """
     uri = f'{path.absolute().as_uri()}?mode=ro&immutable=1'
-    # Who reads ahead for a player is another thread than who opened the log.
-    connection = sqlite3.connect(uri, uri=True, isolation_level=None, check_same_thread=False)
     try:
-        connection.text_factory = bytes
-        for setting in _SETTINGS:
-            connection.execute(setting).close()
-        connection.set_authorizer(_authorize)
-    except sqlite3.Error:
-        connection.close()
-        raise
-    return connection
+        with closing(sqlite3.connect(uri, uri=True, isolation_level=None)) as connection:
+            connection.text_factory = bytes
+            for setting in _SETTINGS:
+                connection.execute(setting).close()
+            connection.set_authorizer(_authorize)
+            yield connection
+    except (sqlite3.Error, UnicodeDecodeError) as error:
+        raise DatabaseError(reason_of(error)) from None
+
+
+def reason_of(error: Exception) -> str:
+    """Return why SQLite failed; its own message may quote names that are no UTF-8."""
+    if isinstance(error, UnicodeDecodeError):
+        return 'its schema is damaged: a name in it is no UTF-8 text'
+    return printable(error)
 
 
 def columns(connection: sqlite3.Connection, table: str) -> frozenset[str]:
-    """
-    Return the columns of one of TABLES; none if there is no such table of real rows by number.
-
-    Raises
-    ------
-    sqlite3.Error
-        The schema cannot be read.
-
-    """
+    """Return the columns of one of TABLES; none if there is no such table with numbered rows."""
     own = f"type = 'table' AND name = '{table}'"
     query = f'SELECT rootpage FROM {_MASTER} WHERE {own}'  # noqa: S608 - one of TABLES
     root = connection.execute(query).fetchone()
@@ -72,7 +78,7 @@ def columns(connection: sqlite3.Connection, table: str) -> frozenset[str]:
 
 
 def table_names(connection: sqlite3.Connection) -> list[str]:
-    """Return the names of the first tables; raises as :func:`columns`."""
+    """Return the names of the first tables."""
     query = f"SELECT name FROM {_MASTER} WHERE type = 'table' LIMIT 5"  # noqa: S608
     return [text(name) for (name,) in connection.execute(query)]
 

@@ -1,15 +1,12 @@
 """The messages of a sound SQLite file: in pieces by their numbers, each as large as a chunk."""
 
 from collections.abc import Collection
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 import sqlite3
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
-from klann_ros.untrusted.text import printable
-
-from .database import connect
+from .database import database, DatabaseError
 
 Row: TypeAlias = tuple[int, int, bytes]
 
@@ -34,11 +31,9 @@ SELECT topic, sound, count(*), min(time), max(time), min(id), max(id), sum(size)
     {_FROM} WHERE id >= ? ORDER BY id LIMIT ?
 ) GROUP BY topic, sound
 """  # noqa: S608 - nothing of it is a stranger's
+# Limited: pages that are linked repeatedly hold endless rows.
+_COUNT = f'SELECT count(*) FROM (SELECT 1 {_FROM} LIMIT ?)'  # noqa: S608 - our own
 _READ = f'SELECT topic_id, timestamp, data {_FROM} WHERE id BETWEEN ? AND ? AND {_SOUND}'
-
-
-class RowsError(Exception):
-    """The rows cannot be relied on; the text says why."""
 
 
 @dataclass(frozen=True)
@@ -63,28 +58,9 @@ class RowRange:
         return f'messages {self.first} to {self.last}'
 
 
-class MessageRows(Protocol):
-    """The messages of a file, however they are found; a row is topic, time [ns] and bytes."""
-
-    pieces: list[RowRange]
-    size: int
-    count: int
-
-    def read(self, piece: RowRange, topics: Collection[int] | None = None) -> list[Row]:
-        """
-        Return the rows of a piece, those of some topics or all, in the order of their numbers.
-
-        Raises
-        ------
-        RowsError
-            They cannot be read any more.
-
-        """
-
-
-class SqlRows:
+class MessageRows:
     """
-    The messages of a sound file, read by SQLite.
+    The messages of a file, read by SQLite; a row is topic, time [ns] and bytes.
 
     Parameters
     ----------
@@ -100,7 +76,7 @@ class SqlRows:
 
     Raises
     ------
-    RowsError
+    DatabaseError
         SQLite finds it damaged, or its rows are more than can be in it.
 
     """
@@ -110,29 +86,24 @@ class SqlRows:
         self.count = self.unsound = 0
         self._path = path
         self.size = size
-        try:
-            with closing(connect(path)) as connection:
-                self._survey(connection)
-                (rows,) = connection.execute(f'SELECT count(*) {_FROM}').fetchone()
-        except sqlite3.Error as error:
-            raise RowsError(printable(error)) from None
-        if rows != self.count + self.unsound:
-            raise RowsError('its rows are out of order')
+        with database(path) as connection:
+            self._survey(connection)
+            expected = self.count + self.unsound
+            (rows,) = connection.execute(_COUNT, (expected + 1,)).fetchone()
+        if rows != expected:
+            raise DatabaseError('its rows are out of order')
 
     def read(self, piece: RowRange, topics: Collection[int] | None = None) -> list[Row]:
-        """Return the rows of a piece, those of some topics or all; raises RowsError."""
+        """Return the rows of a piece, those of some topics or all; raises DatabaseError."""
         wanted = piece.topics if topics is None else piece.topics & set(topics)
         if not wanted:
             return []
         query = _READ
         if wanted != piece.topics:
             query += f' AND topic_id IN ({",".join(map(str, sorted(wanted)))})'
-        try:
-            with closing(connect(self._path)) as connection:
-                ends = piece.first, piece.last
-                return connection.execute(f'{query} ORDER BY id', ends).fetchall()
-        except sqlite3.Error as error:
-            raise RowsError(printable(error)) from None
+        with database(self._path) as connection:
+            ends = piece.first, piece.last
+            return connection.execute(f'{query} ORDER BY id', ends).fetchall()
 
     def _survey(self, connection: sqlite3.Connection) -> None:
         """Cut the table into pieces; their sizes follow those of the messages before."""
@@ -148,7 +119,7 @@ class SqlRows:
                 continue
             first, last = min(row[5] for row in found), max(row[6] for row in found)
             if first < following or numbers < rows or rows > last - first + 1:
-                raise RowsError('its rows are out of order')
+                raise DatabaseError('its rows are out of order')
             self._check_size(rows, done + size)
             self._take(found, first, last, done)
             done += size
@@ -161,7 +132,7 @@ class SqlRows:
         """Refuse more rows than can be in the file: its pages may lie in one another."""
         least = size + _LEAST * (self.count + self.unsound + rows)
         if least > self.size:
-            raise RowsError('its rows are larger than the file')
+            raise DatabaseError('its rows are larger than the file')
 
     def _take(self, found: list[tuple[int, ...]], first: int, last: int, offset: int) -> None:
         sound = [row for row in found if row[1]]
@@ -172,33 +143,3 @@ class SqlRows:
             start, end = min(row[3] for row in sound), max(row[4] for row in sound)
             topics = frozenset(row[0] for row in sound)
             self.pieces.append(RowRange(first, last, start, end, topics, count, offset))
-
-
-class RowsBehind:
-    """
-    The messages of a file, and behind them others that were found in another way.
-
-    Parameters
-    ----------
-    rows, others
-        Both; all numbers of the others are higher.
-
-    Attributes
-    ----------
-    pieces, size, count
-        Of both.
-
-    """
-
-    def __init__(self, rows: MessageRows, others: MessageRows) -> None:
-        self.pieces = [*rows.pieces, *others.pieces]
-        self.size = max(rows.size, others.size)
-        self.count = rows.count + others.count
-        self._rows = rows
-        self._others = others
-        self._last = max((piece.last for piece in rows.pieces), default=-(2**63))
-
-    def read(self, piece: RowRange, topics: Collection[int] | None = None) -> list[Row]:
-        """Return the rows of a piece, those of some topics or all; raises RowsError."""
-        rows = self._rows if piece.last <= self._last else self._others
-        return rows.read(piece, topics)

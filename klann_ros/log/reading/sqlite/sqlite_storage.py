@@ -15,7 +15,8 @@ from klann_ros.untrusted.text import counted, printable, verb
 import numpy as np
 
 from .contents import contents_of
-from .rows import Row, RowRange, RowsError
+from .database import DatabaseError
+from .rows import Row, RowRange
 
 _time_of = itemgetter(1)
 
@@ -39,7 +40,7 @@ class SqliteStorage:
         self.problems = Problems()
         for text in (*self.contents.remarks, *self.contents.losses):
             self.problems.note_whole(text)
-        self.holes = set(self.contents.holes)
+        self.holes: set[tuple[int, int]] = set()
         self._channels = {
             number: channel for channel, number in enumerate(self.contents.described.topics)
         }
@@ -99,7 +100,7 @@ class SqliteStorage:
         """Return the rows of a piece whose topics are known."""
         try:
             rows = self.contents.rows.read(piece, topics)
-        except RowsError as error:
+        except DatabaseError as error:
             self.problems.note_whole(f'{piece} are left out: {error}')
             return []
         if topics is None and len(rows) < piece.count:
@@ -143,7 +144,7 @@ class SqliteSalvage:
         for piece in rows.pieces:
             try:
                 found = rows.read(piece)
-            except RowsError as error:
+            except DatabaseError as error:
                 self.lost.append(f'{self._file.name}: {piece}: {error}')
                 continue
             damaged += piece.count - len(found)

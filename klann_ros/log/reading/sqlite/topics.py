@@ -9,7 +9,6 @@ from klann_ros.log.errors import UnknownTypeError
 from klann_ros.log.records import Topic
 
 from .database import columns, text
-from .records import Field
 
 # A column that a table does not have is '' in each row.
 _TOPICS = (
@@ -24,6 +23,8 @@ _DEFINITIONS = ('topic_type', 'encoding', 'encoded_message_definition')
 _METADATA = ('metadata',)
 _MAX_SIZE = 32 * 1024 * 1024
 _MAX_TOPICS = 65535
+# Charged for each row: pages that are linked repeatedly hold endless rows of no text [bytes].
+_ROW_SIZE = 64
 _ENCODINGS = ('ros2msg', 'ros2idl')
 
 
@@ -76,69 +77,13 @@ class Described:
 
 
 def described(connection: sqlite3.Connection) -> Described:
-    """
-    Return what a bag says of its topics and of itself.
-
-    Raises
-    ------
-    sqlite3.Error
-        It cannot be read.
-
-    """
+    """Return what a bag says of its topics and of itself."""
     found = Described()
     definitions = _rows(connection, 'message_definitions', _DEFINITIONS, found)
     texts = _definitions(tuple(map(text, row)) for row in definitions)
     found.add_topics(_rows(connection, 'topics', _TOPICS, found), texts)
     found.metadata = [text(row[0]) for row in _rows(connection, 'metadata', _METADATA, found)]
     return found
-
-
-class Words:
-    """
-    MessageRows of texts that were found without knowing of which table they are.
-
-    Parameters
-    ----------
-    encoding
-        How the texts are written.
-
-    """
-
-    def __init__(self, encoding: str) -> None:
-        self._encoding = encoding
-        self._left = _MAX_SIZE
-        self._topics: list[tuple[object, ...]] = []
-        self._definitions: list[tuple[str, ...]] = []
-        self._metadata: list[str] = []
-
-    def want(self, size: int, columns: list[Field]) -> bool:
-        """Return whether a row of this size [bytes] may be of a table that tells of the bag."""
-        return size <= self._left and len(columns) > 2 and not columns[0].kind
-
-    def take(self, number: int, record: bytes, columns: list[Field]) -> None:
-        """Take a row by its number that was wanted."""
-        self._left -= len(record)
-        texts = [
-            column.raw(record).decode(self._encoding, 'replace') if column.is_text else None
-            for column in columns[1:]
-        ]
-        known = [item for item in texts if item is not None]
-        if len(columns) == 3 and columns[1].is_integer and known:
-            self._metadata.append(known[0])
-        elif len(known) < 3 or len(known) != len(texts):
-            return
-        elif known[1] in _ENCODINGS and len(known) == 4:
-            self._definitions.append(tuple(known[:3]))
-        else:
-            missing = len(_TOPICS) - 1 - len(known)
-            self._topics.append((number, *known, *[''] * missing))
-
-    def described(self) -> Described:
-        """Return what the rows say."""
-        found = Described()
-        found.add_topics(iter(self._topics), _definitions(iter(self._definitions)))
-        found.metadata = self._metadata
-        return found
 
 
 def _definitions(rows: Iterator[tuple[str, ...]]) -> dict[str, tuple[str, str]]:
@@ -161,7 +106,7 @@ def _rows(
     size = 0
     query = f'SELECT {selected} FROM {table} NOT INDEXED ORDER BY id'  # noqa: S608 - our own
     for row in connection.execute(query):
-        size += sum(len(item) for item in row if isinstance(item, bytes))
+        size += _ROW_SIZE + sum(len(item) for item in row if isinstance(item, bytes))
         if size > _MAX_SIZE:
             found.problems.append(f'there are more than {_MAX_SIZE} bytes of {table}')
             return
