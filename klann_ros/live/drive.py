@@ -36,7 +36,7 @@ class CrankDrive:
     heard: float = 0.0
     _turned: float = 0.0
 
-    def take(self, owner: int, angle: float, now: float) -> None:
+    def take(self, owner: int, now: float, angle: float) -> None:
         """Give it to a page, at the angle where the crank is."""
         self.owner, self.angle, self.speed = owner, angle, 0.0
         self.heard = self._turned = now
@@ -94,7 +94,7 @@ class WalkDrive:
     # When the page was heard of last [s].
     heard: float = 0.0
 
-    def take(self, owner: int, now: float) -> None:
+    def take(self, owner: int, now: float, _: float = 0.0) -> None:
         """Give it to a page, at rest."""
         self.owner, self.forward, self.turn, self.heard = owner, 0.0, 0.0, now
 

@@ -102,7 +102,7 @@ def test_a_drive_is_lost_within_half_a_second_of_silence() -> None:
     for drive in (CrankDrive(), WalkDrive()):
         assert not drive.is_lost(1e9)
         if isinstance(drive, CrankDrive):
-            drive.take(7, 1.0, 100.0)
+            drive.take(7, 100.0, 1.0)
         else:
             drive.take(7, 100.0)
         assert not drive.is_lost(100.0 + PATIENCE)
@@ -113,7 +113,7 @@ def test_a_drive_is_lost_within_half_a_second_of_silence() -> None:
 
 def test_a_crank_is_taken_where_it_is_and_turns_from_there() -> None:
     drive = CrankDrive()
-    drive.take(1, 2.0, 10.0)
+    drive.take(1, 10.0, 2.0)
     assert drive.advance(11.0) == 2.0
     drive.spin(3.0, 12.0)
     assert drive.advance(13.0) == 5.0

@@ -24,51 +24,91 @@ class Drive {
     this.state = byId(state);
     this.told = null;
     this.refusal = '';
+    // Why this page drives no more, where only it knows; until somebody drives.
+    this.note = '';
+    this.wasMine = false;
     this.button.addEventListener('click', () => this.toggle());
   }
 
-  get isMine() {
+  /** Whether this page has it, or waits for others to yield. */
+  get isOwner() {
     return Boolean(this.told && this.live.you && this.told.owner === this.live.you.page);
   }
 
-  /** Take what view_node tells of it; null where there is none. */
+  get isMine() {
+    return this.isOwner && !this.told.taking;
+  }
+
+  /** Take the state that view_node reports; null where there is nothing to drive. */
   tell(told) {
     this.told = told;
+    if (told && told.owner !== null) this.note = '';
     const may = Boolean(told && this.live.you && this.live.you.may);
     this.button.disabled = !may;
-    this.button.textContent = this.isMine ? 'Let go' : 'Take over';
-    this.button.setAttribute('aria-pressed', String(this.isMine));
+    this.button.textContent = this.isOwner ? 'Let go' : 'Take over';
+    this.button.setAttribute('aria-pressed', String(this.isOwner));
     const text = this.words(may);
     if (this.state.textContent !== text) this.state.textContent = text;
+    this.state.classList.toggle('lost', this.isLoser && Boolean(told.why));
     this.enable(this.isMine);
+    if (this.isMine && !this.wasMine) this.state.closest('.card').scrollIntoView({ block: 'nearest' });
+    this.wasMine = this.isMine;
+  }
+
+  get isLoser() {
+    return Boolean(this.told && this.live.you && this.told.loser === this.live.you.page);
   }
 
   words(may) {
     const { told } = this;
     if (!told) return this.none;
     if (this.refusal) return this.refusal;
-    const names = told.others.join(', ');
-    if (this.isMine) {
-      const clash = names && ` ${names} drives it as well: stop that, or both pull at it.`;
-      return `This page drives ${told.topic}.${clash}`;
+    const { topic } = told;
+    const rest = told.publishers.filter((name) => !told.yielded.includes(name));
+    if (this.isOwner && told.taking) {
+      return `Nothing moves yet: waiting until ${listed(rest) || 'all publishers'} ${rest.length > 1 ? 'yield' : 'yields'}.`;
     }
-    if (told.owner !== null) return `Another page drives ${told.topic}.`;
-    if (told.why) return `This page drives nothing: ${told.why}.`;
-    const who = names ? `Driven by ${names}.` : `Nobody drives ${told.topic}.`;
-    return may
-      ? `${who} This page drives nothing until you take over.`
-      : `${who} This page may only look; the whole address that view_node printed may drive.`;
+    if (this.isOwner) {
+      const yielded = told.yielded.length
+        ? ` ${listed(told.yielded)} ${verb(told.yielded, 'has', 'have')} yielded and ${verb(told.yielded, 'resumes', 'resume')} when you let go.`
+        : '';
+      const idle = rest.length ? ` ${listed(rest)} cannot yield, but ${verb(rest, 'is', 'are')} silent.` : '';
+      return `This page drives ${topic}.${yielded}${idle}`;
+    }
+    if (told.owner !== null) {
+      return this.isLoser
+        ? `Another page has taken over: it drives ${topic}, this page no longer does.`
+        : `Another page drives ${topic}.`;
+    }
+    const stopped = this.isLoser && told.why ? told.why : this.note;
+    if (stopped) return `This page drives nothing: ${stopped}.`;
+    if (told.elsewhere) return `${told.elsewhere} drives ${topic}.`;
+    const names = told.publishers;
+    const who = names.length ? `Published by ${listed(names)}.` : `No node publishes ${topic}.`;
+    if (!may) {
+      return `${who} This page may only look; the whole address that view_node printed may drive.`;
+    }
+    const { foreign } = told;
+    if (foreign.length) {
+      return `${who} ${listed(foreign)} cannot yield: while ${verb(foreign, 'it sends', 'they send')}, this page cannot drive.`;
+    }
+    return `${who} This page drives nothing until you take over${names.length ? `; then ${listed(names)} ${verb(names, 'yields', 'yield')}` : ''}.`;
   }
 
   async toggle() {
     if (!this.told) return;
-    const wish = { do: this.isMine ? 'release' : 'take', what: this.told.what };
+    const wish = { do: this.isOwner ? 'release' : 'take', what: this.told.what };
+    this.note = '';
+    // From now on, not from when view_node has answered.
+    if (!this.isOwner) this.live.connection.drives = true;
     const answer = await this.live.want(wish);
     this.refusal = answer.done ? '' : answer.said;
   }
 
-  release() {
-    if (this.isMine) this.live.want({ do: 'release', what: this.told.what });
+  release(why) {
+    if (!this.isOwner) return;
+    this.live.want({ do: 'release', what: this.told.what });
+    this.note = why;
   }
 
   async want(wish) {
@@ -78,6 +118,14 @@ class Drive {
   }
 }
 
+function listed(names) {
+  return names.join(', ');
+}
+
+function verb(names, one, many) {
+  return names.length === 1 ? one : many;
+}
+
 class CrankDrive extends Drive {
   constructor(live) {
     super(live, 'crank', 'take', 'crank-state');
@@ -85,12 +133,23 @@ class CrankDrive extends Drive {
     this.slider = byId('angle');
     this.speed = byId('speed');
     this.halt = byId('halt');
+    this.fold = byId('crank-fold');
+    this.isFolded = false;
     this.leg = null;
     this.track = null;
     this.held = 0;
     this.slider.addEventListener('input', () => this.turn());
     this.speed.addEventListener('input', () => this.spin(Number(this.speed.value)));
     this.halt.addEventListener('click', () => this.spin(0));
+  }
+
+  /** On a walker the walk comes first: the crank only on request. */
+  foldIf(isWalker) {
+    if (isWalker === this.isFolded) return;
+    this.isFolded = isWalker;
+    this.fold.classList.toggle('folds', isWalker);
+    this.fold.open = !isWalker;
+    byId('crank-consequence').hidden = !isWalker;
   }
 
   enable(isMine) {
@@ -156,12 +215,24 @@ class WalkDrive extends Drive {
   tell(told) {
     byId('walk-card').hidden = !told;
     super.tell(told);
+    this.mark();
   }
 
   enable(isMine) {
     for (const button of this.buttons) button.disabled = !isMine;
     this.stick.classList.toggle('off', !isMine);
     if (!isMine) this.keys.clear();
+  }
+
+  /** Show which buttons and keys are down, and the command that they make. */
+  mark() {
+    const held = [...this.keys.values()].map(String);
+    for (const button of this.buttons) {
+      button.classList.toggle('down', held.includes(String(button.dataset.walk.split(',').map(Number))));
+    }
+    const [forward, turn] = this.command();
+    const text = this.isMine ? `Commanded: ${forward.toFixed(2)} m/s, ${turn.toFixed(2)} rad/s` : '';
+    if (byId('walk-command').textContent !== text) byId('walk-command').textContent = text;
   }
 
   key(event, isDown) {
@@ -219,13 +290,20 @@ class WalkDrive extends Drive {
     this.walk();
   }
 
-  walk() {
+  /** Return the velocities that the keys, buttons and the stick ask for [m/s], [rad/s]. */
+  command() {
     let [forward, turn] = [0, 0];
     for (const [u, v] of this.keys.values()) {
       forward += u;
       turn += v;
     }
     const within = (value) => Math.max(-1, Math.min(1, value));
-    this.want({ do: 'walk', value: WALK_SPEED * within(forward), turn: WALK_TURN * within(turn) });
+    return [WALK_SPEED * within(forward), WALK_TURN * within(turn)];
+  }
+
+  walk() {
+    this.mark();
+    const [value, turn] = this.command();
+    this.want({ do: 'walk', value, turn });
   }
 }

@@ -15,13 +15,15 @@ class Live {
     this.version = -1;
     this.shown = '';
     this.tiles = [];
+    this.views = [];
+    this.ground = new Ground();
     this.cards = new Map();
     this.drawn = [];
     this.read = 0;
     this.crank = new CrankDrive(this);
     this.walk = new WalkDrive(this);
     this.lengths = new LengthFields(this, byId('lengths'), byId('lengths-state'));
-    document.addEventListener('visibilitychange', () => document.hidden && this.letGo());
+    document.addEventListener('visibilitychange', () => document.hidden && this.letGo('it was hidden'));
     onThemeChange(() => this.history && (this.history.last = 0));
     this.connection = new Connection(
       (frame) => this.draw(frame),
@@ -38,15 +40,17 @@ class Live {
     return this.connection.want(wish);
   }
 
-  letGo() {
-    this.crank.release();
-    this.walk.release();
+  letGo(why) {
+    for (const drive of [this.crank, this.walk]) drive.release(why);
   }
 
   connected(isThere, why) {
     this.isThere = isThere;
     this.why = why;
     if (!isThere) {
+      for (const drive of [this.crank, this.walk]) {
+        if (drive.isOwner) drive.note = 'its connection was lost';
+      }
       this.you = null;
       this.version = -1;
       this.tellDrives([]);
@@ -136,7 +140,8 @@ class Live {
     for (const card of document.querySelectorAll('[data-of=walker]')) card.hidden = mounts.length < 2;
     this.views = mounts.length < 2
       ? []
-      : Object.keys(VIEWS).map((view) => new WalkerPicture(byId(view), view, mounts));
+      : Object.keys(VIEWS).map((view) => new WalkerPicture(byId(view), view, mounts, this.ground));
+    if (this.views.length) byId('grid').textContent = String(Number(this.views[0].grid.toPrecision(1)));
     const still = drawable.find((leg) => leg.key === this.shown) || drawable[0];
     this.leg = null;
     if (still) this.choose(still.key);
@@ -180,8 +185,13 @@ class Live {
       this.crank.track = this.trackOf(this.leg);
     }
     this.crank.tell(crank || null);
-    this.walk.tell(drives.find((one) => one.kind === 'walk') || null);
-    this.connection && (this.connection.drives = this.crank.isMine || this.walk.isMine);
+    const walk = drives.find((one) => one.kind === 'walk') || null;
+    this.crank.foldIf(Boolean(walk) && this.views.length > 0);
+    this.walk.tell(walk);
+    const isOwner = this.crank.isOwner || this.walk.isOwner;
+    document.body.classList.toggle('drives', isOwner);
+    document.body.classList.toggle('walks', this.views.length > 0);
+    if (this.connection) this.connection.drives = isOwner;
   }
 
   tellMachines(machines) {
@@ -217,8 +227,10 @@ class Live {
     const isRead = now - this.read >= READ_PERIOD;
     if (isRead) this.read = now;
     if (isRead) for (const { leg, picture } of this.tiles) picture.show(this.trackOf(leg));
+    const odom = this.odomOf(poses.odom || {});
+    this.ground.move(odom);
     if (isRead || this.legs.length <= MANY_LEGS) {
-      for (const picture of this.views || []) picture.show((leg) => this.trackOf(leg));
+      for (const picture of this.views) picture.show((leg) => this.trackOf(leg));
     }
     if (!this.leg) return;
     const track = this.trackOf(this.leg);
@@ -227,12 +239,16 @@ class Live {
     if (!isRead) return;
     this.crank.follow();
     this.caption(track);
-    const [odom] = Object.values(poses.odom || {});
-    if (odom) {
-      const [x, y, yaw] = odom;
-      byId('odometry').textContent =
-        `Odometry: x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, heading ${degrees(yaw).toFixed(0)}°`;
-    }
+    byId('odometry').textContent = this.ground.text;
+  }
+
+  /** Return the odometry in the walker's namespace, or the only one there is. */
+  odomOf(odoms) {
+    const [leg] = this.views.length ? this.views[0].legs : [];
+    const parent = (name) => name.slice(0, name.lastIndexOf('/'));
+    const names = Object.keys(odoms);
+    const own = leg && names.find((name) => parent(name) === parent(leg.solver.node));
+    return odoms[own || (names.length === 1 ? names[0] : '')];
   }
 
   caption(track) {

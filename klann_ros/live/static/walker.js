@@ -1,9 +1,53 @@
 'use strict';
-/* All legs of a walker in base_link, from the side and from above. */
+/* All legs of a walker in base_link, from the side and from above, on ground that moves by odom. */
+
+// A point of the path walked is kept every so many metres [m].
+const PATH_STEP = 0.01;
+const PATH_POINTS = 2000;
+// A step of the odometry that no walker makes: it was reset [m].
+const JUMP = 0.5;
+
+/** The ground under a walker, by its odometry. */
+class Ground {
+  constructor() {
+    this.place = null;
+    this.travel = 0;
+    this.path = [];
+  }
+
+  /** Take x, y [m] and heading [rad] of the walker, if there are any. */
+  move(odom) {
+    if (!odom) return;
+    const [x, y, yaw] = odom;
+    const [u, v] = this.place ? [x - this.place[0], y - this.place[1]] : [0, 0];
+    if (Math.hypot(u, v) > JUMP) this.path = [];
+    else this.travel += u * Math.cos(yaw) + v * Math.sin(yaw);
+    this.place = [x, y, yaw];
+    const last = this.path[this.path.length - 1];
+    if (!last || Math.hypot(x - last[0], y - last[1]) > PATH_STEP) this.path.push([x, y]);
+    if (this.path.length > PATH_POINTS) this.path.splice(0, PATH_POINTS / 10);
+  }
+
+  /** Return where a point of the ground is in base_link, seen from above. */
+  seen([x, y]) {
+    const [left, bottom, yaw] = this.place;
+    const [u, v] = [x - left, y - bottom];
+    const [c, s] = [Math.cos(yaw), Math.sin(yaw)];
+    return [c * u + s * v, c * v - s * u];
+  }
+
+  get text() {
+    if (!this.place) return 'No odometry: the ground stands still.';
+    const [x, y, yaw] = this.place;
+    return `Odometry: x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, heading ${degrees(yaw).toFixed(0)}°`;
+  }
+}
 
 class WalkerPicture {
-  constructor(svg, view, legs) {
+  constructor(svg, view, legs, ground) {
     this.svg = svg;
+    this.ground = ground;
+    this.isAbove = view === 'above';
     this.view = VIEWS[view];
     // From the side, those of the left are behind the others.
     this.legs = [...legs].sort((a, b) => b.mount.xyz[1] - a.mount.xyz[1]);
@@ -15,6 +59,11 @@ class WalkerPicture {
       return mounted(box, leg.mount).map(this.view);
     });
     this.drawing = new Drawing(svg, planeAround(corners, { width: 640, margin: 30 }));
+    const { width, scale } = this.drawing.plane;
+    // Between lines of the ground [m]: about a tenth of what is seen.
+    this.grid = 10 ** Math.round(Math.log10(width / scale / 10));
+    this.lines = this.drawing.add('path', 'ground');
+    this.walked = this.drawing.add('path', 'walked');
     this.drawBody();
     this.trails = this.legs.map(() => this.drawing.add('path', 'trail thin'));
     this.bodies = this.legs.map((leg) => {
@@ -38,15 +87,50 @@ class WalkerPicture {
     body.setAttribute('rx', 12);
   }
 
+  /** Move the ground: from above a grid and the path walked, from the side a line with marks. */
+  showGround(lowest) {
+    const { ground, drawing, grid } = this;
+    const { left, top, scale, width, height } = drawing.plane;
+    const [right, bottom] = [left + width / scale, top - height / scale];
+    if (!this.isAbove) {
+      if (!Number.isFinite(lowest)) return;
+      const parts = [drawing.line([[left, lowest], [right, lowest]])];
+      for (let k = Math.ceil((left + ground.travel) / grid); k * grid < right + ground.travel; k += 1) {
+        const x = k * grid - ground.travel;
+        parts.push(drawing.line([[x, lowest], [x - 0.25 * grid, lowest - 0.25 * grid]]));
+      }
+      this.lines.setAttribute('d', parts.join(''));
+      return;
+    }
+    if (!ground.place) return;
+    const [x, y] = ground.place.map((value) => Math.round(value / grid));
+    const reach = Math.hypot(right - left, top - bottom);
+    const count = Math.ceil(reach / grid);
+    const parts = [];
+    for (let i = -count; i <= count; i += 1) {
+      for (const ends of [[[i, -count], [i, count]], [[-count, i], [count, i]]]) {
+        parts.push(drawing.line(ends.map(([u, v]) => ground.seen([(x + u) * grid, (y + v) * grid]))));
+      }
+    }
+    this.lines.setAttribute('d', parts.join(''));
+    const at = [...ground.path, ground.place.slice(0, 2)].map((point) => ground.seen(point));
+    this.walked.setAttribute('d', drawing.line(at));
+  }
+
   /** Show the legs; `trackOf` returns the track of one. */
   show(trackOf) {
+    let lowest = Infinity;
     this.bodies.forEach((body, i) => {
       const track = trackOf(this.legs[i]);
       const { points } = track;
       const place = (some) => mounted(some, this.legs[i].mount).map(this.view);
       body.show(points && place(points));
+      if (points && !this.isAbove) {
+        for (const [, z] of place([track.foot])) lowest = Math.min(lowest, z);
+      }
       const trail = track.trail(TRAIL);
       this.trails[i].setAttribute('d', this.drawing.line(trail.length ? place(trail) : []));
     });
+    this.showGround(lowest);
   }
 }

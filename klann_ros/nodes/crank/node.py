@@ -3,10 +3,12 @@
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from math import inf, isfinite
+from math import copysign, inf, isfinite, remainder
 from typing import Any, TYPE_CHECKING
 
+from klann_ros.kinematics.angles import TURN
 from klann_ros.nodes.endpoints import create_publisher, flush, QOS_USAGE
+from klann_ros.nodes.lease import leased_topic, LeaseListener
 from klann_ros.nodes.parameters import declare, must, StartError, usage
 from klann_ros.nodes.process import arguments, Finish, run
 from klann_ros.stop_signals import StopSignals
@@ -20,17 +22,24 @@ from std_msgs.msg import Float64
 from .motion import CrankMotion, CrankMotionError, MOTION, PARAMETERS
 
 if TYPE_CHECKING:
+    from rclpy.subscription import Subscription
     from rclpy.time import Time
 
 # Time for a subscriber to match the publisher once the publisher knows of it [s].
 SETTLE = 0.3
 # A node that was stopped for longer than this goes on from where it was, without a burst [s].
 LONGEST_CATCH_UP = 0.5
+# After a driver has left elsewhere: how fast a motion within bounds returns to them [rad/s].
+RETURN_RATE = 1.0
 
 
 class CrankNode(Node):
     """
     Publish the crank's angle; the n-th is a function of n / rate alone.
+
+    While a driver holds the lease of the topic nothing is published. Afterwards the motion goes on
+    from the last angle of the driver: `constant` from there on; the others, which have bounds,
+    return to them at RETURN_RATE.
 
     Parameters
     ----------
@@ -61,6 +70,15 @@ class CrankNode(Node):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._n = 0
         self._begin: Time | None = None
+        # What is added to the motion since a driver has turned the crank [rad].
+        self._offset = 0.0
+        self._is_bounded = values['mode'] != 'constant'
+        self._driver_angle: float | None = None
+        self._driver_input: Subscription | None = None
+        self._topic = leased_topic(self._publisher.topic_name)
+        self._lease: LeaseListener | None = None
+        if self._topic:
+            self._lease = LeaseListener(self, self._topic, self._on_lease)
         self._waiting = self.create_timer(0.02, self._wait, clock=self._steady)
         self.get_logger().info(f'ready: {self._summary(values)}')
 
@@ -99,7 +117,8 @@ class CrankNode(Node):
     def _wait(self) -> None:
         """Begin once enough subscribers listen."""
         now = self._steady.now()
-        if self._publisher.get_subscription_count() < self._min_subscribers:
+        is_alone = self._publisher.get_subscription_count() < self._min_subscribers
+        if is_alone or self._is_driven:
             self._begin = None
         elif self._begin is None:
             self._begin = now + Duration(seconds=SETTLE if self._min_subscribers else 0.0)
@@ -112,6 +131,8 @@ class CrankNode(Node):
 
     def _tick(self) -> None:
         """Publish what is due: a late timer catches up, so that no angle is left out."""
+        if self._is_driven:
+            return
         late = self._elapsed() - self._n / self._rate
         if late > LONGEST_CATCH_UP:
             self._begin += Duration(seconds=late)
@@ -119,12 +140,51 @@ class CrankNode(Node):
         due = int(self._elapsed() * self._rate + 1e-6) + 1
         while self._n < min(due, self._count):
             angle, rate = self._motion.at(self._n / self._rate)
-            self._publish(angle, rate, self._n / self._rate)
+            back = self._return()
+            self._publish(angle + self._offset, rate + back, self._n / self._rate)
             self._n += 1
         if self._n >= self._count:
             # The last messages are under way still.
             flush([self._publisher])
             self._finish()
+
+    @property
+    def _is_driven(self) -> bool:
+        return self._lease is not None and bool(self._lease.holder)
+
+    def _on_lease(self, driver: str) -> None:
+        """Yield to a driver, or resume where it has left the crank."""
+        if driver:
+            self.get_logger().info(f'yields to {driver}, which drives {self._topic}')
+            self._driver_input = self.create_subscription(
+                Float64, self._topic, self._on_driver_angle, 1
+            )
+            return
+        if self._driver_input is not None:
+            self.destroy_subscription(self._driver_input)
+        self._driver_input = None
+        t = self._n / self._rate
+        if self._driver_angle is not None:
+            self._offset = self._driver_angle - self._motion.at(t)[0]
+            self._driver_angle = None
+        if self._begin is not None:
+            self._begin = self._steady.now() - Duration(seconds=t)
+            self._origin = self.get_clock().now() - Duration(seconds=t)
+        self.get_logger().info('the driver has left: resumes where the crank is')
+
+    def _on_driver_angle(self, message: Float64) -> None:
+        if isfinite(message.data):
+            self._driver_angle = message.data
+
+    def _return(self) -> float:
+        """Take a step back to the motion's bounds; return the rate of that [rad/s]."""
+        if not (self._offset and self._is_bounded):
+            return 0.0
+        # Whole turns are not unwound.
+        excess = remainder(self._offset, TURN)
+        step = min(RETURN_RATE / self._rate, abs(excess))
+        self._offset -= copysign(step, excess)
+        return -copysign(step * self._rate, excess) if step else 0.0
 
     def _elapsed(self) -> float:
         return float((self._steady.now() - self._begin).nanoseconds) / 1e9

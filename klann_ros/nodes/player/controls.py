@@ -21,6 +21,7 @@ Play a run back onto its topics: the recorded bytes, with the recorded quality o
 Play under a namespace or remap, so that a replay does not meet the live topics:
   player_node runs/x --ros-args -r __ns:=/replay"""
 EPILOG = """\
+While a page of view_node drives a crank_angle or cmd_vel that the log plays, the log is paused.
 While it plays:
   services ~/pause, ~/resume, and ~/step, which plays exactly the next message of a paused log
   parameter rate: 2 is twice as fast; parameter position: set it to go there [s]
@@ -156,6 +157,9 @@ class PlayerControls:
         self._transport = transport
         self._declared = {parameter.name: parameter for parameter in parameters}
         self._shows = False
+        # Who drives what this log plays, and whether the log goes on when they leave.
+        self._drivers: dict[str, str] = {}
+        self._resumes = False
         self._actions = {
             'pause': (transport.pause, 'paused at'),
             'resume': (transport.resume, 'playing from'),
@@ -168,6 +172,21 @@ class PlayerControls:
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
 
+    def on_lease(self, topic: str, driver: str) -> None:
+        """Pause while somebody drives a topic of the log; go on when the last driver leaves."""
+        was_driven = bool(self._drivers)
+        if driver:
+            self._drivers[topic] = driver
+            self._node.get_logger().info(f'pauses: {driver} drives {topic}')
+            if not was_driven:
+                self._resumes = not self._transport.paused
+                self._transport.pause()
+            return
+        self._drivers.pop(topic, None)
+        if was_driven and not self._drivers and self._resumes:
+            self._transport.resume()
+            self._node.get_logger().info('goes on: the driver has left')
+
     def press(self, key: str) -> None:
         """Do what a key stands for, as soon as the node spins; any thread may call this."""
         self._keys.append(key)
@@ -177,6 +196,11 @@ class PlayerControls:
 
     def _do(self, name: str) -> tuple[bool, str]:
         act, said = self._actions[name]
+        if self._drivers and name != 'pause':
+            topic, driver = next(iter(self._drivers.items()))
+            return False, f'{driver} drives {topic}; the log can go on when it has left'
+        # Who pauses it while somebody drives means it to stay paused.
+        self._resumes = False
         try:
             act()
         except PlaybackError as error:

@@ -12,6 +12,7 @@ from klann_ros.log.playing.playback import length, Playback, Selection
 from klann_ros.log.reader import Log, open_log
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import REPLAYED_PARAMETER, replayed_text, SOLVER_RECORD
+from klann_ros.nodes.lease import leased_topic, LeaseListener
 from klann_ros.nodes.parameters import declare, declare_constant
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run
 from klann_ros.stop_signals import StopSignals
@@ -103,6 +104,11 @@ class PlayerNode(ProcessNode):
             paused=options.start_paused,
         )
         controls = PlayerControls(self, self._playback.transport, parameters)
+        leased = set(map(leased_topic, self._topics.published_names)) - {''}
+        self._leases = [
+            LeaseListener(self, topic, partial(controls.on_lease, topic))
+            for topic in sorted(leased)
+        ]
         self.get_logger().info(self._summary(options))
         self._warn(options)
         steady = Clock(clock_type=ClockType.STEADY_TIME)

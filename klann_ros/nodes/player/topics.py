@@ -83,6 +83,11 @@ class PlayedTopics:
         """Return the names in the log of what is played."""
         return frozenset(topic.name for topic in self._made)
 
+    @property
+    def published_names(self) -> frozenset[str]:
+        """Return the full names of the topics that are published."""
+        return frozenset(publisher.topic_name for publisher in self._made.values())
+
     def publish(self, message: Message) -> None:
         """Publish a message's bytes."""
         publisher = self._made.get(message.topic)

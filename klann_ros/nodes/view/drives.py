@@ -1,7 +1,6 @@
-"""What a page turns by itself: crank angles and velocities, published while it is there."""
+"""What pages drive: crank angles and velocities, published under a lease while a page is there."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from threading import Event, Lock, Thread
 from time import monotonic
 from typing import Any
@@ -10,44 +9,27 @@ from geometry_msgs.msg import TwistStamped
 from klann_ros.live.clients import Answer
 from klann_ros.live.drive import CrankDrive, DriveError, WalkDrive
 from klann_ros.live.protocol import Wish
+from klann_ros.live.rates import TopicFigures
 from klann_ros.nodes.endpoints import OUTPUT
+from klann_ros.nodes.lease import Lease
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
+from .driven import CRANK, Driven, Offer, WALK
 from .errands import Errands
 
 # Between messages of a crank that turns, and of what stands still or walks [s].
 _TURNING, _STANDING = 0.01, 0.05
 # A walker is told so often to stand, in case that a message is lost.
 _STOPS = 5
-CRANK, WALK = 'crank', 'walk'
-
-
-@dataclass
-class Driven:
-    """Something that a page can drive."""
-
-    # 'crank' or 'walk', and the topic.
-    kind: str
-    topic: str
-    drive: CrankDrive | WalkDrive
-    publisher: Any = None
-    # Why the last page has it no more; '' where it gave it back.
-    why: str = ''
-    # How often a walker is still told to stand.
-    stops: int = 0
-    # Who turns it beside the page.
-    others: list[str] = field(default_factory=list)
-
-    @property
-    def name(self) -> str:
-        """Return what the page calls it."""
-        return f'{self.kind}:{self.topic}'
 
 
 class Drives:
     """
     Publish for pages, from a thread of its own: neither a page nor a callback can hold it up.
+
+    A page takes a drive in two steps: the other publishers are asked to yield (lease.py); only
+    when all have yielded, or are idle, does anything move.
 
     Parameters
     ----------
@@ -56,12 +38,24 @@ class Drives:
     errands : Errands
         Makes and destroys publishers in ROS's thread.
     changed : callable
-        Is called when a drive has another owner.
+        Is called, in ROS's thread, when the state of a drive has changed.
+    crank_angle : callable
+        Returns the angle of the crank that a named drive turns [rad].
+    figures : callable
+        Returns the figures of a topic that is listened to, else None.
 
     """
 
-    def __init__(self, node: Node, errands: Errands, changed: Callable[[], object]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        errands: Errands,
+        changed: Callable[[], object],
+        crank_angle: Callable[[str], float],
+        figures: Callable[[str], TopicFigures | None],
+    ) -> None:
         self._node, self._errands, self._changed = node, errands, changed
+        self._crank_angle, self._figures = crank_angle, figures
         self._drives: dict[str, Driven] = {}
         self._lock = Lock()
         self._wake = Event()
@@ -80,40 +74,34 @@ class Drives:
         with self._lock:
             for driven in self._drives.values():
                 if driven.stops:
-                    self._publish(driven, 0.0, 0.0)
+                    self._publish_walk(driven, 0.0, 0.0)
+                if driven.lease is not None:
+                    driven.lease.release()
 
-    def offer(self, kind: str, topic: str, others: list[str]) -> None:
-        """Let pages drive a topic; `others` publish on it as well."""
+    def offer(self, offers: list[Offer]) -> None:
+        """Let pages drive these, and nothing else; to be called in ROS's thread."""
+        names = {offer.name for offer in offers}
         with self._lock:
-            driven = self._drives.get(f'{kind}:{topic}')
-            if driven is None:
-                drive: CrankDrive | WalkDrive = CrankDrive() if kind == CRANK else WalkDrive()
-                driven = Driven(kind, topic, drive)
-                self._drives[driven.name] = driven
-            driven.others = others
-
-    def forget_but(self, names: set[str]) -> None:
-        """Let pages drive no more what is not among these."""
-        with self._lock:
+            for offer in offers:
+                driven = self._drives.get(offer.name)
+                if driven is None:
+                    drive: CrankDrive | WalkDrive
+                    drive = CrankDrive() if offer.kind == CRANK else WalkDrive()
+                    # Made before it is needed: discovery takes longer than a handshake.
+                    driven = Driven(offer, drive, Lease(self._node, offer.topic))
+                    self._drives[offer.name] = driven
+                driven.offer = offer
             for name in [name for name in self._drives if name not in names]:
                 driven = self._drives[name]
                 if driven.drive.owner is None and driven.publisher is None:
                     del self._drives[name]
+                    if driven.lease is not None:
+                        driven.lease.close()
 
     def state(self) -> list[dict[str, Any]]:
         """Return what can be driven, and by whom it is, ready for JSON."""
         with self._lock:
-            return [
-                {
-                    'what': driven.name,
-                    'kind': driven.kind,
-                    'topic': driven.topic,
-                    'owner': driven.drive.owner,
-                    'why': driven.why,
-                    'others': driven.others,
-                }
-                for driven in self._drives.values()
-            ]
+            return [driven.as_data() for driven in self._drives.values()]
 
     def heard(self, page: int) -> None:
         """Note that a page is there."""
@@ -128,12 +116,12 @@ class Drives:
         with self._lock:
             mine = [d for d in self._drives.values() if d.drive.owner == page]
             for driven in mine:
-                self._release(driven, 'its page was closed')
+                self._release(driven, 'the page was closed')
         if mine:
             self._wake.set()
-            self._changed()
+            self._errands.put(self._changed)
 
-    def wish(self, page: int, wish: Wish, angle: float, answer: Answer) -> None:
+    def wish(self, page: int, wish: Wish, answer: Answer) -> None:
         """
         Take, drive or give back.
 
@@ -143,8 +131,6 @@ class Drives:
             Who wants it.
         wish : Wish
             What is wanted.
-        angle : float
-            Where the crank is [rad], where one is taken.
         answer : callable
             Is told whether it is done.
 
@@ -154,30 +140,26 @@ class Drives:
             try:
                 if driven is None:
                     raise DriveError('that cannot be driven any more')  # noqa: TRY301
-                self._do(driven, page, wish, angle)
+                self._do(driven, page, wish)
             except DriveError as error:
                 answer(False, str(error))
                 return
         self._wake.set()
         if wish.do in {'take', 'release'}:
-            self._changed()
+            self._errands.put(self._changed)
         answer(True, '')
 
-    def _do(self, driven: Driven, page: int, wish: Wish, angle: float) -> None:
+    def _do(self, driven: Driven, page: int, wish: Wish) -> None:
         drive, now = driven.drive, monotonic()
         if wish.do == 'take':
-            driven.why = ''
-            if isinstance(drive, CrankDrive):
-                drive.take(page, angle, now)
-            else:
-                drive.take(page, now)
-            if driven.publisher is None:
-                self._errands.put(lambda: self._open(driven))
+            self._take(driven, page, now)
             return
         if drive.owner != page:
-            raise DriveError('another page has it, or nobody: take it first')
+            raise DriveError('this page does not drive it: take it over first')
         if wish.do == 'release':
             self._release(driven, '')
+        elif driven.taking is not None:
+            raise DriveError('not yet: the other publishers have not yielded')
         elif isinstance(drive, CrankDrive) and wish.do == 'turn':
             drive.turn_to(wish.value, now)
         elif isinstance(drive, CrankDrive) and wish.do == 'spin':
@@ -185,22 +167,42 @@ class Drives:
         elif isinstance(drive, WalkDrive) and wish.do == 'walk':
             drive.walk(wish.value, wish.turn)
         else:
-            raise DriveError(f'a {driven.kind} does not {wish.do}')
+            raise DriveError(f'a {driven.offer.kind} does not {wish.do}')
+
+    def _take(self, driven: Driven, page: int, now: float) -> None:
+        drive, before = driven.drive, driven.drive.owner
+        if before == page:
+            return
+        # The others have yielded to this node already, whichever of its pages drives.
+        is_held = before is not None and driven.taking is None
+        angle = drive.advance(now) if isinstance(drive, CrankDrive) else 0.0
+        drive.take(page, now, angle)
+        driven.loser = before
+        driven.why = 'another page has taken it over' if before is not None else ''
+        driven.stops = 0
+        if not is_held:
+            driven.taking, driven.alone = now, None
+        if driven.publisher is None:
+            self._errands.put(lambda: self._open(driven))
 
     def _release(self, driven: Driven, why: str) -> None:
-        if driven.drive.owner is None:
+        drive = driven.drive
+        if drive.owner is None:
             return
-        driven.drive.owner, driven.why = None, why
-        if driven.kind == WALK:
+        driven.loser, driven.why = drive.owner if why else None, why
+        drive.owner = None
+        if driven.offer.kind == WALK and driven.taking is None:
             driven.stops = _STOPS
         else:
             self._errands.put(lambda: self._shut(driven))
+        driven.taking = None
 
     def _open(self, driven: Driven) -> None:
-        kind = Float64 if driven.kind == CRANK else TwistStamped
+        kind = Float64 if driven.offer.kind == CRANK else TwistStamped
         with self._lock:
             if driven.publisher is None and driven.drive.owner is not None:
-                driven.publisher = self._node.create_publisher(kind, driven.topic, OUTPUT)
+                topic = driven.offer.topic
+                driven.publisher = self._node.create_publisher(kind, topic, OUTPUT)
         self._wake.set()
 
     def _shut(self, driven: Driven) -> None:
@@ -208,6 +210,8 @@ class Drives:
             if driven.drive.owner is None and driven.publisher is not None:
                 self._node.destroy_publisher(driven.publisher)
                 driven.publisher = None
+            if driven.drive.owner is None and driven.lease is not None:
+                driven.lease.release()
 
     def _run(self) -> None:
         while not self._stopped:
@@ -220,29 +224,56 @@ class Drives:
     def _serve(self, driven: Driven) -> float:
         """Publish what is due; return when it is again [s]."""
         drive, now = driven.drive, monotonic()
-        if drive.is_lost(now):
-            self._release(driven, 'its page was not heard of any more')
+        if drive.owner is None and not driven.stops:
+            return 3600.0
+        why = self._why_not(driven, now)
+        if why and drive.owner is not None:
+            self._release(driven, why)
             self._errands.put(self._changed)
         if drive.owner is None:
-            if not driven.stops:
-                return 3600.0
-            driven.stops -= 1
-            self._publish(driven, 0.0, 0.0)
-            if not driven.stops:
-                self._errands.put(lambda: self._shut(driven))
+            if driven.stops:
+                driven.stops -= 1
+                self._publish_walk(driven, 0.0, 0.0)
+                if not driven.stops:
+                    self._errands.put(lambda: self._shut(driven))
+            return _STANDING
+        if driven.taking is not None:
             return _STANDING
         if isinstance(drive, WalkDrive):
-            self._publish(driven, drive.forward, drive.turn)
+            self._publish_walk(driven, drive.forward, drive.turn)
             return _STANDING
-        if driven.publisher is not None:
-            driven.publisher.publish(Float64(data=drive.advance(now)))
+        self._publish(driven, Float64(data=drive.advance(now)))
         return _TURNING if drive.speed else _STANDING
 
-    def _publish(self, driven: Driven, forward: float, turn: float) -> None:
-        if driven.publisher is None:
-            return
+    def _why_not(self, driven: Driven, now: float) -> str:
+        """Announce the lease; return why a page cannot drive on, '' while it can."""
+        assert driven.lease is not None  # noqa: S101 - made with the drive
+        is_whole = driven.lease.announce()
+        if driven.drive.is_lost(now):
+            return 'the page was not heard of any more'
+        if not is_whole:
+            return 'view_node was stopped for a while'
+        if driven.taking is not None:
+            return self._handshake(driven, now)
+        return driven.intruder(self._figures) if driven.drive.owner is not None else ''
+
+    def _handshake(self, driven: Driven, now: float) -> str:
+        """Begin to drive when all others have yielded or are idle; return why that fails."""
+        is_alone, why = driven.is_alone(now, self._figures)
+        if is_alone and driven.publisher is not None:
+            angle = self._crank_angle(driven.offer.name) if driven.offer.kind == CRANK else 0.0
+            driven.start(angle)
+            self._errands.put(self._changed)
+        return why
+
+    def _publish_walk(self, driven: Driven, forward: float, turn: float) -> None:
         message = TwistStamped()
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.header.frame_id = 'base_link'
         message.twist.linear.x, message.twist.angular.z = forward, turn
-        driven.publisher.publish(message)
+        self._publish(driven, message)
+
+    def _publish(self, driven: Driven, message: Any) -> None:
+        if driven.publisher is not None:
+            driven.sent += 1
+            driven.publisher.publish(message)

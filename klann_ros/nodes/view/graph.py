@@ -66,6 +66,11 @@ class Graph:
         """Return the names of those nodes, each once."""
         return list(dict.fromkeys(map(node_of, self.publishers(topic))))
 
+    def names_of_subscribers(self, topic: str) -> list[str]:
+        """Return the names of the nodes that subscribe to a topic, but for this node."""
+        infos = _asked(lambda: self._node.get_subscriptions_info_by_topic(topic))
+        return [name for name in map(node_of, infos) if name != self._own]
+
     def crank_topics(self, node: str) -> list[str]:
         """Return the topics of crank angles that a node hears."""
         namespace, _, name = node.rpartition('/')

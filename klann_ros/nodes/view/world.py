@@ -20,18 +20,21 @@ from klann_ros.live.legs import (
     solver_of,
 )
 from klann_ros.live.protocol import Wish
+from klann_ros.live.rates import TopicFigures
 from klann_ros.live.words import plain_status, PlainStatus, recorded
 from klann_ros.log.run_parameters import (
     REPLAYED_PARAMETER,
     replayed_solvers,
     SolverParameters,
 )
+from klann_ros.nodes.lease import CRANK_STATE
 from klann_ros.nodes.recorder.solver_watch import SolverWatch
 from klann_ros.untrusted.text import printable
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from .drives import CRANK, Drives, WALK
+from .driven import CRANK, Offer, WALK
+from .drives import Drives
 from .ears import DIAGNOSTICS, Ears, HeardTopic, JOINT_STATE, ODOMETRY
 from .errands import Errands
 from .graph import Graph, Machine, Names
@@ -85,7 +88,11 @@ class LiveWorld:
         self._errands = Errands(node)
         self._ears = Ears(node, self._bump)
         self._watch = SolverWatch(node, self._on_parameters, [REPLAYED_PARAMETER])
-        self._drives = None if read_only else Drives(node, self._errands, self._on_drives)
+        self._drives = None
+        if not read_only:
+            self._drives = Drives(
+                node, self._errands, self._on_drives, self._crank_angle, self._figures_of
+            )
         self._began = monotonic()
         self._timer = node.create_timer(
             _FIRST_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -147,7 +154,7 @@ class LiveWorld:
         elif wish.do in {'call', *_PLAYER_NUMBERS}:
             self._operate(wish, answer)
         else:
-            self._drives.wish(page, wish, self._crank_angle(wish.what), answer)
+            self._drives.wish(page, wish, answer)
 
     def _set(self, wish: Wish, answer: Answer) -> None:
         solver = self._solvers.get(wish.what)
@@ -196,6 +203,10 @@ class LiveWorld:
                 if pose is not None:
                     return crank_at(pose[2][0], shown.leg.direction, shown.leg.phase)
         return 0.0
+
+    def _figures_of(self, topic: str) -> TopicFigures | None:
+        heard = self._ears.topics.get(topic)
+        return None if heard is None else heard.figures
 
     def _messages(self, topic: str) -> list[tuple[float, Any]]:
         heard = self._ears.topics.get(topic)
@@ -287,20 +298,23 @@ class LiveWorld:
         if self._drives is None:
             return
         self._crank_topics = {node: self._graph.crank_topics(node) for node in self._solvers}
-        offered = set()
         there = {shown.solver for shown in self._shown}
-        for node, cranks in self._crank_topics.items():
-            for topic in cranks if node in there else ():
-                sides = [topic, f'{topic.rpartition("/")[0]}/crank_state']
-                others = [n for side in sides for n in self._graph.names_of_publishers(side)]
-                self._drives.offer(CRANK, topic, [printable(name, 100) for name in others])
-                offered.add(f'{CRANK}:{topic}')
-        for topic in self._graph.walker_topics(topics):
-            others = self._graph.names_of_publishers(topic)
-            self._drives.offer(WALK, topic, [printable(name, 100) for name in others])
-            offered.add(f'{WALK}:{topic}')
-        self._drives.forget_but(offered)
+        cranks = {t for node in there for t in self._crank_topics.get(node, ())}
+        # Both topics turn a solver's crank.
+        offers = [
+            self._offer(CRANK, topic, f'{topic.rpartition("/")[0]}/{CRANK_STATE}')
+            for topic in sorted(cranks)
+        ]
+        offers += [self._offer(WALK, topic) for topic in self._graph.walker_topics(topics)]
+        self._drives.offer(offers)
         self._on_drives()
+
+    def _offer(self, kind: str, *topics: str) -> Offer:
+        publishers = [n for topic in topics for n in self._graph.names_of_publishers(topic)]
+        able = self._graph.names_of_subscribers(f'{topics[0]}/lease')
+        names = dict.fromkeys(printable(name, 100) for name in publishers)
+        yielding = tuple(name for name in names if name in able)
+        return Offer(kind, topics[0], topics, tuple(names), yielding)
 
     def _look_at_machines(self) -> None:
         before = {machine.node for machine in self._machines}

@@ -11,6 +11,7 @@ from geometry_msgs.msg import TwistStamped
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from live_browser import address, DRAWN, Live
 from made_up_world import EVIL
+from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
 from rcl_interfaces.srv import GetParameters
@@ -100,13 +101,12 @@ def test_the_page_drives_when_asked_and_says_so_and_stops_when_it_is_closed(
         return [info.node_name for info in infos if info.node_name == 'view_node']
 
     assert drivers() == []
-    assert 'drives nothing until you take over' in moving.text('#crank-state')
+    assert '/probe cannot yield' in moving.text('#crank-state')
     assert page.locator('#angle').is_disabled()
     moving.press('#take')
     moving.until("!document.getElementById('angle').disabled")
     assert 'This page drives /crank_angle' in moving.text('#crank-state')
-    # The probe's own publisher is told, too: both would pull at the crank.
-    assert '/probe' in moving.text('#crank-state')
+    assert '/probe cannot yield, but is silent' in moving.text('#crank-state')
     ros.probe.until(drivers)
     page.locator('#angle').fill('60')
     moving.until('Math.abs(live.trackOf(live.leg).x[0] - Math.PI / 3) < 1e-9')
@@ -120,6 +120,26 @@ def test_the_page_drives_when_asked_and_says_so_and_stops_when_it_is_closed(
     page.locator('#speed').fill('6')
     page.close()
     ros.probe.until(lambda: not drivers())
+    assert moving.complaints == []
+
+
+def test_a_second_page_that_takes_over_is_announced_in_the_first_only(
+    moving: Live, url: str, browser: Any
+) -> None:
+    second, spectator = (Live(moving.ros, url, browser) for _ in range(2))
+    moving.press('#take')
+    moving.until('live.crank.isMine')
+    second.until("document.getElementById('crank-state').textContent.startsWith('Another page')")
+    second.press('#take')
+    second.until('live.crank.isMine')
+    moving.until(
+        "document.getElementById('crank-state').textContent.startsWith('Another page has taken')"
+    )
+    second.page.close()
+    for page in (moving, spectator):
+        page.until('live.crank.told.owner === null')
+        assert page.text('#crank-state').startswith('Published by /probe')
+    spectator.page.close()
     assert moving.complaints == []
 
 
@@ -196,6 +216,8 @@ def test_a_walker_is_steered_by_keys_and_stands_when_they_are_let_go(moving: Liv
     moving.ros.probe.until(
         lambda: (heard[-1].twist.linear.x, heard[-1].twist.angular.z) == (0.25, 0.8)
     )
+    down = moving.page.locator('.keys .down')
+    assert [label.strip() for label in down.all_text_contents()] == ['↑W', '←A']
     moving.page.close()
     moving.ros.probe.until(
         lambda: (heard[-1].twist.linear.x, heard[-1].twist.angular.z) == (0.0, 0.0)
@@ -273,6 +295,24 @@ def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
         )
 
     moving.ros.probe.until(is_shown)
+    odometry = node.create_publisher(Odometry, 'walker/odom', 10)
+    grounds = "[...document.querySelectorAll('.ground')].map((line) => line.getAttribute('d'))"
+
+    def is_at(x: float) -> bool:
+        message = Odometry()
+        message.pose.pose.position.x, message.pose.pose.orientation.w = x, 1.0
+        odometry.publish(message)
+        publisher.publish(JointState(name=names, position=values))
+        return f'x {x:.2f} m' in moving.text('#odometry')
+
+    moving.ros.probe.until(lambda: is_at(0.0))
+    before = moving.page.evaluate(grounds)
+    moving.ros.probe.until(lambda: is_at(0.03))
+    # Seen from both sides the ground has moved back under the body.
+    assert all(a != b for a, b in zip(before, moving.page.evaluate(grounds), strict=True))
+    box = moving.page.locator('#above').bounding_box()
+    assert box['y'] + box['height'] <= 900
+    node.destroy_publisher(odometry)
     drawn = {
         view: moving.page.eval_on_selector(
             f'#{view}',

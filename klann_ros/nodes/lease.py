@@ -1,0 +1,182 @@
+"""
+Leases: publishers of a crank angle or a velocity yield to a driver, and resume when it leaves.
+
+A driver announces itself ten times a second on TOPIC/lease (diagnostic_msgs/msg/KeyValue: key is
+the driver, value `held`, or `released` at the end). A publisher of TOPIC that yields sends nothing
+meanwhile, and confirms each announcement on TOPIC/yielded (key: the publisher, value: the driver).
+The first driver holds the lease; a second one gets no confirmation. Without an announcement for
+LEASE_TIME on the steady clock the driver counts as dead, and the publishers resume.
+"""
+
+from collections.abc import Callable
+import secrets
+from time import monotonic
+
+from diagnostic_msgs.msg import KeyValue
+from klann_ros.untrusted.text import printable
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+# Between two announcements; without one for so long a lease has expired [s].
+HEARTBEAT, LEASE_TIME = 0.1, 1.0
+HELD, RELEASED = 'held', 'released'
+_QOS = QoSProfile(depth=20)
+_MAX_NAME = 300
+_MAX_PUBLISHERS = 64
+# The topics that a driver takes, by the last part of their names; both of a crank have one lease.
+CRANK_ANGLE, CRANK_STATE, CMD_VEL = 'crank_angle', 'crank_state', 'cmd_vel'
+
+
+def leased_topic(topic: str) -> str:
+    """Return the topic whose lease covers a topic, '' for a topic that nobody drives."""
+    parent, _, last = topic.rpartition('/')
+    if last == CRANK_STATE:
+        return f'{parent}/{CRANK_ANGLE}'
+    return topic if last in {CRANK_ANGLE, CMD_VEL} else ''
+
+
+class LeaseListener:
+    """
+    The publisher's side: who drives, and the confirmation that this node yields.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        The node that yields.
+    topic : str
+        The leased topic, by its full name.
+    on_change : callable
+        Is called with the driver's name when it takes the topic, with '' when it leaves.
+
+    Attributes
+    ----------
+    holder : str
+        The driver's name; '' while there is none.
+    last_holder : str
+        The name of the driver that came last.
+
+    """
+
+    def __init__(self, node: Node, topic: str, on_change: Callable[[str], object]) -> None:
+        self.holder = self.last_holder = ''
+        self._on_change = on_change
+        self._own = node.get_fully_qualified_name()
+        self._key = ''
+        self._heard = 0.0
+        self._confirmations = node.create_publisher(KeyValue, f'{topic}/yielded', _QOS)
+        node.create_subscription(KeyValue, f'{topic}/lease', self._on_lease, _QOS)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._expiry = node.create_timer(HEARTBEAT, self._check, clock=steady)
+        self._expiry.cancel()
+
+    def _on_lease(self, message: KeyValue) -> None:
+        if not message.key or len(message.key) > _MAX_NAME:
+            return
+        if message.value == RELEASED and message.key == self._key:
+            self._end()
+        elif message.value == HELD and self._key in {'', message.key}:
+            self._heard = monotonic()
+            if not self._key:
+                self._key = message.key
+                self.holder = self.last_holder = printable(_node_of(message.key))
+                self._expiry.reset()
+                self._on_change(self.holder)
+            self._confirmations.publish(KeyValue(key=self._own, value=self._key))
+
+    def _check(self) -> None:
+        if self._key and monotonic() - self._heard > LEASE_TIME:
+            self._end()
+
+    def _end(self) -> None:
+        self._key = self.holder = ''
+        self._expiry.cancel()
+        self._on_change('')
+
+
+class Lease:
+    """
+    The driver's side: announce, and know who has yielded.
+
+    Its callbacks run in ROS's thread; all else may be called by any.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        The driver.
+    topic : str
+        The topic that it drives, by its full name.
+
+    """
+
+    def __init__(self, node: Node, topic: str) -> None:
+        self._node = node
+        # Two drivers may have one name.
+        self._key = f'{node.get_fully_qualified_name()}#{secrets.token_hex(4)}'
+        self._other = ('', 0.0)
+        self._yielded: dict[str, float] = {}
+        self._announced = 0.0
+        self._held = False
+        self._publisher = node.create_publisher(KeyValue, f'{topic}/lease', _QOS)
+        self._subscriptions = [
+            node.create_subscription(KeyValue, f'{topic}/lease', self._on_lease, _QOS),
+            node.create_subscription(KeyValue, f'{topic}/yielded', self._on_yielded, _QOS),
+        ]
+
+    def announce(self) -> bool:
+        """
+        Hold the lease; to be called at least every HEARTBEAT.
+
+        Returns
+        -------
+        bool
+            False where the lease may have expired since the last call: publishers may have
+            resumed, so nothing may be sent before they have yielded again.
+
+        """
+        now = monotonic()
+        is_whole = not self._held or now - self._announced < LEASE_TIME / 2.0
+        if not self._held or now - self._announced >= HEARTBEAT / 2.0:
+            self._held, self._announced = True, now
+            self._publisher.publish(KeyValue(key=self._key, value=HELD))
+        return is_whole
+
+    def release(self) -> None:
+        """Let the publishers resume."""
+        if self._held:
+            self._held = False
+            self._yielded = {}
+            self._publisher.publish(KeyValue(key=self._key, value=RELEASED))
+
+    @property
+    def other(self) -> str:
+        """Return the node that holds the lease instead of this one; '' for none."""
+        name, heard = self._other
+        return name if name and monotonic() - heard < LEASE_TIME else ''
+
+    @property
+    def yielded(self) -> list[str]:
+        """Return the names of the publishers that yield now."""
+        since = monotonic() - LEASE_TIME
+        return sorted(name for name, time in list(self._yielded.items()) if time > since)
+
+    def close(self) -> None:
+        """Leave the topics; in ROS's thread."""
+        self.release()
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._node.destroy_publisher(self._publisher)
+
+    def _on_lease(self, message: KeyValue) -> None:
+        if message.key != self._key:
+            name = printable(_node_of(message.key)) if message.value == HELD else ''
+            self._other = name, monotonic()
+
+    def _on_yielded(self, message: KeyValue) -> None:
+        known = message.key in self._yielded or len(self._yielded) < _MAX_PUBLISHERS
+        if self._held and message.value == self._key and known:
+            self._yielded[message.key] = monotonic()
+
+
+def _node_of(key: str) -> str:
+    return key.partition('#')[0]
