@@ -41,6 +41,7 @@ EXTRAS['test'] = [
     'ray',
     'rosbags',
     'scipy',
+    'shapely',
     'xacro',
     'yourdfpy',
 ]

@@ -3,19 +3,23 @@ What a robot is given to others as: URDF, and its plates for the cutter as SVG a
 
 The command `export` writes the MJCF of `klann_ros.twin` as well.
 
->>> from klann_ros.export import plates, urdf
+>>> from klann_ros.export import layers, plates, urdf
 >>> from klann_ros.robot import robot_of
 >>> robot = robot_of('sem104')
 >>> [plate.title for plate in plates(robot, hole=3.2e-3, width=20e-3)]
 ['ground A D E', 'alpha A B', 'gamma B C G', 'beta D C', 'delta E F', 'theta F G H']
+>>> layers(robot.legs[0].linkage, plates(robot, hole=3.2e-3, width=20e-3)).layer
+(0, 1, 2, 1, 1, 0)
 >>> urdf(robot).count('<joint')
 12
 
 Nothing here knows ROS. Of the formats only DXF needs a package, ezdxf, imported when it is used.
 """
 
+from .assembly import assembly
 from .drawing import Drawing, drawing
 from .dxf import dxf, NoEzdxfError
+from .layers import Layers, layers
 from .plates import ExportError, Plate, plates
 from .svg import svg
 from .urdf import urdf
@@ -23,10 +27,13 @@ from .urdf import urdf
 __all__ = [
     'Drawing',
     'ExportError',
+    'Layers',
     'NoEzdxfError',
     'Plate',
+    'assembly',
     'drawing',
     'dxf',
+    'layers',
     'plates',
     'svg',
     'urdf',

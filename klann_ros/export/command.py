@@ -13,18 +13,21 @@ from klann_ros.twin import robot_mjcf
 from klann_ros.untrusted.arguments import ArgumentParser, path
 from klann_ros.untrusted.text import counted, printable, printable_line
 
-from .drawing import Drawing, drawing
+from .assembly import assembly, spacers
+from .drawing import drawing
 from .dxf import dxf, NoEzdxfError
+from .layers import Layers, layers
 from .mjcf import weighed
-from .plates import near, plates
+from .plates import plates, slot_conflict
 from .svg import svg
 from .urdf import urdf
 
 NOT_READ, NOT_WRITTEN = 2, 3
-HOLE = 3.2
+HOLE, THICKNESS, WASHER = 3.2, 3.0, 0.5
 # The default of the width: so many holes, but at least this part of the longest plate.
 HOLES, PART = 3.0, 0.04
-FORMATS = ('mjcf', 'urdf', 'svg', 'dxf')
+FORMATS = ('mjcf', 'urdf', 'svg', 'dxf', 'assembly')
+PLATES = ('svg', 'dxf', 'assembly')
 DESCRIPTION = """\
 Write a leg or a walker for others: MuJoCo, ROS, and the laser cutter. Several at once.
 
@@ -84,31 +87,55 @@ def _made(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
         made['--mjcf'] = robot_mjcf(heavy).encode()
     if options.urdf is not None:
         made['--urdf'] = urdf(robot).encode()
-    if options.svg is not None or options.dxf is not None:
-        drawn = _drawn(robot, options)
-        if options.svg is not None:
-            made['--svg'] = svg(drawn).encode()
-        if options.dxf is not None:
-            made['--dxf'] = dxf(drawn)
+    if any(getattr(options, name) is not None for name in PLATES):
+        made |= _plates(robot, options)
     return made
 
 
-def _drawn(robot: Robot, options: argparse.Namespace) -> Drawing:
-    """Return the plates laid out; tell what is wrong with them, and how large they are."""
-    hole, width = options.hole / 1e3, options.width
+def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
+    """Return the files of the plates; report their faults and their size."""
+    holes = {name: mm / 1e3 for name, mm in options.hole or ()}
+    hole = holes.pop('', HOLE / 1e3)
+    width = options.width
+    linkages = list(dict.fromkeys(leg.linkage.scaled(options.scale) for leg in robot.legs))
     if width is None:
-        sizes = [leg.linkage.scaled(options.scale).size for leg in robot.legs]
-        width = max(HOLES * options.hole, 1e3 * PART * max(sizes))
-    cut = plates(robot, hole=hole, width=width / 1e3, scale=options.scale)
+        widest = 1e3 * max(hole, *holes.values(), 0.0)
+        width = max(HOLES * widest, 1e3 * PART * max(linkage.size for linkage in linkages))
+    cut = plates(robot, hole=hole, width=width / 1e3, scale=options.scale, holes=holes)
     for plate in cut:
-        warning = near(plate, hole)
+        warning = slot_conflict(plate)
         if warning:
-            print(f'export: {warning}: they need a plate each, or smaller holes', file=sys.stderr)
-    drawn = drawing(cut, hole=hole, width=width / 1e3)
+            print(f'export: {warning}: they need a plate each', file=sys.stderr)
+    names = dict.fromkeys(plate.legs for plate in cut)
+    stacked = [
+        layers(linkage, [plate for plate in cut if plate.legs == name])
+        for linkage, name in zip(linkages, names, strict=True)
+    ]
+    rings = [ring for of in stacked for ring in spacers(of)]
+    made: dict[str, bytes] = {}
+    drawn = drawing([*cut, *rings], kerf=options.kerf / 1e3)
+    if options.svg is not None:
+        made['--svg'] = svg(drawn).encode()
+    if options.dxf is not None:
+        made['--dxf'] = dxf(drawn)
+    thickness, washer = options.thickness / 1e3, options.washer / 1e3
+    if options.assembly is not None:
+        made['--assembly'] = assembly(stacked, thickness=thickness, washer=washer).encode()
     count = counted(sum(plate.count for plate in cut), 'plate')
     sheet = f'{drawn.size.real:.0f} x {drawn.size.imag:.0f} mm'
-    print(f'{count}, bars {width:.4g} mm wide, holes {options.hole:g} mm, drawn on {sheet}')
-    return drawn
+    widths = f'bars {width:.4g} mm wide, holes {1e3 * hole:g} mm'
+    print(f'{count}, {widths}, in {most_layers(stacked)}, drawn on {sheet}')
+    for of in stacked:
+        for shaft, crossing in of.stubs:
+            crossed = printable_line(', '.join(of.plates[p].name for p in crossing))
+            stub = f'the pin {printable(shaft.name)} must be a stub: {crossed} passes through it'
+            print(f'export: no arrangement leaves all pins whole; {stub}', file=sys.stderr)
+    return made
+
+
+def most_layers(stacked: Sequence[Layers]) -> str:
+    """Return the number of layers in words."""
+    return counted(max(of.count for of in stacked), 'layer')
 
 
 def _positive(text: str) -> float:
@@ -116,6 +143,19 @@ def _positive(text: str) -> float:
     if not 0.0 < value < 1e6:
         raise argparse.ArgumentTypeError(f'{text} is no number > 0 (and < 1e6)')
     return value
+
+
+def _not_negative(text: str) -> float:
+    return 0.0 if text.strip('0.') == '' and '0' in text else _positive(text)
+
+
+def _hole(text: str) -> tuple[str, float]:
+    """Return the joint, '' for all, and the diameter in NAME=MM or MM."""
+    name, _, diameter = text.rpartition('=')
+    try:
+        return name, _positive(diameter)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f'{text} is no diameter: 4.2, or A=6') from error
 
 
 def _parser() -> ArgumentParser:
@@ -126,11 +166,31 @@ def _parser() -> ArgumentParser:
     parser.add_argument('--svg', metavar='OUT.svg', help='the plates, in mm')
     parser.add_argument('--dxf', metavar='OUT.dxf', help="the plates, in mm (extra 'dxf')")
     parser.add_argument(
+        '--assembly', metavar='OUT.svg', help='the leg layer by layer, with screws and spacers'
+    )
+    parser.add_argument(
         '--hole',
+        metavar='[JOINT=]MM',
+        type=_hole,
+        action='append',
+        help=f'diameter of holes [mm], {HOLE}: for M3; A=6 of a joint; repeatable',
+    )
+    parser.add_argument(
+        '--kerf', metavar='MM', type=_not_negative, default=0.0, help='width of the cut [mm], 0'
+    )
+    parser.add_argument(
+        '--thickness',
         metavar='MM',
         type=_positive,
-        default=HOLE,
-        help=f'diameter of holes [mm], {HOLE}: for M3',
+        default=THICKNESS,
+        help=f'of the plates [mm], {THICKNESS:g}',
+    )
+    parser.add_argument(
+        '--washer',
+        metavar='MM',
+        type=_not_negative,
+        default=WASHER,
+        help=f'thickness between two layers [mm], {WASHER:g}; 0 for none',
     )
     parser.add_argument(
         '--width', metavar='MM', type=_positive, help='width of bars [mm]; 4 %% of the size'

@@ -2,7 +2,8 @@
 
 from io import StringIO
 
-from .drawing import Corner, Drawing
+from .drawing import Drawing
+from .outline import Outline
 
 # Of each layer its colour, as AutoCAD numbers them: red, blue, black or white.
 LAYERS = {'CUT': 1, 'HOLES': 5, 'LABELS': 7}
@@ -36,11 +37,11 @@ def dxf(given: Drawing) -> bytes:
         document.layers.add(name, color=colour)
     space = document.modelspace()
 
-    def closed(outline: tuple[Corner, ...], layer: str) -> None:
+    def closed(outline: Outline, layer: str) -> None:
         corners = [(corner.at.real, corner.at.imag, corner.bulge) for corner in outline]
         space.add_lwpolyline(corners, format='xyb', close=True, dxfattribs={'layer': layer})
 
-    for outline in given.outlines:
+    for outline in (*given.outlines, *given.windows):
         closed(outline, 'CUT')
     for circle in given.circles:
         at = circle.at.real, circle.at.imag

@@ -3,7 +3,8 @@
 from math import atan, sin
 from xml.etree.ElementTree import Element, indent, SubElement, tostring
 
-from .drawing import Corner, Drawing
+from .drawing import Drawing
+from .outline import Outline
 
 # What cutters' programs take for a line that is cut, and for what is engraved.
 STYLES = {
@@ -32,28 +33,38 @@ def svg(given: Drawing) -> str:
         # y is down.
         return f'{at.real:.6f}', f'{high - at.imag:.6f}'
 
-    def path(outline: tuple[Corner, ...]) -> str:
-        way = [f'M {" ".join(x_y(outline[0].at))}']
-        for corner, following in zip(outline, [*outline[1:], outline[0]], strict=True):
-            end = ' '.join(x_y(following.at))
-            if corner.bulge:
-                chord = abs(following.at - corner.at)
-                radius = chord / (2.0 * sin(2.0 * atan(corner.bulge)))
-                way.append(f'A {radius:.6f} {radius:.6f} 0 0 0 {end}')
-            else:
-                way.append(f'L {end}')
-        return ' '.join([*way, 'Z'])
-
-    for outline in given.outlines:
-        SubElement(layers['CUT'], 'path', d=path(outline))
+    for outline in (*given.outlines, *given.windows):
+        SubElement(layers['CUT'], 'path', d=path_data(outline, high))
     for circle in given.circles:
         cx, cy = x_y(circle.at)
         SubElement(layers['HOLES'], 'circle', cx=cx, cy=cy, r=f'{circle.radius:.6f}')
     for slot in given.slots:
-        SubElement(layers['HOLES'], 'path', d=path(slot))
+        SubElement(layers['HOLES'], 'path', d=path_data(slot, high))
     for text in given.texts:
         x, y = x_y(text.at)
         size = f'{text.height / CAPITAL:.6f}'
         SubElement(layers['LABELS'], 'text', {'x': x, 'y': y, 'font-size': size}).text = text.text
+    return written(root)
+
+
+def path_data(outline: Outline, high: float) -> str:
+    """Return an outline as the data of a path, y down from a height [mm]."""
+
+    def x_y(at: complex) -> str:
+        return f'{at.real:.6f} {high - at.imag:.6f}'
+
+    way = [f'M {x_y(outline[0].at)}']
+    for corner, following in zip(outline, [*outline[1:], outline[0]], strict=True):
+        if corner.bulge:
+            chord = abs(following.at - corner.at)
+            radius = chord / (2.0 * sin(2.0 * atan(corner.bulge)))
+            way.append(f'A {radius:.6f} {radius:.6f} 0 0 0 {x_y(following.at)}')
+        else:
+            way.append(f'L {x_y(following.at)}')
+    return ' '.join([*way, 'Z'])
+
+
+def written(root: Element) -> str:
+    """Return an element as a file."""
     indent(root)
     return HEADER + tostring(root, encoding='unicode') + '\n'

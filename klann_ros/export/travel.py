@@ -1,8 +1,14 @@
 """How far bodies slide, over all that the crank can reach."""
 
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
+from math import pi
+from typing import NamedTuple
 
+from klann_ros.dynamics.masses import body_places
 from klann_ros.kinematics import Linkage, linkage_poses, reachable_arcs
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.linkage.structure import FIXED
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +18,27 @@ SAMPLES = 1441
 
 class ExportError(ValueError):
     """A robot that cannot be written so; the text says why."""
+
+
+class Line(NamedTuple):
+    """What a body slides along."""
+
+    # What slides, and what has the line, FIXED being the ground.
+    body: int
+    on: int
+    # What slides.
+    name: str
+    # Where the distance is 0, in what has the line [m], and which way it grows.
+    origin: complex
+    direction: complex
+    # Of the distance [m].
+    least: float
+    greatest: float
+
+    def ends(self, pins: Sequence[float]) -> tuple[complex, complex]:
+        """Return the ends of a slot for pins at distances from the body's first point [m]."""
+        start = self.origin + (self.least + min(pins)) * self.direction
+        return start, self.origin + (self.greatest + max(pins)) * self.direction
 
 
 def travel(linkage: Linkage) -> dict[int, tuple[float, float]]:
@@ -34,9 +61,30 @@ def travel(linkage: Linkage) -> dict[int, tuple[float, float]]:
     return {j: (float(np.nanmin(x[:, j - 1])), float(np.nanmax(x[:, j - 1]))) for j in sliding}
 
 
+def slide_lines(linkage: Linkage) -> Iterator[Line]:
+    """Yield the lines that bodies slide along."""
+    structure, places = linkage.structure, body_places(linkage)
+    for j, (least, greatest) in travel(linkage).items():
+        body, along = structure.bodies[j], structure.along[j]
+        on, start = FIXED if along is None else along, body.bars[0].start
+        pivots = dict(zip(structure.pivots, linkage.pivots, strict=True))
+        origin = complex(pivots[start]) if on == FIXED else places[on, start]
+        direction = complex(linkage.bars[structure.line_of[j]])
+        yield Line(j, on, body.angle, origin, direction, least, greatest)
+
+
 def crank_angles(linkage: Linkage, count: int) -> NDArray[np.float64]:
-    """Return crank angles, so many in each arc that can be reached [rad]."""
-    return np.concatenate([np.empty(0), *(np.linspace(*arc, count) for arc in _arcs(linkage))])
+    """
+    Return crank angles, a number of them in each arc that can be reached, with its ends [rad].
+
+    They are even in a full turn. Elsewhere they are dense at the ends, where links get in line and
+    bodies move by the square root of the angle.
+    """
+    arcs = _arcs(linkage)
+    part = np.linspace(0.0, 1.0, count)
+    if arcs != ((0.0, TURN),):
+        part = (1.0 - np.cos(pi * part)) / 2.0
+    return np.concatenate([np.empty(0), *(a + (b - a) * part for a, b in arcs)])
 
 
 # Where something slides the search takes some tenths of a second.

@@ -68,6 +68,9 @@ def test_a_walker_is_written_with_all_its_legs(tmp_path: Path) -> None:
     [
         (['no such leg', '--svg', 'a.svg'], 'cannot be read'),
         (['sem104', '--svg', 'a.svg', '--width', '3'], 'wider than its hole'),
+        (['sem104', '--svg', 'a.svg', '--kerf', '4'], 'narrower than the smallest hole'),
+        (['sem104', '--svg', 'a.svg', '--hole', 'Z=4'], 'no such joint; there are A, B'),
+        (['andrews', '--dxf', 'a.dxf', '--hole', '6', '--width', '9'], 'larger --scale'),
         (['bare.yaml', '--mjcf', 'a.xml'], 'bar_density'),
         (['bad.yaml', '--urdf', 'a.urdf'], 'holds no robot'),
         (['.', '--urdf', 'a.urdf'], 'cannot be read'),
@@ -148,14 +151,26 @@ def test_without_ezdxf_one_line_says_what_to_install(
     assert 'klann_ros[dxf]' in capsys.readouterr().err
 
 
-def test_holes_that_meet_are_told_in_one_line(
+def test_what_a_maker_cannot_build_is_reported_in_a_line_each(
     tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    out = str(tmp_path / 'a.svg')
-    assert main(['andrews', '--svg', out, '--hole', '8', '--width', '9']) == 0
-    told = capsys.readouterr().err.splitlines()
-    assert told
-    assert all(line.startswith('export: ') and 'run into each other' in line for line in told)
+    assert main(['scotch_yoke', '--assembly', str(tmp_path / 'a.svg')]) == 0
+    slot, stub = capsys.readouterr().err.splitlines()
+    assert 'run into each other' in slot
+    assert stub.endswith('the pin A must be a stub: yoke passes through it')
+
+
+def test_a_leg_of_every_kind_is_cut_and_assembled(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    for name in (WALKER, 'slider_crank'):
+        out = {option: str(tmp_path / f'{option}.svg') for option in ('svg', 'assembly')}
+        sizes = ['--hole', '4', '--hole', 'A=6', '--kerf', '0.2', '--thickness', '4']
+        assert main([name, '--svg', out['svg'], '--assembly', out['assembly'], *sizes]) == 0
+        assert 'holes 4 mm, in 3 layers' in capsys.readouterr().out
+        sheet = ET.parse(out['svg'])  # noqa: S314 - our own
+        radii = [circle.get('r') for circle in sheet.iter('{http://www.w3.org/2000/svg}circle')]
+        assert set(radii) == {'1.900000', '2.900000'}
 
 
 def test_the_entry_point_keeps_its_exit_code_without_a_reader(tmp_path: Path) -> None:

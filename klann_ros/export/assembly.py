@@ -1,0 +1,269 @@
+"""The assembly sheet: a leg layer by layer, with its pins, spacers and washers, as SVG."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import ceil
+from xml.etree.ElementTree import Element, SubElement
+
+from klann_ros.untrusted.text import counted, printable
+
+from .layers import Layers, Shaft
+from .outline import Outline, outlines
+from .plates import Hole, Plate
+from .svg import path_data, written
+
+MM = 1e3
+# Lengths of screws up to 60 mm, then every 10 mm (ISO 4762) [mm].
+SCREWS = (5, 6, 8, 10, 12, 16, 20, 25, 30, 35, 40, 45, 50, 55, 60)
+# A nut and two threads, as a part of the diameter.
+NUT = 1.2
+# Panels of a row, their size, and the heights of titles and texts [mm].
+COLUMNS, PANEL, TITLE, TEXT = 3, 88.0, 5.0, 3.2
+MARGIN, LINE = 8.0, 1.6
+COLOURS = ('#1f77b4', '#d95f02', '#1b9e77', '#7570b3', '#a6761d', '#e7298a')
+HEADS = ('Pin', 'Hole', 'Layers', 'Spacers', 'Washers', 'Grip', 'Screw', 'Ends')
+WIDTHS = (44.0, 18.0, 20.0, 18.0, 20.0, 20.0, 18.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Pin:
+    """A pin as a maker needs it: lengths and diameters in [mm]."""
+
+    name: str
+    diameter: float
+    low: int
+    high: int
+    spacers: int
+    washers: int
+    grip: float
+    screw: int
+    ends: str
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """Return it as a row of a table."""
+        span = f'{self.low} to {self.high}'
+        counts = str(self.spacers), str(self.washers)
+        lengths = f'{self.grip:.4g} mm', f'{self.screw} mm'
+        return (
+            printable(self.name, 24),
+            f'{self.diameter:g} mm',
+            span,
+            *counts,
+            *lengths,
+            self.ends,
+        )
+
+
+def pins(of: Layers, thickness: float, washer: float) -> list[Pin]:
+    """Return the pins of a leg for plates and washers of a thickness [m], in its order."""
+    flush = {(shaft.name, way) for shaft, way in of.flush}
+    stubs = {shaft.name: crossing for shaft, crossing in of.stubs}
+    made = []
+    for shaft in of.shafts:
+        low, high = of.span(shaft)
+        diameter, gaps = MM * shaft.diameter, high - low
+        grip = MM * ((gaps + 1) * thickness + gaps * washer)
+        ends = [
+            f'{end} flush'
+            for way, end in ((-1, 'lower'), (1, 'upper'))
+            if (shaft.name, way) in flush
+        ]
+        if shaft.name in stubs:
+            names = ', '.join(printable(of.plates[p].name, 24) for p in stubs[shaft.name])
+            ends.insert(0, f'a stub: {names} passes')
+        screw = _screw(grip + NUT * diameter)
+        about = '; '.join(ends) or 'head and nut'
+        made.append(
+            Pin(shaft.name, diameter, low, high, of.spacers(shaft), gaps, grip, screw, about)
+        )
+    return made
+
+
+def _screw(least: float) -> int:
+    """Return the shortest usual length of a screw [mm]."""
+    longer = (length for length in SCREWS if length >= least)
+    return next(longer, 10 * ceil(least / 10.0))
+
+
+def spacers(of: Layers) -> Iterator[Plate]:
+    """Yield the spacers of a leg's pins, rings of the plates' material."""
+    plate = of.plates[0]
+    for shaft in of.shafts:
+        if of.spacers(shaft):
+            yield Plate(
+                f'spacer {shaft.name}',
+                (Hole('', 0j, shaft.diameter),),
+                count=of.spacers(shaft) * plate.count,
+                legs=plate.legs,
+                links=((0j, 0j),),
+                width=2.0 * shaft.radius(plate.width),
+            )
+
+
+def assembly(legs: Sequence[Layers], *, thickness: float, washer: float) -> str:
+    """
+    Return the assembly sheet of legs as SVG.
+
+    Parameters
+    ----------
+    legs : sequence of Layers
+        Each leg that is different once.
+    thickness, washer : float
+        Of the plates, and of the washers between layers; 0 for none [m].
+
+    """
+    wide = COLUMNS * PANEL + 2.0 * MARGIN
+    root = Element('svg', xmlns='http://www.w3.org/2000/svg')
+    SubElement(root, 'rect', width='100%', height='100%', fill='#ffffff')
+    y = MARGIN
+    for leg in legs:
+        y = _leg(root, leg, y, thickness, washer)
+    high = y + MARGIN
+    root.attrib.update(width=f'{wide:g}mm', height=f'{high:g}mm', viewBox=f'0 0 {wide:g} {high:g}')
+    return written(root)
+
+
+def _leg(root: Element, of: Layers, y: float, thickness: float, washer: float) -> float:
+    """Draw a leg from a height of the sheet on; return the height below it [mm]."""
+    view = _View(of)
+    legs = of.plates[0].legs
+    name = f'Leg {printable(legs, 40)}' if legs else 'Leg'
+    each = f', {of.plates[0].count} times' if of.plates[0].count > 1 else ''
+    _text(root, f'{name}{each}: {counted(of.count, "layer")}, from the bottom', y + TITLE, TITLE)
+    y += 2.0 * TITLE
+    for layer in range(of.count):
+        left = MARGIN + layer % COLUMNS * PANEL
+        top = y + layer // COLUMNS * (PANEL + 2.0 * TEXT)
+        names = ', '.join(
+            printable(plate.name, 24)
+            for plate, own in zip(of.plates, of.layer, strict=True)
+            if own == layer
+        )
+        _text(root, f'Layer {layer}: {names}', top + TEXT, TEXT, left)
+        panel = SubElement(root, 'g', transform=f'translate({left:g} {top + 1.5 * TEXT:g})')
+        view.draw(panel, layer)
+    y += ceil(of.count / COLUMNS) * (PANEL + 2.0 * TEXT)
+    rows = [HEADS, *(pin.row for pin in pins(of, thickness, washer))]
+    for row in rows:
+        y += LINE * TEXT
+        x = MARGIN
+        for cell, width in zip(row, WIDTHS, strict=True):
+            _text(root, cell, y, TEXT, x, is_bold=row is HEADS)
+            x += width
+    for note in _notes(of, view.scale, thickness, washer):
+        y += LINE * TEXT
+        _text(root, note, y, TEXT)
+    return y + 2.0 * TITLE
+
+
+def _notes(of: Layers, scale: float, thickness: float, washer: float) -> Iterator[str]:
+    between = f'a washer of {MM * washer:g} mm between layers' if washer else 'no washers'
+    yield f'Plates of {MM * thickness:g} mm, {between}. Drawn 1 : {1.0 / scale:.3g}.'
+    yield 'A ring is a spacer, as thick as a plate: the pin passes a layer without its plates.'
+    yield (
+        'Screw: the grip, a nut and two threads. A flush end is countersunk, or tapped into its '
+        'plate: another plate passes over it.'
+    )
+    crank = of.motion.crank
+    yield f'Fix pin {printable(crank, 24)} to the crank and drive it; it turns in the ground.'
+    yield (
+        f'Checked at each crank angle for plates and foreign pins; the sampling error of '
+        f'{MM * of.motion.bound:.2g} mm is allowed for.'
+    )
+
+
+class _View:
+    """A leg at a crank angle, in millimetres of a panel."""
+
+    def __init__(self, of: Layers) -> None:
+        self._of = of
+        places = [
+            self._at(plate, end) for plate in of.plates for link in plate.links for end in link
+        ]
+        edge = max(plate.width for plate in of.plates) / 2.0
+        low = complex(min(p.real for p in places), min(p.imag for p in places)) - edge * (1 + 1j)
+        high = complex(max(p.real for p in places), max(p.imag for p in places)) + edge * (1 + 1j)
+        size = high - low
+        room = PANEL - 2.0 * TEXT
+        self.scale = room / (MM * max(size.real, size.imag))
+        self._low = low
+
+    def draw(self, panel: Element, layer: int) -> None:
+        """Draw what is in a layer, and all below it in grey."""
+        of = self._of
+        ordered = sorted(range(len(of.plates)), key=lambda p: of.layer[p])
+        for p in ordered:
+            if of.layer[p] <= layer:
+                self._plate(panel, p, is_new=of.layer[p] == layer)
+        for shaft in of.shafts:
+            low, high = of.span(shaft)
+            if low <= layer <= high:
+                self._pin(panel, shaft, layer)
+
+    def _plate(self, panel: Element, p: int, *, is_new: bool) -> None:
+        plate = self._of.plates[p]
+        colour = COLOURS[p % len(COLOURS)] if is_new else '#b8b8b8'
+        style = {'fill': colour, 'fill-opacity': '0.35' if is_new else '0.15', 'stroke': colour}
+        links = [(self._mm(plate, a), self._mm(plate, b)) for a, b in plate.links]
+        cuts: list[Outline] = [*outlines(links, self._length(plate.width / 2.0))]
+        for slot in plate.slots:
+            ends = self._mm(plate, slot.start), self._mm(plate, slot.end)
+            cuts += outlines([ends], self._length(slot.diameter / 2.0))
+        for hole in plate.holes:
+            at = self._mm(plate, hole.at)
+            cuts += outlines([(at, at)], self._length(hole.diameter / 2.0))
+        data = ' '.join(path_data(cut, PANEL) for cut in cuts)
+        SubElement(
+            panel, 'path', {'d': data, 'fill-rule': 'evenodd', 'stroke-width': '0.25', **style}
+        )
+        if is_new:
+            start, end = max(links, key=lambda link: abs(link[1] - link[0]))
+            holes = [self._mm(plate, hole.at) for hole in plate.holes]
+            places = [start + part * (end - start) for part in (0.5, 0.4, 0.6, 0.3, 0.7)]
+            clear = max(places, key=lambda at: min((abs(at - h) for h in holes), default=0.0))
+            self._label(panel, plate.name, clear)
+
+    def _pin(self, panel: Element, shaft: Shaft, layer: int) -> None:
+        of = self._of
+        plate = of.plates[shaft.carrier]
+        at, radius = self._mm(plate, shaft.at), self._length(shaft.diameter / 2.0)
+        place = {'cx': f'{at.real:.3f}', 'cy': f'{PANEL - at.imag:.3f}'}
+        if all(of.layer[p] != layer for p in shaft.plates):
+            ring = self._length(shaft.radius(plate.width))
+            SubElement(
+                panel,
+                'circle',
+                {
+                    **place,
+                    'r': f'{ring:.3f}',
+                    'fill': '#ffffff',
+                    'stroke': '#000000',
+                    'stroke-width': '0.3',
+                },
+            )
+        SubElement(panel, 'circle', {**place, 'r': f'{radius:.3f}', 'fill': '#000000'})
+        self._label(panel, shaft.name, at + complex(1.2, 1.2) * radius + 0.5)
+
+    def _label(self, panel: Element, text: str, at: complex) -> None:
+        place = {'x': f'{at.real:.3f}', 'y': f'{PANEL - at.imag:.3f}', 'font-size': f'{TEXT:g}'}
+        style = {'fill': '#000000', 'font-family': 'sans-serif', 'paint-order': 'stroke'}
+        halo = {'stroke': '#ffffff', 'stroke-width': '0.6'}
+        SubElement(panel, 'text', {**place, **style, **halo}).text = printable(text, 24)
+
+    def _at(self, plate: Plate, place: complex) -> complex:
+        return complex(self._of.motion.place(plate, place)[self._of.motion.shown])
+
+    def _mm(self, plate: Plate, place: complex) -> complex:
+        return (self._at(plate, place) - self._low) * MM * self.scale
+
+    def _length(self, metres: float) -> float:
+        return metres * MM * self.scale
+
+
+def _text(
+    root: Element, content: str, y: float, size: float, x: float = MARGIN, *, is_bold: bool = False
+) -> None:
+    weight = {'font-weight': 'bold'} if is_bold else {}
+    place = {'x': f'{x:g}', 'y': f'{y:g}', 'font-size': f'{size:g}', 'font-family': 'sans-serif'}
+    SubElement(root, 'text', {**place, **weight}).text = content
