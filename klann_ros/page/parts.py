@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import hashlib
 import json
 from pathlib import Path
+import re
 
 from .markup import element, joined, Markup
 
@@ -27,11 +28,14 @@ class Parts:
     ----------
     styles, scripts : sequence of pathlib.Path
         In this order: each uses what stands before it.
+    is_compact : bool
+        Leave out the scripts' comments and indentation.
 
     """
 
     styles: Sequence[Path]
     scripts: Sequence[Path]
+    is_compact: bool = False
 
     def style_elements(self) -> Markup:
         """Return all styles."""
@@ -39,14 +43,18 @@ class Parts:
 
     def script_elements(self) -> Markup:
         """Return all scripts."""
-        return joined(element('script', Markup(text(path))) for path in self.scripts)
+        return joined(element('script', Markup(script)) for script in self._scripts())
+
+    def _scripts(self) -> list[str]:
+        scripts = map(text, self.scripts)
+        return [_compact(script) for script in scripts] if self.is_compact else list(scripts)
 
     def policy(self) -> Markup:
         """Return what the page may do: run these very scripts, and load nothing from anywhere."""
         rules = (
             "default-src 'none'",
-            f'script-src {_hashes(self.scripts)}',
-            f'style-src {_hashes(self.styles)}',
+            f'script-src {_hashes(self._scripts())}',
+            f'style-src {_hashes(map(text, self.styles))}',
             "base-uri 'none'",
             "form-action 'none'",
         )
@@ -64,7 +72,15 @@ def as_script(data: object) -> Markup:
     return Markup(written.replace('<', '\\u003c'))
 
 
-def _hashes(paths: Iterable[Path]) -> str:
-    digests = (hashlib.sha256(text(path).encode()).digest() for path in paths)
+def _compact(script: str) -> str:
+    """Return a script without indentation, and comments that have lines of their own."""
+    code = re.sub(
+        r'^ *(?:/\*(?:(?!\*/).)*\*/|//[^\n]*)\n', '', script, flags=re.DOTALL | re.MULTILINE
+    )
+    return re.sub(r'^\s+', '', code, flags=re.MULTILINE)
+
+
+def _hashes(contents: Iterable[str]) -> str:
+    digests = (hashlib.sha256(content.encode()).digest() for content in contents)
     told = (f"'sha256-{b64encode(digest).decode('ascii')}'" for digest in digests)
     return ' '.join(told) or "'none'"
