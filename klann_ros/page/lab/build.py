@@ -41,6 +41,7 @@ SOLVER = (
 """What needs no browser: any linkage, solved as the kinematics does."""
 
 PARTS = Parts(
+    is_compact=True,
     styles=(
         *FRAME,
         SHARED / 'drawing.css',
@@ -54,10 +55,12 @@ PARTS = Parts(
         *SOLVER,
         _OWN / 'texts.js',
         _OWN / 'dragging.js',
+        _OWN / 'link.js',
         _OWN / 'model.js',
         _OWN / 'scene.js',
         _OWN / 'panels.js',
         _OWN / 'turn_chart.js',
+        _OWN / 'decimal_field.js',
         _OWN / 'numbers.js',
         _OWN / 'newton.js',
         _OWN / 'lab.js',

@@ -22,8 +22,47 @@ function shapeOf({ structure, pointRows }) {
   };
 }
 
-/** Return the linkage and the crank angle after a point was dragged; null where nothing can. */
-function draggedTo(linkage, pose, crank, i, target) {
+// A number of which this part changes has not been dragged.
+const UNCHANGED = 1e-9;
+const MAX_ANGLE_STEP = 1;
+
+/** Return the largest of 1, 2, 5, 10, ... that is not above a value. */
+function roundStep(value) {
+  const power = 10 ** Math.floor(Math.log10(value) + 1e-9);
+  const factor = value / power;
+  return (factor >= 5 - 1e-9 ? 5 : factor >= 2 - 1e-9 ? 2 : 1) * power;
+}
+
+/** Return the nearest multiple of a step, without the noise of the product's last digits. */
+function rounded(value, step) {
+  return Number((Math.round(value / step) * step).toPrecision(12));
+}
+
+/** Return an angle rounded to what a step [m] is at a radius [m]. */
+function roundedAngle(angle, step, radius) {
+  const degrees = (360 / TAU) * (step / radius);
+  const own = rounded((360 / TAU) * angle, Math.min(roundStep(degrees), MAX_ANGLE_STEP));
+  return own * (TAU / 360);
+}
+
+/** Return numbers after a drag; those that it changed are rounded to its step [m]. */
+function roundedNumbers({ structure, size, numbers: before }, numbers, step) {
+  const lengths = new Map(
+    structure.dimensions.flatMap(({ kind, place }, n) =>
+      kind === 'length' ? [[place, numbers[n]]] : [],
+    ),
+  );
+  return structure.dimensions.map(({ kind, place }, n) => {
+    const value = numbers[n];
+    if (Math.abs(value - before[n]) <= UNCHANGED * (kind === 'bend' ? 1 : size)) return before[n];
+    if (kind === 'bend') return roundedAngle(value, step, lengths.get(place) || size);
+    const isLength = kind === 'length' || kind === 'brace';
+    return isLength ? Math.max(rounded(value, step), step) : rounded(value, step);
+  });
+}
+
+/** Return the linkage and crank angle after a point was dragged in steps [m]; null if it cannot be. */
+function draggedTo(linkage, pose, crank, i, target, step) {
   const { structure } = linkage;
   const name = structure.points[i];
   const numbers = [...linkage.numbers];
@@ -33,27 +72,37 @@ function draggedTo(linkage, pose, crank, i, target) {
       if (d.place === place && d.kind === 'x') [numbers[n]] = target;
       if (d.place === place && d.kind === 'y') [, numbers[n]] = target;
     });
-    return { linkage: linkage.with(numbers), alpha: crank };
+    return { linkage: linkage.with(roundedNumbers(linkage, numbers, step)), alpha: crank };
   }
   if (pose.error) return null;
   const points = pose.points.map((point, k) => (k === i ? target : point));
   const { u } = measured(structure, points, pose.u, name, numbers);
   const x = linkage.coordinates(u);
-  const alpha = crank + wrap(x[0] - crank);
-  const options = {
-    ...linkage.kept,
-    ...(linkage.isDyadic ? { signs: linkage.signs } : { start: [alpha, ...x.slice(1)] }),
+  const turn = wrap(x[0] - crank);
+  const isTurned = Math.abs(turn) > UNCHANGED;
+  const alpha = isTurned ? roundedAngle(crank + turn, step, C.abs(linkage.bars[0])) : crank;
+  const made = assembledNear(linkage, roundedNumbers(linkage, numbers, step), alpha, x, points);
+  if (!poseAt(made, alpha).error) return { linkage: made, alpha };
+  // Near a limit of the reach rounding may jam what closes as it was dragged.
+  return {
+    linkage: assembledNear(linkage, numbers, crank + turn, x, points),
+    alpha: crank + turn,
   };
-  const made = new Linkage(structure, numbers, options);
-  if (!made.isDyadic) return { linkage: made, alpha };
-  // In which assembly it lies as it was dragged: a joint may pass from one into another.
+}
+
+/** Return a linkage with other numbers, in the assembly that lies nearest to points. */
+function assembledNear({ structure, kept, isDyadic, signs }, numbers, alpha, x, points) {
+  const branch = isDyadic ? { signs } : { start: [alpha, ...x.slice(1)] };
+  const made = new Linkage(structure, numbers, { ...kept, ...branch });
+  if (!made.isDyadic) return made;
+  // A joint may pass from one assembly into another.
   const off = (one) => Math.hypot(...one.points.flatMap((point, k) => C.sub(point, points[k])));
   const own = poseAt(made, alpha);
   const poses = own.error ? dyadPoses(made, alpha, 64) : [own, ...dyadPoses(made, alpha, 64)];
-  if (!poses.length) return { linkage: made, alpha };
+  if (!poses.length) return made;
   const best = poses.reduce((a, b) => (off(b) < off(a) - 1e-9 * made.size ? b : a));
   const isBetter = String(best.signs) !== String(made.signs);
-  return { linkage: isBetter ? made.with(numbers, best.signs) : made, alpha };
+  return isBetter ? made.with(numbers, best.signs) : made;
 }
 
 /** Measure the bars of all bodies that have a point, into `numbers`; return how the bodies lie. */

@@ -41,6 +41,7 @@ function moveBy(step) {
 
 function toggle() {
   crank.isTurning = !crank.isTurning;
+  if (!crank.isTurning) settle();
   crank.last = null;
   crank.direction = 1;
   // Nobody can listen to each pose of a turn.
@@ -48,6 +49,80 @@ function toggle() {
     byId(id).setAttribute('aria-live', crank.isTurning ? 'off' : 'polite');
   showCrank();
   if (crank.isTurning) requestAnimationFrame(turnOn);
+}
+
+/** Bring a crank that stops to a tenth of a degree, if it closes there. */
+function settle() {
+  const near = rounded((lab.alpha * 360) / TAU, 0.1) * (TAU / 360);
+  if (!poseAt(lab.linkage, near).error) lab.turnTo(near);
+}
+
+// History and link.
+
+const link = { first: '', waiting: null };
+
+function showHistory() {
+  byId('undo').disabled = !lab.past.length;
+  byId('redo').disabled = !lab.future.length;
+  if (document.activeElement !== byId('name')) byId('name').value = lab.name;
+}
+
+function step(act) {
+  crank.isTurning = false;
+  const field = document.activeElement;
+  act();
+  // What is being typed is no longer the number.
+  if (field.matches('.decimal')) field.dispatchEvent(new Event('blur'));
+  showCrank();
+  showChoice();
+}
+
+/** Write the state into the address, when nothing moves. */
+function writeLinkSoon() {
+  clearTimeout(link.waiting);
+  byId('link').hidden = true;
+  link.waiting = setTimeout(writeLink, 300);
+}
+
+function writeLink() {
+  let fragment = '';
+  try {
+    fragment = linkOf(lab);
+  } catch (error) {
+    if (!(error instanceof Refusal)) throw error;
+  }
+  // The lab as it is opened needs no fragment.
+  if (fragment !== location.hash && (fragment !== link.first || location.hash))
+    history.replaceState(null, '', fragment || location.pathname);
+}
+
+async function copyLink() {
+  writeLink();
+  try {
+    linkOf(lab);
+  } catch (error) {
+    lab.attempt(() => {
+      throw error;
+    });
+    return;
+  }
+  let text = 'linkCopied';
+  try {
+    await navigator.clipboard.writeText(location.href);
+  } catch {
+    // Not allowed, or no secure context.
+    text = 'linkInAddress';
+  }
+  byId('link').textContent = say(text);
+  byId('link').hidden = false;
+}
+
+/** Open the state in the address. */
+function readLink() {
+  if (!location.hash) return;
+  crank.isTurning = false;
+  lab.attempt(() => openLink(lab, location.hash));
+  showChoice();
 }
 
 // Files.
@@ -83,19 +158,11 @@ async function openFile(file) {
   loadText(text);
 }
 
-/** Return a pose for a file's start: this one, or one in the middle of an arc. */
-function poseToSave() {
-  if (!lab.pose.error) return lab.pose;
-  const arcs = reachableArcs(lab.linkage);
-  refuseUnless(arcs.length, TEXTS.en.nothingToSave, TEXTS.pt.nothingToSave);
-  return poseAt(lab.linkage, (arcs[0][0] + arcs[0][1]) / 2);
-}
-
 function textToSave(asParameters) {
   if (asParameters) return parametersText(lab.linkage);
-  const name = byId('name').value.trim();
+  const name = lab.name.trim();
   aTitle(name, 'name');
-  const text = linkageText(lab.linkage, lab.content, poseToSave().x, name);
+  const text = linkageText(lab.linkage, lab.content, lab.poseToSave().x, name);
   // What it could not read again itself is not saved.
   readFile(text, lab.shipped.klann);
   return text;
@@ -155,9 +222,7 @@ function speak(now) {
   statePanel.show();
   statePanel.showTurn();
   numbers.build();
-  const { guess } = newton;
   newton.build();
-  newton.take(guess);
   if (lab.turn) chart.draw();
   assemblies.soon();
   scene.nameGrips();
@@ -176,7 +241,11 @@ function listen() {
     openFile(byId('file').files[0]);
     byId('file').value = '';
   });
-  on('reset', 'click', () => lab.reset());
+  on('reset', 'click', () => lab.attempt(() => lab.reset()));
+  on('undo', 'click', () => step(() => lab.undo()));
+  on('redo', 'click', () => step(() => lab.redo()));
+  on('copy-link', 'click', copyLink);
+  window.addEventListener('hashchange', readLink);
   on('fit', 'click', () => scene.fit());
   on('others', 'change', () => {
     scene.hasOthers = byId('others').checked;
@@ -186,7 +255,12 @@ function listen() {
   on('save-linkage', 'click', () => save(false));
   on('save-parameters', 'click', () => save(true));
   on('load-text', 'click', () => loadText(byId('text').value, ''));
-  on('name', 'input', showText);
+  on('name', 'input', () => {
+    lab.begin();
+    lab.setName(byId('name').value);
+    showText();
+  });
+  on('name', 'change', () => lab.commit());
   for (const button of document.querySelectorAll('[data-language]'))
     button.addEventListener('click', () => speak(button.dataset.language));
   document.addEventListener('keydown', (event) => {
@@ -194,6 +268,14 @@ function listen() {
     if (event.key !== ' ' || isOwn || event.ctrlKey || event.altKey || event.metaKey) return;
     event.preventDefault();
     toggle();
+  });
+  document.addEventListener('keydown', (event) => {
+    const key = event.key.toLowerCase();
+    if (!(event.ctrlKey || event.metaKey) || event.altKey || !'zy'.includes(key)) return;
+    // Where text is written, the browser has a history of its own.
+    if (event.target.closest('#name, #text')) return;
+    event.preventDefault();
+    step(() => (key === 'y' || event.shiftKey ? lab.redo() : lab.undo()));
   });
   document.addEventListener('dragover', (event) => event.preventDefault());
   document.addEventListener('drop', (event) => {
@@ -205,12 +287,19 @@ function listen() {
 
 lab.on('linkage', () => {
   showChoice();
-  byId('name').value = lab.name;
+  showHistory();
   byId('save-parameters').hidden = !lab.isKlann;
 });
+lab.on('history', showHistory);
 for (const event of ['linkage', 'pose', 'numbers']) lab.on(event, showCrank);
+for (const event of ['linkage', 'pose', 'numbers', 'guess', 'history'])
+  lab.on(event, writeLinkSoon);
 lab.on('turn', showText);
 listen();
 choices();
 lab.choose('klann');
+link.first = linkOf(lab);
 speak(language.now);
+readLink();
+lab.clearHistory();
+showHistory();

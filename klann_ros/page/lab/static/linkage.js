@@ -14,9 +14,12 @@ class Linkage {
     [this.pivots, this.bars] = vectorsOf(structure, this.numbers);
     structure.dimensions.forEach(({ kind, place, name: what }, n) => {
       if (kind === 'brace' && Number.isNaN(this.bars[place][0]))
-        throw new Refusal(
-          `${what} = ${general(this.numbers[n])} m is refused: this brace and its bar do not meet`,
-          `${what} = ${general(this.numbers[n])} m é recusado: esta escora e a sua barra não se encontram`,
+        refuseDimension(
+          what,
+          this.numbers[n],
+          kind,
+          'this brace and its bar do not meet',
+          'esta escora e a sua barra não se encontram',
         );
     });
     const { paths } = structure;
@@ -114,11 +117,7 @@ class Linkage {
       'falta o start, de que as suas malhas acopladas precisam',
     );
     const iterates = newtonRaphson(this, this.givenStart, START_ITERATIONS, 1e-9);
-    if (!iterates.converged)
-      throw new Refusal(
-        `it cannot be assembled near its start: Newton-Raphson finds no pose at the crank angle ${general((this.givenStart[0] * 360) / TAU)} deg; check its lengths and these angles`,
-        `não pode ser montado perto do start: Newton-Raphson não acha posição no ângulo ${general((this.givenStart[0] * 360) / TAU)} graus da manivela; confira os comprimentos e estes ângulos`,
-      );
+    if (!iterates.converged) refuseAssembly(general((this.givenStart[0] * 360) / TAU));
     const { bodies } = this.structure;
     return iterates.x.at(-1).map((value, j) => (!j || bodies[j].slides ? value : wrap(value)));
   }
@@ -137,37 +136,44 @@ class Linkage {
   }
 }
 
+function refuseAssembly(degrees) {
+  throw new Refusal(
+    `it cannot be assembled near its start: Newton-Raphson finds no pose at the crank angle ${degrees}°; check its lengths and these angles`,
+    `não pode ser montado perto do start: Newton-Raphson não acha posição no ângulo ${degrees.replace('.', ',')}° da manivela; confira os comprimentos e estes ângulos`,
+  );
+}
+
 function checkedNumbers({ dimensions }, numbers) {
   return dimensions.map(({ name, kind }, n) => {
     const value = numbers[n];
-    const unit = kind === 'bend' ? 'rad' : 'm';
-    const [en, pt] = [
-      `${name} = ${general(value)} ${unit} is refused`,
-      `${name} = ${general(value)} ${unit} é recusado`,
-    ];
-    refuseUnless(
-      Number.isFinite(value),
-      `${name} = ${value} is refused: it must be a finite number`,
-      `${name} = ${value} é recusado: tem de ser um número finito`,
-    );
-    refuseUnless(
-      !['length', 'brace'].includes(kind) || value > 0,
-      `${en}: a length must be > 0`,
-      `${pt}: um comprimento tem de ser > 0`,
-    );
     const size = Math.abs(value);
-    refuseUnless(
-      unit === 'rad' || value === 0 || (SMALLEST <= size && size <= LARGEST),
-      `${en}: it must be within ${SMALLEST} .. ${LARGEST} m`,
-      `${pt}: tem de estar entre ${SMALLEST} e ${LARGEST} m`,
-    );
-    refuseUnless(
-      unit === 'm' || size <= TAU,
-      `${en}: a bend must be within +-2 pi rad`,
-      `${pt}: um ângulo entre barras tem de estar entre +-2 pi rad`,
-    );
+    const require = (condition, en, pt) => {
+      if (!condition) refuseDimension(name, value, kind, en, pt);
+    };
+    require(Number.isFinite(value), 'it must be a finite number', 'tem de ser um número finito');
+    require(!['length', 'brace'].includes(kind) ||
+      value > 0, 'a length must be > 0', 'um comprimento tem de ser > 0');
+    require(kind === 'bend' ||
+      value === 0 ||
+      (SMALLEST <= size &&
+        size <=
+          LARGEST), 'it must be within 1e-57 .. 1e+63 mm', 'tem de estar entre 1e-57 e 1e+63 mm');
+    require(kind !== 'bend' ||
+      size <=
+        TAU, 'an angle between bars must be within ±360°', 'um ângulo entre barras tem de estar entre ±360°');
     return value;
   });
+}
+
+/** Refuse a dimension, in the page's units. */
+function refuseDimension(name, value, kind, en, pt) {
+  const shown = general(value * (kind === 'bend' ? 360 / TAU : 1000));
+  const unit = kind === 'bend' ? '°' : ' mm';
+  const translated = name.replace(/^bend of/, 'ângulo').replace(/^direction of/, 'direção');
+  throw new Refusal(
+    `${name} = ${shown}${unit}: ${en}`,
+    `${translated} = ${shown.replace('.', ',')}${unit}: ${pt}`,
+  );
 }
 
 /** Return the pivots and the bars as vectors, each bar in the frame of its body [m]. */

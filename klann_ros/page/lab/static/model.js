@@ -1,12 +1,17 @@
 'use strict';
-/* The linkage that is on the table: what it is, where its crank is, and what follows. */
+/* The linkage on the page: its numbers, its crank angle, the history of edits, and what follows. */
+
+const MAX_HISTORY = 200;
+// What an edit changes; the crank angle alone is no edit.
+const EDITED = ['source', 'read', 'content', 'isKlann', 'linkage', 'name', 'guess'];
 
 class Lab {
   constructor(shipped) {
     this.shipped = shipped;
     this.alpha = 0;
-    this.listeners = { pose: [], numbers: [], linkage: [], turn: [] };
+    this.listeners = { pose: [], numbers: [], linkage: [], turn: [], guess: [], history: [] };
     this.refusal = null;
+    this.clearHistory();
   }
 
   /** Have a function called when the crank moves, the numbers change, or the linkage is another. */
@@ -39,6 +44,14 @@ class Lab {
     Object.assign(this, { source, read, alpha, isKlann });
     Object.assign(this, { content: read.content, linkage: read.linkage });
     this.name = read.content.name;
+    this.isTurned = true;
+    this.guess = startGuess(read, pose);
+    read.guess = this.guess;
+    this.showOther();
+  }
+
+  /** Show a linkage with another structure. */
+  showOther() {
     this.refusal = null;
     this.isDragged = false;
     this.turn = null;
@@ -50,6 +63,7 @@ class Lab {
   reset() {
     const { linkage, content } = this.read;
     this.name = content.name;
+    this.guess = this.read.guess;
     this.change(linkage);
     this.tell('linkage');
   }
@@ -77,6 +91,21 @@ class Lab {
     });
   }
 
+  /** Take the angles [rad] and lengths [m] that Newton-Raphson starts from. */
+  setGuess(guess) {
+    this.attempt(() => {
+      this.guess = guess;
+      this.refusal = null;
+      this.tell('guess');
+    });
+  }
+
+  setName(name) {
+    this.attempt(() => {
+      this.name = name;
+    });
+  }
+
   setSigns(pose) {
     const { structure, numbers, kept, isDyadic } = this.linkage;
     this.attempt(() => {
@@ -85,24 +114,91 @@ class Lab {
     });
   }
 
-  /** Move a point [m]: a pivot with all lengths as they are, a joint by new lengths. */
-  drag(i, target) {
+  /** Move a point [m]: a pivot with all lengths as they are, a joint by lengths in such steps [m]. */
+  drag(i, target, step) {
     this.attempt(() => {
-      const moved = draggedTo(this.linkage, this.pose, this.alpha, i, target);
+      const moved = draggedTo(this.linkage, this.pose, this.alpha, i, target, step);
       if (!moved) return;
+      this.isTurned ||= this.alpha !== moved.alpha;
       this.alpha = moved.alpha;
       this.change(moved.linkage);
     });
   }
 
+  // Edits.
+
+  /** Make all changes until `commit` one step of the history. */
+  begin() {
+    if (this.before) return;
+    Object.assign(this, { before: this.snapshot(), isTurned: false });
+  }
+
+  commit() {
+    // What is shown again loses the focus, which ends the edit of a field.
+    if (this.isActing) return;
+    const { before } = this;
+    this.before = null;
+    if (!before || !EDITED.some((key) => before[key] !== this[key])) return;
+    this.past.push({ before, after: this.snapshot(), isTurned: this.isTurned });
+    if (this.past.length > MAX_HISTORY) this.past.shift();
+    this.future = [];
+    this.tell('history');
+  }
+
+  /** Make an edit, or show in one line why it is refused; a refused one changes nothing. */
   attempt(act) {
+    const { isActing } = this;
+    const isAlone = !this.before;
+    const before = this.snapshot();
+    this.begin();
+    this.isActing = true;
     try {
       act();
     } catch (error) {
       if (!(error instanceof Refusal)) throw error;
+      this.restore(before, before.alpha);
       this.refusal = error;
       this.tell('pose');
     }
+    this.isActing = isActing;
+    if (isAlone) this.commit();
+  }
+
+  undo() {
+    this.commit();
+    this.stepThrough(this.past, this.future, 'before');
+  }
+
+  redo() {
+    this.commit();
+    this.stepThrough(this.future, this.past, 'after');
+  }
+
+  stepThrough(from, to, target) {
+    const step = from.pop();
+    if (!step) return;
+    to.push(step);
+    // The crank stays where it was turned to, unless the edit turned it.
+    this.restore(step[target], step.isTurned ? step[target].alpha : this.alpha);
+    this.tell('history');
+  }
+
+  clearHistory() {
+    Object.assign(this, { before: null, past: [], future: [] });
+  }
+
+  snapshot() {
+    return Object.fromEntries([...EDITED, 'alpha'].map((key) => [key, this[key]]));
+  }
+
+  restore(state, alpha) {
+    this.alpha = alpha;
+    if (EDITED.every((key) => state[key] === this[key])) return;
+    const isOther = state.read !== this.read;
+    Object.assign(this, state, { alpha });
+    if (isOther) this.showOther();
+    else this.change(state.linkage);
+    this.tell('guess');
   }
 
   change(linkage) {
@@ -119,6 +215,14 @@ class Lab {
     if (!this.pose.error) this.lastGood = this.pose;
   }
 
+  /** Return a pose for a file's start: this one, or one in the middle of an arc. */
+  poseToSave() {
+    if (!this.pose.error) return this.pose;
+    const arcs = reachableArcs(this.linkage);
+    refuseUnless(arcs.length, TEXTS.en.nothingToSave, TEXTS.pt.nothingToSave);
+    return poseAt(this.linkage, (arcs[0][0] + arcs[0][1]) / 2);
+  }
+
   /** Work out the whole turn, when there is time for it [ms]. */
   follow(delay) {
     if (this.waiting) return;
@@ -126,9 +230,20 @@ class Lab {
       this.waiting = null;
       this.arcs = reachableArcs(this.linkage);
       this.turn = turnOf(this.linkage, this.arcs, this.linkage.isDyadic ? 240 : 120);
+      this.turn.linkage = this.linkage;
       this.tell('turn');
     }, delay);
   }
+}
+
+/** Return the start of a file as Newton-Raphson's guess, or a pose without the crank's angle. */
+function startGuess({ linkage, content, start }, pose) {
+  const { metre, turn } = unitsOf(content);
+  return linkage.structure.bodies
+    .map((body, j) =>
+      start === undefined ? pose.x[j] : content.start[body.name] * (body.slides ? metre : turn),
+    )
+    .slice(1);
 }
 
 /** Return a Klann leg whose second transmission angle is delta + theta, as the course has it. */

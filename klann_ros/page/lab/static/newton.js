@@ -7,6 +7,9 @@ const NEWTON_TOLERANCE = 1e-12;
 const EXAMPLE = [60, 15, 60, 45, 60];
 // What it prints is rounded in radians, before it is told in degrees.
 const PRINTED = 1e4;
+// The four-bar lecture goes round its loop the other way than the Klann lecture round both of its.
+const OPPOSITE_LOOPS = ['theta2,theta3,theta4'];
+const GREEK = { alpha: 'α', beta: 'β', gamma: 'γ', delta: 'δ', theta: 'θ' };
 
 class NewtonPanel {
   constructor(lab, scene) {
@@ -14,12 +17,13 @@ class NewtonPanel {
     this.scene = scene;
     this.drawn = 0;
     lab.on('linkage', () => this.build());
+    lab.on('guess', () => this.showGuess());
     for (const event of ['pose', 'numbers']) lab.on(event, () => this.soon());
     byId('rounded').addEventListener('change', () => this.table());
     byId('iterate').addEventListener('change', () => this.draw(Number(byId('iterate').value)));
     byId('random').addEventListener('click', () => this.guessAtRandom());
     byId('from-pose').addEventListener('click', () =>
-      this.take((lab.pose.x || lab.lastGood.x).slice(1)),
+      lab.setGuess((lab.pose.x || lab.lastGood.x).slice(1)),
     );
     byId('lecture').addEventListener('click', () => this.showExample());
   }
@@ -29,53 +33,44 @@ class NewtonPanel {
   }
 
   build() {
-    const { start } = this.lab.read;
-    const given = this.lab.content.start;
-    const { metre, turn } = unitsOf(this.lab.content);
-    this.guess = this.bodies.map((body, i) =>
-      start === undefined
-        ? this.lab.lastGood.x[i + 1]
-        : given[body.name] * (body.slides ? metre : turn),
-    );
-    this.inputs = this.bodies.map((body, i) => this.input(body, i));
-    byId('guess').replaceChildren(...this.inputs.map((input) => input.parentNode));
+    this.fields = this.bodies.map((body, i) => this.field(body, i));
+    byId('guess').replaceChildren(...this.fields.map(({ input }) => input.parentNode));
     this.drawn = 0;
-    this.run();
+    this.showGuess();
   }
 
-  input(body, i) {
-    const input = Object.assign(made('input'), { type: 'number', step: 'any' });
-    const label = made('label', '', say('guess', body.name, body.slides ? 'mm' : '°'));
+  field(body, i) {
     const scale = body.slides ? 1000 : 360 / TAU;
-    input.value = Number((this.guess[i] * scale).toPrecision(7));
-    input.addEventListener('input', () => {
-      if (input.value.trim() === '' || !Number.isFinite(Number(input.value))) return;
-      this.guess[i] = Number(input.value) / scale;
-      this.run();
+    const field = new DecimalField(this.lab, {
+      digits: 7,
+      value: () => this.lab.guess[i] * scale,
+      take: (shown) => this.lab.setGuess(this.lab.guess.with(i, shown / scale)),
     });
-    label.append(input);
-    return input;
+    const label = made('label', '', say('guess', body.name, body.slides ? 'mm' : '°'));
+    label.append(field.input);
+    return field;
   }
 
-  take(guess) {
-    this.guess = [...guess];
-    this.inputs.forEach((input, i) => {
-      input.value = Number((guess[i] * (this.bodies[i].slides ? 1000 : 360 / TAU)).toPrecision(7));
-    });
+  showGuess() {
+    for (const field of this.fields) field.show();
     this.run();
   }
 
   guessAtRandom() {
     const { size } = this.lab.linkage;
-    this.take(this.bodies.map((body) => (2 * Math.random() - 1) * (body.slides ? size : Math.PI)));
+    this.lab.setGuess(
+      this.bodies.map((body) => (2 * Math.random() - 1) * (body.slides ? size : Math.PI)),
+    );
   }
 
   showExample() {
-    this.lab.choose('klann');
-    const [alpha, ...guess] = EXAMPLE.map((angle) => (angle * TAU) / 360);
-    this.lab.turnTo(alpha);
-    byId('rounded').checked = true;
-    this.take(guess);
+    this.lab.attempt(() => {
+      this.lab.choose('klann');
+      const [alpha, ...guess] = EXAMPLE.map((angle) => (angle * TAU) / 360);
+      this.lab.turnTo(alpha);
+      byId('rounded').checked = true;
+      this.lab.setGuess(guess);
+    });
   }
 
   /** Iterate again when the crank rests. */
@@ -86,13 +81,8 @@ class NewtonPanel {
 
   run() {
     clearTimeout(this.waiting);
-    const { linkage, alpha } = this.lab;
-    this.found = newtonRaphson(
-      linkage,
-      [alpha, ...this.guess],
-      MOST_CORRECTIONS,
-      NEWTON_TOLERANCE,
-    );
+    const { linkage, alpha, guess } = this.lab;
+    this.found = newtonRaphson(linkage, [alpha, ...guess], MOST_CORRECTIONS, NEWTON_TOLERANCE);
     byId('verdict').textContent = this.verdict();
     const options = this.found.x.map((_, k) => new Option(`x${subscript(k + 1)}`, k + 1));
     byId('iterate').replaceChildren(new Option('–', 0), ...options);
@@ -140,14 +130,15 @@ class NewtonPanel {
     const cells = x
       .slice(1)
       .map((value, i) => made('td', '', this.shown(value, this.bodies[i].slides, k > 0)));
-    const gap = residual === undefined ? '' : (1000 * residual).toExponential(2);
-    row.append(first, ...cells, made('td', '', gap.replace('-', '\u2212')));
+    const gap = residual === undefined ? '' : inLocale((1000 * residual).toExponential(2));
+    row.append(first, ...cells, made('td', '', gap));
+    row.addEventListener('click', () => this.draw(k + 1));
     return row;
   }
 
   shown(value, slides, isIterate) {
     if (slides) return decimals(1000 * value, 4);
-    if (Math.abs(value) > 1e6) return value.toExponential(3);
+    if (Math.abs(value) > 1e6) return inLocale(value.toExponential(3));
     const rounded = byId('rounded').checked;
     // The guess is nobody's result.
     const angle = rounded && isIterate ? Math.round(value * PRINTED) / PRINTED : value;
@@ -160,6 +151,34 @@ class NewtonPanel {
     this.scene.iterate = k ? this.found.x[k - 1] : null;
     this.scene.show();
     this.mark();
+    this.showStep(Math.max(k, 1) - 1);
+  }
+
+  /** Show f and Phi of a step, in the order, signs and units of the lectures. */
+  showStep(k) {
+    const { linkage } = this.lab;
+    const { f, phi } = linkage.equations(this.found.x[k]);
+    const sign = OPPOSITE_LOOPS.includes(linkage.structure.angles.join()) ? -1 : 1;
+    const shown = (value) => shownTerm(sign * 1000 * value);
+    const slides = this.bodies.some((body) => body.slides);
+    const mark = subscript(k + 1);
+    const group = (label, matrix, unit) => {
+      const node = made('div');
+      node.append(made('span', '', label), matrix, made('span', '', unit));
+      return node;
+    };
+    byId('step').replaceChildren(
+      group(`f(x${mark}) =`, matrixOf(f.map((value) => [shown(value)])), 'mm'),
+      group(
+        `Φ${mark} =`,
+        matrixOf(phi.map((row) => row.map(shown))),
+        slides ? 'mm/rad, mm/m' : 'mm',
+      ),
+    );
+    byId('step-title').textContent = say('step', k + 1, subscript(k + 1), subscript(k + 2));
+    byId('equations').replaceChildren(
+      ...equationTexts(linkage, sign).map((text) => made('li', '', text)),
+    );
   }
 
   mark() {
@@ -171,4 +190,62 @@ class NewtonPanel {
 
 function subscript(number) {
   return Array.from(String(number), (digit) => '₀₁₂₃₄₅₆₇₈₉'[digit]).join('');
+}
+
+/** Return an entry of f or Phi as the lectures print it: 3 decimals, 6 of what is small. */
+function shownTerm(value) {
+  const size = Math.abs(value);
+  if (!size) return '0';
+  if (size < 5e-7 || size >= 1e7) return inLocale(value.toExponential(2));
+  return decimals(value, size < 0.01 ? 6 : 3);
+}
+
+function matrixOf(rows) {
+  const table = made('table', 'matrix');
+  for (const texts of rows) {
+    const row = made('tr');
+    row.append(...texts.map((text) => made('td', '', text)));
+    table.append(row);
+  }
+  return table;
+}
+
+/** Return the loop equations as the lecture writes them; none of bodies that slide or braced bars. */
+function equationTexts(linkage, sign) {
+  const { structure, numbers } = linkage;
+  const bends = new Map();
+  for (const [n, { kind, place }] of structure.dimensions.entries()) {
+    if (kind === 'brace' || structure.slides) return [];
+    if (kind === 'bend') bends.set(place, numbers[n]);
+  }
+  const term = (times, text) => `${sign * times < 0 ? '\u2212' : '+'} ${text}`;
+  const equation = ({ bars, pivots }, axis) => {
+    const parts = [...bars].map(([n, times]) => {
+      const { body, bar } = structure.bars[n];
+      const sense = structure.senses[body];
+      const bend = sense * (bends.get(n) || 0);
+      const name = GREEK[structure.angles[body]] || structure.angles[body];
+      const angle = bend
+        ? `(${name} ${bend < 0 ? '\u2212' : '+'} ${shownAngle(Math.abs(bend))})`
+        : ` ${name}`;
+      const isY = axis === 1;
+      return term(
+        isY ? sense * times : times,
+        `L(${bar.from}${bar.to}) ${isY ? say('sine') : 'cos'}${angle}`,
+      );
+    });
+    const ends = [...pivots].flatMap(([place, times]) =>
+      times && linkage.pivots[place][axis]
+        ? [term(times, `${'xy'[axis]}(${structure.pivots[place]})`)]
+        : [],
+    );
+    return [...parts, ...ends].join(' ').replace(/^\+ /, '');
+  };
+  return structure.paths.loops.flatMap((path, k) =>
+    [0, 1].map((axis) => `f${subscript(2 * k + axis + 1)} = ${equation(path, axis)}`),
+  );
+}
+
+function shownAngle(angle) {
+  return `${inLocale(general((angle * 360) / TAU))}°`;
 }

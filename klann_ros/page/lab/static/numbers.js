@@ -81,32 +81,31 @@ class NumbersPanel {
     slider.min = isLength ? 0.3 * value : value - (isAngle ? 90 : size / 2);
     slider.max = isLength ? 1.7 * value : value + (isAngle ? 90 : size / 2);
     slider.setAttribute('aria-label', label.textContent);
-    const number = Object.assign(made('input'), {
-      type: 'number',
-      step: 'any',
+    const take = (shown) => this.lab.setNumber(n, shown / scale);
+    const field = new DecimalField(this.lab, {
       id: `number-${n}`,
+      isSigned: !isLength,
+      value: () => this.lab.numbers[n] * scale,
+      take,
     });
-    const take = (text) => {
-      if (text.trim() !== '' && Number.isFinite(Number(text)))
-        this.lab.setNumber(n, Number(text) / scale);
-    };
     slider.addEventListener('input', () => {
+      this.lab.begin();
       this.lab.isDragged = true;
-      take(slider.value);
+      const pixels = slider.clientWidth || 200;
+      take(rounded(Number(slider.value), roundStep((slider.max - slider.min) / pixels)));
       this.lab.isDragged = false;
     });
-    number.addEventListener('input', () => take(number.value));
-    number.addEventListener('change', () => this.show());
-    node.append(label, slider, number, made('span', 'quiet', isAngle ? '°' : 'mm'));
-    return { node, slider, number, scale };
+    slider.addEventListener('change', () => this.lab.commit());
+    node.append(label, slider, field.input, made('span', 'quiet', isAngle ? '°' : 'mm'));
+    return { node, slider, field, scale };
   }
 
   show() {
     if (!this.rows) return;
-    this.rows.forEach(({ slider, number, scale }, n) => {
+    this.rows.forEach(({ slider, field, scale }, n) => {
       const value = this.lab.numbers[n] * scale;
       if (document.activeElement !== slider) slider.value = value;
-      if (document.activeElement !== number) number.value = Number(value.toPrecision(8));
+      field.show();
       slider.setAttribute(
         'aria-valuetext',
         `${decimals(value, 1)} ${scale === 1000 ? 'mm' : '°'}`,

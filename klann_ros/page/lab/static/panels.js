@@ -79,18 +79,27 @@ function arcsText({ isTurn, arcs }) {
 }
 
 function figuresOf(linkage, turn) {
-  const folded = turn.angles.map(({ least, greatest, leastAt, greatestAt }) =>
-    Math.PI - greatest < least ? [Math.PI - greatest, greatestAt] : [least, leastAt],
-  );
-  const [worst, at] = folded.reduce((a, b) => (b[0] < a[0] ? b : a));
   const tiles = [
     [say('stride'), lengthText(turn.x.greatest - turn.x.least), ''],
     [say('lift'), lengthText(turn.y.greatest - turn.y.least), ''],
-    [say('transmission'), `≥ ${degreesText(worst)}`, say('at', turnText(at))],
+    [say('transmission'), ...worstTransmission(turn)],
   ];
   const margin = turn.isTurn ? leastMargin(linkage, turn) : null;
   if (margin) tiles.push([say('margin'), lengthText(margin[0]), say('at', turnText(margin[1]))]);
   return tiles;
+}
+
+/** Return the transmission angle that is furthest from 90 deg, and how the chart shows it. */
+function worstTransmission({ angles }) {
+  const folded = angles.map(({ least, greatest }) => Math.min(least, Math.PI - greatest));
+  const k = folded.indexOf(Math.min(...folded));
+  const { least, greatest, leastAt, greatestAt } = angles[k];
+  if (least <= Math.PI - greatest)
+    return [degreesText(least), say('dyadAt', k + 1, turnText(leastAt))];
+  // The difference of what is shown, so that it can be checked.
+  const shown = 180 - Number(((greatest * 360) / TAU).toFixed(1));
+  const text = say('supplementAt', degreesText(greatest), k + 1, turnText(greatestAt));
+  return [`${decimals(shown, 1)}°`, text];
 }
 
 /** Return the least clearance over the turn and where it is; null where there is none. */

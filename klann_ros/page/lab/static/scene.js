@@ -23,18 +23,21 @@ class Scene {
     lab.on('pose', () => this.show());
   }
 
-  /** Begin anew, in a plane that holds all that the linkage reaches. */
+  /** Draw all again, in a plane that holds all that the linkage reaches and why it jams. */
   fit() {
     const { lab } = this;
-    const turn = lab.turn || turnOf(lab.linkage, reachableArcs(lab.linkage), 60);
+    const isCurrent = lab.turn && lab.turn.linkage === lab.linkage;
+    const turn = isCurrent ? lab.turn : turnOf(lab.linkage, reachableArcs(lab.linkage), 60);
     const points = turn.pieces.flatMap((poses) =>
       poses.filter((_, k) => k % 4 === 0).flatMap((pose) => pose.points),
     );
-    if (lab.pose.points) points.push(...lab.pose.points);
+    points.push(...(lab.pose.points || this.jamExtent()));
     const finite = points.filter((point) => point.every(Number.isFinite));
     this.drawing = new Drawing(
       this.svg,
-      planeAround(finite.length ? finite : lab.linkage.pivots, { margin: 46 }),
+      planeAround(finite.length ? [...finite, ...lab.linkage.pivots] : lab.linkage.pivots, {
+        margin: 46,
+      }),
     );
     const add = (name, className) => this.drawing.add(name, className);
     this.circle = add('path', 'crank-circle');
@@ -55,6 +58,35 @@ class Scene {
     this.show();
   }
 
+  /** Return points around what is drawn where it jams. */
+  jamExtent() {
+    const { linkage, pose } = this.lab;
+    const u = pose.error.u || [];
+    const known = linkage.pointRows.filter(({ terms }) => [...terms.keys()].every((j) => u[j]));
+    const circles = this.jamCircles();
+    return [
+      ...known.map((row) => sumOver(row, u)),
+      ...circles.flatMap(([[x, y], r]) => [
+        [x - r, y - r],
+        [x + r, y + r],
+      ]),
+    ];
+  }
+
+  /** Return the circles [centre, radius] that the joint of the open dyad should be on. */
+  jamCircles() {
+    const { error } = this.lab.pose;
+    const { blocks, structure, pointRows } = this.lab.linkage;
+    const dyad = error && error.u ? blocks[error.block - 1] : null;
+    if (!dyad || !(dyad.closing instanceof TwoCircles)) return [];
+    const p = sumOver(pointRows[structure.points.indexOf(error.names[0])], error.u);
+    const [r, s] = dyad.closing.radii;
+    return [
+      [p, r],
+      [C.add(p, dyad.way(error.u)), s],
+    ];
+  }
+
   addGrips() {
     const { structure } = this.lab.linkage;
     const scale = this.svg.clientWidth / this.drawing.plane.width || 1;
@@ -66,6 +98,7 @@ class Scene {
       grip.dataset.grip = name;
       grip.addEventListener('pointerdown', (event) => this.grab(event, i));
       grip.addEventListener('keydown', (event) => this.push(event, i));
+      for (const name of ['keyup', 'blur']) grip.addEventListener(name, () => this.lab.commit());
       return grip;
     });
     this.nameGrips();
@@ -85,13 +118,16 @@ class Scene {
     grip.setPointerCapture(event.pointerId);
     const begin = this.metresOf(event);
     const at = this.pointAt(i);
+    const step = roundStep(1 / (this.pixelsPerUnit() * this.drawing.plane.scale));
+    this.lab.begin();
     const move = (moved) => {
       const [x, y] = C.sub(this.metresOf(moved), begin);
       this.lab.isDragged = true;
-      this.lab.drag(i, [at[0] + x, at[1] + y]);
+      this.lab.drag(i, [at[0] + x, at[1] + y], step);
     };
     const stop = () => {
       this.lab.isDragged = false;
+      this.lab.commit();
       grip.removeEventListener('pointermove', move);
       for (const name of ['pointerup', 'pointercancel']) grip.removeEventListener(name, stop);
     };
@@ -105,15 +141,24 @@ class Scene {
     ];
     if (!way || event.altKey || event.ctrlKey || event.metaKey) return;
     event.preventDefault();
-    const step = SMALL_STEP * this.lab.linkage.size * (event.shiftKey ? 10 : 1);
-    this.lab.drag(i, C.add(this.pointAt(i), C.times(step, way)));
+    const step = roundStep(SMALL_STEP * this.lab.linkage.size);
+    this.lab.begin();
+    const target = C.add(this.pointAt(i), C.times(step * (event.shiftKey ? 10 : 1), way));
+    this.lab.drag(i, target, step);
+  }
+
+  /** Return the pixels of a unit of the drawing, which is as large as fits. */
+  pixelsPerUnit() {
+    const { width, height } = this.svg.getBoundingClientRect();
+    const { plane } = this.drawing;
+    return Math.min(width / plane.width, height / plane.height);
   }
 
   metresOf(event) {
     const box = this.svg.getBoundingClientRect();
     const { width, height } = this.drawing.plane;
-    // The drawing is as large as fits, in the middle.
-    const scale = Math.min(box.width / width, box.height / height);
+    // The drawing is in the middle.
+    const scale = this.pixelsPerUnit();
     const x = (event.clientX - box.left - (box.width - scale * width) / 2) / scale;
     const y = (event.clientY - box.top - (box.height - scale * height) / 2) / scale;
     return this.drawing.metresAt([x, y]);
@@ -184,9 +229,8 @@ class Scene {
     const u = (error && error.u) || [];
     this.known.setAttribute('d', error ? this.openBars(u).bars : '');
     this.nameKnown(error ? u : null);
-    const dyad = error && error.u ? this.lab.linkage.blocks[error.block - 1] : null;
-    const isDrawn = dyad && dyad.closing instanceof TwoCircles;
-    const drawn = isDrawn ? this.circlesOf(dyad, error) : { rings: '', links: '', gap: '' };
+    const circles = this.jamCircles();
+    const drawn = circles.length ? this.circlesOf(circles) : { rings: '', links: '', gap: '' };
     this.reach.setAttribute('d', drawn.rings);
     this.links.setAttribute('d', drawn.links);
     this.gaps.setAttribute('d', drawn.gap);
@@ -217,12 +261,8 @@ class Scene {
     });
   }
 
-  circlesOf(dyad, { u, names }) {
-    const { structure, pointRows } = this.lab.linkage;
-    const p = sumOver(pointRows[structure.points.indexOf(names[0])], u);
-    const way = dyad.way(u);
-    const q = C.add(p, way);
-    const [r, s] = dyad.closing.radii;
+  circlesOf([[p, r], [q, s]]) {
+    const way = C.sub(q, p);
     const d = C.abs(way);
     const unit = d > 0 ? C.times(1 / d, way) : [1, 0];
     // Where the circles are nearest to each other.

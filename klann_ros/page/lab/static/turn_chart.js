@@ -11,7 +11,9 @@ class TurnChart {
     svg.addEventListener('click', (event) => {
       const box = svg.getBoundingClientRect();
       const x = ((event.clientX - box.left) / box.width) * 400;
-      lab.turnTo(Math.min(Math.max((x - 34) / 356, 0), 1) * TAU);
+      const degrees = Math.min(Math.max((x - 34) / 356, 0), 1) * 360;
+      const step = roundStep((360 / 356) * (400 / box.width));
+      lab.turnTo(rounded(degrees, step) * (TAU / 360));
     });
   }
 

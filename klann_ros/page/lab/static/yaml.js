@@ -30,7 +30,11 @@ const FORBIDDEN = [
     'um caractere que YAML não permite',
   ],
   [/^(?! *#).*\t/m, 'a tab: use spaces', 'uma tabulação: use espaços'],
-  [/^(%|\.\.\.|---(?!\s|$))/m, 'only one document, without directives', 'um só documento, sem diretivas'],
+  [
+    /^(%|\.\.\.|---(?!\s|$))/m,
+    'only one document, without directives',
+    'um só documento, sem diretivas',
+  ],
   [/!<\?>/, 'tags are not accepted', 'tags não são aceitas'],
   [
     /\\u[dD][89a-fA-F]|\\U(?!00(0[\da-fA-F]|10))/,
