@@ -1,6 +1,7 @@
 """Parameters: declared with description and unit, refused with the reason."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, KW_ONLY
 from difflib import get_close_matches
 from functools import partial
@@ -8,10 +9,11 @@ import json
 from typing import Any
 
 from klann_ros.untrusted.text import printable
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import InvalidParameterTypeException, ParameterNotDeclaredException
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.parameter import get_parameter_value, Parameter
+import yaml
 
 # Of a value that is refused, and of a name that is none [characters].
 LONGEST_VALUE = LONGEST_NAME = 100
@@ -127,19 +129,67 @@ def unknown_parameter(name: str, executable: str, known: Collection[str]) -> str
     return f"parameter {printable(name, LONGEST_NAME)} is none of {executable}'s; {hint}"
 
 
-def look_at_sets(node: Node, executable: str) -> None:
+def on_change(
+    node: Node, declarations: Sequence[Declaration], apply: Callable[[dict[str, Any]], None]
+) -> None:
     """
-    Have a node tell the nearest name of a parameter that it has not, and hold doubles as doubles.
+    Validate declared parameters that are set at run time, then apply those that were set.
 
     Parameters
     ----------
     node : rclpy.node.Node
-        The node; it has no such callback of its own, as rclpy would add up what both return.
+        The node, which has declared them.
+    declarations : sequence of Declaration
+        The parameters; those that are read-only are left to rclpy.
+    apply : callable
+        Takes the new values by name.
+
+    """
+    tunable = {each.name: each for each in declarations if not each.read_only}
+
+    def validate(parameters: Sequence[Parameter]) -> SetParametersResult:
+        found = [
+            tunable[each.name].refusal(each.value) for each in parameters if each.name in tunable
+        ]
+        reason = next(filter(None, found), '')
+        return SetParametersResult(successful=not reason, reason=reason)
+
+    def apply_set(parameters: Sequence[Parameter]) -> None:
+        values = {each.name: each.value for each in parameters if each.name in tunable}
+        if values:
+            apply(values)
+
+    node.add_on_set_parameters_callback(validate)
+    node.add_post_set_parameters_callback(apply_set)
+
+
+def prepare_sets(node: Node, executable: str) -> None:
+    """
+    Have a node take what `ros2 param set` and `ros2 param load` send.
+
+    A read-only parameter may be set to the value that it has, numbers are held as doubles where
+    doubles are, and an unknown name is answered with the nearest one.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        The node; it has no pre-set callback of its own, as rclpy would add up what both return.
     executable : str
-        What users know it by.
+        Its name for users.
 
     """
     node.add_pre_set_parameters_callback(partial(_as_held, node, executable))
+    set_changed = node.set_parameters_atomically
+
+    def set_parameters(parameters: list[Parameter]) -> SetParametersResult:
+        changed = [each for each in parameters if not _is_unchanged_constant(node, each)]
+        if parameters and not changed:
+            return SetParametersResult(successful=True)
+        return set_changed(changed)
+
+    # No callback can do it: rclpy refuses read-only parameters before it asks any, and a list
+    # that the pre-set callback has emptied.
+    node.set_parameters_atomically = set_parameters
 
 
 def usage(groups: Mapping[str, Sequence[Declaration]]) -> str:
@@ -212,17 +262,40 @@ def _shown(value: Any) -> str:
 
 
 def _as_held(node: Node, executable: str, parameters: Sequence[Parameter]) -> list[Parameter]:
-    """Return parameters that somebody sets, integers as doubles where doubles are held."""
+    """Return parameters as they are held; refuse unknown names."""
     for parameter in parameters:
         if not node.has_parameter(parameter.name):
             known = node.list_parameters([], 0).names
             raise UnknownParameterError(unknown_parameter(parameter.name, executable, known))
-    return [
-        Parameter(parameter.name, value=float(parameter.value))
-        if parameter.type_ == Parameter.Type.INTEGER and _is_any_double(node, parameter.name)
-        else parameter
-        for parameter in parameters
-    ]
+    return [_as_double(node, parameter) for parameter in parameters]
+
+
+def _as_double(node: Node, parameter: Parameter) -> Parameter:
+    """Return a number as a double where one is held; YAML takes 1e-12 for a text."""
+    is_number = parameter.type_ in (Parameter.Type.INTEGER, Parameter.Type.STRING)
+    if is_number and _is_any_double(node, parameter.name):
+        with suppress(ValueError):
+            return Parameter(parameter.name, value=float(parameter.value))
+    return parameter
+
+
+def _is_unchanged_constant(node: Node, parameter: Parameter) -> bool:
+    """Return whether a parameter is read-only, and is set to the value that it has."""
+    name = parameter.name
+    if not node.has_parameter(name) or not node.describe_parameter(name).read_only:
+        return False
+    held, value = (_plain(each.value) for each in (node.get_parameter(name), parameter))
+    if held == value and isinstance(held, bool) == isinstance(value, bool):
+        return True
+    # What `ros2 param load` makes of the value that `ros2 param dump` has written.
+    try:
+        return bool(get_parameter_value(str(held)) == parameter.get_parameter_value())
+    except (yaml.YAMLError, AssertionError):
+        return False
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
 
 
 def _is_any_double(node: Node, name: str) -> bool:

@@ -21,7 +21,7 @@ from rclpy.task import Future
 
 from .complaints import complaints, endless_file
 from .lean_loop import LeanLoop
-from .parameters import look_at_sets, StartError
+from .parameters import prepare_sets, StartError
 
 # What users forget to write --ros-args before.
 FOR_ROS = ('-p', '--param', '--params-file', '-r', '--remap', '--log-level', '-e', '--enclave')
@@ -160,7 +160,7 @@ def _run(
     except START_ERRORS as error:
         return _refused(name, error)
     try:
-        look_at_sets(node, name)
+        prepare_sets(node, name)
         for complaint in complaints(node, name, for_ros):
             node.get_logger().warning(complaint)
         executor.add_node(node)

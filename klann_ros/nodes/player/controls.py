@@ -2,17 +2,17 @@
 
 import argparse
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from math import inf, nan
+from typing import Any
 
 from klann_ros.log.playing.timeline import RATES
 from klann_ros.log.playing.transport import PlaybackError, Transport
 from klann_ros.log.reading.run_files import LOG_HELP
 from klann_ros.nodes.endpoints import create_trigger
-from klann_ros.nodes.parameters import Declaration
+from klann_ros.nodes.parameters import Declaration, on_change
 from klann_ros.untrusted.arguments import path
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -155,7 +155,6 @@ class PlayerControls:
     ) -> None:
         self._node = node
         self._transport = transport
-        self._declared = {parameter.name: parameter for parameter in parameters}
         self._shows = False
         # Who drives what this log plays, and whether the log goes on when they leave.
         self._drivers: dict[str, str] = {}
@@ -169,8 +168,7 @@ class PlayerControls:
             create_trigger(node, name, partial(self._do, name))
         self._keys: deque[str] = deque(maxlen=MOST_KEYS)
         self._pressed = node.create_guard_condition(self._on_keys)
-        node.add_on_set_parameters_callback(self._validate)
-        node.add_post_set_parameters_callback(self._apply)
+        on_change(node, parameters, self._apply)
 
     def on_lease(self, topic: str, driver: str) -> None:
         """Pause while somebody drives a topic of the log; go on when the last driver leaves."""
@@ -240,16 +238,7 @@ class PlayerControls:
         self._shows = False
         return position
 
-    def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        for parameter in parameters:
-            declared = self._declared.get(parameter.name)
-            reason = declared.refusal(parameter.value) if declared else ''
-            if reason:
-                return SetParametersResult(successful=False, reason=reason)
-        return SetParametersResult(successful=True)
-
-    def _apply(self, parameters: Sequence[Parameter]) -> None:
-        values = {p.name: p.value for p in parameters if p.name in self._declared}
+    def _apply(self, values: Mapping[str, Any]) -> None:
         if 'rate' in values:
             self._transport.set_rate(float(values['rate']))
         if 'position' in values and not self._shows:

@@ -60,6 +60,7 @@ class LegParameters:
     def __init__(self, node: Node) -> None:
         values = declare(node, (*GEOMETRY, *LEGS, *SETTINGS))
         self._settings = {name: values[name] for name in ('tolerance', 'max_crank_step')}
+        self._start_values = values
         self._file = values['linkage'] and str(Path(values['linkage']).expanduser())
         names = _names(values['legs'])
         self._prefixes = {name: f'{name}.' for name in names} if names else {'': ''}
@@ -112,7 +113,7 @@ class LegParameters:
         A GeometryError says that they are no leg, or that there are no such lengths.
         """
         changed: dict[str, AnyLeg] = {}
-        rest = {p.name: p.value for p in parameters}
+        rest = {p.name: p.value for p in parameters if not self._is_unchanged_constant(p)}
         for driven in self.legs:
             prefix = self._prefixes[driven.name]
             changes = {
@@ -130,6 +131,14 @@ class LegParameters:
                 f'{first}{common[0]}'
             )
         return changed
+
+    def _is_unchanged_constant(self, parameter: Parameter) -> bool:
+        """Return whether lengths that cannot be changed are set to the values that they have."""
+        name, value = parameter.name, parameter.value
+        if not self._file and ('' in self._prefixes or name not in GEOMETRY_NAMES):
+            return False
+        value = value if isinstance(value, int | float | str) else list(value)
+        return bool(self._start_values.get(name) == value)
 
     def _changed(self, leg: AnyLeg, changes: dict[str, Any]) -> AnyLeg:
         if self._file:
