@@ -1,5 +1,6 @@
-"""From a wanted motion to commands of the cranks, and what stops a walker."""
+"""From a commanded motion to commands of the cranks, and what stops a walker."""
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
@@ -10,18 +11,23 @@ from .feedback import CrankFeedback
 from .limits import Limits
 from .phase_lock import CrankCommand, INTEGRAL, PhaseLock, PROPORTIONAL
 from .steering import Motion, Rates, Steering
+from .watchdog import Backlog, SteadyClock, Watchdog
 
-# A crank that is told to turn, and turns at less than this part of that, for so long, is blocked.
-BLOCKED_SHARE, BLOCKED_AFTER = 0.1, 0.5
-# Told so little, it may well stand [rad/s].
-CREEPING = 0.05
-# A step is never longer than this, whatever stood still meanwhile [s].
-LONGEST_STEP = 0.1
+# A crank is blocked if its rate stays below this part of the commanded one for this time [s].
+BLOCKED_RATIO, BLOCKED_TIME = 0.1, 0.5
+# At lower commanded rates a crank may well stand [rad/s].
+CREEP_RATE = 0.05
+# After a longer gap between two steps the set points restart at the measured angles [s].
+MAX_GAP = 0.2
+# An event stays in the diagnostics' message for this time [s].
+EVENT_TIME = 3.0
+# Events that wait to be logged.
+MAX_EVENTS = 100
 STANDS = Motion(0.0, 0.0)
 
 
 class Level(Enum):
-    """How a walker is."""
+    """The level of a diagnostic status."""
 
     OK = 0
     WARN = 1
@@ -32,24 +38,27 @@ class Level(Enum):
 @dataclass(frozen=True)
 class Settings:
     """
-    How a walker is controlled.
+    Settings of the controller.
 
     Attributes
     ----------
     limits : Limits
-        What it may do.
+        Of its motion.
     cmd_vel_timeout, feedback_timeout : float
         Older commands, and older feedback of any crank, stop it [s].
+    max_gap : float
+        After a longer gap between two steps the set points restart at the measured angles [s].
     phase_lock : bool
         Whether cranks are kept in phase by their feedback.
     proportional, integral, rephase : float
-        Of the lock: see `PhaseLock`.
+        Gains of the lock: see `PhaseLock`.
 
     """
 
     limits: Limits = field(default_factory=Limits)
     cmd_vel_timeout: float = 0.5
     feedback_timeout: float = 0.3
+    max_gap: float = MAX_GAP
     phase_lock: bool = True
     proportional: float = PROPORTIONAL
     integral: float = INTEGRAL
@@ -58,103 +67,180 @@ class Settings:
 
 class WalkController:
     """
-    Turn the cranks of a walker so that it moves as it is told.
+    Turn the cranks of a walker so that it moves as commanded.
 
-    Times are of one clock, whichever; where it goes back, all begins anew.
+    Times are of one control clock, which may be simulated. Timeouts run on the steady clock as
+    well, so that they pass where the control clock stands still.
 
     Parameters
     ----------
     steering : Steering
         The walker's.
     settings : Settings
-        How.
+        Limits, timeouts and gains.
+    steady : callable, optional
+        Returns the time of a clock that always runs [s]; not needed if the control clock does.
 
     Attributes
     ----------
     cranks : list of CrankFeedback
         The cranks, in the order of `Feet.joints`.
     motion : Motion
-        What it is made to do just now.
+        The motion that the cranks are driven for just now.
     rejected, late, refused : int
-        Commands that were no numbers, that came too late, and to turn that it cannot follow.
+        Commands that were not finite, that were too old, and turns that it cannot follow.
+    pauses : int
+        Gaps in its own loop, after which the set points restarted.
     limits_hit : list of str
-        What limits it just now.
+        Active limits.
+    events : deque of str
+        What the log should have; whoever logs takes them out.
 
     """
 
-    def __init__(self, steering: Steering, settings: Settings) -> None:
+    def __init__(
+        self, steering: Steering, settings: Settings, steady: SteadyClock | None = None
+    ) -> None:
         self.steering, self._settings = steering, settings
         feet = steering.feet
         # Half a second that the first command need not wait for.
         steering.rates(STANDS)
-        self.cranks = [CrankFeedback(joint, 4.0 * self._fastest) for joint in feet.joints]
-        self.lock = PhaseLock(
-            feet.senses.tolist(),
-            feet.sides.tolist(),
-            max_rate=self._fastest,
-            proportional=settings.proportional * settings.phase_lock,
-            integral=settings.integral * settings.phase_lock,
-            rephase=settings.rephase * settings.phase_lock,
-        )
-        # What is wanted is mostly what it was at the step before.
+        self.cranks = [CrankFeedback(joint, 4.0 * self._max_rate, steady) for joint in feet.joints]
+        self.lock = PhaseLock(feet.senses.tolist(), feet.sides.tolist(), **self._gains)
+        # Caches: the command rarely changes.
         self._limited = lru_cache(maxsize=1)(self._limit)
         self._rates = lru_cache(maxsize=1)(self._crank_rates)
         self.motion, self._wanted = STANDS, STANDS
-        self._commanded = -inf
-        self.rejected = self.late = self.refused = 0
+        self.rejected = self.late = self.refused = self.pauses = 0
         self.limits_hit: list[str] = []
+        self.events: deque[str] = deque(maxlen=MAX_EVENTS)
+        self._event, self._event_age = '', Watchdog(steady)
+        self._command_age, self._command_backlog = Watchdog(steady), Backlog()
+        # Of any callback, and of the control clock's last progress.
+        self._loop, self._progress = Watchdog(steady), Watchdog(steady)
         self._last: float | None = None
-        self._since = [0.0] * len(self.cranks)
-        self._told: Sequence[float] = [0.0] * len(self.cranks)
+        # The longest gap since the set points were last current, and where they were before it.
+        self._gap, self._targets_before = 0.0, list[float]()
+        self._stalled = [0.0] * len(self.cranks)
+        self._commanded: Sequence[float] = [0.0] * len(self.cranks)
         self._blocked: list[str] = []
-        self._jumped = ''
 
     @property
-    def _fastest(self) -> float:
+    def settings(self) -> Settings:
+        """Return limits, timeouts and gains; they can be replaced at any time."""
+        return self._settings
+
+    @settings.setter
+    def settings(self, settings: Settings) -> None:
+        self._settings = settings
+        self.lock.tune(**self._gains)
+        for crank in self.cranks:
+            crank.max_rate = 4.0 * self._max_rate
+        self._limited.cache_clear()
+
+    @property
+    def _max_rate(self) -> float:
         return self._settings.limits.max_crank_rate
 
-    # What comes in.
+    @property
+    def _gains(self) -> dict[str, float]:
+        settings = self._settings
+        return {
+            'max_rate': self._max_rate,
+            'proportional': settings.proportional * settings.phase_lock,
+            'integral': settings.integral * settings.phase_lock,
+            'rephase': settings.rephase * settings.phase_lock,
+        }
 
-    def command(self, linear: float, angular: float, now: float, age: float = 0.0) -> str:
-        """
-        Take a wanted motion [m/s, rad/s]; return why it is not followed, '' if it is.
+    # Inputs.
 
-        `age` is how old it is, where it tells that [s].
+    def command(
+        self,
+        linear: float,
+        angular: float,
+        now: float,
+        age: float = 0.0,
+        transport_age: float | None = None,
+    ) -> str:
         """
+        Take a commanded motion [m/s, rad/s]; return why it is not followed, '' if it is.
+
+        `age` is that by its stamp, and `transport_age` that by the middleware's time of sending
+        [s]; the clocks of sender and receiver may differ by any offset in the latter.
+        """
+        self.keep_alive(now)
+        delay = self._command_backlog.delay(transport_age, now)
         if not (isfinite(linear) and isfinite(angular)):
             self.rejected += 1
             return f'cmd_vel {linear:g} m/s, {angular:g} rad/s is rejected: not finite'
         if age > self._settings.cmd_vel_timeout:
             self.late += 1
             return f'cmd_vel is {age:.1f} s old by its stamp: too late, or the clocks differ'
-        self._wanted, self._commanded = Motion(linear, angular), now
+        if delay > self._settings.cmd_vel_timeout:
+            self.late += 1
+            return f'cmd_vel waited {delay:.1f} s while this process was paused: too late'
+        self._wanted = Motion(linear, angular)
+        self._command_age.feed(now, delay)
         if linear == 0.0 and angular == 0.0:
-            # Whoever has let go may try anew.
+            # A released stick permits another try.
             self._blocked.clear()
-            self._jumped = ''
         if angular != 0.0 and not self.steering.can_turn:
             self.refused += 1
             self._wanted = Motion(linear, 0.0)
             return 'it cannot turn: its legs share one crank, or all cranks are on one side'
         return ''
 
-    def feedback(self, readings: Mapping[str, tuple[float, float | None]], now: float) -> bool:
-        """Take angles and rates of cranks by their joints; return whether any was among them."""
+    def feedback(
+        self,
+        readings: Mapping[str, tuple[float, float | None]],
+        now: float,
+        at: float | None = None,
+        transport_age: float | None = None,
+    ) -> bool:
+        """
+        Take angles and rates of cranks by their joints; return whether any was among them.
+
+        `at` is their own time by any clock [s]; `transport_age` as in `command`.
+        """
+        self.keep_alive(now)
         known = False
         for crank in self.cranks:
             reading = readings.get(crank.joint)
             if reading is None:
                 continue
             known = True
-            if crank.read(*reading, now):
-                self._jumped = f'{crank.joint} jumped by {degrees(crank.jumped_by):.0f} deg'
-                # Where it is, the lock goes on from.
-                self.lock.reset(self.positions)
+            jumps = crank.accepted_jumps
+            if crank.read(*reading, now, at=at, age=transport_age):
+                offset = crank.last_offset
+                text = f'{crank.joint}: position offset of {_angle(offset)} accepted'
+                if crank.accepted_jumps > jumps:
+                    self.lock.reset(self.positions)
+                    text += ', phases restart from there'
+                self._add_event(text, now)
         return known
+
+    def keep_alive(self, now: float) -> None:
+        """Note that the control loop runs; whatever is called next may be the first in a while."""
+        gap = self._loop.age(now)
+        self._loop.feed(now)
+        if self._settings.max_gap < gap < inf:
+            self._pause(gap, now)
+
+    def _pause(self, gap: float, now: float) -> None:
+        """Restart after a gap in the loop [s]: inputs may have waited in their queues."""
+        if not self._gap:
+            self._targets_before = list(self.lock.targets)
+            self.pauses += 1
+        self._gap = max(self._gap, gap)
+        self._command_backlog.pause(now)
+        for crank in self.cranks:
+            crank.backlog.pause(now)
+        if gap > self._settings.feedback_timeout:
+            self.motion = STANDS
 
     @property
     def positions(self) -> list[float]:
-        """Return the cranks' angles [rad]; NaN where one was never heard of."""
+        """Return the cranks' angles [rad]; NaN before the first feedback."""
         return [crank.position for crank in self.cranks]
 
     @property
@@ -162,47 +248,85 @@ class WalkController:
         """Return the cranks' rates [rad/s]."""
         return [crank.velocity for crank in self.cranks]
 
-    # What goes out.
+    @property
+    def _is_known(self) -> bool:
+        return all(crank.is_known for crank in self.cranks)
+
+    # Outputs.
 
     def step(self, now: float) -> CrankCommand | None:
-        """Return what the cranks are to do now; None while one was never heard of."""
+        """Return the command of the cranks at this time; None before all gave feedback."""
+        self.keep_alive(now)
         if self._last is not None and now < self._last:
-            self._begin_anew(now)
-        dt = 0.0 if self._last is None else min(now - self._last, LONGEST_STEP)
+            self._reset_clock(now)
+        if now != self._last:
+            self._progress.feed(now)
+        gap = 0.0 if self._last is None else now - self._last
         self._last = now
+        if gap > self._settings.max_gap:
+            self._pause(gap, now)
         self.limits_hit = []
-        if not all(crank.is_known for crank in self.cranks):
+        if not self._is_known:
             return None
-        if self.silent(now) or self._blocked:
-            return self._halted()
-        rates = self._rates(self._approach(now, dt))
-        command = self.lock.step(dt, rates, self.positions)
-        self._told = command.velocity
-        self._look_for_blocked(dt)
-        return self._halted() if self._blocked else command
+        if self.must_hold(now):
+            return self._hold_position()
+        if self._gap:
+            self._restart(now)
+            gap = 0.0
+        rates = self._rates(self._approach(now, gap))
+        command = self.lock.step(gap, rates, self.positions)
+        self._commanded = command.velocity
+        self._detect_blocked(gap)
+        return self._hold_position() if self._blocked else command
 
-    def _begin_anew(self, now: float) -> None:
-        """Forget what was at other times: a simulation has begun again."""
-        self._commanded = -inf
+    def must_hold(self, now: float) -> bool:
+        """Return whether all cranks have to stand."""
+        return bool(self._stopped_by(now))
+
+    def _reset_clock(self, now: float) -> None:
+        """Forget the times of commands: a simulation has restarted."""
+        self._command_age.clear()
         self._last = None
-        self.motion = STANDS
+        for watchdog in (self._loop, self._event_age, *(crank.watchdog for crank in self.cranks)):
+            watchdog.rewind(now)
         for crank in self.cranks:
-            crank.at = min(crank.at, now)
+            crank.received = min(crank.received, now)
+        self.motion = STANDS
+        if self._is_known:
+            self._hold_position()
 
-    def _halted(self) -> CrankCommand:
-        """Return the command to stand where they are, at once."""
+    def _restart(self, now: float) -> None:
+        """Restart the set points at the measured angles, until these are current."""
+        positions = self.positions
+        self.lock.reset(positions)
+        self._stalled = [0.0] * len(self.cranks)
+        if any(crank.delay for crank in self.cranks):
+            return
+        before = self._targets_before or positions
+        moved = ', '.join(
+            f'{crank.joint} {_angle(position - target)}'
+            for crank, position, target in zip(self.cranks, positions, before, strict=True)
+        )
+        text = f'the control loop was paused for {self._gap:.1f} s'
+        self._add_event(f'{text}: set points restart at the measured angles ({moved})', now)
+        self._gap = 0.0
+
+    def _hold_position(self) -> CrankCommand:
+        """Return the command to stand at the measured angles, at once."""
         self.motion = STANDS
         self.lock.reset(self.positions)
-        self._since = [0.0] * len(self.cranks)
-        self._told = [0.0] * len(self.cranks)
-        return CrankCommand(tuple(self.positions), tuple(self._told))
+        self._stalled = [0.0] * len(self.cranks)
+        self._commanded = [0.0] * len(self.cranks)
+        return CrankCommand(tuple(self.positions), tuple(self._commanded))
 
     def _approach(self, now: float, dt: float) -> Motion:
-        is_old = now - self._commanded > self._settings.cmd_vel_timeout
-        aim, self.limits_hit = self._limited(STANDS if is_old else self._wanted)
+        aim, self.limits_hit = self._limited(STANDS if self._is_command_old(now) else self._wanted)
         if self.motion != aim:
             self.motion = self._settings.limits.approach(self.motion, aim, dt)
         return self.motion
+
+    def _is_command_old(self, now: float) -> bool:
+        return self._command_age.age(now) > self._settings.cmd_vel_timeout
 
     def _limit(self, wanted: Motion) -> tuple[Motion, list[str]]:
         """Return the motion that is possible, and what limits it."""
@@ -216,42 +340,56 @@ class WalkController:
             Rates(0.0, 0.0) if hypot(*motion) == 0.0 else self.steering.rates(motion)
         )
 
-    def _look_for_blocked(self, dt: float) -> None:
+    def _detect_blocked(self, dt: float) -> None:
         for k, crank in enumerate(self.cranks):
-            told = abs(self._told[k])
-            stuck = told > CREEPING and abs(crank.velocity) < BLOCKED_SHARE * told
-            self._since[k] = self._since[k] + dt if stuck else 0.0
-            if self._since[k] > BLOCKED_AFTER:
+            commanded = abs(self._commanded[k])
+            stuck = commanded > CREEP_RATE and abs(crank.velocity) < BLOCKED_RATIO * commanded
+            self._stalled[k] = self._stalled[k] + dt if stuck else 0.0
+            if self._stalled[k] > BLOCKED_TIME:
                 self._blocked.append(crank.joint)
 
-    def silent(self, now: float) -> list[str]:
+    # Diagnostics.
+
+    def _add_event(self, text: str, now: float) -> None:
+        self.events.append(text)
+        self._event = text
+        self._event_age.feed(now)
+
+    def timed_out_joints(self, now: float) -> list[str]:
         """Return the cranks whose feedback has stopped, or never began."""
-        most = self._settings.feedback_timeout
-        return [crank.joint for crank in self.cranks if crank.age(now) > most]
+        timeout = self._settings.feedback_timeout
+        return [crank.joint for crank in self.cranks if crank.age(now) > timeout]
 
     def verdict(self, now: float) -> tuple[Level, str]:
-        """Return how it is, and the most important thing to say."""
+        """Return the level, and the most important message."""
         stopped = self._stopped_by(now)
         if stopped:
             return Level.ERROR, f'stopped: {stopped}'
-        if self._jumped:
-            return Level.WARN, f'the encoder of {self._jumped}: phases are taken from there'
-        if self.lock.pace < 1.0 and self.motion != STANDS:
-            late = max(range(len(self.cranks)), key=lambda k: abs(self.lock.errors[k]))
-            return Level.WARN, f'all wait for {self.cranks[late].joint}, which is behind'
+        if self._event_age.age(now) < EVENT_TIME:
+            return Level.WARN, self._event
+        if self.lock.rate_scale < 1.0 and self.motion != STANDS:
+            k = max(range(len(self.cranks)), key=lambda k: abs(self.lock.errors[k]))
+            lag = degrees(abs(self.lock.errors[k]))
+            return Level.WARN, f'slowing down: {self.cranks[k].joint} lags by {lag:.0f} deg'
         if self.limits_hit:
             return Level.WARN, f'cmd_vel is limited by {", ".join(self.limits_hit)}'
         if self.motion == STANDS:
-            is_old = now - self._commanded > self._settings.cmd_vel_timeout
-            return Level.OK, 'standing: no cmd_vel' if is_old else 'standing'
+            return Level.OK, f'standing{": no cmd_vel" * self._is_command_old(now)}'
         return Level.OK, 'walking'
 
     def _stopped_by(self, now: float) -> str:
-        silent = self.silent(now)
+        silent = self.timed_out_joints(now)
         if silent:
             age = max(crank.age(now) for crank in self.cranks)
             since = f'for {age:.1f} s' if age < inf else 'yet'
             return f'no feedback of {", ".join(silent)} {since}'
+        stands = self._progress.age(now) if now == self._last else 0.0
+        if stands > self._settings.feedback_timeout:
+            return f'the clock has stood still for {stands:.1f} s'
         if self._blocked:
-            return f'{", ".join(self._blocked)} does not turn; a cmd_vel of 0 tries anew'
+            return f'{", ".join(self._blocked)} does not turn; a cmd_vel of 0 permits another try'
         return ''
+
+
+def _angle(radians: float) -> str:
+    return f'{radians:+.3f} rad ({degrees(radians):+.1f} deg)'

@@ -1,128 +1,251 @@
-"""What the cranks' encoders say: held against what cranks can do, and watched for silence."""
+"""Crank encoders: plausibility, position offsets, and timeouts."""
 
-from dataclasses import dataclass, field
-from math import isfinite, nan
+from collections import deque
+from dataclasses import dataclass, field, InitVar
+from math import isfinite, nan, sqrt
+from statistics import median
 
 from klann_ros.kinematics.angles import TURN
 
+from .watchdog import Backlog, SteadyClock, Watchdog
+
 # Angles beyond this are no crank's [rad].
-LARGEST = 1e6
-# Beyond what its greatest rate would have turned it a crank may be off by this [rad], ...
-SLACK = 0.1
-# ... and a time between two messages is never less than this [s]: stamps and transport jitter.
-SHORTEST = 0.02
-# A rate beyond this many times what it can turn at is none.
-FASTEST = 10.0
-# A jump is believed after so many readings in a row that agree with each other.
-BELIEVED = 5
+MAX_ANGLE = 1e6
+# A crank may be off by this beyond what its greatest rate would have turned it [rad], ...
+POSITION_MARGIN = 0.1
+# ... and the time between two messages is never taken as less [s]: stamps and transport jitter.
+MIN_DT = 0.02
+# Rates beyond this multiple of the crank's greatest rate are rejected.
+MAX_RATE_RATIO = 10.0
+# A position offset is accepted after so many consecutive readings.
+CONFIRMATIONS = 5
+# Offsets above so many standard deviations of the encoder's noise are reported, ...
+NOISE_GATE = 6.0
+# ... of which the least is assumed to be this [rad].
+MIN_NOISE = 0.002
+# The noise is learned from so many readings before any offset is judged, and follows that many.
+NOISE_READINGS = 50
+# Rates between readings whose median predicts the next one.
+RATE_READINGS = 5
+# The prediction is that far behind a crank that accelerates [rad/s^2], ...
+MAX_ACCELERATION = 30.0
+# ... so that readings further apart predict nothing [s].
+MAX_INTERVAL = 0.5
+
+
+class OffsetDetector:
+    """
+    Position offsets: steps of an angle that neither its rate nor its noise explains.
+
+    The rate is the median of the last rates between readings, so that a step does not explain
+    itself. A step counts if it is still there after `CONFIRMATIONS` readings; a glitch is not.
+
+    Attributes
+    ----------
+    noise : float
+        Standard deviation of the readings about their prediction [rad].
+
+    """
+
+    def __init__(self) -> None:
+        self._variance, self._count = 0.0, 0
+        self.restart()
+
+    @property
+    def noise(self) -> float:
+        """Return the standard deviation of the prediction [rad]."""
+        return max(MIN_NOISE, sqrt(self._variance))
+
+    def restart(self) -> None:
+        """Forget the readings; the noise stays."""
+        self._rates: deque[float] = deque(maxlen=RATE_READINGS)
+        self._steps: list[float] = []
+        self._position = self._at = nan
+
+    def read(self, position: float, at: float) -> float:
+        """Take an angle [rad] at its time [s]; return the offset [rad] accepted with it, or 0."""
+        dt, step = at - self._at, position - self._position
+        # NaN compares with nothing.
+        if not 0.0 < dt < MAX_INTERVAL:
+            self.restart()
+        self._position, self._at = position, at
+        if not 0.0 < dt < MAX_INTERVAL or len(self._rates) < RATE_READINGS:
+            if 0.0 < dt < MAX_INTERVAL:
+                self._rates.append(step / dt)
+            return 0.0
+        predicted = median(self._rates) * dt
+        tolerance = NOISE_GATE * self.noise + MAX_ACCELERATION * dt**2
+        self._learn_noise(step - predicted, tolerance)
+        # A crank may stop at any time.
+        excess = step - max(min(0.0, predicted), min(max(0.0, predicted), step))
+        is_step = abs(excess) > tolerance and self._count > NOISE_READINGS
+        if not is_step:
+            self._rates.append(step / dt)
+            if not self._steps:
+                return 0.0
+        self._steps.append(step - predicted if is_step else excess)
+        if len(self._steps) < CONFIRMATIONS:
+            return 0.0
+        offset = sum(self._steps)
+        self._steps.clear()
+        return offset if abs(offset) > tolerance else 0.0
+
+    def _learn_noise(self, innovation: float, limit: float) -> None:
+        self._count += 1
+        share = 1.0 / min(self._count, NOISE_READINGS)
+        square = innovation**2
+        if self._count > NOISE_READINGS:
+            # A step is not noise, though it may be the first sign of more noise.
+            square = min(square, limit**2)
+        self._variance += share * (square - self._variance)
 
 
 @dataclass
 class CrankFeedback:
     """
-    A crank as its encoder tells it.
+    The state of a crank by its encoder.
 
     Parameters
     ----------
     joint : str
         Its name.
     max_rate : float
-        What it can turn at [rad/s].
+        Its greatest rate [rad/s].
+    steady : callable, optional
+        Returns the time of a clock that always runs [s]; see `Watchdog`.
 
     Attributes
     ----------
     position : float
-        The last angle that is believed, without the encoder's whole turns [rad]; NaN before the
-        first.
+        The last accepted angle, without the encoder's whole turns [rad]; NaN before the first.
     velocity : float
-        The rate that it told, or else that from angle to angle [rad/s].
-    at : float
-        When [s].
-    rejected, jumps, believed : int
-        Readings that were no angles; times that it jumped, and that it stayed there.
-    jumped_by : float
-        By how much it jumped last [rad].
+        The rate in the message, or else from angle to angle [rad/s].
+    at, received : float
+        Time of the last accepted reading, and of its arrival by the control clock [s].
+    delay : float
+        Time for which that reading waited while the process was paused [s]; 0 if it is current.
+    rejected, jumps, offsets : int
+        Readings that were no angles; implausible steps; accepted position offsets.
+    last_offset, offset_sum : float
+        The last accepted offset, and the sum of all [rad].
 
     """
 
     joint: str
     max_rate: float
+    steady: InitVar[SteadyClock | None] = None
     position: float = nan
     velocity: float = 0.0
     at: float = nan
+    received: float = nan
+    delay: float = 0.0
     rejected: int = 0
     jumps: int = 0
-    believed: int = 0
-    jumped_by: float = 0.0
+    accepted_jumps: int = 0
+    offsets: int = 0
+    last_offset: float = 0.0
+    offset_sum: float = 0.0
+    backlog: Backlog = field(default_factory=Backlog, repr=False)
+    detector: OffsetDetector = field(default_factory=OffsetDetector, repr=False)
     _turns: float = field(default=0.0, repr=False)
-    _doubted: list[float] = field(default_factory=list, repr=False)
+    _outliers: list[float] = field(default_factory=list, repr=False)
+
+    def __post_init__(self, steady: SteadyClock | None) -> None:
+        """Connect the watchdog to its clock."""
+        self.watchdog = Watchdog(steady)
 
     @property
     def is_known(self) -> bool:
-        """Return whether it was ever heard of."""
+        """Return whether there was a reading."""
         return isfinite(self.position)
 
     def age(self, now: float) -> float:
-        """Return for how long it is silent [s]; infinite before the first reading."""
-        return now - self.at if self.is_known else float('inf')
+        """Return the age of the last reading [s]; infinite before the first."""
+        return self.watchdog.age(now)
 
-    def read(self, position: float, velocity: float | None, at: float) -> bool:
+    def read(
+        self,
+        position: float,
+        velocity: float | None,
+        now: float,
+        *,
+        at: float | None = None,
+        age: float | None = None,
+    ) -> bool:
         """
-        Take a reading; return whether the crank was seen to jump just now.
+        Take a reading; return whether a position offset was accepted with it.
 
         Parameters
         ----------
         position : float
-            What the encoder says [rad].
+            The encoder's angle [rad].
         velocity : float or None
-            The rate that it tells [rad/s].
-        at : float
-            When [s].
+            The rate in the message [rad/s].
+        now : float
+            Time of its arrival by the control clock [s].
+        at : float, optional
+            Its own time, by any clock [s].
+        age : float, optional
+            Its age by the clocks of publisher and receiver, which may differ [s].
 
         """
-        if not (isfinite(position) and abs(position) <= LARGEST):
+        if not (isfinite(position) and abs(position) <= MAX_ANGLE):
             self.rejected += 1
             return False
+        delay = self.backlog.delay(age, now)
+        times = now, now if at is None else at, delay
         if not self.is_known:
-            self._take(position, velocity, at)
+            self._accept(position, velocity, times)
             return False
-        # An encoder that begins anew after a turn has not moved the crank.
+        # An encoder that restarts after a turn has not moved the crank.
         unwrapped = position + self._turns
         whole = round((unwrapped - self.position) / TURN) * TURN
         step = unwrapped - whole - self.position
-        possible = 1.5 * self.max_rate * max(at - self.at, SHORTEST) + SLACK
+        # While a queue is drained, readings arrive faster than they were sent.
+        elapsed = max(now - self.received, self.delay - delay, MIN_DT)
+        possible = 1.5 * self.max_rate * elapsed + POSITION_MARGIN
         if abs(unwrapped - self.position) <= possible:
             whole, step = 0.0, unwrapped - self.position
-        if abs(step) <= possible:
-            self._doubted.clear()
-            self._turns -= whole
-            self._take(position + self._turns, velocity, at)
+        if abs(step) > possible and not self._is_confirmed(position, possible):
             return False
-        return self._doubt(position, velocity, at, possible)
+        offset = 0.0
+        self._outliers.clear()
+        self._turns -= whole
+        if abs(step) > possible:
+            turned = self.velocity * (times[1] - self.at)
+            offset = step - turned if abs(turned) < possible else step
+            # No rate follows from a jump.
+            self.at = nan
+            self.accepted_jumps += 1
+            self.detector.restart()
+        self._accept(position + self._turns, velocity, times)
+        return self._add_offset(offset or self.detector.read(self.position, self.at))
 
-    def _doubt(self, position: float, velocity: float | None, at: float, possible: float) -> bool:
-        """Wait whether an impossible angle is told again; if so, it is where the crank is."""
-        if self._doubted and abs(position - self._doubted[-1]) > possible:
-            self._doubted.clear()
-        if not self._doubted:
+    def _is_confirmed(self, position: float, possible: float) -> bool:
+        """Hold an implausible angle back; return whether enough readings confirm it."""
+        if self._outliers and abs(position - self._outliers[-1]) > possible:
+            self._outliers.clear()
+        if not self._outliers:
             self.jumps += 1
-        self._doubted.append(position)
-        if len(self._doubted) < BELIEVED:
+        self._outliers.append(position)
+        return len(self._outliers) >= CONFIRMATIONS
+
+    def _add_offset(self, offset: float) -> bool:
+        if not offset:
             return False
-        self._doubted.clear()
-        unwrapped = position + self._turns
-        self._turns -= round((unwrapped - self.position) / TURN) * TURN
-        self.jumped_by = position + self._turns - self.position
-        self.believed += 1
-        # No rate follows from a jump.
-        self.at = nan
-        self._take(position + self._turns, velocity, at)
+        self.offsets += 1
+        self.last_offset = offset
+        self.offset_sum += offset
         return True
 
-    def _take(self, position: float, velocity: float | None, at: float) -> None:
-        # What no crank can turn at, infinity included, is no rate; NaN compares with nothing.
-        if velocity is not None and abs(velocity) <= FASTEST * self.max_rate:
+    def _accept(
+        self, position: float, velocity: float | None, times: tuple[float, float, float]
+    ) -> None:
+        now, at, delay = times
+        # NaN compares with nothing.
+        if velocity is not None and abs(velocity) <= MAX_RATE_RATIO * self.max_rate:
             self.velocity = velocity
         elif at > self.at:
             self.velocity = (position - self.position) / (at - self.at)
-        self.position, self.at = position, at
+        self.position, self.at, self.received, self.delay = position, at, now, delay
+        self.watchdog.feed(now, delay)

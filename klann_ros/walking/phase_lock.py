@@ -1,13 +1,15 @@
 """
-Cranks that keep their phases: a PI lock of each on the angle that it is to have.
+Cranks that keep their phases: a PI lock of each on its target angle.
 
-Motors that merely get the same speed drift apart, and a walker whose legs lose their phases falls.
-Each crank has a target that moves at its rate r, and gets the rate
+With open-loop speed commands the motors drift out of phase, and a walker whose legs lose their
+phases falls. Each crank has a target that moves at its commanded rate r, and gets the rate
 
-    u = r (1 + i) + P e,   e = target - position,   i. = I e / r,
+    u = r (1 + i) + P e,   |P e| <= |r|,   e = target - position,   di/dt = I e / r,
 
-so that i is learnt once as what its motor is too slow by, and holds at any speed. If a crank is
-behind for all that, all targets slow down, until they wait for it.
+cut so that it never has the opposite sign of r. So i is the relative speed error of the motor,
+learned once for all speeds; a phase error is made up at no more than the commanded rate, by a
+crank that is ahead by waiting, and at standstill not at all. If a crank lags for all that, all
+targets slow down, until they wait for it.
 
 In a curve left and right pass each other: that is how it turns. Straight on all are brought back
 to the phases of the gait, so slowly that this turns the body little; cranks of one side always.
@@ -20,18 +22,16 @@ from typing import NamedTuple
 from klann_ros.kinematics.angles import TURN
 
 PROPORTIONAL, INTEGRAL = 4.0, 4.0  # [1/s, 1/s^2]
-# What a motor's speed may be off by.
-MOST_LEARNT = 0.4
-# Where cranks are behind by so much the others begin to wait, and wait altogether [rad].
-SLOW_AT, WAIT_AT = 0.1, 0.3
-# At rates below this little is learnt of a motor [rad/s].
-SLOW = 0.2
-# A crank that stands is turned back if it is off by more than this [rad].
-IDLE_ERROR = 0.01
+# Greatest relative speed error of a motor that is learned.
+INTEGRAL_LIMIT = 0.4
+# All cranks slow down for one that lags by the first, and stop for one by the second [rad].
+ERROR_SLOWDOWN, ERROR_STOP = 0.1, 0.3
+# At rates below this little is learned of a motor [rad/s].
+LEARNING_RATE = 0.2
 # Sides whose rates differ by less than this part go straight on.
 STRAIGHT = 1e-3
-# How soon small differences of phase are gone [s].
-SETTLE = 1.0
+# Time constant of small phase corrections [s].
+REPHASE_TIME = 1.0
 
 
 class CrankCommand(NamedTuple):
@@ -69,11 +69,11 @@ class PhaseLock:
     Attributes
     ----------
     targets : list of float
-        Where the cranks are to be [rad].
+        The set points of the cranks [rad].
     errors : list of float
         Target - position, at the last step [rad].
-    pace : float
-        What part of their rates the targets move at; less than 1 while they wait for a crank.
+    rate_scale : float
+        Ratio of the targets' rates to the commanded ones: below 1 while they wait for a crank.
 
     """
 
@@ -88,16 +88,22 @@ class PhaseLock:
         rephase: float = 0.1,
     ) -> None:
         self._senses, self._sides = list(senses), list(sides)
+        self._speed_errors = [0.0] * len(self._senses)
+        self.targets: list[float] = []
+        self.errors = [0.0] * len(self._senses)
+        self.rate_scale = 1.0
+        self.tune(max_rate=max_rate, proportional=proportional, integral=integral, rephase=rephase)
+
+    def tune(
+        self, *, max_rate: float, proportional: float, integral: float, rephase: float
+    ) -> None:
+        """Change the limit and the gains; set points and learned speed errors stay."""
         self._max_rate = max_rate
         self._proportional, self._integral = proportional, integral
         self._rephase = rephase
-        self._learnt = [0.0] * len(self._senses)
-        self.targets: list[float] = []
-        self.errors = [0.0] * len(self._senses)
-        self.pace = 1.0
 
     def reset(self, positions: Sequence[float]) -> None:
-        """Let every crank be where it is; what was learnt of the motors stays."""
+        """Restart the set points at measured angles [rad]; learned speed errors stay."""
         self.targets = list(positions)
         self.errors = [0.0] * len(self._senses)
 
@@ -121,39 +127,41 @@ class PhaseLock:
         """
         if not self.targets:
             self.reset(positions)
-        self.pace = self._pace(rates, positions)
-        rates = [rate * self.pace for rate in rates]
-        moving = self._rephased(rates)
+        self.rate_scale = self._scale(rates, positions)
+        moving = self._rephased([rate * self.rate_scale for rate in rates])
         self.targets = [t + r * dt for t, r in zip(self.targets, moving, strict=True)]
         self.errors = [t - p for t, p in zip(self.targets, positions, strict=True)]
-        velocities = [self._velocity(k, dt, rate) for k, rate in enumerate(moving)]
+        velocities = [
+            self._velocity(k, dt, rate, wanted)
+            for k, (rate, wanted) in enumerate(zip(moving, rates, strict=True))
+        ]
         return CrankCommand(tuple(self.targets), tuple(velocities))
 
-    def _velocity(self, k: int, dt: float, rate: float) -> float:
-        error, most = self.errors[k], self._max_rate
-        if rate == 0.0:
-            return self._cut(self._proportional * error) if abs(error) > IDLE_ERROR else 0.0
-        wanted = rate * (1.0 + self._learnt[k]) + self._proportional * error
-        # What is cut off already is not learnt.
-        if abs(wanted) < most or wanted * error < 0.0:
-            learnt = self._learnt[k] + self._integral * error * rate / (rate**2 + SLOW**2) * dt
-            self._learnt[k] = max(-MOST_LEARNT, min(MOST_LEARNT, learnt))
-        return self._cut(wanted)
+    def _velocity(self, k: int, dt: float, rate: float, commanded: float) -> float:
+        """Return the rate of a crank [rad/s] whose target moves at `rate`."""
+        error, limit = self.errors[k], abs(commanded)
+        forward = rate * (1.0 + self._speed_errors[k])
+        wanted = forward + self._proportional * error
+        low, high = (0.0, self._max_rate) if commanded >= 0.0 else (-self._max_rate, 0.0)
+        velocity = max(low, min(high, max(forward - limit, min(forward + limit, wanted))))
+        # No wind-up: a saturated rate teaches nothing.
+        if rate and (velocity == wanted or wanted * error < 0.0):
+            learned = self._speed_errors[k]
+            learned += self._integral * error * rate / (rate**2 + LEARNING_RATE**2) * dt
+            self._speed_errors[k] = max(-INTEGRAL_LIMIT, min(INTEGRAL_LIMIT, learned))
+        return velocity
 
-    def _cut(self, velocity: float) -> float:
-        return max(-self._max_rate, min(self._max_rate, velocity))
-
-    def _pace(self, rates: Sequence[float], positions: Sequence[float]) -> float:
-        """Return 1, or less where a crank is behind."""
+    def _scale(self, rates: Sequence[float], positions: Sequence[float]) -> float:
+        """Return 1, or less where a crank lags."""
         if not self._proportional:
             return 1.0
-        behind = (
+        lags = (
             copysign(1.0, rate) * (target - position)
             for rate, target, position in zip(rates, self.targets, positions, strict=True)
             if rate
         )
-        most = max(behind, default=0.0)
-        return min(1.0, max(0.0, (WAIT_AT - most) / (WAIT_AT - SLOW_AT)))
+        lag = max(lags, default=0.0)
+        return min(1.0, max(0.0, (ERROR_STOP - lag) / (ERROR_STOP - ERROR_SLOWDOWN)))
 
     def _rephased(self, rates: Sequence[float]) -> list[float]:
         """Return the rates with what brings the cranks back into phase."""
@@ -170,7 +178,7 @@ class PhaseLock:
         for group in groups:
             for k, off in zip(group, self._off(group), strict=True):
                 most = self._rephase * abs(rates[k])
-                change = max(-most, min(most, off / SETTLE))
+                change = max(-most, min(most, off / REPHASE_TIME))
                 changed[k] -= self._senses[k] * change
         return changed
 

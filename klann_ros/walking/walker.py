@@ -1,12 +1,13 @@
-"""A walker as its node has it: controller and odometry, and what is to be told of both."""
+"""A walker as its node has it: controller, odometry, and the diagnostics of both."""
 
 from collections.abc import Mapping
-from math import nan
+from math import inf, nan
 
 from .controller import Level, Settings, WalkController
 from .imu import ImuReading
 from .odometry import Errors, Odometer, Odometry
 from .steering import Steering
+from .watchdog import SteadyClock, Watchdog
 
 
 class Walker:
@@ -22,7 +23,9 @@ class Walker:
     errors : Errors, optional
         How far its odometry may be off.
     imu_timeout : float
-        For how long an IMU may be silent before its yaw is that of the feet again [s].
+        An older IMU is not used [s].
+    steady : callable, optional
+        Returns the time of a clock that always runs [s]; see `WalkController`.
 
     Attributes
     ----------
@@ -42,18 +45,20 @@ class Walker:
         errors: Errors | None = None,
         *,
         imu_timeout: float = 0.5,
+        steady: SteadyClock | None = None,
     ) -> None:
         self.feet = steering.feet
-        self.controller = WalkController(steering, settings or Settings())
+        self.controller = WalkController(steering, settings or Settings(), steady)
         self.odometry = Odometry(self.feet, errors)
         self._imu_timeout = imu_timeout
-        self._imu_at: float | None = None
+        self._imu_age = Watchdog(steady)
         self._jumps = 0
         self._at: float | None = None
 
     def imu(self, reading: ImuReading, now: float, variance: float = 0.0) -> None:
-        """Take what an IMU on base_link says."""
-        self._imu_at = now
+        """Take a reading of an IMU on base_link."""
+        self.controller.keep_alive(now)
+        self._imu_age.feed(now)
         self.odometry.imu(reading, variance)
 
     def feedback(
@@ -61,21 +66,23 @@ class Walker:
         readings: Mapping[str, tuple[float, float | None]],
         now: float,
         at: float | None = None,
+        transport_age: float | None = None,
     ) -> Odometer | None:
         """
         Take angles and rates of cranks; return where it is, None while one is unknown.
 
-        `at` is when they were so, where that is told; it may be of another clock [s].
+        `at` is their own time by any clock [s], and `transport_age` their age by the middleware's
+        time of sending: see `WalkController.command`.
         """
         controller = self.controller
-        controller.feedback(readings, now)
+        controller.feedback(readings, now, at, transport_age)
         cranks = controller.cranks
         if not all(crank.is_known for crank in cranks):
             return None
-        if self._imu_at is not None and now - self._imu_at > self._imu_timeout:
+        if self._imu_timeout < self._imu_age.age(now) < inf:
             self.odometry.forget_imu()
-            self._imu_at = None
-        jumps = sum(crank.believed for crank in cranks)
+            self._imu_age.clear()
+        jumps = sum(crank.accepted_jumps for crank in cranks)
         if jumps != self._jumps:
             self._jumps = jumps
             self.odometry.jump()
@@ -86,7 +93,7 @@ class Walker:
         return self.odometry.update(controller.positions, controller.velocities, seconds)
 
     def verdict(self, now: float) -> tuple[Level, str]:
-        """Return how it is, and the most important thing to say."""
+        """Return the level, and the most important message."""
         level, text = self.controller.verdict(now)
         known = all(crank.is_known for crank in self.controller.cranks)
         if level == Level.OK and known and self.odometry.rest is None:
@@ -105,18 +112,22 @@ class Walker:
             found[f'{crank.joint} silent'] = f'{crank.age(now):.2f}'
             found[f'{crank.joint} rejected'] = str(crank.rejected)
             found[f'{crank.joint} jumps'] = str(crank.jumps)
+            found[f'{crank.joint} offsets'] = str(crank.offsets)
+            found[f'{crank.joint} offset_sum'] = f'{crank.offset_sum:.4f}'
+            found[f'{crank.joint} encoder_noise'] = f'{crank.detector.noise:.5f}'
         names = [leg.name for leg in self.feet.robot.legs]
         found['supporting_feet'] = ' '.join(names[i] for i in rest.feet) if rest else ''
         found['static_margin'] = f'{rest.margin if rest else nan:.4f}'
         found['linear'] = f'{controller.motion.linear:.4f}'
         found['angular'] = f'{controller.motion.angular:.4f}'
-        found['pace'] = f'{lock.pace:.3f}'
+        found['rate_scale'] = f'{lock.rate_scale:.3f}'
+        found['pauses'] = str(controller.pauses)
         found['limits_hit'] = ' '.join(controller.limits_hit)
         found['cmd_vel_rejected'] = str(controller.rejected)
         found['cmd_vel_late'] = str(controller.late)
         found['cmd_vel_refused'] = str(controller.refused)
         found['travelled'] = f'{self.odometry.travelled:.3f}'
-        has_imu = self._imu_at is not None
+        has_imu = self._imu_age.age(now) <= self._imu_timeout
         found['imu'] = 'used' if has_imu else 'none'
         found['accelerometer'] = self.odometry.accelerometer.state if has_imu else 'none'
         return found

@@ -113,7 +113,7 @@ def test_an_encoder_that_jumps_is_named_and_it_walks_on(simulated: Steering) -> 
     walked = Walked(simulated, (0.1, 0.0), 3.0, left_jump=1.0)
     level, text = walked.verdicts[-1]
     assert level == Level.WARN
-    assert 'the encoder of left_crank jumped by 5' in text
+    assert 'left_crank: position offset of +1.0' in text
     assert min(walked.rates) > 0.3
     assert walked.tilt < 10.0
 

@@ -1,46 +1,58 @@
 """The parameters of `walker_node`, besides those of its legs."""
 
 from collections.abc import Mapping
+from functools import partial
 from math import inf
 from typing import Any
 
 from klann_ros.nodes.parameters import Declaration
 from klann_ros.walking import Limits, Settings
+from klann_ros.walking.controller import MAX_GAP
 from klann_ros.walking.phase_lock import INTEGRAL, PROPORTIONAL
 
+# A gap in the loop is never shorter than so many periods of the commands.
+MIN_GAP_PERIODS = 3.0
 COMMANDS = ('joint_state', 'velocities')
 _LIMITS, _SETTINGS = Limits(), Settings()
 
 
-def _number(name: str, default: float, what: str, least: float, most: float) -> Declaration:
-    return Declaration(name, default, what, limits=(least, most), any_number=True)
+def _number(
+    name: str, default: float, what: str, least: float, most: float, *, read_only: bool = True
+) -> Declaration:
+    return Declaration(
+        name, default, what, limits=(least, most), any_number=True, read_only=read_only
+    )
+
+
+# Limits and gains can be set at run time.
+_tunable = partial(_number, read_only=False)
 
 
 LIMITS = (
-    _number('max_linear', _LIMITS.max_linear, 'greatest speed [m/s]', 0.0, 100.0),
-    _number('max_angular', _LIMITS.max_angular, 'greatest yaw rate [rad/s]', 0.0, 100.0),
-    _number(
+    _tunable('max_linear', _LIMITS.max_linear, 'greatest speed [m/s]', 0.0, 100.0),
+    _tunable('max_angular', _LIMITS.max_angular, 'greatest yaw rate [rad/s]', 0.0, 100.0),
+    _tunable(
         'max_linear_acceleration',
         _LIMITS.max_linear_acceleration,
         'greatest change of the speed [m/s^2]',
         1e-3,
         1e3,
     ),
-    _number(
+    _tunable(
         'max_angular_acceleration',
         _LIMITS.max_angular_acceleration,
         'greatest change of the yaw rate [rad/s^2]',
         1e-3,
         1e3,
     ),
-    _number(
+    _tunable(
         'max_curvature',
         0.0,
         'greatest curvature of the path [1/m]; 0: any, also turning on the spot',
         0.0,
         1e3,
     ),
-    _number(
+    _tunable(
         'max_crank_rate', _LIMITS.max_crank_rate, 'greatest rate of a crank [rad/s]', 1e-3, 1e3
     ),
 )
@@ -53,10 +65,10 @@ CONTROL = (
         choices=COMMANDS,
     ),
     Declaration('stamped_cmd_vel', True, 'whether cmd_vel is a TwistStamped; false: a Twist'),
-    _number(
+    _tunable(
         'cmd_vel_timeout', _SETTINGS.cmd_vel_timeout, 'older commands stop it [s]', 0.01, 60.0
     ),
-    _number(
+    _tunable(
         'feedback_timeout',
         _SETTINGS.feedback_timeout,
         'a crank that is silent for longer stops all [s]',
@@ -64,9 +76,9 @@ CONTROL = (
         60.0,
     ),
     Declaration('phase_lock', True, 'whether cranks are kept in phase by their feedback'),
-    _number('phase_gain', PROPORTIONAL, 'of the lock: rate by phase error [1/s]', 0.0, 100.0),
-    _number('phase_integral', INTEGRAL, 'of the lock: what is learnt [1/s^2]', 0.0, 100.0),
-    _number(
+    _tunable('phase_gain', PROPORTIONAL, 'of the lock: rate by phase error [1/s]', 0.0, 100.0),
+    _tunable('phase_integral', INTEGRAL, 'of the lock: what is learnt [1/s^2]', 0.0, 100.0),
+    _tunable(
         'rephase',
         _SETTINGS.rephase,
         'part of its rate by which a crank goes back into phase, straight on; 0: never',
@@ -87,13 +99,14 @@ PARAMETERS = (*LIMITS, *CONTROL, *ODOMETRY)
 
 
 def settings(values: Mapping[str, Any]) -> Settings:
-    """Return how the walker is controlled."""
+    """Return the controller's settings."""
     limits = {p.name: values[p.name] for p in LIMITS}
     limits['max_curvature'] = limits['max_curvature'] or inf
     return Settings(
         limits=Limits(**limits),
         cmd_vel_timeout=values['cmd_vel_timeout'],
         feedback_timeout=values['feedback_timeout'],
+        max_gap=max(MAX_GAP, MIN_GAP_PERIODS / values['rate']),
         phase_lock=values['phase_lock'],
         proportional=values['phase_gain'],
         integral=values['phase_integral'],

@@ -1,20 +1,20 @@
 """`walker_node`: takes cmd_vel to the cranks of a walker, and gives odom back."""
 
-from collections.abc import Sequence
-from time import monotonic
+from collections.abc import Mapping, Sequence
+import time
 from typing import Any
 
 from geometry_msgs.msg import Twist, TwistStamped
 from klann_ros.kinematics import KinematicsError
 from klann_ros.nodes.endpoints import INPUT, overridden, QOS_USAGE
 from klann_ros.nodes.lean_loop import Info, LeanCallbackGroup
-from klann_ros.nodes.parameters import declare, StartError, usage
+from klann_ros.nodes.parameters import declare, on_change, StartError, usage
 from klann_ros.nodes.process import arguments, run
 from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.nodes.solver.cdr import JointReader
 from klann_ros.stop_signals import StopSignals
 from klann_ros.untrusted.arguments import ArgumentParser
-from klann_ros.untrusted.text import printable
+from klann_ros.untrusted.text import printable, printable_line
 from klann_ros.walking import Feet, imu_reading, NoWalkerError, Steering, Walker
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -25,11 +25,15 @@ from .diagnostics import WalkerDiagnostics
 from .messages import ImuReader, read_twist
 from .outputs import CrankOutput, OdomOutput
 
-# How often a complaint about inputs is logged at most [s].
-THROTTLE = 2.0
-# Every so many periods is looked whether this part of all commands was driven by feedback.
-WATCH, ENOUGH = 10, 0.8
-# A command may be earlier by this part of a period: feedback trembles.
+# Shortest time between two log lines about inputs, and between two about events [s].
+THROTTLE, EVENT_PERIOD = 2.0, 1.0
+# Events in one line of the log.
+MAX_LOGGED = 5
+# Period of the watchdog [s]; where feedback drives this part of all commands, no timer does.
+WATCH_PERIOD, DRIVEN_RATIO = 0.1, 0.8
+# A beat restarts where it is off by so many periods.
+BEAT_RESTART = 10
+# A command may be early by this part of a period: feedback jitters.
 EARLY = 0.3
 
 
@@ -51,17 +55,21 @@ class WalkerNode(Node):
         robot = declared_robot(self)
         try:
             feet = Feet(robot, foot_radius=values['foot_radius'])
+            # Simulated time may stand still, and the machine's may be set; cranks need neither.
+            self._sim = bool(self.get_parameter('use_sim_time').value)
             self._walker = Walker(
-                Steering(feet), settings(values), imu_timeout=values['imu_timeout']
+                Steering(feet),
+                settings(values),
+                imu_timeout=values['imu_timeout'],
+                steady=_steady_time if self._sim else None,
             )
         except (NoWalkerError, KinematicsError) as error:
             raise StartError(str(error)) from error
-        # Simulated time may stand still, and the machine's may be set; cranks need neither.
-        self._sim = bool(self.get_parameter('use_sim_time').value)
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._stamped: bool = values['stamped_cmd_vel']
         self._refusals_told: set[str] = set()
         self._connect(values)
+        self._values = values
+        on_change(self, PARAMETERS, self._on_change)
         self.get_logger().info(f'ready: {self._summary(values)}')
 
     def _connect(self, values: dict[str, Any]) -> None:
@@ -87,16 +95,22 @@ class WalkerNode(Node):
         self._listen(TwistStamped if self._stamped else Twist, 'cmd_vel', self._on_cmd_vel)
         if values['use_imu']:
             self._listen(Imu, 'imu', self._on_imu)
-        clock = self.get_clock() if self._sim else self._steady
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._period = 1.0 / values['rate']
         # Of the commands, and of the feedback that could drive them.
         self._due, self._fed = Beat(self._period), Beat(self._period)
-        # What comes in drives what goes out, which is quicker, and costs half of what a timer
-        # does; where too little comes in, the timer helps.
+        # Inputs drive the outputs, which is quicker, and costs half of what a timer does; where
+        # too few arrive, the timer helps.
         self._driven = 0
         lean = LeanCallbackGroup()
+        clock = self.get_clock() if self._sim else steady
         self._timer = self.create_timer(self._period, self._on_timer, lean, clock)
-        self.create_timer(WATCH * self._period, self._on_watch, lean, clock)
+        self._logged = -EVENT_PERIOD
+        self.create_timer(WATCH_PERIOD, self._on_watch, lean, steady)
+
+    def _on_change(self, values: Mapping[str, Any]) -> None:
+        self._values |= values
+        self._walker.controller.settings = settings(self._values)
 
     def _listen(self, kind: type, topic: str, callback: Any) -> None:
         self.create_subscription(
@@ -122,17 +136,16 @@ class WalkerNode(Node):
     # Time.
 
     def _now(self) -> float:
-        """Return the time by which the walker is controlled [s]."""
-        # The steady clock's own time, at a fiftieth of what rclpy takes to tell it.
-        return self.get_clock().now().nanoseconds / 1e9 if self._sim else monotonic()
+        """Return the time of the control clock [s]."""
+        return self.get_clock().now().nanoseconds / 1e9 if self._sim else _steady_time()
 
     def _stamp(self) -> tuple[int, int]:
         seconds, nanoseconds = divmod(self.get_clock().now().nanoseconds, 10**9)
         return seconds, nanoseconds
 
-    # What comes in.
+    # Inputs.
 
-    def _on_cmd_vel(self, data: bytes, _: Info) -> None:
+    def _on_cmd_vel(self, data: bytes, info: Info) -> None:
         try:
             linear, angular, *stamp = read_twist(data, stamped=self._stamped)
         except ValueError as error:
@@ -142,16 +155,18 @@ class WalkerNode(Node):
         if stamp != [0, 0]:
             sec, nanosec = self._stamp()
             age = sec - stamp[0] + (nanosec - stamp[1]) / 1e9
-        problem = self._walker.controller.command(linear, angular, self._now(), age=age)
+        problem = self._walker.controller.command(
+            linear, angular, self._now(), age, _transport_age(info)
+        )
         if problem.startswith('it cannot turn'):
-            # Whoever steers sends it again and again.
+            # A joystick repeats it.
             if problem not in self._refusals_told:
                 self._refusals_told.add(problem)
                 self.get_logger().warning(f'angular.z is refused: {problem}')
         elif problem:
             self._complain(problem)
 
-    def _on_crank_state(self, data: bytes, _: Info) -> None:
+    def _on_crank_state(self, data: bytes, info: Info) -> None:
         readings, problem, stamp = {}, '', (0, 0)
         for joint, reader in self._readers.items():
             try:
@@ -164,9 +179,9 @@ class WalkerNode(Node):
         if not readings:
             self._complain(f'crank_state is rejected: {problem}')
             return
-        when = stamp[0] + stamp[1] / 1e9 if stamp != (0, 0) else None
+        when = stamp[0] + stamp[1] / 1e9 if stamp != (0, 0) else info['source_timestamp'] / 1e9
         now = self._now()
-        at_feet = self._walker.feedback(readings, now, when)
+        at_feet = self._walker.feedback(readings, now, when or None, _transport_age(info))
         if at_feet is not None:
             self._odom.publish(at_feet, *(stamp if stamp != (0, 0) else self._stamp()))
             # Also where the timer was first: or it would go on for ever.
@@ -188,26 +203,56 @@ class WalkerNode(Node):
     def _complain(self, what: str) -> None:
         self.get_logger().warning(printable(what), throttle_duration_sec=THROTTLE)
 
-    # What goes out.
+    # Outputs.
 
     def _on_timer(self) -> None:
         self._command(self._now())
 
     def _on_watch(self) -> None:
-        is_enough = self._driven >= ENOUGH * WATCH
+        is_enough = self._driven * self._period >= DRIVEN_RATIO * WATCH_PERIOD
         self._driven = 0
         if is_enough and not self._timer.is_canceled():
             self._timer.cancel()
         elif not is_enough and self._timer.is_canceled():
             self._timer.reset()
+        now = self._now()
+        controller = self._walker.controller
+        controller.keep_alive(now)
+        # Also where the control clock stands still.
+        if controller.must_hold(now):
+            self._step(now)
+        self._log_events(_steady_time())
+
+    def _log_events(self, now: float) -> None:
+        events = self._walker.controller.events
+        if not events or now - self._logged < EVENT_PERIOD:
+            return
+        self._logged = now
+        texts = [*events][:MAX_LOGGED]
+        more = f'; and {len(events) - len(texts)} more' if len(events) > len(texts) else ''
+        events.clear()
+        self.get_logger().warning(printable_line('; '.join(texts) + more))
 
     def _command(self, now: float) -> None:
-        """Tell the cranks what to do, if it is time."""
-        if not self._due.take(now):
-            return
+        """Command the cranks if a command is due."""
+        if self._due.take(now):
+            self._step(now)
+
+    def _step(self, now: float) -> None:
         command = self._walker.controller.step(now)
         if command is not None:
             self._commands.publish(command, *self._stamp())
+
+
+def _steady_time() -> float:
+    """Return the time of a clock that runs while the machine is suspended as well [s]."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
+def _transport_age(info: Info) -> float | None:
+    """Return a message's age by the time at which it was sent [s]; None where that is unknown."""
+    sent: int = info['source_timestamp']
+    return (time.time_ns() - sent) / 1e9 if sent else None
 
 
 class Beat:
@@ -226,7 +271,7 @@ class Beat:
 
     def take(self, now: float) -> bool:
         """Return whether the next is due [s]; if so, it is taken."""
-        if abs(now - self._due) > WATCH * self._period:
+        if abs(now - self._due) > BEAT_RESTART * self._period:
             self._due = now
         if now < self._due - EARLY * self._period:
             return False

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from math import degrees, nan
 from pathlib import Path
+from signal import SIGCONT, SIGSTOP
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from domain import own_domain
@@ -10,7 +11,10 @@ from geometry_msgs.msg import Twist, TwistStamped
 from klann_ros.nodes.walker.node import Beat
 from nav_msgs.msg import Odometry
 import pytest
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from ros_world import Process, World, world
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -46,7 +50,9 @@ class Motors:
             position=[self.positions[k] for k in heard],
             velocity=[rates[k] for k in heard],
         )
-        message.header.stamp = self.probe.node.get_clock().now().to_msg()
+        # They turn by ticks, which a busy machine delays.
+        message.header.stamp.sec, ticks = divmod(self.ticks, 100)
+        message.header.stamp.nanosec = ticks * 10_000_000
         self.state.publish(message)
         if self.twist is not None and self.ticks % 10 == 0:
             self.send(*self.twist)
@@ -68,8 +74,13 @@ class Motors:
     def until_said(self, text: str) -> None:
         self.probe.until(lambda: self.told and text in self.status.message)
 
+    def until_steady(self) -> None:
+        assert self.twist is not None
+        linear = f'{self.twist[0]:.4f}'
+        self.probe.until(lambda: self.told and self.value('linear') == linear)
+
     def until_stopped(self) -> None:
-        # What is told may come before what is commanded.
+        # Diagnostics may be earlier than commands.
         self.probe.until(lambda: list(self.commands[-1].velocity) == [0.0, 0.0])
 
 
@@ -152,10 +163,116 @@ def test_a_walk(ros: World, walker: Process, motors: Motors) -> None:
 
     motors.twist = None
     motors.until_said('standing: no cmd_vel')
-    # What a crank was behind it still catches up with.
     motors.until_stopped()
+
+
+@pytest.mark.parametrize(
+    ('seconds', 'twist', 'ends'),
+    [
+        (0.3, (0.15, 0.0), False),
+        (1.0, (-0.1, 0.05), False),
+        (1.0, (0.1, -0.05), True),
+        (0.5, (0.0, 0.0), False),
+    ],
+)
+def test_a_paused_process_goes_on_where_the_cranks_are(
+    walker: Process, motors: Motors, seconds: float, twist: tuple[float, float], ends: bool
+) -> None:
+    probe = motors.probe
+    motors.twist = twist
+    motors.until_steady()
+    probe.spin(0.3)
+    recent = zip(*(command.velocity for command in motors.commands[-20:]), strict=True)
+    before, pauses = [max(rates, key=abs) for rates in recent], int(motors.value('pauses'))
+    walker.popen.send_signal(SIGSTOP)
+    probe.spin(0.1)
+    sent = len(motors.commands)
+    if ends:
+        motors.twist = None
+    probe.spin(seconds)
+    walker.popen.send_signal(SIGCONT)
+    probe.until(lambda: int(motors.value('pauses')) > pauses)
+    # Nothing is commanded where no cmd_vel is current.
+    probe.until(lambda: not ends or not any(motors.commands[-1].velocity))
+    if not ends:
+        motors.until_steady()
+    for command in motors.commands[sent:]:
+        for rate, usual in zip(command.velocity, before, strict=True):
+            # A motor may be 40 % slow, and lag.
+            assert 0.0 <= rate * usual <= 2.5 * usual**2
+            assert usual or rate == 0.0
+    probe.until(lambda: walker.errors.count('was paused for') > pauses)
+    motors.twist = None
+
+
+def test_a_slipped_crank_is_reported_with_its_size(
+    ros: World, walker: Process, motors: Motors
+) -> None:
+    motors.twist = (0.1, 0.0)
+    motors.until_steady()
+    motors.positions[1] += 0.2
+    motors.until_said('right_crank: position offset of +0.')
+    assert float(motors.value('right_crank offset_sum')) == pytest.approx(0.2, abs=0.05)
+    ros.probe.until(lambda: 'right_crank: position offset of +0.' in walker.errors)
+    motors.twist = None
+
+
+def test_limits_and_gains_change_while_it_walks(
+    ros: World, walker: Process, motors: Motors
+) -> None:
+    assert walker.popen.poll() is None
+
+    def set_to(name: str, **value: object) -> str:
+        parameter = Parameter(name=name, value=ParameterValue(**value))
+        request = SetParameters.Request(parameters=[parameter])
+        (result,) = ros.probe.call(SetParameters, 'walker_node/set_parameters', request).results
+        assert result.successful == (not result.reason)
+        return str(result.reason)
+
+    motors.twist = (0.15, 0.0)
+    motors.until_steady()
+    assert set_to('max_linear', type=3, double_value=0.08) == ''
+    ros.probe.until(lambda: motors.value('limits_hit') == 'max_linear')
+    ros.probe.until(lambda: motors.value('linear') == '0.0800')
+    assert 'within 0 .. 100' in set_to('max_linear', type=3, double_value=nan)
+    assert 'must be a number' in set_to('max_linear', type=4, string_value='fast')
+    # YAML, and so ros2 param, takes this for a text.
+    assert set_to('max_linear', type=4, string_value='3e-1') == ''
+    motors.until_steady()
+    assert 'read-only' in set_to('rate', type=3, double_value=50.0)
+    assert set_to('rate', type=2, integer_value=100) == ''
+    motors.twist = None
+
+
+def test_an_interrupt_ends_it(walker: Process) -> None:
     assert walker.stop() == 0
     assert 'Traceback' not in walker.errors
+
+
+def test_a_simulation_that_stands_still_stops_it(ros: World) -> None:
+    file = str(CONFIG / 'walker6_two_motors.yaml')
+    more = ['-p', 'use_sim_time:=true', '-p', 'diagnostics_period:=0.1', '-r', '__ns:=/still']
+    node = ros.start('walker_node', '--ros-args', '--params-file', file, *more)
+    probe = ros.probe
+    commands = probe.listen(JointState, '/still/crank_command')
+    state = probe.publisher(JointState, '/still/crank_state')
+    cmd_vel = probe.publisher(TwistStamped, '/still/cmd_vel')
+    clock = probe.publisher(Clock, '/clock')
+    time = Clock()
+
+    def walks() -> bool:
+        time.clock.nanosec += 10_000_000
+        clock.publish(time)
+        position = commands[-1].position if commands else [0.0, 0.0]
+        state.publish(JointState(name=JOINTS, position=position, velocity=[0.5, 0.5]))
+        twist = TwistStamped()
+        twist.twist.linear.x = 0.1
+        cmd_vel.publish(twist)
+        return bool(commands and min(commands[-1].velocity) > 0.3)
+
+    probe.until(walks)
+    probe.until(lambda: list(commands[-1].velocity) == [0.0, 0.0])
+    assert node.stop() == 0
 
 
 def test_rates_alone_on_one_crank_that_refuses_to_turn(ros: World) -> None:
