@@ -42,6 +42,11 @@ POLICY = (
     "img-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 
+NO_RUNS = (
+    'No runs in this folder yet. Press "Keep this moment" of a recorder on the live page, or '
+    'start recorder_node with a new folder in it as output.'
+)
+
 
 @dataclass(frozen=True)
 class File:
@@ -89,7 +94,7 @@ def list_page(runs: Sequence[Run], token: str) -> str:
         for run in runs
     ]
     back = element('p', element('a', 'The live page', href=f'/?token={token}'))
-    return _small('Runs', element('ul', *items) if items else element('p', 'No runs here.'), back)
+    return _small('Runs', element('ul', *items) if items else element('p', NO_RUNS), back)
 
 
 def _small(title: str, *content: Markup) -> str:

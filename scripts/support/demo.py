@@ -18,15 +18,19 @@ TURNS = 3
 # Its first message waits for the solver and the recorder: then the run has no ragged start.
 CRANK = ('mode:=constant', f'revolutions:={TURNS}', 'rate:=200.0', 'min_subscribers:=2')
 WALKER = ('--ros-args', '--params-file', ROOT / 'config' / 'walker6_two_motors.yaml')
+# Writes nothing until the page's button asks for a run of the last seconds.
+KEEP = ('-p', f'output:={ROOT / "runs"}', '-p', 'pre_trigger:=20.0', '-p', 'judge:=false')
+RECORDER = ('--ros-args', *KEEP)
 # What is shown live: what it is, and its nodes with their arguments.
 SHOWS: dict[str, tuple[str, dict[str, Command]]] = {
-    'demo': ('A leg', {'solver_node': (), 'crank_node': ()}),
+    'demo': ('A leg', {'solver_node': (), 'crank_node': (), 'recorder_node': RECORDER}),
     'demo --walk': (
         'A simulated robot',
         {
             'solver_node': WALKER,
             'walker_node': (*WALKER, '-p', 'use_imu:=true'),
             'sim_node': (*WALKER, '-p', 'linear:=0.1'),
+            'recorder_node': RECORDER,
         },
     ),
 }

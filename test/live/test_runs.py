@@ -6,6 +6,7 @@ from pathlib import Path
 import sys
 
 from alone import run_alone
+from klann_ros.live.live_page import list_page
 from klann_ros.live.runs import Page, Reviews, runs_in
 from leg_runs import LegRun
 from made_up_world import EVIL
@@ -44,6 +45,10 @@ async def made(reviews: Reviews, name: str) -> Page:
 def test_what_is_in_the_folder_itself_is_a_run(runs: Path) -> None:
     assert {run.name for run in runs_in(runs)} == {'good', EVIL.replace('/', '')}
     assert runs_in('/nowhere') == []
+
+
+def test_an_empty_list_says_how_to_make_a_run() -> None:
+    assert 'Keep this moment' in list_page([], 'token')
 
 
 def test_the_newest_is_first(tmp_path: Path) -> None:
