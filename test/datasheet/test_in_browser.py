@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+import re
 from typing import Any
 
 from browser import find
@@ -183,6 +184,16 @@ def test_on_paper_it_is_light_and_has_nothing_to_press(visit: Callable[..., Open
     paper = opened.page.evaluate('getComputedStyle(document.body).backgroundColor')
     assert paper == 'rgb(255, 255, 255)'
     assert not opened.page.locator('button').first.is_visible()
+
+
+@pytest.mark.parametrize(('name', 'sides', 'height'), [('leg', 1, 3000), ('walker', 2, 4500)])
+def test_it_is_short_on_paper_and_on_a_telephone(
+    visit: Callable[..., Opened], name: str, sides: int, height: int
+) -> None:
+    opened = visit(name, viewport={'width': 390, 'height': 844})
+    assert opened.page.evaluate('document.documentElement.scrollHeight') <= height
+    printed = opened.page.pdf(format='A4', prefer_css_page_size=True)
+    assert len(re.findall(rb'/Type\s*/Page\b', printed)) == sides
 
 
 def test_a_hostile_name_is_but_text(visit: Callable[..., Opened]) -> None:

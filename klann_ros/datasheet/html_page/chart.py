@@ -248,4 +248,9 @@ def _key(name: str, kind: str) -> Markup:
 
 def grid(charts: Iterable[Chart]) -> Markup:
     """Return charts side by side."""
-    return element('div', *(chart.figure() for chart in charts), class_='charts')
+    figures = [chart.figure() for chart in charts]
+    if not figures:
+        return Markup()
+    # On a telephone they scroll, which keys must reach.
+    group = {'tabindex': '0', 'role': 'group', 'aria_label': 'Charts'}
+    return element('div', *figures, class_='charts', **group)

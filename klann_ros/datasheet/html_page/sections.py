@@ -63,7 +63,14 @@ def _leg(sheet: DataSheet, leg: LegSheet, number: int) -> Markup:
         element(
             'div',
             element('div', _drawing(leg, number), *_motor(sheet), class_='beside'),
-            element('div', *(chart.figure() for chart in beside[:2]), class_='beside'),
+            element(
+                'div',
+                *(chart.figure() for chart in beside[:2]),
+                class_='beside',
+                tabindex='0',
+                role='group',
+                aria_label='Charts',
+            ),
             class_='stage',
         ),
         grid([*beside[2:], *below]),
