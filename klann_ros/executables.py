@@ -15,6 +15,7 @@ import signal
 import sys
 
 from .stop_signals import StopSignals
+from .untrusted.units import report_unit_warnings
 
 INTERRUPTED = 130
 # A tool's exit code where a package that it needs is not installed: nothing could be read.
@@ -114,7 +115,7 @@ def _tool(name: str, module: str, untold: int) -> int:
     try:
         try:
             with redirect_stdout(report):
-                code = _exit_code(module)
+                code = _exit_code(name, module)
         except ModuleNotFoundError as error:
             _report_missing(name, error)
             return MISSING
@@ -130,10 +131,11 @@ def _tool(name: str, module: str, untold: int) -> int:
         return INTERRUPTED
 
 
-def _exit_code(module: str) -> int:
+def _exit_code(name: str, module: str) -> int:
     try:
         with _uninterrupted():
             command = import_module(module)
+        report_unit_warnings(lambda text: print(f'{name}: warning: {text}', file=sys.stderr))
         code = int(command.main())
     except SystemExit as end:
         # argparse: --help, --version, and what it refuses.

@@ -9,6 +9,7 @@ from typing import BinaryIO
 
 from klann_ros.review.report.outputs import Output, OutputError, outputs
 from klann_ros.robot import Robot, robot_of, RobotFileError
+from klann_ros.robot.robot import SEPARATORS
 from klann_ros.twin import robot_mjcf
 from klann_ros.untrusted.arguments import ArgumentParser, path
 from klann_ros.untrusted.text import counted, printable, printable_line
@@ -86,7 +87,11 @@ def _made(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
         heavy = robot if density is None else weighed(robot, density)
         made['--mjcf'] = robot_mjcf(heavy).encode()
     if options.urdf is not None:
-        made['--urdf'] = urdf(robot).encode()
+        mark = options.joint_separator
+        made['--urdf'] = urdf(robot, joint_separator=mark).encode()
+        if robot.is_walker and mark != SEPARATORS[0]:
+            what = f'for {robot.joint_names(mark)[0]} ... of the URDF'
+            print(f'solver_node needs joint_separator: {mark} {what}')
     if any(getattr(options, name) is not None for name in PLATES):
         made |= _plates(robot, options)
     return made
@@ -163,6 +168,12 @@ def _parser() -> ArgumentParser:
     parser.add_argument('file', metavar='FILE', type=path, help='a leg, a walker or a linkage')
     parser.add_argument('--mjcf', metavar='OUT.xml', help='a model of MuJoCo, with its masses')
     parser.add_argument('--urdf', metavar='OUT.urdf', help='for robot_state_publisher')
+    parser.add_argument(
+        '--joint-separator',
+        choices=SEPARATORS,
+        default='_',
+        help="between a leg's name and its joint's in the URDF (_), as solver_node's parameter",
+    )
     parser.add_argument('--svg', metavar='OUT.svg', help='the plates, in mm')
     parser.add_argument('--dxf', metavar='OUT.dxf', help="the plates, in mm (extra 'dxf')")
     parser.add_argument(

@@ -46,6 +46,7 @@ def urdf(
     base_frame: str = 'base_link',
     frame_id: str = 'leg_plane',
     frame_prefix: str = '',
+    joint_separator: str = '_',
 ) -> str:
     """
     Return a robot as URDF, in which its legs are moved by joint_states.
@@ -58,13 +59,18 @@ def urdf(
         What carries the legs, and the plane of each.
     frame_prefix : str
         What goes before every frame but `base_frame`.
+    joint_separator : str
+        What stands between the names of a leg and of its joint, as solver_node publishes them.
 
     Raises
     ------
+    ValueError
+        Two legs have joints of one name.
     ExportError
         A linkage is no tree that its own points tell, or reaches no angle.
 
     """
+    taken = {*robot.joint_names(joint_separator)}
     root = Element('robot', name=printable(robot.name))
     materials = dict(COLOURS)
     for leg in robot.legs:
@@ -75,7 +81,9 @@ def urdf(
         SubElement(SubElement(root, 'material', name=name), 'color', rgba=colour)
     SubElement(root, 'link', name=base_frame)
     for leg in robot.legs:
-        _Leg(root, leg, frame_prefix + leg.prefix).write(base_frame, frame_id)
+        _Leg(root, leg, frame_prefix + leg.prefix, joint_separator, taken).write(
+            base_frame, frame_id
+        )
     indent(root)
     return HEADER + tostring(root, encoding='unicode') + '\n'
 
@@ -83,8 +91,11 @@ def urdf(
 class _Leg:
     """Writes the links and joints of one leg."""
 
-    def __init__(self, root: Element, leg: RobotLeg, links: str) -> None:
+    def __init__(
+        self, root: Element, leg: RobotLeg, links: str, separator: str, taken: set[str]
+    ) -> None:
         self._root, self._leg, self._links = root, leg, links
+        self._separator = separator
         self._linkage, self._structure = leg.linkage, leg.linkage.structure
         self._places, self._travel = body_places(leg.linkage), travel(leg.linkage)
         self._width = WIDTH * max(
@@ -95,8 +106,8 @@ class _Leg:
         self._points: dict[tuple[int, str], Place] = {}
         self._backs: dict[tuple[int, str], str] = {}
         self._numbers = {(j, bar): n for n, (j, bar) in enumerate(self._structure.bars)}
-        # The names of joints are the published ones', those of links also of the plane and foot.
-        self._joints = {*self._structure.angles}
+        # Of all legs: a fixed joint must not have the name of another leg's published joint.
+        self._joints = taken
         self._frames: set[str] = set()
 
     def write(self, base_frame: str, frame_id: str) -> None:
@@ -163,7 +174,7 @@ class _Leg:
             name = self._new_joint(f'{body.angle}_back')
             axis = 0.0, 0.0, float(body.sense)
             joint = self._joined(name, 'continuous', self._points[owner, point], link, axis)
-            mimicked = self._leg.prefix + body.angle
+            mimicked = self._leg.joint_name(body.angle, self._separator)
             SubElement(joint, 'mimic', joint=mimicked, multiplier='-1', offset='0')
             self._link(link)
             self._backs[owner, point] = link
@@ -206,7 +217,7 @@ class _Leg:
         return self._links + _new(name, self._frames)
 
     def _new_joint(self, name: str) -> str:
-        return _new(name, self._joints)
+        return _new(self._leg.joint_name(name, self._separator), self._joints)
 
     def _link(self, name: str) -> Element:
         return SubElement(self._root, 'link', name=name)
@@ -214,7 +225,7 @@ class _Leg:
     def _joint(  # noqa: PLR0917 - what a joint is told by
         self, name: str, kind: str, parent: str, child: str, xyz: Triple, rpy: Triple
     ) -> Element:
-        joint = SubElement(self._root, 'joint', name=self._leg.prefix + name, type=kind)
+        joint = SubElement(self._root, 'joint', name=name, type=kind)
         SubElement(joint, 'parent', link=parent)
         SubElement(joint, 'child', link=child)
         SubElement(joint, 'origin', xyz=_numbers(xyz), rpy=_numbers(rpy))
@@ -227,7 +238,8 @@ class _Leg:
         self._joint(self._new_joint(name), 'fixed', on.link, child, xyz, turn)
 
     def _moving(self, j: int, kind: str, on: Place, child: str, axis: Triple) -> Element:
-        return self._joined(self._structure.bodies[j].angle, kind, on, child, axis)
+        name = self._leg.joint_name(self._structure.bodies[j].angle, self._separator)
+        return self._joined(name, kind, on, child, axis)
 
     def _joined(self, name: str, kind: str, on: Place, child: str, axis: Triple) -> Element:
         xyz, rpy = (on.at.real, on.at.imag, 0.0), (0.0, 0.0, -on.bend)

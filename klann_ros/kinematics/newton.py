@@ -127,7 +127,7 @@ class Iterations:
         return largest
 
     def __str__(self) -> str:
-        """Return a table: of each iterate the angles in deg, f, and the correction in rad."""
+        """Return a table: angles in deg, f in the unit of the lengths, corrections in rad."""
         count = len(self.names)
         heads = [
             *self.names,
@@ -136,7 +136,7 @@ class Iterations:
         ]
         slides = 'm' in self.units
         unit = ('deg, m', 'rad, m') if slides else ('deg', 'rad')
-        lines = [f'{", ".join(self.names)} [{unit[0]}], f [m], corrections d [{unit[1]}]']
+        lines = [f'{", ".join(self.names)} [{unit[0]}], f, corrections d [{unit[1]}]']
         lines += [' k' + ''.join(f'{head:>11}' for head in heads)]
         shown = np.where([each == 'rad' for each in self.units], np.degrees(self.x), self.x)
         blank = np.full((1, count), np.nan)

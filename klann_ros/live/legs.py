@@ -10,8 +10,9 @@ from klann_ros.kinematics.klann.geometry import BENDS, NUMBERS
 from klann_ros.kinematics.klann.leg import JOINTS
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER, SolverParameters
 from klann_ros.page.shape import leg_shape
-from klann_ros.review.loading.solvers import leg_solvers, parent
+from klann_ros.review.loading.solvers import leg_solvers, parent, published_legs
 from klann_ros.review.model.recording import LegSolver
+from klann_ros.robot.file import of_leg
 from klann_ros.untrusted.text import printable
 import numpy as np
 
@@ -48,12 +49,15 @@ class LiveLeg:
     # Where its plane is in base_link [m], [rad]; None where the parameters do not tell.
     mount_xyz: tuple[float, ...] | None = None
     mount_rpy: tuple[float, ...] = _UPRIGHT
+    # What stands between its name and its joints' names.
+    joint_separator: str = '/'
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Return the names of its joints as they are published, the crank's first."""
         names = self.leg.joint_names if self.leg else ()
-        return tuple(f'{self.name}/{name}' if self.name else name for name in names)
+        prefix = f'{self.name}{self.joint_separator}' if self.name else ''
+        return tuple(prefix + name for name in names)
 
     def as_data(self) -> dict[str, Any]:
         """Return it as the page draws it, ready for JSON."""
@@ -146,15 +150,11 @@ def replayed_solver(node: str, topic: str, records: Sequence[SolverParameters]) 
 
 def assumed_solver(node: str, names: Sequence[str]) -> Solver:
     """Return the Klann legs whose joints a node publishes without telling their lengths."""
-    prefixes: dict[str, set[str]] = {}
-    for name in names:
-        prefix, _, joint = name.rpartition('/')
-        prefixes.setdefault(prefix, set()).add(joint)
-    legs = [prefix for prefix, joints in prefixes.items() if joints >= set(JOINTS)]
+    legs = list(published_legs(names, JOINTS))
     leg = KlannLeg(KlannGeometry.sem104())
     return Solver(
         node,
-        tuple(LiveLeg(name, leg) for name in legs[:MOST_LEGS]),
+        tuple(LiveLeg(name, leg, joint_separator=mark) for name, mark in legs[:MOST_LEGS]),
         does='published by',
         note=_ASSUMED if legs else _UNKNOWN,
     )
@@ -177,16 +177,17 @@ def _leg(name: str, solver: LegSolver, parameters: Mapping[str, Any]) -> LiveLeg
         str(parameters.get(f'{name}.crank_joint') or solver.crank_joint)[:200],
         _triple(parameters.get(f'{name}.mount_xyz')) if name else None,
         (_triple(parameters.get(f'{name}.mount_rpy')) if name else None) or _UPRIGHT,
+        solver.joint_separator,
     )
 
 
 def _lengths(parameters: Mapping[str, Any], legs: Sequence[str]) -> dict[str, float | list[int]]:
     """Return what can be set: of a Klann leg its numbers, of a linkage in a file nothing."""
-    if parameters.get(LINKAGE_PARAMETER):
-        return {}
     found: dict[str, float | list[int]] = {}
     for leg in legs:
         prefix = f'{leg}.' if leg else ''
+        if of_leg(parameters, leg).get(LINKAGE_PARAMETER):
+            continue
         for name in NUMBERS:
             value = parameters.get(prefix + name)
             if isinstance(value, int | float) and isfinite(value):

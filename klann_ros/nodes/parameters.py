@@ -5,7 +5,10 @@ from contextlib import suppress
 from dataclasses import dataclass, KW_ONLY
 from difflib import get_close_matches
 from functools import partial
+from itertools import pairwise
 import json
+from pathlib import Path
+import sys
 from typing import Any
 
 from klann_ros.untrusted.text import printable
@@ -113,6 +116,18 @@ def declare_given(node: Node, names: Collection[str], description: str) -> None:
         given = overrides(node).get(name)
         if given is not None and not node.has_parameter(name):
             node.declare_parameter(name, given.value, descriptor)
+
+
+def parameter_folders() -> tuple[Path, ...]:
+    """Return the folders of this process's parameter files, the last file's first."""
+    files = [file for flag, file in pairwise(sys.argv) if flag == '--params-file']
+    return tuple(dict.fromkeys(Path(file).parent for file in reversed(files)))
+
+
+def plain(value: Any) -> Any:
+    """Return a parameter's value, an array of rclpy's as a list."""
+    is_array = not isinstance(value, str | bytes) and hasattr(value, '__len__')
+    return list(value) if is_array else value
 
 
 def overrides(node: Node) -> Mapping[str, Parameter]:

@@ -11,10 +11,12 @@ from typing import Protocol
 
 from klann_ros.stop_signals import StopSignals
 from klann_ros.untrusted.text import printable, printable_line
+from klann_ros.untrusted.units import report_unit_warnings
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
@@ -155,6 +157,7 @@ def _run(
     rest: float,
 ) -> int:
     executor = SingleThreadedExecutor()
+    report_unit_warnings(lambda text: get_logger(name).warning(text))
     try:
         node = make_node()
     except START_ERRORS as error:

@@ -3,18 +3,20 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 from klann_ros.robot import Robot, robot_from_parameters
 from klann_ros.untrusted.text import printable_line
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
-from .parameters import overrides, StartError
+from .parameters import overrides, parameter_folders, plain, StartError
 from .solver import declarations as solver
 
 _OF_ROBOT = frozenset(
     (
         *solver.GEOMETRY_NAMES,
         *solver.FOR_OTHERS,
+        LINKAGE_PARAMETER,
         *(p.name for p in (*solver.LEGS, *solver.drive())),
     )
 )
@@ -22,6 +24,7 @@ _OF_LEG = frozenset(
     (
         *solver.GEOMETRY_NAMES,
         *solver.FOR_OTHERS,
+        LINKAGE_PARAMETER,
         *(p.name.partition('.')[2] for p in (*solver.drive('LEG.'), *solver.place('LEG'))),
     )
 )
@@ -49,7 +52,7 @@ def declared_robot(node: Node) -> Robot:
             'share/klann_ros/config/walker6_two_motors.yaml'
         )
     try:
-        return robot_from_parameters(given)
+        return robot_from_parameters(given, folders=parameter_folders())
     except (ValueError, TypeError, OSError) as error:
         raise StartError(f'the parameters are no robot: {printable_line(error)}') from error
 
@@ -62,7 +65,4 @@ def _given(node: Node) -> Iterator[tuple[str, Any]]:
     for name, parameter in sorted(parameters.items()):
         family, _, last = name.rpartition('.')
         if name in _OF_ROBOT or (family in names and last in _OF_LEG):
-            value = parameter.value
-            # rclpy has arrays of its own.
-            is_array = not isinstance(value, str) and hasattr(value, '__len__')
-            yield name, list(value) if is_array else value
+            yield name, plain(parameter.value)

@@ -22,10 +22,10 @@ A run                   `review_run`: `Review`, its `ReviewedLeg`s and `TopicFig
 What is wrong with it   `Finding`, `Severity`; `Limits`, `limits_from_file`
 Its poses               `pose_arrays`, `pose_frame`
 Two runs                `compare`: `Comparison`, `Difference`
-The leg to hold it      `leg_of`: by the name of a file or of a shipped leg
-against
+The robot to hold it    `klann_ros.robot.robot_of`: by the name of a file or of a
+against                 shipped leg
 What can go wrong       `klann_ros.log.errors.LogError`: `NotALogError`,
-                        `LegFileError`, `LimitsFileError`; `NoPandasError`
+                        `LimitsFileError`; `NoPandasError`
 ======================  ===============================================================
 """
 
@@ -35,7 +35,6 @@ from typing import Any, TYPE_CHECKING
 if TYPE_CHECKING:
     from klann_ros.log.errors import NotALogError
 
-    from .loading.leg_file import leg_of, LegFileError
     from .model.comparing import compare, Comparison, Difference
     from .model.limits import Limits, limits_from_file, LimitsFileError
     from .model.review import Finding, Review, ReviewedLeg, Severity
@@ -47,7 +46,6 @@ __all__ = [
     'Comparison',
     'Difference',
     'Finding',
-    'LegFileError',
     'Limits',
     'LimitsFileError',
     'NoPandasError',
@@ -57,7 +55,6 @@ __all__ = [
     'Severity',
     'TopicFigures',
     'compare',
-    'leg_of',
     'limits_from_file',
     'pose_arrays',
     'pose_frame',
@@ -68,7 +65,6 @@ _PLACES = {
     'Comparison': '.model.comparing',
     'Difference': '.model.comparing',
     'Finding': '.model.review',
-    'LegFileError': '.loading.leg_file',
     'Limits': '.model.limits',
     'LimitsFileError': '.model.limits',
     'NoPandasError': '.report.pose_table',
@@ -78,7 +74,6 @@ _PLACES = {
     'Severity': '.model.review',
     'TopicFigures': '.model.topics',
     'compare': '.model.comparing',
-    'leg_of': '.loading.leg_file',
     'limits_from_file': '.model.limits',
     'pose_arrays': '.report.pose_table',
     'pose_frame': '.report.pose_table',

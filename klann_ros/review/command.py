@@ -9,12 +9,10 @@ from pathlib import Path
 import sys
 import tempfile
 
-from klann_ros.kinematics import AnyLeg
 from klann_ros.log.errors import LogError
 from klann_ros.log.reading.run_files import LOG_HELP
 from klann_ros.page.browser import is_opened
 from klann_ros.review.live.follow import follow
-from klann_ros.review.loading.leg_file import leg_of
 from klann_ros.review.model.comparing import compare
 from klann_ros.review.model.limits import Limits, limits_from_file, NAMES
 from klann_ros.review.model.review import Review
@@ -83,7 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _review(options)
     except (OutputError, NoPictureError) as error:
         return _fail(error, NOT_WRITTEN)
-    except (LogError, OSError) as error:
+    except (LogError, OSError, RobotFileError) as error:
         return _fail(error, NOT_READ)
 
 
@@ -101,14 +99,11 @@ def _review(options: argparse.Namespace) -> int:
         [path for path in inputs if path],
     )
     form = picture_format(options.picture) if options.picture else ''
-    given = leg_of(options.geometry) if options.geometry is not None else None
+    robot = robot_of(options.geometry) if options.geometry is not None else None
     limits = limits_from_file(options.limits) if options.limits is not None else Limits()
-    robot = _robot(options.geometry)
     if options.follow:
         _follow(options.log, limits)
-    reviews = [
-        _one(path, options, given, robot, limits) for path in (options.log, options.log2) if path
-    ]
+    reviews = [_one(path, options, robot, limits) for path in (options.log, options.log2) if path]
     comparison = compare(*reviews) if len(reviews) == 2 else None
     colour = _wants_colour()
     print('\n\n'.join(text.report(review, colour=colour) for review in reviews))
@@ -149,25 +144,16 @@ def _tell_now(line: str) -> None:
     print(line, file=out, flush=True)
 
 
-def _robot(name: str | None) -> Robot | None:
-    """Return what a file tells of masses; a leg that is one for review alone tells none."""
-    try:
-        return None if name is None else robot_of(name)
-    except RobotFileError:
-        return None
-
-
 def _one(
     path: str,
     options: argparse.Namespace,
-    given: AnyLeg | None,
     robot: Robot | None,
     limits: Limits,
 ) -> Review:
     # A chart shows seven digits.
     rates = 'f8' if options.csv else 'f4' if options.html else ''
     with progress() as tell:
-        return review_run(path, leg=given, robot=robot, limits=limits, rates=rates, progress=tell)
+        return review_run(path, robot=robot, limits=limits, rates=rates, progress=tell)
 
 
 def _own_place(log: str) -> str:

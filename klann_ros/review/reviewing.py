@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
-from klann_ros.kinematics import AnyLeg
 from klann_ros.log.errors import AnyPath
 from klann_ros.log.reader import open_log
 from klann_ros.review.loading.load import load
@@ -29,7 +28,6 @@ Progress = Callable[[str, float], object]
 def review_run(
     path: AnyPath,
     *,
-    leg: AnyLeg | None = None,
     robot: Robot | None = None,
     limits: Limits | None = None,
     rates: str = '',
@@ -42,10 +40,8 @@ def review_run(
     ----------
     path : str or path
         A run's folder, or a file of any recorder's.
-    leg : KlannLeg, FourBar or LinkageLeg, optional
-        What to hold the run against, instead of the legs that it tells.
     robot : Robot, optional
-        Whose masses the efforts of the cranks are held against, instead of those of the run.
+        What the run is held against, legs and masses, instead of those that it tells.
     limits : Limits, optional
         What is still all right.
     rates : str
@@ -62,9 +58,7 @@ def review_run(
     """
     tell = progress or (lambda _, __: None)
     with open_log(path) as log:
-        recording = load(
-            log, leg, robot=robot, rates=rates, progress=lambda part: tell('reading', part)
-        )
+        recording = load(log, robot, rates=rates, progress=lambda part: tell('reading', part))
     return reviewed(recording, limits or Limits(), tell)
 
 

@@ -1,12 +1,16 @@
-"""A robot from what tells it: parameters of solver_node, a linkage's file, or a shipped name."""
+"""A robot from parameters of solver_node, a linkage's file, or a shipped name: the only parser."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
 from math import isfinite
 from pathlib import Path
+import re
 from typing import Any
 
 from klann_ros.dynamics import MassError, Masses, masses_from_text, rods
 from klann_ros.kinematics import (
+    GeometryError,
     KlannGeometry,
     Linkage,
     linkage_from_text,
@@ -18,13 +22,18 @@ from klann_ros.kinematics.klann.geometry import NUMBERS, PRESETS
 from klann_ros.kinematics.linkage.file import is_linkage, linkage_text, SHIPPED
 from klann_ros.untrusted.files import read_plain
 from klann_ros.untrusted.text import printable, printable_line
+from klann_ros.untrusted.units import warn_of_angle
 from klann_ros.untrusted.yaml_text import LONGEST, parse
 
 from .robot import Body, Mount, Robot, RobotLeg, Triple
+from .section import solver_section
 
 _GEOMETRY = (*NUMBERS, 'assembly')
-# Whose parameters these are, the last word last.
-_SECTIONS = ('/**', 'solver_node', '/solver_node')
+_DESCRIPTION = 'linkage_description'
+LEG_PARAMETERS = (*_GEOMETRY, 'linkage', _DESCRIPTION)
+"""Those that define the bars of a leg."""
+
+_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 _BODY = ('body_mass', 'body_size', 'body_centre')
 
 
@@ -73,9 +82,12 @@ def robot_from_file(path: str | Path) -> Robot:
         content = parse(text)
         if is_linkage(content):
             linkage = linkage_from_text(text, str(path))
-            leg = RobotLeg('', linkage, masses=_own_masses(text, linkage, str(path)))
+            masses = _own_masses(text, linkage, str(path))
+            leg = RobotLeg('', linkage, masses=masses, description=text)
             return Robot(Path(path).stem, (leg,), source=shown)
-        return robot_from_parameters(_parameters(content), path)
+        parameters = solver_section(content)
+        robot = robot_from_parameters(parameters, folders=(Path(path).parent,))
+        return replace(robot, name=Path(path).stem or robot.name, source=shown)
     except LinkageFileError as error:
         raise RobotFileError(str(error)) from error
     except OSError as error:
@@ -85,16 +97,20 @@ def robot_from_file(path: str | Path) -> Robot:
         raise RobotFileError(f'{shown} holds no robot: {printable_line(error)}') from error
 
 
-def robot_from_parameters(parameters: Mapping[str, Any], path: str | Path = '') -> Robot:
+def robot_from_parameters(
+    parameters: Mapping[str, Any], *, folders: Sequence[Path] = (), weigh: bool = True
+) -> Robot:
     """
-    Return the robot that solver_node's parameters tell; others among them do not matter.
+    Return the robot of solver_node's parameters; others among them do not matter.
 
     Parameters
     ----------
     parameters : mapping of str
         Nested as in a file, or with dots as in a node.
-    path : path, optional
-        The file: a linkage that it names is looked for beside it, too.
+    folders : sequence of path
+        Folders of the parameter files: a linkage's file is searched there first.
+    weigh : bool
+        Whether masses are read; without, wrong ones are ignored.
 
     Raises
     ------
@@ -104,8 +120,8 @@ def robot_from_parameters(parameters: Mapping[str, Any], path: str | Path = '') 
     """
     flat = dict(_flat(parameters))
     names = _names(flat.get('legs', ()))
-    legs = tuple(_leg(name, of_leg(flat, name), path) for name in names)
-    return Robot(Path(path).stem or 'robot', legs, _body(flat), source=printable(str(path)))
+    legs = tuple(_leg(name, of_leg(flat, name), folders, weigh=weigh) for name in names)
+    return Robot('robot', legs, _body(flat) if weigh else None)
 
 
 def of_leg(parameters: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -119,25 +135,6 @@ def of_leg(parameters: Mapping[str, Any], name: str) -> dict[str, Any]:
     return {**parameters, **own}
 
 
-def _parameters(content: Any) -> Mapping[str, Any]:
-    """Return the parameters in a file: those for every node, then solver_node's own."""
-    if not isinstance(content, dict):
-        msg = 'it must be a mapping, such as config/sem104.yaml is'
-        raise TypeError(msg)
-    sections = {
-        name: value['ros__parameters']
-        for name, value in content.items()
-        if isinstance(value, dict) and isinstance(value.get('ros__parameters'), dict)
-    }
-    if not sections:
-        return content
-    known = [sections[name] for name in _SECTIONS if name in sections]
-    made: dict[str, Any] = {}
-    for section in known or list(sections.values())[:1]:
-        made.update(section)
-    return made
-
-
 def _flat(parameters: Mapping[str, Any], prefix: str = '') -> list[tuple[str, Any]]:
     found = []
     for name, value in parameters.items():
@@ -149,46 +146,68 @@ def _flat(parameters: Mapping[str, Any], prefix: str = '') -> list[tuple[str, An
 
 
 def _names(legs: Any) -> Sequence[str]:
-    """Return the names of the legs; '' stands for the unnamed one."""
-    names = [name for name in legs if name] if isinstance(legs, list | tuple) else []
-    if not all(isinstance(name, str) for name in names) or len(set(names)) < len(names):
-        raise ValueError(f'legs = {printable(repr(legs), 100)} is refused: names, each once')
+    """Return the names of the legs; '' stands for the unnamed one, as ROS has no empty lists."""
+    names = [name for name in legs if name != ''] if isinstance(legs, list | tuple) else []
+    are_names = all(isinstance(name, str) and _NAME.fullmatch(name) for name in names)
+    if not are_names or len(set(names)) < len(names):
+        what = 'names of letters, digits and _, a letter first, each once'
+        raise ValueError(f'legs = {printable(repr(names), 100)} is refused: it must be {what}')
     return names or ('',)
 
 
-def _leg(name: str, own: Mapping[str, Any], path: str | Path) -> RobotLeg:
-    linkage, masses = _linkage(own, path)
+def _leg(name: str, own: Mapping[str, Any], folders: Sequence[Path], *, weigh: bool) -> RobotLeg:
+    prefix = f'{name}.' if name else ''
+    try:
+        linkage, description, file = _linkage(own, folders)
+    except LinkageFileError:
+        raise
+    except GeometryError as error:
+        raise GeometryError(f'{prefix}{error}') from error
+    masses = _masses(own, linkage, description, file) if weigh else None
     direction = own.get('direction', 1)
     if direction not in (-1, 1):
-        raise ValueError(f'{name} direction = {direction!r} is refused: it must be +1 or -1')
-    where = Mount(_triple(own, 'mount_xyz', Mount().xyz), _triple(own, 'mount_rpy', Mount().rpy))
-    if max(map(abs, where.rpy)) > TURN:
-        msg = f'{name} mount_rpy = {where.rpy} is refused: radians, not degrees: within +-2 pi'
-        raise ValueError(msg)
-    phase = _number(own, 'phase', 0.0)
+        what = f'{prefix}direction = {printable(repr(direction), 100)}'
+        raise ValueError(f'{what} is refused: it must be +1 or -1')
+    xyz = _triple(own, 'mount_xyz', Mount().xyz, prefix)
+    rpy = _triple(own, 'mount_rpy', Mount().rpy, prefix)
+    if max(map(abs, rpy)) > TURN:
+        what = 'it must be radians, not degrees: within +-2 pi'
+        raise ValueError(f'{prefix}mount_rpy = {list(rpy)} is refused: {what}')
+    phase = _number(own, 'phase', 0.0, prefix)
+    warn_of_angle(f'{prefix}phase', phase)
     joint = str(own.get('crank_joint') or 'crank')
-    return RobotLeg(name, linkage, joint, phase, int(direction), where, masses)
+    mount = Mount(xyz, rpy)
+    return RobotLeg(name, linkage, joint, phase, int(direction), mount, masses, description, file)
 
 
-def _linkage(own: Mapping[str, Any], path: str | Path) -> tuple[Linkage, Masses | None]:
-    """Return a leg's bars, and what they weigh if that is told."""
-    text, file = own.get('linkage_description') or '', own.get('linkage') or ''
+def _linkage(own: Mapping[str, Any], folders: Sequence[Path]) -> tuple[Linkage, str, str]:
+    """Return a leg's linkage, its text and its file's name; both '' for a Klann leg."""
+    text, file = str(own.get(_DESCRIPTION) or ''), str(own.get('linkage') or '')
     if file and not text:
-        beside = Path(path).parent / file
-        file = str(beside if path and beside.exists() else Path(file).expanduser())
+        beside = (folder / file for folder in folders)
+        file = str(next((path for path in beside if path.exists()), Path(file).expanduser()))
         text = linkage_text(file)
     if text:
-        linkage = linkage_from_text(text, file or 'linkage_description')
-    else:
-        numbers = {name: own[name] for name in _GEOMETRY if name in own}
-        if not numbers and not own.get('legs'):
-            msg = f'none of {", ".join(_GEOMETRY)} is in it'
-            raise TypeError(msg)
-        linkage = KlannGeometry(**numbers).linkage
+        return _parsed_linkage(text, file or _DESCRIPTION), text, file
+    numbers = {name: own[name] for name in _GEOMETRY if name in own}
+    if not numbers and not own.get('legs'):
+        msg = f'none of {", ".join(_GEOMETRY)} is in it'
+        raise TypeError(msg)
+    return KlannGeometry(**numbers).linkage, '', ''
+
+
+@lru_cache(maxsize=16)
+def _parsed_linkage(text: str, name: str) -> Linkage:
+    """Return the linkage of a text, parsed once for all legs of a walker."""
+    return linkage_from_text(text, name)
+
+
+def _masses(own: Mapping[str, Any], linkage: Linkage, text: str, file: str) -> Masses | None:
+    """Return the masses of a leg's bodies; None without any."""
     if 'bar_density' in own:
         density = _number(own, 'bar_density', 0.0)
-        return linkage, rods(linkage, density, foot_mass=_number(own, 'foot_mass', 0.0))
-    return linkage, _own_masses(text, linkage, file) if text else None
+        return rods(linkage, density, foot_mass=_number(own, 'foot_mass', 0.0))
+    return _own_masses(text, linkage, file) if text else None
 
 
 def _own_masses(text: str, linkage: Linkage, name: str) -> Masses | None:
@@ -215,16 +234,23 @@ def _body(flat: Mapping[str, Any]) -> Body | None:
     return body
 
 
-def _number(own: Mapping[str, Any], name: str, otherwise: float) -> float:
+def _number(own: Mapping[str, Any], name: str, otherwise: float, prefix: str = '') -> float:
     value = own.get(name, otherwise)
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-        raise ValueError(f'{name} = {printable(repr(value), 100)} is refused: a finite number')
+        what = f'{prefix}{name} = {printable(repr(value), 100)}'
+        raise ValueError(f'{what} is refused: it must be finite')
     return float(value)
 
 
-def _triple(own: Mapping[str, Any], name: str, otherwise: Triple) -> Triple:
+def _triple(own: Mapping[str, Any], name: str, otherwise: Triple, prefix: str = '') -> Triple:
     values = own.get(name, otherwise)
-    if not isinstance(values, list | tuple) or len(values) != 3:
-        raise ValueError(f'{name} = {printable(repr(values), 100)} is refused: three numbers')
-    x, y, z = (_number({name: value}, name, 0.0) for value in values)
+    if (
+        not isinstance(values, list | tuple)
+        or len(values) != 3
+        or any(isinstance(value, bool) or not isinstance(value, int | float) for value in values)
+        or not all(map(isfinite, values))
+    ):
+        what = f'{prefix}{name} = {printable(repr(values), 100)}'
+        raise ValueError(f'{what} is refused: it must be three finite numbers')
+    x, y, z = map(float, values)
     return x, y, z

@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
 
+SEPARATORS = ('/', '_')
+"""What may stand between a leg's name and its joint's in JointState and URDF."""
+
 
 @dataclass(frozen=True)
 class Mount:
@@ -69,6 +72,10 @@ class RobotLeg:
         Where it is.
     masses : Masses, optional
         What it weighs, if the file tells it.
+    description : str
+        The text of its linkage's file; '' for a Klann leg of lengths.
+    linkage_file : str
+        The name of that file.
 
     """
 
@@ -79,11 +86,17 @@ class RobotLeg:
     direction: int = 1
     mount: Mount = Mount()
     masses: Masses | None = None
+    description: str = ''
+    linkage_file: str = ''
 
     @property
     def prefix(self) -> str:
         """Return what goes before the names of its joints and frames: '' or 'front_left/'."""
         return f'{self.name}/' if self.name else ''
+
+    def joint_name(self, joint: str, separator: str) -> str:
+        """Return the name of one of its joints beside other legs: 'front_left_gamma'."""
+        return f'{self.name}{separator}{joint}' if self.name else joint
 
     def crank_angles(self, joint: ArrayLike) -> Array:
         """Return its crank angles for angles of its joint [rad]."""
@@ -149,6 +162,35 @@ class Robot:
     def crank_joints(self) -> tuple[str, ...]:
         """Return the joints that turn the cranks, each once."""
         return tuple(dict.fromkeys(leg.crank_joint for leg in self.legs))
+
+    def leg(self, name: str) -> RobotLeg | None:
+        """Return the leg of a name; without it the first leg, where all are alike."""
+        named = [leg for leg in self.legs if leg.name == name]
+        first = self.legs[0]
+        if not named and all(leg.linkage == first.linkage for leg in self.legs):
+            return first
+        return named[0] if named else None
+
+    def joint_names(self, separator: str) -> tuple[str, ...]:
+        """
+        Return the names of all legs' angles, as they are published.
+
+        Raises
+        ------
+        ValueError
+            Two legs have joints of one name.
+
+        """
+        owners: dict[str, str] = {}
+        for leg in self.legs:
+            for joint in leg.linkage.joint_names:
+                name = leg.joint_name(joint, separator)
+                if name in owners:
+                    legs = f'{owners[name]} and {leg.name}'
+                    msg = f'legs {legs} both have a joint {name}: joint_separator must be /'
+                    raise ValueError(msg)
+                owners[name] = leg.name
+        return tuple(owners)
 
     def on_joint(self, joint: str) -> tuple[RobotLeg, ...]:
         """Return the legs that a joint turns."""

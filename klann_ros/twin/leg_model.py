@@ -16,7 +16,7 @@ from klann_ros.robot import RobotLeg
 import numpy as np
 
 from .leg_tree import Hung, tree
-from .model_text import at, Names, number, touching
+from .model_text import at, Names, number, SEPARATOR, touching
 
 # What weighs nothing would make its loop soft: it gets this part of the whole, and of its inertia.
 TINY = 1e-4
@@ -231,7 +231,7 @@ class LegModel:
                 ref=number(self._crank), armature=number(rotor),
             )  # fmt: skip
             return
-        name = section.unique('joint', self.leg.prefix + body.angle)
+        name = section.unique('joint', self.leg.joint_name(body.angle, SEPARATOR))
         if body.slides:
             along = self.leg.linkage.line(self._pose.vectors, j)
             SubElement(

@@ -12,7 +12,7 @@ from klann_ros.robot import Body, Robot, RobotLeg
 import numpy as np
 
 from .leg_model import LegModel, Section, Stiffness
-from .model_text import Names, number, touching
+from .model_text import Names, number, SEPARATOR, touching
 
 GRAVITY = 9.80665
 SLOPES = pi / 4.0
@@ -142,6 +142,8 @@ class _Model:
         self._option(root)
         world = SubElement(root, 'worldbody')
         base = self._base(world)
+        # Before those of the legs: a crank's joint keeps its own name.
+        self._cranks = {name: self._unique('joint', name) for name in self._robot.crank_joints}
         section = Section(SubElement(root, 'equality'), SubElement(root, 'tendon'), self._unique)
         actuator = SubElement(root, 'actuator')
         for joint in self._robot.crank_joints:
@@ -195,7 +197,7 @@ class _Model:
 
     def _on_joint(self, base: Element, section: Section, actuator: Element, joint: str) -> None:
         """Write the legs that a joint turns, and what turns it."""
-        name = self._unique('joint', joint)
+        name = self._cranks[joint]
         step = self._accuracy.time_step
         stiffness = Stiffness.critical(self._accuracy.closing / step**2)
         turned, legs = 0.0, [leg for leg in self._legs if leg.leg.crank_joint == joint]
@@ -205,7 +207,7 @@ class _Model:
             turned += least + rotor
             crank_name = name
             if leg is not legs[0]:
-                crank_name = self._unique('joint', f'{leg.leg.prefix}{joint}')
+                crank_name = self._unique('joint', leg.leg.joint_name(joint, SEPARATOR))
                 SubElement(
                     section.equality, 'joint', stiffness.attributes, joint1=crank_name,
                     joint2=name, polycoef='0 1 0 0 0',

@@ -2,6 +2,9 @@
 
 from klann_ros.untrusted.text import printable
 
+# Between the names of a leg and of its joint: ros2_control and MoveIt refuse a slash.
+SEPARATOR = '_'
+
 
 class Names:
     """Names of which none is given twice to one kind of element, and none breaks the XML."""

@@ -1,12 +1,16 @@
 """README and manual: links that lead somewhere, examples that run, nothing that is not so."""
 
+import cmath
 from collections.abc import Iterator
+import math
 from pathlib import Path
 import re
 from subprocess import CompletedProcess
 
 from fork_server import called, PYTHON
 from klann_ros import executables
+from klann_ros.kinematics import LinkageLeg
+from klann_ros.kinematics.linkage.file import linkage_from_text
 from leg_runs import LegRun
 import pytest
 
@@ -135,7 +139,16 @@ def test_the_examples_of_a_page_run(
         pytest.importorskip('matplotlib')
     LegRun(count=600).write(tmp_path / 'runs' / 'first')
     if page.name == 'adding_a_linkage.md':
-        (described,) = blocks(page, 'yaml')
+        described, _ = blocks(page, 'yaml')
         (tmp_path / 'watt.yaml').write_text(described, encoding='utf-8')
     done = run(source, tmp_path, monkeypatch)
     assert (done.returncode, done.stderr) == (0, '')
+
+
+def test_the_bend_of_a_sliding_body_counts_from_the_body_that_carries_its_line() -> None:
+    _, text = blocks(ROOT / 'docs' / 'adding_a_linkage.md', 'yaml')
+    linkage = linkage_from_text(text, 'the example')
+    points = LinkageLeg(linkage).solve(0.7).points
+    places = dict(zip(linkage.structure.points, (complex(*at) for at in points), strict=True))
+    assert math.degrees(cmath.phase(places['C'])) == pytest.approx(20.0)
+    assert math.degrees(cmath.phase(places['H'] - places['C'])) == pytest.approx(90.0)

@@ -56,7 +56,7 @@ def test_a_distance_is_shown_as_one() -> None:
     run = leg.iterations(0.3, [0.0, 0.2])
     assert run.units == ('rad', 'm')
     lines = str(run).splitlines()
-    assert lines[0].startswith('rod, piston [deg, m], f [m]')
+    assert lines[0].startswith('rod, piston [deg, m], f, corrections')
     last = [float(cell) for cell in lines[-1].split()[1:3]]
     assert last == pytest.approx([math.degrees(run.x[-1, 0]), run.x[-1, 1]], abs=1e-5)
 

@@ -36,7 +36,7 @@ ALLOWED = {
         'page',
     },
     'export': {'untrusted', 'kinematics', 'dynamics', 'plotting', 'robot', 'twin', 'review'},
-    'live': {'untrusted', 'kinematics', 'log', 'review', 'page'},
+    'live': {'untrusted', 'kinematics', 'log', 'robot', 'review', 'page'},
     'datasheet': {
         'untrusted',
         'kinematics',

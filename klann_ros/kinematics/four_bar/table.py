@@ -11,7 +11,8 @@ from .transmission import advantages
 
 Array = NDArray[np.float64]
 COLUMNS = ('theta2', 'theta3', 'theta4', 'alpha', 'beta', 'Z', 'mu', 'T4/T2')
-UNITS = ('[deg]',) * 5 + ('[m]', '[deg]', '[1]')
+# A four-bar's lengths may be in any unit, so Z has none.
+UNITS = ('[deg]',) * 5 + ('', '[deg]', '[1]')
 # What `str` shows: a table for the eye; the arrays have all.
 MOST_ROWS = 100
 
@@ -32,7 +33,7 @@ class FourBarTable:
     alpha, beta : numpy.ndarray
         The course's angles at O4, as in `FourBarPose` [rad].
     z : numpy.ndarray
-        The diagonal Z = `|A O4|` [m].
+        The diagonal Z = `|A O4|`, in the unit of the lengths.
     transmission_angle : numpy.ndarray
         Between coupler and rocker, in [0, pi] [rad].
     mechanical_advantage : numpy.ndarray
@@ -50,7 +51,7 @@ class FourBarTable:
     mechanical_advantage: Array
 
     def __str__(self) -> str:
-        """Return a table, angles in deg."""
+        """Return a table, angles in deg, Z in the unit of the lengths."""
         angles = (self.theta2, self.theta3, self.theta4, self.alpha, self.beta)
         columns = [np.degrees(column) for column in angles]
         columns += [self.z, np.degrees(self.transmission_angle), self.mechanical_advantage]

@@ -14,6 +14,7 @@ from klann_ros.kinematics.linkage.linkage import Linkage
 from klann_ros.kinematics.linkage.reach import closes_somewhere
 from klann_ros.kinematics.linkage.structure import Bar, Body, by_name, Dimension, Structure
 from klann_ros.untrusted.text import printable
+from klann_ros.untrusted.units import warn_of_lengths
 
 LENGTHS = ('l_ab', 'l_bc', 'l_dc', 'l_cg', 'l_ef', 'l_fg', 'l_gh')
 COORDINATES = ('x_d', 'y_a', 'x_e', 'y_e')
@@ -105,6 +106,7 @@ class KlannGeometry:
         object.__setattr__(self, 'assembly', _signs(self.assembly))
         for name, number in zip(NUMBERS, self.linkage.numbers, strict=True):
             object.__setattr__(self, name, number)
+        warn_of_lengths({name: getattr(self, name) for name in (*LENGTHS, *COORDINATES)})
         if not closes_somewhere(self.linkage):
             others = ', '.join(map(str, assemblies(self.linkage)))
             msg = (

@@ -11,6 +11,7 @@ from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.untrusted.files import read_plain
 from klann_ros.untrusted.text import did_you_mean, printable, printable_line
+from klann_ros.untrusted.units import warn_of_lengths
 from klann_ros.untrusted.yaml_text import LONGEST, parse, YamlError
 
 from .file_checks import check_start, every_bar, IN_DEGREES, misspelt, reached, stated
@@ -64,7 +65,7 @@ def linkage_from_file(path: str | Path) -> Linkage:
     Parameters
     ----------
     path : str or pathlib.Path
-        The file.
+        The file, or the name of a shipped linkage where no such file exists.
 
     Raises
     ------
@@ -76,13 +77,28 @@ def linkage_from_file(path: str | Path) -> Linkage:
 
 
 def linkage_text(path: str | Path) -> str:
-    """Return the text of a linkage's file; a LinkageFileError where it cannot be read."""
+    """
+    Return the text of a linkage's file, or of the shipped linkage of that name.
+
+    Raises
+    ------
+    LinkageFileError
+        The file cannot be read.
+
+    """
     try:
         return read_plain(path, LONGEST)
     except (OSError, ValueError) as error:
+        hint, names = '', shipped_linkages()
+        if isinstance(error, FileNotFoundError):
+            if str(path) in names:
+                return (SHIPPED / f'{path}.yaml').read_text(encoding='utf-8')
+            stem = Path(path).stem
+            hint = f'; shipped are {", ".join(names)}{did_you_mean(stem, names)}'
+            hint = f'; the shipped one is called {stem}' if stem in names else hint
         # What is no UTF-8, and a path that is none, are ValueErrors.
         reason = getattr(error, 'strerror', None) or error
-        msg = f'{printable(path)} cannot be read: {printable(reason)}'
+        msg = f'{printable(path)} cannot be read: {printable(reason)}{hint}'
         raise LinkageFileError(msg) from error
 
 
@@ -152,6 +168,7 @@ def _linkage(content: Mapping[str, Any]) -> Linkage:
         'x': lambda place: metre * content['pivots'][structure.pivots[place]][0],
         'y': lambda place: metre * content['pivots'][structure.pivots[place]][1],
     }
+    _warn_of_lengths(structure, given, units)
     numbers = [given[dimension.kind](dimension.place) for dimension in structure.dimensions]
     # Put together in any way: what its numbers are is checked before its start is.
     plain = Linkage(
@@ -169,6 +186,18 @@ def _linkage(content: Mapping[str, Any]) -> Linkage:
         for body in structure.bodies
     ]
     return reached(plain, given_start, signs, in_degrees=turn is radians)
+
+
+def _warn_of_lengths(
+    structure: Structure, given: Mapping[str, Callable[[int], float]], units: Mapping[str, str]
+) -> None:
+    lengths = {
+        dimension.name: given[dimension.kind](dimension.place)
+        for dimension in structure.dimensions
+        if dimension.kind != 'bend'
+    }
+    angle = f', angle: {units["angle"]}' if 'angle' in units else ''
+    warn_of_lengths(lengths, '' if 'length' in units else f'write units: {{length: mm{angle}}}')
 
 
 def _order(content: Mapping[str, Any]) -> list[str]:

@@ -8,6 +8,7 @@ from typing import Any
 from klann_ros.kinematics import KlannGeometry
 from klann_ros.kinematics.klann.geometry import BENDS, LENGTHS, NUMBERS
 from klann_ros.nodes.parameters import Declaration
+from klann_ros.robot.robot import SEPARATORS
 
 _WORDS = {
     'l_ab': 'length of the crank AB',
@@ -54,8 +55,16 @@ LEGS = (
     Declaration(
         'legs', [''], 'names of the legs; none for one unnamed leg', constraint='names, all others'
     ),
-    Declaration('linkage', '', "a linkage's YAML file; empty: the Klann leg of the lengths"),
+    Declaration(
+        'linkage', '', "a linkage's YAML file or shipped name; empty: the Klann leg of the lengths"
+    ),
     Declaration('crank_joint', 'crank', 'the joint in crank_state that turns the crank'),
+    Declaration(
+        'joint_separator',
+        '/',
+        "what stands between a leg's name and its joint's in joint_states; exports write _",
+        choices=SEPARATORS,
+    ),
 )
 SETTINGS = (
     Declaration(
@@ -109,6 +118,7 @@ def drive(prefix: str = '') -> tuple[Declaration, ...]:
 def place(name: str) -> tuple[Declaration, ...]:
     """Return the parameters that only a named leg has."""
     return (
+        Declaration(f'{name}.linkage', '', 'its own linkage; empty: linkage'),
         Declaration(f'{name}.crank_joint', '', 'its own joint in crank_state; empty: crank_joint'),
         Declaration(f'{name}.mount_xyz', [0.0] * 3, 'where its plane is in base_link [m]'),
         Declaration(f'{name}.mount_rpy', list(_UPRIGHT), 'how its plane is turned in it [rad]'),

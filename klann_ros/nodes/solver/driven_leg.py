@@ -11,6 +11,7 @@ from klann_ros.kinematics import (
     LinkagePose,
     SingularPoseError,
 )
+from klann_ros.robot import RobotLeg
 
 
 class SolverFigures:
@@ -95,29 +96,36 @@ class SolverFigures:
 class DrivenLeg:
     """A leg with the crank that drives it, and what its solver did since the last report."""
 
-    # The leg's name; empty for the only, unnamed one.
-    name: str
-    # The joint in crank_state that turns its crank.
-    crank_joint: str
-    # Its crank angle where the crank is at 0 [rad].
-    phase: float
-    # +1, or -1 for a leg whose crank turns the other way.
-    direction: int
+    # What it is, and what turns it.
+    robot_leg: RobotLeg
     # Its solver.
     leg: AnyLeg
+    # What stands between its name and its joints' in JointState.
+    joint_separator: str = '/'
     # What its solver did.
     figures: SolverFigures = field(default_factory=SolverFigures, init=False)
     # The last pose; None before the first.
     last: LinkagePose | None = field(default=None, init=False)
 
+    @property
+    def name(self) -> str:
+        """Return its name; empty for the only, unnamed one."""
+        return self.robot_leg.name
+
+    @property
+    def crank_joint(self) -> str:
+        """Return the joint in crank_state that turns its crank."""
+        return self.robot_leg.crank_joint
+
     def prefixed(self, word: str) -> str:
-        """Return a joint's, topic's or frame's name as it is for this leg."""
-        return f'{self.name}/{word}' if self.name else word
+        """Return a topic's or frame's name as it is for this leg."""
+        return self.robot_leg.prefix + word
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Return the names under which its angles are published, the crank's first."""
-        return tuple(map(self.prefixed, self.leg.joint_names))
+        names = self.leg.joint_names
+        return tuple(self.robot_leg.joint_name(name, self.joint_separator) for name in names)
 
     def answer(self, alpha: float, rate: float | None) -> tuple[LinkagePose, LinkageMotion | None]:
         """
@@ -141,7 +149,7 @@ class DrivenLeg:
 
         """
         try:
-            pose = self.leg.solve(self.direction * alpha + self.phase)
+            pose = self.leg.solve(self.robot_leg.direction * alpha + self.robot_leg.phase)
         except CrankAngleError as error:
             self.figures.reject(str(error))
             raise
@@ -153,6 +161,6 @@ class DrivenLeg:
         if rate is None:
             return pose, None
         try:
-            return pose, self.leg.velocity(pose, self.direction * rate)
+            return pose, self.leg.velocity(pose, self.robot_leg.direction * rate)
         except SingularPoseError:
             return pose, None

@@ -1,30 +1,21 @@
-"""The legs that the parameters tell: Klann legs of their lengths, or the linkage in a file."""
+"""The legs of solver_node, made from its parameters."""
 
-from collections.abc import Mapping, Sequence
-from math import isfinite
-from pathlib import Path
-import re
+from collections.abc import Sequence
 from typing import Any
 
-from klann_ros.kinematics import (
-    AnyLeg,
-    GeometryError,
-    KlannGeometry,
-    KlannLeg,
-    linkage_from_text,
-    LinkageLeg,
-)
-from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics import AnyLeg, GeometryError, KlannGeometry, KlannLeg, LinkageLeg
 from klann_ros.kinematics.klann.geometry import PRESETS
-from klann_ros.kinematics.linkage.file import linkage_text, SHIPPED, shipped_linkages
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 from klann_ros.nodes.parameters import (
     declare,
     declare_constant,
     declare_given,
-    must,
+    overrides,
+    parameter_folders,
+    plain,
     StartError,
 )
+from klann_ros.robot import Robot, robot_from_parameters
 from klann_ros.untrusted.text import printable
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -32,7 +23,6 @@ from rclpy.parameter import Parameter
 from .declarations import drive, GEOMETRY, GEOMETRY_NAMES, LEGS, MASSES, named_leg, SETTINGS
 from .driven_leg import DrivenLeg
 
-_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 _PRESETS = {name: make() for name, make in PRESETS.items()}
 
 
@@ -61,38 +51,48 @@ class LegParameters:
         values = declare(node, (*GEOMETRY, *LEGS, *SETTINGS))
         self._settings = {name: values[name] for name in ('tolerance', 'max_crank_step')}
         self._start_values = values
-        self._file = values['linkage'] and str(Path(values['linkage']).expanduser())
-        names = _names(values['legs'])
-        self._prefixes = {name: f'{name}.' for name in names} if names else {'': ''}
-        for name in names:
-            values.update(declare(node, named_leg(name, values)))
-        if not names:
+        for name in dict.fromkeys(filter(None, values['legs'])):
+            # Characters that ROS does not allow in a name are refused with the others.
+            if name.isidentifier():
+                values.update(declare(node, named_leg(name, values)))
+        if not any(values['legs']):
             values.update(declare(node, drive()))
+        given = given_descriptions(node)
         try:
-            description = self._description()
+            robot = robot_from_parameters(
+                {name: plain(value) for name, value in {**values, **given}.items()},
+                folders=parameter_folders(),
+                weigh=False,
+            )
+            separator = values['joint_separator']
+            robot.joint_names(separator)
+            self._prefixes = {leg.name: f'{leg.name}.' * bool(leg.name) for leg in robot.legs}
+            self._files = {leg.name: leg.linkage_file for leg in robot.legs if leg.description}
             self.legs = [
-                DrivenLeg(
-                    name, *_drive(name, prefix, values), self._leg(prefix, values, description)
-                )
-                for name, prefix in self._prefixes.items()
+                DrivenLeg(leg, LinkageLeg(leg.linkage, **self._settings), separator)
+                for leg in robot.legs
             ]
         except ValueError as error:
             # A GeometryError, or what a leg says of tolerance and max_crank_step.
             raise StartError(str(error)) from error
-        declare_constant(
-            node,
-            LINKAGE_PARAMETER,
-            description,
-            "content of the linkage's file; empty for Klann legs",
-        )
+        self._declare_descriptions(node, robot)
         masses = [prefix + name for prefix in {'', *self._prefixes.values()} for name in MASSES]
         declare_given(node, masses, 'of no use to the solver: for whoever reviews a run of it')
+
+    def _declare_descriptions(self, node: Node, robot: Robot) -> None:
+        """Declare the text of the legs' linkage, and of each leg's where they differ."""
+        texts = {self._prefixes[leg.name]: leg.description for leg in robot.legs}
+        if len(set(texts.values())) == 1:
+            texts = {'': robot.legs[0].description}
+        for prefix, text in {'': '', **texts}.items():
+            what = "content of the linkage's file; empty for Klann legs"
+            declare_constant(node, f'{prefix}{LINKAGE_PARAMETER}', text, what)
 
     @property
     def summary(self) -> str:
         """Return which legs there are, in words."""
-        kinds = {leg.name: self._kind(leg.leg) for leg in self.legs}
-        kind = self._kind(self.legs[0].leg)
+        kinds = {leg.name: self._kind(leg) for leg in self.legs}
+        kind = self._kind(self.legs[0])
         if len(kinds) == 1:
             return f'{kind} ({", ".join(kinds)})' if self.legs[0].name else kind
         if len(set(kinds.values())) == 1:
@@ -100,11 +100,13 @@ class LegParameters:
         legs = ', '.join(f'{name} a {kind}' for name, kind in kinds.items())
         return f'{len(kinds)} legs: {legs}'
 
-    def _kind(self, leg: AnyLeg) -> str:
-        if not self._file:
-            names = [name for name, preset in _PRESETS.items() if preset.linkage == leg.linkage]
+    def _kind(self, driven: DrivenLeg) -> str:
+        linkage = driven.leg.linkage
+        if driven.name not in self._files:
+            names = [name for name, preset in _PRESETS.items() if preset.linkage == linkage]
             return f'Klann leg {names[0]}' if names else 'Klann leg of its own lengths'
-        return f'linkage {printable(leg.linkage.name)} ({printable(self._file)})'
+        file = self._files[driven.name] or LINKAGE_PARAMETER
+        return f'linkage {printable(linkage.name)} ({printable(file)})'
 
     def changed(self, parameters: Sequence[Parameter]) -> dict[str, AnyLeg]:
         """
@@ -120,7 +122,7 @@ class LegParameters:
                 name: rest.pop(prefix + name) for name in GEOMETRY_NAMES if prefix + name in rest
             }
             if changes:
-                leg = self._changed(driven.leg, changes)
+                leg = self._changed(driven, changes)
                 if leg is not driven.leg:
                     changed[driven.name] = leg
         common = [name for name in rest if name in GEOMETRY_NAMES]
@@ -134,70 +136,28 @@ class LegParameters:
 
     def _is_unchanged_constant(self, parameter: Parameter) -> bool:
         """Return whether lengths that cannot be changed are set to the values that they have."""
-        name, value = parameter.name, parameter.value
-        if not self._file and ('' in self._prefixes or name not in GEOMETRY_NAMES):
+        leg, _, length = parameter.name.rpartition('.')
+        if length not in GEOMETRY_NAMES or (leg in self._prefixes and leg not in self._files):
             return False
-        value = value if isinstance(value, int | float | str) else list(value)
-        return bool(self._start_values.get(name) == value)
+        return bool(plain(self._start_values.get(parameter.name)) == plain(parameter.value))
 
-    def _changed(self, leg: AnyLeg, changes: dict[str, Any]) -> AnyLeg:
-        if self._file:
+    def _changed(self, driven: DrivenLeg, changes: dict[str, Any]) -> AnyLeg:
+        if driven.name in self._files:
+            file = self._files[driven.name] or LINKAGE_PARAMETER
             raise GeometryError(
-                f'{", ".join(changes)} cannot be changed: the leg is the linkage in {self._file}'
+                f'{", ".join(changes)} cannot be changed: the leg is the linkage in {file}'
             )
-        if 'assembly' in changes:
-            # rclpy has arrays of its own.
-            changes['assembly'] = list(changes['assembly'])
+        leg = driven.leg
+        changes = {name: plain(value) for name, value in changes.items()}
         values = {**leg.linkage.dimensions, 'assembly': leg.assembly, **changes}
-        geometry = _geometry(values, '')
+        geometry = KlannGeometry(**values)
         return leg if geometry.linkage == leg.linkage else KlannLeg(geometry, **self._settings)
 
-    def _description(self) -> str:
-        if not self._file:
-            return ''
-        try:
-            return linkage_text(self._file)
-        except GeometryError as error:
-            name = Path(self._file).name.removesuffix('.yaml')
-            if name in shipped_linkages() and not Path(self._file).exists():
-                shipped = SHIPPED / f'{name}.yaml'
-                raise StartError(f'{error}; the shipped one is {shipped}') from error
-            raise
 
-    def _leg(self, prefix: str, values: Mapping[str, Any], description: str) -> AnyLeg:
-        if self._file:
-            return LinkageLeg(linkage_from_text(description, self._file), **self._settings)
-        try:
-            return KlannLeg(_geometry(values, prefix), **self._settings)
-        except GeometryError as error:
-            raise GeometryError(f'{prefix}{error}' if prefix else str(error)) from error
-
-
-def _geometry(values: Mapping[str, Any], prefix: str) -> KlannGeometry:
-    return KlannGeometry(**{name: values[prefix + name] for name in GEOMETRY_NAMES})
-
-
-def _names(names: Sequence[str]) -> list[str]:
-    """Return the names of the legs; an empty one stands for none, as ROS has no empty lists."""
-    named = [name for name in names if name]
-    are_names = all(map(_NAME.fullmatch, named)) and len(set(named)) == len(named)
-    must(are_names, 'legs', named, 'names of letters, digits and _, a letter first, each once')
-    return named
-
-
-def _drive(name: str, prefix: str, values: Mapping[str, Any]) -> tuple[str, float, int]:
-    """Return the joint that turns a leg's crank, its phase and its direction."""
-    phase, direction = values[f'{prefix}phase'], values[f'{prefix}direction']
-    must(isfinite(phase), f'{prefix}phase', phase, 'finite')
-    must(direction in (-1, 1), f'{prefix}direction', direction, '+1 or -1')
-    joint = values['crank_joint']
-    if not name:
-        return joint, float(phase), int(direction)
-    place = {word: list(values[f'{prefix}{word}']) for word in ('mount_xyz', 'mount_rpy')}
-    for word, numbers in place.items():
-        is_place = len(numbers) == 3 and all(map(isfinite, numbers))
-        must(is_place, f'{prefix}{word}', numbers, 'three finite numbers')
-    rpy = place['mount_rpy']
-    within = 'radians, not degrees: within +-2 pi'
-    must(max(map(abs, rpy)) <= TURN, f'{prefix}mount_rpy', rpy, within)
-    return values[f'{prefix}crank_joint'] or joint, float(phase), int(direction)
+def given_descriptions(node: Node) -> dict[str, Any]:
+    """Return the given texts of linkages: a dump of the parameters holds them."""
+    return {
+        name: parameter.value
+        for name, parameter in overrides(node).items()
+        if name.rpartition('.')[2] == LINKAGE_PARAMETER
+    }

@@ -11,9 +11,9 @@ import sys
 from klann_ros.engines import EngineError, ENGINES
 from klann_ros.log.errors import LogError
 from klann_ros.log.reader import open_log
-from klann_ros.review.loading.leg_file import leg_of
 from klann_ros.review.model.limits import Limits, limits_from_file
 from klann_ros.review.report.outputs import Output, OutputError, outputs, Save
+from klann_ros.robot import robot_of, RobotFileError
 from klann_ros.untrusted.arguments import ArgumentParser, path
 from klann_ros.untrusted.text import counted, printable, printable_line
 from tqdm import tqdm
@@ -46,7 +46,7 @@ def main(argv: Sequence[str]) -> int:
         return _each(options)
     except OutputError as error:
         return _fail(error, NOT_WRITTEN)
-    except (EngineError, LogError, OSError) as error:
+    except (EngineError, LogError, OSError, RobotFileError) as error:
         return _fail(error, NOT_READ)
 
 
@@ -70,10 +70,10 @@ def _each(options: argparse.Namespace) -> int:
         [given for given in (*inputs, expectations.baseline) if given],
     )
     pages = _pages(options.html, runs)
-    leg = leg_of(options.geometry) if options.geometry is not None else None
+    robot = robot_of(options.geometry) if options.geometry is not None else None
     limits = limits_from_file(options.limits) if options.limits is not None else Limits()
     tasks = [
-        Task(run, leg, limits, expectations, page) for run, page in zip(runs, pages, strict=True)
+        Task(run, robot, limits, expectations, page) for run, page in zip(runs, pages, strict=True)
     ]
     rows = _resumed(tasks, options.table) if options.resume else {}
     is_whole, faults = _judge(tasks, rows, options)

@@ -9,7 +9,6 @@ from typing import Any
 
 from klann_ros import __version__
 from klann_ros.engines import Failed, mapped
-from klann_ros.kinematics import AnyLeg
 from klann_ros.log.errors import LogError
 from klann_ros.log.reading.run_files import run_files
 from klann_ros.review.model.limits import Limits
@@ -17,6 +16,7 @@ from klann_ros.review.model.review import Review
 from klann_ros.review.report.html_page.page import save
 from klann_ros.review.report.outputs import Output, OutputError
 from klann_ros.review.reviewing import review_run
+from klann_ros.robot import Robot
 
 from .expectations import Expectations
 from .row import reviewed_row, Row, unreadable_row
@@ -35,7 +35,7 @@ class Task:
     ----------
     run : FoundRun
         Where it is.
-    leg : leg, optional
+    robot : Robot, optional
         What it is held against, instead of what it tells.
     limits : Limits
         What is still all right.
@@ -47,7 +47,7 @@ class Task:
     """
 
     run: FoundRun
-    leg: AnyLeg | None = None
+    robot: Robot | None = None
     limits: Limits = field(default_factory=Limits)
     expectations: Expectations = field(default_factory=Expectations)
     page: str = ''
@@ -55,12 +55,12 @@ class Task:
     @property
     def settings(self) -> str:
         """Return a fingerprint of what the run is held against."""
-        linkage = self.leg and (self.leg.linkage.numbers, self.leg.linkage.joint_names)
+        legs = self.robot and self.robot.legs
         allowed = sorted(self.expectations.allow)
         told = (
             __version__,
             self.limits,
-            linkage,
+            legs and [(leg.name, leg.linkage.numbers, leg.linkage.joint_names) for leg in legs],
             sorted(self.expectations.topics.items()),
             allowed,
             self.expectations.baseline,
@@ -128,9 +128,9 @@ def judge(task: Task) -> Judged:
     if task.run.fault:
         return Judged(unreadable_row(task.run.path, task.run.fault, **known))
     try:
-        baseline = _baseline(task.expectations.baseline, task.leg, task.limits)
+        baseline = _baseline(task.expectations.baseline, task.robot, task.limits)
         rates = 'f4' if task.page else ''
-        review = review_run(task.run.path, leg=task.leg, limits=task.limits, rates=rates)
+        review = review_run(task.run.path, robot=task.robot, limits=task.limits, rates=rates)
     except (LogError, OSError, MemoryError) as error:
         reason = str(error) or 'there is not memory enough for it'
         return Judged(unreadable_row(task.run.path, reason, **known))
@@ -166,5 +166,5 @@ def written(run: FoundRun) -> dict[str, int]:
 
 
 @lru_cache(maxsize=1)
-def _baseline(path: str, leg: AnyLeg | None, limits: Limits) -> Review | None:
-    return review_run(path, leg=leg, limits=limits) if path else None
+def _baseline(path: str, robot: Robot | None, limits: Limits) -> Review | None:
+    return review_run(path, robot=robot, limits=limits) if path else None

@@ -1,22 +1,23 @@
 """Which numbers of a run are whose: cranks, poses and feet by leg."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import ClassVar
 
-from klann_ros.kinematics import AnyLeg
 from klann_ros.log.reading.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import SolverParameters
 from klann_ros.review.model.recording import LegSolver, Undecoded
 from klann_ros.review.model.times import nanoseconds, RowIndices, Times
+from klann_ros.robot import Robot
 import numpy as np
 
 from .columns import GrowingArray, SeriesColumns
 from .layouts import CRANK_ANGLE, FOOT, JOINT_STATE
 from .pieces import DecodedRows, TopicReader
-from .solvers import GIVEN, leg_solvers, parent
+from .solvers import GIVEN, given_leg, leg_solvers, parent, published_legs
 
 # A JointState tells by its joints what it is; of numbers and points there are many others.
 COMMAND = 'crank_command'
@@ -41,8 +42,8 @@ class Gathering:
     ----------
     records : sequence of SolverParameters
         What the run tells of its solvers.
-    given : Leg, optional
-        The leg that the run is held against, instead of its own.
+    given : Robot, optional
+        The robot that the run is held against, instead of its own.
     rates : str
         Whether the velocities of the joints are wanted: 'f8' as they are, 'f4' in half the memory,
         '' not at all.
@@ -67,7 +68,7 @@ class Gathering:
     def __init__(
         self,
         records: Sequence[SolverParameters],
-        given: AnyLeg | None = None,
+        given: Robot | None = None,
         *,
         rates: str = '',
     ) -> None:
@@ -81,14 +82,32 @@ class Gathering:
         self.unstamped: dict[Place, GrowingArray] = defaultdict(partial(GrowingArray, np.int64))
         self._records = records
         self._given = given
-        self._unknown = LegSolver(leg=given, source=GIVEN if given else '')
+        self._unknowns: dict[str, LegSolver] = {}
         self._kind_of_rates = rates
         self._solvers: dict[str, dict[str, LegSolver]] = {}
         self._readers: dict[Topic, TopicReader | None] = {}
 
     def solver(self, namespace: str, name: str) -> LegSolver:
         """Return the solver of a leg; one that knows nothing where the run does not tell."""
-        return self._in(namespace).get(name, self._unknown)
+        return self._in(namespace).get(name) or self._unknown(name)
+
+    def _unknown(self, name: str) -> LegSolver:
+        """Return the solver of a leg that the run does not define."""
+        if name not in self._unknowns:
+            source = GIVEN if self._given else ''
+            self._unknowns[name] = LegSolver(leg=given_leg(self._given, name), source=source)
+        return self._unknowns[name]
+
+    def _unknown_legs(self, names: Sequence[str]) -> dict[str, LegSolver]:
+        """Return the legs whose joints are all among the names, where the run defines none."""
+        legs: dict[str, LegSolver] = {}
+        known = [leg.name for leg in self._given.legs] if self._given else ['']
+        for joints in dict.fromkeys(self._unknown(name).joint_names for name in known):
+            for name, separator in published_legs(names, joints):
+                solver = self._unknown(name)
+                if solver.joint_names == joints:
+                    legs[name] = replace(solver, joint_separator=separator)
+        return legs
 
     def places(self) -> list[Place]:
         """Return the legs that have poses, and those that the same solvers have beside them."""
@@ -125,7 +144,8 @@ class Gathering:
         solvers = self._crank_solvers(namespace)
         joints = {joint for solver in solvers for joint in solver.joint_names}
         joints.update(solver.crank_joint for solver in solvers)
-        names = {*piece.names, *(name.rpartition('/')[2] for name in piece.names)}
+        separators = {'/', *(solver.joint_separator for solver in solvers)}
+        names = {*piece.names, *(n.rpartition(s)[2] for s in separators for n in piece.names)}
         return not joints.isdisjoint(names)
 
     def _in(self, namespace: str) -> dict[str, LegSolver]:
@@ -147,12 +167,10 @@ class Gathering:
 
     def _add_joint_state(self, topic: str, block: MessageBlock, piece: DecodedRows) -> None:
         namespace, names = parent(topic), piece.names
-        legs = self._in(namespace) or dict.fromkeys(
-            _prefixes(names, self._unknown.joint_names), self._unknown
-        )
+        legs = self._in(namespace) or self._unknown_legs(names)
         found = False
         for name, solver in legs.items():
-            joints = [f'{name}/{joint}' if name else joint for joint in solver.joint_names]
+            joints = solver.published_joints(name)
             if set(joints) <= set(names):
                 found = True
                 self.pose_topics[namespace, name].add(topic)
@@ -166,7 +184,7 @@ class Gathering:
                     self._add_effort(namespace, joint, block, piece)
 
     def _crank_solvers(self, namespace: str) -> Sequence[LegSolver]:
-        return tuple(self._in(namespace).values()) or (self._unknown,)
+        return tuple(self._in(namespace).values()) or (self._unknown(''),)
 
     def _add_pose(
         self, place: Place, columns: list[int], block: MessageBlock, piece: DecodedRows
@@ -220,12 +238,3 @@ class Gathering:
 def log_times(block: MessageBlock, piece: DecodedRows) -> Times:
     """Return when the messages of a piece were received [ns]."""
     return nanoseconds(block.heads['log_time'][piece.rows])
-
-
-def _prefixes(names: Sequence[str], joints: Sequence[str]) -> Iterator[str]:
-    """Yield the legs' names all of whose joints are among the names; '' for the unnamed one."""
-    known = set(names)
-    for name in names:
-        prefix, slash, joint = name.rpartition('/')
-        if joint == joints[0] and all(f'{prefix}{slash}{other}' in known for other in joints):
-            yield prefix

@@ -5,6 +5,8 @@ from math import isfinite
 from typing import NamedTuple
 from xml.parsers import expat
 
+from klann_ros.robot.robot import SEPARATORS
+
 LONGEST = 4 * 1024 * 1024
 """No robot needs a longer description [characters]."""
 
@@ -87,11 +89,11 @@ def klann_legs_in_urdf(text: str) -> dict[str, dict[str, float]]:
     except (_NotOursError, expat.ExpatError, UnicodeEncodeError):
         return {}
     crank = _JOINTS[0].name
-    names = (name for name in robot.joints if name.rpartition('/')[2] == crank)
+    prefixes = (name.removesuffix(crank) for name in robot.joints if name.endswith(crank))
     found = {}
-    for prefix in (name.removesuffix(crank) for name in names):
+    for prefix in (each for each in prefixes if not each or each[-1] in SEPARATORS):
         try:
-            found[prefix.rstrip('/')] = _leg(robot, prefix)
+            found[prefix[:-1]] = _leg(robot, prefix)
         except (KeyError, _NotOursError):  # noqa: PERF203, RUF100 - another robot's joint
             continue
     return found

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
-from klann_ros.kinematics import AnyLeg
 from klann_ros.log.reading.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import (
@@ -80,15 +79,14 @@ class Loadable(Protocol):
 
 def load(
     log: Loadable,
-    given: AnyLeg | None = None,
-    *,
     robot: Robot | None = None,
+    *,
     rates: str = '',
     progress: Callable[[float], object] | None = None,
 ) -> RunRecording:
     """Decode a log; see `review_run`. `progress` gets how much was read, from 0 to 1."""
     records = solver_records(log.metadata)
-    gathering = Gathering(records, given, rates=rates)
+    gathering = Gathering(records, robot, rates=rates)
     tally, iterations, descriptions = TopicTally(), Iterations(), Descriptions()
     walks, simulated = Walks(), SimulatedTime()
     for block in log.blocks(progress):

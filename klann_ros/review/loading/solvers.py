@@ -1,19 +1,19 @@
 """What a run tells of the solver that made its poses."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 import json
 import sys
 from typing import Any
 
-from klann_ros.kinematics import AnyLeg
+from klann_ros.kinematics import AnyLeg, LinkageLeg
 from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD, SolverParameters
 from klann_ros.review.model.recording import LegSolver
-from klann_ros.robot.file import of_leg
+from klann_ros.robot import Robot, robot_from_parameters
+from klann_ros.robot.file import LEG_PARAMETERS, of_leg
+from klann_ros.robot.robot import SEPARATORS
 from klann_ros.untrusted.text import printable
-
-from .leg_file import leg_from_parameters, LEG_PARAMETERS
 
 # Who tells the leg that a run is held against.
 GIVEN = '--geometry'
@@ -30,7 +30,7 @@ def solver_records(metadata: Metadata) -> list[SolverParameters]:
 
 
 def leg_solvers(
-    records: Sequence[SolverParameters], namespace: str, given: AnyLeg | None = None
+    records: Sequence[SolverParameters], namespace: str, given: Robot | None = None
 ) -> dict[str, LegSolver]:
     """
     Return the solvers of the legs in a namespace by their names, '' for the unnamed one.
@@ -44,8 +44,8 @@ def leg_solvers(
         What the run says, in the order of time.
     namespace : str
         Where the legs publish.
-    given : Leg, optional
-        The leg that they are to be, instead of those in the run.
+    given : Robot, optional
+        The robot whose legs replace those in the run.
 
     """
     own = [record for record in records if parent(record.node) == namespace]
@@ -58,9 +58,9 @@ def leg_solvers(
     }
 
 
-def _solver(own: Sequence[SolverParameters], name: str, given: AnyLeg | None) -> LegSolver:
+def _solver(own: Sequence[SolverParameters], name: str, given: Robot | None) -> LegSolver:
     told = [of_leg(record.parameters, name) for record in own]
-    legs = [given] if given else [_leg(parameters) for parameters in told]
+    legs = [given_leg(given, name)] if given else [_leg(parameters) for parameters in told]
     last, source = told[-1], GIVEN if given else ''
     if legs[-1] and not given:
         source = f'the parameters of {printable(own[-1].node)}'
@@ -73,6 +73,7 @@ def _solver(own: Sequence[SolverParameters], name: str, given: AnyLeg | None) ->
         phase=_number(last.get('phase'), 0.0),
         nodes=tuple(dict.fromkeys(record.node for record in own)),
         source=source,
+        joint_separator='_' if last.get('joint_separator') == '_' else '/',
     )
 
 
@@ -99,8 +100,30 @@ def parent(name: str) -> str:
     return name.rpartition('/')[0]
 
 
+def given_leg(robot: Robot | None, name: str) -> AnyLeg | None:
+    """Return the leg of a robot by its name; None without one."""
+    leg = robot and robot.leg(name)
+    return LinkageLeg(leg.linkage) if leg else None
+
+
+def published_legs(names: Sequence[str], joints: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield the name and the separator of each leg with all its joints among the names."""
+    known = set(names)
+    for name in names:
+        head = name.removesuffix(joints[0])
+        prefix, separator = head[:-1], head[-1:] or SEPARATORS[0]
+        is_prefix = head == '' or (prefix and separator in SEPARATORS)
+        if head != name and is_prefix and all(f'{head}{other}' in known for other in joints):
+            yield prefix, separator
+
+
 def _leg(parameters: Mapping[str, Any]) -> AnyLeg | None:
-    told = {name: parameters[name] for name in LEG_PARAMETERS if name in parameters}
+    # A linkage's text is in the run; the name of its file, maybe a stranger's, is never opened.
+    told = {
+        name: parameters[name]
+        for name in LEG_PARAMETERS
+        if name in parameters and name != 'linkage'
+    }
     try:
         return _leg_of(json.dumps(told))
     except (TypeError, ValueError):
@@ -110,4 +133,5 @@ def _leg(parameters: Mapping[str, Any]) -> AnyLeg | None:
 @lru_cache(maxsize=64)
 def _leg_of(text: str) -> AnyLeg:
     """Return the leg of parameters as JSON; a thousand runs of it, or windows, need it once."""
-    return leg_from_parameters(json.loads(text))
+    (leg,) = robot_from_parameters(json.loads(text), weigh=False).legs
+    return LinkageLeg(leg.linkage)

@@ -46,8 +46,6 @@ def dynamics_of(
 
 
 def _of_robot(robot: Robot, name: str) -> Dynamics | None:
-    """Return a leg with its masses; a robot's only leg stands for any."""
-    legs = [leg for leg in robot.legs if leg.name == name] or list(robot.legs[:1])
-    if (legs[0].name != name and robot.is_walker) or legs[0].masses is None:
-        return None
-    return robot.dynamics(legs[0])
+    """Return a leg of a robot with its masses."""
+    leg = robot.leg(name)
+    return robot.dynamics(leg) if leg and leg.masses else None

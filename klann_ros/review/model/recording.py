@@ -77,6 +77,8 @@ class LegSolver:
     nodes: tuple[str, ...] = ()
     # Who tells the leg; '' where nobody does.
     source: str = ''
+    # What stands between the leg's name and its joint's in JointState.
+    joint_separator: str = '/'
     # The leg with its masses, as it is mounted; None where nobody tells them.
     dynamics: Dynamics | None = field(default=None, compare=False)
 
@@ -84,6 +86,11 @@ class LegSolver:
     def joint_names(self) -> tuple[str, ...]:
         """Return the names of its angles, the crank's first; a Klann leg's where nobody tells."""
         return JOINTS if self.leg is None else self.leg.joint_names
+
+    def published_joints(self, name: str) -> tuple[str, ...]:
+        """Return the names of its angles in JointState, for the leg's name."""
+        prefix = f'{name}{self.joint_separator}' if name else ''
+        return tuple(prefix + joint for joint in self.joint_names)
 
     @property
     def slides(self) -> tuple[bool, ...]:
@@ -128,8 +135,7 @@ class LegRecording:
     @property
     def crank_pose_joint(self) -> str:
         """Return the name under which its crank's angle is published."""
-        first = self.solver.joint_names[0]
-        return f'{self.name}/{first}' if self.name else first
+        return self.solver.published_joints(self.name)[0]
 
     def paired_feet(self) -> Floats:
         """Return the foot H of each pose, shape (n, 2) [m]; NaN where there is none."""

