@@ -82,7 +82,7 @@ def test_the_joints_that_nothing_mimics_are_the_published_ones(name: str) -> Non
 @pytest.mark.parametrize('plain', PLAIN)
 def test_a_klann_leg_has_the_joints_and_frames_of_the_plain_urdf(plain: str) -> None:
     robot = robot_of(PLAIN[plain])
-    ours, theirs = (loaded(text) for text in (urdf(robot), plain_text(plain)))
+    ours, theirs = map(loaded, (urdf(robot, joint_separator='/'), plain_text(plain)))
     assert {link.name for link in ours.robot.links} == {link.name for link in theirs.robot.links}
     assert {facts(joint) for joint in ours.robot.joints} == {
         facts(joint) for joint in theirs.robot.joints

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from itertools import permutations
 import json
 from pathlib import Path
+import re
 import sys
 
 from domain import own_domain
@@ -11,8 +12,11 @@ from klann_ros.datasheet.command import main as describe
 from klann_ros.export.command import main as export
 from klann_ros.kinematics import KlannGeometry, Linkage, shipped_linkage
 from klann_ros.kinematics.linkage.file import SHIPPED
+from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.nodes.solver.leg_parameters import LegParameters
+from klann_ros.review.loading.klann_urdf import klann_legs_in_urdf
+from klann_ros.review.loading.solvers import published_legs
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.robot.section import solver_section
@@ -155,3 +159,37 @@ def test_doubtful_units_are_reported_once_in_one_line(
         robot_of(str(file))
     (message,) = {str(each.message) for each in found}
     assert warning in message
+
+
+def test_exported_joints_have_the_names_that_a_solver_publishes(
+    node: Callable[..., Node], tmp_path: Path
+) -> None:
+    file, urdf = tmp_path / 'walker.yaml', tmp_path / 'walker.urdf'
+    file.write_text('/**: {ros__parameters: {legs: [a, a_b], joint_separator: _}}')
+    solved = LegParameters(node(file, 'solver_node')).legs
+    published = [name for leg in solved for name in leg.joint_names]
+    assert published[0] == 'a_alpha'
+    assert export([str(file), '--urdf', str(urdf)]) == 0
+    joints = re.findall(r'<joint name="([^"]*)" type="(\w+)"', urdf.read_text())
+    moving = {name for name, kind in joints if kind != 'fixed' and not name.endswith('_back')}
+    assert moving == {*published}
+    assert not any('/' in name for name, _ in joints)
+    # A log without the solver's parameters is told apart by these names, too.
+    assert dict(published_legs(published, solved[0].leg.joint_names)) == {'a': '_', 'a_b': '_'}
+    assert klann_legs_in_urdf(urdf.read_text()).keys() == {'a', 'a_b'}
+
+
+def test_legs_whose_joints_would_have_one_name_are_refused(
+    node: Callable[..., Node], tmp_path: Path
+) -> None:
+    text = (SHIPPED / 'four_bar.yaml').read_text(encoding='utf-8')
+    (tmp_path / 'b.yaml').write_text(text.replace('theta2', 'b_theta2'))
+    file = tmp_path / 'walker.yaml'
+    file.write_text(
+        '/**: {ros__parameters: {legs: [a, a_b], joint_separator: _, linkage: four_bar,'
+        f' a: {{linkage: {tmp_path}/b.yaml}}}}}}'
+    )
+    with pytest.raises(StartError, match='legs a and a_b both have a joint a_b_theta2'):
+        LegParameters(node(file, 'solver_node'))
+    assert export([str(file), '--urdf', str(tmp_path / 'x.urdf')]) == 2
+    assert export([str(file), '--urdf', str(tmp_path / 'x.urdf'), '--joint-separator', '/']) == 0

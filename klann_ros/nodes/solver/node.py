@@ -224,6 +224,6 @@ def _help_on_parameters() -> str:
         f'{usage(groups)}\n{fill(geometry, 97, initial_indent="  ", subsequent_indent="  ")}:\n'
         f'    its own geometry; what is not given is that of all legs\n{QOS_USAGE}\n\n'
         'Service ~/reset (std_srvs/srv/Trigger): the next pose starts from the closed form.\n\n'
-        'Presets are in share/klann_ros/config (sem104.yaml, patent.yaml). A linkage is a file or a\n'
-        'shipped name: -p linkage:=jansen.'
+        'Presets are in share/klann_ros/config (sem104.yaml, patent.yaml). A linkage is a file,\n'
+        'or a shipped name: -p linkage:=jansen.'
     )
