@@ -202,10 +202,10 @@ def test_what_ros_does_not_know_is_told_with_what_it_takes(ros: World, given: st
     assert f"unknown arguments for ROS ['{given}']; it takes -p NAME:=VALUE, " in node.errors
 
 
-def test_a_shipped_linkage_by_its_name_is_told_its_file(ros: World) -> None:
-    node = ros.start('solver_node', linkage='jansen')
+def test_a_wrong_path_of_a_shipped_linkage_is_answered_with_its_name(ros: World) -> None:
+    node = ros.start('solver_node', linkage='linkages/jansen.yaml')
     assert node.wait() == 1
     assert node.errors.count('\n') == 1
-    shipped = node.errors.strip().partition('the shipped one is ')[2]
-    assert ros.start('solver_node', linkage=shipped)
+    name = node.errors.strip().partition('the shipped one is called ')[2]
+    assert ros.start('solver_node', linkage=name)
     ros.probe.until(lambda: 'solver_node' in ros.probe.node.get_node_names())

@@ -51,7 +51,7 @@ def test_legs_in_several_namespaces_are_all_judged(two_legs, make_run) -> None:
     assert checks(review) == []
     evaluated = {leg.recording.title: len(leg.evaluated.poses) for leg in review.legs}
     assert evaluated == {'a': 400, 'b': 400}
-    assert review.legs[1].recording.solver.leg.geometry == KlannGeometry.patent()
+    assert review.legs[1].recording.solver.leg.linkage == KlannGeometry.patent().linkage
 
 
 def test_a_wrong_pose_is_found_in_its_own_leg(two_legs, make_run) -> None:
