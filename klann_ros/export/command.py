@@ -144,23 +144,27 @@ def most_layers(stacked: Sequence[Layers]) -> str:
 
 
 def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < 1e6:
-        raise argparse.ArgumentTypeError(f'{text} is no number > 0 (and < 1e6)')
-    return value
+    return _number(text, 'a number > 0 (and < 1e6)', is_zero_allowed=False)
 
 
 def _not_negative(text: str) -> float:
-    return 0.0 if text.strip('0.') == '' and '0' in text else _positive(text)
+    return _number(text, 'a number >= 0 (and < 1e6)', is_zero_allowed=True)
+
+
+def _number(text: str, wanted: str, *, is_zero_allowed: bool) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not (0.0 < value < 1e6 or (is_zero_allowed and value == 0.0)):
+        raise argparse.ArgumentTypeError(f'{text} is refused: {wanted} is needed')
+    return value
 
 
 def _hole(text: str) -> tuple[str, float]:
     """Return the joint, '' for all, and the diameter in NAME=MM or MM."""
     name, _, diameter = text.rpartition('=')
-    try:
-        return name, _positive(diameter)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f'{text} is no diameter: 4.2, or A=6') from error
+    return name, _number(diameter, 'a diameter in mm, such as 4.2 or A=6,', is_zero_allowed=False)
 
 
 def _parser() -> ArgumentParser:

@@ -114,7 +114,7 @@ def layers(linkage: Linkage, plates: Sequence[Plate]) -> Layers:
     Raises
     ------
     ExportError
-        The crank reaches no angle.
+        The crank reaches no angle, or the plates are too many for the search.
 
     """
     shafts = _shafts(plates)

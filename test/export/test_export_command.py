@@ -151,6 +151,25 @@ def test_without_ezdxf_one_line_says_what_to_install(
     assert 'klann_ros[dxf]' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ('option', 'said'),
+    [
+        (['--kerf', 'x'], 'x is refused: a number >= 0'),
+        (['--kerf', 'nan'], 'nan is refused: a number >= 0'),
+        (['--washer', '-1'], '-1 is refused: a number >= 0'),
+        (['--thickness', '0'], '0 is refused: a number > 0'),
+        (['--hole', 'A='], 'a diameter in mm, such as 4.2 or A=6, is needed'),
+    ],
+)
+def test_a_number_that_is_none_is_refused(
+    option: list[str], said: str, capsys: pytest.CaptureFixture
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(['sem104', '--svg', 'a.svg', *option])
+    assert end.value.code == 2
+    assert said in capsys.readouterr().err
+
+
 def test_what_a_maker_cannot_build_is_reported_in_a_line_each(
     tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:

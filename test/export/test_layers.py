@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 
 SHIPPED = ['sem104', 'patent', *shipped_linkages()]
 STUBS = {'scotch_yoke': ('A', 'yoke'), 'watt_six_bar': ('O', 'R3')}
-ANGLES, HOLE = 48, 3.2e-3
+ANGLES, HOLE = 24, 3.2e-3
 
 
 def width_of(name: str) -> float:
