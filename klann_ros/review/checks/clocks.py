@@ -95,7 +95,8 @@ def _publishers_clock(topics: list[TopicFigures]) -> Finding:
 def _latency(review: Review, untold: Collection[str]) -> Iterator[Finding]:
     limit = review.limits.latency
     for topic, recorded in zip(review.topics, review.recording.topics, strict=True):
-        if topic.name in untold or not recorded.is_periodic:
+        is_late = topic.latency_p99 > limit and _known(recorded) >= _LEAST
+        if topic.name in untold or not (recorded.is_periodic and is_late):
             continue
         # What waited while the recorder stalled says nothing of the way.
         times, holes = recorded.times, review.recording.holes

@@ -59,14 +59,15 @@ def test_stamps_that_go_back_are_found(healthy, make_run) -> None:
     assert moments(review) == [('order', 0.505)]
 
 
-def simulated(healthy, make_run, late: int = 0) -> list[str]:
+def simulated(healthy, make_run, late: int = 0, pause: int = 0) -> list[str]:
     """Return what is found in a run of simulated time with wall log times and /clock in it."""
     healthy.by_crank_state()
     clock, start = Topic('/clock', 'rosgraph_msgs/msg/Clock', ''), healthy.answers[0].stamp
     for n in range(400):
         stamp = healthy.answers[n].stamp
         shown = (stamp - start) // 2 + 5_000 * MS
-        healthy.change(n, header_stamp=shown - late)
+        stamp += pause * (n >= 200)
+        healthy.change(n, stamp=stamp, header_stamp=shown - late)
         data = struct.pack('<4BII', 0, 1, 0, 0, *divmod(shown, 10**9))
         healthy.messages.append(Message(clock, data, stamp + MS, stamp, n + 1))
     review = review_run(make_run(healthy))
@@ -75,6 +76,11 @@ def simulated(healthy, make_run, late: int = 0) -> list[str]:
 
 def test_stamps_of_a_simulation_are_held_against_its_clock(healthy, make_run) -> None:
     assert simulated(healthy, make_run) == []
+
+
+def test_a_simulation_that_stood_still_is_a_gap_of_its_clock_alone(healthy, make_run) -> None:
+    found = simulated(healthy, make_run, pause=500 * MS)
+    assert found == ['nothing on /clock for 0.505 s']
 
 
 def test_stamps_that_are_behind_a_simulated_clock_are_found(healthy, make_run) -> None:

@@ -14,7 +14,14 @@ from klann_ros.kinematics import KlannLeg
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reading.mcap.growing import GrowingFile
 from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
+from klann_ros.log.run_parameters import (
+    Pause,
+    PAUSE_RECORD,
+    pause_record,
+    SOLVER_RECORD,
+    solver_record,
+    SolverParameters,
+)
 from klann_ros.log.writing.writer import RunWriter
 from klann_ros.review.live import follow as following
 from klann_ros.review.live.follow import follow
@@ -101,6 +108,21 @@ def test_a_finding_is_told_while_the_run_is_recorded(run: RunWriter) -> None:
     follower.until_ended()
     assert len(follower.found) > before
     assert follower.said == [f'following {run.path / "run_0.mcap"}']
+
+
+def test_a_time_in_which_the_recorder_did_not_run_is_no_gap(run: RunWriter) -> None:
+    messages = [*LegRun(parameters=GEOMETRY, count=600, turns=3.0, pause=(200, 2.0)).messages()]
+    begin, end = START + 10**9, START + 3 * 10**9
+    follower = Follower(run.path)
+    for message in messages:
+        if message.log_time >= end and begin:
+            stall = Pause(begin, end - 10**8, {}, 'the recorder did not run')
+            run.add_metadata(PAUSE_RECORD, pause_record(stall))
+            begin = 0
+        run.write(message)
+    run.close()
+    follower.until_ended()
+    assert follower.found == []
 
 
 def test_a_run_that_is_split_is_followed_into_its_next_file(run: RunWriter) -> None:

@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+import math
+import struct
 
 from klann_ros.kinematics import KlannLeg
 from klann_ros.log.records import Message, Topic
@@ -94,6 +96,26 @@ def test_a_topic_that_falls_silent_is_found_within_a_second(published: list[str]
 def test_a_topic_whose_publisher_left_is_not_waited_for() -> None:
     messages = [m for m in LegRun().messages() if m.log_time < START + SECOND]
     assert judged(messages, solver(), until=3 * SECOND, published=[]) == []
+
+
+def turned(poses_until: float, crank_until: float) -> list[Message]:
+    """Return a run of 3 s with its crank, each until a time [s]."""
+    crank = Topic('/crank_angle', 'std_msgs/msg/Float64', 'float64 data')
+    run = [*LegRun(count=600, turns=3.0).messages()]
+    found = [m for m in run if m.log_time < START + poses_until * SECOND]
+    for m in (m for m in run if m.topic.name == '/joint_states'):
+        if m.log_time < START + crank_until * SECOND:
+            angle = math.tau * 3.0 * (m.sequence - 1) / 599
+            found.append(replace(m, topic=crank, data=struct.pack('<4Bd', 0, 1, 0, 0, angle)))
+    return sorted(found, key=lambda message: message.log_time)
+
+
+def test_answers_are_missed_while_there_are_questions() -> None:
+    found = judged(turned(1.0, 3.0), solver(), until=5 * SECOND // 2)
+    assert {each.leg for _, each in found if each.check == 'gap'} == {'/joint_states', '/point_h'}
+    left_in_order = ['/joint_states', '/point_h']
+    ended = judged(turned(1.0, 1.0), solver(), until=3 * SECOND, published=left_in_order)
+    assert ended == []
 
 
 def test_lost_messages_are_found_by_their_numbers() -> None:
