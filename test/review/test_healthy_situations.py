@@ -71,7 +71,7 @@ class Scene:
             self._commands.publish(Twist())
 
     def turn(self) -> Process:
-        return self.ros.start('crank_node', rate=100.0, min_subscribers=3)
+        return self.ros.start('crank_node', rate=100.0, min_subscribers=4)
 
     def record(self, name: str, **parameters: Any) -> Process:
         judged = 'judge' in parameters or 'pre_trigger' in parameters

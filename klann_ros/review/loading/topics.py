@@ -155,7 +155,9 @@ def _topic(
 ) -> TopicRecording:
     times, latencies = seen.times.array(), seen.latencies.array()
     back = seen.back.array()
-    set_back = back[clock_steps(latencies, back, alone=seen.is_numbered)]
+    # Numbers of two publishers may look like those of one: the recorder knows better.
+    is_alone = seen.is_numbered and (recorded is None or recorded.unheard is not None)
+    set_back = back[clock_steps(latencies, back, alone=is_alone)]
     set_back = np.column_stack([times[set_back[:, 0]], set_back[:, 1]])
     if len(back):
         order = np.argsort(times, kind='stable')

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 from findings import checks, found
 from hypothesis import example, given, settings, strategies as st
-from klann_ros.log.records import Message
+from klann_ros.log.records import Message, Topic
+from klann_ros.log.run_parameters import LOSS_RECORD, loss_record, TopicCount
 from klann_ros.review.loading.order import clock_steps
 from klann_ros.review.reviewing import review_run
 import numpy as np
@@ -129,3 +130,21 @@ def test_two_publishers_that_overtake_each_other_are_no_finding(
     (topic,) = [each for each in review.recording.topics if each.name == '/crank_angle']
     assert topic.overtaken == 399 + 1
     assert 'order' not in checks(review)
+
+
+@pytest.mark.parametrize('unheard', [0, None], ids=['one publisher', 'several'])
+def test_the_recorder_knows_whether_several_published(
+    healthy, make_run, write_messages, unheard: int | None
+) -> None:
+    healthy.metadata.append(
+        (LOSS_RECORD, loss_record({'/other': TopicCount(3, 3, unheard=unheard)}))
+    )
+    run, start = make_run(healthy), healthy.answers[0].stamp
+    other = Topic('/other', 'std_msgs/msg/String', 'string data')
+    # The second one's only message is heard between two of the first, whose numbers are as low.
+    sent = [(500, 1), (540, 2), (507, 1)]
+    others = [
+        Message(other, b'', start + at * MS, start + at * MS - 1000, number) for at, number in sent
+    ]
+    review = review_run(write_messages(run, [*write_messages.read(run), *others]))
+    assert checks(review) == ([] if unheard is None else ['order'])
