@@ -135,7 +135,7 @@ def faults(review: Review) -> list[tuple[str, str]]:
 
 def test_the_judge_says_nothing_but_that_all_stood_still(seen: dict[str, Any]) -> None:
     warned = [line for text in seen['said'] for line in text.splitlines() if '[WARN]' in line]
-    assert all('did not run for' in line for line in warned), warned
+    assert [line for line in warned if 'did not run for' not in line] == []
     assert len(warned) >= 3
     assert list((seen['folder'] / 'waiting').iterdir()) == []
 
@@ -179,7 +179,9 @@ def by_clock(messages: list[Message]) -> Iterator[Message]:
     now = 0
     for message in messages:
         if message.topic.name == '/clock':
-            seconds, rest = (int.from_bytes(message.data[k : k + 4], 'little') for k in (4, 8))
+            seconds, rest = (
+                int.from_bytes(message.data[slice(k, k + 4)], 'little') for k in (4, 8)
+            )
             now = seconds * 10**9 + rest
         if now and (message.topic.name == '/clock' or message.topic.name.startswith('/walker/')):
             yield replace(message, log_time=now)
