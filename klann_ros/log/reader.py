@@ -108,9 +108,9 @@ class Log(AbstractContextManager['Log']):
         """
         Yield the messages in the order of their log times.
 
-        Those of a file without an index, such as one that was not closed, come in the order in
-        which they stand in it; so do those of a small file whose chunks overlap and would unpack
-        to more than 80 MB at once. Damaged chunks are left out, and are a problem from then on.
+        Where an index is missing, messages wait for earlier ones that stand behind them, up to
+        40 MB or eight times the file's size; only beyond that is the order partial. Damaged
+        chunks are left out, and are a problem from then on.
 
         Parameters
         ----------

@@ -157,11 +157,12 @@ def test_an_index_that_names_a_record_often_is_not_asked_for_it_often(
         assert 'the index is wrong' in log.problem
 
 
-def test_chunks_that_cannot_be_merged_are_read_as_they_stand(tmp_path: Path) -> None:
+def test_chunks_that_cannot_be_merged_are_read_in_one_pass(tmp_path: Path) -> None:
     path = tmp_path / 'x.mcap'
     path.write_bytes(overlapping(5, 20 * 2**20))
     with open_log(path) as log:
-        assert [message.sequence for message in log.messages()] == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+        found = sorted(message.sequence for message in log.messages())
+        assert found == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
         assert log.problems == ()
     path.write_bytes(overlapping(20, 2**20))
     with open_log(path) as log:

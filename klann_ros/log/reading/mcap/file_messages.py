@@ -1,8 +1,9 @@
-"""The messages of one file: chunk by chunk where its index holds, or else as they stand in it."""
+"""The messages of one file: chunk by chunk where its index holds, or else in a single pass."""
 
 from collections import Counter
 from collections.abc import Iterator
 from functools import partial
+import heapq
 from itertools import accumulate
 from typing import TypeAlias
 
@@ -25,6 +26,9 @@ Held: TypeAlias = tuple[int, int, int]
 # So much may be unpacked at once to put messages in the order of time [bytes].
 _MOST_AT_ONCE = 2 * MIN_LIMIT
 _SMALL = 1024 * 1024
+# What a message takes that waits for earlier ones, beside its data [bytes].
+_WAITING_COST = 200
+_END_OF_TIME = 2**64
 
 
 def sources_of(file: LogFile, overview: Overview) -> Iterator[Source]:
@@ -51,12 +55,34 @@ def messages_in(
 
 
 def _of_all(file: LogFile, topics: Topics) -> Iterator[Message]:
-    """Yield all intact messages in the order in which they stand in the file."""
+    """
+    Yield all intact messages ordered by log time, found without an index.
+
+    A message waits in a heap until no later part of the file starts before it. What waits is
+    bounded: beyond that the earliest is yielded, though an earlier one follows.
+    """
+    bounds, number = file.later_starts(), 0
+    waiting: list[tuple[int, int, Message]] = []
+    size, limit = 0, max(MIN_LIMIT, MAX_RATIO * file.size)
     with file.open() as stream:
         walk = file.walk(stream)
-        for offset, content in walk.contents():
-            yield from messages_in(file, offset, content, topics)
+        for position, (offset, content) in enumerate(walk.contents()):
+            bound = bounds[position] if position < len(bounds) else _END_OF_TIME
+            for message in messages_in(file, offset, content, topics, by_time=True):
+                if not waiting and message.log_time <= bound:
+                    yield message
+                    continue
+                number += 1
+                size += len(message.data) + _WAITING_COST
+                heapq.heappush(waiting, (message.log_time, number, message))
+            while waiting and (waiting[0][0] <= bound or size > limit):
+                *_, message = heapq.heappop(waiting)
+                size -= len(message.data) + _WAITING_COST
+                yield message
         file.note_losses(walk)
+    while waiting:
+        *_, message = heapq.heappop(waiting)
+        yield message
 
 
 def _of_chunk(file: LogFile, chunk: ChunkIndex, topics: Topics) -> Iterator[Message]:

@@ -1,5 +1,6 @@
 """One MCAP file being read, from any recorder and in any state."""
 
+from array import array
 from pathlib import Path
 from typing import BinaryIO
 
@@ -11,6 +12,8 @@ from klann_ros.untrusted.files import open_plain
 from klann_ros.untrusted.text import printable
 from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
+import numpy as np
+from numpy.typing import NDArray
 
 from .channels import Channels
 from .chunks import chunk_content
@@ -71,6 +74,8 @@ class LogFile:
         self.summary = Summary()
         self.profile = ''
         self._channels: Channels | None = None
+        # The earliest log time in each part of a walk.
+        self._starts: array[int] | None = None
         self._patience = Patience()
         self._rotten: set[int] = set()
         try:
@@ -155,14 +160,17 @@ class LogFile:
         channels = Channels()
         channels.update(self.summary.channels)
         first, last = _NEVER, -1
+        starts = array('Q')
         with self.open() as file:
             walk = self.walk(file, channels)
             for _, content in walk.contents():
-                times = content.times()
-                first = min(first, min(times, default=first))
-                last = max(last, max(times, default=last))
+                times = np.frombuffer(content.times(), np.uint64)
+                starts.append(int(times.min()) if len(times) else _NEVER - 1)
+                first = min(first, starts[-1])
+                last = max(last, int(times.max()) if len(times) else last)
             self.note_losses(walk)
         self._channels = channels
+        self._starts = starts
         for text in channels.contradictions:
             self.note(self.size, text)
         return Overview(
@@ -171,6 +179,14 @@ class LogFile:
             [span.offset for span in walk.metadata],
             [span.offset for span in walk.attachments],
         )
+
+    def later_starts(self) -> NDArray[np.uint64]:
+        """Return of each part of a walk the earliest log time in the parts behind it [ns]."""
+        if self._starts is None:
+            self.survey()
+        starts = np.array([*(self._starts or ()), _NEVER - 1], dtype=np.uint64)
+        later: NDArray[np.uint64] = np.minimum.accumulate(starts[::-1])[::-1][1:]
+        return later
 
     def content_at(self, offset: int, opcode: Opcode) -> bytes | None:
         """Return the content of a record of this kind; None, and a problem, if it is not there."""

@@ -135,7 +135,7 @@ def _refusal(path: Path, reason: str) -> str:
     """Return why a file is refused, and how SQLite itself may salvage it."""
     source, copy = (shlex.quote(str(file)) for file in (path, _recovered(path)))
     command = printable(f'sqlite3 {source} .recover | sqlite3 {copy}', _MAX_COMMAND)
-    return f'SQLite refuses it ({reason}); `{command}` may salvage a part of it'
+    return f'it should be {_KIND}, but {reason}; `{command}` may salvage a part of it'
 
 
 def _recovered(path: Path) -> Path:
