@@ -36,7 +36,8 @@ def find_runs(paths: Iterable[str]) -> list[FoundRun]:
 
     A folder is one run if it has metadata.yaml, or if all its logs are numbered files of one name;
     else each log in it is a run, and so are those in the folders below. What cannot be looked
-    into is in the list with its reason.
+    into is in the list with its reason, as is an empty folder: its recorder may have died early. A
+    link to a folder is followed once: in what it leads to, other links to folders are not.
     """
     found: dict[str, FoundRun] = {}
     for path in paths:
@@ -45,7 +46,9 @@ def find_runs(paths: Iterable[str]) -> list[FoundRun]:
     return list(found.values())
 
 
-def _runs(path: str, above: tuple[tuple[int, int], ...]) -> Iterator[FoundRun]:
+def _runs(
+    path: str, above: tuple[tuple[int, int], ...], *, is_linked: bool = False
+) -> Iterator[FoundRun]:
     try:
         status = Path(path).stat()
         if not stat.S_ISDIR(status.st_mode):
@@ -70,8 +73,28 @@ def _runs(path: str, above: tuple[tuple[int, int], ...]) -> Iterator[FoundRun]:
         inner = str(Path(path) / name)
         if name in logs:
             yield FoundRun(inner)
-        elif Path(inner).is_dir():
-            yield from _runs(inner, (*above, here))
+        else:
+            yield from _below(inner, (*above, here), is_linked=is_linked)
+    if above and not names:
+        yield FoundRun(path, f'{printable(path)} is an empty folder: there is no log in it')
+
+
+def _below(
+    path: str, above: tuple[tuple[int, int], ...], *, is_linked: bool
+) -> Iterator[FoundRun]:
+    """Yield the runs in what is in a folder, if that is a folder as well."""
+    try:
+        is_folder = stat.S_ISDIR(Path(path).stat().st_mode)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        yield FoundRun(path, f'{printable(path)} cannot be read: {error.strerror}')
+        return
+    is_link = Path(path).is_symlink()
+    if is_folder and is_link and is_linked:
+        yield FoundRun(path, f'{printable(path)} is a link in a linked folder, not followed')
+    elif is_folder:
+        yield from _runs(path, above, is_linked=is_linked or is_link)
 
 
 def _are_one(logs: Iterable[str]) -> bool:

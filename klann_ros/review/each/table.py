@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 import csv
 from io import BytesIO, StringIO, TextIOWrapper
+import os
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -14,8 +15,8 @@ from .row import COUNTS, NAMES, Row, TEXTS
 
 # A spreadsheet takes what begins so for a formula; what is quoted stays a text everywhere.
 _FORMULA = ('=', '+', '-', '@', "'")
-# Of a million runs.
-_LONGEST = 10**10
+# Of a million runs [bytes].
+_MAX_SIZE = 10**10
 
 
 class TableError(LogError):
@@ -60,7 +61,10 @@ def rows_from_table(path: str) -> list[Row]:
 
     """
     with open_plain(path) as file:
-        data = file.read(_LONGEST)
+        if os.fstat(file.fileno()).st_size > _MAX_SIZE:
+            raise TableError(f'{printable(path)} is refused above {_MAX_SIZE // 10**6} MB')
+        # A size given to it would be allocated at once.
+        data = file.read()
     try:
         made = _parquet_rows(data) if path.lower().endswith('.parquet') else _csv_rows(data)
         return [Row(**{name: row[name] for name in NAMES}) for row in made]

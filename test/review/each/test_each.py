@@ -96,6 +96,33 @@ def test_each_run_is_a_row_with_its_reason(reviewed: Path) -> None:
     assert wrong.worst_residual == pytest.approx(1e-3, rel=1e-6)
 
 
+def test_a_folder_that_cannot_be_searched_is_a_row(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ('died', 'runs/inner', 'other'):
+        (tmp_path / name).mkdir(parents=True)
+    (tmp_path / 'other/x.mcap').touch()
+    (tmp_path / 'runs/inner/again').symlink_to(tmp_path / 'other')
+    (tmp_path / 'searched').mkdir()
+    (tmp_path / 'searched/link').symlink_to(tmp_path / 'runs')
+    (tmp_path / 'searched/died').mkdir()
+    (tmp_path / 'searched/locked').symlink_to(tmp_path / 'secret')
+    stat = Path.stat
+
+    def refused(path: Path, **options: bool) -> os.stat_result:
+        if path.name == 'locked' and options.get('follow_symlinks', True):
+            raise PermissionError(13, 'Permission denied')
+        return stat(path, **options)
+
+    # The tests may run as root, who is refused nothing.
+    monkeypatch.setattr(Path, 'stat', refused)
+    found = {Path(run.path).name: run.fault for run in find_runs([str(tmp_path / 'searched')])}
+    assert found.keys() == {'again', 'died', 'locked'}
+    assert 'not followed' in found['again']
+    assert 'no log in it' in found['died']
+    assert 'Permission denied' in found['locked']
+
+
 def test_rows_are_the_same_byte_for_byte_however_many_make_them(
     runs: Path, reviewed: Path, tmp_path: Path
 ) -> None:
