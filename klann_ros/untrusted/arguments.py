@@ -5,6 +5,7 @@ A refusal shows an argument, and runs nothing of it: the argument may be a file 
 """
 
 import argparse
+import errno
 import os
 import sys
 import textwrap
@@ -12,7 +13,7 @@ from typing import Any, NoReturn
 
 from klann_ros import __version__
 
-from .text import printable_line
+from .text import printable, printable_line
 
 
 def path(text: str) -> str:
@@ -22,11 +23,19 @@ def path(text: str) -> str:
     Raises
     ------
     argparse.ArgumentTypeError
-        It is empty.
+        It is empty, or longer than a path can be.
 
     """
     if not text:
         raise argparse.ArgumentTypeError('it is empty; is a variable not set?')
+    try:
+        os.lstat(text)
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise argparse.ArgumentTypeError(f'{error.strerror}: {printable(text)}') from None
+    except ValueError:
+        # A null byte is refused where the file is opened.
+        pass
     return text
 
 

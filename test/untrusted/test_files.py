@@ -1,9 +1,12 @@
 """Only plain files are read, and no more of them than is allowed."""
 
+import argparse
 import os
 from pathlib import Path
 import socket
 
+from klann_ros.robot import robot_of, RobotFileError
+from klann_ros.untrusted import arguments
 from klann_ros.untrusted.files import (
     is_hollow,
     is_plain,
@@ -108,3 +111,11 @@ def test_a_stretch_is_hollow_if_little_of_it_was_written(tmp_path: Path) -> None
         assert not is_hollow(file, 40 * block, 50 * block)
         assert is_hollow(file, 60 * block, 61 * block)
         assert not is_hollow(file, 45 * block, 45 * block)
+
+
+def test_a_path_longer_than_any_is_refused_in_one_line() -> None:
+    name = 'a' * 5000
+    with pytest.raises(argparse.ArgumentTypeError, match='File name too long'):
+        arguments.path(name)
+    with pytest.raises(RobotFileError, match='File name too long'):
+        robot_of(name)
