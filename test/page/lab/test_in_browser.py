@@ -67,9 +67,15 @@ class Opened:
 
     def drag(self, name: str, x: float, y: float) -> None:
         """Drag a point by so many pixels."""
-        box = self.page.locator(f'[data-grip={name}]').bounding_box()
-        at = box['x'] + box['width'] / 2, box['y'] + box['height'] / 2
-        self.page.mouse.move(*at)
+        grip = self.page.locator(f'[data-grip={name}]')
+        # A page that has just been scrolled may still take the pointer for elsewhere.
+        for _ in range(200):
+            box = grip.bounding_box()
+            at = box['x'] + box['width'] / 2, box['y'] + box['height'] / 2
+            self.page.mouse.move(*at)
+            if grip.evaluate("(node) => node.matches(':hover')"):
+                break
+            self.page.wait_for_timeout(10)
         self.page.mouse.down()
         self.page.mouse.move(at[0] + x / 2, at[1] + y / 2)
         self.page.mouse.move(at[0] + x, at[1] + y)
@@ -395,6 +401,7 @@ def test_the_second_transmission_angle_is_the_courses(lab: Opened) -> None:
 
 def test_fit_shows_why_it_jams(lab: Opened) -> None:
     lab.page.locator('#number-1').fill('900')
+    jammed = lab.page.evaluate('linkOf(lab)')
     lab.page.locator('#fit').click()
     inside = """() => {
         const frame = scene.svg.getBoundingClientRect();
@@ -404,6 +411,10 @@ def test_fit_shows_why_it_jams(lab: Opened) -> None:
                 && box.top >= frame.top && box.bottom <= frame.bottom;
         });
     }"""
+    assert lab.page.evaluate(inside)
+    lab.page.evaluate("lab.choose('klann')")
+    lab.page.evaluate('(link) => readLink(link)', jammed)
+    assert lab.page.evaluate('Boolean(lab.pose.error)')
     assert lab.page.evaluate(inside)
     # What is closed again is as large as before.
     lab.page.locator('#reset').click()

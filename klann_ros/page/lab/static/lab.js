@@ -117,11 +117,12 @@ async function copyLink() {
   byId('link').hidden = false;
 }
 
-/** Open the state in the address. */
-function readLink() {
-  if (!location.hash) return;
+/** Open the state of an address's fragment. */
+function readLink(fragment) {
+  if (!fragment) return;
   crank.isTurning = false;
-  lab.attempt(() => openLink(lab, location.hash));
+  lab.attempt(() => openLink(lab, fragment));
+  if (!lab.refusal) scene.fit();
   showChoice();
 }
 
@@ -245,7 +246,8 @@ function listen() {
   on('undo', 'click', () => step(() => lab.undo()));
   on('redo', 'click', () => step(() => lab.redo()));
   on('copy-link', 'click', copyLink);
-  window.addEventListener('hashchange', readLink);
+  // Not location.hash: the state before may have been written into it meanwhile.
+  window.addEventListener('hashchange', (event) => readLink(new URL(event.newURL).hash));
   on('fit', 'click', () => scene.fit());
   on('others', 'change', () => {
     scene.hasOthers = byId('others').checked;
@@ -300,6 +302,6 @@ choices();
 lab.choose('klann');
 link.first = linkOf(lab);
 speak(language.now);
-readLink();
+readLink(location.hash);
 lab.clearHistory();
 showHistory();

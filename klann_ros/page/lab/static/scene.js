@@ -122,6 +122,8 @@ class Scene {
     this.lab.begin();
     const move = (moved) => {
       const [x, y] = C.sub(this.metresOf(moved), begin);
+      // An undo meanwhile has ended the edit.
+      this.lab.begin();
       this.lab.isDragged = true;
       this.lab.drag(i, [at[0] + x, at[1] + y], step);
     };
