@@ -9,9 +9,9 @@ plane's normal, is
 
 and the l_i are the parts of the weight that these feet carry. There may be more than one such
 facet, as there is for a chair that can be tilted back: the body stays on the one that it is on
-while that holds, and comes to rest on the one on which its centre of mass is the lowest. Where
-more feet touch the plane, all are taken as equally stiff: among all loads that balance, theirs is
-the least sum of squares.
+while that holds, and then tips to the one on which its centre of mass is the lowest; but it does
+not lie down on its side, which may be lower still. Where more feet touch the plane, all are taken
+as equally stiff: among all loads that balance, theirs is the least sum of squares.
 
 One pose after the other is computed, in plain numbers: at six feet arrays would cost a hundred
 times what they hold.
@@ -32,6 +32,8 @@ FLAT = 1e-9
 # A centre that is so little outside, as a part of the whole, is on an edge; and a foot that is so
 # little below a plane is not [m].
 ROUNDING, BELOW = 1e-12, 1e-12
+# A body that is tilted further lies on its side: the cosine of 30 deg.
+STANDING = 0.866
 # What is no higher than this above the plane carries as well [m].
 TOUCHING = 1e-6
 
@@ -115,8 +117,12 @@ def support(feet: Sequence[Point], centre: Point, guess: Triple | None = None) -
         if found and _is_lowest(feet, found):
             return _shared(feet, centre, found)
     rests = [_on(feet, centre, triple) for triple in _triples(len(feet))]
-    lowest = [found for found in rests if found and _is_lowest(feet, found)]
-    found = min(lowest, key=lambda each: each.height + _dot(each.normal, centre), default=None)
+    stable = [found for found in rests if found and _is_lowest(feet, found)]
+    found = min(
+        stable,
+        key=lambda each: (-min(each.normal[2], STANDING), each.height + _dot(each.normal, centre)),
+        default=None,
+    )
     return found and _shared(feet, centre, found)
 
 

@@ -122,6 +122,18 @@ def test_a_body_stays_on_the_feet_that_hold_it_until_it_has_to_tip() -> None:
     assert tipped.triple == back
 
 
+def test_a_body_does_not_lie_down_on_raised_feet_that_would_hold_it_lower() -> None:
+    feet = Feet(robot_of(str(CONFIG / 'walker8_two_motors.yaml')))
+    angles = np.random.default_rng(0).uniform(0.0, 2.0 * pi, (200, 2))
+    placed = feet.at(angles)
+    tilts = []
+    for points, centre in zip(placed.feet.tolist(), placed.centre.tolist(), strict=True):
+        rest = support(points, centre)
+        assert rest is not None
+        tilts.append(rest.tilt)
+    assert np.degrees(max(tilts)) < 3.0
+
+
 def test_a_body_that_no_foot_holds_goes_on_as_fast_as_it_went() -> None:
     # Two feet carry it at 0.1 m/s; then they are dragged against each other, and leave it so.
     rest = Support((0, 1, 2), (0.5, 0.5, 0.0), (0, 1, 2), (0.0, 0.0, 1.0), 0.3, 0.0)
