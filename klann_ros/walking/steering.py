@@ -7,24 +7,29 @@ their sum with positive factors. So the way back is exact.
 
 Cranks on the left get one rate, those on the right another, and cranks with legs on both sides
 what is between. In a curve left and right pass each other, so that a ratio's motion is the mean
-over all phase differences; straight on they keep the phases of the gait.
+over all phases of both; straight on they keep the phases of the gait. Where the robot is its own
+mirror image, ratios that mirror each other have motions that do, to the last digit.
 """
 
 from functools import cached_property
 from itertools import pairwise
-from math import cos, hypot, pi, sin
+from math import hypot
 from typing import NamedTuple
 
-from klann_ros.kinematics.angles import TURN
 import numpy as np
 
-from .feet import Feet
-from .slip import moved, standing
-from .support import supports
+from .feet import Array, Feet
+from .mean_motion import are_mirrored, lattice, PhasePoses
 
-# Ratios of left to right over half a turn, with both equal among them; for the mean of each, from
-# how many phases it starts, turns from there, and steps of a turn.
-RATIOS, STARTS, TURNS, STEPS = 8, 6, 2, 48
+# Rates of left and right over half a turn of ratios; the other half is the way back. Those after
+# the middle one mirror those before it.
+RATIOS = ((1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1), (-1, 0), (-2, -1))
+# Slower turns are none [rad/s].
+MIN_YAW_RATE = 1e-9
+# Phases of the gait, straight on.
+STRAIGHT_POINTS = 720
+# How far feet may be from each other's mirror image, as a part of the robot's size.
+MIRRORED = 1e-5
 
 
 class Motion(NamedTuple):
@@ -103,13 +108,31 @@ class Steering:
         both = zip(feet.senses.tolist(), feet.sides.tolist(), strict=True)
         return [(sense * (1.0 + side) / 2.0, sense * (1.0 - side) / 2.0) for sense, side in both]
 
-    @property
+    @cached_property
     def speed(self) -> float:
         """Return the speed straight on at 1 rad/s, all cranks in phase [m/rad]."""
-        return self._rays[0].motion.linear
+        phases = np.repeat(lattice(1, STRAIGHT_POINTS)[:, :1], 2, axis=1)
+        return PhasePoses(self.feet, *self._sides, phases).mean(1.0, 1.0)[0]
+
+    @property
+    def _sides(self) -> tuple[Array, Array]:
+        """Return what each crank turns when the left, or the right, turns by 1 rad."""
+        left, right = np.array(self._shares).T
+        return left, right
+
+    @cached_property
+    def is_mirrored(self) -> bool:
+        """Return whether its right side is its left one in a mirror, but for the phase."""
+        feet = self.feet
+        of_leg = feet.sides[feet.crank_of]
+        left, right = self._sides
+        sides = [(left, of_leg > 0.0), (right, of_leg < 0.0)]
+        return are_mirrored(feet, sides, MIRRORED * feet.reach)
 
     def motion(self, rates: Rates) -> Motion:
         """Return how the body moves at rates of the sides."""
+        if rates.left == rates.right or not self.can_turn:
+            return Motion(self.speed * (rates.left + rates.right) / 2.0, 0.0)
         for a, b in self._cones:
             shares = _shares(rates, a.rates, b.rates)
             if shares is not None:
@@ -120,7 +143,7 @@ class Steering:
 
     def rates(self, wanted: Motion) -> Rates:
         """Return the rates of the sides for a motion; a walker that cannot turn does not."""
-        if not self.can_turn:
+        if abs(wanted.angular) < MIN_YAW_RATE or not self.can_turn:
             rate = wanted.linear / self.speed
             return Rates(rate, rate)
         for a, b in self._cones:
@@ -141,36 +164,23 @@ class Steering:
     @cached_property
     def _rays(self) -> list[_Ray]:
         """Return the motion at ratios over half a turn; the other half is the way back."""
-        straight = _Ray(Rates(1.0, 1.0), Motion(self._mean(Rates(1.0, 1.0), 1).linear, 0.0))
-        if not self.can_turn:
-            # Rates that differ are nothing that its one crank could have.
-            return [straight, _Ray(Rates(-1.0, 1.0), Motion(0.0, 0.0))]
-        rays = [straight]
-        for k in range(1, RATIOS):
-            turned = pi / 4.0 + pi * k / RATIOS
-            rates = Rates(cos(turned), sin(turned))
-            rays.append(_Ray(rates, self._mean(rates, STARTS)))
+        # A crank with legs on both sides turns once while the sides turn twice.
+        turns = 1 if self.feet.sides.all() else 2
+        poses = PhasePoses(self.feet, *self._sides, lattice(turns))
+        middle = len(RATIOS) // 2
+        rays: list[_Ray] = []
+        for k, (left, right) in enumerate(RATIOS):
+            if self.is_mirrored and k > middle:
+                linear, angular = rays[2 * middle - k].motion
+                motion = Motion(-linear, angular)
+            else:
+                motion = Motion(*poses.mean(left, right))
+                if self.is_mirrored and k == 0:
+                    motion = motion._replace(angular=0.0)
+                if self.is_mirrored and k == middle:
+                    motion = motion._replace(linear=0.0)
+            rays.append(_Ray(Rates(left, right), motion))
         return rays
-
-    def _mean(self, rates: Rates, starts: int) -> Motion:
-        """Return the mean motion over turns of the cranks that start at phases of the right."""
-        feet = self.feet
-        way = TURNS * TURN / max(map(abs, rates))
-        times = np.linspace(0.0, way, TURNS * STEPS + 1)[:, None]
-        right = np.array(self.crank_rates(Rates(0.0, 1.0)))
-        turned = times * np.array(self.crank_rates(rates))
-        linear = angular = 0.0
-        for k in range(starts):
-            placed = feet.at(turned + right * (TURN * k / starts))
-            last = None
-            columns = placed.feet.tolist(), placed.rolled.tolist(), supports(placed)
-            for points, rolled, rest in zip(*columns, strict=True):
-                pose = standing(points, rolled, rest) if rest else None
-                if last and pose:
-                    step = moved(last, pose)
-                    linear, angular = linear + step.x, angular + step.yaw
-                last = pose
-        return Motion(linear / (starts * way), angular / (starts * way))
 
 
 def _shares(

@@ -1,0 +1,179 @@
+"""
+The mean motion of a walker over all phases of its left and right cranks.
+
+Cranks at different rates pass through all pairs of phases (a, b) evenly. So the mean over many
+turns is the mean over the torus of these pairs, taken over a rank-1 lattice: a_i = i / n and
+b_i = i g mod 1, g being the golden section (J. Dick, F. Y. Kuo, I. H. Sloan, Acta Numerica 22,
+2013). At each pair the body rests on the most upright facet of its feet (`support`), and moves so
+that frictional dissipation is minimal (`slip`). Both are homogeneous in the rates.
+"""
+
+from collections.abc import Sequence
+from itertools import combinations
+
+from klann_ros.kinematics.angles import TURN
+import numpy as np
+from numpy.typing import NDArray
+
+from .feet import Feet
+from .slip import HOLDS, ITERATIONS
+
+Array = NDArray[np.float64]
+# Pairs of phases: the mean is within 0.4 % of that of 590,000.
+POINTS = 4096
+GOLDEN = (5.0**0.5 - 1.0) / 2.0
+# Of derivatives [rad].
+STEP = 1e-5
+# Slopes of facets beyond this, and what is as good as on an edge.
+UPRIGHT, ROUNDING = 1e-6, 1e-9
+
+
+class PhasePoses:
+    """
+    A walker in pairs of crank phases, and how its standing feet move there.
+
+    Parameters
+    ----------
+    feet : Feet
+        The walker's.
+    left, right : numpy.ndarray, shape (c,)
+        What each crank turns when the left, or the right side turns by 1 rad.
+    phases : numpy.ndarray, shape (k, 2)
+        Phases of the left and the right side [rad].
+
+    """
+
+    def __init__(self, feet: Feet, left: Array, right: Array, phases: Array) -> None:
+        cranks = phases[:, :1] * left + phases[:, 1:] * right
+        placed = feet.at(cranks)
+        facets, loads = _facets(placed.feet, placed.centre)
+        rests = loads.any(axis=1)
+        cranks, facets = cranks[rests], facets[rests]
+        # Seen from the ground, so that a tilt moves no foot.
+        ground = np.array([0.0, 0.0, placed.feet[..., 2].min(axis=1).mean()])
+
+        def level(angles: Array) -> Array:
+            at = feet.at(angles)
+            chosen = np.arange(len(facets))[:, None], facets
+            return _level(at.feet[chosen] - ground) + at.rolled[chosen]
+
+        flat = level(cranks)
+        self._arms = np.stack([-flat[..., 1], flat[..., 0]], axis=-1)
+        self._slopes = [
+            (level(cranks + STEP * each) - level(cranks - STEP * each)) / (2.0 * STEP)
+            for each in (left, right)
+        ]
+        self._loads = loads[rests]
+
+    def mean(self, left: float, right: float) -> tuple[float, float]:
+        """Return the mean speed [m/s] and yaw rate [rad/s] at rates of the sides [rad/s]."""
+        if not len(self._loads):
+            return 0.0, 0.0
+        moves = left * self._slopes[0] + right * self._slopes[1]
+        scale = np.abs(moves).sum(axis=-1).max(axis=-1, keepdims=True)
+        least = (HOLDS * scale) ** 2 + np.finfo(float).tiny
+        x, yaw = _balance(self._loads, moves, self._arms)
+        for _ in range(ITERATIONS):
+            slides = moves + x[:, None] + yaw[:, None, None] * self._arms
+            weights = self._loads / np.sqrt((slides**2).sum(axis=-1) + least)
+            x, yaw = _balance(weights, moves, self._arms)
+        return float(x[:, 0].mean()), float(yaw.mean())
+
+
+def lattice(turns: int, points: int = POINTS) -> Array:
+    """Return pairs of phases that fill so many turns of both sides evenly, (points, 2) [rad]."""
+    i = np.arange(points) + 0.5
+    return np.stack([i / points, i * GOLDEN % 1.0], axis=-1) * (turns * TURN)
+
+
+def _facets(feet: Array, centre: Array) -> tuple[NDArray[np.int64], Array]:
+    """Return the most upright facet below each centre, (k, 3), and its loads: 0 without one."""
+    count = len(feet)
+    best = np.full(count, np.inf)
+    facets, loads = np.zeros((count, 3), dtype=np.int64), np.zeros((count, 3))
+    for triple in combinations(range(feet.shape[1]), 3):
+        a, b, c = (feet[:, i] for i in triple)
+        normal = np.cross(b - a, c - a)
+        is_flat = np.abs(normal[:, 2]) > UPRIGHT
+        slope = normal[:, :2] / np.where(is_flat, normal[:, 2], np.inf)[:, None]
+        level = a[:, 2] + _dot(a[:, :2], slope)
+        steepness = 1.0 + _dot(slope, slope)
+        above = (feet[..., 2] + _dot(feet[..., :2], slope[:, None])).min(axis=1)
+        found = np.flatnonzero(is_flat & (above >= level - ROUNDING) & (steepness < best))
+        middle, tilt = centre[found], slope[found]
+        height = (middle[:, 2] + _dot(middle[:, :2], tilt) - level[found]) / steepness[found]
+        over = middle[:, :2] - height[:, None] * tilt
+        p, q, r = (feet[found, i, :2] - over for i in triple)
+        shares = np.stack([_cross(q, r), _cross(r, p), _cross(p, q)], axis=-1)
+        shares /= shares.sum(axis=-1, keepdims=True)
+        holds = shares.min(axis=-1) >= -ROUNDING
+        found = found[holds]
+        best[found], facets[found], loads[found] = steepness[found], triple, shares[holds]
+    return facets, np.maximum(loads, 0.0)
+
+
+def _level(feet: Array) -> Array:
+    """Return three feet in the frame in which their plane is level, seen from above, (k, 3, 2)."""
+    normal = np.cross(feet[:, 1] - feet[:, 0], feet[:, 2] - feet[:, 0])
+    normal *= (np.sign(normal[:, 2]) / np.linalg.norm(normal, axis=1))[:, None]
+    nx, ny, nz = (n[:, None] for n in normal.T)
+    across = np.hypot(ny, nz)
+    x, y, z = np.moveaxis(feet, -1, 0)
+    return np.stack([across * x - nx * (ny * y + nz * z) / across, (nz * y - ny * z) / across], -1)
+
+
+def _balance(weights: Array, moves: Array, arms: Array) -> tuple[Array, Array]:
+    """Return d and psi of the weighted least squares of moves + d + psi arms."""
+    whole = weights.sum(axis=-1)
+    by = weights[..., None]
+    along, arm = (by * moves).sum(axis=1), (by * arms).sum(axis=1)
+    below = (by * arms * arms).sum(axis=(1, 2)) - _dot(arm, arm) / whole
+    yaw = (_dot(arm, along) / whole - (by * arms * moves).sum(axis=(1, 2))) / below
+    return -(along + yaw[:, None] * arm) / whole[:, None], yaw
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray((a * b).sum(axis=-1), dtype=np.float64)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], dtype=np.float64)
+
+
+def are_mirrored(feet: Feet, sides: Sequence[tuple[Array, Array]], tolerance: float) -> bool:
+    """
+    Return whether the right side of a walker is the left one in a mirror, but for its phase.
+
+    Parameters
+    ----------
+    feet : Feet
+        The walker's.
+    sides : 2 tuples of numpy.ndarray
+        What each crank turns when the left, or the right side turns by 1 rad; shape (c,), and
+        whether each leg is on that side, shape (n,).
+    tolerance : float
+        Of positions [m].
+
+    """
+    (left, on_left), (right, on_right) = sides
+    if on_left.sum() != on_right.sum() or (on_left == on_right).any():
+        return False
+    a, b = np.random.default_rng(0).uniform(0.0, TURN, (2, 12, 1))
+    phases = np.array([leg.phase for leg in feet.robot.legs])
+    differences = np.subtract.outer(phases[on_right], phases[on_left]).ravel()
+    mirror = np.array([1.0, -1.0, 1.0])
+    for shift in np.unique(np.round(np.concatenate([differences, -differences]) % TURN, 9)):
+        one = feet.at(a * left + (b + shift) * right)
+        other = feet.at(b * left + (a + shift) * right)
+        if np.abs(one.centre * mirror - other.centre).max() > tolerance:
+            continue
+        pairs = ((one.feet, other.feet), (other.feet, one.feet))
+        if all(_are_paired(p[:, on_left] * mirror, q[:, on_right], tolerance) for p, q in pairs):
+            return True
+    return False
+
+
+def _are_paired(feet: Array, others: Array, tolerance: float) -> bool:
+    """Return whether each foot is where the same one of the others is, in all poses."""
+    apart = np.abs(feet[:, :, None] - others[:, None]).max(axis=(0, 3))
+    return bool((apart.min(axis=0) < tolerance).all() and (apart.min(axis=1) < tolerance).all())
