@@ -2,25 +2,31 @@
 How well a simulated walker walks: its phases, its odometry, its tilt, and what stops it.
 
     python3 benchmarks/walk.py [--seeds N]
+    python3 benchmarks/walk.py --grid [FILE ...]
 
+With --grid: the mean twist in base_link over 60 s on a grid of 5 x 5 commands, with and without an
+IMU. Errors are of the command, or of the grid's largest one where it is 0.
 No ROS: the controller and the odometry of walker_node, and the twin in MuJoCo (the extra `sim`).
 """
 
 import argparse
 from collections.abc import Iterator
-from math import atan2, degrees, hypot, pi
+from itertools import product
+from math import atan2, cos, degrees, hypot, pi, sin
+from multiprocessing import Pool
 from pathlib import Path
 from typing import NamedTuple
 
 from klann_ros.robot import robot_of
 from klann_ros.twin import Floor, Motors, Sensors, Twin
-from klann_ros.walking import Feet, imu_reading, Limits, Settings, Steering, Walker
+from klann_ros.walking import Feet, imu_reading, Limits, Rates, Settings, Steering, Walker
 import numpy as np
 from support.aims import SMOKE
 
 WALKER = Path(__file__).resolve().parents[1] / 'config' / 'walker6_two_motors.yaml'
 FOOT_RADIUS = 0.004
 PERIOD = 0.01
+GRID_SECONDS, PROCESSES = 60.0, 2
 # It stands so long before it walks, for what its accelerometer is wrong by to be learned [s].
 STANDS = 2.0
 # What walker_node is asked for, one after the other: m/s, rad/s.
@@ -29,6 +35,10 @@ GRID = (
     (-0.1, 0.0), (0.05, -0.03), (-0.05, 0.05), (0.0, -0.06), (0.12, 0.02),
 )  # fmt: skip
 FREE = Limits(max_linear=1.0, max_angular=1.0)
+# Walkers of --grid, and its commands: parts of the speed straight on, and of the yaw rate on the
+# spot, at 1 rad/s.
+WALKERS = ('walker6_two_motors', 'walker8_two_motors')
+SPEEDS, YAW_RATES = (-0.7, -0.35, 0.0, 0.35, 0.7), (-1.0, -0.5, 0.0, 0.5, 1.0)
 
 
 class Walk(NamedTuple):
@@ -42,6 +52,7 @@ class Walk(NamedTuple):
     phase: float
     speed: float
     yaw_rate: float
+    forwards: float
 
 
 def walk(
@@ -53,6 +64,7 @@ def walk(
     factors: tuple[float, float] = (1.0, 1.0),
     imu: bool = False,
     lock: bool = True,
+    gain: float = Settings().motion_gain,
     seed: int = 0,
 ) -> Walk:
     """Walk, and return how it went."""
@@ -67,8 +79,8 @@ def walk(
     )
     motors = Motors(factors=dict(zip(feet.joints, factors, strict=True)))
     twin = Twin(feet.robot, floor=Floor(friction), motors=motors, sensors=sensors, seed=seed)
-    walker = Walker(steering, Settings(limits=FREE, phase_lock=lock))
-    tilt = phase = path = 0.0
+    walker = Walker(steering, Settings(limits=FREE, phase_lock=lock, motion_gain=gain))
+    tilt = phase = path = forwards = 0.0
     begin = last = twin.truth()
     turned = 0.0
     rest, seconds = (0.1, 0.1) if SMOKE else (STANDS, seconds)
@@ -82,8 +94,12 @@ def walk(
             walker.imu(imu_reading((x, y, z, w), (a, b, c), now, (fx, fy, fz)), now)
         at = walker.feedback(dict(twin.cranks()), now)
         truth = twin.truth()
-        path += hypot(truth.position[0] - last.position[0], truth.position[1] - last.position[1])
-        turned += _wrapped(_yaw(truth) - _yaw(last))
+        dx, dy = truth.position[0] - last.position[0], truth.position[1] - last.position[1]
+        turn = _wrapped(_yaw(truth) - _yaw(last))
+        heading = _yaw(last) + turn / 2.0
+        path += hypot(dx, dy)
+        forwards += dx * cos(heading) + dy * sin(heading)
+        turned += turn
         last = truth
         if now >= 0.0:
             walker.controller.command(*twist, now)
@@ -113,6 +129,7 @@ def walk(
         degrees(phase),
         path / seconds,
         turned / seconds,
+        forwards / seconds,
     )
 
 
@@ -173,11 +190,43 @@ def doubt(steering: Steering, seeds: int) -> Iterator[str]:
         )
 
 
+def commands(run: tuple[str, bool]) -> list[str]:
+    """Return commanded and reached twists on a grid, and their errors."""
+    file, imu = run
+    steering = Steering(Feet(robot_of(file), foot_radius=FOOT_RADIUS))
+    spot = steering.motion(Rates(-1.0, 1.0)).angular
+    most = SPEEDS[-1] * steering.speed, YAW_RATES[-1] * spot
+    lines = [
+        f'{Path(file).stem}, {"with" if imu else "without"} an IMU: commanded, reached, error',
+        '             v [m/s]                    w [rad/s]            tilt',
+    ]
+    for part, turn in product(SPEEDS, YAW_RATES):
+        wanted = part * steering.speed, turn * spot
+        went = walk(steering, wanted, seconds=GRID_SECONDS, imu=imu)
+        off = [
+            (is_ - was) / (abs(was) or full)
+            for was, is_, full in zip(wanted, (went.forwards, went.yaw_rate), most, strict=True)
+        ]
+        lines.append(
+            f'  {wanted[0]:8.4f} {went.forwards:8.4f} {off[0]:9.1%} '
+            f'{wanted[1]:9.4f} {went.yaw_rate:8.4f} {off[1]:9.1%} {went.tilt:5.1f} deg'
+        )
+    return lines
+
+
 def main() -> None:
     """Print it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--seeds', type=int, default=1 if SMOKE else 20)
+    parser.add_argument('--grid', nargs='*', metavar='FILE', help='walkers; default: the shipped')
     options = parser.parse_args()
+    if options.grid is not None:
+        shipped = [str(WALKER.with_name(f'{name}.yaml')) for name in WALKERS]
+        runs = [(f, imu) for f in options.grid or shipped for imu in (True, False)]
+        with Pool(PROCESSES) as pool:
+            for lines in pool.imap(commands, runs):
+                print(*lines, sep='\n', flush=True)
+        return
     steering = Steering(Feet(robot_of(str(WALKER)), foot_radius=FOOT_RADIUS))
     for part in (straight(steering), curves(steering), doubt(steering, options.seeds)):
         for line in part:

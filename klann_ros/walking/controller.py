@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import lru_cache
-from math import degrees, hypot, inf, isfinite
+from math import degrees, inf, isfinite
 
 from .feedback import CrankFeedback
 from .limits import Limits
+from .motion_feedback import GAIN, MotionFeedback
 from .phase_lock import CrankCommand, INTEGRAL, PhaseLock, PROPORTIONAL
 from .steering import Motion, Rates, Steering
 from .watchdog import Backlog, SteadyClock, Watchdog
@@ -52,6 +53,8 @@ class Settings:
         Whether cranks are kept in phase by their feedback.
     proportional, integral, rephase : float
         Gains of the lock: see `PhaseLock`.
+    motion_gain : float
+        Gain of the motion feedback: see `MotionFeedback` [1/s].
 
     """
 
@@ -63,6 +66,7 @@ class Settings:
     proportional: float = PROPORTIONAL
     integral: float = INTEGRAL
     rephase: float = 0.1
+    motion_gain: float = GAIN
 
 
 class WalkController:
@@ -107,9 +111,9 @@ class WalkController:
         steering.rates(STANDS)
         self.cranks = [CrankFeedback(joint, 4.0 * self._max_rate, steady) for joint in feet.joints]
         self.lock = PhaseLock(feet.senses.tolist(), feet.sides.tolist(), **self._gains)
-        # Caches: the command rarely changes.
+        self.motion_feedback = MotionFeedback(steering, settings.motion_gain)
+        # A cache: the command rarely changes.
         self._limited = lru_cache(maxsize=1)(self._limit)
-        self._rates = lru_cache(maxsize=1)(self._crank_rates)
         self.motion, self._wanted = STANDS, STANDS
         self.rejected = self.late = self.refused = self.pauses = 0
         self.limits_hit: list[str] = []
@@ -134,6 +138,7 @@ class WalkController:
     def settings(self, settings: Settings) -> None:
         self._settings = settings
         self.lock.tune(**self._gains)
+        self.motion_feedback.gain = settings.motion_gain
         for crank in self.cranks:
             crank.max_rate = 4.0 * self._max_rate
         self._limited.cache_clear()
@@ -238,6 +243,12 @@ class WalkController:
         if gap > self._settings.feedback_timeout:
             self.motion = STANDS
 
+    def measured(self, motion: Motion, seconds: float) -> None:
+        """Take the mean motion of the body over a time [s]."""
+        pace = self.lock.pace
+        commanded = Motion(self.motion.linear * pace, self.motion.angular * pace)
+        self.motion_feedback.measure(commanded, motion, seconds)
+
     @property
     def positions(self) -> list[float]:
         """Return the cranks' angles [rad]; NaN before the first feedback."""
@@ -273,7 +284,7 @@ class WalkController:
         if self._gap:
             self._restart(now)
             gap = 0.0
-        rates = self._rates(self._approach(now, gap))
+        rates = self._crank_rates(self.motion_feedback.rates(self._approach(now, gap)))
         command = self.lock.step(gap, rates, self.positions)
         self._commanded = command.velocity
         self._detect_blocked(gap)
@@ -299,6 +310,7 @@ class WalkController:
         """Restart the set points at the measured angles, until these are current."""
         positions = self.positions
         self.lock.reset(positions)
+        self.motion_feedback.reset()
         self._stalled = [0.0] * len(self.cranks)
         if any(crank.delay for crank in self.cranks):
             return
@@ -314,6 +326,7 @@ class WalkController:
     def _hold_position(self) -> CrankCommand:
         """Return the command to stand at the measured angles, at once."""
         self.motion = STANDS
+        self.motion_feedback.reset()
         self.lock.reset(self.positions)
         self._stalled = [0.0] * len(self.cranks)
         self._commanded = [0.0] * len(self.cranks)
@@ -335,10 +348,9 @@ class WalkController:
         share, slow = limits.rates(self.steering.rates(wanted))
         return Motion(wanted.linear * share, wanted.angular * share), hit + slow
 
-    def _crank_rates(self, motion: Motion) -> list[float]:
-        return self.steering.crank_rates(
-            Rates(0.0, 0.0) if hypot(*motion) == 0.0 else self.steering.rates(motion)
-        )
+    def _crank_rates(self, rates: Rates) -> list[float]:
+        share, _ = self._settings.limits.rates(rates)
+        return self.steering.crank_rates(Rates(share * rates.left, share * rates.right))
 
     def _detect_blocked(self, dt: float) -> None:
         for k, crank in enumerate(self.cranks):

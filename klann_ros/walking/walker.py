@@ -6,7 +6,7 @@ from math import inf, nan
 from .controller import Level, Settings, WalkController
 from .imu import ImuReading
 from .odometry import Errors, Odometer, Odometry
-from .steering import Steering
+from .steering import Motion, Steering
 from .watchdog import SteadyClock, Watchdog
 
 
@@ -90,7 +90,9 @@ class Walker:
         at = now if at is None else at
         seconds = 0.0 if self._at is None else at - self._at
         self._at = at
-        return self.odometry.update(controller.positions, controller.velocities, seconds)
+        found = self.odometry.update(controller.positions, controller.velocities, seconds)
+        controller.measured(Motion(found.linear[0], found.angular), seconds)
+        return found
 
     def verdict(self, now: float) -> tuple[Level, str]:
         """Return the level, and the most important message."""

@@ -1,9 +1,12 @@
 """Commands of the cranks, and what stops them; with motors that are slow, blocked or lost."""
 
+from dataclasses import replace
 from math import copysign, degrees, inf, nan, pi
+from pathlib import Path
 from random import Random
 
 from hypothesis import given, settings, strategies as st
+from klann_ros.robot import robot_of
 from klann_ros.walking import (
     Feet,
     Level,
@@ -12,11 +15,18 @@ from klann_ros.walking import (
     Rates,
     Settings,
     Steering,
+    walk_figures,
     WalkController,
 )
+from klann_ros.walking.controller import STANDS
 from klann_ros.walking.feedback import CrankFeedback
+from klann_ros.walking.mean_motion import lattice, PhasePoses, POINTS
+from klann_ros.walking.motion_feedback import MotionFeedback
+from klann_ros.walking.steering import RATIOS
+import numpy as np
 import pytest
 
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
 DT = 0.01
 SPEEDS = st.floats(-0.3, 0.3)
 
@@ -107,10 +117,39 @@ def test_the_way_back_from_rates_to_a_motion_is_exact(
     assert steering.motion(steering.rates(wanted)) == pytest.approx(wanted, abs=1e-9)
 
 
-def test_left_and_right_mirror_each_other(steering: Steering) -> None:
-    left, right = steering.rates(Motion(0.1, 0.05)), steering.rates(Motion(0.1, -0.05))
-    assert (left.left, left.right) == pytest.approx((right.right, right.left), rel=0.2)
-    assert left.right > left.left
+@pytest.mark.parametrize('name', ['walker6_two_motors', 'walker8_two_motors'])
+def test_left_and_right_mirror_each_other_and_forwards_and_back(name: str) -> None:
+    steering = Steering(Feet(robot_of(str(CONFIG / f'{name}.yaml')), foot_radius=0.004))
+    for linear, angular in ((0.1, 0.05), (0.1, 0.01), (0.02, 0.05), (0.0, 0.05)):
+        left, right = (steering.rates(Motion(linear, w)) for w in (angular, -angular))
+        back = steering.rates(Motion(-linear, angular))
+        assert (left.left, left.right) == pytest.approx((right.right, right.left), abs=1e-9)
+        assert (left.left, left.right) == pytest.approx((-back.right, -back.left), abs=1e-9)
+        assert left.right > left.left
+
+
+def test_a_walker_that_is_no_mirror_image_steers_by_its_own_sides() -> None:
+    robot = robot_of(str(CONFIG / 'walker8_two_motors.yaml'))
+    front, *others = robot.legs
+    x, y, z = front.mount.xyz
+    moved = replace(front, mount=replace(front.mount, xyz=(x + 0.1, y + 0.1, z)))
+    steering = Steering(Feet(replace(robot, legs=(moved, *others))))
+    assert not steering.is_mirrored
+    left, right = (steering.rates(Motion(0.05, w)) for w in (0.02, -0.02))
+    assert abs(left.left - right.right) > 1e-3
+    for wanted in (Motion(0.05, 0.02), Motion(0.05, -0.02)):
+        assert steering.motion(steering.rates(wanted)) == pytest.approx(wanted, abs=1e-9)
+
+
+def test_the_mean_motion_has_converged(two_motors: Feet) -> None:
+    sides = np.array([1.0, 0.0]), np.array([0.0, 1.0])
+    few, many = (
+        PhasePoses(two_motors, *sides, lattice(1, points)) for points in (POINTS, 16 * POINTS)
+    )
+    for left, right in RATIOS:
+        linear, angular = many.mean(left, right)
+        error = abs(np.subtract(few.mean(left, right), (linear, angular))).max()
+        assert error < 0.005 * max(abs(linear), abs(angular))
 
 
 def test_straight_on_both_sides_turn_alike(steering: Steering) -> None:
@@ -118,6 +157,34 @@ def test_straight_on_both_sides_turn_alike(steering: Steering) -> None:
     assert rates.left == pytest.approx(rates.right)
     assert rates.left == pytest.approx(0.15 / steering.speed)
     assert steering.motion(Rates(-1.0, -1.0)).linear == pytest.approx(-steering.speed)
+    # Of the steps of a turn, one after the other.
+    walked = walk_figures(steering.feet.robot).speed
+    assert steering.speed == pytest.approx(walked, rel=0.005)
+
+
+def test_what_a_walker_falls_behind_it_makes_up_within_half_of_its_rates(
+    steering: Steering,
+) -> None:
+    feedback = MotionFeedback(steering)
+    wanted = Motion(0.1, 0.05)
+    nominal = steering.rates(wanted)
+    assert feedback.rates(wanted) == nominal
+    for _ in range(100):
+        feedback.measure(wanted, Motion(0.09, 0.02), 0.01)
+    assert feedback.lag == pytest.approx((0.01, 0.03))
+    made_up = steering.motion(feedback.rates(wanted))
+    assert made_up.angular > 0.055
+    for _ in range(10_000):
+        feedback.measure(wanted, STANDS, 0.01)
+        rates = feedback.rates(wanted)
+        for rate, usual in zip(rates, nominal, strict=True):
+            assert abs(rate - usual) <= 0.5 * abs(usual) + 1e-9
+    feedback.measure(STANDS, STANDS, 0.01)
+    assert feedback.rates(wanted) == nominal
+    # Straight on no lag turns it.
+    feedback.measure(Motion(0.1, 0.0), Motion(0.05, 0.1), 0.1)
+    left, right = feedback.rates(Motion(0.1, 0.0))
+    assert left == right > 0.1 / steering.speed
 
 
 def test_motors_five_percent_apart_keep_their_phases(steering: Steering) -> None:

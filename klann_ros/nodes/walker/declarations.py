@@ -85,6 +85,13 @@ CONTROL = (
         0.0,
         0.5,
     ),
+    _number(
+        'motion_gain',
+        _SETTINGS.motion_gain,
+        'of the feedback of the measured motion to the command; 0: none [1/s]',
+        0.0,
+        5.0,
+    ),
 )
 ODOMETRY = (
     Declaration('odom_frame', 'odom', 'frame in which it is'),
@@ -111,4 +118,5 @@ def settings(values: Mapping[str, Any]) -> Settings:
         proportional=values['phase_gain'],
         integral=values['phase_integral'],
         rephase=values['rephase'],
+        motion_gain=values['motion_gain'],
     )
