@@ -202,6 +202,7 @@ def _walk(sheet: DataSheet) -> dict[str, Any] | None:
         'stride': walk.stride,
         'least_margin': walk.least_margin,
         'rests': walk.rests,
+        'warnings': walk.warnings,
         'bob': walk.bob if rests else None,
         'pitch': walk.greatest_pitch if rests else None,
         'roll': walk.greatest_roll if rests else None,

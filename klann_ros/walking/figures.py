@@ -15,6 +15,8 @@ from .support import Support, supports, to_polygon
 
 Array = NDArray[np.float64]
 SAMPLES = 720
+# A walker that rests for less of a turn is unstable.
+MIN_RESTS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +97,21 @@ class WalkFigures:
     def rests(self) -> float:
         """Return the part of the turn during which the body rests on its feet."""
         return float(np.mean(self.margin >= 0.0))
+
+    @property
+    def warnings(self) -> list[str]:
+        """Return what is wrong with the walker, in a line."""
+        if self.rests < MIN_RESTS:
+            return [
+                f'it is statically unstable for {1.0 - self.rests:.0%} of a turn: its centre of '
+                'mass is not above its feet; check body_centre, mount_xyz and phase'
+            ]
+        if self.speed < 0.0:
+            return [
+                'it walks backwards: its feet on the ground move forwards in base_link where '
+                'their stance moves back; check mount_rpy (x forward, y left, z up) and direction'
+            ]
+        return []
 
     @property
     def standing(self) -> Array:

@@ -1,5 +1,6 @@
 """A body on its feet: where it rests, and how far it walks."""
 
+from dataclasses import replace
 from math import pi
 from pathlib import Path
 
@@ -51,6 +52,22 @@ def test_walker4_tips_as_its_file_says() -> None:
     walk = walk_figures(robot_of(str(CONFIG / 'walker4.yaml')))
     assert np.degrees(walk.greatest_roll) == pytest.approx(27.2, abs=0.5)
     assert np.median((walk.loads > 0.0).sum(axis=1)) == 3
+
+
+def test_a_walker_is_warned_of_that_walks_backwards_or_hardly_stands(
+    six: Robot, walk: WalkFigures
+) -> None:
+    assert walk.warnings == []
+    assert six.body is not None
+    nose_heavy = replace(six, body=replace(six.body, centre=(1.5, 0.0, 0.115)))
+    (warning,) = walk_figures(nose_heavy, samples=90).warnings
+    assert 'statically unstable for 56% of a turn' in warning
+    legs = [
+        replace(leg, mount=replace(leg.mount, rpy=(-leg.mount.rpy[0], 0.0, leg.mount.rpy[2])))
+        for leg in six.legs
+    ]
+    upside_down = walk_figures(replace(six, legs=tuple(legs)), samples=90)
+    assert any('walks backwards' in warning for warning in upside_down.warnings)
 
 
 def test_a_symmetric_walker_drives_straight(walk: WalkFigures) -> None:

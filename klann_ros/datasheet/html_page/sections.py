@@ -266,6 +266,7 @@ def walking(sheet: DataSheet) -> Markup:
     return element(
         'section',
         element('h2', 'Walking'),
+        *(element('p', f'Warning: {warning}.') for warning in walk.warnings),
         element('dl', *map(_tile, figures.walk_figures(sheet)), class_='tiles'),
         grid(charts),
         element('div', _table(table), class_='tables'),

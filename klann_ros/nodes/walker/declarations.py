@@ -85,7 +85,7 @@ CONTROL = (
         0.0,
         0.5,
     ),
-    _number(
+    _tunable(
         'motion_gain',
         _SETTINGS.motion_gain,
         'of the feedback of the measured motion to the command; 0: none [1/s]',

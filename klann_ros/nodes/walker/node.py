@@ -15,7 +15,14 @@ from klann_ros.nodes.solver.cdr import JointReader
 from klann_ros.stop_signals import StopSignals
 from klann_ros.untrusted.arguments import ArgumentParser
 from klann_ros.untrusted.text import printable, printable_line
-from klann_ros.walking import Feet, imu_reading, NoWalkerError, Steering, Walker
+from klann_ros.walking import (
+    Feet,
+    imu_reading,
+    NoWalkerError,
+    Steering,
+    walk_figures,
+    Walker,
+)
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
@@ -33,6 +40,8 @@ MAX_LOGGED = 5
 WATCH_PERIOD, DRIVEN_RATIO = 0.1, 0.8
 # A beat restarts where it is off by so many periods.
 BEAT_RESTART = 10
+# Steps of a turn of the cranks, for warnings.
+WARNING_SAMPLES = 90
 # A command may be early by this part of a period: feedback jitters.
 EARLY = 0.3
 
@@ -70,6 +79,9 @@ class WalkerNode(Node):
         self._connect(values)
         self._values = values
         on_change(self, PARAMETERS, self._on_change)
+        figures = walk_figures(robot, foot_radius=values['foot_radius'], samples=WARNING_SAMPLES)
+        for warning in figures.warnings:
+            self.get_logger().warning(printable(warning))
         self.get_logger().info(f'ready: {self._summary(values)}')
 
     def _connect(self, values: dict[str, Any]) -> None:
