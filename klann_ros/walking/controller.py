@@ -245,7 +245,7 @@ class WalkController:
 
     def measured(self, motion: Motion, seconds: float) -> None:
         """Take the mean motion of the body over a time [s]."""
-        pace = self.lock.pace
+        pace = self.lock.rate_scale
         commanded = Motion(self.motion.linear * pace, self.motion.angular * pace)
         self.motion_feedback.measure(commanded, motion, seconds)
 

@@ -101,17 +101,17 @@ class WalkFigures:
     @property
     def warnings(self) -> list[str]:
         """Return what is wrong with the walker, in a line."""
+        unstable = (
+            f'it is statically unstable for {1.0 - self.rests:.0%} of a turn: its centre of '
+            'mass is not above its feet; check body_centre, mount_xyz and phase'
+        )
+        backwards = (
+            'it walks backwards: its feet on the ground move forwards in base_link where '
+            'their stance moves back; check mount_rpy (x forward, y left, z up) and direction'
+        )
         if self.rests < MIN_RESTS:
-            return [
-                f'it is statically unstable for {1.0 - self.rests:.0%} of a turn: its centre of '
-                'mass is not above its feet; check body_centre, mount_xyz and phase'
-            ]
-        if self.speed < 0.0:
-            return [
-                'it walks backwards: its feet on the ground move forwards in base_link where '
-                'their stance moves back; check mount_rpy (x forward, y left, z up) and direction'
-            ]
-        return []
+            return [unstable]
+        return [backwards] if self.speed < 0.0 else []
 
     @property
     def standing(self) -> Array:
