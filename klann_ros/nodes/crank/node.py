@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from rclpy.subscription import Subscription
     from rclpy.time import Time
 
-# Time for a subscriber to match the publisher once the publisher knows of it [s].
+# Time for a subscriber to match the publisher once the publisher knows of it, and for a driver's
+# lease to be heard before the first message [s].
 SETTLE = 0.3
 # A node that was stopped for longer than this goes on from where it was, without a burst [s].
 LONGEST_CATCH_UP = 0.5
@@ -121,7 +122,7 @@ class CrankNode(Node):
         if is_alone or self._is_driven:
             self._begin = None
         elif self._begin is None:
-            self._begin = now + Duration(seconds=SETTLE if self._min_subscribers else 0.0)
+            self._begin = now + Duration(seconds=SETTLE)
         if self._begin is not None and now >= self._begin:
             self._waiting.cancel()
             self._begin = now
