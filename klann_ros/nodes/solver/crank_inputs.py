@@ -19,6 +19,8 @@ from .cdr import JointReader, read_float64
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription
 
+# In one report, of two publishers that send at once.
+MIN_ALTERNATIONS = 2
 # Seconds and nanoseconds, as in a message.
 Stamp = tuple[int, int]
 
@@ -97,10 +99,10 @@ class CrankInputs:
 
     def sources(self) -> str:
         """Return who turns the crank, where it is more than one; call it once a report."""
-        active = [source for source in (self._angles, self._states) if source.had_message()]
-        if sum(source.publishers for source in active) < 2:
+        active = {s.topic: s.active_publishers() for s in (self._angles, self._states)}
+        if sum(active.values()) < 2:
             return ''
-        return ' and '.join(f'{source.topic} ({source.publishers})' for source in active)
+        return ' and '.join(f'{topic} ({count})' for topic, count in active.items() if count)
 
     def _on_crank_angle(self, data: bytes, info: Info) -> None:
         self._angles.count(info)
@@ -153,6 +155,9 @@ class _Source:
         self.loss = LossCounter()
         self.publishers = 0
         self._had_message = False
+        # How often the numbers of messages did not follow each other, and the last of them.
+        self._alternations = 0
+        self._number: int | None = None
         self._node = node
         self._profile = overridden(node, topic, 'subscription', INPUT)
         self._arguments = (kind, topic, callback, self._profile)
@@ -183,12 +188,24 @@ class _Source:
 
     def count(self, info: Info) -> None:
         self._had_message = True
-        self.loss.count(info['publication_sequence_number'], self.publishers)
+        number = info['publication_sequence_number']
+        if number is None or number - 1 != self._number:
+            self._alternations += 1
+        self._number = number
+        self.loss.count(number, self.publishers)
 
-    def had_message(self) -> bool:
-        """Return whether there was a message since the last call."""
-        had, self._had_message = self._had_message, False
-        return had
+    def active_publishers(self) -> int:
+        """
+        Return how many publishers have sent since the last call.
+
+        One that is silent, such as a node that yields to a driver, is none of them: several that
+        send alternate, and each numbers its own messages. One alternation is a change of drivers.
+        """
+        had, alternations = self._had_message, self._alternations
+        self._had_message, self._alternations = False, 0
+        if not had:
+            return 0
+        return self.publishers if alternations >= MIN_ALTERNATIONS else min(self.publishers, 1)
 
     def _on_matched(self, status: Any) -> None:
         # Whoever comes or goes: the next message may be of another publisher.
