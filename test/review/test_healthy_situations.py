@@ -23,11 +23,11 @@ from std_msgs.msg import String
 
 ROOT = Path(__file__).resolve().parents[2]
 WALKER = ROOT / 'config' / 'walker4.yaml'
-# This machine may hold anything up for a moment, but for no second.
-LIMITS = Limits(gap_time=1.0, latency=1.0, clock_offset=3.0)
+# A loaded machine holds anything up, but for no longer than this.
+LIMITS = Limits(gap_time=1.5, latency=1.5, clock_offset=3.0)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # What happens in the run lasts longer than a gap, and than the judge takes to find one [s].
-LONG, STALL = 2.2, 1.5
+LONG, STALL = 2.9, 2.0
 LEG = ('/crank_angle', '/joint_states', '/point_h')
 
 
@@ -41,7 +41,7 @@ class Scene:
     def __init__(self, ros: World) -> None:
         self.ros, self.reports = ros, RecorderReports(ros.probe)
         self.limits = ros.folder / 'limits.yaml'
-        self.limits.write_text('gap_time: 1.0\nlatency: 1.0\n')
+        self.limits.write_text('gap_time: 1.5\nlatency: 1.5\n')
         described = ros.probe.node.create_publisher(String, 'robot_description', LATCHED)
         described.publish(String(data='<robot name="none"/>'))
         for number in range(2):
