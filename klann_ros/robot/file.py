@@ -20,7 +20,7 @@ from klann_ros.kinematics import (
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.klann.geometry import NUMBERS, PRESETS
 from klann_ros.kinematics.linkage.file import is_linkage, linkage_text, SHIPPED
-from klann_ros.untrusted.files import read_plain
+from klann_ros.untrusted.files import is_plain, read_plain
 from klann_ros.untrusted.text import printable, printable_line
 from klann_ros.untrusted.units import warn_of_angle
 from klann_ros.untrusted.yaml_text import LONGEST, parse
@@ -56,7 +56,7 @@ def robot_of(name: str) -> Robot:
         There is neither, or the file holds no robot.
 
     """
-    if not Path(name).exists():
+    if not is_plain(name):
         if name in PRESETS:
             linkage = PRESETS[name]().linkage
             # As the parameter file of that name has it.
@@ -185,7 +185,7 @@ def _linkage(own: Mapping[str, Any], folders: Sequence[Path]) -> tuple[Linkage, 
     text, file = str(own.get(_DESCRIPTION) or ''), str(own.get('linkage') or '')
     if file and not text:
         beside = (folder / file for folder in folders)
-        file = str(next((path for path in beside if path.exists()), Path(file).expanduser()))
+        file = str(next((path for path in beside if is_plain(path)), Path(file).expanduser()))
         text = linkage_text(file)
     if text:
         return _parsed_linkage(text, file or _DESCRIPTION), text, file
