@@ -37,7 +37,7 @@ GRID = (
 FREE = Limits(max_linear=1.0, max_angular=1.0)
 # Walkers of --grid, and its commands: parts of the speed straight on, and of the yaw rate on the
 # spot, at 1 rad/s.
-WALKERS = ('walker6_two_motors', 'walker8_two_motors')
+WALKERS = ('walker6_two_motors', 'walker8_two_motors', 'walker_jansen')
 SPEEDS, YAW_RATES = (-0.7, -0.35, 0.0, 0.35, 0.7), (-1.0, -0.5, 0.0, 0.5, 1.0)
 
 
