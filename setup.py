@@ -61,9 +61,9 @@ setup(
         f'{NAME}.kinematics.linkage': ['schema.json'],
         f'{NAME}.live': ['static/*'],
         f'{NAME}.datasheet.html_page': ['static/*'],
-        f'{NAME}.page': ['static/*', 'static/js_yaml/*', 'static/uplot/*'],
-        f'{NAME}.page.lab': ['lab.html', 'static/*'],
-        f'{NAME}.review.report.html_page': ['static/*'],
+        f'{NAME}.web': ['static/*', 'static/js_yaml/*', 'static/uplot/*'],
+        f'{NAME}.web.lab': ['lab.html', 'static/*'],
+        f'{NAME}.review.page': ['static/*'],
     },
     python_requires='>=3.10',
     install_requires=[
@@ -81,7 +81,7 @@ setup(
     zip_safe=False,
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
-        (f'share/{NAME}', ['package.xml', f'{NAME}/page/lab/lab.html']),
+        (f'share/{NAME}', ['package.xml', f'{NAME}/web/lab/lab.html']),
         (f'share/{NAME}/config', glob('config/*.yaml')),
         (f'share/{NAME}/linkages', glob(f'{NAME}/linkages/*.yaml')),
         (f'share/{NAME}/launch', glob('launch/*.py')),

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from klann_ros.robot import robot_of
 from klann_ros.twin import Floor, Motors, Sensors, Twin
-from klann_ros.walking import Feet, imu_reading, Limits, Rates, Settings, Steering, Walker
+from klann_ros.walker import Feet, imu_reading, Limits, Rates, Settings, Steering, Walker
 import numpy as np
 from support.aims import SMOKE
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import shutil
 import sys
 
-from klann_ros.page.lab.build import FILE
+from klann_ros.web.lab.build import FILE
 from playwright.sync_api import sync_playwright
 
 PICTURE = Path(__file__).resolve().parent / 'lab.png'

@@ -9,7 +9,7 @@ import shutil
 import sys
 import tempfile
 
-from klann_ros.review.report.html_page import page
+from klann_ros.review.page import page
 from klann_ros.review.reviewing import review_run
 from playwright.sync_api import sync_playwright
 

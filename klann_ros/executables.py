@@ -14,8 +14,8 @@ import os
 import signal
 import sys
 
+from .sanitize.units import report_unit_warnings
 from .stop_signals import StopSignals
-from .untrusted.units import report_unit_warnings
 
 INTERRUPTED = 130
 # A tool's exit code where a package that it needs is not installed: nothing could be read.

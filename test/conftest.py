@@ -30,7 +30,7 @@ FLAGS = [
     '--disable-quic',
 ]
 # One browser and one set of pages.
-TOGETHER = 'test/review/report/html_page/'
+TOGETHER = 'test/review/page/'
 
 
 def pytest_collection_finish() -> None:

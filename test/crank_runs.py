@@ -8,7 +8,7 @@ from typing import Any
 from klann_ros.log.definitions import definition
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.writing.writer import RunWriter
+from klann_ros.log.write.writer import RunWriter
 
 START = 1_700_000_000_000_000_000
 HASH = 'RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a'

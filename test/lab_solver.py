@@ -9,8 +9,8 @@ import tempfile
 from typing import Any
 
 from klann_ros.kinematics.linkage.file import SHIPPED, shipped_linkages
-from klann_ros.page.lab.build import SOLVER
-from klann_ros.page.parts import text
+from klann_ros.web.lab.build import SOLVER
+from klann_ros.web.parts import text
 import numpy as np
 from numpy.typing import NDArray
 

@@ -11,7 +11,7 @@ from klann_ros.kinematics import AnyLeg as Leg, KlannLeg
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
-from klann_ros.log.writing.writer import RunWriter
+from klann_ros.log.write.writer import RunWriter
 import numpy as np
 from rosbags.typesys import get_typestore, Stores
 

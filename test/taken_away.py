@@ -5,8 +5,8 @@ from pathlib import Path
 
 from klann_ros.log.errors import RunHarmedError
 from klann_ros.log.reader import open_log
-from klann_ros.log.writing.file_watch import Faults
-from klann_ros.log.writing.writer import RunWriter
+from klann_ros.log.write.file_watch import Faults
+from klann_ros.log.write.writer import RunWriter
 import yaml
 
 

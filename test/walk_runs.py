@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from klann_ros.log.records import Message
-from klann_ros.log.writing.writer import RunWriter
+from klann_ros.log.write.writer import RunWriter
 from leg_runs import STORE, topic_of
 import numpy as np
 

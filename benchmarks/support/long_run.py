@@ -13,7 +13,7 @@ from klann_ros.log.run_parameters import (
     solver_record,
     SolverParameters,
 )
-from klann_ros.log.writing.writer import RunWriter
+from klann_ros.log.write.writer import RunWriter
 from klann_ros.nodes.solver.cdr import JointStateTemplate, PointTemplate
 import numpy as np
 

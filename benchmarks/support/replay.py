@@ -14,7 +14,7 @@ from typing import Any
 from geometry_msgs.msg import PointStamped
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.writing.writer import RunWriter
+from klann_ros.log.write.writer import RunWriter
 from klann_ros.nodes.endpoints import OUTPUT
 import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation

@@ -6,7 +6,7 @@ from threading import Thread
 
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.writing.writer import RunWriter
+from klann_ros.log.write.writer import RunWriter
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node

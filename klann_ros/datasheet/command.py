@@ -9,8 +9,8 @@ import sys
 from klann_ros.dynamics import MassError, rods
 from klann_ros.review.report.outputs import Output, OutputError, outputs
 from klann_ros.robot import Robot, robot_of, RobotFileError
-from klann_ros.untrusted.arguments import ArgumentParser, path
-from klann_ros.untrusted.text import printable, printable_line
+from klann_ros.sanitize.arguments import ArgumentParser, path
+from klann_ros.sanitize.text import printable, printable_line
 
 from . import html_page, json_report
 from .computing import data_sheet, SPEED

@@ -7,7 +7,7 @@ from math import isfinite
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.robot import Robot, RobotLeg
-from klann_ros.walking import NoWalkerError, walk_figures, WalkFigures
+from klann_ros.walker import NoWalkerError, walk_figures, WalkFigures
 import numpy as np
 
 from .leg_sheet import alike, dynamics_of, leg_sheet

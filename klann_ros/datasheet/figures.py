@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from klann_ros.dynamics import TurnOfForces
 from klann_ros.kinematics.angles import TURN
-from klann_ros.untrusted.text import counted, printable
+from klann_ros.sanitize.text import counted, printable
 
 from .sheet import CrankSheet, DataSheet, Extreme, LegSheet
 

@@ -6,9 +6,9 @@ from math import degrees, inf, isfinite
 from typing import Any
 
 from klann_ros.dynamics.forces import turn_mean
-from klann_ros.untrusted.files import read_plain
-from klann_ros.untrusted.text import did_you_mean, printable, printable_line
-from klann_ros.untrusted.yaml_text import LONGEST, parse
+from klann_ros.sanitize.files import read_plain
+from klann_ros.sanitize.text import did_you_mean, printable, printable_line
+from klann_ros.sanitize.yaml_text import LONGEST, parse
 import numpy as np
 
 from .load import CrankLoad

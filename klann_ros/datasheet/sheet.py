@@ -6,7 +6,7 @@ from typing import NamedTuple
 from klann_ros.dynamics import TurnOfForces
 from klann_ros.kinematics import FootPath, Linkage, Margin, Stance
 from klann_ros.kinematics.arcs import Arc
-from klann_ros.walking import WalkFigures
+from klann_ros.walker import WalkFigures
 import numpy as np
 from numpy.typing import NDArray
 

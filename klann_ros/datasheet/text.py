@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from math import degrees
 
-from klann_ros.untrusted.text import printable, printable_line
+from klann_ros.sanitize.text import printable, printable_line
 
 from . import figures
 from .figures import Figure, Table

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.linkage.file import LENGTH_UNITS, linkage_text
 from klann_ros.kinematics.linkage.linkage import as_linkage
-from klann_ros.untrusted.text import did_you_mean, printable
-from klann_ros.untrusted.yaml_text import parse
+from klann_ros.sanitize.text import did_you_mean, printable
+from klann_ros.sanitize.yaml_text import parse
 
 
 class MassError(ValueError):

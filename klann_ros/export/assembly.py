@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import ceil
 from xml.etree.ElementTree import Element, SubElement
 
-from klann_ros.untrusted.text import counted, printable
+from klann_ros.sanitize.text import counted, printable
 
 from .layers import Layers, Shaft
 from .outline import Outline, outlines

@@ -10,9 +10,9 @@ from typing import BinaryIO
 from klann_ros.review.report.outputs import Output, OutputError, outputs
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.robot.robot import SEPARATORS
+from klann_ros.sanitize.arguments import ArgumentParser, path
+from klann_ros.sanitize.text import counted, printable, printable_line
 from klann_ros.twin import robot_mjcf
-from klann_ros.untrusted.arguments import ArgumentParser, path
-from klann_ros.untrusted.text import counted, printable, printable_line
 
 from .assembly import assembly, spacers
 from .drawing import drawing

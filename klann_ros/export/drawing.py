@@ -7,7 +7,7 @@ from itertools import combinations
 from math import hypot, sqrt, tau
 from typing import NamedTuple
 
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 
 from .outline import distance_to, Outline, outlines
 from .plates import ExportError, Plate

@@ -14,7 +14,7 @@ from klann_ros.dynamics.masses import body_places
 from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.linkage.structure import FIXED
 from klann_ros.robot import Robot
-from klann_ros.untrusted.text import counted, did_you_mean
+from klann_ros.sanitize.text import counted, did_you_mean
 
 from .outline import crosses, distance_to, nearest_on, Segment
 from .travel import ExportError, Line, slide_lines

@@ -18,7 +18,7 @@ from klann_ros.kinematics.linkage.structure import Bar, FIXED
 from klann_ros.plotting.drawn import colour_of
 from klann_ros.robot import Robot, RobotLeg
 from klann_ros.robot.robot import Triple
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 
 from .travel import ExportError, travel
 

@@ -9,11 +9,11 @@ from klann_ros.kinematics import AnyLeg, KlannGeometry, KlannLeg, Linkage, linka
 from klann_ros.kinematics.klann.geometry import BENDS, NUMBERS
 from klann_ros.kinematics.klann.leg import JOINTS
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER, SolverParameters
-from klann_ros.page.shape import leg_shape
-from klann_ros.review.loading.solvers import leg_solvers, parent, published_legs
+from klann_ros.review.load.solvers import leg_solvers, parent, published_legs
 from klann_ros.review.model.recording import LegSolver
 from klann_ros.robot.file import of_leg
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
+from klann_ros.web.shape import leg_shape
 import numpy as np
 
 # Who publishes more legs has more than a page can show.

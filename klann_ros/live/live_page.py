@@ -7,8 +7,8 @@ from pathlib import Path
 from string import Template
 from urllib.parse import quote
 
-from klann_ros.page.markup import element, joined, Markup
-from klann_ros.page.parts import FRAME, SHARED, text
+from klann_ros.web.markup import element, joined, Markup
+from klann_ros.web.parts import FRAME, SHARED, text
 
 from .runs import Run
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
-from klann_ros.untrusted.text import printable_line
+from klann_ros.sanitize.text import printable_line
 
 from .protocol import LARGEST
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import sys
 import tempfile
 
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 
 # A folder may hold a million; the newest of them are shown.
 MOST_RUNS = 500

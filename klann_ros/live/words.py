@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import re
 from typing import Any
 
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 
 # A status of more of them is nobody's to read.
 MOST_VALUES = 64

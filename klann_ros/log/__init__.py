@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from .reader import Log, open_log
     from .records import Attachment, Message, Topic
     from .recovery import recover, Recovery
-    from .writing.writer import RunWriter
+    from .write.writer import RunWriter
 
 __all__ = [
     'Attachment',

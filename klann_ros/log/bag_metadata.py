@@ -8,7 +8,7 @@ without that key, in the MCAP metadata record ``rosbag2`` under ``serialized_met
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from klann_ros.untrusted import yaml_text
+from klann_ros.sanitize import yaml_text
 
 from .qos import qos_from_yaml, qos_to_data
 from .records import Topic

@@ -15,7 +15,7 @@ from pathlib import Path
 import re
 import sys
 
-from klann_ros.untrusted.files import is_plain, open_plain
+from klann_ros.sanitize.files import is_plain, open_plain
 
 from .errors import AnyPath, UnknownTypeError
 

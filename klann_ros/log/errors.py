@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from os import PathLike
 from typing import TypeAlias
 
-from klann_ros.untrusted.text import printable, printable_line
+from klann_ros.sanitize.text import printable, printable_line
 
 AnyPath: TypeAlias = str | PathLike[str]
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from klann_ros.untrusted import yaml_text
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize import yaml_text
+from klann_ros.sanitize.text import printable
 
 from .errors import MalformedQosError
 

@@ -11,10 +11,10 @@ import hashlib
 from pathlib import Path
 
 from .errors import AnyPath
-from .reading.block import MessageBlock
-from .reading.opening import open_files
-from .reading.sources import in_time_order, latest
-from .reading.storage import Storage
+from .read.block import MessageBlock
+from .read.opening import open_files
+from .read.sources import in_time_order, latest
+from .read.storage import Storage
 from .records import Attachment, Message
 
 

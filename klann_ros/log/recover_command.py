@@ -5,11 +5,11 @@ import os
 from pathlib import Path
 import sys
 
-from klann_ros.untrusted.arguments import ArgumentParser, path
-from klann_ros.untrusted.text import counted, LONGEST_LINE, printable, printable_line
+from klann_ros.sanitize.arguments import ArgumentParser, path
+from klann_ros.sanitize.text import counted, LONGEST_LINE, printable, printable_line
 
 from .errors import LogError, NotALogError
-from .reading.run_files import LOG_HELP, run_name
+from .read.run_files import LOG_HELP, run_name
 from .recovery import recover, Recovery
 
 NOTHING_LOST = 0

@@ -1,7 +1,7 @@
 """
 Make a readable run out of a damaged one.
 
-The files are walked record by record (:mod:`klann_ros.log.reading.mcap.walk`); every message,
+The files are walked record by record (:mod:`klann_ros.log.mcap.walk`); every message,
 attachment and metadata record that is intact goes into a new run as it was: times, sequence
 numbers, schemas and channel metadata. The files of a split run become one. The input is opened for
 reading only.
@@ -16,17 +16,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from klann_ros.untrusted.files import is_within
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.files import is_within
+from klann_ros.sanitize.text import printable
 
 from .bag_metadata import RECORD_NAME
 from .errors import AnyPath, MalformedQosError, NotALogError, UnwritableError
 from .qos import QosTexts
+from .read.opening import open_files
+from .read.storage import Storage
 from .reader import attachment_key, metadata_key, Repeats
-from .reading.opening import open_files
-from .reading.storage import Storage
 from .records import Attachment, Topic
-from .writing.writer import RunWriter
+from .write.writer import RunWriter
 
 
 @dataclass

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 import json
 from typing import Any
 
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 
 SOLVER_RECORD = 'klann_ros.solver'
 LOSS_RECORD = 'klann_ros.loss'

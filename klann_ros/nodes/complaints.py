@@ -4,9 +4,9 @@ from collections.abc import Collection, Iterator, Sequence
 from itertools import islice, pairwise
 from typing import Any
 
-from klann_ros.untrusted import yaml_text
-from klann_ros.untrusted.files import NotAPlainFileError, open_plain, read_plain
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize import yaml_text
+from klann_ros.sanitize.files import NotAPlainFileError, open_plain, read_plain
+from klann_ros.sanitize.text import printable
 from rclpy.node import Node
 
 from .parameters import LONGEST_NAME, overrides, unknown_parameter

@@ -13,7 +13,7 @@ from time import monotonic
 from typing import Any
 
 from klann_ros.log.definitions import is_installed, split_type
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node

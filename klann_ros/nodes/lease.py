@@ -13,7 +13,7 @@ import secrets
 from time import monotonic
 
 from diagnostic_msgs.msg import KeyValue
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile

@@ -11,7 +11,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import InvalidParameterTypeException, ParameterNotDeclaredException
 from rclpy.node import Node

@@ -9,9 +9,9 @@ import sys
 import traceback
 from typing import Protocol
 
+from klann_ros.sanitize.text import printable, printable_line
+from klann_ros.sanitize.units import report_unit_warnings
 from klann_ros.stop_signals import StopSignals
-from klann_ros.untrusted.text import printable, printable_line
-from klann_ros.untrusted.units import report_unit_warnings
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.exceptions import NameValidationException, ParameterException

@@ -5,7 +5,7 @@ from typing import Any
 
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 from klann_ros.robot import Robot, robot_from_parameters
-from klann_ros.untrusted.text import printable_line
+from klann_ros.sanitize.text import printable_line
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 

@@ -10,22 +10,22 @@ import sys
 import tempfile
 
 from klann_ros.log.errors import LogError
-from klann_ros.log.reading.run_files import LOG_HELP
-from klann_ros.page.browser import is_opened
+from klann_ros.log.read.run_files import LOG_HELP
 from klann_ros.review.live.follow import follow
 from klann_ros.review.model.comparing import compare
 from klann_ros.review.model.limits import Limits, limits_from_file, NAMES
 from klann_ros.review.model.review import Review
-from klann_ros.review.report.html_page import page
+from klann_ros.review.page import page
 from klann_ros.review.report.outputs import Output, OutputError, outputs, Save
 from klann_ros.review.report.picture import NoPictureError, picture_format, save_picture
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.robot.file import preset_names
-from klann_ros.untrusted.arguments import ArgumentParser, command_words, path
-from klann_ros.untrusted.text import printable, printable_line
+from klann_ros.sanitize.arguments import ArgumentParser, command_words, path
+from klann_ros.sanitize.text import printable, printable_line
+from klann_ros.web.browser import is_opened
 from tqdm import tqdm
 
-from .each import command as each
+from .fleet import command as each
 from .report import json_report, pose_table, text
 from .reviewing import Progress, review_run
 

@@ -6,7 +6,7 @@ from functools import partial
 
 from klann_ros.log.errors import AnyPath
 from klann_ros.log.reader import open_log
-from klann_ros.review.loading.load import load
+from klann_ros.review.load.load import load
 from klann_ros.review.model.answering import answering
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.pose_errors import pose_errors
@@ -16,7 +16,7 @@ from klann_ros.review.model.simulated_time import resolution
 from klann_ros.review.model.unanswered import Silence, silences, unanswered
 from klann_ros.review.model.walks import walk_figures
 from klann_ros.robot import Robot
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 import numpy as np
 
 from .checks import Check, CHECKS, findings

@@ -20,10 +20,10 @@ from klann_ros.kinematics import (
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.klann.geometry import NUMBERS, PRESETS
 from klann_ros.kinematics.linkage.file import is_linkage, linkage_text, SHIPPED
-from klann_ros.untrusted.files import is_plain, read_plain
-from klann_ros.untrusted.text import printable, printable_line
-from klann_ros.untrusted.units import warn_of_angle
-from klann_ros.untrusted.yaml_text import LONGEST, parse
+from klann_ros.sanitize.files import is_plain, read_plain
+from klann_ros.sanitize.text import printable, printable_line
+from klann_ros.sanitize.units import warn_of_angle
+from klann_ros.sanitize.yaml_text import LONGEST, parse
 
 from .robot import Body, Mount, Robot, RobotLeg, Triple
 from .section import solver_section

@@ -5,7 +5,7 @@ import re
 from typing import Any
 
 from klann_ros.kinematics.klann.geometry import NUMBERS
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 
 _NODE = '/solver_node'
 _PARAMETERS = 'ros__parameters'

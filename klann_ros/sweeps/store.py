@@ -9,8 +9,8 @@ import secrets
 from typing import Any
 
 from klann_ros.engines import Failed, mapped
-from klann_ros.untrusted.files import open_plain, read_plain
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.files import open_plain, read_plain
+from klann_ros.sanitize.text import printable
 import numpy as np
 from numpy.typing import NDArray
 

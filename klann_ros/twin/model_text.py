@@ -1,6 +1,6 @@
 """What a model is written with: names, places, numbers, and what touches what."""
 
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 
 # Between the names of a leg and of its joint: ros2_control and MoveIt refuse a slash.
 SEPARATOR = '_'

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import NamedTuple
 
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 
 
 class TwinError(ValueError):

@@ -4,7 +4,7 @@ from math import cos, degrees, exp, isfinite
 from typing import Any
 
 from klann_ros.robot import Robot
-from klann_ros.untrusted.text import did_you_mean, printable, printable_line
+from klann_ros.sanitize.text import did_you_mean, printable, printable_line
 import numpy as np
 from numpy.typing import NDArray
 

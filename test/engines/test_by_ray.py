@@ -8,7 +8,7 @@ from typing import Any
 
 from engine_functions import fragile, squared
 from klann_ros.engines import mapped
-import klann_ros.review.each.command as each
+import klann_ros.review.fleet.command as each
 from leg_runs import LegRun
 import pytest
 

@@ -17,7 +17,7 @@ from klann_ros.log import recover_command
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.review import command as review_command
-from klann_ros.untrusted.text import counted
+from klann_ros.sanitize.text import counted
 
 MAX_MEMORY = 200 * 2**20
 UNVERIFIED = 'no CRC, so nobody knows'

@@ -8,7 +8,7 @@ from fuzzing.samples import content
 from klann_ros.log import recover_command
 from klann_ros.log.reader import open_log
 from klann_ros.review import command as review_command
-from klann_ros.untrusted.text import counted
+from klann_ros.sanitize.text import counted
 from mcap_bytes.legal import change_file
 
 

@@ -11,7 +11,7 @@ from fuzzing.hostile import hostile_run
 from klann_ros.log.definitions import definition
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.writing.writer import RunWriter
+from klann_ros.log.write.writer import RunWriter
 from mcap.writer import CompressionType, IndexType, Writer
 from mcap_bytes.legal import change_file
 from rosbag2_bags import KINDS, write_bag

@@ -7,6 +7,8 @@ from threading import Event
 import time
 
 from klann_ros.log.errors import LowSpaceError
+from klann_ros.log.events.ring import MOST_LATCHED, Ring
+from klann_ros.log.events.session import EventSession, EventSettings
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message, Topic
@@ -21,11 +23,9 @@ from klann_ros.log.run_parameters import (
     ToldFinding,
     topic_counts,
 )
-from klann_ros.log.writing.background_writer import BackgroundWriter, OVERHEAD
-from klann_ros.log.writing.events.ring import MOST_LATCHED, Ring
-from klann_ros.log.writing.events.session import EventSession, EventSettings
-from klann_ros.log.writing.ledger import Fate, Ledger, Tally
-from klann_ros.log.writing.writer import RunWriter
+from klann_ros.log.write.background_writer import BackgroundWriter, OVERHEAD
+from klann_ros.log.write.ledger import Fate, Ledger, Tally
+from klann_ros.log.write.writer import RunWriter
 import pytest
 
 LATCHED = qos_to_yaml([Qos(durability='transient_local')])
@@ -68,7 +68,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     made = Clock()
-    monkeypatch.setattr('klann_ros.log.writing.events.session.monotonic', made)
+    monkeypatch.setattr('klann_ros.log.events.session.monotonic', made)
     return made
 
 

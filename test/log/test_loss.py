@@ -12,7 +12,7 @@ from klann_ros.log.run_parameters import (
     topic_counts,
     TopicCount,
 )
-from klann_ros.log.writing.recording import losses_in_words
+from klann_ros.log.write.recording import losses_in_words
 import pytest
 
 KNOWN, NOTHING = 'as far as can be counted', 'nothing is known'

@@ -60,7 +60,7 @@ KILLED = """
 import sys, time
 sys.path[:0] = {paths!r}
 from crank_runs import make_messages
-from klann_ros.log.writing.writer import RunWriter
+from klann_ros.log.write.writer import RunWriter
 writer = RunWriter({folder!r}, compression={compression!r})
 writer.attach('geometry.yaml', 'application/yaml', b'l_ab: 0.12', 1)
 for number, message in enumerate(make_messages(1_000_000)):
@@ -256,7 +256,7 @@ def test_an_interrupt_leaves_neither_traceback_nor_output(
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr('klann_ros.log.writing.writer.RunWriter.write', interrupt)
+    monkeypatch.setattr('klann_ros.log.write.writer.RunWriter.write', interrupt)
     assert main([str(run_file), '-o', str(tmp_path / 'again')]) == 130
     assert 'Traceback' not in capsys.readouterr().err
     assert not (tmp_path / 'again').exists()
@@ -275,7 +275,7 @@ def test_a_full_disk_is_exit_code_1_and_leaves_no_half_run(
             raise OSError(28, 'No space left on device')
         return write(descriptor, data)
 
-    monkeypatch.setattr('klann_ros.log.writing.durable_file.os.write', fill)
+    monkeypatch.setattr('klann_ros.log.write.durable_file.os.write', fill)
     assert main([str(run_file), '-o', str(tmp_path / 'again')]) == 1
     assert 'No space left' in capsys.readouterr().err
     assert not (tmp_path / 'again').exists()

@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Attachment, Message, Topic
-from klann_ros.log.writing.writer import RunWriter
+from klann_ros.log.write.writer import RunWriter
 from mcap.reader import make_reader
 from mcap.writer import MCAP0_MAGIC
 from mcap_ros2.decoder import DecoderFactory

@@ -15,12 +15,12 @@ from klann_ros.kinematics.linkage.file import SHIPPED
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.nodes.solver.leg_parameters import LegParameters
-from klann_ros.review.loading.klann_urdf import klann_legs_in_urdf
-from klann_ros.review.loading.solvers import published_legs
+from klann_ros.review.load.klann_urdf import klann_legs_in_urdf
+from klann_ros.review.load.solvers import published_legs
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.robot.section import solver_section
-from klann_ros.untrusted.units import UnitWarning
+from klann_ros.sanitize.units import UnitWarning
 from leg_runs import LegRun
 import pytest
 from rclpy.context import Context

@@ -145,7 +145,7 @@ def test_both_share_the_same_files(
 
 def test_the_lab_is_shared(installation: Installation) -> None:
     shared = installation.prefix / 'share/klann_ros/lab.html'
-    assert shared.read_bytes() == (ROOT / 'klann_ros/page/lab/lab.html').read_bytes()
+    assert shared.read_bytes() == (ROOT / 'klann_ros/web/lab/lab.html').read_bytes()
 
 
 def test_solver_node_solves(installation: Installation, domain: int) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import ceil, floor, log10, pi
 
-from klann_ros.page.markup import element, joined, Markup
+from klann_ros.web.markup import element, joined, Markup
 import numpy as np
 from numpy.typing import NDArray
 

@@ -7,10 +7,10 @@ from typing import Any
 from klann_ros.datasheet.load import EDGE_OFFSET, on_the_ground
 from klann_ros.datasheet.sheet import DataSheet, LegSheet
 from klann_ros.kinematics.angles import TURN
-from klann_ros.page.markup import element
-from klann_ros.page.parts import as_script, FRAME, Parts, SHARED, text
-from klann_ros.page.shape import leg_shape
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
+from klann_ros.web.markup import element
+from klann_ros.web.parts import as_script, FRAME, Parts, SHARED, text
+from klann_ros.web.shape import leg_shape
 import numpy as np
 
 from . import sections

@@ -6,7 +6,7 @@ from math import degrees
 from klann_ros.datasheet import figures
 from klann_ros.datasheet.figures import Figure, Table
 from klann_ros.datasheet.sheet import CrankSheet, DataSheet, LegForces, LegSheet
-from klann_ros.page.markup import element, joined, Markup, scrolling_table
+from klann_ros.web.markup import element, joined, Markup, scrolling_table
 import numpy as np
 
 from .chart import Chart, grid, Line

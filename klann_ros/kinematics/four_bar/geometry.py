@@ -11,7 +11,7 @@ from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage.linkage import Linkage
 from klann_ros.kinematics.linkage.reach import tie
 from klann_ros.kinematics.linkage.structure import Bar, Body, by_name, Dimension, Structure
-from klann_ros.untrusted.text import did_you_mean
+from klann_ros.sanitize.text import did_you_mean
 
 LENGTHS = ('ground', 'crank', 'coupler', 'rocker')
 STRUCTURE = Structure(

@@ -13,8 +13,8 @@ from klann_ros.kinematics.linkage.assemblies import assemblies
 from klann_ros.kinematics.linkage.linkage import Linkage
 from klann_ros.kinematics.linkage.reach import closes_somewhere
 from klann_ros.kinematics.linkage.structure import Bar, Body, by_name, Dimension, Structure
-from klann_ros.untrusted.text import printable
-from klann_ros.untrusted.units import warn_of_lengths
+from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.units import warn_of_lengths
 
 LENGTHS = ('l_ab', 'l_bc', 'l_dc', 'l_cg', 'l_ef', 'l_fg', 'l_gh')
 COORDINATES = ('x_d', 'y_a', 'x_e', 'y_e')

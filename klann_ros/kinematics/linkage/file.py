@@ -9,10 +9,10 @@ from typing import Any
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import GeometryError
-from klann_ros.untrusted.files import read_plain
-from klann_ros.untrusted.text import did_you_mean, printable, printable_line
-from klann_ros.untrusted.units import warn_of_lengths
-from klann_ros.untrusted.yaml_text import LONGEST, parse, YamlError
+from klann_ros.sanitize.files import read_plain
+from klann_ros.sanitize.text import did_you_mean, printable, printable_line
+from klann_ros.sanitize.units import warn_of_lengths
+from klann_ros.sanitize.yaml_text import LONGEST, parse, YamlError
 
 from .file_checks import check_start, every_bar, IN_DEGREES, misspelt, reached, stated
 from .linkage import Linkage

@@ -7,7 +7,7 @@ from typing import Any
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import GeometryError, NotAssembledError
-from klann_ros.untrusted.text import did_you_mean, listed
+from klann_ros.sanitize.text import did_you_mean, listed
 
 from .assemblies import MOST_NAMED, named_assemblies, nearest_assembly, possible_assemblies
 from .linkage import Linkage

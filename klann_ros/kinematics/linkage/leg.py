@@ -16,7 +16,7 @@ from klann_ros.kinematics.tracking import (
     Settings,
     track,
 )
-from klann_ros.untrusted.text import listed
+from klann_ros.sanitize.text import listed
 import numpy as np
 
 from .branch import STEP

@@ -9,7 +9,7 @@ from typing import Any
 
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import best_match
-from klann_ros.untrusted.text import did_you_mean
+from klann_ros.sanitize.text import did_you_mean
 
 # What a complaint is about is Any: its types hold a marker for what is not set.
 TYPES = {

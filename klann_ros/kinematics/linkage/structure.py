@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from klann_ros.kinematics.errors import GeometryError
-from klann_ros.untrusted.text import did_you_mean
+from klann_ros.sanitize.text import did_you_mean
 
 from .assembly import assembly_order, Group
 from .paths import loop_paths, Path

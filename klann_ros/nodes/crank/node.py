@@ -11,8 +11,8 @@ from klann_ros.nodes.endpoints import create_publisher, flush, QOS_USAGE
 from klann_ros.nodes.lease import leased_topic, LeaseListener
 from klann_ros.nodes.parameters import declare, must, StartError, usage
 from klann_ros.nodes.process import arguments, Finish, run
+from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.stop_signals import StopSignals
-from klann_ros.untrusted.arguments import ArgumentParser
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node

@@ -7,12 +7,12 @@ from functools import partial
 from math import inf, nan
 from typing import Any
 
-from klann_ros.log.playing.timeline import RATES
-from klann_ros.log.playing.transport import PlaybackError, Transport
-from klann_ros.log.reading.run_files import LOG_HELP
+from klann_ros.log.play.timeline import RATES
+from klann_ros.log.play.transport import PlaybackError, Transport
+from klann_ros.log.read.run_files import LOG_HELP
 from klann_ros.nodes.endpoints import create_trigger
 from klann_ros.nodes.parameters import Declaration, on_change
-from klann_ros.untrusted.arguments import path
+from klann_ros.sanitize.arguments import path
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 

@@ -8,16 +8,16 @@ import sys
 from threading import Event, Thread
 
 from klann_ros.log.errors import LogError
-from klann_ros.log.playing.playback import length, Playback, Selection
+from klann_ros.log.play.playback import length, Playback, Selection
 from klann_ros.log.reader import Log, open_log
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import REPLAYED_PARAMETER, replayed_text, SOLVER_RECORD
 from klann_ros.nodes.lease import leased_topic, LeaseListener
 from klann_ros.nodes.parameters import declare, declare_constant
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run
+from klann_ros.sanitize.arguments import ArgumentParser
+from klann_ros.sanitize.text import listed, printable, printable_line
 from klann_ros.stop_signals import StopSignals
-from klann_ros.untrusted.arguments import ArgumentParser
-from klann_ros.untrusted.text import listed, printable, printable_line
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile

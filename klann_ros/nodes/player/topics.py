@@ -15,7 +15,7 @@ from klann_ros.nodes.endpoints import (
     UnknownMessageTypeError,
 )
 from klann_ros.nodes.process import ros_error, ROS_ERRORS
-from klann_ros.untrusted.text import printable, printable_line, verb
+from klann_ros.sanitize.text import printable, printable_line, verb
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
 from rclpy.node import Node

@@ -4,11 +4,11 @@ from collections import deque
 from collections.abc import Callable, Iterable
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from klann_ros.log.writing.mcap_file import COMPRESSIONS
-from klann_ros.log.writing.recording import RecordingState
+from klann_ros.log.write.mcap_file import COMPRESSIONS
+from klann_ros.log.write.recording import RecordingState
 from klann_ros.nodes.endpoints import create_publisher, flush
 from klann_ros.nodes.parameters import Declaration
-from klann_ros.untrusted.text import counted, verb
+from klann_ros.sanitize.text import counted, verb
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.serialization import serialize_message

@@ -15,7 +15,7 @@ from klann_ros.nodes.process import error_and_place
 from klann_ros.review.live.judge import LiveFinding, LiveJudge, MOST, STEP
 from klann_ros.review.model.limits import Limits, limits_from_file
 from klann_ros.review.model.review import Severity
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 

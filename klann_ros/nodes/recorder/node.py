@@ -4,14 +4,14 @@ from collections.abc import Callable, Sequence
 from time import monotonic, time_ns
 from typing import Any, TYPE_CHECKING
 
+from klann_ros.log.events.session import EventSession
 from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import Pause, SolverParameters, ToldFinding
-from klann_ros.log.writing.events.session import EventSession
 from klann_ros.nodes.endpoints import create_trigger
 from klann_ros.nodes.parameters import declare, overrides, usage
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run, spin_on
+from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.stop_signals import StopSignals
-from klann_ros.untrusted.arguments import ArgumentParser
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 
@@ -21,7 +21,7 @@ from .solver_watch import SolverWatch
 from .topic_watch import TopicWatch
 
 if TYPE_CHECKING:
-    from klann_ros.log.writing.recording import Recording
+    from klann_ros.log.write.recording import Recording
 
     from .judging import Judging
 

@@ -10,17 +10,17 @@ from typing import Any
 
 from klann_ros import __version__
 from klann_ros.log.errors import LogError
+from klann_ros.log.events.session import EventSession, EventSettings
 from klann_ros.log.run_parameters import RECORDER_RECORD
-from klann_ros.log.writing.background_writer import BackgroundWriter, CAPACITY, SplitLimits
-from klann_ros.log.writing.disk_space import check_free_space
-from klann_ros.log.writing.events.session import EventSession, EventSettings
-from klann_ros.log.writing.file_watch import Faults
-from klann_ros.log.writing.recording import RecordingSession
-from klann_ros.log.writing.unfinished import remove_old_reserves, unfinished_runs
-from klann_ros.log.writing.writer import RunWriter
+from klann_ros.log.write.background_writer import BackgroundWriter, CAPACITY, SplitLimits
+from klann_ros.log.write.disk_space import check_free_space
+from klann_ros.log.write.file_watch import Faults
+from klann_ros.log.write.recording import RecordingSession
+from klann_ros.log.write.unfinished import remove_old_reserves, unfinished_runs
+from klann_ros.log.write.writer import RunWriter
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.process import Finish
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.utilities import get_rmw_implementation_identifier
 

@@ -8,8 +8,8 @@ from typing import Any, TYPE_CHECKING
 from klann_ros.log.definitions import definition
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.writing.ledger import Ledger
-from klann_ros.log.writing.recording import Pauses
+from klann_ros.log.write.ledger import Ledger
+from klann_ros.log.write.recording import Pauses
 from klann_ros.nodes.endpoints import DEPTH, message_class
 from klann_ros.nodes.lean_loop import Info
 from rclpy.callback_groups import CallbackGroup

@@ -11,12 +11,12 @@ from time import monotonic, time_ns
 from klann_ros.log.errors import LogError
 from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import Pause
-from klann_ros.log.writing.ledger import Ledger
-from klann_ros.log.writing.recording import Pauses
+from klann_ros.log.write.ledger import Ledger
+from klann_ros.log.write.recording import Pauses
 from klann_ros.nodes.endpoints import name_refusal, UnknownMessageTypeError
 from klann_ros.nodes.lean_loop import LeanCallbackGroup
 from klann_ros.nodes.process import ros_error, ROS_ERRORS
-from klann_ros.untrusted.text import printable, printable_line
+from klann_ros.sanitize.text import printable, printable_line
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 

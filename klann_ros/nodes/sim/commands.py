@@ -8,8 +8,8 @@ from typing import Any
 from klann_ros.nodes.endpoints import INPUT, overridden
 from klann_ros.nodes.lean_loop import Info, LeanCallbackGroup
 from klann_ros.nodes.solver.cdr import JointReader
+from klann_ros.sanitize.text import printable
 from klann_ros.twin import Twin
-from klann_ros.untrusted.text import printable
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 

@@ -13,10 +13,10 @@ from klann_ros.nodes.lean_loop import LeanCallbackGroup
 from klann_ros.nodes.parameters import declare, must, StartError, usage
 from klann_ros.nodes.process import arguments, run
 from klann_ros.nodes.robot_parameters import declared_robot
+from klann_ros.sanitize.arguments import ArgumentParser
+from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
 from klann_ros.twin import DivergedError, Kept, NoMujocoError, Pace, Twin, TwinError
-from klann_ros.untrusted.arguments import ArgumentParser
-from klann_ros.untrusted.text import printable
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.time import Time

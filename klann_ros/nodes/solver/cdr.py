@@ -19,14 +19,14 @@ from collections.abc import Sequence
 import struct
 from typing import NamedTuple
 
-from klann_ros.untrusted.cdr import (
+from klann_ros.sanitize.cdr import (
     CdrCursor,
     HEADER_SIZE,
     ORDERS,
     read_joint_state,
     STAMP_SIZE,
 )
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 
 # What is said of a message that has not the joint.
 MOST_NAMES, LONGEST_NAME = 5, 40

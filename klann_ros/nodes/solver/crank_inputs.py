@@ -8,7 +8,7 @@ from klann_ros.kinematics import KinematicsError
 from klann_ros.log.loss import LossCounter
 from klann_ros.nodes.endpoints import INPUT, overridden
 from klann_ros.nodes.lean_loop import Info, LeanCallbackGroup
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from sensor_msgs.msg import JointState

@@ -5,7 +5,7 @@ from math import degrees, tau
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from klann_ros.nodes.endpoints import create_publisher
-from klann_ros.untrusted.text import verb
+from klann_ros.sanitize.text import verb
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 

@@ -16,7 +16,7 @@ from klann_ros.nodes.parameters import (
     StartError,
 )
 from klann_ros.robot import Robot, robot_from_parameters
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 

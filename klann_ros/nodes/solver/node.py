@@ -8,9 +8,9 @@ from klann_ros.kinematics import CrankAngleError, GeometryError, KinematicsError
 from klann_ros.nodes.endpoints import create_trigger, QOS_USAGE
 from klann_ros.nodes.parameters import declare, usage
 from klann_ros.nodes.process import arguments, run
+from klann_ros.sanitize.arguments import ArgumentParser
+from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
-from klann_ros.untrusted.arguments import ArgumentParser
-from klann_ros.untrusted.text import printable
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node

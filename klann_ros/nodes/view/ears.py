@@ -8,7 +8,7 @@ from klann_ros.live.rates import TopicFigures
 from klann_ros.nodes.endpoints import message_class, name_refusal, UnknownMessageTypeError
 from klann_ros.nodes.lean_loop import Info, LeanCallbackGroup
 from klann_ros.nodes.process import ROS_ERRORS
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy

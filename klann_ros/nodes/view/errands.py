@@ -8,7 +8,7 @@ from time import monotonic
 from typing import Any
 
 from klann_ros.live.clients import Answer
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 from rcl_interfaces.msg import Parameter as ParameterMessage  # noqa: TC002 - a message
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.client import Client

@@ -9,10 +9,10 @@ from threading import Thread
 from klann_ros.live.guard import Guard, new_token
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run
-from klann_ros.page.browser import is_opened
+from klann_ros.sanitize.arguments import ArgumentParser, path
+from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
-from klann_ros.untrusted.arguments import ArgumentParser, path
-from klann_ros.untrusted.text import printable
+from klann_ros.web.browser import is_opened
 
 DESCRIPTION = """\
 Show the legs that publish in a browser, live: the pose, the foot, charts, diagnostics, rates.

@@ -29,7 +29,7 @@ from klann_ros.log.run_parameters import (
 )
 from klann_ros.nodes.lease import CRANK_STATE
 from klann_ros.nodes.recorder.solver_watch import SolverWatch
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 

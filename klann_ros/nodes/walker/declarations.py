@@ -6,9 +6,9 @@ from math import inf
 from typing import Any
 
 from klann_ros.nodes.parameters import Declaration
-from klann_ros.walking import Limits, Settings
-from klann_ros.walking.controller import MAX_GAP
-from klann_ros.walking.phase_lock import INTEGRAL, PROPORTIONAL
+from klann_ros.walker import Limits, Settings
+from klann_ros.walker.controller import MAX_GAP
+from klann_ros.walker.phase_lock import INTEGRAL, PROPORTIONAL
 
 # A gap in the loop is never shorter than so many periods of the commands.
 MIN_GAP_PERIODS = 3.0

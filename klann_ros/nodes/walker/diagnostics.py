@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from klann_ros.nodes.endpoints import create_publisher
-from klann_ros.walking import Level, Walker
+from klann_ros.walker import Level, Walker
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 

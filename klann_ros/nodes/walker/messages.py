@@ -11,7 +11,7 @@ import struct
 from typing import Any, NamedTuple
 
 from geometry_msgs.msg import TransformStamped
-from klann_ros.untrusted.cdr import CdrCursor, HEADER_SIZE, STAMP_SIZE
+from klann_ros.sanitize.cdr import CdrCursor, HEADER_SIZE, STAMP_SIZE
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 

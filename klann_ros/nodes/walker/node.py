@@ -12,10 +12,10 @@ from klann_ros.nodes.parameters import declare, on_change, StartError, usage
 from klann_ros.nodes.process import arguments, run
 from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.nodes.solver.cdr import JointReader
+from klann_ros.sanitize.arguments import ArgumentParser
+from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.stop_signals import StopSignals
-from klann_ros.untrusted.arguments import ArgumentParser
-from klann_ros.untrusted.text import printable, printable_line
-from klann_ros.walking import (
+from klann_ros.walker import (
     Feet,
     imu_reading,
     NoWalkerError,

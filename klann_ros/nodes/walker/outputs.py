@@ -6,7 +6,7 @@ from typing import Any
 
 from klann_ros.nodes.endpoints import create_publisher, message_class, UnknownMessageTypeError
 from klann_ros.nodes.solver.cdr import JointStateTemplate
-from klann_ros.walking import CrankCommand, Odometer
+from klann_ros.walker import CrankCommand, Odometer
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import JointState

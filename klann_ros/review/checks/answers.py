@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from klann_ros.review.model.answering import asked_angles, Cause
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
-from klann_ros.untrusted.text import printable, verb
+from klann_ros.sanitize.text import printable, verb
 import numpy as np
 
 from .poses import wrong_poses

@@ -7,7 +7,7 @@ from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.simulated_time import CLOCK, offsets
 from klann_ros.review.model.times import overlap
 from klann_ros.review.model.topics import TopicFigures, TopicRecording
-from klann_ros.untrusted.text import listed, printable, times, verb
+from klann_ros.sanitize.text import listed, printable, times, verb
 import numpy as np
 
 from .motion import back_and_forth

@@ -6,7 +6,7 @@ from klann_ros.review.model.recording import RunRecording
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.topics import TopicRecording
 from klann_ros.robot.file import preset_names
-from klann_ros.untrusted.text import counted, printable, printable_line, verb
+from klann_ros.sanitize.text import counted, printable, printable_line, verb
 
 _MOST_PROBLEMS = 3
 # So many of what the recorder told are repeated.

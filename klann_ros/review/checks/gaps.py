@@ -9,7 +9,7 @@ from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.simulated_time import CLOCK, pauses
 from klann_ros.review.model.times import Hole, merged
 from klann_ros.review.model.unanswered import refusals, Silence, SOON, without_holes
-from klann_ros.untrusted.text import counted, listed, printable_line, verb
+from klann_ros.sanitize.text import counted, listed, printable_line, verb
 
 # What a solver publishes beside the poses.
 _ANSWERS = ('point_h', 'velocity_h')

@@ -17,7 +17,7 @@ from klann_ros.review.model.times import (
     overlap,
     RowIndices,
 )
-from klann_ros.untrusted.text import listed, times as times_
+from klann_ros.sanitize.text import listed, times as times_
 import numpy as np
 
 _TURN = 2 * np.pi

@@ -8,7 +8,7 @@ from klann_ros.review.model.pairing import are_among, pairs
 from klann_ros.review.model.pose_errors import PoseErrors
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.times import Flags, Floats
-from klann_ros.untrusted.text import verb
+from klann_ros.sanitize.text import verb
 import numpy as np
 
 

@@ -10,7 +10,7 @@ from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.times import Floats, Times
 from klann_ros.review.model.unanswered import SOON
-from klann_ros.untrusted.text import counted, in_words, listed, verb
+from klann_ros.sanitize.text import counted, in_words, listed, verb
 import numpy as np
 
 # Returns how values differ from others of the same shape.

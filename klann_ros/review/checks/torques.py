@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.torques import Torques, torques
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 import numpy as np
 
 # So many standard errors of what is expected are no difference.

@@ -8,14 +8,14 @@ import re
 from time import monotonic, sleep
 
 from klann_ros.log.errors import NotALogError
-from klann_ros.log.reading.mcap.growing import GrowingFile, NamedRecord
-from klann_ros.log.reading.run_files import natural
+from klann_ros.log.mcap.growing import GrowingFile, NamedRecord
+from klann_ros.log.read.run_files import natural
 from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import pause_of, PAUSE_RECORD, solver_parameters, SOLVER_RECORD
-from klann_ros.log.writing.durable_file import is_being_written
+from klann_ros.log.write.durable_file import is_being_written
 from klann_ros.review.model.limits import Limits
-from klann_ros.untrusted.files import open_plain
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.files import open_plain
+from klann_ros.sanitize.text import printable
 
 from .judge import LiveJudge, STEP
 

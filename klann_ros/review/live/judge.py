@@ -12,8 +12,8 @@ from klann_ros.review.checks import CHECKS
 from klann_ros.review.checks.clocks import check_clocks
 from klann_ros.review.checks.completeness import check_losses
 from klann_ros.review.checks.gaps import answer_topics
-from klann_ros.review.loading.load import load
-from klann_ros.review.loading.solvers import leg_solvers, parent
+from klann_ros.review.load.load import load
+from klann_ros.review.load.solvers import leg_solvers, parent
 from klann_ros.review.model.comparing import dimensions
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.recording import RunRecording
@@ -22,7 +22,7 @@ from klann_ros.review.model.times import intervals, median
 from klann_ros.review.model.topics import TopicRecording
 from klann_ros.review.model.unanswered import SOON
 from klann_ros.review.reviewing import reviewed
-from klann_ros.untrusted.text import counted, printable, verb
+from klann_ros.sanitize.text import counted, printable, verb
 
 from .window import Window
 

@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from klann_ros.log.reading.block import block_of_messages, HEAD, MessageBlock
+from klann_ros.log.read.block import block_of_messages, HEAD, MessageBlock
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
-from klann_ros.review.loading.gathering import may_be_of_a_leg
+from klann_ros.review.load.gathering import may_be_of_a_leg
 from klann_ros.review.model.times import Hole, merged
 import numpy as np
 

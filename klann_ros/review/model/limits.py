@@ -7,9 +7,9 @@ import sys
 from typing import Any
 
 from klann_ros.log.errors import LogError
-from klann_ros.untrusted.files import read_plain
-from klann_ros.untrusted.text import printable_line
-from klann_ros.untrusted.yaml_text import LONGEST, parse
+from klann_ros.sanitize.files import read_plain
+from klann_ros.sanitize.text import printable_line
+from klann_ros.sanitize.yaml_text import LONGEST, parse
 
 
 class LimitsFileError(LogError):

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from klann_ros.untrusted.text import counted
+from klann_ros.sanitize.text import counted
 import numpy as np
 
 from .answering import Answering, Cause

@@ -15,9 +15,9 @@ import secrets
 import stat
 from typing import BinaryIO
 
-from klann_ros.log.reading.opening import LONGEST_MAGIC, MAGICS
-from klann_ros.untrusted.files import is_plain, is_within, open_plain
-from klann_ros.untrusted.text import printable
+from klann_ros.log.read.opening import LONGEST_MAGIC, MAGICS
+from klann_ros.sanitize.files import is_plain, is_within, open_plain
+from klann_ros.sanitize.text import printable
 
 Save = Callable[[BinaryIO], object]
 

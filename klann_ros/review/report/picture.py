@@ -9,7 +9,7 @@ from klann_ros.plotting import plot_pose
 from klann_ros.plotting.artists import legend_beside, PALE
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Review
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 import numpy as np
 
 # matplotlib cannot scale an axis to the largest doubles.

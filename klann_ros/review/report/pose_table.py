@@ -7,7 +7,7 @@ from typing import Any, BinaryIO, TextIO, TYPE_CHECKING
 
 from klann_ros.review.model.review import Review, ReviewedLeg
 from klann_ros.review.model.times import Floats, Times
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 import numpy as np
 from numpy.typing import NDArray
 

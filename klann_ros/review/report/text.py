@@ -7,7 +7,7 @@ from klann_ros.review.model.comparing import Comparison
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.topics import MORE, TopicFigures, WHY_MORE
 from klann_ros.review.model.walks import WalkFigures
-from klann_ros.untrusted.text import counted, printable, printable_line
+from klann_ros.sanitize.text import counted, printable, printable_line
 
 # Gives a text a colour (SGR code), or leaves it as it is.
 _Paint = Callable[[str, str], str]

@@ -27,7 +27,7 @@ H = '[0.92382725'
 def run(script: str, folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
     """Run a script with a copy of the package, and whatever else is in a folder."""
     if not (folder / 'klann_ros').exists():
-        for name in ('__init__.py', 'kinematics', 'untrusted'):
+        for name in ('__init__.py', 'kinematics', 'sanitize'):
             copy = shutil.copytree if (PACKAGE / name).is_dir() else shutil.copy
             (folder / 'klann_ros').mkdir(exist_ok=True)
             copy(PACKAGE / name, folder / 'klann_ros' / name)

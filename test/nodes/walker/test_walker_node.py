@@ -10,7 +10,7 @@ from domain import own_domain
 from geometry_msgs.msg import Twist, TwistStamped
 from klann_ros.nodes.walker.node import Beat
 from klann_ros.robot import robot_of
-from klann_ros.walking import Feet, Motion, Steering
+from klann_ros.walker import Feet, Motion, Steering
 from nav_msgs.msg import Odometry
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue

@@ -10,7 +10,7 @@ from klann_ros.log.definitions import definition
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
 from klann_ros.review.command import main
-from klann_ros.review.report.html_page.run_data import timing
+from klann_ros.review.page.run_data import timing
 from klann_ros.review.reviewing import review_run
 import pytest
 

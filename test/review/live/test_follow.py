@@ -12,7 +12,7 @@ import time
 import klann_ros
 from klann_ros.kinematics import KlannLeg
 from klann_ros.log.errors import NotALogError
-from klann_ros.log.reading.mcap.growing import GrowingFile
+from klann_ros.log.mcap.growing import GrowingFile
 from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import (
     Pause,
@@ -22,7 +22,7 @@ from klann_ros.log.run_parameters import (
     solver_record,
     SolverParameters,
 )
-from klann_ros.log.writing.writer import RunWriter
+from klann_ros.log.write.writer import RunWriter
 from klann_ros.review.live import follow as following
 from klann_ros.review.live.follow import follow
 from klann_ros.review.model.limits import Limits

@@ -27,7 +27,7 @@ from klann_ros.log.run_parameters import (
     SolverParameters,
     TopicCount,
 )
-from klann_ros.log.writing.writer import RunWriter
+from klann_ros.log.write.writer import RunWriter
 from klann_ros.review.model.review import Severity
 from klann_ros.review.report import json_report
 from klann_ros.review.reviewing import review_run

@@ -10,7 +10,7 @@ from fork_server import called
 from fuzzing.hostile import EVIL, hostile_run
 from fuzzing.shown import hold
 from klann_ros.review.command import main
-from klann_ros.untrusted.text import printable
+from klann_ros.sanitize.text import printable
 import pytest
 
 

@@ -8,7 +8,7 @@ from subprocess import CompletedProcess
 from fork_server import called, PYTHON
 from klann_ros.review import command
 from klann_ros.review.command import main
-from klann_ros.untrusted.files import is_within
+from klann_ros.sanitize.files import is_within
 import pytest
 
 OPTIONS = ('--html', '--json', '--csv', '--picture')

@@ -1,0 +1,25 @@
+"""
+Many runs, each judged alone: a row a run, whichever machine works on it.
+
+>>> from klann_ros.review.fleet import find_runs, judge_each, Task
+>>> tasks = [Task(run) for run in find_runs(['runs'])]
+>>> for row in judge_each(tasks):
+...     print(row.run, row.verdict, row.reason)
+"""
+
+from .expectations import Expectations, expectations_from_file, ExpectationsFileError
+from .judging import judge, judge_each, Task
+from .row import Row
+from .runs import find_runs, FoundRun
+
+__all__ = [
+    'Expectations',
+    'ExpectationsFileError',
+    'FoundRun',
+    'Row',
+    'Task',
+    'expectations_from_file',
+    'find_runs',
+    'judge',
+    'judge_each',
+]

@@ -1,0 +1,234 @@
+"""`review --each`: many runs, a row a run."""
+
+import argparse
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+import re
+import signal
+import sys
+
+from klann_ros.engines import EngineError, ENGINES
+from klann_ros.log.errors import LogError
+from klann_ros.log.reader import open_log
+from klann_ros.review.model.limits import Limits, limits_from_file
+from klann_ros.review.report.outputs import Output, OutputError, outputs, Save
+from klann_ros.robot import robot_of, RobotFileError
+from klann_ros.sanitize.arguments import ArgumentParser, path
+from klann_ros.sanitize.text import counted, printable, printable_line
+from tqdm import tqdm
+
+from .expectations import Expectations, expectations_from_file
+from .index_page import save_index
+from .judging import judged_each, Task, written
+from .junit import save_junit
+from .row import EXIT_CODES, FINDINGS, OK, Row, UNREADABLE
+from .runs import find_runs, FoundRun
+from .table import check_table, rows_from_table, save_table, TableError
+
+OPTION = '--each'
+NOT_READ, NOT_WRITTEN, INTERRUPTED = 2, 3, 130
+# So many runs with something to say are told in the terminal.
+_MOST_LINES = 50
+DESCRIPTION = """\
+Review many runs, each alone and in parallel: a row a run.
+
+Folders are searched for runs. A run that cannot be read is a row with its reason and never stops
+the rest. The rows are the same, byte for byte, whichever engine makes them and however many jobs.
+Exit code: the worst of the runs': 0 nothing found, 1 findings, 2 one is not readable (or no run is
+there); 3 what was asked for cannot be written."""
+
+
+def main(argv: Sequence[str]) -> int:
+    """Review many runs; return the exit code."""
+    options = _parser().parse_args(argv)
+    try:
+        return _each(options)
+    except OutputError as error:
+        return _fail(error, NOT_WRITTEN)
+    except (EngineError, LogError, OSError, RobotFileError) as error:
+        return _fail(error, NOT_READ)
+
+
+def _fail(error: object, code: int) -> int:
+    print(f'review: {printable_line(error)}', file=sys.stderr)
+    return code
+
+
+def _each(options: argparse.Namespace) -> int:
+    if options.table:
+        check_table(options.table)
+    elif options.resume:
+        raise TableError('--resume goes on with a table: give --table as well')
+    runs = find_runs(options.logs)
+    if not runs:
+        raise LogError(f'there is no run in {", ".join(map(printable, options.logs))}')
+    expectations = Expectations() if options.expect is None else _expectations(options.expect)
+    inputs = [*(run.path for run in runs), options.geometry, options.limits, options.expect]
+    files = outputs(
+        {f'--{name}': getattr(options, name) for name in ('table', 'junit', 'html')},
+        [given for given in (*inputs, expectations.baseline) if given],
+    )
+    pages = _pages(options.html, runs)
+    robot = robot_of(options.geometry) if options.geometry is not None else None
+    limits = limits_from_file(options.limits) if options.limits is not None else Limits()
+    tasks = [
+        Task(run, robot, limits, expectations, page) for run, page in zip(runs, pages, strict=True)
+    ]
+    rows = _resumed(tasks, options.table) if options.resume else {}
+    is_whole, faults = _judge(tasks, rows, options)
+    told = [rows[number] for number in sorted(rows)]
+    print(_report(told, len(runs)))
+    links = {
+        rows[number].run: pages[number] for number in rows if rows[number].verdict != UNREADABLE
+    }
+    savers: dict[str, Save] = {
+        '--table': partial(save_table, options.table or '', told),
+        '--junit': partial(save_junit, told),
+        '--html': partial(save_index, told, options.html or '', links),
+    }
+    faults += [fault for file in files if (fault := _fault(file, savers[file.option]))]
+    for fault in faults[:_MOST_LINES]:
+        _fail(fault, NOT_WRITTEN)
+    if not is_whole:
+        return INTERRUPTED
+    return NOT_WRITTEN if faults else max(row.exit_code for row in told)
+
+
+def _expectations(file: str) -> Expectations:
+    expectations = expectations_from_file(file)
+    if expectations.baseline:
+        # It would be the reason of every row.
+        open_log(expectations.baseline).close()
+    return expectations
+
+
+def _judge(
+    tasks: Sequence[Task], rows: dict[int, Row], options: argparse.Namespace
+) -> tuple[bool, list[str]]:
+    """Add the rows that are missing; return whether all are there, and what of pages is not."""
+    left = [number for number in range(len(tasks)) if number not in rows]
+    faults: list[str] = []
+    engine = {
+        'engine': options.engine,
+        'jobs': options.jobs,
+        'time_limit': options.time_limit,
+        'address': options.ray_address,
+    }
+    judged = judged_each([tasks[number] for number in left], **engine)
+    with tqdm(
+        judged, total=len(left), unit='run', delay=1.0, leave=False, file=sys.stderr, disable=None
+    ) as bar:
+        try:
+            for number, found in bar:
+                rows[left[number]] = found.row
+                faults += [found.page_fault] if found.page_fault else []
+        except KeyboardInterrupt:
+            # What was done is worth writing; a second Ctrl-C must not cut it.
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            judged.close()
+            print(
+                f'review: interrupted after {counted(len(rows), "run")} of {len(tasks)}; '
+                '--resume goes on with the table',
+                file=sys.stderr,
+            )
+            return False, faults
+    return True, faults
+
+
+def _resumed(tasks: Sequence[Task], table: str) -> dict[int, Row]:
+    """Return the rows of a table that are still true, by the numbers of their tasks."""
+    if not Path(table).exists():
+        return {}
+    known = {row.run: row for row in rows_from_table(table) if row.verdict != UNREADABLE}
+    found = {}
+    for number, task in enumerate(tasks):
+        row = known.get(printable(task.run.path))
+        if row is None or row.settings != task.settings:
+            continue
+        if written(task.run) != {'size': row.size, 'modified': row.modified}:
+            continue
+        if not task.page or Path(task.page).exists():
+            found[number] = row
+    return found
+
+
+def _pages(index: str | None, runs: Sequence[FoundRun]) -> list[str]:
+    """Return where the page of each run goes: in a folder beside the index."""
+    if not index:
+        return [''] * len(runs)
+    folder = Path(index).with_name(f'{Path(index).stem}_runs')
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise OutputError(f'{printable(folder)} cannot be made: {error.strerror}') from error
+    digits = len(str(len(runs)))
+    return [
+        '' if run.fault else str(folder / f'{number:0{digits}}_{_plain(Path(run.path).name)}.html')
+        for number, run in enumerate(runs, 1)
+    ]
+
+
+def _plain(name: str) -> str:
+    """Return a name that every file system and every URL takes as it is."""
+    return re.sub(r'[^A-Za-z0-9.-]+', '_', name)[:80].strip('.') or 'run'
+
+
+def _fault(file: Output, save: Save) -> str:
+    try:
+        file.save(save)
+    except OutputError as error:
+        return str(error)
+    return ''
+
+
+def _report(rows: Sequence[Row], asked: int) -> str:
+    """Return what is worth telling in a terminal."""
+    counts = ', '.join(
+        f'{sum(row.verdict == verdict for row in rows)} {words}'
+        for verdict, words in ((OK, 'ok'), (FINDINGS, 'with findings'), (UNREADABLE, 'unreadable'))
+    )
+    worst = sorted((row for row in rows if row.reason), key=lambda row: -EXIT_CODES[row.verdict])
+    lines = [f'{row.verdict:<10}  {row.run}: {row.reason}' for row in worst[:_MOST_LINES]]
+    if len(worst) > _MOST_LINES:
+        lines.append(f'... and {len(worst) - _MOST_LINES} more: --table has them all')
+    return '\n'.join([f'{counted(len(rows), "run")} of {asked}: {counts}', *lines])
+
+
+def _jobs(text: str) -> int:
+    jobs = int(text)
+    if jobs < 1:
+        raise ValueError
+    return jobs
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = ArgumentParser('review --each', DESCRIPTION)
+    add = parser.add_argument
+    add(OPTION, action='store_true', required=True, help=argparse.SUPPRESS)
+    add('logs', metavar='LOG', nargs='+', type=path, help='a run, or a folder with runs in it')
+    add('--expect', metavar='FILE', help='topics, allowed findings and a baseline, as YAML')
+    add('--table', metavar='FILE', help='a row a run (.csv, .parquet)')
+    add('--junit', metavar='FILE', help='a test case a run, as XML for CI')
+    add('--html', metavar='FILE', help="an index page, which leads to each run's own")
+    add('--geometry', metavar='FILE', help='hold all runs against this leg, as for one run')
+    add('--limits', metavar='FILE', help='other limits of the checks, as for one run')
+    add('--engine', choices=ENGINES, default='local', help='who works on it (local)')
+    add('--jobs', metavar='N', type=_jobs, help='how many at once (as many as there are CPUs)')
+    add('--ray-address', metavar='ADDRESS', help='a Ray cluster (the variable RAY_ADDRESS)')
+    add(
+        '--time-limit',
+        metavar='S',
+        type=_seconds,
+        default=3600.0,
+        help='a run that takes longer is given up [s] (3600)',
+    )
+    add('--resume', action='store_true', help='go on: what --table has is not judged again')
+    return parser
+
+
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not 0.0 < seconds < 1e9:
+        raise ValueError
+    return seconds

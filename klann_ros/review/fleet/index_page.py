@@ -1,0 +1,145 @@
+"""An index page of many runs, which leads to the page of each; it needs no script."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+import json
+import os
+from pathlib import Path
+from typing import BinaryIO
+from urllib.parse import quote
+
+from klann_ros.sanitize.text import counted
+from klann_ros.web.markup import element, Markup, scrolling_table, UNKNOWN
+from klann_ros.web.parts import FRAME, Parts, SHARED
+
+from .row import FINDINGS, OK, Row, UNREADABLE
+
+_PARTS = Parts(
+    styles=(*FRAME, SHARED / 'tables.css'),
+    scripts=(),
+)
+_HEADS = (
+    'Run',
+    'Finding',
+    'Duration / s',
+    'Messages',
+    'Lost',
+    'Longest gap / ms',
+    'Worst angle error / rad',
+    'Worst foot error / m',
+)
+_GROUPS = (
+    (UNREADABLE, 'Not readable'),
+    (FINDINGS, 'With findings'),
+    (OK, 'Nothing found'),
+)
+
+
+def save_index(rows: Sequence[Row], place: str, pages: Mapping[str, str], file: BinaryIO) -> None:
+    """
+    Write the page to an open file.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        The runs.
+    place : str
+        Where the page is going to be: its links start there.
+    pages : mapping of str to str
+        The path of each run's own page, '' where there is none.
+    file : binary file
+        Where it is written.
+
+    """
+    folder = Path(place).resolve().parent
+    links = {run: _link(page, folder) for run, page in pages.items() if page}
+    file.write(_page(rows, links).encode(errors='replace'))
+
+
+def _link(page: str, folder: Path) -> str:
+    return quote(os.path.relpath(Path(page).resolve(), folder))
+
+
+def _page(rows: Sequence[Row], links: Mapping[str, str]) -> str:
+    faults = sum(row.verdict != OK for row in rows)
+    title = counted(len(rows), 'run')
+    body = element(
+        'main',
+        element(
+            'header',
+            element('div', element('h1', title), element('p', _summary(rows), class_='quiet')),
+            element(
+                'p',
+                f'{faults} of them not healthy' if faults else 'Healthy',
+                class_=f'verdict {"bad" if faults else "good"}',
+            ),
+        ),
+        _checks(rows),
+        *_groups(rows, links),
+    )
+    head = element(
+        'head',
+        Markup('<meta charset="utf-8">'),
+        _PARTS.policy(),
+        Markup('<meta name="viewport" content="width=device-width, initial-scale=1">'),
+        Markup('<meta name="color-scheme" content="light dark">'),
+        element('title', f'Review of {title}'),
+        _PARTS.style_elements(),
+    )
+    return f'<!doctype html>\n{element("html", head, element("body", body), lang="en")}\n'
+
+
+def _summary(rows: Sequence[Row]) -> str:
+    hours = sum(row.duration or 0.0 for row in rows) / 3600.0
+    messages = sum(row.messages or 0 for row in rows)
+    size = sum(row.size or 0 for row in rows) / 1e9
+    return f'{hours:.2f} h, {messages:,} messages, {size:.2f} GB'
+
+
+def _checks(rows: Sequence[Row]) -> Markup:
+    """Return in how many runs each check found something that counts."""
+    counts = Counter(
+        check
+        for row in rows
+        for check in {
+            each['check']
+            for each in json.loads(row.findings)
+            if each['severity'] in ('error', 'warning')
+        }
+    )
+    if not counts:
+        return Markup()
+    items = (
+        element('li', element('strong', check), f' in {counted(count, "run")}')
+        for check, count in counts.most_common()
+    )
+    heading = element('h2', 'What was found', id='checks')
+    return element('section', heading, element('ul', *items), aria_labelledby='checks')
+
+
+def _groups(rows: Sequence[Row], links: Mapping[str, str]) -> Iterator[Markup]:
+    for verdict, words in _GROUPS:
+        own = [row for row in rows if row.verdict == verdict]
+        if own:
+            heading = element('h2', f'{words} ({len(own)})', id=verdict)
+            table = scrolling_table(
+                words, _HEADS, (_row(row, links.get(row.run, '')) for row in own)
+            )
+            yield element('section', heading, table, aria_labelledby=verdict)
+
+
+def _row(row: Row, link: str) -> tuple[str, ...]:
+    return (
+        element('a', row.run, href=link) if link else row.run,
+        element('span', row.reason, class_='reason'),
+        _number(row.duration, '.2f'),
+        _number(row.messages, ','),
+        _number(row.lost, ','),
+        _number(row.longest_gap and row.longest_gap * 1e3, '.1f'),
+        _number(row.worst_angle_error, '.2g'),
+        _number(row.worst_foot_error, '.2g'),
+    )
+
+
+def _number(value: float | None, form: str) -> str:
+    return UNKNOWN if value is None else format(value, form)

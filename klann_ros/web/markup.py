@@ -1,0 +1,71 @@
+"""HTML elements whose texts are escaped by how they are made: a log may hold any text."""
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+from klann_ros.sanitize.text import printable
+
+# What stands for a number that nobody knows.
+UNKNOWN = '\N{EN DASH}'
+# A longer text is nobody's to read.
+_LONGEST = 20_000
+# Elements without content, and without an end.
+_VOID = frozenset({'input', 'link', 'meta', 'br'})
+
+
+class Markup(str):
+    """Text that is HTML already."""
+
+    __slots__ = ()
+
+
+def element(name: str, *content: str, **attributes: str | float | bool) -> Markup:
+    """
+    Return an element.
+
+    Parameters
+    ----------
+    name : str
+        Such as 'p'.
+    *content : str
+        What is in it; whatever is no Markup is text.
+    **attributes : str, number or bool
+        An underscore stands for a hyphen and ends a name that Python keeps for itself; False
+        leaves the attribute out.
+
+    """
+    told = ''.join(_attribute(key, value) for key, value in attributes.items())
+    if name in _VOID:
+        return Markup(f'<{name}{told}>')
+    return Markup(f'<{name}{told}>{joined(content)}</{name}>')
+
+
+def joined(content: Iterable[str]) -> Markup:
+    """Return markup and texts, one after the other, as markup."""
+    return Markup(''.join(map(_escaped, content)))
+
+
+def _escaped(text: str) -> str:
+    # Marks that turn a line's direction would do that to what stands beside it.
+    return text if isinstance(text, Markup) else escape(printable(text, _LONGEST))
+
+
+def _attribute(key: str, value: str | float | bool) -> str:
+    if value is False:
+        return ''
+    name = key.rstrip('_').replace('_', '-')
+    return f' {name}' if value is True else f' {name}="{escape(printable(value, _LONGEST))}"'
+
+
+def scrolling_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
+    """Return a table, which scrolls where it is too wide; each row begins with what it is of."""
+    head = element('tr', *(element('th', text, scope='col') for text in heads))
+    table = element('table', element('thead', head), element('tbody', *map(_row, rows)))
+    # What scrolls must be reached by keys.
+    return element('div', table, class_='scrolls', tabindex='0', role='region', aria_label=name)
+
+
+def _row(texts: Sequence[str]) -> Markup:
+    first, *others = texts
+    cells = (element('td', text) for text in others)
+    return element('tr', element('th', first, scope='row'), *cells)

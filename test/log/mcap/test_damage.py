@@ -1,0 +1,214 @@
+"""Reading what is no log, cut off or rotten: one kind of error, and no intact message lost."""
+
+import os
+from pathlib import Path
+import random
+import struct
+import tracemalloc
+from types import ModuleType
+
+from klann_ros.log.errors import LogError, NotALogError
+from klann_ros.log.mcap.chunks import MIN_LIMIT
+from klann_ros.log.reader import open_log
+from klann_ros.log.records import Message
+from mcap.writer import MCAP0_MAGIC
+import pytest
+import zstandard
+
+CHUNK = 6
+
+
+def intact_chunks(data, length, runs):
+    """Return how many chunks of a file end within its first bytes."""
+    return sum(opcode == CHUNK and end <= length for opcode, _, end in runs.record_spans(data))
+
+
+@pytest.mark.parametrize(
+    ('content', 'reason'),
+    [
+        (None, 'there is no such path'),
+        (b'', 'the file is empty'),
+        (b'SQLite format 3\0' * 10, "it should be SQLite, rosbag2's .db3, but"),
+        (MCAP0_MAGIC[:5], 'it does not start as an MCAP file does'),
+        (MCAP0_MAGIC, 'there is no header'),
+        (MCAP0_MAGIC * 2, 'there is no header'),
+    ],
+)
+def test_what_is_no_log_is_told_in_one_line(tmp_path: Path, content, reason) -> None:
+    path = tmp_path / 'x.mcap'
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(NotALogError, match=reason) as caught:
+        open_log(path)
+    assert str(path) in str(caught.value)
+    assert '\n' not in str(caught.value)
+
+
+def test_a_folder_without_mcap_files_is_no_log(tmp_path: Path) -> None:
+    with pytest.raises(NotALogError, match=r'no \.mcap or \.db3 file in the folder'):
+        open_log(tmp_path)
+
+
+def test_a_device_or_a_pipe_is_no_log(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / 'pipe')
+    for path in ('/dev/zero', tmp_path / 'pipe'):
+        with pytest.raises(NotALogError, match='not a regular file'):
+            open_log(path)
+
+
+def test_a_file_that_was_not_closed_is_read_and_says_so(
+    run_file: Path, batches: list[list[Message]], runs: ModuleType
+) -> None:
+    data = run_file.read_bytes()
+    end = next(offset for opcode, offset, _ in runs.record_spans(data) if opcode == 0x0F)
+    run_file.write_bytes(data[:end])
+    with open_log(run_file) as log:
+        assert not log.complete
+        assert 'not closed' in log.problem
+        assert list(log.messages()) == runs.joined(batches)
+        assert (log.start_time, log.end_time) == (runs.START, batches[-1][-1].log_time)
+        assert [topic.name for topic in log.topics] == ['/crank_angle']
+        assert log.metadata['solver'] == [{'tolerance': '1e-12'}]
+        assert [item.name for item in log.attachments] == ['geometry.yaml']
+
+
+def test_cut_anywhere_no_message_of_an_intact_chunk_is_lost(
+    run_file: Path, batches: list[list[Message]], runs: ModuleType
+) -> None:
+    data = run_file.read_bytes()
+    cut = run_file.with_name('cut.mcap')
+    for length in range(0, len(data), 97):
+        cut.write_bytes(data[:length])
+        try:
+            log = open_log(cut)
+        except NotALogError:
+            assert length <= 8
+            continue
+        whole = intact_chunks(data, length, runs)
+        wanted = runs.joined(batches[:whole])
+        assert list(log.messages()) == wanted, f'cut at {length}'
+        assert not log.complete
+        assert len(log.attachments) <= 1
+
+
+def test_a_rotten_chunk_costs_its_own_messages_only(
+    run_file: Path, batches: list[list[Message]], runs: ModuleType
+) -> None:
+    data = bytearray(run_file.read_bytes())
+    chunks = [span for span in runs.record_spans(data) if span[0] == CHUNK]
+    for number, (_, start, end) in enumerate(chunks):
+        rotten = bytearray(data)
+        rotten[(start + end) // 2] ^= 0x10
+        run_file.write_bytes(rotten)
+        with open_log(run_file) as log:
+            assert log.complete
+            found = list(log.messages())
+            assert found == runs.all_but(batches, number)
+            assert not log.complete
+            assert f'at byte {start}' in log.problem
+
+
+def test_a_rotten_summary_costs_nothing(
+    run_file: Path, batches: list[list[Message]], runs: ModuleType
+) -> None:
+    data = run_file.read_bytes()
+    spans = runs.record_spans(data)
+    end = next(end for opcode, _, end in spans if opcode == 0x0F)
+    for position in range(end, len(data), 7):
+        rotten = bytearray(data)
+        rotten[position] ^= 1 << position % 8
+        run_file.write_bytes(rotten)
+        with open_log(run_file) as log:
+            assert list(log.messages()) == runs.joined(batches), f'byte {position}'
+            assert not log.complete, f'byte {position}'
+
+
+@pytest.mark.parametrize('seed', range(60))
+def test_any_flipped_bits_are_read_without_foreign_errors(
+    run_file: Path, batches: list[list[Message]], runs: ModuleType, seed
+) -> None:
+    chance = random.Random(seed)  # noqa: S311 - no secret
+    data = bytearray(run_file.read_bytes())
+    for _ in range(chance.choice([1, 1, 2, 20])):
+        data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+    run_file.write_bytes(data)
+    try:
+        with open_log(run_file) as log:
+            found = list(log.messages())
+            assert isinstance(log.attachments, tuple)
+            assert set(found) <= set(runs.joined(batches)) or not log.complete
+    except LogError as error:
+        assert '\n' not in str(error)
+
+
+def test_bytes_of_chance_are_read_without_foreign_errors(tmp_path: Path) -> None:
+    chance = random.Random(7)  # noqa: S311 - no secret
+    path = tmp_path / 'x.mcap'
+    for _ in range(300):
+        records = b''.join(
+            struct.pack('<BQ', chance.choice([*range(17), 200]), length) + chance.randbytes(length)
+            for length in (chance.choice([0, 4, 20, 30, 60, 200]) for _ in range(8))
+        )
+        ending = chance.choice([b'', MCAP0_MAGIC, records[:20]])
+        path.write_bytes(MCAP0_MAGIC + b'\x01' + records[1:] + ending)
+        with open_log(path) as log:
+            list(log.messages())
+            assert isinstance(log.attachments, tuple)
+
+
+def chunk_record(compression, data, size, crc=0):
+    name = compression.encode()
+    head = struct.pack('<QQQII', 0, 0, size, crc, len(name)) + name
+    content = head + struct.pack('<Q', len(data)) + data
+    return struct.pack('<BQ', CHUNK, len(content)) + content
+
+
+HEADER = MCAP0_MAGIC + struct.pack('<BQII', 1, 8, 0, 0)
+BOMBS = {
+    'a chunk that claims 2^60 bytes': chunk_record('zstd', zstandard.compress(b'abc'), 2**60),
+    'a frame that claims 2^40 bytes': chunk_record(
+        'zstd', b'\x28\xb5\x2f\xfd\xe0' + struct.pack('<Q', 2**40) + b'\x01\x00\x00', 2**40
+    ),
+    'an lz4 frame that claims 2^40 bytes': chunk_record(
+        'lz4', b'\x04\x22\x4d\x18\x68\x40' + struct.pack('<Q', 2**40) + b'\x00\x00\x00\x00', 2**40
+    ),
+    'a chunk that unpacks to too much': chunk_record(
+        'zstd', zstandard.compress(bytes(MIN_LIMIT + 2**21)), MIN_LIMIT + 2**21
+    ),
+    'a record of 2^63 bytes': struct.pack('<BQ', CHUNK, 2**63) + b'x',
+    'a schema of 2^32 bytes': struct.pack('<BQHI', 3, 6, 1, 2**32 - 1),
+    'an attachment of 2^64 bytes': struct.pack('<BQQQIIQ', 9, 32, 0, 0, 0, 0, 2**64 - 1),
+    'a message index of 2^32 bytes': struct.pack('<BQHI', 7, 6, 1, 2**32 - 1),
+}
+
+
+@pytest.mark.parametrize('bomb', BOMBS)
+def test_a_length_is_not_believed(tmp_path: Path, bomb) -> None:
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(HEADER + BOMBS[bomb])
+    limit = 2 * MIN_LIMIT if 'unpacks' in bomb else 10 * 2**20
+    tracemalloc.start()
+    try:
+        with open_log(path) as log:
+            assert list(log.messages()) == []
+            assert log.attachments == ()
+            assert len(log.problems) >= 2
+        assert tracemalloc.get_traced_memory()[1] < limit
+    finally:
+        tracemalloc.stop()
+
+
+def test_an_index_that_points_out_of_the_file_is_told(
+    run_file: Path, batches: list[list[Message]], runs: ModuleType
+) -> None:
+    """Without a CRC of the summary, as other recorders leave it out, an offset may be anything."""
+    data = bytearray(run_file.read_bytes())
+    spans = runs.record_spans(data)
+    index = next(start for opcode, start, _ in spans if opcode == 0x0A)
+    struct.pack_into('<Q', data, index + 9, 2**64 - 1)
+    data[-12:-8] = bytes(4)
+    run_file.write_bytes(data)
+    with open_log(run_file) as log:
+        assert [item.name for item in log.attachments] == ['geometry.yaml']
+        assert list(log.messages()) == runs.joined(batches)
+        assert 'the index is wrong' in log.problem

@@ -1,0 +1,110 @@
+"""Where playback is: a position that runs, stands still, and never runs backwards by itself."""
+
+from math import inf
+
+from hypothesis import given, strategies as st
+from klann_ros.log.play.timeline import RATES, Timeline
+import pytest
+
+positions = st.floats(0.0, 1e5)
+rates = st.floats(1e-3, 1e3)
+waits = st.floats(0.0, 1e4)
+
+
+@st.composite
+def courses(draw):
+    """Draw what happens to a timeline, each with the time that passes before it."""
+    return draw(
+        st.lists(
+            st.tuples(
+                waits,
+                st.one_of(
+                    st.just(('started',)),
+                    st.just(('stopped',)),
+                    st.tuples(st.just('at_rate'), rates),
+                    st.tuples(st.just('held_up'), st.floats(0.0, 1.0)),
+                ),
+            ),
+            max_size=12,
+        )
+    )
+
+
+def changed(timeline, now, name, *values):
+    if name == 'held_up':
+        return timeline.held_up(timeline.at(now) - values[0], now)
+    return getattr(timeline, name)(*values, now)
+
+
+@given(start=positions, rate=rates, course=courses())
+def test_a_position_never_runs_backwards_without_a_jump(start, rate, course) -> None:
+    timeline, now, last = Timeline(start, rate), 0.0, start
+    for wait, (name, *values) in course:
+        now += wait
+        before = timeline.at(now)
+        assert before >= last
+        timeline = changed(timeline, now, name, *values)
+        last = timeline.at(now)
+        assert last == before
+
+
+@given(start=positions, rate=rates, now=waits, wait=waits)
+def test_a_pause_freezes_the_position(start, rate, now, wait) -> None:
+    paused = Timeline(start, rate).started(0.0).stopped(now)
+    assert paused.at(now + wait) == paused.at(now)
+    assert paused.due(start + 1e9) == inf
+
+
+@given(start=positions, rate=rates, now=waits, pause=waits, wait=waits)
+def test_a_pause_takes_no_time_of_the_log(start, rate, now, pause, wait) -> None:
+    through = Timeline(start, rate).started(0.0)
+    paused = through.stopped(now).started(now + pause)
+    assert paused.at(now + pause + wait) == pytest.approx(
+        through.at(now + wait), rel=1e-9, abs=1e-9
+    )
+
+
+@given(start=positions, rate=rates, ahead=st.floats(0.0, 1e6))
+def test_a_position_is_reached_when_it_is_due(start, rate, ahead) -> None:
+    timeline = Timeline(start, rate).started(7.0)
+    assert timeline.at(timeline.due(start + ahead)) == pytest.approx(
+        start + ahead, rel=1e-9, abs=1e-9
+    )
+
+
+@given(start=positions, rate=rates, other=rates, now=waits, wait=waits)
+def test_a_change_of_rate_keeps_the_position(start, rate, other, now, wait) -> None:
+    before = Timeline(start, rate).started(0.0)
+    after = before.at_rate(other, now)
+    assert after.at(now) == before.at(now)
+    assert after.at(now + wait) == pytest.approx(before.at(now) + wait * other, rel=1e-9, abs=1e-9)
+
+
+@given(start=positions, target=positions, now=waits)
+def test_a_jump_goes_anywhere_and_keeps_running_or_standing(start, target, now) -> None:
+    standing = Timeline(start)
+    running = standing.started(0.0)
+    assert standing.moved(target, now).at(now + 1.0) == target
+    assert running.moved(target, now).at(now) == target
+    assert running.moved(target, now).due(target) == now
+
+
+def test_what_was_held_up_is_put_off_and_waits_where_it_was_told() -> None:
+    running = Timeline().started(0.0)
+    held_up = running.held_up(2.0, 5.0)
+    assert held_up.at(5.0) == 5.0
+    assert held_up.due(2.0) == 5.0
+    assert held_up.at(8.0) == 5.0
+    assert held_up.at(9.0) == 6.0
+
+
+def test_after_a_day_a_message_is_due_when_it_should_be() -> None:
+    day = 86400.0
+    timeline = Timeline(rate=0.5).started(1e6)
+    assert timeline.due(day) == pytest.approx(1e6 + 2.0 * day, abs=1e-9)
+
+
+@pytest.mark.parametrize('rate', [0.0, -1.0, float('nan'), inf, RATES[0] / 2, RATES[1] * 2])
+def test_a_rate_that_makes_no_sense_is_refused(rate) -> None:
+    with pytest.raises(ValueError, match=r'must be within 1e-06 \.\. 1e\+06'):
+        Timeline(rate=rate)

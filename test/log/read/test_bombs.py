@@ -1,0 +1,119 @@
+"""A small file, whatever is in it, does not ask for more than 200 MB, nor for ever."""
+
+import json
+import os
+from pathlib import Path
+import random
+import struct
+import subprocess
+import sys
+
+from klann_ros.log.definitions import definition
+from klann_ros.log.mcap.chunks import MIN_LIMIT
+from mcap_bytes import records as mcap
+from mcap_bytes.hostile import file_of_chunks, HEADER, named_often, overlapping, packed_chunk
+import pytest
+import zstandard
+
+pytestmark = pytest.mark.skipif(
+    not Path('/proc/self/status').exists(), reason='the peak is read from /proc'
+)
+
+MB = 2**20
+SERVER = Path(__file__).with_name('memory_server.py')
+
+
+def topic(name, kind, schema):
+    return mcap.schema(1, kind, 'ros2msg', schema) + mcap.channel(1, 1, name, 'cdr', {})
+
+
+def message(data):
+    return mcap.message(1, 1, 1, 1, data)
+
+
+def log(data):
+    return HEADER + packed_chunk(data)
+
+
+def crank(data):
+    kind = 'std_msgs/msg/Float64'
+    return log(topic('/crank_angle', kind, definition(kind)) + data)
+
+
+EMPTY = b'E[] name\n' + b'=' * 80 + b'\nMSG: sensor_msgs/E\n'
+# As many chunks as are more than 200 MB, should somebody hold them all at once, and no more.
+BOMBS = {
+    'one big message': lambda: crank(message(bytes(MIN_LIMIT - MB))),
+    'more than the limit': lambda: crank(message(bytes(5 * MIN_LIMIT))),
+    'a message of empty objects': lambda: log(
+        topic('/joint_states', 'sensor_msgs/msg/JointState', EMPTY)
+        + message(b'\0\1\0\0\xff\xff\xff\xff' + bytes(30 * MB))
+    ),
+    'packed messages': lambda: crank(message(zstandard.compress(bytes(MIN_LIMIT - MB))) * 5),
+    'many descriptions': lambda: log(
+        b''.join(mcap.channel(n % 65536, 0, str(n), '', {}) for n in range(70_000))
+    ),
+    'many chunks of zeros': lambda: file_of_chunks('zeros', 38 * MB, 12),
+    'an index that names an attachment often': lambda: named_often(5000),
+    'chunks that overlap in time': lambda: overlapping(10, 30 * MB),
+    'chunks that overlap though the index denies it': lambda: overlapping(
+        10, 30 * MB, honest=False
+    ),
+    'heads in heads': lambda: (
+        log(b'')
+        + b'\xff' * 20
+        + b''.join(
+            struct.pack('<BQQQQII', 6, 53 * left - 9, 0, 0, 5, 1, 4)
+            + b'zstd'
+            + struct.pack('<Q', 53 * (left - 1))
+            for left in range(10_000, 0, -1)
+        )
+    ),
+}
+
+
+@pytest.fixture(scope='module')
+def run():
+    """Return a function that runs a job on a file: its result, the memory it took, its words."""
+    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}
+    command = [sys.executable, SERVER]
+    pipes = {'stdin': subprocess.PIPE, 'stdout': subprocess.PIPE}
+    with subprocess.Popen(command, **pipes, text=True, env=environment) as server:
+
+        def ask(job, path):
+            arguments = [str(path), *(['-o', f'{path}.out'] if job == 'recover' else [])]
+            print(json.dumps([job, arguments]), file=server.stdin, flush=True)
+            answer = json.loads(server.stdout.readline())
+            assert answer is not None, f'{job} died of {path}, or did not end'
+            return answer
+
+        yield ask
+
+
+@pytest.fixture(scope='module', params=BOMBS)
+def bomb(request, tmp_path_factory: pytest.TempPathFactory):
+    path = tmp_path_factory.mktemp('bomb') / 'x.mcap'
+    path.write_bytes(BOMBS[request.param]())
+    return path
+
+
+@pytest.mark.parametrize('job', ['recover', 'review', 'play'])
+def test_a_small_file_takes_less_than_200_mb(run, bomb, job) -> None:
+    _, used, _ = run(job, bomb)
+    assert used < 200 * MB
+
+
+def test_the_limit_that_was_met_is_told(run, tmp_path: Path) -> None:
+    (tmp_path / 'x.mcap').write_bytes(BOMBS['more than the limit']())
+    code, _, said = run('recover', tmp_path / 'x.mcap')
+    assert code == 2
+    assert f'unpack to more than {MIN_LIMIT} bytes, which is the limit' in said
+
+
+def test_a_large_message_of_a_file_as_large_is_kept(run, tmp_path: Path) -> None:
+    """An image of a real camera does not shrink a hundredfold."""
+    data = random.Random(1).randbytes(MIN_LIMIT // 4) * 5  # noqa: S311 - no secret
+    (tmp_path / 'x.mcap').write_bytes(crank(message(data)))
+    code, _, said = run('recover', tmp_path / 'x.mcap')
+    assert code == 0
+    assert 'kept: 1 message in all' in said

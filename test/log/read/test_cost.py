@@ -1,0 +1,297 @@
+"""A file costs work in proportion to its bytes and the messages in it, whatever it asks for."""
+
+from pathlib import Path
+import pickle
+import subprocess
+import sys
+
+from klann_ros.log.errors import LogError
+from klann_ros.log.mcap import chunks, content
+from klann_ros.log.qos import LONGEST, MOST_DIFFERENT, MOST_TEXTS, Qos, qos_to_yaml
+from klann_ros.log.reader import open_log
+from klann_ros.log.records import Topic
+from klann_ros.log.recovery import recover
+from mcap_bytes import records as mcap
+from mcap_bytes.hostile import (
+    CHANNEL,
+    EMPTY,
+    file_of,
+    file_of_chunks,
+    HEADER,
+    INSIDE,
+    named_often,
+    OUTSIDE,
+    overlapping,
+    packed_chunk,
+)
+import pytest
+from work import Work, Yaml
+
+SIZE = 5000
+# Calls for a byte of the file, and at all. What costs most is to tell damage behind each record.
+EACH, ONCE = 100, 5000
+# Calls to write a run.
+WRITING = 50_000
+# Calls for a message in a file that is sound.
+MESSAGE = 15
+
+
+@pytest.fixture
+def read(tmp_path: Path):
+    """Return a function that reads a file as a review does: how much work, how many messages."""
+    path = tmp_path / 'x.mcap'
+
+    def work(data):
+        path.write_bytes(data)
+        with Work() as done, open_log(path) as log:
+            found = sum(map(len, log.blocks()))
+        return done.calls, found
+
+    return work
+
+
+@pytest.mark.parametrize('shape', OUTSIDE)
+def test_twice_the_bytes_take_no_more_than_twice_the_work(read, shape) -> None:
+    once, _ = read(file_of(shape, SIZE))
+    twice, _ = read(file_of(shape, 2 * SIZE))
+    assert twice <= 2.5 * once + ONCE
+    assert twice <= EACH * 2 * SIZE + ONCE
+
+
+@pytest.mark.parametrize('shape', OUTSIDE)
+def test_it_can_be_recovered_at_the_same_cost(tmp_path: Path, shape) -> None:
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(file_of(shape, SIZE))
+    with Work() as done:
+        try:
+            recover(path, tmp_path / 'again')
+        except LogError:
+            assert not (tmp_path / 'again').exists()
+    assert done.calls <= 2 * EACH * SIZE + WRITING
+
+
+def test_sound_messages_outside_of_chunks_cost_little(read) -> None:
+    calls, found = read(HEADER + CHANNEL + EMPTY * 10_000)
+    assert found == 10_000
+    assert calls <= MESSAGE * found + ONCE
+
+
+def test_zeros_in_a_chunk_are_no_records(read, tmp_path: Path) -> None:
+    data = HEADER + packed_chunk(CHANNEL + EMPTY + bytes(2**20))
+    calls, found = read(data)
+    assert found == 1
+    assert calls <= ONCE
+    with open_log(tmp_path / 'x.mcap') as log:
+        assert 'in part only: what stands in it is no record' in log.problems[-1]
+
+
+@pytest.mark.parametrize('shape', INSIDE)
+def test_many_chunks_of_no_use_cost_hardly_more_than_some(
+    read, shape, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(content, '_ONCE', 2**22)
+    some, _ = read(file_of_chunks(shape, 2**20, 5))
+    many, _ = read(file_of_chunks(shape, 2**20, 25))
+    size = len(file_of_chunks(shape, 2**20, 20))
+    assert many <= 1.2 * some + EACH * size
+
+
+def test_what_is_unpacked_in_vain_is_limited(read, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each unpacks to 10 MB that have another CRC: all of it is needed to know that."""
+    monkeypatch.setattr(content, '_ONCE', 2**25)
+    unpacked = []
+    unpack = chunks._UNPACK['zstd']
+
+    def count(data, size):
+        for piece in unpack(data, size):
+            unpacked.append(len(piece))
+            yield piece
+
+    monkeypatch.setitem(chunks._UNPACK, 'zstd', count)
+    chunk = packed_chunk(EMPTY * (10 * 2**20 // len(EMPTY)), crc=1)
+    read(HEADER + chunk * 30)
+    passes = 2
+    assert sum(unpacked) <= passes * (2**25 + 2 * 10 * 2**20 + content.FREE * 31 * len(chunk))
+
+
+def test_what_stands_behind_so_much_that_is_of_no_use_is_read_all_the_same(
+    read, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(content, '_ONCE', 2**20)
+    _, found = read(
+        file_of_chunks('private records', 2**20, 3) + packed_chunk(CHANNEL + EMPTY * 100)
+    )
+    assert found == 100
+
+
+def test_a_limit_that_was_met_is_told(
+    read, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(content, '_ONCE', 2**20)
+    read(file_of_chunks('private records', 2**20, 3))
+    with open_log(tmp_path / 'x.mcap') as log:
+        assert any('more records in it that are no messages' in text for text in log.problems)
+        assert any('behind so much that is of no use' in text for text in log.problems)
+
+
+def test_private_records_around_messages_are_no_waste(
+    read, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A recorder may put some of its own beside each message; a sound file has no limit."""
+    monkeypatch.setattr(content, '_ONCE', 2**20)
+    chunk = packed_chunk(CHANNEL + (EMPTY + mcap.record(0x80, b'mine') * 5) * 200)
+    _, found = read(HEADER + chunk * 20)
+    assert found == 4000
+
+
+def test_an_index_that_names_a_record_often_is_not_asked_for_it_often(
+    read, tmp_path: Path
+) -> None:
+    once, _ = read(named_often(20))
+    twice, found = read(named_often(40))
+    assert found == 1000
+    assert twice <= 2.5 * once
+    with open_log(tmp_path / 'x.mcap') as log:
+        assert len(list(log.messages())) == 1000
+        assert len(log.attachments) == 1
+        assert 'the index is wrong' in log.problem
+
+
+def test_chunks_that_cannot_be_merged_are_read_in_one_pass(tmp_path: Path) -> None:
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(overlapping(5, 20 * 2**20))
+    with open_log(path) as log:
+        found = sorted(message.sequence for message in log.messages())
+        assert found == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+        assert log.problems == ()
+    path.write_bytes(overlapping(20, 2**20))
+    with open_log(path) as log:
+        assert [message.sequence for message in log.messages()] == [*range(20)] * 2
+        assert log.problems == ()
+
+
+def test_a_chunk_of_which_the_index_says_less_is_told(tmp_path: Path) -> None:
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(overlapping(2, 20 * 2**20, honest=False))
+    with open_log(path) as log:
+        assert list(log.messages()) == []
+        assert 'the index is wrong about this chunk, which is left out' in log.problem
+    path.write_bytes(overlapping(2, 1000, honest=False))
+    with open_log(path) as log:
+        assert len(list(log.messages())) == 2
+        assert 'the index is wrong about this chunk' in log.problem
+
+
+PROFILE = qos_to_yaml([Qos()])
+
+
+def file_of_channels(channels, schema=b''):
+    """Return a file of channels that share a schema, a message of each; a channel is a mapping."""
+    numbered = list(enumerate(channels, start=1))
+    definitions = b''.join(
+        mcap.channel(n, 1, entry.get('topic', f'/{n}'), 'cdr', entry.get('metadata', {}))
+        for n, entry in numbered
+    )
+    messages = b''.join(mcap.message(n, 1, n, n, b'') for n, _ in numbered)
+    about = mcap.schema(1, 'a/msg/B', 'ros2msg', schema)
+    return HEADER + packed_chunk(about + definitions) + packed_chunk(messages)
+
+
+def file_of_qos(texts):
+    return file_of_channels([{'metadata': {'offered_qos_profiles': text}} for text in texts])
+
+
+def test_channels_that_differ_in_little_are_told_apart_at_no_cost(read) -> None:
+    def channels(count):
+        return file_of_channels([{'topic': '/a', 'metadata': {'x': str(n)}} for n in range(count)])
+
+    once, found = read(channels(1000))
+    twice, _ = read(channels(2000))
+    assert found == 1000
+    assert twice <= 2.5 * once
+
+
+def test_a_topic_is_the_same_in_another_process() -> None:
+    code = (
+        'import pickle, sys\n'
+        'topic = pickle.load(sys.stdin.buffer)\n'
+        'same = type(topic)(topic.name, topic.type, topic.definition)\n'
+        'sys.exit(0 if topic in {same} else 1)'
+    )
+    topic = Topic('/a', 'a/msg/B', 'text')
+    subprocess.run([sys.executable, '-c', code], input=pickle.dumps(topic), check=True)
+
+
+def test_many_channels_share_the_text_of_their_schema(tmp_path: Path) -> None:
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(file_of_channels([{}] * 500, schema=b'#' + b'x' * 10**5))
+    with open_log(path) as log:
+        texts = {id(topic.definition) for topic in log.topics}
+        assert len(log.topics) == 500
+        assert {len(topic.definition) for topic in log.topics} == {10**5 + 1}
+        assert len(texts) == 1
+
+
+def test_a_schema_that_changes_is_of_its_own_channels_alone(tmp_path: Path) -> None:
+    """Channel 1 has the first schema, which is there a second time in two other words."""
+    path = tmp_path / 'x.mcap'
+    first, other = (mcap.schema(n, 'a/msg/B', 'ros2msg', b'uint8 a') for n in (1, 2))
+    better = mcap.schema(1, 'a/msg/B', 'ros2msg', b'uint8 b')
+    channels = mcap.channel(1, 1, '/one', 'cdr', {}) + mcap.channel(2, 2, '/two', 'cdr', {})
+    messages = mcap.message(1, 1, 1, 1, b'') + mcap.message(2, 1, 1, 1, b'')
+    definitions = packed_chunk(first + other + channels + messages)
+    path.write_bytes(HEADER + definitions + packed_chunk(better) * 2)
+    with open_log(path) as log:
+        found = {topic.name: topic.definition for topic in log.topics}
+    assert found == {'/one': 'uint8 b', '/two': 'uint8 a'}
+
+
+def recovered(tmp_path, texts):
+    """Recover a file of such profiles; return how much YAML was read, and what was said."""
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(file_of_qos(texts))
+    with Yaml() as done:
+        said = recover(path, tmp_path / 'again')
+    assert said.messages == len(texts)
+    assert said.lost == []
+    return done.characters, [text for text in said.remarks if 'quality of service' in text]
+
+
+def test_the_same_profiles_are_taken_apart_once(tmp_path: Path) -> None:
+    text = PROFILE + '\n# of this test alone'
+    characters, said = recovered(tmp_path, [text] * 50)
+    assert (characters, said) == (len(text), [])
+    with open_log(tmp_path / 'again') as log:
+        assert {topic.qos for topic in log.topics} == {text}
+
+
+def test_profiles_that_are_too_long_are_not_taken_apart_and_told(tmp_path: Path) -> None:
+    characters, said = recovered(tmp_path, ['\n' * (LONGEST + 1), '\n' * 10])
+    assert characters == 10
+    (line,) = said
+    assert line.startswith('/1: left out: malformed quality of service: it has ')
+    assert f'{LONGEST + 1} characters, more than {LONGEST}' in line
+    with open_log(tmp_path / 'again') as log:
+        assert len(list(log.messages())) == 2
+
+
+def test_no_more_profiles_that_differ_are_taken_apart_than_are_meant(tmp_path: Path) -> None:
+    texts = ['\n' * (2**17 + n) for n in range(12)]
+    characters, said = recovered(tmp_path, texts)
+    assert 0 < characters <= MOST_DIFFERENT
+    assert len(said) == 5
+    assert all('the profiles that differ have more than' in text for text in said)
+
+
+def test_no_more_profiles_are_written_than_are_meant(tmp_path: Path) -> None:
+    text = '[]' + ' ' * 2**17
+    characters, said = recovered(tmp_path, [text] * 40)
+    assert characters == len(text)
+    assert len(said) == 40 - MOST_TEXTS // len(text)
+    assert all('the profiles of all topics have more than' in text for text in said)
+
+
+def test_ten_thousand_topics_keep_their_profiles(tmp_path: Path) -> None:
+    _, said = recovered(tmp_path, [PROFILE] * 3)
+    assert said == []
+    assert len(PROFILE) * 10_000 <= MOST_TEXTS

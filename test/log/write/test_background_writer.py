@@ -1,0 +1,209 @@
+"""The writer's thread: what was put is in the run, or is counted."""
+
+from dataclasses import replace
+import itertools
+import os
+from pathlib import Path
+import threading
+from types import ModuleType
+
+from hypothesis import given, settings, strategies as st
+from klann_ros.log.reader import open_log
+from klann_ros.log.write import background_writer
+from klann_ros.log.write.background_writer import BackgroundWriter, OVERHEAD
+from klann_ros.log.write.writer import RunWriter
+import pytest
+
+
+class SlowFile:
+    """A FIFO in the place of a run's file: it takes no more than a pipe holds until it is read."""
+
+    def __init__(self, path: Path, opened) -> None:
+        self.path = path
+        self.data = b''
+        os.mkfifo(path)
+        self._read_end = opened(path, os.O_RDONLY | os.O_NONBLOCK)
+        os.set_blocking(self._read_end, True)
+        self._thread = threading.Thread(target=self._read, daemon=True)
+
+    def _read(self) -> None:
+        while piece := os.read(self._read_end, 65536):
+            self.data += piece
+
+    def read_on(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        self._thread.join()
+        os.close(self._read_end)
+
+
+def slow_run(folder, monkeypatch):
+    """Return a run whose file is a FIFO, and that."""
+    opened = os.open
+    slow = []
+
+    def open_slowly(path, flags, *rest, **options):
+        if str(path).endswith('.mcap') and not slow:
+            slow.append(SlowFile(folder / path, opened))
+            return opened(folder / path, os.O_WRONLY)
+        return opened(path, flags, *rest, **options)
+
+    monkeypatch.setattr(os, 'open', open_slowly)
+    # A pipe cannot be synced.
+    monkeypatch.setattr('klann_ros.log.write.durable_file._sync', lambda _: None)
+    writer = RunWriter(folder, compression='none')
+    monkeypatch.setattr(os, 'open', opened)
+    return writer, slow[0]
+
+
+def dropped(background, topic):
+    """Return how many messages of a topic were put and are not going to be in the run."""
+    assert background.ledger[topic].received == 0  # nobody listens here: the test puts
+    return background.ledger.counts()[topic].dropped
+
+
+def test_a_slow_file_costs_what_does_not_fit_and_that_is_counted(
+    tmp_path: Path, runs: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writer, slow = slow_run(tmp_path / 'run', monkeypatch)
+    size = len(runs.make_messages(1)[0].data) + OVERHEAD
+    background = BackgroundWriter(
+        writer, flush_period=0.02, on_failure=lambda: None, capacity=3000 * size
+    )
+    one, two = (runs.make_messages(8000, name) for name in ('/one', '/two'))
+    for pair in zip(one, two, strict=True):
+        for message in pair:
+            background.put(message)
+        threading.Event().wait(0.0001)
+    slow.read_on()
+    assert background.close() is None
+    slow.close()
+    file = tmp_path / 'read.mcap'
+    file.write_bytes(slow.data)
+    with open_log(file) as log:
+        assert log.complete, log.problem
+        found = {t.name: len(list(log.messages([t.name]))) for t in log.topics}
+    assert found == writer.counts
+    for name in ('/one', '/two'):
+        assert found[name] + dropped(background, name) == 8000
+        assert dropped(background, name) > 1000
+
+
+@settings(max_examples=20)
+@given(capacity=st.integers(1, 100), counts=st.lists(st.integers(0, 60), min_size=1, max_size=8))
+def test_nothing_that_is_put_is_neither_written_nor_counted(
+    tmp_path_factory: pytest.TempPathFactory, runs: ModuleType, capacity, counts
+) -> None:
+    writer = RunWriter(tmp_path_factory.mktemp('put') / 'run')
+    background = BackgroundWriter(
+        writer, flush_period=0.01, on_failure=lambda: None, capacity=capacity * OVERHEAD
+    )
+    for number, count in enumerate(counts):
+        for message in runs.make_messages(count, f'/topic_{number}'):
+            background.put(message)
+    assert background.close() is None
+    with open_log(writer.path) as log:
+        for number, count in enumerate(counts):
+            written = len(list(log.messages([f'/topic_{number}'])))
+            assert written + dropped(background, f'/topic_{number}') == count
+
+
+def test_a_message_larger_than_the_queue_is_written(tmp_path: Path, runs: ModuleType) -> None:
+    writer = RunWriter(tmp_path / 'run')
+    background = BackgroundWriter(
+        writer, flush_period=0.01, on_failure=lambda: None, capacity=1000
+    )
+    background.put(replace(runs.make_messages(1)[0], data=bytes(100_000)))
+    assert background.close() is None
+    assert writer.counts == {'/crank_angle': 1}
+
+
+def test_what_does_not_fit_into_the_format_is_counted(tmp_path: Path, runs: ModuleType) -> None:
+    writer = RunWriter(tmp_path / 'run')
+    background = BackgroundWriter(writer, flush_period=0.01, on_failure=lambda: None)
+    good, bad = runs.make_messages(2)
+    background.put(good)
+    background.put(replace(bad, log_time=2**64))
+    assert background.close() is None
+    assert writer.counts == {'/crank_angle': 1}
+    assert dropped(background, '/crank_angle') == 1
+
+
+def test_what_is_said_to_be_written_before_a_failure_is_in_the_file(
+    tmp_path: Path, runs: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failed = threading.Event()
+    writer = RunWriter(tmp_path / 'run')
+    background = BackgroundWriter(writer, flush_period=0.01, on_failure=failed.set)
+    for message in runs.make_messages(500):
+        background.put(message)
+    while writer.file_is_empty:
+        failed.wait(0.01)
+    second = background.split()
+    while writer.file_path.name != second:
+        failed.wait(0.01)
+
+    def refuse(*_):
+        raise OSError(5, 'Input/output error')
+
+    monkeypatch.setattr('klann_ros.log.write.durable_file.os.write', refuse)
+    for message in runs.make_messages(300):
+        background.put(message)
+    assert failed.wait(5.0)
+    monkeypatch.undo()
+    assert 'Input/output error' in str(background.close())
+    with open_log(writer.path) as log:
+        assert len(list(log.messages())) == writer.counts['/crank_angle'] == 500
+    assert dropped(background, '/crank_angle') == 300
+
+
+@settings(max_examples=60)
+@given(
+    # So many writes succeed, so many messages are put before a split and while it settles.
+    numbers=st.tuples(st.integers(0, 20), st.integers(0, 60), st.integers(0, 30)),
+    is_split=st.booleans(),
+    chunk_size=st.sampled_from([100, 1024 * 1024]),
+)
+def test_whatever_a_failure_interrupts_is_counted(
+    tmp_path_factory: pytest.TempPathFactory, runs: ModuleType, numbers, is_split, chunk_size
+) -> None:
+    """A message in hand, a chunk in progress, what waits, what a split has put aside."""
+    waits, before, later = numbers
+    folder = tmp_path_factory.mktemp('put') / 'run'
+    writer = RunWriter(folder, chunk_size=chunk_size, compression='none')
+    messages = [
+        replace(message, data=bytes(20_000)) for message in runs.make_messages(before + 2 * later)
+    ]
+    settled, put = threading.Event(), []
+    writes, write = itertools.count(), os.write
+
+    def refuse(*arguments):
+        if next(writes) >= waits:
+            raise OSError(5, 'Input/output error')
+        return write(*arguments)
+
+    def settle(seconds):
+        if seconds == background_writer.SETTLE:
+            for message in messages[before:]:
+                background.put(replace(message, log_time=2**63))
+                background.put(message)
+            put.append(4 * later)
+            settled.set()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr('klann_ros.log.write.durable_file.os.write', refuse)
+        patch.setattr(background_writer, 'sleep', settle)
+        background = BackgroundWriter(writer, flush_period=0.002, on_failure=settled.set)
+        for number, message in enumerate(messages[:before]):
+            background.put(message)
+            if number % 5 == 0:
+                background.put_entry(lambda run: run.add_metadata('x', {'y': 'z' * 30_000}))
+        if is_split:
+            background.split()
+            settled.wait(5.0)
+        background.close()
+    with open_log(writer.path) as log:
+        found = len(list(log.messages()))
+    assert found == writer.counts.get('/crank_angle', 0)
+    assert found + dropped(background, '/crank_angle') == before + sum(put)

@@ -1,0 +1,82 @@
+"""A disk that is full: the run says what is missing, is closed, and every reader takes it."""
+
+import os
+from pathlib import Path
+
+from disk_scripts import can_mount, run_script, UNSHARE
+from klann_ros.log.errors import LowSpaceError
+from klann_ros.log.reader import open_log
+from klann_ros.log.run_parameters import LOSS_RECORD, topic_counts
+from klann_ros.log.write.disk_space import check_free_space, DiskReserve, free_space, SIZE
+from klann_ros.log.write.writer import RunWriter
+import pytest
+from rosbags.highlevel import AnyReader
+
+HERE = Path(__file__).parent
+
+
+@pytest.mark.parametrize(
+    ('compression', 'least', 'reason'),
+    [
+        ('zstd', 0, 'is full: [Errno 28] No space left on device'),
+        ('none', 0, 'is full: [Errno 28] No space left on device'),
+        ('none', 300_000, '0.3 MB have to stay free'),
+    ],
+)
+def test_a_disk_filled_to_the_brim_leaves_a_run_that_is_whole(
+    tmp_path: Path, compression, least, reason
+) -> None:
+    disk = tmp_path / 'disk'
+    disk.mkdir()
+    if not can_mount(disk):
+        pytest.skip('this machine lets nobody mount a tmpfs in a user namespace')
+    put, counted, failure, whole = run_script(
+        HERE / 'full_disk.py', disk, 1_000_000, compression, least, before=UNSHARE
+    )
+    assert whole
+    assert reason in failure
+    run = tmp_path / 'copy'
+    with open_log(run) as log:
+        assert log.complete, log.problem
+        messages = list(log.messages())
+        (record,) = log.metadata[LOSS_RECORD]
+    count = topic_counts(record)['/crank_angle']
+    assert (count.received, count.written) == (put, len(messages))
+    assert count.written + count.dropped == count.received
+    assert counted == len(messages) > 1000
+    assert [message.sequence for message in messages] == list(range(1, len(messages) + 1))
+    with AnyReader([run]) as reader:
+        assert reader.message_count == len(messages)
+
+
+def taken(reserve):
+    """Return how much space a reserve takes [bytes]."""
+    return os.fstat(reserve._descriptor).st_blocks * 512
+
+
+def test_a_reserve_takes_space_until_it_is_given_up(tmp_path: Path) -> None:
+    reserve = DiskReserve(tmp_path)
+    assert taken(reserve) >= SIZE
+    reserve.hold(1_000_000)
+    assert taken(reserve) >= 1_000_000
+    assert reserve.spent is None
+    assert not reserve.helps(OSError(5, 'Input/output error'))
+    descriptor = reserve._descriptor
+    assert reserve.helps(OSError(28, 'No space left on device'))
+    with pytest.raises(OSError, match='Bad file descriptor'):
+        os.fstat(descriptor)
+    assert not reserve.helps(OSError(28, 'No space left on device'))
+
+
+def test_a_reserve_has_no_name_that_a_kill_could_leave_or_a_user_remove(tmp_path: Path) -> None:
+    with RunWriter(tmp_path / 'run', reserve=True) as writer:
+        assert taken(writer._folder.reserve) >= SIZE
+        assert {path.name for path in writer.path.iterdir()} == {'run_0.mcap', 'metadata.yaml'}
+
+
+def test_too_little_space_is_told_with_both_numbers(tmp_path: Path) -> None:
+    free = free_space(tmp_path / 'not' / 'there' / 'yet')
+    check_free_space(tmp_path, 0)
+    check_free_space(tmp_path, free // 2)
+    with pytest.raises(LowSpaceError, match=r'MB are free on .* MB have to stay free; .*'):
+        check_free_space(tmp_path, free * 2)

@@ -1,0 +1,173 @@
+"""Runs of several files: nothing is lost, doubled or out of order between them."""
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+import sys
+from time import monotonic, sleep, time_ns
+from types import ModuleType
+
+from klann_ros.log import write
+from klann_ros.log.reader import open_log
+from klann_ros.log.records import Message
+from klann_ros.log.write.background_writer import BackgroundWriter, SplitLimits
+from klann_ros.log.write.writer import RunWriter
+import pytest
+from rosbags.highlevel import AnyReader
+import yaml
+
+WRITING = str(Path(write.__file__).parent)
+
+
+def written_in(run, parts):
+    """Write a run with a file for each part."""
+    with RunWriter(run) as writer:
+        writer.add_metadata('solver', {'tolerance': '1e-12'}, in_every_file=True)
+        writer.attach('leg.yaml', 'text/yaml', b'l_ab: 0.12', 1, in_every_file=True)
+        for number, part in enumerate(parts):
+            if number:
+                writer.split()
+            for message in part:
+                writer.write(message)
+    return run
+
+
+def information(run):
+    return yaml.safe_load((run / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
+
+
+def test_a_run_of_several_files_is_read_as_one(
+    tmp_path: Path, runs: ModuleType, batches: list[list[Message]]
+) -> None:
+    run = written_in(tmp_path / 'run', batches)
+    with open_log(run) as log:
+        assert [path.name for path in log.paths] == [f'run_{n}.mcap' for n in range(6)]
+        assert list(log.messages()) == runs.joined(batches)
+        assert log.complete, log.problem
+    with AnyReader([run]) as reader:
+        assert reader.message_count == 240
+
+
+def test_metadata_yaml_counts_every_file(tmp_path: Path, batches: list[list[Message]]) -> None:
+    about = information(written_in(tmp_path / 'run', batches))
+    assert about['relative_file_paths'] == [f'run_{n}.mcap' for n in range(6)]
+    assert [file['message_count'] for file in about['files']] == [40] * 6
+    assert about['message_count'] == 240
+    (topic,) = about['topics_with_message_count']
+    assert topic['message_count'] == 240
+
+
+def test_every_file_explains_itself_and_the_run_says_it_once(
+    tmp_path: Path, batches: list[list[Message]]
+) -> None:
+    run = written_in(tmp_path / 'run', batches)
+    for path in (*run.glob('*.mcap'), run):
+        with open_log(path) as log:
+            assert log.metadata['solver'] == [{'tolerance': '1e-12'}]
+            assert [attachment.data for attachment in log.attachments] == [b'l_ab: 0.12']
+
+
+def test_metadata_yaml_names_every_file_while_it_is_written(
+    tmp_path: Path, batches: list[list[Message]]
+) -> None:
+    with RunWriter(tmp_path / 'run') as writer:
+        writer.write(batches[0][0])
+        writer.split()
+        about = information(writer.path)
+        assert about['relative_file_paths'] == ['run_0.mcap', 'run_1.mcap']
+        assert writer.next_name == 'run_2.mcap'
+
+
+def test_a_file_without_a_message_is_not_split(
+    tmp_path: Path, batches: list[list[Message]]
+) -> None:
+    with RunWriter(tmp_path / 'run') as writer:
+        writer.split()
+        writer.write(batches[0][0])
+        writer.split()
+        writer.split()
+    assert sorted(path.name for path in writer.path.glob('*.mcap')) == ['run_0.mcap', 'run_1.mcap']
+
+
+def test_limits_are_of_size_and_time() -> None:
+    file = 1000, 2.0
+    assert not SplitLimits().are_reached(*file)
+    assert SplitLimits(size=1000).are_reached(*file)
+    assert not SplitLimits(size=1001, duration=2.1).are_reached(*file)
+    assert SplitLimits(size=1001, duration=2.0).are_reached(*file)
+
+
+def test_the_files_of_a_split_run_follow_each_other_in_time(
+    tmp_path: Path, runs: ModuleType
+) -> None:
+    # Two topics are taken one after the other, so the second one's messages come late.
+    one, two = (runs.make_messages(1, name)[0] for name in ('/one', '/two'))
+    writer = RunWriter(tmp_path / 'run')
+    background = BackgroundWriter(writer, flush_period=0.02, on_failure=lambda: None)
+    for k in range(20):
+        times = [time_ns() + n for n in range(10)]
+        for message in (one, two):
+            for time in times:
+                background.put(replace(message, log_time=time))
+        sleep(0.01)
+        if k in (7, 13):
+            assert background.split() == f'run_{1 if k == 7 else 2}.mcap'
+            sleep(0.2)
+    assert background.close() is None
+    spans = []
+    for number in range(3):
+        with open_log(writer.path / f'run_{number}.mcap') as log:
+            spans.append((log.start_time, log.end_time))
+    assert spans == sorted(spans)
+    assert all(before[1] < after[0] for before, after in pairwise(spans))
+    assert writer.counts == {'/one': 200, '/two': 200}
+
+
+def test_what_another_thread_is_told_while_a_split_goes_on_is_never_wrong(
+    tmp_path: Path, batches: list[list[Message]]
+) -> None:
+    told = []
+
+    def look(frame, *_):
+        if frame.f_code.co_filename.startswith(WRITING):
+            told.append(dict(writer.fate().written))
+            return look
+        return None
+
+    with RunWriter(tmp_path / 'run') as writer:
+        for message in batches[0][:5]:
+            writer.write(message)
+        before = sys.gettrace()
+        # Another thread may come between any two lines.
+        sys.settrace(look)
+        try:
+            writer.split()
+        finally:
+            sys.settrace(before)
+    assert len(told) > 50
+    assert all(counts == {'/crank_angle': 5} for counts in told)
+
+
+@pytest.mark.parametrize('hours', [-1, 1])
+def test_a_clock_that_is_set_costs_a_split_and_no_message(
+    tmp_path: Path, runs: ModuleType, hours
+) -> None:
+    writer = RunWriter(tmp_path / 'run')
+    limits = SplitLimits(duration=600.0)
+    background = BackgroundWriter(
+        writer, flush_period=0.01, on_failure=lambda: None, limits=limits
+    )
+    for number, message in enumerate(runs.make_messages(200)):
+        shift = hours * 3_600_000_000_000 if number >= 100 else 0
+        background.put(replace(message, log_time=message.log_time + shift))
+        if number % 10 == 0:
+            sleep(0.02)
+    # What is written when it closes is not split any more, and a busy machine is late.
+    patience = monotonic() + 20.0
+    while writer.next_name != 'run_2.mcap' and monotonic() < patience:
+        sleep(0.01)
+    assert background.close() is None
+    assert writer.counts == {'/crank_angle': 200}
+    assert len(list(writer.path.glob('*.mcap'))) == 2
+    with open_log(writer.path) as log:
+        assert len(list(log.messages())) == 200

@@ -1,0 +1,255 @@
+"""The writer: what is on the disk when, and what it refuses."""
+
+from dataclasses import replace
+import os
+from pathlib import Path
+import resource
+import signal
+import subprocess
+import sys
+import textwrap
+from types import ModuleType
+
+from klann_ros.log.errors import (
+    MalformedQosError,
+    RunClosedError,
+    RunExistsError,
+    UnwritableError,
+)
+from klann_ros.log.reader import open_log
+from klann_ros.log.write.writer import RunWriter
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_header_and_metadata_yaml_are_on_the_disk_at_once(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / 'deep' / 'run')
+    try:
+        assert writer.path == tmp_path / 'deep' / 'run'
+        assert writer.file_path.stat().st_size > 8
+        metadata = yaml.safe_load((writer.path / 'metadata.yaml').read_text())
+        assert metadata['rosbag2_bagfile_information']['relative_file_paths'] == ['run_0.mcap']
+    finally:
+        writer.close()
+
+
+THINGS = {
+    'folder': Path.mkdir,
+    'file': Path.touch,
+    'pipe': os.mkfifo,
+    'loop': lambda path: path.symlink_to(path),
+    'link to nothing': lambda path: path.symlink_to('nothing'),
+}
+
+
+@pytest.mark.parametrize('kind', THINGS)
+def test_what_exists_is_not_overwritten(tmp_path: Path, kind) -> None:
+    path = tmp_path / 'run'
+    THINGS[kind](path)
+    before = path.lstat()
+    with pytest.raises(RunExistsError, match='exists already, not overwriting'):
+        RunWriter(path)
+    assert path.lstat() == before
+    assert [*tmp_path.rglob('*')] == [path]
+
+
+@pytest.mark.parametrize('kind', sorted({*THINGS} - {'folder'}))
+def test_what_is_no_folder_has_no_run_in_it(tmp_path: Path, kind) -> None:
+    THINGS[kind](tmp_path / 'thing')
+    reason = 'it is no folder, so no run can be made in it|Too many levels of symbolic links'
+    with pytest.raises(OSError, match=reason):
+        RunWriter(tmp_path / 'thing' / 'deep' / 'run')
+    assert len([*tmp_path.rglob('*')]) == 1
+
+
+def test_a_name_that_is_too_long_for_the_files_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match='File name too long'):
+        RunWriter(tmp_path / ('x' * 250))
+    assert not [*tmp_path.iterdir()]
+
+
+def test_an_unknown_compression_is_refused_before_anything_is_made(tmp_path: Path) -> None:
+    with pytest.raises(UnwritableError, match="'zip', not one of"):
+        RunWriter(tmp_path / 'run', compression='zip')
+    assert not (tmp_path / 'run').exists()
+
+
+def test_counts_are_by_topic(tmp_path: Path, runs: ModuleType) -> None:
+    with RunWriter(tmp_path / 'run') as writer:
+        for message in runs.make_messages(3) + runs.make_messages(2, '/other'):
+            writer.write(message)
+        assert writer.counts == {'/crank_angle': 3, '/other': 2}
+
+
+def test_close_twice_is_fine_and_closed_runs_take_nothing(
+    tmp_path: Path, runs: ModuleType
+) -> None:
+    writer = RunWriter(tmp_path / 'run')
+    writer.close()
+    writer.close()
+    assert writer.closed
+    with pytest.raises(RunClosedError, match='is closed'):
+        writer.write(runs.make_messages(1)[0])
+    with pytest.raises(RunClosedError):
+        writer.flush()
+
+
+def test_a_run_without_messages_is_whole(tmp_path: Path) -> None:
+    with RunWriter(tmp_path / 'run'):
+        pass
+    with open_log(tmp_path / 'run') as log:
+        assert log.complete, log.problem
+        assert list(log.messages()) == []
+
+
+def test_an_exception_in_the_block_passes_and_the_run_is_finished(
+    tmp_path: Path, runs: ModuleType
+) -> None:
+    with pytest.raises(KeyError, match='mine'), RunWriter(tmp_path / 'run') as writer:
+        writer.write(runs.make_messages(1)[0])
+        raise KeyError('mine')
+    with open_log(tmp_path / 'run') as log:
+        assert log.complete
+        assert len(list(log.messages())) == 1
+
+
+@pytest.mark.parametrize('times', [(-1, 0), (0, -1), (2**64, 0), (0, 2**64)])
+def test_a_time_that_does_not_fit_is_refused_and_harms_nothing(
+    tmp_path: Path, runs: ModuleType, times
+) -> None:
+    first, second = runs.make_messages(2)
+    with RunWriter(tmp_path / 'run') as writer:
+        writer.write(first)
+        with pytest.raises(UnwritableError, match='must be within'):
+            writer.write(replace(second, log_time=times[0], publish_time=times[1]))
+        with pytest.raises(UnwritableError, match='must be within'):
+            writer.attach('x', 'y', b'', -1)
+        writer.write(second)
+    with open_log(tmp_path / 'run') as log:
+        assert list(log.messages()) == [first, second]
+
+
+def test_a_malformed_qos_is_refused_and_harms_nothing(tmp_path: Path, runs: ModuleType) -> None:
+    (message,) = runs.make_messages(1)
+    with RunWriter(tmp_path / 'run') as writer:
+        bad = replace(message.topic, qos='history: 1')
+        with pytest.raises(MalformedQosError):
+            writer.write(replace(message, topic=bad))
+        writer.write(message)
+    with open_log(tmp_path / 'run') as log:
+        assert list(log.messages()) == [message]
+
+
+def test_a_sequence_number_keeps_its_lower_32_bits(tmp_path: Path, runs: ModuleType) -> None:
+    with RunWriter(tmp_path / 'run') as writer:
+        writer.write(replace(runs.make_messages(1)[0], sequence=2**32 + 7))
+    with open_log(tmp_path / 'run') as log:
+        assert next(log.messages()).sequence == 7
+
+
+def test_flushed_messages_are_in_the_file(tmp_path: Path, runs: ModuleType) -> None:
+    writer = RunWriter(tmp_path / 'run')
+    for message in runs.make_messages(10):
+        writer.write(message)
+    writer.flush()
+    with open_log(tmp_path / 'run') as log:
+        assert not log.complete
+        assert len(list(log.messages())) == 10
+    writer.close()
+
+
+FULL = """
+import os, resource, signal, sys
+sys.path[:0] = {paths!r}
+from crank_runs import make_messages
+from klann_ros.log.write.writer import RunWriter
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+writer = RunWriter({folder!r}, compression='none')
+messages = make_messages(100_000)
+resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
+flushed = 0
+error = None
+try:
+    for number, message in enumerate(messages):
+        writer.write(message)
+        if number % 100 == 99:
+            writer.flush()
+            flushed = number + 1
+except OSError as problem:
+    error = problem
+for ask in (lambda: writer.write(messages[0]), writer.flush, writer.close):
+    try:
+        ask()
+    except OSError as again:
+        assert again is error, repr(again)
+    else:
+        raise AssertionError('silent')
+writer.close()
+print(flushed, error.errno)
+"""
+
+
+@pytest.mark.parametrize('limit', [20_000, 55_555, 100_001])
+def test_a_full_disk_is_an_os_error_and_costs_only_what_was_not_flushed(
+    tmp_path: Path, limit
+) -> None:
+    code = textwrap.dedent(FULL).format(
+        paths=[str(ROOT), str(ROOT / 'test')], folder=str(tmp_path / 'run'), limit=limit
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=False
+    )
+    assert done.stderr == ''
+    flushed = int(done.stdout.split()[0])
+    assert flushed > 100
+    with open_log(tmp_path / 'run') as log:
+        assert len(list(log.messages())) == flushed
+        # The half record was cut off, so the only thing wrong is the missing footer.
+        assert len(log.problems) == 1
+        assert 'not closed' in log.problem
+
+
+def test_the_error_of_a_full_disk_leaves_the_with_block(tmp_path: Path, runs: ModuleType) -> None:
+    previous = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        with pytest.raises(OSError, match='File too large'), RunWriter(tmp_path / 'run') as writer:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (5000, previous[1]))
+            for message in runs.make_messages(5000):
+                writer.write(message)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, previous)
+        signal.signal(signal.SIGXFSZ, handler)
+
+
+def test_a_disk_that_is_full_from_the_start_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_):
+        raise OSError(28, 'No space left on device')
+
+    monkeypatch.setattr(os, 'write', refuse)
+    with pytest.raises(OSError, match='No space left'):
+        RunWriter(tmp_path / 'run')
+    assert not (tmp_path / 'run').exists()
+
+
+def test_a_folder_that_cannot_be_made_is_an_os_error(tmp_path: Path) -> None:
+    (tmp_path / 'file').write_text('mine')
+    with pytest.raises(OSError, match='file'):
+        RunWriter(tmp_path / 'file' / 'run')
+
+
+def test_a_full_disk_while_the_body_fails_is_told_with_both(
+    tmp_path: Path, runs: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_):
+        raise OSError(28, 'No space left on device')
+
+    with pytest.raises(OSError, match='No space left') as told, RunWriter(tmp_path / 'run') as run:
+        run.write(runs.make_messages(1)[0])
+        monkeypatch.setattr(os, 'write', refuse)
+        raise KeyError('mine')
+    assert isinstance(told.value.__cause__, KeyError)

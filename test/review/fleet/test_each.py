@@ -1,0 +1,331 @@
+"""Many runs, each judged alone: a bad one is a row with its reason, and never stops the rest."""
+
+from collections.abc import Iterator
+import json
+import os
+from pathlib import Path
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+import xml.etree.ElementTree as ET
+
+from klann_ros.kinematics import KlannLeg
+from klann_ros.review.fleet import (
+    expectations_from_file,
+    ExpectationsFileError,
+    find_runs,
+    judge,
+    judge_each,
+    Row,
+    Task,
+)
+import klann_ros.review.fleet.command as each
+from klann_ros.review.fleet.table import rows_from_table
+from leg_runs import LegRun
+import pytest
+
+# What is judged when somebody interrupts it.
+MANY = 16
+GEOMETRY = {**KlannLeg().linkage.dimensions, 'assembly': [1, 1]}
+# In the order of their names.
+VERDICTS = {
+    '<img onerror=x>': 'findings',
+    'cut': 'findings',
+    'good': 'ok',
+    'empty.mcap': 'unreadable',
+    'loop': 'unreadable',
+    'pipe.mcap': 'unreadable',
+    'wrong': 'findings',
+}
+
+
+@pytest.fixture(scope='module')
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder of runs, each with a fault of its own."""
+    root = tmp_path_factory.mktemp('runs')
+    LegRun(parameters=GEOMETRY).write(root / 'good')
+    LegRun(parameters={**GEOMETRY, 'l_ab': 0.121}).write(root / 'wrong')
+    LegRun(parameters=GEOMETRY, pause=(200, 1.5)).write(root / '<img onerror=x>')
+    shutil.copytree(root / 'good', root / 'cut')
+    (log,) = (root / 'cut').glob('*.mcap')
+    os.truncate(log, log.stat().st_size // 2)
+    inner = root / 'inner'
+    inner.mkdir()
+    (inner / 'loop').symlink_to(root)
+    os.mkfifo(inner / 'pipe.mcap')
+    (inner / 'empty.mcap').touch()
+    return root
+
+
+def review(*arguments: object, **options: Any) -> subprocess.Popen[str]:
+    """Start the command as a process."""
+    code = 'import sys; from klann_ros.executables import review; sys.exit(review())'
+    command = [sys.executable, '-c', code, '--each', *map(str, arguments)]
+    pipes = {'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE, 'text': True}
+    return subprocess.Popen(command, **{**pipes, **options})
+
+
+@pytest.fixture(scope='module')
+def reviewed(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with all that is said of the runs."""
+    out = tmp_path_factory.mktemp('out')
+    outputs = [f'--{kind}={out / name}' for kind, name in _OUTPUTS.items()]
+    process = review(runs, *outputs, '--jobs', '2')
+    report, errors = process.communicate(timeout=120.0)
+    assert (process.returncode, errors) == (2, '')
+    assert report.startswith('7 runs of 7: 1 ok, 3 with findings, 3 unreadable\n')
+    return out
+
+
+_OUTPUTS = {'table': 'table.csv', 'junit': 'junit.xml', 'html': 'index.html'}
+
+
+def test_each_run_is_a_row_with_its_reason(reviewed: Path) -> None:
+    rows = rows_from_table(str(reviewed / 'table.csv'))
+    assert {Path(row.run).name: row.verdict for row in rows} == VERDICTS
+    reasons = {Path(row.run).name: row.reason for row in rows}
+    assert reasons['good'] == ''
+    assert 'named pipe' in reasons['pipe.mcap']
+    assert 'leads back' in reasons['loop']
+    assert reasons['wrong'].startswith('closure: 400 of 400 poses')
+    (wrong,) = (row for row in rows if row.run.endswith('wrong'))
+    assert json.loads(wrong.findings)[0]['check'] == 'closure'
+    assert wrong.worst_residual == pytest.approx(1e-3, rel=1e-6)
+
+
+def test_a_folder_that_cannot_be_searched_is_a_row(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ('died', 'runs/inner', 'other'):
+        (tmp_path / name).mkdir(parents=True)
+    (tmp_path / 'other/x.mcap').touch()
+    (tmp_path / 'runs/inner/again').symlink_to(tmp_path / 'other')
+    (tmp_path / 'searched').mkdir()
+    (tmp_path / 'searched/link').symlink_to(tmp_path / 'runs')
+    (tmp_path / 'searched/died').mkdir()
+    (tmp_path / 'searched/locked').symlink_to(tmp_path / 'secret')
+    stat = Path.stat
+
+    def refused(path: Path, **options: bool) -> os.stat_result:
+        if path.name == 'locked' and options.get('follow_symlinks', True):
+            raise PermissionError(13, 'Permission denied')
+        return stat(path, **options)
+
+    # The tests may run as root, who is refused nothing.
+    monkeypatch.setattr(Path, 'stat', refused)
+    found = {Path(run.path).name: run.fault for run in find_runs([str(tmp_path / 'searched')])}
+    assert found.keys() == {'again', 'died', 'locked'}
+    assert 'not followed' in found['again']
+    assert 'no log in it' in found['died']
+    assert 'Permission denied' in found['locked']
+
+
+def test_rows_are_the_same_byte_for_byte_however_many_make_them(
+    runs: Path, reviewed: Path, tmp_path: Path
+) -> None:
+    table = tmp_path / 'table.csv'
+    assert each.main(['--each', str(runs), '--table', str(table), '--jobs', '1']) == 2
+    assert table.read_bytes() == (reviewed / 'table.csv').read_bytes()
+
+
+def test_a_parquet_table_is_the_csv(reviewed: Path, tmp_path: Path) -> None:
+    duckdb = pytest.importorskip('duckdb')
+    pandas = pytest.importorskip('pandas')
+    rows = rows_from_table(str(reviewed / 'table.csv'))
+    place = tmp_path / 'table.parquet'
+    each.check_table(str(place))
+    with place.open('wb') as file:
+        each.save_table(str(place), rows, file)
+    assert rows_from_table(str(place)) == rows
+    frame = pandas.read_parquet(place)
+    assert frame['run'].tolist() == [row.run for row in rows]
+    query = f"select verdict, count(*) from '{place}' group by 1 order by 1"  # noqa: S608
+    assert duckdb.sql(query).fetchall() == [('findings', 3), ('ok', 1), ('unreadable', 3)]
+
+
+def test_the_junit_file_is_read_by_a_public_parser(reviewed: Path) -> None:
+    junitparser = pytest.importorskip('junitparser')
+    (suite,) = junitparser.JUnitXml.fromfile(str(reviewed / 'junit.xml'))
+    assert (suite.tests, suite.failures, suite.errors) == (7, 3, 3)
+    results = {case.name: [type(found).__name__ for found in case.result] for case in suite}
+    words = {'ok': [], 'findings': ['Failure'], 'unreadable': ['Error']}
+    assert results == {name: words[verdict] for name, verdict in VERDICTS.items()}
+
+
+def test_the_index_leads_to_the_page_of_each_run(reviewed: Path) -> None:
+    text = (reviewed / 'index.html').read_text()
+    assert '<img onerror' not in text
+    links = [part.partition('"')[0] for part in text.split('href="')[1:]]
+    assert len(links) == 4
+    for link in links:
+        assert '<title>Review of' in (reviewed / link).read_text()
+
+
+def test_ctrl_c_leaves_a_table_and_resume_goes_on(runs: Path, tmp_path: Path) -> None:
+    many = tmp_path / 'many'
+    many.mkdir()
+    for number in range(MANY):
+        (many / f'run{number}').symlink_to(runs / 'good')
+    # Each once: the same run under many names is one.
+    assert len(find_runs([str(many)])) == 1
+    for number in range(MANY):
+        (many / f'run{number}').unlink()
+        shutil.copytree(runs / 'good', many / f'run{number}')
+    table = tmp_path / 'table.csv'
+    process = review(many, '--table', table, '--html', tmp_path / 'index.html', '--jobs', '1')
+    pages = tmp_path / 'index_runs'
+    while not (pages.exists() and len(list(pages.glob('*.html'))) > 3):
+        time.sleep(0.02)
+        assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60.0)
+    assert process.returncode == 130
+    assert '--resume goes on' in errors
+    assert 'Traceback' not in errors
+    done = rows_from_table(str(table))
+    assert 1 <= len(done) < MANY
+    before = (pages / '01_run0.html').stat().st_mtime_ns
+    again = review(many, '--table', table, '--html', tmp_path / 'index.html', '--resume')
+    again.communicate(timeout=120.0)
+    assert again.returncode == 0
+    assert len(rows_from_table(str(table))) == MANY
+    assert (pages / '01_run0.html').stat().st_mtime_ns == before
+
+
+def expectations(folder: Path, text: str) -> Any:
+    file = folder / 'expect.yaml'
+    file.write_text(text)
+    return expectations_from_file(str(file))
+
+
+def checks(row: Row) -> list[str]:
+    return [found['check'] for found in json.loads(row.findings)]
+
+
+def judged(run: Path, expected: Any) -> Row:
+    (found,) = find_runs([str(run)])
+    return judge(Task(found, expectations=expected)).row
+
+
+@pytest.mark.parametrize(
+    ('text', 'reasons'),
+    [
+        ('topics: {/joint_states: {min_rate: 150, max_gap: 0.05, max_lost: 0}}', []),
+        ('topics: {/joint_states: {min_rate: 250}}', ['has 200 Hz, at least 250 Hz']),
+        ('topics: {/joint_states: {max_gap: 0.001}}', ['is silent for 0.00502 s']),
+        ('topics: {/imu: }', ['/imu is not there']),
+    ],
+)
+def test_what_is_expected_and_not_there_is_found(
+    text: str, reasons: list[str], runs: Path, tmp_path: Path
+) -> None:
+    row = judged(runs / 'good', expectations(tmp_path, text))
+    assert checks(row) == ['expected'] * len(reasons)
+    for reason in reasons:
+        assert reason in row.reason
+
+
+def test_allowed_findings_do_not_count(runs: Path, tmp_path: Path) -> None:
+    row = judged(runs / 'wrong', expectations(tmp_path, 'allow: [closure]'))
+    assert (row.verdict, row.allowed, checks(row)) == ('ok', 1, ['closure'])
+
+
+def test_a_run_is_compared_with_the_baseline(runs: Path, tmp_path: Path) -> None:
+    expected = expectations(tmp_path, f'baseline: {runs / "good"}\nallow: [closure]')
+    row = judged(runs / 'wrong', expected)
+    assert row.verdict == 'findings'
+    assert row.reason.startswith('baseline: l_ab is 0.12 m in the first run')
+    assert judged(runs / 'good', expected).verdict == 'ok'
+
+
+@pytest.mark.parametrize(
+    ('text', 'reason'),
+    [
+        ('[]', 'must be a mapping'),
+        ('topic: {}', 'did you mean topics'),
+        ('topics: []', 'topics must be a mapping'),
+        ('topics: {/a: {rate: 1}}', 'min_rate'),
+        ('topics: {/a: {max_lost: 2}}', 'a share'),
+        ('topics: {/a: {min_rate: .nan}}', 'finite'),
+        ('allow: gap', 'allow must be a list'),
+        ('baseline: 3', 'baseline must be'),
+    ],
+)
+def test_expectations_that_are_none_are_refused_in_one_line(
+    text: str, reason: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ExpectationsFileError, match=reason):
+        expectations(tmp_path, text)
+
+
+def test_rows_come_in_the_order_of_the_tasks(runs: Path) -> None:
+    found = find_runs([str(runs / 'wrong'), str(runs / 'good')])
+    rows = list(judge_each([Task(run) for run in found], jobs=2))
+    assert [Path(row.run).name for row in rows] == ['wrong', 'good']
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'code', 'reason'),
+    [
+        (['--table', 'table.txt'], 2, 'must end in .csv or .parquet'),
+        (['--resume'], 2, 'give --table as well'),
+        (['--table', '/no/such/folder/t.csv'], 3, 'there is no folder'),
+        (['--expect', '/no/such/file'], 2, 'cannot be read'),
+        (['--jobs', '0'], 2, 'argument --jobs'),
+    ],
+)
+def test_what_cannot_be_is_refused_before_anything_is_done(
+    arguments: list[str], code: int, reason: str, runs: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        found = each.main(['--each', str(runs), *arguments])
+    except SystemExit as end:
+        found = end.code
+    assert found == code
+    assert reason in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_no_output_goes_into_a_run(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert each.main(['--each', str(runs), '--table', str(runs / 'good' / 'table.csv')]) == 3
+    assert 'only read' in capsys.readouterr().err
+
+
+def test_a_folder_without_runs_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert each.main(['--each', str(tmp_path)]) == 2
+    assert 'there is no run in' in capsys.readouterr().err
+
+
+def test_texts_of_others_are_no_formulas_in_a_table(tmp_path: Path) -> None:
+    row = Row('=cmd()', 'unreadable', '@x')
+    place = tmp_path / 'table.csv'
+    with place.open('wb') as file:
+        each.save_table(str(place), [row], file)
+    assert "\n'=cmd(),unreadable,'@x," in place.read_text()
+    assert rows_from_table(str(place)) == [row]
+
+
+def names(folder: Path) -> Iterator[str]:
+    return (str(Path(run.path).relative_to(folder)) for run in find_runs([str(folder)]))
+
+
+def test_logs_beside_each_other_are_runs_of_their_own_unless_numbered(tmp_path: Path) -> None:
+    for name in ('a/x_0.mcap', 'a/x_1.mcap', 'b/x_0.mcap', 'b/y_0.mcap', 'c/deep/run10/r.mcap'):
+        file = tmp_path / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+    (tmp_path / 'c/deep/run2').mkdir()
+    (tmp_path / 'c/deep/run2/metadata.yaml').touch()
+    (tmp_path / '.hidden').mkdir()
+    (tmp_path / '.hidden/z.mcap').touch()
+    found = ['a', 'b/x_0.mcap', 'b/y_0.mcap', 'c/deep/run2', 'c/deep/run10/r.mcap']
+    assert list(names(tmp_path)) == found
+
+
+def test_a_page_of_junit_holds_no_letter_that_xml_forbids(tmp_path: Path) -> None:
+    place = tmp_path / 'junit.xml'
+    with place.open('wb') as file:
+        each.save_junit([Row('runs/\x00\x1b[31m\ufffe', 'unreadable', 'a\x08b')], file)
+    assert ET.parse(place).find('.//error') is not None  # noqa: S314 - it is ours

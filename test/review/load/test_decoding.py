@@ -1,0 +1,206 @@
+"""Messages in bulk are what mcap-ros2-support reads one by one; blocks are what mcap reads."""
+
+from dataclasses import replace
+import struct
+
+from hypothesis import given, settings, strategies as st
+from klann_ros.log.definitions import definition
+from klann_ros.log.mcap.content import content_of
+from klann_ros.log.read import block as blocks
+from klann_ros.log.read.packed_messages import is_packed
+from klann_ros.log.reader import open_log
+from klann_ros.log.records import Topic
+from klann_ros.review.load.layouts import CRANK_ANGLE, FOOT, JOINT_STATE
+from klann_ros.review.load.pieces import _FIELDS, TopicReader
+from mcap.reader import NonSeekingReader
+from mcap.records import Schema
+from mcap.writer import CompressionType, Writer
+from mcap_ros2.decoder import DecoderFactory
+import numpy as np
+from rosbags.typesys import get_typestore, Stores
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+KINDS = {
+    kind: Topic(f'/{number}', kind, definition(kind))
+    for number, kind in enumerate((CRANK_ANGLE, FOOT, JOINT_STATE))
+}
+DECODE = {
+    kind: DecoderFactory().decoder_for(
+        'cdr', Schema(id=number, name=kind, encoding='ros2msg', data=topic.definition.encode())
+    )
+    for number, (kind, topic) in enumerate(KINDS.items(), start=1)
+}
+
+numbers = st.floats(width=64)
+# A text ends at its first zero.
+texts = st.text(st.characters(exclude_characters='\0', exclude_categories=['Cs']), max_size=12)
+doubles = st.lists(numbers, max_size=4).map(np.array)
+
+
+def made(kind, **fields):
+    return STORE.types[kind](**fields)
+
+
+@st.composite
+def headers(draw):
+    sec, nanosec = draw(st.integers(-(2**31), 2**31 - 1)), draw(st.integers(0, 2**32 - 1))
+    stamp = made('builtin_interfaces/msg/Time', sec=sec, nanosec=nanosec)
+    return made('std_msgs/msg/Header', stamp=stamp, frame_id=draw(texts))
+
+
+def point(*xyz):
+    return made('geometry_msgs/msg/Point', **dict(zip('xyz', xyz, strict=True)))
+
+
+points = st.builds(point, *[numbers] * 3)
+messages = st.one_of(
+    st.builds(lambda data: made(CRANK_ANGLE, data=data), numbers),
+    st.builds(lambda header, h: made(FOOT, header=header, point=h), headers(), points),
+    st.builds(
+        lambda header, name, *values: made(
+            JOINT_STATE,
+            header=header,
+            name=name,
+            **dict(zip(('position', 'velocity', 'effort'), values, strict=True)),
+        ),
+        headers(),
+        st.lists(texts, max_size=4),
+        *[doubles.map(lambda values: values.astype(np.float64))] * 3,
+    ),
+)
+
+
+def other_numbers(draw, message):
+    """Return a message with other numbers in the same places."""
+    if message.__msgtype__ == CRANK_ANGLE:
+        return replace(message, data=draw(numbers))
+    if message.__msgtype__ == FOOT:
+        return replace(message, point=draw(points))
+    sizes = {name: len(getattr(message, name)) for name in ('position', 'velocity', 'effort')}
+    arrays = {
+        name: np.array(draw(st.lists(numbers, min_size=size, max_size=size)), dtype=np.float64)
+        for name, size in sizes.items()
+    }
+    return replace(message, **arrays)
+
+
+@st.composite
+def serialized(draw):
+    """Draw alike messages as type and bytes; some are cut off, or have more behind them."""
+    message = draw(messages)
+    kind, little_endian = message.__msgtype__, draw(st.booleans())
+    found = []
+    for alike in [
+        message,
+        *(other_numbers(draw, message) for _ in range(draw(st.integers(0, 3)))),
+    ]:
+        data = bytes(STORE.serialize_cdr(alike, kind, little_endian=little_endian))
+        cut = draw(st.one_of(st.just(len(data)), st.integers(0, len(data))))
+        found.append((kind, data[:cut] + draw(st.one_of(st.just(b''), st.binary(max_size=9)))))
+    return found
+
+
+def block_of(given_messages):
+    """Return the block of messages; each type has a channel."""
+    channels = list(KINDS)
+    data = b''
+    for number, (kind, content) in enumerate(given_messages):
+        head = struct.pack('<BQHIQQ', 5, 22 + len(content), channels.index(kind), 0, number, 0)
+        data += head + content
+    found = content_of(data, verified=True)
+    assert not found.broken
+    return blocks.block_of(found, {})
+
+
+def read_in_bulk(given_messages):
+    """Return what each message says, by its row, and how many failed."""
+    block, said, failed = block_of(given_messages), {}, 0
+    for number, topic in enumerate(KINDS.values()):
+        reader = TopicReader(topic)
+        rows = np.flatnonzero(block.heads['channel'] == number)
+        for piece in reader.read(block, rows):
+            for i, row in enumerate(piece.rows.tolist()):
+                numbers = (piece.values, piece.velocities, piece.efforts)
+                found = (each[i].tobytes() for each in numbers)
+                said[row] = int(piece.stamps[i]), piece.names, *found
+        failed += reader.failed
+    return said, failed
+
+
+def read_one(kind, data):
+    """Return what a message says by mcap-ros2-support; None if it cannot be read."""
+    try:
+        stamp, names, *numbers = _FIELDS[kind](DECODE[kind](data))
+    except Exception:
+        return None
+    found = (np.array(each, dtype=np.float64).tobytes() for each in numbers)
+    return stamp, tuple(names), *found
+
+
+@settings(max_examples=80)
+@given(st.lists(serialized(), max_size=6), st.randoms())
+def test_bulk_reading_says_what_the_library_says(families, random) -> None:
+    given_messages = [message for family in families for message in family]
+    random.shuffle(given_messages)
+    said, failed = read_in_bulk(given_messages)
+    expected = [read_one(*message) for message in given_messages]
+    assert said == {row: one for row, one in enumerate(expected) if one is not None}
+    assert failed == expected.count(None)
+
+
+@settings(max_examples=20)
+@given(st.binary(min_size=2, max_size=2))
+def test_what_stands_between_the_fields_does_not_matter(padding) -> None:
+    # A frame of one letter and its end leave two bytes before the numbers.
+    stamp = made('builtin_interfaces/msg/Time', sec=1, nanosec=2)
+    header = made('std_msgs/msg/Header', stamp=stamp, frame_id='f')
+    foot = made(FOOT, header=header, point=point(1.0, 2.0, 3.0))
+    plain = bytes(STORE.serialize_cdr(foot, FOOT))
+    assert plain[18:20] == b'\0\0'
+    odd = plain[:18] + padding + plain[20:]
+    said, failed = read_in_bulk([(FOOT, plain), (FOOT, odd)])
+    assert (said[0], failed) == (said[1], 0)
+
+
+TOLD = ['channel', 'sequence', 'log_time', 'publish_time']
+
+
+@settings(max_examples=30)
+@given(
+    st.lists(
+        st.tuples(
+            st.integers(0, 2),
+            st.integers(0, 2**32 - 1),
+            st.integers(0, 2**63),
+            st.integers(0, 2**63),
+            # No CDR begins as a zstd frame does, which is taken for a packed message.
+            st.binary(max_size=40).filter(lambda data: not is_packed(data)),
+        ),
+        max_size=30,
+    ),
+    st.sampled_from(CompressionType),
+    st.integers(30, 400),
+)
+def test_blocks_hold_what_the_mcap_library_reads(tmp_path_factory, entries, kind, size) -> None:
+    path = tmp_path_factory.mktemp('blocks') / 'log.mcap'
+    with path.open('wb') as file:
+        writer = Writer(file, chunk_size=size, compression=kind)
+        writer.start('ros2')
+        schema = writer.register_schema('a/msg/B', 'ros2msg', b'')
+        channels = [writer.register_channel(f'/{n}', 'cdr', schema) for n in range(3)]
+        for number, sequence, log_time, publish_time, data in entries:
+            writer.add_message(channels[number], log_time, data, publish_time, sequence)
+        writer.finish()
+    with open_log(path) as log:
+        found = [
+            (block.topics[channel].name, *times, block.message(row))
+            for block in log.blocks()
+            for row, (channel, *times) in enumerate(block.heads[TOLD].tolist())
+        ]
+        assert log.complete
+    with path.open('rb') as file:
+        read = NonSeekingReader(file).iter_messages(log_time_order=False)
+        assert found == [
+            (channel.topic, message.sequence, message.log_time, message.publish_time, message.data)
+            for _, channel, message in read
+        ]

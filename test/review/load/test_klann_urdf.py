@@ -1,0 +1,136 @@
+"""Legs out of URDFs: those that the xacro makes to the last bit, and nothing of anybody else's."""
+
+import io
+from pathlib import Path
+import re
+from typing import Any
+
+from hypothesis import given, HealthCheck, settings, strategies as st
+from klann_ros.kinematics import KlannGeometry
+from klann_ros.review.load.klann_urdf import klann_legs_in_urdf, LONGEST
+import pytest
+from strategies import legs
+import xacro
+import yaml
+
+ROOT = Path(__file__).resolve().parents[3]
+XACRO = ROOT / 'urdf' / 'klann.urdf.xacro'
+SEM104 = KlannGeometry.sem104()
+URDF = (ROOT / 'urdf' / 'klann.urdf').read_text(encoding='utf-8')
+WALKER = (ROOT / 'urdf' / 'walker6.urdf').read_text(encoding='utf-8')
+
+
+def described(file: Path, **options: str) -> str:
+    """Return the URDF of a parameter file."""
+    output, mappings = io.StringIO(), {'params_file': str(file), **options}
+    document: Any = xacro.process_file(str(XACRO), mappings=mappings)
+    document.writexml(output)
+    return output.getvalue()
+
+
+def numbers(geometry: KlannGeometry) -> dict[str, Any]:
+    told = geometry.as_dict()
+    del told['assembly']
+    return told
+
+
+@pytest.mark.parametrize('name', ['klann', 'walker4', 'walker6'])
+def test_the_shipped_urdfs_are_of_the_shipped_legs(name: str) -> None:
+    found = klann_legs_in_urdf((ROOT / 'urdf' / f'{name}.urdf').read_text(encoding='utf-8'))
+    assert len(found) == {'klann': 1, 'walker4': 4, 'walker6': 6}[name]
+    assert list(found.values()) == [numbers(SEM104)] * len(found)
+
+
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(geometry=legs())
+def test_a_leg_is_found_to_the_last_bit(
+    geometry: KlannGeometry, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    file = tmp_path_factory.mktemp('leg') / 'leg.yaml'
+    content = {'/**': {'ros__parameters': geometry.as_dict()}}
+    file.write_text(yaml.safe_dump(content), encoding='utf-8')
+    assert klann_legs_in_urdf(described(file)) == {'': numbers(geometry)}
+
+
+def test_legs_with_lengths_and_frames_of_their_own_are_told_apart(tmp_path: Path) -> None:
+    file = tmp_path / 'walker.yaml'
+    shared = {'legs': ['left', 'right'], 'left': {'l_gh': 0.1 + 0.2}, 'right': {'x_e': -0.1}}
+    file.write_text(yaml.safe_dump({'/**': {'ros__parameters': {'l_ab': 0.11, **shared}}}))
+    told = {**numbers(SEM104), 'l_ab': 0.11}
+    expected = {'left': {**told, 'l_gh': 0.1 + 0.2}, 'right': {**told, 'x_e': -0.1}}
+    for options in ({}, {'frame_prefix': 'a/', 'base_frame': 'trunk', 'frame_id': 'plane'}):
+        assert klann_legs_in_urdf(described(file, **options)) == expected
+
+
+def test_a_leg_that_is_a_part_of_another_robot_is_found() -> None:
+    arm = (
+        '<link name="arm"><visual><geometry><box size="9 9 9"/></geometry></visual></link>'
+        '<joint name="shoulder" type="revolute"><parent link="base_link"/><child link="arm"/>'
+        '<origin xyz="1 2 3" rpy="0.1 0.2 0.3"/><limit effort="1" velocity="1"/></joint>'
+    )
+    assert klann_legs_in_urdf(URDF.replace('</robot>', f'{arm}</robot>')) == {'': numbers(SEM104)}
+
+
+CHANGES = {
+    'a document type': ('<robot name="klann">', '<!DOCTYPE robot><robot name="klann">'),
+    'an entity': (
+        '<robot name="klann">',
+        '<!DOCTYPE robot [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="&a;">',
+    ),
+    'a joint too few': ('name="gamma"', 'name="other"'),
+    'a joint twice': ('name="mount"', 'name="gamma"'),
+    'a number too few': ('xyz="0 0.09 0"', 'xyz="0 0.09"'),
+    'no number': ('xyz="0 0.09 0"', 'xyz="0 high 0"'),
+    'not a number': ('xyz="0 0.09 0"', 'xyz="0 nan 0"'),
+    'an infinite length': ('<box size="0.14 ', '<box size="inf '),
+    'another axis': ('<axis xyz="0 0 -1"/>', '<axis xyz="0 0 1"/>'),
+    'a turn that is not undone': ('multiplier="-1"', 'multiplier="1"'),
+    'an offset': ('offset="0"', 'offset="0.1"'),
+    'a joint beside its place': ('xyz="0 0.09 0"', 'xyz="0.01 0.09 0"'),
+    'a tilted joint': ('<origin rpy="0 0 0" xyz="0 0.09 0"/>', '<origin rpy="1 0 0"/>'),
+    'another parent': ('<parent link="ab"/>', '<parent link="dc"/>'),
+    'a joint that slides': (
+        '<joint name="beta" type="continuous">',
+        '<joint name="beta" type="prismatic">',
+    ),
+    'no box': ('<box size="0.14 ', '<cylinder size="0.14 '),
+    'no end': ('</robot>', ''),
+    'no robot': ('robot', 'rabbit'),
+    'a control character': ('klann', 'kla\0nn'),
+    'half of a character': ('klann', 'kla\ud800nn'),
+    'an encoding that is none': ('<?xml version="1.0" ?>', '<?xml version="1.0" encoding="x"?>'),
+}
+
+
+@pytest.mark.parametrize('change', CHANGES.values(), ids=CHANGES)
+def test_what_is_no_such_leg_is_none(change: tuple[str, str]) -> None:
+    before, after = change
+    assert before in URDF
+    changed = URDF.replace(before, after)
+    # What is told of an encoding is of no matter to a text.
+    expected = {'': numbers(SEM104)} if 'encoding="x"' in changed else {}
+    assert klann_legs_in_urdf(changed) == expected
+
+
+@pytest.mark.parametrize('text', ['', 'robot', '<robot/>', '<a>' * 50_000, '\n' * (LONGEST + 1)])
+def test_what_is_no_robot_has_no_legs(text: str) -> None:
+    assert klann_legs_in_urdf(text) == {}
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.integers(0, len(URDF) - 1),
+    st.integers(0, 60),
+    st.text(st.sampled_from('<>/"=!&; 0.-einfa\0\udc80\u202e'), max_size=12),
+)
+def test_no_text_is_an_error(begin: int, size: int, put: str) -> None:
+    end = begin + size
+    found = klann_legs_in_urdf(URDF[:begin] + put + URDF[end:])
+    assert set(found) <= {''}
+
+
+@given(st.integers(0, 5))
+def test_one_broken_leg_hides_no_other(which: int) -> None:
+    names = list(klann_legs_in_urdf(WALKER))
+    broken = re.sub(f'name="{names[which]}/gamma"', 'name="gone"', WALKER)
+    assert list(klann_legs_in_urdf(broken)) == [name for name in names if name != names[which]]

@@ -1,0 +1,150 @@
+"""Log times that go back: publishers whose messages overtake each other, and clocks set back."""
+
+from dataclasses import replace
+
+from findings import checks, found
+from hypothesis import example, given, settings, strategies as st
+from klann_ros.log.records import Message, Topic
+from klann_ros.log.run_parameters import LOSS_RECORD, loss_record, TopicCount
+from klann_ros.review.load.order import clock_steps
+from klann_ros.review.reviewing import review_run
+import numpy as np
+import pytest
+
+MS = 1_000_000
+S = 1000 * MS
+
+
+def taken(
+    seed: int, *, publishers: int, behind: int, batch: int, count: int = 3000, late: int = 3 * MS
+) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return source and received times as a recorder takes them: a queue in the order of sources.
+
+    Each publisher sends at 500 Hz; now and then a message comes late, and whatever its publisher
+    sent after it comes after it. The clock of the second is `behind` [ns].
+    """
+    random = np.random.default_rng(seed)
+    rows = []
+    for publisher in range(publishers):
+        sent = np.arange(count) * 2 * MS + random.integers(0, MS, count)
+        latency = 50_000 + random.integers(0, 200_000, count)
+        latency += (random.random(count) < 0.02) * random.integers(0, late, count)
+        received = np.maximum.accumulate(sent + latency)
+        rows.append(np.column_stack([sent - behind * (publisher == 1), received]))
+    found = np.concatenate(rows)
+    # What was received by the same wake-up is in the queue together.
+    order = np.lexsort([found[:, 0], found[:, 1] // batch])
+    return found[order, 0], found[order, 1]
+
+
+def steps(sources: np.ndarray, received: np.ndarray) -> np.ndarray:
+    rows = np.flatnonzero(np.diff(received) < 0)
+    by = received[rows] - received[rows + 1], sources[rows] - sources[rows + 1]
+    return np.column_stack([rows + 1, *by])
+
+
+def clocks(sources: np.ndarray, received: np.ndarray, *, alone: bool) -> np.ndarray:
+    latencies = ((received - sources) / 1e9).astype(np.float32)
+    back = steps(sources, received)
+    return back[clock_steps(latencies, back, alone=alone), 0]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 2**32),
+    publishers=st.integers(2, 4),
+    behind=st.sampled_from([0, 3 * MS, 300 * MS, -5 * S, 3600 * S]),
+    batch=st.sampled_from([1 * MS, 20 * MS, 1300 * MS]),
+)
+@example(seed=0, publishers=2, behind=300 * MS, batch=1300 * MS)
+def test_publishers_that_overtake_each_other_are_no_clock_set_back(
+    seed: int, publishers: int, behind: int, batch: int
+) -> None:
+    sources, received = taken(seed, publishers=publishers, behind=behind, batch=batch)
+    assert not len(clocks(sources, received, alone=False))
+
+
+def test_such_publishers_do_go_back_in_the_log() -> None:
+    sources, received = taken(1, publishers=2, behind=300 * MS, batch=20 * MS)
+    assert len(steps(sources, received)) > 100
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 2**32),
+    publishers=st.integers(1, 3),
+    at=st.integers(500, 2500),
+    by=st.sampled_from([30 * MS, 200 * MS, 5 * S, 3600 * S]),
+)
+def test_a_clock_that_is_set_back_is_found_where_that_was(
+    seed: int, publishers: int, at: int, by: int
+) -> None:
+    sources, received = taken(seed, publishers=publishers, behind=0, batch=20 * MS, late=MS)
+    at *= publishers
+    received[at:] -= by
+    assert clocks(sources, received, alone=publishers == 1).tolist() == [at]
+
+
+@pytest.mark.parametrize('by', [30 * MS, 200 * MS, 5 * S])
+def test_a_machine_whose_clock_is_set_back_is_found(by: int) -> None:
+    sources, received = taken(2, publishers=1, behind=0, batch=20 * MS)
+    sources[700:] -= by
+    received[700:] -= by
+    assert clocks(sources, received, alone=True).tolist() == [700]
+
+
+def test_a_message_that_was_sent_again_is_no_clock_set_back() -> None:
+    sources, received = taken(3, publishers=1, behind=0, batch=20 * MS)
+    received[800] += 400 * MS
+    assert len(steps(sources, received)) == 1
+    assert not len(clocks(sources, received, alone=True))
+
+
+def test_log_times_that_go_back_are_told_once_for_all_topics(healthy, make_run, write_messages):
+    run = make_run(healthy)
+    back = [
+        replace(m, log_time=m.log_time - (20 * MS if m.sequence > 200 else 0))
+        for m in write_messages.read(run)
+    ]
+    text = 'order: the log times go back once, by 0.015 s or more, on '
+    assert found(write_messages(run, back)) == [f'{text}/crank_angle, /joint_states, /point_h']
+
+
+def test_two_publishers_that_overtake_each_other_are_no_finding(
+    healthy, make_run, write_messages
+) -> None:
+    run = make_run(healthy)
+    second = [
+        replace(m, publish_time=m.publish_time + MS, log_time=m.log_time + 2 * MS)
+        for m in write_messages.read(run)
+        if m.topic.name == '/crank_angle'
+    ]
+    late = [replace(m, log_time=m.log_time + 5 * MS) for m in write_messages.read(run)]
+
+    def by_source(message: Message) -> tuple[int, int]:
+        return message.publish_time, message.log_time
+
+    both = sorted([*late, *second], key=by_source)
+    review = review_run(write_messages(run, both))
+    (topic,) = [each for each in review.recording.topics if each.name == '/crank_angle']
+    assert topic.overtaken == 399 + 1
+    assert 'order' not in checks(review)
+
+
+@pytest.mark.parametrize('unheard', [0, None], ids=['one publisher', 'several'])
+def test_the_recorder_knows_whether_several_published(
+    healthy, make_run, write_messages, unheard: int | None
+) -> None:
+    healthy.metadata.append(
+        (LOSS_RECORD, loss_record({'/other': TopicCount(3, 3, unheard=unheard)}))
+    )
+    run, start = make_run(healthy), healthy.answers[0].stamp
+    other = Topic('/other', 'std_msgs/msg/String', 'string data')
+    # The second one's only message is heard between two of the first, whose numbers are as low.
+    sent = [(500, 1), (540, 2), (507, 1)]
+    others = [
+        Message(other, b'', start + at * MS, start + at * MS - 1000, number) for at, number in sent
+    ]
+    review = review_run(write_messages(run, [*write_messages.read(run), *others]))
+    assert checks(review) == ([] if unheard is None else ['order'])

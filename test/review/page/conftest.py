@@ -1,0 +1,179 @@
+"""Pages of real runs, opened from their files in a real browser: one for all tests."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+import math
+from pathlib import Path
+from typing import Any
+
+from klann_ros.kinematics import KlannLeg, LinkageLeg, shipped_linkage
+from klann_ros.review.model.comparing import compare
+from klann_ros.review.page.page import save
+from klann_ros.review.reviewing import review_run
+from leg_runs import LegRun
+import numpy as np
+import pytest
+from walk_runs import Walking
+
+LEGS = ('front_left', 'front_right', 'rear_left', 'rear_right')
+# All that a name may hold in a log, and hostile in HTML, in attributes and in scripts.
+HOSTILE = 'x\'"><img src=http://a.test/ onerror=bad()></script><script>bad()</script>&amp;<!--'
+KLANN = KlannLeg().geometry
+# Wider than a telephone, without a place to break.
+LONG = 'run_' + 60 * '2026' + '_end'
+LONGER = replace(KLANN, l_ab=1.01 * KLANN.l_ab)
+PHASES = {name: k * math.pi / 2 for k, name in enumerate(LEGS)}
+
+# Of a picture: its points' names, where they are in it, and how it is scaled.
+PLACES = """(svg, group) => [...svg.querySelectorAll(`.${group} [data-point]`)].map((node) => {
+    const at = (name) => Number(node.getAttribute(name));
+    const middle = node.tagName === 'circle'
+        ? [at('cx'), at('cy')]
+        : [at('x') + at('width') / 2, at('y') + at('height') / 2];
+    const plane = ['left', 'top', 'scale'].map((name) => Number(svg.dataset[name]));
+    return [node.dataset.point, middle, ...plane];
+})"""
+
+RUNS = {
+    'klann': LegRun(parameters=KLANN.as_dict()),
+    LONG: LegRun(parameters=KLANN.as_dict()),
+    'longer': LegRun(legs={'': KlannLeg(LONGER)}, parameters=LONGER.as_dict()),
+    # It was solved with another crank than it tells, and stood still.
+    'faulty': LegRun(parameters=LONGER.as_dict(), pause=(300, 0.4)),
+    'walker': LegRun(
+        legs={name: KlannLeg() for name in LEGS},
+        phases=PHASES,
+        parameters={
+            **KLANN.as_dict(),
+            'legs': list(LEGS),
+            **{f'{name}.phase': phase for name, phase in PHASES.items()},
+        },
+    ),
+    'changed': LegRun(parameters=LONGER.as_dict(), later=(200, KLANN.as_dict())),
+    'garbled': LegRun(
+        parameters=KLANN.as_dict(),
+        garbled={0: math.nan, 100: math.inf, 200: 1e300, 300: -1e60, 399: 1e9},
+    ),
+    'nothing': LegRun(legs={}, poses=False, iterations=False),
+    'feet': LegRun(poses=False, iterations=False),
+    'bare': LegRun(rates=False, iterations=False),
+    'hostile': LegRun(
+        legs={HOSTILE: KlannLeg()}, parameters={**KLANN.as_dict(), 'legs': [HOSTILE]}
+    ),
+    # It thinks that it goes further than it does.
+    'walk': Walking(scale=1.1, turning=0.2, space=f'/{HOSTILE}'),
+}
+
+
+@dataclass
+class Opened:
+    """A page in the browser, with everything that it asked for and complained about."""
+
+    page: Any
+    requests: list[str] = field(default_factory=list)
+    complaints: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.page.on('request', lambda request: self.requests.append(request.url))
+        self.page.on('console', lambda said: self.complaints.append(said.text))
+        self.page.on('pageerror', lambda error: self.complaints.append(str(error)))
+
+    def slide(self, time: float) -> None:
+        self.page.locator('#time').fill(repr(time))
+
+    def until(self, expression: str) -> None:
+        """Wait for something; playwright's own waiting needs what the policy forbids."""
+        for _ in range(2000):
+            if self.page.evaluate(expression):
+                return
+            self.page.wait_for_timeout(10)
+        raise AssertionError(expression)
+
+    def time(self) -> float:
+        return float(self.page.locator('#time').input_value())
+
+    def points(self, within: str = '#picture', group: str = 'leg') -> dict[str, np.ndarray]:
+        """Return where the points are drawn, in metres of the leg's plane."""
+        found = self.page.eval_on_selector(
+            within,
+            PLACES,
+            group,
+        )
+        return {
+            name: np.array([left + x / scale, top - y / scale])
+            for name, (x, y), left, top, scale in found
+        }
+
+
+def linkage_run(name: str) -> LegRun:
+    """Return a run of a shipped linkage."""
+    text = Path(shipped_text(name)).read_text(encoding='utf-8')
+    leg = LinkageLeg(shipped_linkage(name))
+    return LegRun(legs={'': leg}, parameters={'linkage_description': text})
+
+
+@pytest.fixture(scope='session')
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Return the page of each run, and of two runs side by side."""
+    folder = tmp_path_factory.mktemp('pages')
+    runs = {
+        **RUNS,
+        **{name: linkage_run(name) for name in ('jansen', 'quick_return')},
+    }
+    reviews = {
+        name: review_run(run.write(folder / name), rates='f4') for name, run in runs.items()
+    }
+    made = {name: folder / f'{name}.html' for name in (*reviews, 'two')}
+    for name, review in reviews.items():
+        with made[name].open('wb') as file:
+            save([review], None, file)
+    both = [reviews['klann'], reviews['longer']]
+    with made['two'].open('wb') as file:
+        save(both, compare(*both), file)
+    return made
+
+
+def shipped_text(name: str) -> str:
+    import klann_ros
+
+    return str(Path(klann_ros.__file__).parent / 'linkages' / f'{name}.yaml')
+
+
+@pytest.fixture(scope='module')
+def klann_page(browser: Any, pages: dict[str, Path]) -> Iterator[Opened]:
+    opened = Opened(browser.new_page(viewport={'width': 1280, 'height': 900}))
+    opened.page.goto(pages['klann'].as_uri())
+    yield opened
+    opened.page.close()
+
+
+@pytest.fixture
+def klann(klann_page: Opened) -> Opened:
+    """Return the page of the run klann as it is at first: to open it takes longer than a test."""
+    klann_page.page.evaluate(
+        'page.player.speed = 1; page.player.pause(); page.player.go(0); page.switchTo(false)'
+    )
+    klann_page.page.evaluate('document.activeElement.blur()')
+    return klann_page
+
+
+@pytest.fixture
+def visit(browser: Any, pages: dict[str, Path]) -> Iterator[Callable[..., Opened]]:
+    """Return what opens the page of a run; options are those of a browser's context."""
+    contexts = []
+
+    def open_page(name: str, **options: Any) -> Opened:
+        context = browser.new_context(viewport=options.pop('viewport', None), **options)
+        contexts.append(context)
+        opened = Opened(context.new_page())
+        opened.page.goto(pages[name].as_uri())
+        return opened
+
+    yield open_page
+    for context in contexts:
+        context.close()
+
+
+@pytest.fixture(scope='session')
+def runs() -> dict[str, LegRun]:
+    return RUNS

@@ -1,0 +1,156 @@
+"""What stands in the page is what was recorded: as exactly as is said, and no peak is lost."""
+
+from base64 import b64decode
+import json
+import math
+
+from hypothesis import given, reject, settings, strategies as st
+from klann_ros.kinematics import (
+    KlannGeometry,
+    KlannLeg,
+    LinkageLeg,
+    shipped_linkage,
+    shipped_linkages,
+    UnreachableError,
+)
+from klann_ros.review.page import packed
+from klann_ros.review.page.leg_data import kept_rows
+from klann_ros.review.page.run_data import A_DECADE, FIRST, histogram
+from klann_ros.web.markup import element, joined, Markup
+from klann_ros.web.parts import as_script
+from klann_ros.web.shape import leg_shape
+import numpy as np
+import pytest
+from strategies import legs
+
+# Others work on this machine as well.
+unhurried = settings(deadline=None)
+any_float = st.floats(width=64)
+
+
+def unpacked(column: dict) -> np.ndarray:
+    kind = {'f32': '<f4', 'i32': '<i4'}[column['kind']]
+    numbers = np.frombuffer(b64decode(column['data']), kind).astype(float)
+    if column['kind'] == 'i32':
+        numbers = np.where(numbers == -(2**31), np.nan, numbers * column['scale'])
+    return numbers
+
+
+@unhurried
+@given(st.lists(st.floats(-1e9, 1e9), min_size=1))
+def test_an_angle_is_its_turns_and_its_part_of_one_more(values: list[float]) -> None:
+    radians = np.array(values)
+    turns = unpacked(packed.turns(radians))
+    again = unpacked(packed.angles(radians)) + math.tau * turns
+    assert again == pytest.approx(radians, rel=1e-15, abs=2e-9)
+
+
+@unhurried
+@given(st.lists(any_float, min_size=1))
+def test_whatever_is_no_angle_is_none(values: list[float]) -> None:
+    radians = np.array(values)
+    known = np.isfinite(unpacked(packed.angles(radians)))
+    assert (known == (np.abs(radians) / math.tau <= 2**31 - 1)).all()
+
+
+@unhurried
+@given(st.lists(st.floats(0.0, 1e5), min_size=1))
+def test_times_are_known_to_a_microsecond_or_their_last_digit(values: list[float]) -> None:
+    seconds = np.array(values)
+    allowed = max(0.51e-6, 0.51 * seconds.max() / (2**31 - 1))
+    assert np.abs(unpacked(packed.times(seconds)) - seconds).max() <= allowed
+
+
+@unhurried
+@given(
+    st.lists(st.floats(allow_infinity=False), min_size=1, max_size=400),
+    st.integers(4, 100),
+    st.data(),
+)
+def test_the_greatest_and_the_least_are_kept(values: list[float], most: int, data) -> None:
+    column = np.array(values)
+    needed = data.draw(st.lists(st.integers(0, len(values) - 1), max_size=3))
+    rows = kept_rows(len(column), [column], most, needed)
+    assert (np.diff(rows) > 0).all()
+    assert {0, len(column) - 1, *needed} <= set(rows.tolist())
+    assert len(rows) <= max(most, 4) + 4 + len(needed)
+    if not np.isnan(column).all():
+        kept = column[rows]
+        assert np.nanmax(kept) == np.nanmax(column)
+        assert np.nanmin(kept) == np.nanmin(column)
+
+
+def test_every_stretch_keeps_its_peak() -> None:
+    column = np.zeros(100_000)
+    column[5_003::10_000] = 1.0
+    rows = kept_rows(len(column), [column], 1000)
+    assert len(rows) <= 1010
+    assert column[rows].sum() == 10
+
+
+def placed(shape: dict, phases: np.ndarray) -> np.ndarray:
+    """Return the points as the page's script has them."""
+    u = np.exp(1j * np.array(shape['senses']) * phases)
+    for j, frame in enumerate(shape['frames']):
+        if frame is not None:
+            u[j] = phases[j] * (1.0 if frame < 0 else u[frame])
+    at = [
+        complex(*point['at']) + sum(complex(re, im) * u[j] for j, re, im in point['terms'])
+        for point in shape['points']
+    ]
+    return np.column_stack([np.real(at), np.imag(at)])
+
+
+@unhurried
+@given(legs(), st.floats(-10.0, 10.0))
+def test_any_klann_leg_has_its_points(geometry: KlannGeometry, alpha: float) -> None:
+    leg = KlannLeg(geometry)
+    try:
+        pose = leg.closed_form(alpha)
+    except UnreachableError:
+        reject()
+    shape = leg_shape(leg)
+    assert placed(shape, np.array(pose.joints)) == pytest.approx(pose.points, abs=1e-12)
+
+
+@pytest.mark.parametrize('name', shipped_linkages())
+def test_any_linkage_has_its_points(name: str) -> None:
+    leg = LinkageLeg(shipped_linkage(name))
+    pose = leg.solve(leg.linkage.start[0] + 0.1)
+    shape = leg_shape(leg)
+    assert placed(shape, np.array(pose.joints)) == pytest.approx(pose.points, abs=1e-12)
+    assert [point['name'] for point in shape['points']][leg.linkage.foot] == shape['foot']
+
+
+@unhurried
+@given(st.lists(st.floats(-1.0, 1e6)))
+def test_a_histogram_counts_everything_once(values: list[float]) -> None:
+    seconds = np.array(values)
+    found = histogram(seconds)
+    assert sum(found['counts']) == np.count_nonzero(seconds >= 1e-6)
+
+
+def test_a_histogram_tells_times_and_their_bin() -> None:
+    found = histogram(np.array([0.005] * 9 + [0.4]))
+    begin = 10 ** (FIRST + found['first'] / A_DECADE)
+    assert begin <= 0.005 < begin * 10 ** (1 / A_DECADE)
+    assert found['counts'][0] == 9
+    assert found['text'].startswith('Half of 10 are up to 5 ms')
+    assert 'the longest is 400 ms' in found['text']
+
+
+@unhurried
+@given(st.text())
+def test_no_text_can_end_the_script_it_stands_in(text: str) -> None:
+    script = as_script([{text: text}])
+    assert '<' not in script
+    assert json.loads(script) == [{text: text}]
+
+
+@unhurried
+@given(st.text())
+def test_texts_are_escaped_and_markup_is_not(text: str) -> None:
+    made = element('p', text, element('b', 'x'), title=text, aria_label='y', hidden=False)
+    inner = made.removesuffix('<b>x</b></p>').removeprefix('<p title="')
+    assert '<' not in inner.replace('">', '', 1).replace('" aria-label="y', '')
+    assert isinstance(joined([made, text]), Markup)

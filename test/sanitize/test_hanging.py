@@ -1,0 +1,184 @@
+"""Nothing waits for ever for what is no plain file, or reads what has no end: real processes."""
+
+import os
+from pathlib import Path
+import re
+import socket
+import struct
+import subprocess
+import sys
+
+import fork_server
+from klann_ros.kinematics import KlannLeg
+from klann_ros.log.mcap.container import MAGIC
+from leg_runs import LegRun
+import pytest
+
+SPARSE = 2**40
+# Who reads what has no end comes to an end here.
+MEMORY = 3 * 2**30
+PATIENCE = 60.0
+KINDS = ('pipe', 'link to a pipe', 'socket', '/dev/zero', 'folder', 'sparse')
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """Return a run that explains itself, of 80 messages."""
+    leg = KlannLeg()
+    made = LegRun({'': leg}, parameters=leg.geometry.as_dict(), count=40, iterations=False)
+    return made.write(tmp_path / 'run')
+
+
+def make(kind: str, path: Path) -> None:
+    """Put something at a path that is no file with an end."""
+    path.unlink(missing_ok=True)
+    if kind == 'pipe':
+        os.mkfifo(path)
+    elif kind == 'link to a pipe':
+        os.mkfifo(path.with_name('.pipe'))
+        path.symlink_to('.pipe')
+    elif kind == 'socket':
+        # A socket's path must be short.
+        with socket.socket(socket.AF_UNIX) as made:
+            folder = os.open(path.parent, os.O_RDONLY)
+            made.bind(f'/proc/self/fd/{folder}/{path.name}')
+            os.close(folder)
+    elif kind == '/dev/zero':
+        path.symlink_to('/dev/zero')
+    elif kind == 'folder':
+        path.mkdir()
+    else:
+        with path.open('wb') as file:
+            file.truncate(SPARSE)
+
+
+def called(name: str, *arguments: object) -> tuple[int, str, str]:
+    """Run a tool, which must come to an end with little memory; return what came of it."""
+    done = fork_server.called(name, *arguments, memory=MEMORY, patience=PATIENCE)
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_a_log_that_is_none_is_one_line(tmp_path: Path, kind: str) -> None:
+    log = tmp_path / 'log.mcap'
+    make(kind, log)
+    for tool in ('review', 'recover'):
+        code, said, complaint = called(tool, log)
+        assert (code, said) == (2, '')
+        assert complaint.startswith(f'{tool}: {log} is not a readable log: ')
+        assert complaint.count('\n') == 1
+
+
+@pytest.mark.parametrize('tool', ['review', 'recover', 'player_node'])
+def test_an_empty_path_is_not_the_folder_one_is_in(tool: str) -> None:
+    code, said, complaint = called(tool, '')
+    assert (code, said) == (2, '')
+    *_, line = complaint.splitlines()
+    assert line == f'{tool}: error: argument LOG: it is empty; is a variable not set?'
+
+
+@pytest.mark.parametrize('kind', ['pipe', 'sparse'])
+def test_a_second_log_that_is_none_is_one_line(run: Path, tmp_path: Path, kind: str) -> None:
+    make(kind, tmp_path / 'log.mcap')
+    code, _, complaint = called('review', run, tmp_path / 'log.mcap')
+    assert code == 2
+    assert complaint.count('\n') == 1
+
+
+@pytest.mark.parametrize('named', [True, False])
+@pytest.mark.parametrize('kind', KINDS)
+def test_the_good_files_of_a_folder_are_read_and_the_other_is_named(
+    run: Path, tmp_path: Path, kind: str, named: bool
+) -> None:
+    other = run / 'run_1.mcap'
+    make(kind, other)
+    metadata = run / 'metadata.yaml'
+    if named:
+        text = metadata.read_text()
+        metadata.write_text(text.replace('- run_0.mcap', '- run_0.mcap\n  - run_1.mcap'))
+    else:
+        metadata.unlink()
+    code, said, complaint = called('review', run)
+    assert (code, complaint) == (1, '')
+    assert 'run_1.mcap' in said
+    assert re.search(r'^/joint_states +40 ', said, re.MULTILINE)
+    code, said, complaint = called('recover', run, '-o', tmp_path / 'again')
+    assert (code, complaint) == (3, '')
+    assert 'kept: 80 messages in all' in said
+    assert [line for line in said.splitlines() if line.startswith('lost: ')] != []
+    assert 'run_1.mcap' in said
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_metadata_that_is_none_is_said(run: Path, tmp_path: Path, kind: str) -> None:
+    make(kind, run / 'metadata.yaml')
+    code, said, complaint = called('recover', run, '-o', tmp_path / 'again')
+    assert (code, complaint) == (0, '')
+    assert 'note: metadata.yaml ' in said
+    assert 'kept: 80 messages in all' in said
+
+
+@pytest.mark.parametrize('option', ['--limits', '--geometry'])
+@pytest.mark.parametrize('kind', KINDS)
+def test_a_file_of_limits_or_lengths_that_is_none_is_one_line(
+    run: Path, tmp_path: Path, kind: str, option: str
+) -> None:
+    file = tmp_path / 'file.yaml'
+    make(kind, file)
+    code, said, complaint = called('review', run, option, file)
+    assert (code, said) == (2, '')
+    assert complaint.startswith(f'review: {file} ')
+    assert complaint.count('\n') == 1
+
+
+def test_a_pipe_beside_a_run_that_was_left_hides_it_from_nobody(run: Path, tmp_path: Path) -> None:
+    (file,) = run.glob('*.mcap')
+    file.write_bytes(file.read_bytes()[:-20])
+    make('pipe', run / 'a.mcap')
+    (tmp_path / 'other').mkdir()
+    make('pipe', tmp_path / 'other' / 'x.mcap')
+    code = 'import sys; from klann_ros.log.write.unfinished import unfinished_runs as u; '
+    code += 'from pathlib import Path; print(*(path.name for path in u(Path(sys.argv[1]))))'
+    done = subprocess.run(
+        [sys.executable, '-c', code, str(tmp_path)],
+        env={**os.environ, 'PYTHONPATH': fork_server.PACKAGE},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ('run\n', '')
+
+
+def record(opcode: int, content: bytes, length: int = 0) -> bytes:
+    return struct.pack('<BQ', opcode, length or len(content)) + content
+
+
+# The rest of a file of holes, as what is at its start has it.
+REST = SPARSE - 100
+HOLLOW = {
+    'nothing': b'',
+    'message': record(5, struct.pack('<HIQQ', 1, 1, 1, 1), REST),
+    'chunk': record(6, struct.pack('<QQQIIQ', 1, 2, 3, 4, 0, REST - 40), REST),
+    'attachment': record(9, struct.pack('<QQIIQ', 1, 2, 0, 0, REST - 36), REST),
+    'private record': record(0x80, b'', REST),
+}
+
+
+@pytest.mark.parametrize(('name', 'summary'), [*((name, 0) for name in HOLLOW), ('nothing', 1)])
+def test_a_log_of_holes_costs_what_is_in_it(tmp_path: Path, name: str, summary: int) -> None:
+    """Whatever claims the terabyte that was never written, it is neither read nor asked for."""
+    log = tmp_path / 'log.mcap'
+    head = MAGIC + record(1, struct.pack('<I4sI', 4, b'ros2', 0))
+    with log.open('wb') as file:
+        file.write(head + HOLLOW[name])
+        file.truncate(SPARSE)
+        file.seek(SPARSE)
+        # The summary is all of it, and has a CRC.
+        file.write(record(2, struct.pack('<QQI', summary * len(head), 0, summary)) + MAGIC)
+    code, said, complaint = called('review', log)
+    assert (code, complaint) == (1, '')
+    assert 'ERROR container: the log is damaged: ' in said
+    code, _, complaint = called('recover', log, '-o', tmp_path / 'again')
+    assert code == 2
+    assert complaint.count('\n') == 1

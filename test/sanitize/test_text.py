@@ -1,0 +1,87 @@
+"""Texts of others show what they are, and do nothing."""
+
+import unicodedata
+
+from hypothesis import given, strategies as st
+from klann_ros.sanitize.text import (
+    counted,
+    in_words,
+    listed,
+    LONGEST_LINE,
+    printable,
+    printable_line,
+    times,
+    verb,
+)
+import pytest
+
+
+@given(st.text())
+def test_what_is_shown_is_one_line_of_visible_letters(text: str) -> None:
+    shown = printable(text)
+    assert shown.isprintable()
+    assert len(shown.splitlines()) <= 1
+    assert not any(unicodedata.category(c) in {'Cc', 'Cf', 'Zl', 'Zp', 'Cs'} for c in shown)
+
+
+@pytest.mark.parametrize(
+    ('text', 'shown'),
+    [
+        ('/joint_states', '/joint_states'),
+        ('não é', 'não é'),
+        ('a\x1b[31mb', r'a\x1b[31mb'),
+        ('a\x9b31mb', r'a\x9b31mb'),
+        ('a\nb\rc\u2028d', r'a\nb\rc\u2028d'),
+        ('a\u202eb', r'a\u202eb'),
+        ('\udc80', r'\udc80'),
+    ],
+)
+def test_what_moves_the_reader_is_named(text: str, shown: str) -> None:
+    assert printable(text) == shown
+
+
+def test_what_is_too_long_is_cut_and_says_so() -> None:
+    assert printable('x' * 1_000_000, 5) == 'xxxxx... (1000000 characters)'
+    assert printable('x' * 5, 5) == 'xxxxx'
+
+
+@given(st.text())
+def test_a_whole_line_is_one_line(text: str) -> None:
+    assert printable_line(text).isprintable()
+    assert printable_line(printable_line(text)) == printable_line(text)
+
+
+def test_a_line_of_a_library_loses_its_breaks_and_nothing_else() -> None:
+    assert printable_line('in line 3:\n    a\tb\n  ^') == 'in line 3: a b ^'
+    assert printable_line(KeyError('a\x1b')) == r"'a\\x1b'".replace('\\\\', '\\')
+    assert len(printable_line('x' * 10**6)) < LONGEST_LINE + 30
+
+
+def test_many_names_leave_room_for_what_stands_behind_them() -> None:
+    assert listed([]) == ''
+    assert listed(['/a', '/b\n']) == r'/a, /b\n'
+    assert listed(map(str, range(25)), 3) == '0, 1, 2 and 22 more'
+    assert len(listed(['x' * 10**6] * 1000)) < LONGEST_LINE
+
+
+@pytest.mark.parametrize(
+    ('number', 'said'), [(0, '0 messages'), (1, '1 message'), (2, '2 messages')]
+)
+def test_one_is_not_many(number: int, said: str) -> None:
+    assert counted(number, 'message') == said
+
+
+def test_a_word_may_have_a_plural_of_its_own() -> None:
+    assert counted(2, 'foot', 'feet') == '2 feet'
+
+
+def test_the_verb_goes_with_the_number() -> None:
+    assert [verb(n, 'was', 'were') for n in range(3)] == ['were', 'was', 'were']
+
+
+def test_once_is_a_word() -> None:
+    assert [times(n) for n in (1, 2, 3)] == ['once', 'twice', '3 times']
+
+
+def test_small_numbers_are_words() -> None:
+    assert [in_words(n) for n in (0, 2, 10, 11, -1)] == ['no', 'two', 'ten', '11', '-1']

@@ -1,0 +1,507 @@
+"""Commands of the cranks, and what stops them; with motors that are slow, blocked or lost."""
+
+from dataclasses import replace
+from math import copysign, degrees, inf, nan, pi
+from pathlib import Path
+from random import Random
+
+from hypothesis import given, settings, strategies as st
+from klann_ros.robot import robot_of
+from klann_ros.walker import (
+    Feet,
+    Level,
+    Limits,
+    Motion,
+    Rates,
+    Settings,
+    Steering,
+    walk_figures,
+    WalkController,
+)
+from klann_ros.walker.controller import STANDS
+from klann_ros.walker.feedback import CrankFeedback
+from klann_ros.walker.mean_motion import lattice, PhasePoses, POINTS
+from klann_ros.walker.motion_feedback import MotionFeedback
+from klann_ros.walker.steering import RATIOS
+import numpy as np
+import pytest
+
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
+DT = 0.01
+SPEEDS = st.floats(-0.3, 0.3)
+
+
+class Bench:
+    """A controller with motors; each turns at a factor of its commanded rate."""
+
+    def __init__(self, steering: Steering, factors: list[float], **changes: object) -> None:
+        self.control = WalkController(steering, Settings(**changes))  # type: ignore[arg-type]
+        self.factors = factors
+        self.positions = [0.0] * len(factors)
+        self.rates = [0.0] * len(factors)
+        self.heard = [True] * len(factors)
+        self.now = 0.0
+        self.worst = 0.0
+        self.least, self.most = inf, -inf
+        self.twist = (0.15, 0.0)
+        self.commands = True
+        self.shift = 0.0
+        # Between the clocks of motors and controller [s].
+        self.clock_offset = -40.0
+
+    def pause(self, seconds: float, *, held_after: float = inf) -> None:
+        """Stop the controller; motors keep their rates, and messages wait in their queues."""
+        joints = [crank.joint for crank in self.control.cranks]
+        queue = []
+        for k in range(round(seconds / DT)):
+            self.now += DT
+            if k * DT >= held_after:
+                self.rates = [0.0] * len(joints)
+            self.positions = [p + r * DT for p, r in zip(self.positions, self.rates, strict=True)]
+            readings = dict(zip(joints, zip(self.positions, self.rates, strict=True), strict=True))
+            queue.append((self.now, readings if all(self.heard) else {}))
+        for k, (sent, readings) in enumerate(queue):
+            # Ten messages between two commands, as a loop drains them.
+            now = self.now + DT * (k // 10)
+            age = now - sent + self.clock_offset
+            self.control.feedback(readings, now, at=sent, transport_age=age)
+            if self.commands:
+                self.control.command(*self.twist, now, transport_age=age)
+            if k % 10 == 9 and (command := self.control.step(now)):
+                self.rates = [f * v for f, v in zip(self.factors, command.velocity, strict=True)]
+                self.least = min(self.least, *self.rates)
+                self.most = max(self.most, *self.rates)
+                assert self.control.lock.errors == [0.0] * len(joints)
+        self.now += DT * (len(queue) // 10)
+
+    def run(self, seconds: float) -> 'Bench':
+        joints = [crank.joint for crank in self.control.cranks]
+        self.worst = 0.0
+        self.least, self.most = inf, -inf
+        for _ in range(round(seconds / DT)):
+            self.now += DT
+            readings = {
+                joint: (self.positions[k] + self.shift * k, self.rates[k])
+                for k, joint in enumerate(joints)
+                if self.heard[k]
+            }
+            age = self.clock_offset
+            self.control.feedback(readings, self.now, transport_age=age)
+            if self.commands:
+                self.control.command(*self.twist, self.now, transport_age=age)
+            told = self.control.step(self.now)
+            wanted = told.velocity if told else [0.0] * len(joints)
+            self.rates = [f * v for f, v in zip(self.factors, wanted, strict=True)]
+            self.positions = [p + r * DT for p, r in zip(self.positions, self.rates, strict=True)]
+            self.worst = max(self.worst, *map(abs, self.control.lock.errors))
+            self.least = min(self.least, *self.rates)
+            self.most = max(self.most, *self.rates)
+        return self
+
+    @property
+    def apart(self) -> float:
+        """Return by how much the cranks are out of phase [deg]."""
+        return degrees(abs(self.positions[0] - self.positions[1]))
+
+    @property
+    def verdict(self) -> tuple[Level, str]:
+        return self.control.verdict(self.now)
+
+
+@settings(max_examples=60, deadline=None)
+@given(linear=SPEEDS, angular=SPEEDS)
+def test_the_way_back_from_rates_to_a_motion_is_exact(
+    steering: Steering, linear: float, angular: float
+) -> None:
+    wanted = Motion(linear, angular)
+    assert steering.motion(steering.rates(wanted)) == pytest.approx(wanted, abs=1e-9)
+
+
+@pytest.mark.parametrize('name', ['walker6_two_motors', 'walker8_two_motors'])
+def test_left_and_right_mirror_each_other_and_forwards_and_back(name: str) -> None:
+    steering = Steering(Feet(robot_of(str(CONFIG / f'{name}.yaml')), foot_radius=0.004))
+    for linear, angular in ((0.1, 0.05), (0.1, 0.01), (0.02, 0.05), (0.0, 0.05)):
+        left, right = (steering.rates(Motion(linear, w)) for w in (angular, -angular))
+        back = steering.rates(Motion(-linear, angular))
+        assert (left.left, left.right) == pytest.approx((right.right, right.left), abs=1e-9)
+        assert (left.left, left.right) == pytest.approx((-back.right, -back.left), abs=1e-9)
+        assert left.right > left.left
+
+
+def test_a_walker_that_is_no_mirror_image_steers_by_its_own_sides() -> None:
+    robot = robot_of(str(CONFIG / 'walker8_two_motors.yaml'))
+    front, *others = robot.legs
+    x, y, z = front.mount.xyz
+    moved = replace(front, mount=replace(front.mount, xyz=(x + 0.1, y + 0.1, z)))
+    steering = Steering(Feet(replace(robot, legs=(moved, *others))))
+    assert not steering.is_mirrored
+    left, right = (steering.rates(Motion(0.05, w)) for w in (0.02, -0.02))
+    assert abs(left.left - right.right) > 1e-3
+    for wanted in (Motion(0.05, 0.02), Motion(0.05, -0.02)):
+        assert steering.motion(steering.rates(wanted)) == pytest.approx(wanted, abs=1e-9)
+
+
+def test_the_mean_motion_has_converged(two_motors: Feet) -> None:
+    sides = np.array([1.0, 0.0]), np.array([0.0, 1.0])
+    few, many = (
+        PhasePoses(two_motors, *sides, lattice(1, points)) for points in (POINTS, 16 * POINTS)
+    )
+    for left, right in RATIOS:
+        linear, angular = many.mean(left, right)
+        error = abs(np.subtract(few.mean(left, right), (linear, angular))).max()
+        assert error < 0.005 * max(abs(linear), abs(angular))
+
+
+def test_straight_on_both_sides_turn_alike(steering: Steering) -> None:
+    rates = steering.rates(Motion(0.15, 0.0))
+    assert rates.left == pytest.approx(rates.right)
+    assert rates.left == pytest.approx(0.15 / steering.speed)
+    assert steering.motion(Rates(-1.0, -1.0)).linear == pytest.approx(-steering.speed)
+    # Of the steps of a turn, one after the other.
+    walked = walk_figures(steering.feet.robot).speed
+    assert steering.speed == pytest.approx(walked, rel=0.005)
+
+
+def test_what_a_walker_falls_behind_it_makes_up_within_half_of_its_rates(
+    steering: Steering,
+) -> None:
+    feedback = MotionFeedback(steering)
+    wanted = Motion(0.1, 0.05)
+    nominal = steering.rates(wanted)
+    assert feedback.rates(wanted) == nominal
+    for _ in range(100):
+        feedback.measure(wanted, Motion(0.09, 0.02), 0.01)
+    assert feedback.lag == pytest.approx((0.01, 0.03))
+    made_up = steering.motion(feedback.rates(wanted))
+    assert made_up.angular > 0.055
+    for _ in range(10_000):
+        feedback.measure(wanted, STANDS, 0.01)
+        rates = feedback.rates(wanted)
+        for rate, usual in zip(rates, nominal, strict=True):
+            assert abs(rate - usual) <= 0.5 * abs(usual) + 1e-9
+    feedback.measure(STANDS, STANDS, 0.01)
+    assert feedback.rates(wanted) == nominal
+    # Straight on no lag turns it.
+    feedback.measure(Motion(0.1, 0.0), Motion(0.05, 0.1), 0.1)
+    left, right = feedback.rates(Motion(0.1, 0.0))
+    assert left == right > 0.1 / steering.speed
+
+
+def test_motors_five_percent_apart_keep_their_phases(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 0.95]).run(2.0 * pi)
+    assert bench.run(12.0).worst < 0.02
+    assert bench.apart < 1.0
+    assert bench.verdict == (Level.OK, 'walking')
+
+
+def test_without_the_lock_they_do_not(steering: Steering) -> None:
+    assert Bench(steering, [1.0, 0.95], phase_lock=False).run(18.0).apart > 40.0
+
+
+def test_what_was_learnt_of_a_motor_holds_at_another_speed(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 0.9]).run(15.0)
+    bench.twist = (-0.05, 0.0)
+    bench.run(1.5)
+    assert degrees(bench.run(5.0).worst) < 0.5
+
+
+def test_straight_on_cranks_go_back_into_phase_slowly(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0])
+    bench.positions = [0.0, 1.0]
+    first = bench.run(2.0).apart
+    assert 30.0 < first < degrees(1.0)
+    assert bench.run(15.0).apart < 0.5
+
+
+def test_in_a_curve_the_sides_turn_as_the_curve_needs(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 0.95])
+    bench.twist = (0.1, 0.04)
+    bench.run(10.0)
+    wanted = bench.control.steering.rates(Motion(0.1, 0.04))
+    assert bench.run(10.0).worst < 0.02
+    assert bench.rates == pytest.approx(list(wanted), rel=0.02)
+
+
+def test_a_curve_that_is_too_fast_stays_the_same_curve(steering: Steering) -> None:
+    limits = Limits(max_linear=0.1, max_angular=1.0, max_crank_rate=1.0)
+    bench = Bench(steering, [1.0, 1.0], limits=limits)
+    bench.twist = (0.4, 0.2)
+    bench.run(5.0)
+    motion = bench.control.motion
+    assert motion.angular / motion.linear == pytest.approx(0.5)
+    assert max(map(abs, bench.rates)) <= 1.0
+    level, text = bench.verdict
+    assert level == Level.WARN
+    assert 'limited by max_linear' in text
+
+
+def test_speed_changes_no_faster_than_it_may(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0], limits=Limits(max_linear_acceleration=0.1))
+    assert bench.run(0.5).control.motion.linear == pytest.approx(0.05, abs=0.003)
+
+
+def test_a_curvature_that_is_limited_turns_nobody_on_the_spot() -> None:
+    motion, hit = Limits(max_curvature=2.0).motion(Motion(0.0, 0.2))
+    assert motion == (0.0, 0.0)
+    assert hit == ['max_curvature']
+
+
+@pytest.mark.parametrize('bad', [nan, inf, -inf])
+def test_what_is_no_number_is_rejected_and_counted(steering: Steering, bad: float) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    moving = bench.control.motion
+    assert 'rejected' in bench.control.command(bad, 0.0, bench.now)
+    assert 'rejected' in bench.control.command(0.1, bad, bench.now)
+    assert bench.control.rejected == 2
+    assert bench.control.motion == moving
+
+
+def test_a_command_that_is_old_stops_it(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    bench.commands = False
+    bench.run(0.4)
+    assert min(bench.rates) > 0.5
+    bench.run(1.0)
+    assert bench.rates == [0.0, 0.0]
+    assert bench.verdict == (Level.OK, 'standing: no cmd_vel')
+
+
+def test_a_command_that_comes_late_is_none(steering: Steering) -> None:
+    control = WalkController(steering, Settings())
+    assert 'clocks differ' in control.command(0.1, 0.0, 1.0, age=3.0)
+    assert control.late == 1
+
+
+def test_a_crank_that_falls_silent_stops_all_and_is_named(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    bench.heard = [True, False]
+    bench.run(0.5)
+    assert bench.rates == [0.0, 0.0]
+    level, text = bench.verdict
+    assert level == Level.ERROR
+    assert 'no feedback of right_crank' in text
+    bench.heard = [True, True]
+    bench.run(2.0)
+    assert min(bench.rates) > 0.5
+    assert bench.verdict[0] == Level.OK
+
+
+def test_before_it_hears_of_every_crank_it_commands_nothing(steering: Steering) -> None:
+    control = WalkController(steering, Settings())
+    control.command(0.1, 0.0, 0.0)
+    control.feedback({'left_crank': (0.0, 0.0)}, 0.0)
+    assert control.step(0.0) is None
+    assert 'right_crank yet' in control.verdict(0.0)[1]
+
+
+def test_a_crank_that_is_blocked_stops_all_until_it_is_let_go(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    bench.factors = [1.0, 0.0]
+    bench.run(2.0)
+    assert bench.rates[0] == 0.0
+    level, text = bench.verdict
+    assert level == Level.ERROR
+    assert 'right_crank does not turn' in text
+    # The other one has waited for it.
+    assert bench.apart < 25.0
+    bench.factors = [1.0, 1.0]
+    bench.run(1.0)
+    assert bench.rates == [0.0, 0.0]
+    bench.twist = (0.0, 0.0)
+    bench.run(0.1)
+    bench.twist = (0.1, 0.0)
+    bench.run(2.0)
+    assert min(bench.rates) > 0.3
+
+
+def test_all_wait_for_a_crank_that_cannot_keep_up(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 0.4]).run(20.0)
+    assert bench.apart < 25.0
+    assert 0.3 < bench.control.lock.rate_scale < 1.0 or bench.worst < 0.1
+
+
+def test_a_glitch_of_an_encoder_is_no_jump(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    bench.shift = 1.5
+    bench.run(0.03)
+    bench.shift = 0.0
+    assert degrees(bench.run(1.0).worst) < 2.0
+    assert bench.control.cranks[1].jumps == 1
+    assert bench.verdict[0] == Level.OK
+
+
+def test_an_encoder_that_jumps_is_believed_and_told(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    bench.shift = 1.0
+    bench.run(0.5)
+    level, text = bench.verdict
+    assert level == Level.WARN
+    assert 'right_crank: position offset of' in text
+    # No motor is whipped round.
+    assert max(map(abs, bench.rates)) < 1.5
+    # From there it goes back into phase, as the encoder has it.
+    bench.run(20.0)
+    assert bench.control.lock.phases() == pytest.approx([0.0, 0.0], abs=0.01)
+
+
+@settings(max_examples=40, deadline=None)
+@given(turns=st.integers(-3, 3), rate=st.floats(-3.0, 3.0))
+def test_an_encoder_that_begins_anew_after_a_turn_moves_no_crank(turns: int, rate: float) -> None:
+    crank = CrankFeedback('crank', 12.0)
+    for k in range(200):
+        angle = rate * DT * k
+        wrapped = angle % (2.0 * pi) + 2.0 * pi * turns
+        crank.read(wrapped, None, k * DT)
+    first = 2.0 * pi * turns
+    assert crank.position - first == pytest.approx(rate * DT * 199, abs=1e-9)
+    assert crank.jumps == 0
+
+
+@pytest.mark.parametrize('bad', [nan, inf, 1e7])
+def test_an_angle_that_is_none_is_no_feedback(bad: float) -> None:
+    crank = CrankFeedback('crank', 12.0)
+    crank.read(bad, 0.0, 0.0)
+    assert not crank.is_known
+    assert crank.rejected == 1
+
+
+def test_one_motor_refuses_to_turn_and_walks_on(one_motor: Feet) -> None:
+    control = WalkController(Steering(one_motor), Settings())
+    assert control.command(0.1, 0.0, 0.0) == ''
+    assert 'it cannot turn: its legs share one crank' in control.command(0.1, 0.2, 0.0)
+    assert control.refused == 1
+    assert control.steering.rates(Motion(0.1, 0.2)).left > 0.0
+
+
+@pytest.mark.parametrize('linear', [0.15, -0.15])
+@pytest.mark.parametrize('seconds', [0.3, 1.0, 5.0])
+@pytest.mark.parametrize('held_after', [0.5, inf])
+@pytest.mark.parametrize('ended', [False, True])
+def test_after_a_pause_the_set_points_restart_where_the_cranks_are(
+    steering: Steering, linear: float, seconds: float, held_after: float, ended: bool
+) -> None:
+    bench = Bench(steering, [1.0, 0.95])
+    bench.twist = (linear, 0.0)
+    bench.run(3.0)
+    rate = 0.15 / steering.speed
+    bench.commands = not ended
+    bench.least, bench.most = inf, -inf
+    for _ in range(2):
+        bench.pause(seconds, held_after=held_after)
+    first = bench.least, bench.most
+    bench.run(3.0)
+    least, most = sorted((0.0, copysign(1.1 * rate, linear)))
+    assert least <= min(first[0], bench.least) <= max(first[1], bench.most) <= most
+    assert bench.control.pauses >= 1
+    assert 'was paused for' in bench.control.events[-1]
+    assert bench.rates == pytest.approx([0.0, 0.0] if ended else [copysign(rate, linear)] * 2, 0.1)
+
+
+def test_a_command_that_waited_during_a_pause_is_late(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    bench.commands = False
+    bench.now += 5.0
+    sent_before = bench.clock_offset + 4.9
+    assert 'waited' in bench.control.command(0.1, 0.0, bench.now, transport_age=sent_before)
+    assert bench.run(0.5).most == 0.0
+
+
+def test_feedback_that_stopped_during_a_pause_stops_all(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    bench.now += 1.0
+    bench.heard = [False, False]
+    bench.run(0.1)
+    assert bench.rates == [0.0, 0.0]
+    assert 'no feedback of left_crank, right_crank' in bench.verdict[1]
+
+
+@pytest.mark.parametrize('error', [2.0, 0.3, -0.3, -2.0])
+@pytest.mark.parametrize('linear', [0.15, -0.15, 0.0])
+def test_an_error_is_made_up_at_no_more_than_the_commanded_rate(
+    steering: Steering, error: float, linear: float
+) -> None:
+    lock = WalkController(steering, Settings()).lock
+    rate = linear / steering.speed
+    lock.reset([0.0, error])
+    for _ in range(100):
+        command = lock.step(DT, [rate, rate], [0.0, 0.0])
+        assert all(0.0 <= u * rate <= 2.5 * rate**2 for u in command.velocity)
+        if not rate:
+            assert command.velocity == (0.0, 0.0)
+
+
+class SteadyClock:
+    """A clock that the test sets."""
+
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.mark.parametrize('feedback', [True, False])
+def test_timeouts_pass_while_simulated_time_stands_still(
+    steering: Steering, feedback: bool
+) -> None:
+    clock = SteadyClock()
+    control = WalkController(steering, Settings(), clock)
+    readings = dict.fromkeys(('left_crank', 'right_crank'), (0.0, 0.5))
+    for k in range(200):
+        clock.now += DT
+        control.feedback(readings, k * DT)
+        control.command(0.1, 0.0, k * DT)
+        command = control.step(k * DT)
+    assert command is not None
+    assert min(command.velocity) > 0.3
+    for _ in range(6):
+        clock.now += 0.1
+        if feedback:
+            control.feedback(readings, 199 * DT)
+        control.keep_alive(199 * DT)
+    assert control.must_hold(199 * DT)
+    command = control.step(199 * DT)
+    assert command is not None
+    assert command.velocity == (0.0, 0.0)
+    reason = 'the clock has stood still' if feedback else 'no feedback of left_crank'
+    assert reason in control.verdict(199 * DT)[1]
+
+
+@pytest.mark.parametrize('noise', [0.0, 0.002, 0.01])
+@pytest.mark.parametrize('rated', [True, False])
+@pytest.mark.parametrize('turned', [0.03, -0.1, 0.4, 0.46, -1.5])
+def test_every_position_offset_above_the_noise_is_reported_once_with_its_size(
+    noise: float, rated: bool, turned: float
+) -> None:
+    random = Random(1)  # noqa: S311 - noise
+    crank = CrankFeedback('crank', 12.0)
+    found = []
+    position = 0.0
+    for k in range(1000):
+        # It accelerates, walks, stops, and starts again.
+        phase = k * DT % 5.0
+        rate = max(0.0, min(2.0 * phase, 1.0, 2.0 * (4.0 - phase)))
+        position += rate * DT
+        seen = position + random.gauss(0.0, noise) + turned * (k >= 700)
+        if crank.read(seen, rate if rated else None, k * DT):
+            found.append((k, crank.last_offset))
+    if abs(turned) < 12.0 * noise:
+        assert len(found) <= 1
+        return
+    ((k, offset),) = found
+    assert 700 <= k < 710
+    assert offset == pytest.approx(turned, abs=0.01 + 5.0 * noise)
+    assert crank.offsets == 1
+
+
+def test_settings_change_while_it_walks(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(3.0)
+    bench.control.settings = Settings(Limits(max_linear=0.05), cmd_vel_timeout=0.1)
+    assert bench.run(2.0).rates == pytest.approx([0.05 / steering.speed] * 2, rel=0.05)
+    bench.commands = False
+    assert bench.run(0.5).rates == [0.0, 0.0]
+
+
+def test_time_that_goes_back_begins_anew(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    bench.now = 0.0
+    assert bench.run(2.0).verdict == (Level.OK, 'walking')

@@ -1,0 +1,202 @@
+"""Where a walker is, from the angles of its cranks alone."""
+
+from math import hypot, inf, nan, pi
+
+from hypothesis import given, settings, strategies as st
+from klann_ros.walker import Feet, imu_reading, ImuReading, Odometer, Odometry, Steering, Walker
+from klann_ros.walker.steering import Motion
+import numpy as np
+import pytest
+
+
+def walked(
+    feet: Feet, left: float, right: float, *, seconds: float = 10.0, step: float = 0.02
+) -> tuple[Odometry, Odometer]:
+    """Return the odometry of a walk at two rates."""
+    odometry = Odometry(feet)
+    for k in range(round(seconds / step) + 1):
+        at = odometry.update((left * k * step, right * k * step), (left, right))
+    return odometry, at
+
+
+def test_straight_on_it_goes_as_far_as_its_feet_carry_it(two_motors: Feet) -> None:
+    _, at = walked(two_motors, 0.2, 0.2, seconds=10.0 * pi, step=0.05)
+    assert at.x == pytest.approx(2.0 * pi * 0.1495, rel=0.01)
+    assert abs(at.y) < 0.01
+    assert abs(at.yaw) < 0.01
+    assert at.z == pytest.approx(0.31, abs=0.02)
+
+
+def test_back_on_the_same_way_it_is_where_it_was(two_motors: Feet) -> None:
+    odometry = Odometry(two_motors)
+    there = [0.004 * k for k in range(500)]
+    for a in (*there, *reversed(there)):
+        at = odometry.update((a, a), (0.4, 0.4))
+    # But for the feet that slid, and slide back elsewhere.
+    assert hypot(at.x, at.y) < 0.02
+    assert odometry.travelled > 0.5
+
+
+def test_mirrored_rates_are_a_mirrored_walk(two_motors: Feet) -> None:
+    # Half a turn of the gait mirrors the legs.
+    odometry, mirrored = Odometry(two_motors), Odometry(two_motors)
+    for k in range(400):
+        a, b = 0.008 * k, 0.014 * k
+        one = odometry.update((a, b), (0.4, 0.7))
+        other = mirrored.update((b + pi, a + pi), (0.7, 0.4))
+    assert (other.x, other.y, other.yaw) == pytest.approx((one.x, -one.y, -one.yaw), abs=0.02)
+    assert one.yaw > 0.04
+
+
+def test_it_turns_as_its_steering_says_from_whichever_phase(two_motors: Feet) -> None:
+    rates = Steering(two_motors).rates(Motion(0.05, 0.1))
+    turned = []
+    for start in (0.0, 1.6, 3.1, 4.7):
+        odometry = Odometry(two_motors)
+        for k in range(250):
+            cranks = [0.04 * k * rates.left, 0.04 * k * rates.right + start]
+            at = odometry.update(cranks, rates)
+        turned.append(at.yaw)
+    assert np.mean(turned) == pytest.approx(1.0, rel=0.15)
+
+
+@pytest.mark.parametrize('step', [0.005, 0.05, 0.5])
+def test_where_it_is_hangs_little_on_how_often_it_is_told(two_motors: Feet, step: float) -> None:
+    _, fine = walked(two_motors, 1.0, 1.0, seconds=3.0, step=0.01)
+    _, other = walked(two_motors, 1.0, 1.0, seconds=3.0, step=step)
+    assert other.x == pytest.approx(fine.x, rel=0.02)
+
+
+def test_velocity_is_that_of_the_way(two_motors: Feet) -> None:
+    odometry = Odometry(two_motors)
+    speeds, xs = [], []
+    for k in range(315):
+        at = odometry.update((0.02 * k, 0.02 * k), (1.0, 1.0))
+        speeds.append(at.linear[0])
+        xs.append(at.x)
+    assert np.sum(speeds) * 0.02 == pytest.approx(xs[-1], rel=1e-3)
+    assert odometry.update((6.28, 6.28), (0.0, 0.0)).linear == (0.0, 0.0)
+
+
+def test_doubt_grows_with_the_way_and_stays_while_it_stands(two_motors: Feet) -> None:
+    odometry, at = walked(two_motors, 1.0, 1.0, seconds=5.0)
+    for _ in range(100):
+        standing = odometry.update((5.0, 5.0), (0.0, 0.0))
+    assert np.array(standing.covariance) == pytest.approx(np.array(at.covariance), abs=1e-6)
+    _, further = walked(two_motors, 1.0, 1.0, seconds=20.0)
+    assert np.all(np.diag(further.covariance) > np.diag(at.covariance))
+    assert np.all(np.linalg.eigvalsh(further.covariance) >= 0.0)
+
+
+def test_on_the_spot_the_feet_are_trusted_less_than_straight_on(two_motors: Feet) -> None:
+    _, spot = walked(two_motors, -1.0, 1.0)
+    _, straight = walked(two_motors, 1.0, 1.0)
+    assert spot.covariance[2][2] > 2.0 * straight.covariance[2][2]
+
+
+def test_yaw_is_the_imus_where_there_is_one(two_motors: Feet) -> None:
+    odometry = Odometry(two_motors)
+    for k in range(200):
+        odometry.imu(ImuReading(0.5 + 0.001 * k, 0.1, 0.01 * k))
+        at = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0))
+    assert at.yaw == pytest.approx(0.199, abs=1e-6)
+    assert at.angular == 0.1
+    assert at.covariance[2][2] == pytest.approx(odometry.errors.imu_yaw**2)
+
+
+def test_an_orientation_that_trembles_drags_no_feet(two_motors: Feet) -> None:
+    rng = np.random.default_rng(3)
+    odometry, feet_alone = Odometry(two_motors), Odometry(two_motors)
+    for k in range(400):
+        odometry.imu(ImuReading(0.002 * rng.standard_normal(), 0.0, 0.01 * k))
+        at = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0))
+        alone = feet_alone.update((0.01 * k, 0.01 * k), (1.0, 1.0))
+    assert (at.x, at.y) == pytest.approx((alone.x, alone.y), abs=0.02)
+    assert odometry.slid < 1.3 * feet_alone.slid
+
+
+def test_an_orientation_holds_in_the_long_run(two_motors: Feet) -> None:
+    odometry = Odometry(two_motors)
+    for k in range(2000):
+        # The gyro is off by 0.02 rad/s.
+        odometry.imu(ImuReading(0.0, 0.02, 0.01 * k))
+        at = odometry.update((0.0, 0.0), (0.0, 0.0))
+    assert at.yaw == pytest.approx(0.01, abs=0.002)
+
+
+def test_a_gyro_alone_is_summed_up(two_motors: Feet) -> None:
+    odometry = Odometry(two_motors)
+    for k in range(101):
+        odometry.imu(ImuReading(None, 0.2, 0.01 * k))
+        at = odometry.update((0.0, 0.0), (0.0, 0.0))
+    assert at.yaw == pytest.approx(0.2)
+
+
+def test_an_imu_that_falls_silent_leaves_the_yaw_to_the_feet(steering: Steering) -> None:
+    walker = Walker(steering, imu_timeout=0.2)
+    for k in range(300):
+        now = 0.01 * k
+        if k < 100:
+            walker.imu(ImuReading(1.0, 0.0, now), now)
+        at = walker.feedback({'left_crank': (now, 1.0), 'right_crank': (2.0 * now, 2.0)}, now)
+        if k == 100:
+            assert at is not None
+            assert at.yaw == 0.0
+            assert walker.values(now)['imu'] == 'used'
+    assert at is not None
+    assert at.yaw > 0.02
+    assert walker.values(3.0)['imu'] == 'none'
+
+
+@settings(max_examples=50, deadline=None)
+@given(roll=st.floats(-1.0, 1.0), pitch=st.floats(-1.0, 1.0), yaw=st.floats(-3.0, 3.0))
+def test_an_imus_orientation_is_roll_pitch_and_yaw(roll: float, pitch: float, yaw: float) -> None:
+    (a, b), (c, d), (e, f) = ((np.cos(x / 2), np.sin(x / 2)) for x in (roll, pitch, yaw))
+    x, y, z, w = (
+        b * c * e - a * d * f,
+        a * d * e + b * c * f,
+        a * c * f - b * d * e,
+        a * c * e + b * d * f,
+    )
+    reading = imu_reading((x, y, z, w), (0.0, 0.0, 1.0), 0.0)
+    assert (reading.roll, reading.pitch, reading.yaw) == pytest.approx((roll, pitch, yaw))
+    assert reading.yaw_rate == pytest.approx(np.cos(roll) * np.cos(pitch))
+
+
+def test_a_jump_of_an_encoder_is_no_way(steering: Steering) -> None:
+    walker = Walker(steering)
+    for k in range(300):
+        now, jump = 0.01 * k, 2.0 if k > 150 else 0.0
+        at = walker.feedback({'left_crank': (now, 1.0), 'right_crank': (now + jump, 1.0)}, now)
+    assert at is not None
+    assert walker.odometry.travelled < 0.7
+    assert walker.values(3.0)['right_crank jumps'] == '1'
+
+
+@pytest.mark.parametrize('bad', [nan, inf, -inf, 1e300])
+def test_no_angle_makes_the_pose_no_number(steering: Steering, bad: float) -> None:
+    walker = Walker(steering)
+    walker.feedback({'left_crank': (0.0, 0.0), 'right_crank': (0.0, 0.0)}, 0.0)
+    at = walker.feedback({'left_crank': (bad, bad), 'right_crank': (0.01, nan)}, 0.01)
+    assert at is not None
+    assert np.isfinite([at.x, at.y, at.z, at.yaw, *at.linear, at.angular]).all()
+
+
+@pytest.mark.parametrize('rate', [nan, inf, 1e300, -1e300])
+def test_no_rate_makes_the_pose_no_number(steering: Steering, rate: float) -> None:
+    walker = Walker(steering)
+    for k in range(50):
+        now = 0.01 * k
+        at = walker.feedback({'left_crank': (now, rate), 'right_crank': (now, rate)}, now)
+    assert at is not None
+    assert np.isfinite([at.x, at.y, at.z, at.yaw, *at.linear, at.angular]).all()
+    assert at.linear[0] == pytest.approx(at.x / 0.49, abs=0.3)
+    assert np.isfinite(at.covariance).all()
+
+
+def test_an_imu_that_comes_back_turns_by_what_its_orientation_says(two_motors: Feet) -> None:
+    odometry = Odometry(two_motors)
+    for yaw, at in ((0.0, 0.0), (0.0, 0.01), (0.3, 3600.0)):
+        odometry.imu(ImuReading(yaw, 0.2, at))
+        pose = odometry.update((0.0, 0.0), (0.0, 0.0))
+    assert pose.yaw == pytest.approx(0.3, abs=0.01)

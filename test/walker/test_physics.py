@@ -1,0 +1,142 @@
+"""A simulated walker, whose controller and odometry know nothing of the simulation."""
+
+from math import atan2, degrees, hypot
+
+from klann_ros.twin import Floor, Motors, Sensors, Twin
+from klann_ros.walker import Feet, imu_reading, Level, Steering, Walker
+import pytest
+
+pytest.importorskip('mujoco')
+PERIOD = 0.01
+
+
+class Walked:
+    """What became of a walk."""
+
+    def __init__(
+        self,
+        steering: Steering,
+        twist: tuple[float, float],
+        seconds: float,
+        *,
+        imu: bool = False,
+        right_motor: float = 0.95,
+        left_jump: float = 0.0,
+        stands: float = 0.0,
+        slope: float = 0.0,
+        sensors: Sensors | None = None,
+        warms: float = 0.0,
+    ) -> None:
+        feet: Feet = steering.feet
+        motors = Motors(factors={feet.joints[1]: right_motor})
+        twin = Twin(
+            feet.robot, floor=Floor(slope=slope), motors=motors, sensors=sensors or Sensors()
+        )
+        walker = Walker(steering)
+        self.tilt = self.path = 0.0
+        self.verdicts: list[tuple[Level, str]] = []
+        begin = last = twin.truth()
+        for k in range(round((stands + seconds) / PERIOD)):
+            now = k * PERIOD
+            if imu:
+                (x, y, z, w), (a, b, c), (u, v, f) = twin.imu()
+                force = u + warms * now, v, f
+                walker.imu(imu_reading((x, y, z, w), (a, b, c), now, force), now)
+            left, right = (twin.cranks()[joint] for joint in feet.joints)
+            if now > stands + seconds / 2.0:
+                left = left._replace(position=left.position + left_jump)
+            at = walker.feedback(dict(zip(feet.joints, (left, right), strict=True)), now)
+            truth = twin.truth()
+            self.path += hypot(
+                truth.position[0] - last.position[0], truth.position[1] - last.position[1]
+            )
+            last = truth
+            walker.controller.command(*(twist if now >= stands else (0.0, 0.0)), now)
+            command = walker.controller.step(now)
+            assert command is not None
+            for joint, rate in zip(feet.joints, command.velocity, strict=True):
+                twin.command(joint, rate)
+            twin.step(now + PERIOD)
+            self.tilt = max(self.tilt, degrees(twin.tilt))
+            self.verdicts.append(walker.verdict(now))
+        self.rates = [crank.velocity for crank in twin.cranks().values()]
+        assert at is not None
+        self.values = walker.values(now)
+        x, y, z, w = last.orientation
+        self.yaw = atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+        self.yaw_error = at.yaw - self.yaw
+        self.height_error = at.z - last.position[2]
+        ways = (at.x - last.position[0] + begin.position[0], at.y - last.position[1])
+        self.error = hypot(*ways) / self.path
+        one, other = (crank.position for crank in twin.cranks().values())
+        self.apart = degrees(abs(one - other))
+
+
+@pytest.fixture(scope='module')
+def simulated(two_motors: Feet) -> Steering:
+    # The simulated feet are balls.
+    return Steering(Feet(two_motors.robot, foot_radius=0.004))
+
+
+def test_straight_on_it_is_where_it_says_with_its_cranks_in_phase(simulated: Steering) -> None:
+    walked = Walked(simulated, (0.15, 0.0), 5.0)
+    assert walked.path > 0.6
+    assert walked.error < 0.02
+    assert abs(walked.height_error) < 0.005
+    assert walked.apart < 1.0
+    assert walked.tilt < 2.0
+
+
+def test_on_the_spot_an_imu_tells_the_yaw_and_its_momentum_where_it_is(
+    simulated: Steering,
+) -> None:
+    # On two feet that are dragged against each other it coasts: by friction alone it would be off
+    # by a third.
+    walked = Walked(simulated, (0.0, 0.1), 6.0, imu=True)
+    assert abs(walked.yaw) > 0.3
+    assert abs(walked.yaw_error) < 0.01
+    assert walked.path > 0.3
+    assert walked.error < 0.15
+    assert walked.tilt < 20.0
+
+
+def test_a_blocked_crank_stops_all_and_is_named(simulated: Steering) -> None:
+    walked = Walked(simulated, (0.1, 0.0), 2.0, right_motor=0.0)
+    level, text = walked.verdicts[-1]
+    assert level == Level.ERROR
+    assert 'right_crank does not turn' in text
+    assert walked.rates == pytest.approx([0.0, 0.0], abs=0.02)
+    assert walked.tilt < 10.0
+
+
+def test_an_encoder_that_jumps_is_named_and_it_walks_on(simulated: Steering) -> None:
+    walked = Walked(simulated, (0.1, 0.0), 3.0, left_jump=1.0)
+    level, text = walked.verdicts[-1]
+    assert level == Level.WARN
+    assert 'left_crank: position offset of +1.0' in text
+    assert min(walked.rates) > 0.3
+    assert walked.tilt < 10.0
+
+
+@pytest.mark.parametrize(
+    ('twist', 'slope'),
+    [((0.12, 0.02), 0.0), ((0.1, -0.05), 0.0), ((0.1, 0.03), 0.05), ((0.05, 0.06), -0.05)],
+)
+def test_in_a_curve_an_accelerometer_tells_what_feet_cannot(
+    simulated: Steering, twist: tuple[float, float], slope: float
+) -> None:
+    # By its feet and the yaw alone it would be off by 3.4 % in three of them.
+    sensors = Sensors(accelerometer_noise=0.03, accelerometer_offset=0.1)
+    walked = Walked(simulated, twist, 8.0, imu=True, stands=1.0, slope=slope, sensors=sensors)
+    assert walked.values['accelerometer'] == 'used'
+    assert walked.path > 0.4
+    assert walked.error < 0.035
+
+
+def test_an_accelerometer_that_grows_warm_is_followed_by_what_the_feet_say(
+    simulated: Steering,
+) -> None:
+    # It is wrong by 0.1 m/s^2 at the end, which would be found to be more than it may.
+    walked = Walked(simulated, (0.15, 0.0), 20.0, imu=True, stands=1.0, warms=0.005)
+    assert walked.values['accelerometer'] == 'used'
+    assert walked.error < 0.04

@@ -1,0 +1,244 @@
+"""A body on its feet: where it rests, and how far it walks."""
+
+from dataclasses import replace
+from math import pi
+from pathlib import Path
+
+from hypothesis import given, settings, strategies as st
+from klann_ros.kinematics import linkage_poses
+from klann_ros.robot import Robot, robot_of
+from klann_ros.walker import Feet, NoWalkerError, walk_figures, WalkFigures
+from klann_ros.walker.momentum import Measured, Momentum
+from klann_ros.walker.slip import Standing, step
+from klann_ros.walker.support import levelled, Support, support
+import numpy as np
+import pytest
+
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
+ANGLES = st.floats(-50.0, 50.0)
+
+
+@pytest.fixture(scope='module')
+def six() -> Robot:
+    return robot_of(str(CONFIG / 'walker6.yaml'))
+
+
+@pytest.fixture(scope='module')
+def feet(six: Robot) -> Feet:
+    return Feet(six)
+
+
+@pytest.fixture(scope='module')
+def walk(six: Robot) -> WalkFigures:
+    return walk_figures(six)
+
+
+def test_walker6_walks_as_its_stance_predicts(walk: WalkFigures) -> None:
+    # 0.1501 m/s at 1 rad/s is what a generator of its own got by least squares over the stance.
+    assert walk.speed == pytest.approx(0.1501, rel=0.015)
+    assert walk.stride == pytest.approx(2.0 * pi * walk.speed)
+
+
+def test_walker6_lies_on_its_feet_as_its_file_says(walk: WalkFigures) -> None:
+    tripods = sum(list(walk.on().values())[:2])
+    assert tripods == pytest.approx(0.978, abs=0.001)
+    assert walk.rests == 1.0
+    assert np.degrees([walk.greatest_pitch, walk.greatest_roll]).max() < 1.0
+    assert walk.bob == pytest.approx(0.019, abs=0.0005)
+    assert walk.standing == pytest.approx(np.full(6, 0.5), abs=0.003)
+
+
+def test_walker4_tips_as_its_file_says() -> None:
+    walk = walk_figures(robot_of(str(CONFIG / 'walker4.yaml')))
+    assert np.degrees(walk.greatest_roll) == pytest.approx(27.2, abs=0.5)
+    assert np.median((walk.loads > 0.0).sum(axis=1)) == 3
+
+
+def test_a_walker_is_warned_of_that_walks_backwards_or_hardly_stands(
+    six: Robot, walk: WalkFigures
+) -> None:
+    assert walk.warnings == []
+    assert six.body is not None
+    nose_heavy = replace(six, body=replace(six.body, centre=(1.5, 0.0, 0.115)))
+    (warning,) = walk_figures(nose_heavy, samples=90).warnings
+    assert 'statically unstable for 56% of a turn' in warning
+    legs = [
+        replace(leg, mount=replace(leg.mount, rpy=(-leg.mount.rpy[0], 0.0, leg.mount.rpy[2])))
+        for leg in six.legs
+    ]
+    upside_down = walk_figures(replace(six, legs=tuple(legs)), samples=90)
+    assert any('walks backwards' in warning for warning in upside_down.warnings)
+
+
+def test_a_symmetric_walker_drives_straight(walk: WalkFigures) -> None:
+    assert walk.yaw == pytest.approx(0.0, abs=1e-9)
+    assert abs(walk.advance[-1, 1]) < 0.005 * walk.stride
+
+
+def test_the_second_half_of_the_turn_mirrors_the_first(walk: WalkFigures) -> None:
+    half = len(walk.alphas) // 2
+    assert np.roll(walk.height, half) == pytest.approx(walk.height, abs=1e-9)
+    # All but where it tips over, which is an instant.
+    assert np.mean(np.isclose(np.roll(walk.roll, half), -walk.roll, atol=1e-6)) > 0.99
+
+
+@pytest.mark.parametrize('cranks', [(0.0, 0.0), (1.234, -7.7), (-1e3, 1e5), (6.2831853, 1e-9)])
+def test_one_pose_is_what_arrays_of_them_are(two_motors: Feet, cranks: tuple[float, ...]) -> None:
+    pose, placed = two_motors.pose(cranks), two_motors.at([[0.5, 0.5], cranks])
+    assert np.array(pose.feet) == pytest.approx(placed.feet[1], abs=1e-12)
+    assert np.array(pose.rolled) == pytest.approx(placed.rolled[1], abs=1e-12)
+    assert np.array(pose.centre) == pytest.approx(placed.centre[1], abs=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(angle=ANGLES)
+def test_the_feet_are_where_the_linkage_puts_them(feet: Feet, angle: float) -> None:
+    at = feet.at([angle]).feet
+    for foot, leg in zip(at, feet.robot.legs, strict=True):
+        exact = leg.mount.placed(linkage_poses(leg.linkage, leg.crank_angles(angle)).h)
+        assert foot == pytest.approx(exact, abs=1e-9)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    feet=st.lists(
+        st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-0.1, 0.1)),
+        min_size=3,
+        max_size=7,
+    )
+)
+def test_no_foot_is_below_the_plane_that_a_body_rests_on(
+    feet: list[tuple[float, float, float]],
+) -> None:
+    rest = support(feet, (0.0, 0.0, 0.5))
+    if rest is None:
+        return
+    heights = np.array(feet) @ rest.normal + rest.height
+    assert heights.min() > -1e-9
+    assert np.abs(heights[list(rest.feet)]).max() < 2e-6
+    assert sum(rest.loads) == pytest.approx(1.0)
+    assert rest.margin >= 0.0
+    # What carries is around what is below the centre.
+    carried = np.array(rest.loads) @ np.array(feet)[list(rest.feet)]
+    assert np.cross((0.0, 0.0, 0.5) - carried, rest.normal) == pytest.approx([0.0] * 3, abs=2e-6)
+
+
+def test_a_body_stays_on_the_feet_that_hold_it_until_it_has_to_tip() -> None:
+    # A foot at each end, and two in the middle that are lower: it leans forwards or back.
+    feet = [(1.0, 0.0, -0.2), (0.0, 0.3, -0.3), (0.0, -0.3, -0.3), (-1.0, 0.0, -0.2)]
+    forwards, back = (0, 1, 2), (1, 2, 3)
+    for x, expected in ((0.01, forwards), (-0.01, back)):
+        rest = support(feet, (x, 0.0, 0.0))
+        assert rest is not None
+        assert rest.triple == expected
+    held = support(feet, (-0.01, 0.0, 0.0), forwards)
+    assert held is not None
+    assert held.triple == forwards
+    tipped = support(feet, (-0.05, 0.0, 0.0), forwards)
+    assert tipped is not None
+    assert tipped.triple == back
+
+
+def test_a_body_does_not_lie_down_on_raised_feet_that_would_hold_it_lower() -> None:
+    feet = Feet(robot_of(str(CONFIG / 'walker8_two_motors.yaml')))
+    angles = np.random.default_rng(0).uniform(0.0, 2.0 * pi, (200, 2))
+    placed = feet.at(angles)
+    tilts = []
+    for points, centre in zip(placed.feet.tolist(), placed.centre.tolist(), strict=True):
+        rest = support(points, centre)
+        assert rest is not None
+        tilts.append(rest.tilt)
+    assert np.degrees(max(tilts)) < 3.0
+
+
+def test_a_body_that_no_foot_holds_goes_on_as_fast_as_it_went() -> None:
+    # Two feet carry it at 0.1 m/s; then they are dragged against each other, and leave it so.
+    rest = Support((0, 1, 2), (0.5, 0.5, 0.0), (0, 1, 2), (0.0, 0.0, 1.0), 0.3, 0.0)
+
+    def pose(k: int, dragged: float) -> Standing:
+        x, y = -0.001 * min(k, 20), dragged * max(k - 20, 0)
+        return Standing(rest, [(1.0 + x, y), (x - 1.0, -y), (0.0, 1.0)])
+
+    for dragged, goes_on in ((0.01, True), (0.0, False)):
+        momentum = Momentum(0.4)
+        ways = [
+            momentum.step(pose(k, dragged), pose(k + 1, dragged), 0.4, 0.01, Measured(0.0))
+            for k in range(30)
+        ]
+        assert ways[19].x == pytest.approx(0.001, rel=0.01)
+        assert (ways[25].x > 0.0005) == goes_on
+        assert max(abs(way.y) for way in ways) < 5e-4
+
+
+def test_four_feet_that_touch_share_the_weight() -> None:
+    square = [(1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (-1.0, 1.0, 0.0), (-1.0, -1.0, 0.0)]
+    rest = support(square, (0.0, 0.0, 1.0))
+    assert rest is not None
+    assert rest.loads == pytest.approx([0.25] * 4)
+    assert rest.margin == pytest.approx(1.0)
+    aside = support(square, (0.0, 0.9, 1.0))
+    assert aside is not None
+    assert np.array(aside.loads) @ np.array(square)[list(aside.feet)] == pytest.approx([0, 0.9, 0])
+    assert aside.margin == pytest.approx(0.1)
+
+
+def test_a_body_beside_its_feet_does_not_rest() -> None:
+    assert support([(0, 0, 0), (1, 0, 0), (0, 1, 0)], (0.6, 0.6, 1.0)) is None
+
+
+def test_attitude_levels_the_feet_that_carry() -> None:
+    feet = [(0.5, 0.4, -0.30), (0.4, -0.4, -0.35), (-0.5, 0.1, -0.31)]
+    rest = support(feet, (0.0, 0.0, 0.0))
+    assert rest is not None
+    level = np.array(levelled(feet, rest.roll, rest.pitch))
+    sides = [np.linalg.norm(np.subtract(feet[i], feet[i - 1])) for i in range(3)]
+    # Seen from above, what lies level is as long as it is.
+    assert [np.linalg.norm(level[i] - level[i - 1]) for i in range(3)] == pytest.approx(sides)
+    assert rest.height == pytest.approx(0.32, abs=0.02)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    x=st.floats(-0.01, 0.01),
+    y=st.floats(-0.01, 0.01),
+    yaw=st.floats(-0.02, 0.02),
+    loads=st.lists(st.floats(0.05, 1.0), min_size=3, max_size=3),
+)
+def test_feet_that_agree_do_not_slide(x: float, y: float, yaw: float, loads: list[float]) -> None:
+    stands = np.array([[0.4, 0.2], [0.3, -0.3], [-0.5, 0.1]])
+    c, s = np.cos(yaw), np.sin(yaw)
+    # The body moves by (x, y, yaw) over feet that stand still.
+    moved = (stands - (x, y)) @ np.array([[c, -s], [s, c]])
+    found = step(stands.tolist(), moved.tolist(), loads)
+    assert found[:3] == pytest.approx((x, y, yaw), abs=3e-4)
+    assert found.slid < 1e-4
+
+
+def test_the_foot_that_carries_more_than_half_holds_while_the_others_slide() -> None:
+    before = [(0.5, 0.3), (-0.5, 0.3), (0.0, -0.3)]
+    after = [(0.49, 0.3), (-0.50, 0.3), (-0.02, -0.3)]
+    found = step(before, after, [0.1, 0.2, 0.7], yaw=0.0)
+    assert (found.x, found.y) == pytest.approx((0.02, 0.0), abs=1e-5)
+    assert found.slid == pytest.approx(0.1 * 0.01 + 0.2 * 0.02, rel=1e-3)
+
+
+def test_a_mirrored_motion_is_mirrored() -> None:
+    before = [(0.5, 0.3), (-0.5, 0.3), (0.0, -0.3)]
+    after = [(0.49, 0.31), (-0.50, 0.3), (-0.02, -0.3)]
+    loads = [0.3, 0.4, 0.3]
+    one = step(before, after, loads)
+    other = step([(x, -y) for x, y in before], [(x, -y) for x, y in after], loads)
+    assert (other.x, -other.y, -other.yaw, other.slid) == pytest.approx(one)
+
+
+def test_round_soles_roll_without_sliding(six: Robot) -> None:
+    # A foot that is a ball advances the body by what its leg turns as well.
+    plain, round_ = walk_figures(six), walk_figures(six, foot_radius=0.015)
+    assert round_.height.mean() == pytest.approx(plain.height.mean() + 0.015, abs=1e-4)
+    assert 0.9 < round_.speed / plain.speed < 1.0 or 1.0 < round_.speed / plain.speed < 1.1
+
+
+@pytest.mark.parametrize('name', ['sem104', 'jansen'])
+def test_one_leg_is_no_walker(name: str) -> None:
+    with pytest.raises(NoWalkerError, match=f'{name}.* is no walker: it has 1 leg'):
+        walk_figures(robot_of(name))

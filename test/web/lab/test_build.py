@@ -1,0 +1,18 @@
+"""The page that is installed is the one that its parts make."""
+
+from klann_ros.web.lab.build import FILE, lab_page
+
+
+def test_the_file_is_up_to_date() -> None:
+    message = 'python -m klann_ros.web.lab.build writes it anew'
+    assert FILE.read_text(encoding='utf-8') == lab_page(), message
+
+
+def test_it_is_small_enough_to_be_passed_on() -> None:
+    assert FILE.stat().st_size < 250_000
+
+
+def test_it_holds_the_licence_of_what_it_includes() -> None:
+    page = FILE.read_text(encoding='utf-8')
+    assert 'Copyright (C) 2011-2015 by Vitaly Puzrin' in page
+    assert 'WITHOUT WARRANTY OF ANY KIND' in page

@@ -1,0 +1,602 @@
+"""The lab in a real browser: opened from its file, dragged, turned, read, saved and loaded."""
+
+from collections.abc import Callable, Iterator
+import json
+from pathlib import Path
+import re
+from typing import Any
+
+from browser import find
+from klann_ros.kinematics import (
+    KlannGeometry,
+    KlannLeg,
+    LinkageLeg,
+    shipped_linkages,
+    UnreachableError,
+)
+from klann_ros.kinematics.linkage.file import linkage_from_text, SHIPPED
+from klann_ros.sanitize.yaml_text import parse
+from klann_ros.web.lab.build import FILE
+import numpy as np
+import pytest
+
+pytest.importorskip('playwright')
+if find() is None:
+    pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
+
+TEXT = (SHIPPED / 'klann.yaml').read_text(encoding='utf-8')
+HOSTILE = '</script><img src=http://a.test/ onerror=bad()>&amp;'
+# As SEM 104 prints them [deg].
+PRINTED = ['10.5138 67.0074 36.7323 45.7048', '10.6570 67.3283 34.4691 45.7564']
+PRINTED += ['10.6570 67.3283 34.4634 45.7220']
+# What each joint is at, in metres of the leg's plane.
+PLACES = """() => Object.fromEntries(scene.leg.joints.map((node, i) => [
+    node.dataset.point, scene.drawing.metresAt(scene.drawing.at(lab.pose.points[i]))]))"""
+
+
+class Opened:
+    """The lab in the browser, with everything that it asked for and complained about."""
+
+    def __init__(self, page: Any, fragment: str = '') -> None:
+        self.page = page
+        self.requests: list[str] = []
+        self.complaints: list[str] = []
+        page.on('request', lambda request: self.requests.append(request.url))
+        page.on('console', lambda said: self.complaints.append(said.text))
+        page.on('pageerror', lambda error: self.complaints.append(str(error)))
+        page.goto(FILE.as_uri() + fragment)
+        self.until('Boolean(lab.turn)')
+
+    def until(self, expression: str) -> None:
+        """Wait for something; playwright's own waiting needs what the policy forbids."""
+        for _ in range(2000):
+            if self.page.evaluate(expression):
+                return
+            self.page.wait_for_timeout(10)
+        raise AssertionError(expression)
+
+    def text(self, selector: str) -> str:
+        found: str = self.page.locator(selector).text_content()
+        return found
+
+    def load(self, text: str) -> None:
+        """Load a text as somebody does who has pasted it."""
+        self.page.evaluate("document.querySelector('details:has(#text)').open = true")
+        self.page.locator('#text').fill(text)
+        self.page.locator('#load-text').click()
+
+    def drag(self, name: str, x: float, y: float) -> None:
+        """Drag a point by so many pixels."""
+        grip = self.page.locator(f'[data-grip={name}]')
+        # A page that has just been scrolled may still take the pointer for elsewhere.
+        for _ in range(200):
+            box = grip.bounding_box()
+            at = box['x'] + box['width'] / 2, box['y'] + box['height'] / 2
+            self.page.mouse.move(*at)
+            if grip.evaluate("(node) => node.matches(':hover')"):
+                break
+            self.page.wait_for_timeout(10)
+        self.page.mouse.down()
+        self.page.mouse.move(at[0] + x / 2, at[1] + y / 2)
+        self.page.mouse.move(at[0] + x, at[1] + y)
+        self.page.mouse.up()
+
+
+@pytest.fixture(scope='module')
+def shared(browser: Any) -> Iterator[Opened]:
+    context = browser.new_context(locale='en-US', viewport={'width': 1280, 'height': 1000})
+    yield Opened(context.new_page())
+    context.close()
+
+
+@pytest.fixture
+def lab(shared: Opened) -> Opened:
+    """Return the page as it is at first: to open it takes longer than most tests."""
+    shared.page.evaluate("speak('en'); crank.isTurning = false; lab.choose('klann')")
+    shared.page.evaluate('newton.drawn = 0; newton.run(); document.activeElement.blur()')
+    shared.page.evaluate('lab.clearHistory(); scrollTo(0, 0)')
+    return shared
+
+
+@pytest.fixture
+def visit(browser: Any) -> Iterator[Callable[..., Opened]]:
+    contexts = []
+
+    def open_page(*, fragment: str = '', **options: Any) -> Opened:
+        contexts.append(browser.new_context(**options))
+        return Opened(contexts[-1].new_page(), fragment)
+
+    yield open_page
+    for context in contexts:
+        context.close()
+
+
+def test_every_shipped_linkage_is_drawn_without_a_request_or_an_error(visit) -> None:
+    opened = visit(locale='en-US')
+    opened.page.locator('#others').click()
+    for name in shipped_linkages():
+        # What is drawn of the last one must not be left over.
+        opened.page.evaluate('newton.draw(1)')
+        opened.page.locator('#linkage').select_option(name)
+        linkage = linkage_from_text((SHIPPED / f'{name}.yaml').read_text(encoding='utf-8'), name)
+        pose = LinkageLeg(linkage).solve(opened.page.evaluate('lab.alpha'))
+        found = opened.page.evaluate(PLACES)
+        for point, at in zip(linkage.structure.points, pose.points, strict=True):
+            assert np.abs(np.array(found[point]) - at).max() < 1e-9, (name, point)
+    assert opened.requests == [FILE.as_uri()]
+    assert opened.complaints == []
+
+
+def test_the_policy_lets_no_other_script_run(visit) -> None:
+    opened = visit()
+    opened.page.evaluate(
+        "document.body.append(Object.assign(document.createElement('script'), {text: 'ran = 1'}))"
+    )
+    assert opened.page.evaluate('typeof ran') == 'undefined'
+    assert 'Content Security Policy' in opened.complaints[0]
+
+
+def test_a_dragged_joint_changes_the_lengths_that_meet_there(lab: Opened) -> None:
+    before = lab.page.evaluate('[...lab.numbers]')
+    lab.drag('C', 30, -40)
+    names = lab.page.evaluate('lab.linkage.structure.dimensions.map(({ name }) => name)')
+    after = lab.page.evaluate('[...lab.numbers]')
+    changed = {n for n, a, b in zip(names, before, after, strict=True) if abs(a - b) > 1e-9}
+    assert changed == {'B-C', 'C-G', 'bend of C-G', 'D-C'}
+    # Everything else stayed where it was, but for the rounding.
+    places = lab.page.evaluate(PLACES)
+    expected = KlannLeg().solve(np.pi / 3).points
+    pixel = lab.page.evaluate('1 / (scene.pixelsPerUnit() * scene.drawing.plane.scale)')
+    assert np.abs(np.array(places['G']) - expected[6]).max() < 2.0 * pixel
+    assert np.abs(np.array(places['C']) - expected[2]).max() > 0.01
+    assert lab.page.locator('#number-1').input_value() == f'{1000 * after[1]:.8g}'
+
+
+def test_a_drag_gives_numbers_as_coarse_as_a_pixel(lab: Opened) -> None:
+    pixel = lab.page.evaluate('1000 / (scene.pixelsPerUnit() * scene.drawing.plane.scale)')
+    step = lab.page.evaluate(f'roundStep({pixel})')
+    assert pixel / 2.5 <= step <= pixel
+    lab.drag('E', 12.3, 9.7)
+    lab.drag('C', 30.1, -40.2)
+    lab.drag('B', 7.3, 5.9)
+    for name in ('A-B', 'B-C', 'C-G', 'D-C', 'E.x', 'E.y'):
+        value = lab.page.evaluate(
+            '(name) => 1000 * lab.numbers[lab.linkage.structure.dimensions.findIndex('
+            '(one) => one.name === name)]',
+            name,
+        )
+        assert value / step == pytest.approx(round(value / step), abs=1e-9), name
+    assert len(f'{lab.page.evaluate("lab.alpha * 360 / TAU"):.10g}') <= 5
+    assert lab.page.evaluate('!lab.pose.error')
+    lab.page.locator('#numbers input[type=range]').first.fill('123.456789')
+    assert len(lab.page.locator('#number-0').input_value()) <= 5
+
+
+STATE = (
+    '[lab.numbers, lab.linkage.signs, lab.guess, lab.name, lab.source, lab.pose.points || null]'
+)
+
+
+def test_every_edit_is_undone_and_redone(lab: Opened) -> None:
+    page = lab.page
+    edits = (
+        lambda: lab.drag('C', 30, -40),
+        lambda: page.locator('#number-0').fill('101.5'),
+        lambda: page.locator('#assemblies button', has_text='[+ \N{MINUS SIGN}]').click(),
+        lambda: page.locator('#guess input').first.fill('33'),
+        lambda: page.locator('#name').fill('Mine'),
+        lambda: page.locator('#random').click(),
+        lambda: page.locator('#reset').click(),
+        lambda: page.locator('#linkage').select_option('jansen'),
+        lambda: page.locator('#lecture').click(),
+        lambda: lab.load(TEXT.replace('length: 120', 'length: 130')),
+    )
+    states = [page.evaluate(STATE)]
+    for edit in edits:
+        edit()
+        page.evaluate('document.activeElement.blur()')
+        states.append(page.evaluate(STATE))
+        assert states[-1] != states[-2]
+    assert page.evaluate('lab.past.length') == len(edits)
+    for state in states[-2::-1]:
+        page.keyboard.press('Control+z')
+        assert page.evaluate(STATE) == state
+    assert page.locator('#undo').is_disabled()
+    for keys, state in zip(['Control+Shift+Z', 'Control+y'] * 5, states[1:], strict=True):
+        page.keyboard.press(keys)
+        assert page.evaluate(STATE) == state
+    assert page.locator('#redo').is_disabled()
+    page.locator('#undo').click()
+    assert page.evaluate(STATE) == states[-2]
+    page.locator('#redo').click()
+    assert page.evaluate(STATE) == states[-1]
+
+
+def test_a_number_is_undone_while_it_is_edited_and_the_crank_stays(lab: Opened) -> None:
+    field = lab.page.locator('#number-1')
+    field.fill('33')
+    field.fill('330')
+    lab.page.evaluate('lab.turnTo(2)')
+    lab.page.keyboard.press('Control+z')
+    assert field.input_value() == '350'
+    assert lab.page.evaluate('lab.numbers[1]') == pytest.approx(0.35)
+    assert lab.page.evaluate('lab.alpha') == 2
+    # A refused number is no edit.
+    field.fill('0')
+    assert lab.page.evaluate('lab.past.length') == 0
+    field.press('ArrowUp')
+    assert field.input_value() == '351'
+
+
+@pytest.mark.parametrize('name', ['klann', 'walker_six_bar', 'stephenson', 'quick_return'])
+def test_a_link_opens_the_same_state(lab: Opened, visit, name: str) -> None:
+    page = lab.page
+    page.locator('#linkage').select_option(name)
+    page.evaluate('lab.setNumber(0, 1.0123456789 * lab.numbers[0]); newton.guessAtRandom()')
+    page.evaluate("lab.setName('A & b = 1 % # + \u00e9'); lab.turnTo(lab.alpha + 0.01)")
+    if name == 'klann':
+        page.locator('#assemblies button', has_text='[+ \N{MINUS SIGN}]').click()
+    if name == 'quick_return':
+        lab.load(page.evaluate('textToSave(false)'))
+    lab.until('location.hash === linkOf(lab)')
+    fragment, state, alpha = page.evaluate(f'[location.hash, {STATE}, lab.alpha]')
+    if name == 'klann':
+        other = visit(locale='en-US', fragment=fragment)
+    else:
+        page.evaluate("lab.choose('four_bar'); location.hash = ''")
+        page.evaluate('(fragment) => { location.hash = fragment; }', fragment)
+        lab.until("lab.source !== 'four_bar'")
+        other = lab
+    assert not other.page.locator('#refusal').is_visible()
+    found, at = other.page.evaluate(f'[{STATE}, lab.alpha]')
+    assert at == alpha
+    assert found[0] == pytest.approx(state[0], rel=1e-15)
+    assert found[1] == state[1]
+    assert found[2] == pytest.approx(state[2], rel=1e-12)
+    assert found[3:5] == state[3:5]
+    assert np.abs(np.array(found[5]) - np.array(state[5])).max() < 1e-12
+    assert other.complaints == []
+
+
+HOSTILE_LINKS = [
+    'x',
+    'linkage=nothing',
+    'linkage=__proto__',
+    '__proto__=1',
+    'linkage=klann&linkage=jansen',
+    'linkage=klann&file=a',
+    'linkage=klann&numbers=1,2',
+    'linkage=klann&numbers=' + '0,' * 14 + '1',
+    'linkage=klann&numbers=' + '1e999,' * 14 + '1',
+    'linkage=klann&crank=1e300',
+    'linkage=klann&crank=NaN',
+    'linkage=klann&crank=%E0%A4%A',
+    'linkage=klann&assembly=1,1,1',
+    'linkage=klann&guess=1,2,3',
+    'linkage=klann&name=%00',
+    'linkage=klann&practice=1',
+    f'linkage=klann&name={HOSTILE}',
+    'file=' + '[' * 10_000,
+    'file=a: %26b [*b]',
+    'x' * 1_000_000,
+]
+
+
+def test_a_hostile_link_is_refused_in_a_line_and_changes_nothing(lab: Opened) -> None:
+    lab.drag('C', 30, -40)
+    before = lab.page.evaluate(STATE)
+    open_links = f"""(links) => links.map((link) => {{
+        lab.refusal = null;
+        lab.attempt(() => openLink(lab, link));
+        return [document.getElementById('refusal').textContent, JSON.stringify({STATE})];
+    }})"""
+    for link, (line, state) in zip(
+        HOSTILE_LINKS, lab.page.evaluate(open_links, HOSTILE_LINKS), strict=True
+    ):
+        assert 10 < len(line) < 300, link[:60]
+        assert json.loads(state) == before, link[:60]
+    lab.page.evaluate("lab.refusal = null; lab.tell('pose'); location.hash = 'linkage=nothing'")
+    lab.until("document.getElementById('refusal').textContent.includes('nothing')")
+    assert lab.page.locator('img').count() == 0
+    assert lab.complaints == []
+    assert lab.page.evaluate('lab.past.length') == 1
+
+
+def test_a_dragged_pivot_keeps_all_lengths(lab: Opened) -> None:
+    before = lab.page.evaluate('lab.linkage.structure.dimensions.map((d, n) => lab.numbers[n])')
+    lab.drag('E', 12, 9)
+    after = lab.page.evaluate('[...lab.numbers]')
+    moved = [n for n, (a, b) in enumerate(zip(before, after, strict=True)) if a != b]
+    names = lab.page.evaluate('lab.linkage.structure.dimensions.map(({ name }) => name)')
+    assert [names[n] for n in moved] == ['E.x', 'E.y']
+
+
+def test_keys_move_a_point_and_turn_the_crank(lab: Opened) -> None:
+    lab.page.locator('[data-grip=H]').focus()
+    lab.page.keyboard.press('Shift+ArrowRight')
+    assert lab.page.evaluate('lab.numbers[7]') != 0.43
+    lab.page.locator('#alpha').focus()
+    lab.page.keyboard.press('ArrowRight')
+    assert lab.page.evaluate('lab.alpha') == pytest.approx(np.radians(60.25))
+    assert lab.page.locator('#alpha').get_attribute('aria-valuetext') == '60.3°'
+
+
+def test_it_turns_and_stops(lab: Opened) -> None:
+    lab.page.locator('#play').click()
+    lab.until('lab.alpha > 1.2')
+    lab.page.locator('#play').click()
+    at = lab.page.evaluate('lab.alpha')
+    lab.page.wait_for_timeout(60)
+    assert lab.page.evaluate('lab.alpha') == at
+
+
+def test_the_lectures_twelve_numbers_are_in_the_table(lab: Opened) -> None:
+    lab.page.evaluate("lab.choose('jansen')")
+    lab.page.locator('#lecture').click()
+    rows = lab.page.locator('#iterates tbody tr').all()
+    cells = [[cell.text_content() for cell in row.locator('td').all()][:4] for row in rows]
+    assert [' '.join(row) for row in cells[1:4]] == PRINTED
+    assert (
+        lab.text('#verdict')
+        == 'Converged after 5 corrections, to the assembly [+ +], the one drawn.'
+    )
+
+
+def test_a_guess_may_lead_elsewhere_or_nowhere(lab: Opened) -> None:
+    for box, value in zip(lab.page.locator('#guess input').all(), (60, 15, 45, 60), strict=True):
+        box.fill(str(value))
+    lab.page.locator('#iterate').select_option('2')
+    assert lab.page.locator('.iterate-bars').get_attribute('d').startswith('M')
+    lab.page.evaluate('lab.setNumber(1, 0.33); lab.turnTo(Math.PI * 11 / 12)')
+    lab.until("document.getElementById('verdict').textContent.includes('no root')")
+
+
+def test_why_it_jams_is_said_with_its_millimetres(lab: Opened) -> None:
+    lab.page.locator('#number-1').fill('330')
+    lab.page.locator('#alpha').fill('165')
+    assert lab.text('#state') == 'At 165.0° it jams.'
+    geometry = KlannGeometry.sem104().varied(l_bc=0.33)
+    with pytest.raises(UnreachableError) as info:
+        KlannLeg(geometry).closed_form(np.radians(165.0))
+    short = 1000.0 * info.value.shortfall
+    assert lab.text('#why-text') == (
+        f'Dyad 1 does not close: B and D are {short:.1f} mm further apart than BC + DC.'
+    )
+    lab.until("document.getElementById('turn-text').textContent.includes('194.5° to 136.6°')")
+    assert lab.page.locator('.reach').get_attribute('d').count('Z') == 2
+
+
+def test_another_assembly_is_taken_by_a_button(lab: Opened) -> None:
+    lab.page.locator('#assemblies button', has_text='[+ \N{MINUS SIGN}]').click()
+    assert lab.page.evaluate('lab.linkage.signs') == [1, -1]
+    pressed = "document.querySelector('#assemblies [aria-pressed=true]').textContent"
+    lab.until(f"{pressed}.startsWith('[+ \N{MINUS SIGN}]')")
+
+
+def test_a_refused_number_is_said_and_changes_nothing(lab: Opened) -> None:
+    def refusal(n: int, value: str) -> str:
+        lab.page.locator(f'#number-{n}').fill(value)
+        assert lab.page.evaluate('[lab.numbers[0], lab.numbers[3]]') == [0.12, np.pi / 18.0]
+        return lab.text('#refusal')
+
+    assert refusal(0, '0') == 'Refused: A-B = 0 mm: a length must be > 0'
+    assert refusal(0, '-5') == 'Refused: A-B = -5 mm: a length must be > 0'
+    assert refusal(0, '1e300').startswith('Refused: A-B = 1e+300 mm: it must be within')
+    assert refusal(0, '1,5') == ('Refused: 1,5 is not a number: write a decimal point, as in 12.5')
+    assert refusal(0, '1x') == 'Refused: 1x is not a number'
+    assert refusal(3, '400') == (
+        'Refused: bend of C-G = 400°: an angle between bars must be within ±360°'
+    )
+    lab.page.locator('#number-0').fill('121')
+    assert not lab.page.locator('#refusal').is_visible()
+
+
+def test_the_second_transmission_angle_is_the_courses(lab: Opened) -> None:
+    lab.until('Boolean(lab.turn)')
+    assert 'dyad 1 31.2° to 156.2°dyad 2 59.0° to 128.1°' in lab.text('#legend')
+    # The worst is the furthest from 90 deg, and can be found in the chart.
+    worst = 'Worst transmission angle23.8°180° \N{MINUS SIGN} 156.2°, dyad 1, at 165.6°'
+    assert worst in lab.text('#tiles')
+
+
+def test_fit_shows_why_it_jams(lab: Opened) -> None:
+    lab.page.locator('#number-1').fill('900')
+    jammed = lab.page.evaluate('linkOf(lab)')
+    lab.page.locator('#fit').click()
+    inside = """() => {
+        const frame = scene.svg.getBoundingClientRect();
+        return [scene.reach, scene.gaps].every((node) => {
+            const box = node.getBoundingClientRect();
+            return box.left >= frame.left && box.right <= frame.right
+                && box.top >= frame.top && box.bottom <= frame.bottom;
+        });
+    }"""
+    assert lab.page.evaluate(inside)
+    lab.page.evaluate("lab.choose('klann')")
+    lab.page.evaluate('(link) => readLink(link)', jammed)
+    assert lab.page.evaluate('Boolean(lab.pose.error)')
+    assert lab.page.evaluate(inside)
+    # What is closed again is as large as before.
+    lab.page.locator('#reset').click()
+    assert lab.page.evaluate('scene.drawing.plane.scale') == pytest.approx(
+        lab.page.evaluate("lab.choose('klann'); scene.drawing.plane.scale"), rel=0.05
+    )
+
+
+def test_f_and_phi_of_each_step_are_those_of_the_lectures(lab: Opened) -> None:
+    def matrices() -> list[list[str]]:
+        tables = lab.page.locator('#step table').all()
+        return [
+            [
+                cell.text_content().replace('\N{MINUS SIGN}', '-')
+                for cell in one.locator('td').all()
+            ]
+            for one in tables
+        ]
+
+    lab.page.locator('#lecture').click()
+    l_ab, l_bc, l_dc, l_cg, l_ef, l_fg = 120.0, 350.0, 140.0, 360.0, 270.0, 360.0
+    for row, degrees in enumerate([[15.0, 60.0, 45.0, 60.0], None]):
+        found = lab.page.evaluate(f'newton.found.x[{row}]')
+        alpha, gamma, beta, delta, theta = found
+        assert degrees is None or np.degrees(found[1:]) == pytest.approx(degrees)
+        lab.page.locator('#iterate').select_option(str(row + 1))
+        f, phi = ([float(cell) for cell in cells] for cells in matrices())
+        bent = gamma - np.radians(10.0)
+        # SEM 104, lecture 7.
+        assert f == pytest.approx(
+            [
+                l_ab * np.cos(alpha) + l_bc * np.cos(gamma) - l_dc * np.cos(beta) - 350.0,
+                l_ab * np.sin(alpha) - l_bc * np.sin(gamma) - l_dc * np.sin(beta) + 90.0,
+                l_ef * np.cos(delta)
+                + l_fg * np.cos(theta)
+                - l_cg * np.cos(bent)
+                - l_dc * np.cos(beta)
+                - 350.0
+                + 290.0,
+                l_ef * np.sin(delta)
+                - l_fg * np.sin(theta)
+                + l_cg * np.sin(bent)
+                - l_dc * np.sin(beta)
+                + 230.0,
+            ],
+            abs=6e-4,
+        )
+        first = [-l_bc * np.sin(gamma), l_dc * np.sin(beta), 0.0, 0.0]
+        last = [l_cg * np.cos(bent), -l_dc * np.cos(beta)]
+        last += [l_ef * np.cos(delta), -l_fg * np.cos(theta)]
+        assert phi[:4] == pytest.approx(first, abs=6e-4)
+        assert phi[12:] == pytest.approx(last, abs=6e-4)
+    lab.page.evaluate("document.querySelector('details:has(#equations)').open = true")
+    equations = lab.page.locator('#equations li').all_text_contents()
+    minus, a, b, g = '\u2212\u03b1\u03b2\u03b3'
+    assert equations[0] == f'f₁ = L(AB) cos {a} + L(BC) cos {g} {minus} L(DC) cos {b} {minus} x(D)'
+    assert f'{minus} L(CG) cos({g} {minus} 10°)' in equations[2]
+    # As the four-bar lecture prints them.
+    lab.page.locator('#linkage').select_option('four_bar')
+    assert matrices() == [['-27.138', '26.675'], ['51.764', '-147.721', '-193.185', '26.047']]
+
+
+def test_in_portuguese_it_says_the_same(visit) -> None:
+    opened = visit(locale='pt-BR')
+    assert opened.page.locator('html').get_attribute('lang') == 'pt-BR'
+    assert opened.text('h1') == 'Laboratório de mecanismos'
+    assert '491,0 mm' in opened.text('#tiles')
+    field = opened.page.locator('#number-0')
+    field.fill('120,5')
+    assert opened.page.evaluate('lab.numbers[0]') == 0.1205
+    field.fill('119.5')
+    assert opened.text('#refusal') == (
+        'Recusado: 119.5 não é um número: use a vírgula decimal, como em 12,5'
+    )
+    field.blur()
+    assert field.input_value() == '120,5'
+    opened.page.locator('#number-3').fill('400,5')
+    assert opened.text('#refusal').startswith('Recusado: ângulo C-G = 400,5°: um ângulo')
+    opened.page.locator('#number-0').fill('120')
+    shown = opened.page.evaluate('document.body.innerText')
+    assert re.findall(r'\d\.\d', shown) == []
+    opened.page.locator('[data-language=en]').click()
+    assert opened.text('h1') == 'Linkage lab'
+    assert '491.0 mm' in opened.text('#tiles')
+    both = opened.page.evaluate(
+        '[Object.keys(TEXTS.en), Object.keys(TEXTS.pt), Object.keys(TITLES)]'
+    )
+    assert both[0] == both[1]
+    assert both[2] == shipped_linkages()
+    assert opened.complaints == []
+
+
+def saved_by(lab: Opened, button: str, folder: Path) -> str:
+    with lab.page.expect_download() as download:
+        lab.page.locator(button).click()
+    path = folder / download.value.suggested_filename
+    download.value.save_as(path)
+    return path.read_text(encoding='utf-8')
+
+
+def test_what_is_saved_is_loaded_by_solver_node_and_by_the_page(
+    lab: Opened, tmp_path: Path
+) -> None:
+    lab.drag('C', 25, -30)
+    numbers = lab.page.evaluate('[...lab.numbers]')
+    lab.page.locator('#name').fill('My leg: "1"')
+    text = saved_by(lab, '#save-linkage', tmp_path)
+    linkage = linkage_from_text(text, 'file')
+    assert linkage.numbers == pytest.approx(numbers, rel=1e-15, abs=1e-18)
+    assert linkage.name == 'My leg: "1"'
+    (values,) = parse(saved_by(lab, '#save-parameters', tmp_path)).values()
+    geometry = KlannGeometry(**values['ros__parameters'])
+    assert geometry.l_bc == pytest.approx(numbers[1], rel=1e-14)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        'my_leg_1.yaml',
+        'my_leg_1_parameters.yaml',
+    }
+    lab.page.evaluate("lab.choose('jansen')")
+    lab.page.locator('#file').set_input_files(tmp_path / 'my_leg_1.yaml')
+    lab.until('lab.name === \'My leg: "1"\'')
+    assert lab.page.evaluate('[...lab.numbers]') == pytest.approx(numbers, rel=1e-15, abs=1e-18)
+    assert lab.page.locator('#linkage').input_value() == ''
+
+
+def test_names_from_a_file_are_texts(lab: Opened) -> None:
+    lab.load(TEXT.replace('name: Klann leg', f"name: '{HOSTILE}'"))
+    assert lab.page.locator('#name').input_value() == HOSTILE
+    lab.load(TEXT.replace('crank: alpha', f"crank: '{HOSTILE}'"))
+    assert 'is no name' in lab.text('#refusal')
+    assert lab.page.locator('img').count() == 0
+    assert lab.complaints == []
+
+
+@pytest.mark.parametrize(
+    'content', [b'x' * 10_000_000, b'\xff\xfe', b'[' * 500_000, b'a: &b [*b]']
+)
+def test_bombs_are_refused_in_a_line(lab: Opened, tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / 'bomb.yaml'
+    path.write_bytes(content)
+    lab.page.locator('#file').set_input_files(path)
+    lab.until("!document.getElementById('refusal').hidden")
+    assert len(lab.text('#refusal')) < 300
+    assert lab.page.evaluate('lab.name') == 'Klann leg'
+
+
+@pytest.mark.parametrize('locale', ['en-US', 'pt-BR'])
+def test_it_fits_a_telephone_and_is_dragged_by_touch(visit, locale: str) -> None:
+    size = {'width': 390, 'height': 844}
+    opened = visit(locale=locale, viewport=size, has_touch=True, is_mobile=True)
+    opened.page.evaluate("document.querySelector('details').open = true; lab.choose('trotbot')")
+    assert opened.page.evaluate('document.documentElement.scrollWidth') == 390
+    opened.page.evaluate("lab.choose('klann')")
+    grip = opened.page.locator('[data-grip=H]')
+    grip.scroll_into_view_if_needed()
+    box = grip.bounding_box()
+    assert box['width'] >= 24
+    x, y = box['x'] + box['width'] / 2, box['y'] + box['height'] / 2
+    finger = opened.page.context.new_cdp_session(opened.page)
+    for kind, points in (
+        ('touchStart', [{'x': x, 'y': y}]),
+        ('touchMove', [{'x': x + 5, 'y': y - 20}]),
+        ('touchMove', [{'x': x + 10, 'y': y - 40}]),
+        ('touchEnd', []),
+    ):
+        finger.send('Input.dispatchTouchEvent', {'type': kind, 'touchPoints': points})
+    opened.until('Math.abs(lab.numbers[7] - 0.43) > 0.02')
+
+
+def test_axe_finds_no_barrier(visit) -> None:
+    axe = pytest.importorskip('axe_playwright_python.sync_playwright')
+    opened = visit(color_scheme='light')
+    opened.page.evaluate("document.querySelector('details').open = true")
+    opened.page.evaluate('lab.setNumber(1, 0.33); lab.turnTo(Math.PI * 11 / 12)')
+    opened.page.locator('#number-0').fill('-1')
+    # In the dark nothing but colours is other than in the light.
+    for scheme, options in (('light', None), ('dark', {'runOnly': ['color-contrast']})):
+        opened.page.emulate_media(color_scheme=scheme)
+        opened.page.wait_for_timeout(150)
+        found = axe.Axe().run(opened.page, options=options).response
+        assert found['passes']
+        told = [
+            (one['id'], [node['html'][:120] for node in one['nodes']][:3])
+            for one in found['violations']
+        ]
+        assert told == [], scheme
