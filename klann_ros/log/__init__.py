@@ -82,7 +82,7 @@ _PLACES = {
     'Log': 'reader',
     'Message': 'records',
     'Recovery': 'recovery',
-    'RunWriter': 'writing.writer',
+    'RunWriter': 'write.writer',
     'Topic': 'records',
     'open_log': 'reader',
     'recover': 'recovery',
