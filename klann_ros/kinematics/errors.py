@@ -8,8 +8,8 @@ an error costs little where it is only counted, and it can be pickled.
 from dataclasses import dataclass
 import math
 
+from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
-from numpy.typing import NDArray
 
 
 class KinematicsError(Exception):
@@ -153,7 +153,7 @@ class NotConvergedError(KinematicsError):
     """
 
     alpha: float
-    iterates: NDArray[np.float64]
+    iterates: FloatArray
     reason: str
 
     def __str__(self) -> str:

@@ -4,25 +4,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import isnan
 
+from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
-from numpy.typing import NDArray
 
 from . import validation
 from .errors import NotConvergedError
 
-Array = NDArray[np.float64]
-
 
 def newton_raphson(
-    f: Callable[[Array], Array],
-    phi: Callable[[Array], Array],
-    guess: Array,
+    f: Callable[[FloatArray], FloatArray],
+    phi: Callable[[FloatArray], FloatArray],
+    guess: FloatArray,
     *,
     alpha: float,
     tolerance: float | None,
     max_iterations: int,
     residual: float | None = None,
-) -> Array:
+) -> FloatArray:
     """
     Return every iterate of x_{k+1} = x_k - Phi_k^-1 f(x_k), the guess first.
 
@@ -111,19 +109,19 @@ class Iterations:
     alpha: float
     names: tuple[str, ...]
     units: tuple[str, ...]
-    x: Array
-    f: Array
-    phi: Array
+    x: FloatArray
+    f: FloatArray
+    phi: FloatArray
 
     @property
-    def corrections(self) -> Array:
+    def corrections(self) -> FloatArray:
         """Return what was added to each iterate but the last, shape (k - 1, n) [rad, m]."""
         return np.diff(self.x, axis=0)
 
     @property
-    def residuals(self) -> Array:
+    def residuals(self) -> FloatArray:
         """Return the largest `|f|` at each iterate, shape (k,) [m]."""
-        largest: Array = np.abs(self.f).max(axis=1)
+        largest: FloatArray = np.abs(self.f).max(axis=1)
         return largest
 
     def __str__(self) -> str:

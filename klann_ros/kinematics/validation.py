@@ -5,8 +5,8 @@ import math
 from numbers import Integral, Real
 from typing import Any
 
+from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
-from numpy.typing import NDArray
 
 from .angles import TURN
 from .errors import GeometryError
@@ -90,9 +90,7 @@ def count(name: str, value: int, least: int) -> int:
     return int(value)
 
 
-def guess(
-    value: Sequence[float] | NDArray[np.float64], names: str, what: str = 'guess'
-) -> NDArray[np.float64]:
+def guess(value: Sequence[float] | FloatArray, names: str, what: str = 'guess') -> FloatArray:
     """
     Return an iterate of Newton-Raphson as an array, one angle for each name [rad].
 

@@ -4,18 +4,18 @@ from collections.abc import Callable, Iterator, Sequence, Set as AbstractSet
 from itertools import islice
 from typing import Any, TypeAlias
 
+from klann_ros.kinematics.arrays import AnyArray, BoolArray, ByteArray, ComplexArray, FloatArray
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
-from numpy.typing import NDArray
 
 from . import coupled, sliding
 from .derivative import angle_rates, Derived, differentiated
 from .numpy_kernel import NumpyKernel
-from .program import Array, constants, Numbers, Program, program
-from .results import Codes, LinkagePoses, part_of, Reason, unreachable
+from .program import constants, Numbers, Program, program
+from .results import LinkagePoses, part_of, Reason, unreachable
 
 Progress: TypeAlias = Callable[[int, int], object]
-Rows: TypeAlias = Sequence[Array]
+Rows: TypeAlias = Sequence[FloatArray]
 Pairs: TypeAlias = tuple[tuple[str, str], ...]
 # Poses a block: all that is made of them stays in a processor's second-level cache.
 SIZE = 8192
@@ -23,7 +23,7 @@ SIZE = 8192
 
 def fill(
     variants: Variants,
-    alphas: NDArray[Any],
+    alphas: AnyArray,
     results: LinkagePoses,
     kernel: Any,
     progress: Progress | None,
@@ -61,12 +61,12 @@ def _blocks(legs: int, angles: int, *, one_by_one: bool) -> Iterator[tuple[slice
 
 # Of single linkages that were asked for: whoever asks again and again has few poses at a time.
 _MOST_KEPT = 64
-_kept: dict[object, tuple[Numbers, Array]] = {}
+_kept: dict[object, tuple[Numbers, FloatArray]] = {}
 
 
 def _numbers_of(
     variants: Variants, made: Program, kind: tuple[bool, bool]
-) -> tuple[Numbers, Array]:
+) -> tuple[Numbers, FloatArray]:
     """Return the numbers and constants of linkages for a program, which is one of its kind."""
     structure = variants.base.structure
     key = None
@@ -114,7 +114,7 @@ class _Dyads:
                 wanted[f'{name}_1'] = self._derived.of(pairs)
         return wanted
 
-    def place(self, rows: slice, columns: slice, alphas: NDArray[Any]) -> None:
+    def place(self, rows: slice, columns: slice, alphas: AnyArray) -> None:
         """Compute and store a block."""
         if self._turned is None or self._turned[0] != columns:
             angles = np.ascontiguousarray(alphas[columns], dtype=np.float64)
@@ -134,12 +134,12 @@ class _Dyads:
             if gone is not None:
                 array[gone] = np.nan
 
-    def _explained(self, rows: slice, crank: tuple[Array, Array]) -> Codes:
+    def _explained(self, rows: slice, crank: tuple[FloatArray, FloatArray]) -> ByteArray:
         """Return why each pose is not there, if it is not: the first dyad that does not close."""
         names, count = self._program.distances, crank[0].size * (rows.stop - rows.start)
         kernel = NumpyKernel(self._program, names, count)
         distances, _ = kernel.run(self._constants, rows, crank)
-        why: Codes = np.zeros(distances[0].shape, dtype=np.uint8)
+        why: ByteArray = np.zeros(distances[0].shape, dtype=np.uint8)
         for k in reversed(range(len(names))):
             w_a, w_b = (np.abs(link)[rows, None] for link in self._numbers.links(k))
             folded, stretched = (w_a - w_b) ** 2, (w_a + w_b) ** 2
@@ -150,7 +150,7 @@ class _Dyads:
         why[:, np.isnan(crank[0])] = Reason.CRANK_ANGLE
         return why
 
-    def _store(self, rows: slice, columns: slice, found: Rows) -> Iterator[Array]:
+    def _store(self, rows: slice, columns: slice, found: Rows) -> Iterator[FloatArray]:
         """Store all but the feet, as far as it is wanted; yield what was stored."""
         part = part_of(self._results, rows, columns)
         numbers = iter(list(zip(found[::2], found[1::2], strict=True)))
@@ -173,7 +173,7 @@ class _Dyads:
             yield array
 
     def _store_angles(
-        self, angles: Array, own: dict[str, list[Any]], rows: slice, *, rate: bool
+        self, angles: FloatArray, own: dict[str, list[Any]], rows: slice, *, rate: bool
     ) -> None:
         senses = self._structure.senses
         links = [(k, j) for k, group in enumerate(self._structure.groups) for j in group]
@@ -185,14 +185,14 @@ class _Dyads:
                 x, y = own['links'][n]
                 angles[..., j - 1] = _angle(x, y, w[rows, None], senses[j])
 
-    def _store_transmission(self, angles: Array, links: list[Any]) -> None:
+    def _store_transmission(self, angles: FloatArray, links: list[Any]) -> None:
         for k, ((x, y), (u, v)) in enumerate(zip(links[::2], links[1::2], strict=True)):
             along = np.abs(np.arctan2(x * v - y * u, x * u + y * v))
             angles[..., k] = along if k + 1 in self._structure.outside else np.pi - along
 
-    def _singular(self, links: list[Any], rows: slice) -> NDArray[np.bool_]:
+    def _singular(self, links: list[Any], rows: slice) -> BoolArray:
         """Return at which poses a dyad is in line, but for rounding."""
-        found: NDArray[np.bool_] = np.zeros(links[0][0].shape, dtype=np.bool_)
+        found: BoolArray = np.zeros(links[0][0].shape, dtype=np.bool_)
         for k, ((x, y), (u, v)) in enumerate(zip(links[::2], links[1::2], strict=True)):
             sine = np.abs(x * v - y * u) / (np.hypot(x, y) * np.hypot(u, v))
             least = np.broadcast_to(self._numbers.singular_sine(k), len(self._variants))
@@ -200,7 +200,7 @@ class _Dyads:
         return found
 
 
-def _angle(x: Array, y: Array, w: NDArray[np.complex128], sense: int) -> Array:
+def _angle(x: FloatArray, y: FloatArray, w: ComplexArray, sense: int) -> FloatArray:
     """Return the angle of a body by its link W u, in (-pi, pi] [rad]."""
     if w.imag.any():
         turned = (x + 1j * y) * w.conj()
@@ -208,6 +208,6 @@ def _angle(x: Array, y: Array, w: NDArray[np.complex128], sense: int) -> Array:
     else:
         sign = np.sign(w.real)
         x, y = sign * x, sign * y
-    angle: Array = np.arctan2(sense * y, x)
+    angle: FloatArray = np.arctan2(sense * y, x)
     angle[angle == -np.pi] = np.pi
     return angle

@@ -3,6 +3,7 @@
 from typing import Any
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
+from klann_ros.kinematics.arrays import AnyArray, BoolArray, ComplexArray, FloatArray
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.blocks import Block
@@ -10,18 +11,15 @@ from klann_ros.kinematics.linkage.linkage import Linkage
 from klann_ros.kinematics.linkage.step import TRUSTED
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
-from numpy.typing import NDArray
 
 from .derivative import rates
-from .program import Array
 from .results import LinkagePoses, open_loops, Reason, store, unreachable
 
-Complex = NDArray[np.complex128]
 ITERATIONS = 10
 TOLERANCE = 1e-12
 
 
-def place(variants: Variants, rows: slice, alphas: NDArray[Any], results: LinkagePoses) -> None:
+def place(variants: Variants, rows: slice, alphas: AnyArray, results: LinkagePoses) -> None:
     """Compute and store the poses of one of the variants: these rows are one."""
     i = rows.start
     try:
@@ -40,15 +38,15 @@ def place(variants: Variants, rows: slice, alphas: NDArray[Any], results: Linkag
 class _Solution:
     """The unit vectors of all bodies at many crank angles, block by block."""
 
-    def __init__(self, linkage: Linkage, alphas: Array) -> None:
+    def __init__(self, linkage: Linkage, alphas: FloatArray) -> None:
         self._linkage, self._alphas = linkage, alphas
         self._structure = linkage.structure
         senses = linkage.structure.senses
-        self._u: Complex = np.full((len(senses), alphas.size), np.nan + 0j)
+        self._u: ComplexArray = np.full((len(senses), alphas.size), np.nan + 0j)
         self._u[0] = np.exp(1j * senses[0] * alphas)
         self._reason = np.zeros(alphas.size, dtype=np.uint8)
         self._reason[~(np.abs(alphas) <= MAX_CRANK_ANGLE)] = Reason.CRANK_ANGLE
-        guesses: Array | None = None
+        guesses: FloatArray | None = None
         for block, sign in zip(linkage.blocks, linkage.assembly, strict=True):
             if block.is_dyad:
                 self._place_dyad(block, sign)
@@ -65,9 +63,11 @@ class _Solution:
         results.reason[0] = self._reason
         x_1, u_1 = rates(linkage, u) if results.h_1 is not None else (u[:0], u[:0])
 
-        def point(vectors: Complex, which: int, *, moved: bool) -> Complex:
+        def point(vectors: ComplexArray, which: int, *, moved: bool) -> ComplexArray:
             terms, constant = linkage.point_rows[which]
-            start: Complex = np.full(u.shape[1], 0.0 if moved else constant, dtype=np.complex128)
+            start: ComplexArray = np.full(
+                u.shape[1], 0.0 if moved else constant, dtype=np.complex128
+            )
             return sum((w * vectors[j] for j, w in terms.items()), start)
 
         def transmission_angle(k: int) -> Any:
@@ -75,7 +75,7 @@ class _Solution:
 
         store(results, linkage.structure, (u, x_1, u_1), point, transmission_angle)
 
-    def _open(self, block: Block) -> Complex:
+    def _open(self, block: Block) -> ComplexArray:
         """Return by how much each loop of a block is open, its own bodies left out."""
         others = (
             sum((w * self._u[j] for j, w in terms.items() if j not in block.unknowns), constant)
@@ -90,7 +90,7 @@ class _Solution:
         reasons = (unreachable(block.number, far=far) for far in (True, False))
         self._fail(gone, np.where(placing.is_far(way), *reasons))
 
-    def _place_loops(self, block: Block, guesses: Array) -> None:
+    def _place_loops(self, block: Block, guesses: FloatArray) -> None:
         """Refine guesses of the angles, shape (number of unknowns, k)."""
         linkage, own = self._linkage, list(block.unknowns)
         turning = [not linkage.structure.bodies[j].slides for j in own]
@@ -113,19 +113,19 @@ class _Solution:
         self._fail(lost, open_loops(block.number))
         self._move(block, x)
 
-    def _move(self, block: Block, x: Array) -> None:
+    def _move(self, block: Block, x: FloatArray) -> None:
         """Take coordinates of a block's bodies, shape (number of unknowns, k)."""
         # What turns first: what slides is turned by it.
         slides = [self._structure.bodies[j].slides for j in block.unknowns]
         for _, j, line in sorted(zip(slides, block.unknowns, range(len(x)), strict=True)):
             self._u[j] = joints.vector(self._structure, self._u, j, x[line])
 
-    def _gaps(self, block: Block) -> Complex:
+    def _gaps(self, block: Block) -> ComplexArray:
         """Return by how much each loop of a block is open."""
         gaps = (sum((w * self._u[j] for j, w in terms.items()), c) for terms, c in block.rows)
         return np.array([*gaps])
 
-    def _fail(self, which: NDArray[np.bool_], reason: Any) -> None:
+    def _fail(self, which: BoolArray, reason: Any) -> None:
         """Note why the poses are not there that were not given up before."""
         new = which & (self._reason == 0)
         self._reason[new] = np.broadcast_to(reason, new.shape)[new]

@@ -9,14 +9,12 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from typing import Any, NamedTuple
 
+from klann_ros.kinematics.arrays import BoolArray, ComplexArray, FloatArray
 from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.linkage import Linkage
 import numpy as np
-from numpy.typing import NDArray
 
 from .program import Number, Operation, Program
-
-Complex = NDArray[np.complex128]
 
 
 class Derived(NamedTuple):
@@ -86,7 +84,7 @@ class _Writer:
         return name
 
 
-def rates(linkage: Linkage, u: Complex) -> tuple[NDArray[np.float64], Complex]:
+def rates(linkage: Linkage, u: ComplexArray) -> tuple[FloatArray, ComplexArray]:
     """
     Return dx/dalpha, shape (n, k), and du/dalpha of all bodies, shape (n, k), of many poses.
 
@@ -111,8 +109,8 @@ def rates(linkage: Linkage, u: Complex) -> tuple[NDArray[np.float64], Complex]:
 
 
 def closing_blocks(
-    linkage: Linkage, u: Complex
-) -> Iterator[tuple[list[int], Callable[[Complex], NDArray[np.float64]]]]:
+    linkage: Linkage, u: ComplexArray
+) -> Iterator[tuple[list[int], Callable[[ComplexArray], FloatArray]]]:
     """
     Yield of each block its bodies, and what closes its loops again, at many poses.
 
@@ -128,12 +126,12 @@ def closing_blocks(
 
 
 def _closed(
-    rows: Sequence[Any], matrix: NDArray[np.float64], gone: NDArray[np.bool_], du: Complex
-) -> NDArray[np.float64]:
+    rows: Sequence[Any], matrix: FloatArray, gone: BoolArray, du: ComplexArray
+) -> FloatArray:
     opened = np.array([sum((w * du[j] for j, w in t.items()), 0j * du[0]) for t, _ in rows])
     right = np.stack([opened.real, opened.imag], axis=1).reshape(-1, len(gone)).T
     gone = gone | ~np.isfinite(right).all(axis=1)
-    changes: NDArray[np.float64] = np.full(right.T.shape, np.nan)
+    changes: FloatArray = np.full(right.T.shape, np.nan)
     changes[:, ~gone] = np.linalg.solve(matrix[~gone], -right[~gone, :, None])[..., 0].T
     return changes
 

@@ -4,13 +4,11 @@ from collections.abc import Mapping
 from math import ceil
 from typing import Any
 
+from klann_ros.kinematics.arrays import AnyArray, BoolArray, FloatArray, IntArray
 import numpy as np
-from numpy.typing import NDArray
-
-from .program import Array
 
 
-def deviations(h: Array, nominal: Array) -> dict[str, NDArray[Any]]:
+def deviations(h: FloatArray, nominal: FloatArray) -> dict[str, AnyArray]:
     """
     Return what is to be known of the feet at some crank angles, shape (legs, k, 2).
 
@@ -42,12 +40,12 @@ class Deviations:
     """Statistics of many legs against one, taken up some crank angles at a time."""
 
     def __init__(self, legs: int, angles: int) -> None:
-        self._at_angles: dict[str, Array] = {
+        self._at_angles: dict[str, FloatArray] = {
             'mean': np.empty((angles, 2)),
             'box': np.empty((angles, 2, 2)),
             **{name: np.empty(angles) for name in ('rms', 'p95', 'p99', 'largest')},
         }
-        self._turns: NDArray[np.bool_] = np.ones(legs, dtype=np.bool_)
+        self._turns: BoolArray = np.ones(legs, dtype=np.bool_)
         self._least = np.full((legs, 2), np.inf)
         self._greatest = np.full((legs, 2), -np.inf)
 
@@ -64,23 +62,23 @@ class Deviations:
         for name, values in self._at_angles.items():
             values[part] = found[name]
 
-    def exclude(self, stuck: NDArray[np.bool_]) -> None:
+    def exclude(self, stuck: BoolArray) -> None:
         """Count legs as not turning fully that do so between the crank angles."""
         self._turns &= ~stuck
 
-    def statistics(self) -> dict[str, Array]:
+    def statistics(self) -> dict[str, FloatArray]:
         """Return all of them by the names in ToleranceStudy."""
         extent = np.where(self._turns[:, None], self._greatest - self._least, np.nan)
         return {**self._at_angles, 'stride': extent[:, 0].copy(), 'lift': extent[:, 1].copy()}
 
 
-def _total(values: Array) -> Array:
+def _total(values: FloatArray) -> FloatArray:
     """Return the sum over the legs that are there."""
     return np.asarray(np.where(np.isnan(values), 0.0, values).sum(axis=0), dtype=np.float64)
 
 
-def _kept(distance: Array, count: NDArray[np.int_], share: float) -> Array:
+def _kept(distance: FloatArray, count: IntArray, share: float) -> FloatArray:
     """Return what a share of the legs keeps to, of distances in order: the nearest rank."""
     rank = np.maximum(0, [ceil(share * n) - 1 for n in count.tolist()])
-    kept: Array = distance[rank, np.arange(distance.shape[1])]
+    kept: FloatArray = distance[rank, np.arange(distance.shape[1])]
     return kept

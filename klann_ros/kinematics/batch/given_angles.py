@@ -3,22 +3,21 @@
 from typing import Any, TypeAlias
 
 from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.linkage import as_linkage
 import numpy as np
 
-from .program import Array
-
 Vectors: TypeAlias = joints.Vectors
 
 
-def vectors(leg: Any, angles: Array) -> list[Array]:
+def vectors(leg: Any, angles: FloatArray) -> list[FloatArray]:
     """Return what each pose makes of its angles, which the other functions begin with."""
     with np.errstate(invalid='ignore', over='ignore'):
         return joints.vectors(as_linkage(leg).structure, [*angles.T])
 
 
-def loop_errors(leg: Any, angles: Array, u: Vectors | None = None) -> Array:
+def loop_errors(leg: Any, angles: FloatArray, u: Vectors | None = None) -> FloatArray:
     """
     Return by how much the loops of each pose do not close.
 
@@ -42,11 +41,11 @@ def loop_errors(leg: Any, angles: Array, u: Vectors | None = None) -> Array:
     u = vectors(leg, angles) if u is None else u
     with np.errstate(invalid='ignore', over='ignore'):
         gaps = np.stack(u, axis=-1) @ w.T + c
-        errors: Array = np.sqrt((gaps.real**2 + gaps.imag**2).sum(axis=1))
+        errors: FloatArray = np.sqrt((gaps.real**2 + gaps.imag**2).sum(axis=1))
     return errors
 
 
-def feet(leg: Any, angles: Array, u: Vectors | None = None) -> Array:
+def feet(leg: Any, angles: FloatArray, u: Vectors | None = None) -> FloatArray:
     """Return the foot H of each pose, shape (n, 2) [m], NaN likewise; see `loop_errors`."""
     linkage = as_linkage(leg)
     terms, constant = linkage.point_rows[linkage.foot]
@@ -58,7 +57,7 @@ def feet(leg: Any, angles: Array, u: Vectors | None = None) -> Array:
     return np.column_stack([h.real, h.imag])
 
 
-def differences(leg: Any, one: Array, other: Array) -> Array:
+def differences(leg: Any, one: FloatArray, other: FloatArray) -> FloatArray:
     """
     Return the differences of poses' coordinates without the crank's, shape (n, k - 1).
 
@@ -71,14 +70,14 @@ def differences(leg: Any, one: Array, other: Array) -> Array:
         return np.where(slides, apart / linkage.size, wrapped(apart))
 
 
-def wrapped(angles: Array) -> Array:
+def wrapped(angles: FloatArray) -> FloatArray:
     """Return angles in [-pi, pi], exact where they are small already; NaN for infinite ones."""
     with np.errstate(over='ignore', invalid='ignore'):
-        found: Array = angles - TURN * np.round(angles / TURN)
+        found: FloatArray = angles - TURN * np.round(angles / TURN)
     return found
 
 
-def transmission_angles(leg: Any, angles: Array) -> Array:
+def transmission_angles(leg: Any, angles: FloatArray) -> FloatArray:
     """Return the transmission angles of each pose, one a block [rad]; see `loop_errors`."""
     linkage = as_linkage(leg)
     u = vectors(leg, angles)

@@ -14,10 +14,11 @@ import tempfile
 from typing import Any
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
+from klann_ros.kinematics.arrays import FloatArray
 import numba
 import numpy as np
 
-from .program import Array, Program
+from .program import Program
 
 # Division by zero gives NaN or an infinity, as in NumPy.
 OPTIONS = {'error_model': 'numpy', 'nogil': True}
@@ -33,7 +34,7 @@ def compiled(function: Callable[..., Any], signature: str, *, keep: bool = True)
         return numba.njit(signature, **OPTIONS)(function)
 
 
-def turn(alphas: Array) -> tuple[Array, Array]:
+def turn(alphas: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return cosines and sines of crank angles, shape (k,) each; NaN for those refused."""
     cos, sin = np.empty((2, alphas.size))
     _turn_function()(alphas, cos, sin)
@@ -45,7 +46,7 @@ def _turn_function() -> Any:
     return compiled(_turn, TURN)
 
 
-def _turn(alphas: Array, cos: Array, sin: Array) -> None:
+def _turn(alphas: FloatArray, cos: FloatArray, sin: FloatArray) -> None:
     for j in range(alphas.size):
         alpha = alphas[j] if abs(alphas[j]) <= MAX_CRANK_ANGLE else nan
         cos[j] = cosine(alpha)
@@ -61,8 +62,8 @@ class NumbaKernel:
         self._results = len(results)
 
     def run(
-        self, constants: Array, legs: slice, crank: tuple[Array, Array]
-    ) -> tuple[list[Array], bool]:
+        self, constants: FloatArray, legs: slice, crank: tuple[FloatArray, FloatArray]
+    ) -> tuple[list[FloatArray], bool]:
         """Return the results of a block, and whether some are missing; see `NumpyKernel.run`."""
         shape = self._results, legs.stop - legs.start, crank[0].size
         rows = self._memory[: prod(shape)].reshape(shape)

@@ -5,9 +5,10 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
+from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
-from .program import Array, Program
+from .program import Program
 
 _FUNCTIONS: dict[str, Any] = {
     '+': np.add,
@@ -26,7 +27,7 @@ class _Schedule(NamedTuple):
     results: tuple[int, ...]
 
 
-def turn(alphas: Array) -> tuple[Array, Array]:
+def turn(alphas: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return cosines and sines of crank angles, shape (k,) each; NaN for those refused."""
     cos, sin = np.cos(alphas), np.sin(alphas)
     # NaN fails every comparison.
@@ -42,8 +43,8 @@ class NumpyKernel:
         self._memory = np.empty((self._schedule.buffers, size))
 
     def run(
-        self, constants: Array, legs: slice, crank: tuple[Array, Array]
-    ) -> tuple[list[Array], bool]:
+        self, constants: FloatArray, legs: slice, crank: tuple[FloatArray, FloatArray]
+    ) -> tuple[list[FloatArray], bool]:
         """
         Return the results of a block, and whether some are missing; the next one overwrites them.
 

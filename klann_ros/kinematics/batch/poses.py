@@ -5,15 +5,15 @@ from functools import cache
 from math import prod
 from typing import Any
 
+from klann_ros.kinematics.arrays import AnyArray, FloatArray
 from klann_ros.kinematics.klann.geometry import KlannGeometry
 from klann_ros.kinematics.linkage.linkage import as_linkage
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import numpy_kernel
 from .batch import fill, Progress
-from .program import Array
 from .results import LinkagePoses
 
 # Loading numba and its machine code takes as long as NumPy takes for millions of poses; a batch
@@ -29,7 +29,7 @@ def linkage_poses(
     points: bool = False,
     transmission_angles: bool = False,
     velocities: bool = False,
-    out: Array | None = None,
+    out: FloatArray | None = None,
     progress: Progress | None = None,
     kernel: str | None = None,
 ) -> LinkagePoses:
@@ -170,7 +170,7 @@ def _variants(linkages: Any) -> tuple[bool, Variants | None]:
     return False, Variants.of(map(as_linkage, every)) if every else None
 
 
-def _alphas(alphas: ArrayLike) -> NDArray[Any]:
+def _alphas(alphas: ArrayLike) -> AnyArray:
     try:
         array = np.asarray(alphas)
         if array.dtype.kind == 'O':
@@ -184,7 +184,7 @@ def _alphas(alphas: ArrayLike) -> NDArray[Any]:
     return array
 
 
-def _checked(out: object, shape: tuple[int, ...], table: tuple[int, int]) -> Array:
+def _checked(out: object, shape: tuple[int, ...], table: tuple[int, int]) -> FloatArray:
     """Return `out` as a table of n linkages at k crank angles, shape (n, k, 2)."""
     if not isinstance(out, np.ndarray) or out.dtype != np.float64:
         kind = out.dtype if isinstance(out, np.ndarray) else type(out).__name__

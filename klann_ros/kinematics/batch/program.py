@@ -24,13 +24,12 @@ from functools import cache
 from sys import float_info
 from typing import Any, NamedTuple
 
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.linkage.paths import Path
 from klann_ros.kinematics.linkage.shape import row
 from klann_ros.kinematics.linkage.structure import Structure
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 # A real number of a pose by its name in a program; None where it is 0 whatever the linkage.
 Number = str | None
 Pair = tuple[Number, Number]
@@ -73,7 +72,7 @@ class Numbers:
     """
 
     def __init__(
-        self, structure: Structure, pivots: Sequence[Any], bars: Sequence[Any], signs: Array
+        self, structure: Structure, pivots: Sequence[Any], bars: Sequence[Any], signs: FloatArray
     ) -> None:
         self._structure, self._pivots, self._bars, self.signs = structure, pivots, bars, signs
         self._rows: dict[Path, tuple[Mapping[int, Any], Any]] = {}
@@ -341,7 +340,7 @@ class _Compiler:
         return f'k{len(self._constants) - 1}'
 
 
-def constants(made: Program, numbers: Numbers, count: int) -> Array:
+def constants(made: Program, numbers: Numbers, count: int) -> FloatArray:
     """Return the constants of `count` linkages, shape (number of constants, count)."""
     table = np.empty((len(made.constants), count))
     with np.errstate(all='ignore'):

@@ -3,16 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import Any, TypeAlias
+from typing import Any
 
+from klann_ros.kinematics.arrays import ByteArray, FloatArray
 from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.structure import Structure
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from .program import Array
-
-Codes: TypeAlias = NDArray[np.uint8]
+from numpy.typing import ArrayLike
 
 
 class Reason(IntEnum):
@@ -77,16 +74,16 @@ class LinkagePoses:
 
     """
 
-    h: Array
-    reason: Codes
-    angles: Array | None = None
-    points: Array | None = None
-    transmission_angles: Array | None = None
-    h_1: Array | None = None
-    angles_1: Array | None = None
-    points_1: Array | None = None
+    h: FloatArray
+    reason: ByteArray
+    angles: FloatArray | None = None
+    points: FloatArray | None = None
+    transmission_angles: FloatArray | None = None
+    h_1: FloatArray | None = None
+    angles_1: FloatArray | None = None
+    points_1: FloatArray | None = None
 
-    def velocity(self, alpha_rate: ArrayLike) -> Array:
+    def velocity(self, alpha_rate: ArrayLike) -> FloatArray:
         """
         Return the foot's velocity dH/dalpha alpha_rate, shape (..., 2) [m/s].
 
@@ -101,10 +98,12 @@ class LinkagePoses:
             The velocities were not asked for, or the rate does not fit.
 
         """
-        velocity: Array = self._asked_for() * np.asarray(alpha_rate, dtype=np.float64)[..., None]
+        velocity: FloatArray = (
+            self._asked_for() * np.asarray(alpha_rate, dtype=np.float64)[..., None]
+        )
         return velocity
 
-    def crank_torque(self, force: ArrayLike) -> Array:
+    def crank_torque(self, force: ArrayLike) -> FloatArray:
         """
         Return the torque at the crank that balances a force on the foot, shape (...) [N m].
 
@@ -127,16 +126,16 @@ class LinkagePoses:
             raise ValueError(msg)
         h_1 = self._asked_for()
         # From 0.0, so that no force takes a torque of 0.0 and not of -0.0.
-        torque: Array = 0.0 - (f[..., 0] * h_1[..., 0] + f[..., 1] * h_1[..., 1])
+        torque: FloatArray = 0.0 - (f[..., 0] * h_1[..., 0] + f[..., 1] * h_1[..., 1])
         return torque
 
-    def _asked_for(self) -> Array:
+    def _asked_for(self) -> FloatArray:
         if self.h_1 is None:
             msg = 'the velocities were not asked for: linkage_poses(..., velocities=True)'
             raise ValueError(msg)
         return self.h_1
 
-    def arrays(self) -> dict[str, Array]:
+    def arrays(self) -> dict[str, FloatArray]:
         """Return the arrays that there are, by their names, without the reasons."""
         found = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: a for name, a in found.items() if a is not None and name != 'reason'}

@@ -3,21 +3,20 @@
 from collections.abc import Callable
 from sys import float_info
 
+from klann_ros.kinematics.arrays import FloatArray, IndexArray
 import numpy as np
-from numpy.typing import NDArray
 
-from .program import Array
-
-Indices = NDArray[np.intp]
 # Bisection alone needs about 50, zooming alone some 20.
 MOST_CALLS = 100
 # The points of a zoom, and how much narrower the next one is where a parabola fits.
-AROUND: Array = np.linspace(-1.0, 1.0, 9)
+AROUND: FloatArray = np.linspace(-1.0, 1.0, 9)
 # ... and how much wider after one that has missed it. The last is a part of the first.
 PARABOLA, WIDEN, NARROWEST = 64.0, 8.0, 1e-8
 
 
-def last_kept(function: Callable[[Indices, Array], Array], keeps: Array, loses: Array) -> Array:
+def last_kept(
+    function: Callable[[IndexArray, FloatArray], FloatArray], keeps: FloatArray, loses: FloatArray
+) -> FloatArray:
     """
     Return the last arguments at which functions are not negative, between two of each.
 
@@ -57,8 +56,10 @@ def last_kept(function: Callable[[Indices, Array], Array], keeps: Array, loses: 
 
 
 def _share(
-    side: tuple[Array, Array], newest: tuple[Array, Array], before: tuple[Array, Array]
-) -> Array:
+    side: tuple[FloatArray, FloatArray],
+    newest: tuple[FloatArray, FloatArray],
+    before: tuple[FloatArray, FloatArray],
+) -> FloatArray:
     """Return where from b (0) to a (1) the root is expected; the middle where that is unsure."""
     (a, f_a), (b, f_b), (c, f_c) = side, newest, before
     with np.errstate(all='ignore'):
@@ -66,13 +67,16 @@ def _share(
         converges = (phi**2 < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
         share = f_b / (f_a - f_b) * f_c / (f_a - f_c)
         share += (c - b) / (a - b) * f_b / (f_c - f_b) * f_a / (f_c - f_a)
-    found: Array = np.where(converges & np.isfinite(share), share, 0.5)
+    found: FloatArray = np.where(converges & np.isfinite(share), share, 0.5)
     return found
 
 
 def least_near(
-    function: Callable[[Indices, Array], Array], middle: Array, width: float, rounding: Array
-) -> tuple[Array, Array]:
+    function: Callable[[IndexArray, FloatArray], FloatArray],
+    middle: FloatArray,
+    width: float,
+    rounding: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
     """
     Return where functions are least within a width to both sides of a middle, and that least.
 

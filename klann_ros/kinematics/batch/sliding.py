@@ -8,14 +8,13 @@ Here each dyad is placed by `linkage.dyads`, on arrays of complex numbers; where
 from typing import Any
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
+from klann_ros.kinematics.arrays import AnyArray, ByteArray, FloatArray
 from klann_ros.kinematics.linkage import joints, shape
 from klann_ros.kinematics.linkage.dyads import Closing, closing, cross, Pair
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
-from numpy.typing import NDArray
 
-from .program import Array
-from .results import Codes, LinkagePoses, Reason, store, unreachable
+from .results import LinkagePoses, Reason, store, unreachable
 
 
 class SlidingDyads:
@@ -45,7 +44,7 @@ class SlidingDyads:
             for group, (terms, constant) in zip(structure.groups, self._loops, strict=True)
         ]
 
-    def vectors(self, alphas: Array, blocks: int | None = None) -> list[Any]:
+    def vectors(self, alphas: FloatArray, blocks: int | None = None) -> list[Any]:
         """Return u_j of every body that the first so many blocks place, shapes (n, k)."""
         u: list[Any] = [None] * len(self.structure.bodies)
         u[0] = np.exp(1j * self.structure.senses[0] * alphas)
@@ -87,9 +86,9 @@ class SlidingDyads:
         start = np.zeros(np.shape(u[0]), dtype=np.complex128) + (0.0 if moved else constant)
         return sum((w * u[j] for j, w in terms.items()), start)
 
-    def reasons(self, u: list[Any]) -> Codes:
+    def reasons(self, u: list[Any]) -> ByteArray:
         """Return why each pose is not there: the first dyad that does not close; 0 for none."""
-        why: Codes = np.zeros(np.shape(u[-1]), dtype=np.uint8)
+        why: ByteArray = np.zeros(np.shape(u[-1]), dtype=np.uint8)
         for k, (a, b) in enumerate(self.structure.groups):
             gone = (np.isnan(u[a]) | np.isnan(u[b])) & (why == 0)
             far = gone & self.closings[k].is_far(self.way(k, u))
@@ -101,7 +100,7 @@ class SlidingDyads:
         return shape.row(self.structure, path, self._pivots, self._bars)
 
 
-def place(variants: Variants, rows: slice, alphas: NDArray[Any], results: LinkagePoses) -> None:
+def place(variants: Variants, rows: slice, alphas: AnyArray, results: LinkagePoses) -> None:
     """Compute and store the poses of some of the variants."""
     dyads = SlidingDyads(variants, rows)
     angles = np.asarray(alphas, dtype=np.float64)[None, :]

@@ -9,15 +9,14 @@ from typing import Any
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import AnyArray, FloatArray
 from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
-from numpy.typing import NDArray
 
 from .batch import Progress
 from .deviations import Deviations, deviations
 from .poses import linkage_poses
-from .program import Array
 from .turn_clearance import driven_clearances
 
 DISTRIBUTIONS = ('uniform', 'normal')
@@ -61,20 +60,20 @@ class ToleranceStudy:
 
     """
 
-    alphas: Array
-    nominal: Array
+    alphas: FloatArray
+    nominal: FloatArray
     stuck: float
-    mean: Array
-    rms: Array
-    p95: Array
-    p99: Array
-    largest: Array
-    box: Array
-    stride: Array
-    lift: Array
+    mean: FloatArray
+    rms: FloatArray
+    p95: FloatArray
+    p99: FloatArray
+    largest: FloatArray
+    box: FloatArray
+    stride: FloatArray
+    lift: FloatArray
     names: tuple[str, ...]
-    tolerances: Array
-    sensitivities: Array
+    tolerances: FloatArray
+    sensitivities: FloatArray
 
     @property
     def ranking(self) -> list[tuple[str, float]]:
@@ -181,11 +180,11 @@ class ToleranceDraw:
     """
 
     linkage: Linkage
-    widths: Array
+    widths: FloatArray
     samples: int
     distribution: str
     seed: int
-    alphas: Array
+    alphas: FloatArray
 
     @property
     def parts(self) -> list[slice]:
@@ -201,7 +200,7 @@ class ToleranceDraw:
         errors = _draw(self.distribution, (len(values), self.samples), self.seed)
         return _variants(self.linkage, values[:, None] + self.widths[:, None] * errors)
 
-    def deviations(self, part: slice) -> dict[str, NDArray[Any]]:
+    def deviations(self, part: slice) -> dict[str, AnyArray]:
         """Return what is to be known of the feet at some of the crank angles."""
         alphas = self.alphas[part]
         nominal = linkage_poses(self.linkage, alphas).h
@@ -248,11 +247,11 @@ def tolerance_draw(
     return ToleranceDraw(drawn_as, widths, samples, distribution, seed, alphas)
 
 
-def _variants(linkage: Linkage, numbers: Array) -> Variants:
+def _variants(linkage: Linkage, numbers: FloatArray) -> Variants:
     return Variants(linkage, dict(zip(linkage.dimensions, numbers, strict=True)))
 
 
-def _half_widths(linkage: Linkage, tolerances: Mapping[str, float] | float) -> Array:
+def _half_widths(linkage: Linkage, tolerances: Mapping[str, float] | float) -> FloatArray:
     """Return the half-width of every dimension [m, rad]."""
     numbers, dimensions = linkage.dimensions, linkage.structure.dimensions
     lengths = {d.name: numbers[d.name] for d in dimensions if d.is_length}
@@ -283,7 +282,7 @@ def _half_widths(linkage: Linkage, tolerances: Mapping[str, float] | float) -> A
     return np.array([float(tolerances.get(name, 0.0)) for name in numbers])
 
 
-def _draw(distribution: str, shape: tuple[int, int], seed: int) -> Array:
+def _draw(distribution: str, shape: tuple[int, int], seed: int) -> FloatArray:
     """Return errors in [-1, 1], in half-widths."""
     random = np.random.default_rng(seed)
     if distribution == 'uniform':
@@ -294,7 +293,7 @@ def _draw(distribution: str, shape: tuple[int, int], seed: int) -> Array:
     return errors
 
 
-def _sensitivities(linkage: Linkage, alphas: Array) -> Array:
+def _sensitivities(linkage: Linkage, alphas: FloatArray) -> FloatArray:
     """Return dH/d(dimension) by central differences, shape (k, number of dimensions, 2)."""
     values, dimensions = np.array(linkage.numbers), linkage.structure.dimensions
     largest = max(v for v, d in zip(linkage.numbers, dimensions, strict=True) if d.is_length)
@@ -309,11 +308,11 @@ def _sensitivities(linkage: Linkage, alphas: Array) -> Array:
     up, down = feet.reshape(2, len(values), -1, 2)
     # The steps as they were rounded.
     made = np.subtract(*(half.diagonal() for half in np.hsplit(shifted, 2)))
-    slopes: Array = (up - down) / made[:, None, None]
+    slopes: FloatArray = (up - down) / made[:, None, None]
     return slopes.swapaxes(0, 1)
 
 
-def _read_only(**arrays: Array) -> dict[str, Array]:
+def _read_only(**arrays: FloatArray) -> dict[str, FloatArray]:
     for array in arrays.values():
         array.setflags(write=False)
     return arrays

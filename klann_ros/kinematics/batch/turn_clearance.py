@@ -10,25 +10,26 @@ from sys import float_info
 from typing import Any
 
 from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import FloatArray, IndexArray
 from klann_ros.kinematics.errors import GeometryError, KinematicsError
 from klann_ros.kinematics.linkage.reach import is_driven, reachable_arcs
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 
 from .numpy_kernel import NumpyKernel
-from .program import Array, constants, Numbers, program
-from .searches import Indices, least_near
+from .program import constants, Numbers, program
+from .searches import least_near
 from .sliding import SlidingDyads
 
 # Of linkages by their rows, and of the crank's cosines and sines, shape (n, k): clearances [m].
-Clearance = Callable[[Any, Array, Array], Array]
+Clearance = Callable[[Any, FloatArray, FloatArray], FloatArray]
 # Crank angles of the search, an even number.
 SAMPLES = 360
 # So many poses are held at once: what the processor's own memory holds.
 POSES_HELD = 1 << 15
 
 
-def turn_clearances(variants: Variants) -> Array:
+def turn_clearances(variants: Variants) -> FloatArray:
     """
     Return by how much each block of each linkage stays inside its reach over the turn, at least.
 
@@ -53,7 +54,7 @@ def turn_clearances(variants: Variants) -> Array:
     return clearances
 
 
-def driven_clearances(variants: Variants) -> Array:
+def driven_clearances(variants: Variants) -> FloatArray:
     """Return the least clearance of the dyads that the crank alone drives, shape (n,) [m]."""
     least = np.full(len(variants), np.inf)
     if variants.base.two_circles:
@@ -81,19 +82,19 @@ class _Clearances:
         self._program = program(structure, links=False)
         self._constants = constants(self._program, self._numbers, len(variants))
 
-    def driven(self, k: int) -> Array:
+    def driven(self, k: int) -> FloatArray:
         """Return the least of a dyad that the crank alone drives, shape (n,) [m]."""
         (loop,) = self._structure.paths.rows[k]
         path = self._structure.paths.loops[loop]
         crank = np.abs(self._numbers.body(path, 0))
         ground = np.abs(self._numbers.fixed(path))
         r_a, r_b = (np.abs(link) for link in self._numbers.links(k))
-        least: Array = np.minimum(
+        least: FloatArray = np.minimum(
             r_a + r_b - (crank + ground), abs(crank - ground) - abs(r_a - r_b)
         )
         return least
 
-    def least(self, k: int, which: Indices) -> Array:
+    def least(self, k: int, which: IndexArray) -> FloatArray:
         """Return the least of any other dyad for some of the linkages, shape (n,) [m]."""
         step = max(1, POSES_HELD // SAMPLES)
         parts = [which[slice(n, n + step)] for n in range(0, len(which), step)]
@@ -101,7 +102,7 @@ class _Clearances:
         kernel = NumpyKernel(self._program, names, SAMPLES * min(step, len(which)))
         return np.concatenate([np.empty(0), *(self._least(k, kernel, part) for part in parts)])
 
-    def _least(self, k: int, kernel: NumpyKernel, part: Indices) -> Array:
+    def _least(self, k: int, kernel: NumpyKernel, part: IndexArray) -> FloatArray:
         # From where the crank points along the ground on: so the angles at which the first dyad is
         # nearest to its limits, where the others' clearance is steepest, are among the samples.
         path = self._structure.paths.loops[0]
@@ -111,12 +112,12 @@ class _Clearances:
         r_a, r_b = (np.abs(link)[part, None] for link in self._numbers.links(k))
         own, folded, stretched = self._constants[:, part], abs(r_a - r_b), r_a + r_b
 
-        def clearance(rows: Any, cos: Array, sin: Array) -> Array:
+        def clearance(rows: Any, cos: FloatArray, sin: FloatArray) -> FloatArray:
             """Return it at crank angles, shape (n, number of angles); NaN behind others."""
             with np.errstate(all='ignore'):
                 (distance,), _ = kernel.run(own[:, rows], slice(None), (cos, sin))
                 distance = np.sqrt(distance)
-            found: Array = np.minimum(stretched[rows] - distance, distance - folded[rows])
+            found: FloatArray = np.minimum(stretched[rows] - distance, distance - folded[rows])
             return found
 
         return _least_over_turn(clearance, start, stretched[:, 0])
@@ -128,37 +129,37 @@ class _SlidingClearances:
     def __init__(self, variants: Variants) -> None:
         self._variants = variants
 
-    def least(self, k: int, which: Indices) -> Array:
+    def least(self, k: int, which: IndexArray) -> FloatArray:
         """Return the least of a dyad for some of the linkages, shape (n,) [m]."""
         step = max(1, POSES_HELD // SAMPLES)
         parts = [which[slice(n, n + step)] for n in range(0, len(which), step)]
         return np.concatenate([np.empty(0), *(self._least(k, part) for part in parts)])
 
-    def _least(self, k: int, part: Indices) -> Array:
+    def _least(self, k: int, part: IndexArray) -> FloatArray:
         dyads = SlidingDyads(self._variants, part)
         if not dyads.closings[k].two_branches:
             return np.full(len(part), np.inf)
 
-        def clearance(rows: Any, cos: Array, sin: Array) -> Array:
+        def clearance(rows: Any, cos: FloatArray, sin: FloatArray) -> FloatArray:
             """Return it at crank angles, shape (n, number of angles); NaN behind others."""
             some = dyads if isinstance(rows, slice) else SlidingDyads(self._variants, part[rows])
             with np.errstate(all='ignore'):
                 u = some.vectors(np.arctan2(sin, cos), k)
-                found: Array = some.closings[k].clearance(some.way(k, u), u)
+                found: FloatArray = some.closings[k].clearance(some.way(k, u), u)
             return found
 
         numbers = self._variants.numbers[:, part]
         return _least_over_turn(clearance, np.zeros((len(part), 1)), np.abs(numbers).max(axis=0))
 
 
-def _least_over_turn(clearance: Clearance, start: Array, sizes: Array) -> Array:
+def _least_over_turn(clearance: Clearance, start: FloatArray, sizes: FloatArray) -> FloatArray:
     """
     Return the least of clearances over a turn from a start, shape (n, 1) [rad]; -inf for none.
 
     What is rounding of them is that of their sizes, shape (n,) [m].
     """
 
-    def refined(rows: Indices, alphas: Array) -> Array:
+    def refined(rows: IndexArray, alphas: FloatArray) -> FloatArray:
         return clearance(rows, np.cos(alphas), np.sin(alphas))
 
     step = TURN / SAMPLES
@@ -171,7 +172,7 @@ def _least_over_turn(clearance: Clearance, start: Array, sizes: Array) -> Array:
     return np.where(np.isfinite(least), least, -np.inf)
 
 
-def _lowest(values: Array) -> Indices:
+def _lowest(values: FloatArray) -> IndexArray:
     """Return beside which sample of a turn the least is, by the parabola through each three."""
     values = np.where(np.isnan(values), np.inf, values)
     before, after = np.roll(values, 1, axis=1), np.roll(values, -1, axis=1)
@@ -179,5 +180,5 @@ def _lowest(values: Array) -> Indices:
         bend = before - 2.0 * values + after
         dips = (values <= before) & (values <= after) & (bend > 0.0) & np.isfinite(bend)
         deeper = (after - before) ** 2 / (8.0 * np.where(dips, bend, np.inf))
-    lowest: Indices = (values - np.where(dips, deeper, 0.0)).argmin(axis=1)
+    lowest: IndexArray = (values - np.where(dips, deeper, 0.0)).argmin(axis=1)
     return lowest

@@ -3,13 +3,13 @@
 from sys import float_info
 
 from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import FloatArray, IndexArray
 from klann_ros.kinematics.linkage.linkage import Linkage
 from klann_ros.kinematics.linkage.structure import by_name
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 
-from .program import Array
-from .searches import Indices, last_kept, least_near
+from .searches import last_kept, least_near
 from .turn_clearance import turn_clearances
 
 # As long as nothing is, in the linkage's size.
@@ -33,7 +33,7 @@ class TurnLosses:
 
     """
 
-    def __init__(self, linkage: Linkage, names: list[str], farthest: Array) -> None:
+    def __init__(self, linkage: Linkage, names: list[str], farthest: FloatArray) -> None:
         self._linkage, self._farthest = linkage, farthest
         dimensions = linkage.structure.dimensions
         places = by_name(dimensions)
@@ -42,11 +42,11 @@ class TurnLosses:
         self._turns = np.array([dimensions[place].unit == 'rad' for place in self._places])
         # A bend is searched for a whole turn both ways, and what has no end for long.
         most = np.where(self._turns, TURN, LONG * linkage.size)
-        self._outward: Array = np.where(
+        self._outward: FloatArray = np.where(
             np.isinf(farthest), np.copysign(most, farthest), farthest - self._own
         )
 
-    def first(self) -> Array:
+    def first(self) -> FloatArray:
         """Return the first value of each number, going outward, at which the turn is lost."""
         # The denser the nearer: their roots are even. A length of 0 is no length, so the last is
         # not quite the farthest.
@@ -63,19 +63,19 @@ class TurnLosses:
                 keeps[way], loses[way], limited[way] = before, dip, True
         rows = np.flatnonzero(limited)
 
-        def clearance(of: Indices, roots: Array) -> Array:
-            own: Array = np.fmin.reduce(self._clearances(rows[of], roots), axis=1)
+        def clearance(of: IndexArray, roots: FloatArray) -> FloatArray:
+            own: FloatArray = np.fmin.reduce(self._clearances(rows[of], roots), axis=1)
             return own
 
         unlimited = self._farthest.copy()
         unlimited[rows] = self._value(rows, last_kept(clearance, keeps[rows], loses[rows]))
         return unlimited
 
-    def _value(self, ways: Indices, roots: Array) -> Array:
-        value: Array = self._own[ways] + roots**2 * self._outward[ways]
+    def _value(self, ways: IndexArray, roots: FloatArray) -> FloatArray:
+        value: FloatArray = self._own[ways] + roots**2 * self._outward[ways]
         return value
 
-    def _clearances(self, ways: Indices, roots: Array) -> Array:
+    def _clearances(self, ways: IndexArray, roots: FloatArray) -> FloatArray:
         numbers = np.repeat(np.array(self._linkage.numbers)[:, None], len(ways), axis=1)
         value = self._value(ways, roots)
         # No bend is beyond a turn.
@@ -84,7 +84,7 @@ class TurnLosses:
         changes = dict(zip(self._linkage.dimensions, numbers, strict=True))
         return turn_clearances(Variants(self._linkage, changes))
 
-    def _outward_from_own(self, roots: Array) -> Array:
+    def _outward_from_own(self, roots: FloatArray) -> FloatArray:
         """Return the clearances on each way up to a first loss; NaN beyond it."""
         ways, blocks = np.arange(len(self._places)), len(self._linkage.blocks)
         found = np.full((len(ways), len(roots), blocks), np.nan)
@@ -97,7 +97,7 @@ class TurnLosses:
         return found
 
     def _hidden_losses(
-        self, roots: Array, clearances: Array, first: Indices
+        self, roots: FloatArray, clearances: FloatArray, first: IndexArray
     ) -> list[tuple[int, float, float]]:
         """Return way, root before and root of each dip between candidates that loses it."""
         inner = clearances[:, 1:-1]
@@ -107,7 +107,7 @@ class TurnLosses:
         if not len(ways):
             return []
 
-        def clearance(rows: Indices, at: Array) -> Array:
+        def clearance(rows: IndexArray, at: FloatArray) -> FloatArray:
             each = np.repeat(rows, at.shape[1])
             found = self._clearances(ways[each], at.ravel())
             return found[np.arange(at.size), dyads[each]].reshape(at.shape)

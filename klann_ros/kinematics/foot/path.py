@@ -10,6 +10,7 @@ from typing import Any
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.errors import KinematicsError
 from klann_ros.kinematics.linkage.leg import LinkageLeg
 from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
@@ -20,7 +21,7 @@ from .extremes import pieces
 from .inverse import Nearest, ROUNDING
 from .quadrature import enclosed_area, path_length
 from .stance import NoStanceError, Stance, stances
-from .track import Array, Coordinate, Span, Track, X, Y
+from .track import Coordinate, Span, Track, X, Y
 
 # Part of the lift that the foot may be above the ground. Between their two lowest points the feet
 # of both known legs rise by a fifteenth (SEM 104) and a tenth (patent) of their lift.
@@ -55,9 +56,9 @@ class FootPath:
 
     """
 
-    alphas: Array
-    h: Array
-    h_1: Array
+    alphas: FloatArray
+    h: FloatArray
+    h_1: FloatArray
     arcs: tuple[tuple[float, float], ...]
     _tracks: tuple[Track, ...] = field(repr=False)
 
@@ -294,6 +295,6 @@ def _with_foot(leg: Any, point: Any) -> Linkage:
     return linkage.with_coupler_point(body, u, v, free)
 
 
-def _read_only(array: Array) -> Array:
+def _read_only(array: FloatArray) -> FloatArray:
     array.flags.writeable = False
     return array

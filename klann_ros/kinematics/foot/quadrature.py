@@ -5,9 +5,10 @@ from math import pi
 from typing import NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
-from .track import Array, Track
+from .track import Track
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,9 +19,9 @@ ORDER = 8
 class Nodes(NamedTuple):
     """Points of a stretch of a track: H, dH/dt and the weights of an integral over t."""
 
-    h: Array
-    h_t: Array
-    weights: Array
+    h: FloatArray
+    h_t: FloatArray
+    weights: FloatArray
 
 
 def nodes(track: Track, t_0: float, t_1: float, panels: int) -> Nodes:
@@ -61,8 +62,8 @@ def enclosed_area(track: Track) -> float:
 
 
 @cache
-def _legendre() -> tuple[Array, Array]:
+def _legendre() -> tuple[FloatArray, FloatArray]:
     # Typed since NumPy 2 only.
-    leggauss: Callable[[int], tuple[Array, Array]] = np.polynomial.legendre.leggauss
+    leggauss: Callable[[int], tuple[FloatArray, FloatArray]] = np.polynomial.legendre.leggauss
     x, w = leggauss(ORDER)
     return x, w

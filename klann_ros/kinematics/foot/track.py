@@ -7,11 +7,9 @@ from math import cos, nan, pi, sin
 from typing import Any
 
 from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.errors import KinematicsError, SingularPoseError
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -27,16 +25,16 @@ class Coordinate:
     point: tuple[float, float] = (0.0, 0.0)
     k: float = 0.0
 
-    def value(self, h: Array) -> Array:
+    def value(self, h: FloatArray) -> FloatArray:
         """Return s(H)."""
         from_p = h - self.point
         return _dot(self.along, h) + self.k * _dot(from_p, from_p) / 2.0
 
-    def slope(self, h: Array, h_1: Array) -> Array:
+    def slope(self, h: FloatArray, h_1: FloatArray) -> FloatArray:
         """Return ds/dalpha for H and dH/dalpha."""
         return _dot(self.along, h_1) + self.k * _dot(h - self.point, h_1)
 
-    def curvature(self, h: Array, h_1: Array, h_2: Array) -> Array:
+    def curvature(self, h: FloatArray, h_1: FloatArray, h_2: FloatArray) -> FloatArray:
         """Return d2s/dalpha2 for H and its first two derivatives."""
         round_p = _dot(h_1, h_1) + _dot(h - self.point, h_2)
         return _dot(self.along, h_2) + self.k * round_p
@@ -45,7 +43,7 @@ class Coordinate:
 X, Y = Coordinate((1.0, 0.0)), Coordinate((0.0, 1.0))
 
 
-def _dot(p: Array | tuple[float, float], q: Array) -> Array:
+def _dot(p: FloatArray | tuple[float, float], q: FloatArray) -> FloatArray:
     (x, y) = (p[..., 0], p[..., 1]) if isinstance(p, np.ndarray) else p
     return np.asarray(x * q[..., 0] + y * q[..., 1], dtype=np.float64)
 
@@ -122,11 +120,11 @@ class Track:
         self.h = np.array([pose.h for _, pose in solved]).reshape(-1, 2)
         self.h_1 = np.array([self._h_1(pose) for _, pose in solved]).reshape(-1, 2)
 
-    def h_at(self, t: float) -> Array:
+    def h_at(self, t: float) -> FloatArray:
         """Return H, shape (2,) [m]."""
         return np.array(self._pose(t).h)
 
-    def h_t_at(self, t: float) -> Array:
+    def h_t_at(self, t: float) -> FloatArray:
         """Return dH/dt, shape (2,)."""
         return self._h_1(self._pose(t)) * self.span.alpha_1(t)
 
@@ -147,7 +145,7 @@ class Track:
         """Return ds/dt by the chain rule."""
         return self.slope(s, t) * self.span.alpha_1(t)
 
-    def slopes(self, s: Coordinate) -> Array:
+    def slopes(self, s: Coordinate) -> FloatArray:
         """Return ds/dalpha at the samples, shape (k,)."""
         return s.slope(self.h, self.h_1)
 
@@ -183,7 +181,7 @@ class Track:
                     break
         raise error
 
-    def _h_1(self, pose: Any) -> Array:
+    def _h_1(self, pose: Any) -> FloatArray:
         try:
             return np.array(self._leg.velocity(pose, 1.0).h)
         except SingularPoseError:

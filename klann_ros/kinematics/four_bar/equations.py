@@ -11,15 +11,13 @@ Source: "Mecanismos e Vibracao de Maquinas", Grashof e mecanismos simples, examp
 from collections.abc import Sequence
 from math import cos, sin
 
+from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
-from numpy.typing import NDArray
 
 from .geometry import FourBarGeometry
 
-Array = NDArray[np.float64]
 
-
-def f(geometry: FourBarGeometry, theta2: float, x: Sequence[float] | Array) -> Array:
+def f(geometry: FourBarGeometry, theta2: float, x: Sequence[float] | FloatArray) -> FloatArray:
     """
     Return the loop equations' left-hand sides; the loop closes where f = 0.
 
@@ -51,7 +49,7 @@ def f(geometry: FourBarGeometry, theta2: float, x: Sequence[float] | Array) -> A
     )
 
 
-def phi(geometry: FourBarGeometry, x: Sequence[float] | Array) -> Array:
+def phi(geometry: FourBarGeometry, x: Sequence[float] | FloatArray) -> FloatArray:
     """
     Return the Jacobian Phi = df/dx, shape (2, 2) [m/rad]; parameters as in `f`.
 
@@ -67,7 +65,9 @@ def phi(geometry: FourBarGeometry, x: Sequence[float] | Array) -> Array:
     )
 
 
-def points(geometry: FourBarGeometry, theta2: float, x: Sequence[float] | Array) -> Array:
+def points(
+    geometry: FourBarGeometry, theta2: float, x: Sequence[float] | FloatArray
+) -> FloatArray:
     """
     Return the points O2, A, B and O4 of a pose, shape (4, 2) [m]; parameters as in `f`.
 

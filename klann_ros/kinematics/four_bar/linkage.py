@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 
 from klann_ros.kinematics.angles import crank_angle
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.linkage.leg import Leg
 from numpy.typing import ArrayLike
 
 from . import equations, transmission
 from .dead_points import dead_points, DeadPoint, rocker_limits, RockerLimits
-from .equations import Array
 from .geometry import FourBarGeometry
 from .grashof import Grashof
 from .pose import FourBarMotion, FourBarPose
@@ -118,7 +118,7 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         settings = {'tolerance': tolerance, 'max_crank_step': max_crank_step}
         return FourBar(*geometry.lengths, geometry.assembly, **settings)
 
-    def f(self, alpha: float, x: Sequence[float] | Array) -> Array:
+    def f(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """
         Return the course's f1 and f2, shape (2,) [m]; the loop closes where both are 0.
 
@@ -140,7 +140,7 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         """
         return equations.f(self._geometry, crank_angle(alpha), self._x('x', x))
 
-    def phi(self, alpha: float, x: Sequence[float] | Array) -> Array:
+    def phi(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """
         Return the Jacobian of the course's f by theta3, theta4, shape (2, 2) [m/rad]; see `f`.
 

@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.batch.poses import linkage_poses
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .geometry import FourBarGeometry
 from .transmission import advantages
 
-Array = NDArray[np.float64]
 COLUMNS = ('theta2', 'theta3', 'theta4', 'alpha', 'beta', 'Z', 'mu', 'T4/T2')
 # A four-bar's lengths may be in any unit, so Z has none.
 UNITS = ('[deg]',) * 5 + ('', '[deg]', '[1]')
@@ -41,14 +41,14 @@ class FourBarTable:
 
     """
 
-    theta2: Array
-    theta3: Array
-    theta4: Array
-    alpha: Array
-    beta: Array
-    z: Array
-    transmission_angle: Array
-    mechanical_advantage: Array
+    theta2: FloatArray
+    theta3: FloatArray
+    theta4: FloatArray
+    alpha: FloatArray
+    beta: FloatArray
+    z: FloatArray
+    transmission_angle: FloatArray
+    mechanical_advantage: FloatArray
 
     def __str__(self) -> str:
         """Return a table, angles in deg, Z in the unit of the lengths."""
@@ -92,9 +92,11 @@ def four_bar_table(geometry: FourBarGeometry, theta2: ArrayLike) -> FourBarTable
     return FourBarTable(**columns)
 
 
-def openings(p: float | Array, q: float, opposite: float | Array) -> Array:
+def openings(p: float | FloatArray, q: float, opposite: float | FloatArray) -> FloatArray:
     """Return the angles between two sides of triangles; see `reach.opening`."""
     near = (opposite - (p - q)) * (opposite + (p - q))
     far = (p + q - opposite) * (p + q + opposite)
-    angles: Array = 2.0 * np.arctan2(np.sqrt(np.maximum(0.0, near)), np.sqrt(np.maximum(0.0, far)))
+    angles: FloatArray = 2.0 * np.arctan2(
+        np.sqrt(np.maximum(0.0, near)), np.sqrt(np.maximum(0.0, far))
+    )
     return angles

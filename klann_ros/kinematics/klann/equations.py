@@ -11,15 +11,13 @@ Source: R. Nicoletti, SEM 104 Mecanismos, lecture 7, "Mecanismo de N barras".
 from collections.abc import Sequence
 from math import cos, sin
 
+from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
-from numpy.typing import NDArray
 
 from .geometry import KlannGeometry
 
-Array = NDArray[np.float64]
 
-
-def f(geometry: KlannGeometry, alpha: float, x: Sequence[float] | Array) -> Array:
+def f(geometry: KlannGeometry, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
     """
     Return the loop equations' left-hand sides; both loops close where f = 0.
 
@@ -59,7 +57,7 @@ def f(geometry: KlannGeometry, alpha: float, x: Sequence[float] | Array) -> Arra
     )  # fmt: skip
 
 
-def phi(geometry: KlannGeometry, x: Sequence[float] | Array) -> Array:
+def phi(geometry: KlannGeometry, x: Sequence[float] | FloatArray) -> FloatArray:
     """
     Return the Jacobian Phi = df/dx, shape (4, 4) [m/rad]; parameters as in `f`.
 
@@ -78,7 +76,7 @@ def phi(geometry: KlannGeometry, x: Sequence[float] | Array) -> Array:
     )
 
 
-def points(geometry: KlannGeometry, alpha: float, x: Sequence[float] | Array) -> Array:
+def points(geometry: KlannGeometry, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
     """
     Return the points A to H of a pose, shape (8, 2) [m]; parameters as in `f`.
 

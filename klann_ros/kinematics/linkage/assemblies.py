@@ -12,6 +12,7 @@ from math import degrees, pi
 from typing import Any
 
 from klann_ros.kinematics.angles import crank_angle, wrap
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.errors import (
     GeometryError,
     LoopsOpenError,
@@ -20,7 +21,6 @@ from klann_ros.kinematics.errors import (
 )
 from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
-from numpy.typing import NDArray
 
 from .circles import placed
 from .linkage import as_linkage, Linkage
@@ -134,7 +134,7 @@ def _of_dyads(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
 
 
 def _of_coupled_loops(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
-    found: list[NDArray[np.float64]] = []
+    found: list[FloatArray] = []
     for guess in _guesses(linkage):
         x = _newton(linkage, alpha, guess)
         if x is None or any(_apart(linkage, x, other) <= SAME for other in found):
@@ -152,7 +152,7 @@ def _of_coupled_loops(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
         yield closed_pose(one, one.vectors(one.start[0], one.start[1:]).tolist(), alpha)
 
 
-def _guesses(linkage: Linkage) -> NDArray[np.float64]:
+def _guesses(linkage: Linkage) -> FloatArray:
     """Return starting points, evenly spread over all angles, always the same."""
     count = len(linkage.structure.bodies) - 1
     # Kronecker's sequence of the roots of x^(n + 1) = x + 1: M. Roberts, 2018.
@@ -160,16 +160,14 @@ def _guesses(linkage: Linkage) -> NDArray[np.float64]:
     for _ in range(60):
         root = (1.0 + root) ** (1.0 / (count + 1))
     steps = root ** -np.arange(1.0, count + 1)
-    guesses: NDArray[np.float64] = np.arange(1, STARTS + 1)[:, None] * steps % 1.0
+    guesses: FloatArray = np.arange(1, STARTS + 1)[:, None] * steps % 1.0
     # Distances within what the linkage can reach, most likely.
     largest = [2.0 * linkage.size if body.slides else pi for body in linkage.structure.bodies[1:]]
-    spread: NDArray[np.float64] = (2.0 * guesses - 1.0) * np.array(largest)
+    spread: FloatArray = (2.0 * guesses - 1.0) * np.array(largest)
     return spread
 
 
-def _newton(
-    linkage: Linkage, alpha: float, guess: NDArray[np.float64]
-) -> NDArray[np.float64] | None:
+def _newton(linkage: Linkage, alpha: float, guess: FloatArray) -> FloatArray | None:
     try:
         iterates = newton_raphson(
             lambda x: linkage.f(alpha, x),

@@ -14,14 +14,13 @@ from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arcs import Arc
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.errors import GeometryError, LoopsOpenError
 import numpy as np
-from numpy.typing import NDArray
 
 from .equations import LoopEquations
 from .step import step, TRUSTED
 
-Array = NDArray[np.float64]
 # Between the table's poses [rad]: an eighth of what a tangent of the Klann leg may lead astray.
 STEP = 0.05
 # Where steps smaller than this fail the branch ends [rad].
@@ -99,7 +98,7 @@ class Branch:
                 return row.x
         raise LoopsOpenError(alpha, self._block, alpha + near.alpha - at)
 
-    def guesses(self, alphas: Array) -> Array:
+    def guesses(self, alphas: FloatArray) -> FloatArray:
         """Return guesses of the angles at many crank angles, shape (n - 1, k); NaN beyond it."""
         rows = [np.array(column) for column in zip(*self._rows, strict=True)]
         at = self._first + np.remainder(alphas - self._first, TURN)
@@ -107,7 +106,7 @@ class Branch:
         near = right - (at - rows[0][right - 1] < rows[0][right] - at)
         found = rows[1][near] + (at - rows[0][near])[:, None] * rows[2][near]
         found[at > self._last] = np.nan
-        angles: Array = found.T
+        angles: FloatArray = found.T
         return angles
 
     def _row(self, alpha: float, guess: tuple[float, ...]) -> Row | None:

@@ -6,16 +6,15 @@ from typing import Any
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import TURN, wrap
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 from klann_ros.kinematics.errors import GeometryError
 import numpy as np
-from numpy.typing import NDArray
 
 from . import joints, shape
 from .blocks import Block
 from .dyads import longest
 from .structure import Structure
 
-Array = NDArray[np.float64]
 NO_TRIANGLE = 'this brace and its bar do not meet'
 
 
@@ -131,16 +130,16 @@ class LoopEquations:
     # Its equations, as matrices.
 
     @cached_property
-    def equations(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    def equations(self) -> tuple[ComplexArray, ComplexArray]:
         """Return W, shape (m, n), and c, shape (m,), of f = W u + c [m]."""
         return shape.matrix(self.rows, len(self.structure.bodies))
 
     @cached_property
-    def point_equations(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    def point_equations(self) -> tuple[ComplexArray, ComplexArray]:
         """Return Q, shape (p, n), and q, shape (p,), of p = Q u + q [m]."""
         return shape.matrix(self.point_rows, len(self.structure.bodies))
 
-    def f(self, alpha: float, x: Sequence[float] | Array) -> Array:
+    def f(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """
         Return the loop equations' left-hand sides; the linkage is closed where f = 0.
 
@@ -161,37 +160,37 @@ class LoopEquations:
         w, c = self.equations
         return _real_rows(w @ self.vectors(alpha, x) + c)
 
-    def phi(self, alpha: float, x: Sequence[float] | Array) -> Array:
+    def phi(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """Return the Jacobian df/dx, shape (n - 1, n - 1) [m/rad]; parameters as in `f`."""
         return self._jacobian(alpha, x)[:, 1:]
 
-    def f_alpha(self, alpha: float, x: Sequence[float] | Array) -> Array:
+    def f_alpha(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """Return df/dalpha, shape (n - 1,) [m/rad]; parameters as in `f`."""
-        column: Array = self._jacobian(alpha, x)[:, 0]
+        column: FloatArray = self._jacobian(alpha, x)[:, 0]
         return column
 
-    def points(self, alpha: float, x: Sequence[float] | Array) -> Array:
+    def points(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """Return the points, shape (p, 2), in the order of the structure's [m]."""
         q_u, q = self.point_equations
         return _plane(q_u @ self.vectors(alpha, x) + q)
 
-    def points_moved(self, vectors: NDArray[np.complex128]) -> Array:
+    def points_moved(self, vectors: ComplexArray) -> FloatArray:
         """Return the points' derivative, shape (p, 2), from that of the bodies' vectors."""
         return _plane(self.point_equations[0] @ vectors)
 
-    def vectors(self, alpha: Any, x: Any) -> NDArray[np.complex128]:
+    def vectors(self, alpha: Any, x: Any) -> ComplexArray:
         """Return u_j of every body, shape (n,): exp(i s_j phi_j), or what slides: see `joints`."""
         if self.structure.slides:
             return np.array(joints.vectors(self.structure, [alpha, *x]))
-        u: NDArray[np.complex128] = np.exp(self._i_s * np.array([alpha, *x]))
+        u: ComplexArray = np.exp(self._i_s * np.array([alpha, *x]))
         return u
 
     @cached_property
-    def _i_s(self) -> NDArray[np.complex128]:
+    def _i_s(self) -> ComplexArray:
         """Return i s_j of every body, for linkages in which nothing slides: most of them."""
         return 1j * np.array(self.structure.senses)
 
-    def _jacobian(self, alpha: float, x: Sequence[float] | Array) -> Array:
+    def _jacobian(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         u, w = self.vectors(alpha, x), self.equations[0]
         if self.structure.slides:
             return _real_rows(w @ joints.tangents(self.structure, u))
@@ -218,10 +217,10 @@ def _checked(structure: Structure, numbers: Sequence[float]) -> tuple[float, ...
     return tuple(checked)
 
 
-def _real_rows(values: NDArray[np.complex128]) -> Array:
+def _real_rows(values: ComplexArray) -> FloatArray:
     """Return complex equations as real ones: of each its x, then its y."""
     return np.stack([values.real, values.imag], axis=1).reshape(-1, *values.shape[1:])
 
 
-def _plane(values: NDArray[np.complex128]) -> Array:
+def _plane(values: ComplexArray) -> FloatArray:
     return np.stack([values.real, values.imag], axis=-1)

@@ -11,13 +11,11 @@ from klann_ros.kinematics.angles import wrap
 from klann_ros.kinematics.errors import GeometryError, NotAssembledError, NotConvergedError
 from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
-from numpy.typing import NDArray
 
 from .branch import Branch
 from .equations import LoopEquations
 from .structure import by_name, Structure
 
-Array = NDArray[np.float64]
 # The start is a guess of a pose at which the linkage closes: nothing a few corrections do not do.
 START_ITERATIONS = 50
 # Of |sin| between two links, at the start: nearer to in line it does not say which branch.

@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from math import nan
 from typing import Any, NamedTuple
 
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 import numpy as np
-from numpy.typing import NDArray
 
 from . import joints
 from .linkage import Linkage
 
-Array = NDArray[np.float64]
 Vector = tuple[float, float]
 
 
@@ -77,12 +76,12 @@ class LinkagePose(NamedTuple):
         return (self[0], *self.x)
 
     @property
-    def points(self) -> Array:
+    def points(self) -> FloatArray:
         """Return the points in the structure's order, shape (p, 2) [m]; made at each use."""
         return self.linkage.points(self[0], self.x)
 
     @property
-    def vectors(self) -> NDArray[np.complex128]:
+    def vectors(self) -> ComplexArray:
         """Return u_j of every body, shape (n,): see `Linkage.vectors`."""
         return self.linkage.vectors(self[0], self.x)
 
@@ -145,16 +144,16 @@ class LinkageMotion(NamedTuple):
         return f'{type(self).__name__}({named}, h={_short(self.h)})'
 
     @property
-    def vectors(self) -> NDArray[np.complex128]:
+    def vectors(self) -> ComplexArray:
         """Return that of the bodies' vectors, shape (n,), complex: see `joints`."""
         structure, u = self.pose.linkage.structure, self.pose.vectors
-        moved: NDArray[np.complex128] = joints.tangents(structure, u) @ np.array(self.joints)
+        moved: ComplexArray = joints.tangents(structure, u) @ np.array(self.joints)
         if self.velocity is not None:
             moved += joints.bent(structure, u, self.velocity.joints)
         return moved
 
     @property
-    def points(self) -> Array:
+    def points(self) -> FloatArray:
         """Return that of every point, shape (p, 2) [m/s] or [m/s^2]; made at each use."""
         return self.pose.linkage.points_moved(self.vectors)
 

@@ -9,8 +9,8 @@ from cmath import rect
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from klann_ros.kinematics.arrays import ComplexArray
 import numpy as np
-from numpy.typing import NDArray
 
 from .paths import Path
 from .structure import FIXED, Structure
@@ -88,7 +88,7 @@ def row(
 
 def matrix(
     rows: Sequence[tuple[Mapping[int, complex], complex]], bodies: int
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+) -> tuple[ComplexArray, ComplexArray]:
     """Return rows as a matrix, shape (m, n), and their constants, shape (m,)."""
     w = np.zeros((len(rows), bodies), dtype=np.complex128)
     for k, (terms, _) in enumerate(rows):

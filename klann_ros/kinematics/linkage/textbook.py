@@ -5,15 +5,13 @@ from typing import Any
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import crank_angle
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.errors import NotConvergedError, SingularPoseError
 from klann_ros.kinematics.newton import Iterations, newton_raphson
 import numpy as np
-from numpy.typing import NDArray
 
 from .assemblies import assembly_poses
 from .linkage import Linkage
-
-Array = NDArray[np.float64]
 
 
 class Textbook:
@@ -34,7 +32,7 @@ class Textbook:
         """Return the largest correction of a converged pose [rad]."""
         raise NotImplementedError
 
-    def f(self, alpha: float, x: Sequence[float] | Array) -> Array:
+    def f(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """
         Return the loop equations' left-hand sides, in the textbook's order and signs.
 
@@ -61,11 +59,11 @@ class Textbook:
         """
         return self.linkage.f(crank_angle(alpha), self._x('x', x))
 
-    def phi(self, alpha: float, x: Sequence[float] | Array) -> Array:
+    def phi(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """Return the Jacobian Phi = df/dx, shape (n - 1, n - 1) [m/rad]; see `f`."""
         return self.linkage.phi(crank_angle(alpha), self._x('x', x))
 
-    def correction(self, alpha: float, x: Sequence[float] | Array) -> Array:
+    def correction(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """
         Return -Phi^-1 f, what Newton-Raphson adds to an estimate x, shape (n - 1,) [rad].
 
@@ -83,18 +81,18 @@ class Textbook:
             raise SingularPoseError(crank_angle(alpha)) from None
         return np.asarray(-step, dtype=np.float64)
 
-    def _x(self, name: str, x: Sequence[float] | Array) -> Array:
+    def _x(self, name: str, x: Sequence[float] | FloatArray) -> FloatArray:
         return validation.guess(x, ', '.join(self.joint_names[1:]), name)
 
     def newton(
         self,
         alpha: float,
-        guess: Sequence[float] | Array,
+        guess: Sequence[float] | FloatArray,
         *,
         max_iterations: int = 50,
         tolerance: float | None = None,
         residual: float | None = None,
-    ) -> Array:
+    ) -> FloatArray:
         """
         Return the iterates of the textbook's Newton-Raphson, on whichever branch they end.
 
@@ -156,7 +154,9 @@ class Textbook:
             reason = f'{error.reason}; at this crank angle it closes in no assembly'
             raise NotConvergedError(alpha, error.iterates, reason) from None
 
-    def iterations(self, alpha: float, guess: Sequence[float] | Array, **stop: Any) -> Iterations:
+    def iterations(
+        self, alpha: float, guess: Sequence[float] | FloatArray, **stop: Any
+    ) -> Iterations:
         """
         Return a run of `newton` with everything that one writes down of it; `print` shows it.
 

@@ -5,17 +5,17 @@ from functools import cached_property
 from typing import Any
 
 from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import BoolArray, ByteArray, IndexArray
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.validation import LARGEST, SMALLEST
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import shape
 from .equations import NO_TRIANGLE
 from .linkage import Linkage
 from .structure import by_name
 
-Array = NDArray[np.float64]
 # Why a variant is refused: the texts of `Variants.reason`.
 NOT_FINITE, NOT_POSITIVE, BEYOND_MEASURE, OPEN, BEYOND_TURN = 1, 2, 3, 4, 5
 _WHY = {
@@ -154,13 +154,13 @@ class Variants:
         )
         return shape.vectors(self.base.structure, [*numbers])
 
-    def _check(self) -> tuple[NDArray[np.uint8], NDArray[np.intp]]:
+    def _check(self) -> tuple[ByteArray, IndexArray]:
         """Return why each is refused, and for which of its numbers."""
         refused = np.zeros(len(self), dtype=np.uint8)
         which = np.zeros(len(self), dtype=np.intp)
         structure = self.base.structure
 
-        def refuse(place: int, wrong: NDArray[np.bool_], code: int) -> None:
+        def refuse(place: int, wrong: BoolArray, code: int) -> None:
             new = wrong & (refused == 0)
             refused[new], which[new] = code, place
 
