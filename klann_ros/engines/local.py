@@ -1,8 +1,8 @@
 """
-Workers on this machine: processes that are asked one item at a time, and watched.
+Worker processes on this machine, one task at a time each, with a deadline.
 
-A pool of the standard library is broken by the first worker that dies, and forgets who worked on
-what; here a worker that is killed, or takes too long, costs no more than its own item.
+The standard library's pool breaks when a worker dies, and does not say which task it had. Here a
+worker that is killed or exceeds the time limit costs only its own task.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -11,88 +11,103 @@ from multiprocessing.connection import Connection, wait
 import os
 import signal
 from time import monotonic
-from typing import Any
+from typing import Any, NamedTuple
 
-from .answers import DIED, Failed, TRIES
-
-# Not forked: this process may have threads, and a worker needs none of what it holds.
+# Not forked: this process may have threads, and a worker needs none of its state.
 _SPAWN = multiprocessing.get_context('spawn')
-# A worker is given so long to end by itself when all is done [s].
-_FAREWELL = 2.0
+# Time for an idle worker to exit by itself [s].
+_EXIT_TIMEOUT = 2.0
+# A worker may die of something else than its task, so the task is tried again.
+MAX_TRIES = 2
+# The same text for every engine: its reports are compared byte for byte.
+WORKER_DIED = f'its worker died while it worked on it, {MAX_TRIES} times'
 
 
-def mapped_here(
+class EngineError(Exception):
+    """An unavailable engine; the text says why."""
+
+
+class TaskError(NamedTuple):
+    """
+    The result of an item without an answer.
+
+    Attributes
+    ----------
+    reason : str
+        Why there is none.
+
+    """
+
+    reason: str
+
+
+class _WorkerDiedError(TaskError):
+    __slots__ = ()
+
+
+class _Answer(tuple[Any]):
+    """A function's answer, which may itself be a TaskError or None."""
+
+    __slots__ = ()
+
+
+def process_map(
     function: Callable[[Any], Any],
     items: Iterable[Any],
     jobs: int | None,
     time_limit: float | None,
 ) -> Iterator[tuple[int, Any]]:
-    """Yield as `mapped` does."""
-    left = _Left(items)
+    """Yield as `parallel_map` does."""
+    queue = _Queue(items)
     workers: list[_Worker] = []
     try:
         for _ in range(jobs or len(os.sched_getaffinity(0))):
-            task = left.following()
+            task = queue.next_task()
             if task is None:
                 break
             workers.append(_Worker(function, time_limit, task))
         while workers:
-            soonest = min(worker.deadline for worker in workers)
-            patience = None if soonest == float('inf') else max(0.0, soonest - monotonic())
-            wait([worker.connection for worker in workers], patience)
+            deadline = min(worker.deadline for worker in workers)
+            timeout = None if deadline == float('inf') else max(0.0, deadline - monotonic())
+            wait([worker.connection for worker in workers], timeout)
             for worker in [worker for worker in workers if worker.is_done]:
-                number, answer = worker.answer()
-                if isinstance(answer, Failed) and left.again(worker.task, answer):
+                number, answer = worker.task[0], worker.receive()
+                if isinstance(answer, _WorkerDiedError) and queue.retry(worker.task):
                     answer = None
-                task = left.following()
+                task = queue.next_task()
                 if task is None:
                     workers.remove(worker)
-                    worker.end()
+                    worker.stop()
                 else:
-                    worker.ask(task)
+                    worker.send(task)
                 if answer is not None:
-                    yield number, answer[0] if isinstance(answer, _Answered) else answer
+                    yield number, answer[0] if isinstance(answer, _Answer) else answer
     finally:
         for worker in workers:
             worker.kill()
 
 
-class _Answered(tuple[Any]):
-    """What a function answered, which may be anything."""
-
-    __slots__ = ()
-
-
-class _Left:
-    """The items that are left, those to be tried again first."""
+class _Queue:
+    """The remaining tasks, those to be retried first."""
 
     def __init__(self, items: Iterable[Any]) -> None:
         self._items = enumerate(items)
-        self._again: list[tuple[int, Any]] = []
+        self._retries: list[tuple[int, Any]] = []
         self._tries: dict[int, int] = {}
 
-    def following(self) -> tuple[int, Any] | None:
-        return self._again.pop() if self._again else next(self._items, None)
+    def next_task(self) -> tuple[int, Any] | None:
+        return self._retries.pop() if self._retries else next(self._items, None)
 
-    def again(self, task: tuple[int, Any], failed: Failed) -> bool:
-        """Return whether an item without an answer is tried once more."""
-        if not isinstance(failed, _Died):
-            return False
+    def retry(self, task: tuple[int, Any]) -> bool:
+        """Queue a task once more; return False after its last try."""
         tries = self._tries[task[0]] = self._tries.get(task[0], 1) + 1
-        if tries > TRIES:
-            return False
-        self._again.append(task)
-        return True
-
-
-class _Died(Failed):
-    """A worker that died, perhaps of something else than its item."""
-
-    __slots__ = ()
+        if tries <= MAX_TRIES:
+            self._retries.append(task)
+        return tries <= MAX_TRIES
 
 
 class _Worker:
-    """A process, and what it was asked last."""
+    """A process and its current task."""
 
     def __init__(
         self, function: Callable[[Any], Any], time_limit: float | None, task: tuple[int, Any]
@@ -101,19 +116,19 @@ class _Worker:
         self._process: Any = None
         self.connection: Connection
         self._start()
-        self.ask(task)
+        self.send(task)
 
     def _start(self) -> None:
-        self.connection, theirs = _SPAWN.Pipe()
+        self.connection, remote_end = _SPAWN.Pipe()
         self._process = _SPAWN.Process(
-            target=_work, args=(theirs, self._function), daemon=True, name='klann_ros worker'
+            target=_work, args=(remote_end, self._function), daemon=True, name='klann_ros worker'
         )
         self._process.start()
-        # So that its end of the pipe closes when it dies.
-        theirs.close()
+        # The worker then holds the only copy: the pipe closes when it dies.
+        remote_end.close()
 
-    def ask(self, task: tuple[int, Any]) -> None:
-        """Give it an item; a new process where the old one is gone."""
+    def send(self, task: tuple[int, Any]) -> None:
+        """Send a task; to a new process if the old one has died."""
         self.task = task
         try:
             self.connection.send(task[1])
@@ -125,40 +140,40 @@ class _Worker:
 
     @property
     def is_done(self) -> bool:
-        """Return whether there is an answer, or none to be waited for."""
+        """Return whether there is an answer, or the deadline has passed."""
         return self.connection.poll() or monotonic() >= self.deadline
 
-    def answer(self) -> tuple[int, Any]:
-        """Return the item's number, and what came of it."""
+    def receive(self) -> Any:
+        """Return the task's answer or error."""
         if not self.connection.poll():
             self._restart()
-            return self.task[0], Failed(f'it took longer than {self._time_limit:g} s')
+            return TaskError(f'it took longer than {self._time_limit:g} s')
         try:
-            return self.task[0], self.connection.recv()
+            return self.connection.recv()
         except (EOFError, OSError):
             self._restart()
-            return self.task[0], _Died(DIED)
+            return _WorkerDiedError(WORKER_DIED)
 
     def _restart(self) -> None:
         self.kill()
         self._start()
 
-    def end(self) -> None:
-        """Let it end: it has nothing more to do."""
+    def stop(self) -> None:
+        """Let an idle process exit."""
         self.connection.close()
-        self._process.join(_FAREWELL)
+        self._process.join(_EXIT_TIMEOUT)
         self.kill()
 
     def kill(self) -> None:
-        """End it whatever it does."""
+        """Kill the process, busy or not."""
         self._process.kill()
         self._process.join()
         self.connection.close()
 
 
 def _work(connection: Connection, function: Callable[[Any], Any]) -> None:
-    """Answer items until nobody asks."""
-    # Ctrl-C goes to all processes of a terminal: who asks decides what becomes of it.
+    """Answer tasks until the pipe closes."""
+    # Ctrl-C reaches all processes of a terminal; only the parent handles it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     while True:
         try:
@@ -167,9 +182,9 @@ def _work(connection: Connection, function: Callable[[Any], Any]) -> None:
             return
         answer: Any
         try:
-            answer = _Answered((function(item),))
+            answer = _Answer((function(item),))
         except Exception as error:
-            answer = Failed(f'{type(error).__name__}: {error}')
+            answer = TaskError(f'{type(error).__name__}: {error}')
         try:
             connection.send(answer)
         except OSError:

@@ -1,4 +1,4 @@
-"""Results in chunks on disk: each whole or not at all, and only of the sweep that began them."""
+"""Results in chunks on disk: written atomically, and reused only by the sweep that made them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -8,25 +8,25 @@ from pathlib import Path
 import secrets
 from typing import Any
 
-from klann_ros.engines import Failed, mapped
+from klann_ros.engines import parallel_map, TaskError
 from klann_ros.sanitize.files import open_plain, read_plain
 from klann_ros.sanitize.text import printable
 import numpy as np
 from numpy.typing import NDArray
 
 MANIFEST = 'sweep.json'
-_LONGEST = 1_000_000
+_MAX_MANIFEST_SIZE = 1_000_000
 Arrays = Mapping[str, NDArray[Any]]
-# Is given how many chunks are done, and how many there are.
+# Called with the number of finished chunks, and of all.
 Progress = Callable[[int, int], object]
 
 
 class SweepError(Exception):
-    """A sweep that cannot be begun, gone on with or ended; the text says why."""
+    """A sweep that cannot be started, resumed or completed; the text says why."""
 
 
 def fingerprint(*parts: object) -> str:
-    """Return what tells one sweep from another: arrays by their bytes, all else by its text."""
+    """Return the SHA-256 of arrays, by their bytes, and of other values, by their text."""
     digest = hashlib.sha256()
     for part in parts:
         if isinstance(part, np.ndarray):
@@ -45,11 +45,11 @@ class ChunkStore:
     Parameters
     ----------
     folder : path
-        Where they are; it is made if it is not there.
+        Created if missing.
     identity : str
-        Whose they are.
+        Fingerprint of the sweep.
     count : int
-        How many there are to be.
+        Number of chunks of the complete sweep.
 
     Raises
     ------
@@ -59,31 +59,31 @@ class ChunkStore:
     """
 
     def __init__(self, folder: str | Path, identity: str, count: int) -> None:
-        """Begin, or go on."""
+        """Start the sweep, or resume it."""
         self.folder, self.count = Path(folder), count
-        told = json.dumps({'klann_ros': 'sweep', 'identity': identity, 'chunks': count})
+        manifest_text = json.dumps({'klann_ros': 'sweep', 'identity': identity, 'chunks': count})
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             manifest = self.folder / MANIFEST
             if manifest.exists():
-                if read_plain(manifest, _LONGEST) != told:
+                if read_plain(manifest, _MAX_MANIFEST_SIZE) != manifest_text:
                     raise SweepError(
                         f'{printable(folder)} holds another sweep: choose an empty folder'
                     )
             elif any(self.folder.iterdir()):
                 raise SweepError(f'{printable(folder)} is not empty, and holds no sweep')
             else:
-                _write(manifest, lambda path: path.write_text(told))
+                _write(manifest, lambda path: path.write_text(manifest_text))
         except (OSError, ValueError) as error:
             reason = getattr(error, 'strerror', None) or error
             raise SweepError(f'{printable(folder)} cannot be used: {reason}') from error
 
     def path(self, number: int) -> Path:
-        """Return where a chunk is."""
+        """Return the file of a chunk."""
         return self.folder / f'chunk_{number:06}.npz'
 
     def missing(self) -> list[int]:
-        """Return the chunks that are not there yet."""
+        """Return the numbers of the chunks without a file."""
         return [number for number in range(self.count) if not self.path(number).exists()]
 
     def load(self, number: int) -> dict[str, NDArray[Any]]:
@@ -102,22 +102,22 @@ class ChunkStore:
         **engine: Any,
     ) -> None:
         """
-        Have the missing chunks computed; parameters of the engine as `klann_ros.engines.mapped`.
+        Compute the missing chunks; engine options as of `klann_ros.engines.parallel_map`.
 
         Raises
         ------
         SweepError
-            One of them cannot be; the others are there.
+            A chunk failed; the others are stored.
         EngineError
-            The engine cannot be had.
+            The engine is unavailable.
 
         """
         missing = self.missing()
         done, faults = self.count - len(missing), []
-        work = partial(_computed, function)
+        work = partial(_compute, function)
         tasks = ((self.path(number), items[number]) for number in missing)
-        for place, answer in mapped(work, tasks, **engine):
-            if isinstance(answer, Failed):
+        for place, answer in parallel_map(work, tasks, **engine):
+            if isinstance(answer, TaskError):
                 faults.append(f'chunk {missing[place]}: {answer.reason}')
                 continue
             done += 1
@@ -125,11 +125,11 @@ class ChunkStore:
                 progress(done, self.count)
         if faults:
             more = f' (and {len(faults) - 1} more)' if len(faults) > 1 else ''
-            raise SweepError(f'{printable(faults[0])}{more}; what is done is kept')
+            raise SweepError(f'{printable(faults[0])}{more}; finished chunks are kept')
 
 
-def _computed(function: Callable[[Any], Arrays], task: tuple[Path, Any]) -> None:
-    """Compute a chunk where it is computed, and write it there: the folder is everybody's."""
+def _compute(function: Callable[[Any], Arrays], task: tuple[Path, Any]) -> None:
+    """Compute a chunk and store it from the worker, into the shared folder."""
     path, item = task
     arrays = function(item)
 

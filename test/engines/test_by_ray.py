@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from engine_functions import fragile, squared
-from klann_ros.engines import mapped
+from klann_ros.engines import parallel_map
 import klann_ros.review.fleet.command as each
 from leg_runs import LegRun
 import pytest
@@ -18,7 +18,7 @@ pytest.importorskip('ray')
 @pytest.fixture(scope='module', autouse=True)
 def started() -> Iterator[None]:
     """Have a Ray of our own as long as somebody waits for its answers."""
-    answers: Any = mapped(squared, count(), engine='ray', jobs=2)
+    answers: Any = parallel_map(squared, count(), engine='ray', jobs=2)
     assert next(answers) in ((0, 0), (1, 1))
     yield
     answers.close()
@@ -26,9 +26,9 @@ def started() -> Iterator[None]:
 
 def test_each_item_has_the_same_answer(tmp_path: Path) -> None:
     items = ['a', 'die', f'die-once {tmp_path / "died"}', 'raise so', 'b']
-    by_ray = sorted(mapped(fragile, items, engine='ray', jobs=2))
+    by_ray = sorted(parallel_map(fragile, items, engine='ray', jobs=2))
     (tmp_path / 'died').unlink()
-    assert by_ray == sorted(mapped(fragile, items, jobs=2))
+    assert by_ray == sorted(parallel_map(fragile, items, jobs=2))
 
 
 def test_rows_are_the_same_byte_for_byte(tmp_path: Path) -> None:

@@ -4,32 +4,32 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from engine_functions import fragile, nothing, squared
-from klann_ros.engines import EngineError, Failed, mapped
+from klann_ros.engines import EngineError, parallel_map, TaskError
 import pytest
 
 
 @pytest.mark.parametrize('jobs', [1, 3])
 def test_each_item_is_answered_once(jobs: int) -> None:
-    found = sorted(mapped(squared, range(20), jobs=jobs))
+    found = sorted(parallel_map(squared, range(20), jobs=jobs))
     assert found == [(k, k * k) for k in range(20)]
 
 
 def test_an_answer_may_be_nothing() -> None:
-    assert list(mapped(nothing, [1], jobs=1)) == [(0, None)]
+    assert list(parallel_map(nothing, [1], jobs=1)) == [(0, None)]
 
 
 def test_no_items_start_nothing() -> None:
-    assert list(mapped(squared, [])) == []
+    assert list(parallel_map(squared, [])) == []
 
 
 def test_a_worker_that_dies_hangs_or_fails_costs_its_item_only(tmp_path: Path) -> None:
     items = ['a', 'die', f'die-once {tmp_path / "died"}', 'hang', 'raise so\nit is', 'b']
-    found = dict(mapped(fragile, items, jobs=2, time_limit=8.0))
+    found = dict(parallel_map(fragile, items, jobs=2, time_limit=8.0))
     assert sorted(found) == list(range(6))
     assert (found[0], found[2], found[5]) == ('a', 'die-once', 'b')
-    assert found[1] == Failed('its worker died while it worked on it, 2 times')
-    assert found[3] == Failed('it took longer than 8 s')
-    assert found[4] == Failed('ValueError: so\nit is')
+    assert found[1] == TaskError('its worker died while it worked on it, 2 times')
+    assert found[3] == TaskError('it took longer than 8 s')
+    assert found[4] == TaskError('ValueError: so\nit is')
 
 
 def test_items_are_taken_as_workers_become_free() -> None:
@@ -40,7 +40,7 @@ def test_items_are_taken_as_workers_become_free() -> None:
             taken.append(k)
             yield k
 
-    answers = mapped(squared, items(), jobs=1)
+    answers = parallel_map(squared, items(), jobs=1)
     next(answers)
     assert len(taken) <= 3
     answers.close()
@@ -48,6 +48,6 @@ def test_items_are_taken_as_workers_become_free() -> None:
 
 def test_an_engine_that_is_none_is_named() -> None:
     with pytest.raises(EngineError, match='local or ray'):
-        mapped(squared, [1], engine='dask')
+        parallel_map(squared, [1], engine='dask')
     with pytest.raises(ValueError, match='jobs = 0'):
-        mapped(squared, [1], jobs=0)
+        parallel_map(squared, [1], jobs=0)

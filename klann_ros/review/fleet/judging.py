@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from klann_ros import __version__
-from klann_ros.engines import Failed, mapped
+from klann_ros.engines import parallel_map, TaskError
 from klann_ros.log.errors import LogError
 from klann_ros.log.read.run_files import run_files
 from klann_ros.review.model.limits import Limits
@@ -90,7 +90,7 @@ def judge_each(
     tasks: Sequence[Task], *, engine: str = 'local', jobs: int | None = None, **options: Any
 ) -> Iterator[Row]:
     """
-    Yield the rows of runs in the order of the tasks; parameters as `klann_ros.engines.mapped`.
+    Yield the rows of runs in the order of the tasks; options as `engines.parallel_map`.
 
     Raises
     ------
@@ -111,8 +111,8 @@ def judged_each(
     tasks: Sequence[Task], **options: Any
 ) -> Generator[tuple[int, Judged], None, None]:
     """Yield the number of each task and what came of it, as they are done."""
-    for number, answer in mapped(judge, tasks, **options):
-        if isinstance(answer, Failed):
+    for number, answer in parallel_map(judge, tasks, **options):
+        if isinstance(answer, TaskError):
             task = tasks[number]
             row = unreadable_row(
                 task.run.path, answer.reason, **written(task.run), settings=task.settings
