@@ -14,11 +14,11 @@ from klann_ros.kinematics.arrays import FloatArray, IndexArray
 from klann_ros.kinematics.errors import GeometryError, KinematicsError
 from klann_ros.kinematics.linkage.reach import is_driven, reachable_arcs
 from klann_ros.kinematics.linkage.variants import Variants
+from klann_ros.kinematics.searches import minimum_near
 import numpy as np
 
 from .numpy_kernel import NumpyKernel
 from .program import constants, Numbers, program
-from .searches import least_near
 from .sliding import SlidingDyads
 
 # Of linkages by their rows, and of the crank's cosines and sines, shape (n, k): clearances [m].
@@ -167,7 +167,7 @@ def _least_over_turn(clearance: Clearance, start: FloatArray, sizes: FloatArray)
     turned = np.exp(1j * start) * np.exp(1j * step * np.arange(SAMPLES))
     values = clearance(slice(None), turned.real, turned.imag)
     middle = start[:, 0] + step * _lowest(values)
-    _, least = least_near(refined, middle, step, 2.0 * float_info.epsilon * sizes)
+    _, least = minimum_near(refined, middle, step, 2.0 * float_info.epsilon * sizes)
     least = np.fmin(least, np.fmin.reduce(values, axis=1))
     return np.where(np.isfinite(least), least, -np.inf)
 

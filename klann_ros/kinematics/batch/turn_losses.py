@@ -7,9 +7,9 @@ from klann_ros.kinematics.arrays import FloatArray, IndexArray
 from klann_ros.kinematics.linkage.linkage import Linkage
 from klann_ros.kinematics.linkage.structure import by_name
 from klann_ros.kinematics.linkage.variants import Variants
+from klann_ros.kinematics.searches import last_nonnegative, minimum_near
 import numpy as np
 
-from .searches import last_kept, least_near
 from .turn_clearance import turn_clearances
 
 # As long as nothing is, in the linkage's size.
@@ -68,7 +68,7 @@ class TurnLosses:
             return own
 
         unlimited = self._farthest.copy()
-        unlimited[rows] = self._value(rows, last_kept(clearance, keeps[rows], loses[rows]))
+        unlimited[rows] = self._value(rows, last_nonnegative(clearance, keeps[rows], loses[rows]))
         return unlimited
 
     def _value(self, ways: IndexArray, roots: FloatArray) -> FloatArray:
@@ -113,6 +113,6 @@ class TurnLosses:
             return found[np.arange(at.size), dyads[each]].reshape(at.shape)
 
         rounding = float_info.epsilon * np.abs(clearances[ways, before + 1, dyads])
-        bottom, least = least_near(clearance, roots[before + 1], roots[1], rounding)
+        bottom, least = minimum_near(clearance, roots[before + 1], roots[1], rounding)
         lost = least < 0.0
         return list(zip(ways[lost].tolist(), roots[before[lost]], bottom[lost], strict=True))

@@ -1,1 +1,1 @@
-"""The path of a leg's foot: its figures, its stance, and which crank angle puts it where."""
+"""The foot path of a leg: its extent, stances and inverse problem."""

@@ -1,4 +1,4 @@
-"""The foot's path over all crank angles that a leg can reach."""
+"""The foot path over all reachable crank angles."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -17,24 +17,22 @@ from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 import numpy as np
 
 from . import inverse
-from .extremes import pieces
-from .inverse import Nearest, ROUNDING
-from .quadrature import enclosed_area, path_length
+from .inverse import monotone_intervals, Nearest, ROUNDING
 from .stance import NoStanceError, Stance, stances
-from .track import Coordinate, Span, Track, X, Y
+from .track import Coordinate, enclosed_area, path_length, Span, Track, X, Y
 
-# Part of the lift that the foot may be above the ground. Between their two lowest points the feet
-# of both known legs rise by a fifteenth (SEM 104) and a tenth (patent) of their lift.
-GROUND = 1.0 / 8.0
-# Below these parts of the leg's size a height or a width is rounding: of a turn, and of other
-# arcs, at whose ends the crank angle's own last digit moves the foot.
+# Height of the contact band relative to the lift. Between their two lowest points the feet of both
+# known legs rise by a fifteenth (SEM 104) and a tenth (patent) of their lift.
+GROUND_BAND = 1.0 / 8.0
+# Round-off of a height or a width relative to the leg's size: over a turn, and over arcs, at whose
+# ends the last digit of the crank angle moves the foot.
 ROUNDING_OF_TURN, ROUNDING_OF_ARCS = 1e-12, 1e-8
-FEWEST_SAMPLES = 32
-WHAT_A_LEG_DOES = ('solve', 'velocity', 'acceleration', 'reset', 'reachable_arcs')
+MIN_SAMPLES = 32
+LEG_METHODS = ('solve', 'velocity', 'acceleration', 'reset', 'reachable_arcs')
 
 
 class NoFootPathError(KinematicsError):
-    """A leg that reaches no crank angle at all."""
+    """A leg without any reachable crank angle."""
 
     def __str__(self) -> str:
         return 'there is no foot path: the leg reaches no crank angle'
@@ -43,14 +41,14 @@ class NoFootPathError(KinematicsError):
 @dataclass(frozen=True, eq=False)
 class FootPath:
     """
-    The path of the foot H, as samples and as what follows from them; made by `foot_path`.
+    The path of the foot H, made by `foot_path`: samples, and figures refined between them.
 
     Attributes
     ----------
     alphas : numpy.ndarray, shape (n,)
-        Crank angles [rad], one arc after the other; each rises, beyond 2 pi if it runs over it.
+        Crank angles of all arcs [rad]; each ascends, beyond 2 pi where an arc crosses it.
     h, h_1 : numpy.ndarray, shape (n, 2)
-        H [m] and dH/dalpha [m/rad]; the latter NaN at a singular pose, as arcs have at their ends.
+        H [m] and dH/dalpha [m/rad]; the latter NaN at singular poses, such as the ends of arcs.
     arcs : tuple of (float, float)
         Start and end of each reachable arc [rad].
 
@@ -64,7 +62,7 @@ class FootPath:
 
     @property
     def full_turn(self) -> bool:
-        """Return whether the crank turns fully, so that the path is closed."""
+        """Return whether the crank turns fully: the path is closed."""
         return self._tracks[0].span.is_turn
 
     @cached_property
@@ -92,25 +90,22 @@ class FootPath:
         """
         Return the length of the path [m]; of several arcs, their sum.
 
-        It is NaN where a turn passes through a singular pose, and a sample is taken there.
+        NaN if a sample of a turn is at a singular pose.
         """
         return sum(path_length(track) for track in self._tracks)
 
     @cached_property
     def area(self) -> float:
         """
-        Return the area that the path encloses [m^2]; NaN for a path that is not closed.
+        Return the area that the path encloses [m^2], positive if counter-clockwise.
 
-        It is NaN as well where a turn passes through a singular pose, as at a change point, and a
-        sample is taken there: dH/dalpha has no value then.
-
-        It is positive where the foot goes round counter-clockwise for a crank that does.
+        NaN for an open path, and if a sample is at a singular pose, such as a change point.
         """
         return enclosed_area(self._tracks[0]) if self.full_turn else nan
 
     def stance(self, ground: float | None = None) -> Stance:
         """
-        Return the stance that holds the lowest point.
+        Return the stance with the lowest point.
 
         Parameters
         ----------
@@ -129,21 +124,20 @@ class FootPath:
 
     def stances(self, ground: float | None = None) -> list[Stance]:
         """
-        Return the arcs over which the foot is on the ground, that with the lowest point first.
+        Return the arcs with the foot on the ground, the one with the lowest point first.
 
         The foot is on the ground while H is at most `ground` above its lowest point and moves
-        along x as it does there: backwards.
+        along x in the same direction as there: backwards.
 
         Parameters
         ----------
         ground : float, optional
-            Height of the band [m]; an eighth of the lift where it is left out, but not less than
-            rounding.
+            Height of the band [m]; by default an eighth of the lift, but not below rounding.
 
         Raises
         ------
         NoStanceError
-            The foot does not move along x: its path's extent there is rounding.
+            The foot does not move along x, but for rounding.
         ValueError
             `ground` is not finite, or not above rounding: 1e-12 of the leg's size, or 1e-8 where
             the crank does not turn fully.
@@ -151,7 +145,7 @@ class FootPath:
         """
         least = (ROUNDING_OF_TURN if self.full_turn else ROUNDING_OF_ARCS) * self._size
         if ground is None:
-            ground = max(GROUND * self.lift, least)
+            ground = max(GROUND_BAND * self.lift, least)
         elif not (isinstance(ground, Real) and least <= ground < inf):
             msg = f'ground = {ground!r} m is refused: it must be finite and at least {least:.3g} m'
             raise ValueError(msg)
@@ -161,9 +155,9 @@ class FootPath:
 
     def crank_angles_at_x(self, x: float) -> list[float]:
         """
-        Return every crank angle at which H has this x [m], in [0, 2 pi), sorted [rad].
+        Return the crank angles in [0, 2 pi) with this x of H [m], sorted [rad].
 
-        An x that the foot never has gives an empty list, the path's least or greatest x one angle.
+        An unreachable x gives an empty list, an extreme x one angle.
 
         Raises
         ------
@@ -175,7 +169,7 @@ class FootPath:
 
     def crank_angles_at_height(self, y: float) -> list[float]:
         """
-        Return every crank angle at which H has this y [m], in [0, 2 pi), sorted [rad].
+        Return the crank angles in [0, 2 pi) with this y of H [m], sorted [rad].
 
         Raises
         ------
@@ -187,7 +181,7 @@ class FootPath:
 
     def nearest_crank_angle(self, point: Sequence[float]) -> Nearest:
         """
-        Return the crank angle at which H is nearest to a point (x, y) [m], and how near.
+        Return the crank angle with H nearest to a point (x, y) [m], and the distance.
 
         Raises
         ------
@@ -199,12 +193,12 @@ class FootPath:
 
     @cached_property
     def _size(self) -> float:
-        """Return how large the coordinates are: what rounding is a part of [m]."""
+        """Return the largest coordinate, the scale of rounding [m]."""
         return float(np.abs(self.h).max())
 
     def _range(self, s: Coordinate) -> tuple[float, float]:
-        found = [piece for track in self._tracks for piece in pieces(track, s)]
-        values = [value for *_, value_0, value_1 in found for value in (value_0, value_1)]
+        intervals = [each for track in self._tracks for each in monotone_intervals(track, s)]
+        values = [value for each in intervals for value in (each.value_0, each.value_1)]
         return min(values), max(values)
 
     def _crank_angles_at(self, s: Coordinate, name: str, value: float) -> list[float]:
@@ -216,36 +210,36 @@ def foot_path(
     leg: Any, *, point: str | tuple[str, float, float] | None = None, samples: int = 720
 ) -> FootPath:
     """
-    Return the path of a leg's foot, or of any point, over all crank angles that it can reach.
+    Return the path of a leg's foot, or of any point, over all reachable crank angles.
 
-    Extremes and crank angles are found between the samples, to rounding; the samples only have to
-    tell them apart. At the end of an arc the crank angle's own last digit moves the foot by about
-    1e-8 of its size, and what lies there is known no better.
+    Extremes and crank angles are refined between the samples to rounding; the samples only have to
+    separate them. At the end of an arc the last digit of the crank angle moves the foot by about
+    1e-8 of its size, which limits the accuracy there.
 
     Parameters
     ----------
     leg : Leg
-        Any leg, a FourBar included, whose foot is B; it is copied, and keeps its last pose.
+        Any leg, also a FourBar, whose foot is B; it is copied, its own state does not change.
     point : str, or (str, float, float), optional
-        The point whose path is wanted in place of the foot's: the name of one, such as 'G'; or
-        body, u, v for a point of a body, u [m] along its first bar from where that starts, v [m]
-        to the left of it. So `('theta3', 0.1, 0.05)` gives a FourBar's coupler curve.
+        The point in place of the foot: its name, such as 'G'; or body, u, v for a coupler point,
+        u [m] from the start of the body's first bar along it, v [m] to its left. So
+        `('theta3', 0.1, 0.05)` gives a FourBar's coupler curve.
     samples : int
-        Samples for a whole turn, at least 32; an arc has its share of them, but not fewer than 32.
+        Samples of a whole turn, at least 32; an arc has its share of them, at least 32.
 
     Returns
     -------
     FootPath
-        The path, with its figures and its stances.
+        The path.
 
     Raises
     ------
     NoFootPathError
         The leg reaches no crank angle.
     TypeError
-        It is no leg, such as a geometry, or its poses have no foot.
+        `leg` is none, such as a geometry, or its poses have no foot.
     GeometryError
-        There is no such point or body, or it is a pivot, which does not move; a ValueError.
+        There is no such point or body, or it is a fixed pivot; a ValueError.
     ValueError
         `samples` is no whole number, or too few; `point` is no point.
 
@@ -257,8 +251,8 @@ def foot_path(
     (0.47, True)
 
     """
-    samples = validation.count('samples', samples, FEWEST_SAMPLES)
-    if not all(hasattr(leg, name) for name in WHAT_A_LEG_DOES):
+    samples = validation.count('samples', samples, MIN_SAMPLES)
+    if not all(hasattr(leg, name) for name in LEG_METHODS):
         msg = f'leg = {leg!r} is refused: it must be a leg, such as a KlannLeg'
         raise TypeError(msg)
     own = copy(leg) if point is None else LinkageLeg(_with_foot(leg, point))
@@ -266,7 +260,7 @@ def foot_path(
     spans = [Span(start, end) for start, end in own.reachable_arcs()]
     shares = [round(samples * (span.end - span.start) / TURN) for span in spans]
     tracks = [
-        Track(own, span, max(FEWEST_SAMPLES, share))
+        Track(own, span, max(MIN_SAMPLES, share))
         for span, share in zip(spans, shares, strict=True)
     ]
     tracks = [track for track in tracks if len(track.t) > 1]
@@ -282,7 +276,7 @@ def foot_path(
 
 
 def _with_foot(leg: Any, point: Any) -> Linkage:
-    """Return a leg's linkage whose foot is another point."""
+    """Return a leg's linkage with another point as its foot."""
     linkage = as_linkage(leg)
     if isinstance(point, str):
         return linkage.with_foot(point)

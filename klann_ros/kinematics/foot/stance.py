@@ -1,8 +1,8 @@
 """
-The stance: while the foot is on the ground.
+The stance: the arcs of the crank over which the foot is on the ground.
 
-The leg is taken to walk on a level ground at the foot's lowest point. The foot is on it while H is
-within a band above that point, and moves backwards: the way it moves along x at the lowest point.
+The ground is level, at the foot's lowest point. The foot is in contact while H is within a band
+above that point and moves backwards: in its direction along x at the lowest point.
 """
 
 from collections.abc import Sequence
@@ -15,10 +15,8 @@ from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import KinematicsError
 import numpy as np
 
-from .extremes import pieces, slope_range, turning_points
-from .inverse import parameters_at
-from .quadrature import nodes
-from .track import Coordinate, Track, X, Y
+from .inverse import monotone_intervals, parameters_at, slope_range, turning_points
+from .track import Coordinate, nodes, Track, X, Y
 
 # Panels of the quadrature over a stance, 8 nodes each.
 PANELS = 24
@@ -27,22 +25,19 @@ PANELS = 24
 @dataclass(eq=False, repr=False)
 class NoStanceError(KinematicsError):
     """
-    A foot that does not move along x, and so neither backwards nor forwards.
+    A foot that does not move along x.
 
     Attributes
     ----------
     stride : float
-        The path's extent along x, rounding and nothing else [m].
+        The path's extent along x, rounding only [m].
 
     """
 
     stride: float
 
     def __str__(self) -> str:
-        return (
-            f'there is no stance: the foot does not move along x, '
-            f'where its path has {self.stride:.3g} m'
-        )
+        return f'there is no stance: the foot does not move along x (stride {self.stride:.3g} m)'
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,17 +50,17 @@ class Stance:
     start, end : float
         Crank angles, start in [0, 2 pi), start < end [rad].
     direction : int
-        The sign of dx/dalpha: which way the foot moves for a crank that turns counter-clockwise.
+        The sign of dx/dalpha.
     ground : float
         Height of the band above the lowest point [m].
     ground_covered : float
-        How far the foot moves along x [m].
+        Distance that the foot moves along x [m].
     deviation : float
-        The greatest distance of the foot from the straight line that fits its path best: least
-        squares of the distances from the line, every metre of path counting the same [m].
+        The greatest distance of the foot from the straight line of best fit: least squares of the
+        distances, weighted by path length [m].
     speed_mean, speed_least, speed_greatest : float
-        `|dx/dalpha|`: ground covered for an angle of the crank [m/rad]. The least is 0 where the
-        stance ends because the foot turns back, the greatest infinite where the crank's arc ends.
+        `|dx/dalpha|` [m/rad]. The least is 0 if the foot reverses at an end of the stance, the
+        greatest infinite at an end of the crank's arc.
 
     """
 
@@ -81,12 +76,12 @@ class Stance:
 
     @property
     def duty_factor(self) -> float:
-        """Return the part of a turn during which the foot is on the ground."""
+        """Return the fraction of a turn in contact with the ground."""
         return (self.end - self.start) / TURN
 
     @property
     def straightness(self) -> float:
-        """Return the deviation as a part of the ground covered; 0 is straight."""
+        """Return the deviation relative to the ground covered; 0 is straight."""
         return self.deviation / self.ground_covered if self.ground_covered else inf
 
     @property
@@ -97,9 +92,7 @@ class Stance:
 
     def speed(self, alpha_rate: float) -> float:
         """
-        Return the mean speed at which the foot on the ground drives the body along x [m/s].
-
-        The body goes the other way than the foot.
+        Return the mean velocity of the body along x, opposite to the foot's [m/s].
 
         Parameters
         ----------
@@ -110,8 +103,8 @@ class Stance:
         return -self.direction * self.speed_mean * alpha_rate
 
 
-class _Stretch(NamedTuple):
-    """A stretch of a track within the band on which x is monotone."""
+class _Contact(NamedTuple):
+    """An interval of a track within the band on which x is monotone."""
 
     track: Track
     t_0: float
@@ -122,68 +115,66 @@ class _Stretch(NamedTuple):
 
 def stances(tracks: Sequence[Track], ground: float, rounding: float) -> list[Stance]:
     """
-    Return the stances, that with the lowest point first, then the others as the crank turns.
+    Return the stances: first the one with the lowest point, then the others in crank order.
 
-    The band is `ground` above the lowest point, well above rounding [m].
+    The band is `ground` high above the lowest point, well above rounding [m].
     """
     lowest, track, t = min(
         (value, k, t)
         for k, track in enumerate(tracks)
-        for t_0, t_1, value_0, value_1 in pieces(track, Y)
+        for t_0, t_1, value_0, value_1 in monotone_intervals(track, Y)
         for value, t in ((value_0, t_0), (value_1, t_1))
     )
     level = lowest + ground
     found = [
-        stretch
+        contact
         for k, one in enumerate(tracks)
-        for stretch in _stretches(one, level, rounding, t if k == track else None)
+        for contact in _contacts(one, level, rounding, t if k == track else None)
     ]
     around = max(
-        (stretch for stretch in found if stretch.holds_lowest),
-        key=lambda stretch: abs(_advance(stretch)),
+        (contact for contact in found if contact.holds_lowest),
+        key=lambda contact: abs(_advance(contact)),
     )
-    on_ground = _joined([stretch for stretch in found if stretch.sign == around.sign])
-    first = [stretch for stretch in on_ground if stretch.holds_lowest]
-    others = [stretch for stretch in on_ground if not stretch.holds_lowest]
-    return [_stance(stretch, ground) for stretch in (*first, *others)]
+    on_ground = _joined([contact for contact in found if contact.sign == around.sign])
+    first = [contact for contact in on_ground if contact.holds_lowest]
+    others = [contact for contact in on_ground if not contact.holds_lowest]
+    return [_stance(contact, ground) for contact in (*first, *others)]
 
 
-def _stretches(
-    track: Track, level: float, rounding: float, lowest: float | None
-) -> list[_Stretch]:
+def _contacts(track: Track, level: float, rounding: float, lowest: float | None) -> list[_Contact]:
     ends = {*turning_points(track, X), *parameters_at(track, Y, level, rounding)}
     if track.span.is_turn:
         edges = sorted({t % pi for t in ends}) or [0.0]
         edges.append(edges[0] + pi)
     else:
         edges = sorted({*ends, float(track.t[0]), float(track.t[-1])})
-    # Over a turn's seam t goes on, or comes from before it.
-    seams = (-pi, 0.0, pi) if track.span.is_turn else (0.0,)
+    # A turn is periodic in t.
+    periods = (-pi, 0.0, pi) if track.span.is_turn else (0.0,)
     found = []
     for t_0, t_1 in pairwise(edges):
-        holds = lowest is not None and any(t_0 <= lowest + seam <= t_1 for seam in seams)
-        # What touches the lowest point is under the level, whatever rounding makes of its middle.
+        holds = lowest is not None and any(t_0 <= lowest + period <= t_1 for period in periods)
+        # The interval of the lowest point is in contact, whatever the rounding at its middle.
         if holds or track.value(Y, (t_0 + t_1) / 2.0) <= level:
             advance = track.value(X, t_1) - track.value(X, t_0)
-            found.append(_Stretch(track, t_0, t_1, 1 if advance > 0.0 else -1, holds))
+            found.append(_Contact(track, t_0, t_1, 1 if advance > 0.0 else -1, holds))
     return found
 
 
-def _advance(stretch: _Stretch) -> float:
-    track, t_0, t_1, *_ = stretch
+def _advance(contact: _Contact) -> float:
+    track, t_0, t_1, *_ = contact
     return track.value(X, t_1) - track.value(X, t_0)
 
 
-def _joined(stretches: list[_Stretch]) -> list[_Stretch]:
-    """Join what meets: a path that only touches the band's edge does not leave it."""
-    joined: list[_Stretch] = []
-    for stretch in stretches:
+def _joined(contacts: list[_Contact]) -> list[_Contact]:
+    """Join adjacent intervals: a path that only touches the band's edge does not leave it."""
+    joined: list[_Contact] = []
+    for contact in contacts:
         last = joined[-1] if joined else None
-        if last and last.track is stretch.track and last.t_1 == stretch.t_0:
-            holds = last.holds_lowest or stretch.holds_lowest
-            joined[-1] = last._replace(t_1=stretch.t_1, holds_lowest=holds)
+        if last and last.track is contact.track and last.t_1 == contact.t_0:
+            holds = last.holds_lowest or contact.holds_lowest
+            joined[-1] = last._replace(t_1=contact.t_1, holds_lowest=holds)
         else:
-            joined.append(stretch)
+            joined.append(contact)
     if len(joined) > 1 and joined[0].track.span.is_turn:
         first, last = joined[0], joined[-1]
         if last.t_1 == first.t_0 + pi:
@@ -193,10 +184,10 @@ def _joined(stretches: list[_Stretch]) -> list[_Stretch]:
     return joined
 
 
-def _stance(stretch: _Stretch, ground: float) -> Stance:
-    track, t_0, t_1, sign, _ = stretch
+def _stance(contact: _Contact, ground: float) -> Stance:
+    track, t_0, t_1, sign, _ = contact
     start, end = track.span.alpha(t_0), track.span.alpha(t_1)
-    covered = abs(_advance(stretch))
+    covered = abs(_advance(contact))
     least, greatest = slope_range(track, X, t_0, t_1)
     wrapped = start % TURN
     return Stance(

@@ -1,10 +1,11 @@
-"""The foot along an arc of crank angles, and what of its position is asked."""
+"""The foot along an arc of crank angles: coordinates, derivatives and integrals."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from math import cos, nan, pi, sin
-from typing import Any
+from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
@@ -17,7 +18,7 @@ class Coordinate:
     """
     s = u H.x + v H.y + k |H - P|^2 / 2; arrays of shape (..., 2) in, (...) out.
 
-    With k = 0 it is how far H is along a direction (u, v), with k = 1 alone half the square of its
+    With k = 0 it is the position along a direction (u, v); with k = 1 alone half the squared
     distance from a point P.
     """
 
@@ -53,12 +54,12 @@ class Span:
     """
     An arc from start to end [rad] with the parameter t from 0 to pi.
 
-    At the end of an arc a dyad is in line, and the pose changes with the square root of the crank
-    angle's distance from it. Over part of a turn therefore
+    At the end of an arc a dyad is singular, and the pose changes with the square root of the crank
+    angle's distance. Over part of a turn therefore
 
         alpha = start + (end - start) sin^2(t/2),
 
-    of which the root is smooth in t. A whole turn has no ends: alpha = start + 2 t.
+    whose root is smooth in t. A whole turn has no ends: alpha = start + 2 t.
     """
 
     start: float
@@ -66,7 +67,7 @@ class Span:
 
     @property
     def is_turn(self) -> bool:
-        """Return whether it is a whole turn, which ends where it starts."""
+        """Return whether it is a whole turn."""
         return self.end - self.start >= TURN
 
     def alpha(self, t: float) -> float:
@@ -74,7 +75,7 @@ class Span:
         if self.is_turn:
             return self.start + 2.0 * t
         width = self.end - self.start
-        # From the nearer end, so that both keep their digits.
+        # From the nearer end, to keep the digits of both.
         if t <= pi / 2.0:
             return self.start + width * sin(t / 2.0) ** 2
         return self.end - width * sin((pi - t) / 2.0) ** 2
@@ -88,24 +89,23 @@ class Span:
         return 0.0 if self.is_turn else (self.end - self.start) / 2.0 * cos(t)
 
     def samples(self, n: int) -> list[float]:
-        """Return n values of t: of a turn without its end, of another arc with both."""
+        """Return n values of t: of a turn without its end, of an arc with both ends."""
         steps = n if self.is_turn else n - 1
-        # The quotient first: so the last is pi and not the next float.
+        # The quotient first, so that the last is pi exactly.
         return [pi * (k / steps) for k in range(n)]
 
 
-# At the very end of an arc rounding decides whether a pose can be solved; how far before it the
-# foot is looked for then [rad].
-BACK_OFF = (0.0, *(2.0**k for k in range(-52, -19)))
+# Offsets from the end of an arc, where rounding decides whether a pose can be solved [rad].
+END_OFFSETS = (0.0, *(2.0**k for k in range(-52, -19)))
 
 
 class Track:
     """
-    The foot of a leg over a span of crank angles, at n samples; those without a pose are left out.
+    The foot of a leg over a span of crank angles, at n samples, those without a pose omitted.
 
     t, alphas, h and h_1 are the span's parameter, the crank angles [rad], H [m] and dH/dalpha
-    [m/rad] at the samples; dH/dalpha is NaN at a singular pose. Nobody else may solve the leg. A
-    TypeError says that its poses have no foot.
+    [m/rad] at the samples; dH/dalpha is NaN at a singular pose. The track owns the leg, whose
+    state changes. Raises a TypeError if its poses have no foot.
     """
 
     def __init__(self, leg: Any, span: Span, n: int) -> None:
@@ -129,7 +129,7 @@ class Track:
         return self._h_1(self._pose(t)) * self.span.alpha_1(t)
 
     def crank_angle(self, t: float) -> float:
-        """Return the crank angle in [0, 2 pi), one that can be solved [rad]."""
+        """Return the solvable crank angle in [0, 2 pi) [rad]."""
         return float(self._pose(t, wrapped=True).crank_angle)
 
     def value(self, s: Coordinate, t: float) -> float:
@@ -171,8 +171,8 @@ class Track:
     def _pose(self, t: float, *, wrapped: bool = False) -> Any:
         alpha = self.span.alpha(t)
         inward = 1.0 if t < pi / 2.0 else -1.0
-        for back_off in BACK_OFF:
-            near = alpha + inward * back_off
+        for offset in END_OFFSETS:
+            near = alpha + inward * offset
             try:
                 return self._leg.solve(_wrapped(near) if wrapped else near)
             except KinematicsError as caught:
@@ -199,3 +199,59 @@ def _wrapped(alpha: float) -> float:
     """Return the angle in [0, 2 pi); a tiny negative one has its remainder rounded to 2 pi."""
     rest = alpha % TURN
     return rest if rest < TURN else 0.0
+
+
+# Nodes of a panel.
+GAUSS_ORDER = 8
+
+
+class Nodes(NamedTuple):
+    """Quadrature nodes on a track: H, dH/dt and the weights of an integral over t."""
+
+    h: FloatArray
+    h_t: FloatArray
+    weights: FloatArray
+
+
+def nodes(track: Track, t_0: float, t_1: float, panels: int) -> Nodes:
+    """Return the Gauss-Legendre nodes, 8 on each of `panels` equal panels of t."""
+    x, w = _legendre()
+    edges = np.linspace(t_0, t_1, panels + 1)
+    half = (t_1 - t_0) / (2 * panels)
+    ts = (edges[:-1, None] + half * (1.0 + x)).ravel().tolist()
+    h = np.array([track.h_at(t) for t in ts])
+    h_t = np.array([track.h_t_at(t) for t in ts])
+    return Nodes(h, h_t, np.tile(half * w, panels))
+
+
+def path_length(track: Track) -> float:
+    """
+    Return the length of the foot's path over a track [m].
+
+    Over a turn by the trapezoidal rule on the samples, which converges geometrically for periodic
+    functions; over an arc by Gauss-Legendre quadrature.
+    """
+    if track.span.is_turn:
+        return TURN * float(np.hypot(*track.h_1.T).mean())
+    _, h_t, weights = nodes(track, 0.0, pi, -(-len(track.t) // GAUSS_ORDER))
+    return float(np.hypot(*h_t.T) @ weights)
+
+
+def enclosed_area(track: Track) -> float:
+    """
+    Return the area that a turn's path encloses [m^2], 1/2 int (x dy - y dx).
+
+    It is positive for a counter-clockwise path; loops of opposite sense subtract.
+    """
+    # About the path's centre: no cancellation far from the origin.
+    x, y = (track.h - track.h.mean(axis=0)).T
+    x_1, y_1 = track.h_1.T
+    return TURN * float((x * y_1 - y * x_1).mean()) / 2.0
+
+
+@cache
+def _legendre() -> tuple[FloatArray, FloatArray]:
+    # Typed since NumPy 2 only.
+    leggauss: Callable[[int], tuple[FloatArray, FloatArray]] = np.polynomial.legendre.leggauss
+    x, w = leggauss(GAUSS_ORDER)
+    return x, w

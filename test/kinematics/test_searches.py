@@ -1,0 +1,118 @@
+"""Roots and minima, of one function and of many at once, against known ones."""
+
+import math
+
+from hypothesis import given, strategies as st
+from klann_ros.kinematics.searches import last_nonnegative, MAX_CALLS, minimum_near, root
+import numpy as np
+import pytest
+
+ENDS = np.array([0.3, 1e-7, 0.999999, 0.5, 0.7])
+
+
+@given(
+    zero=st.floats(-10.0, 10.0),
+    left=st.floats(0.01, 5.0),
+    right=st.floats(0.01, 5.0),
+    odd=st.integers(0, 4),
+)
+def test_it_finds_a_root_of_any_odd_order(
+    zero: float, left: float, right: float, odd: int
+) -> None:
+    calls = []
+
+    def function(t: float) -> float:
+        calls.append(t)
+        return math.copysign(abs(t - zero) ** (2 * odd + 1) * math.exp(t), t - zero)
+
+    ends = [(t, function(t)) for t in (zero - left, zero + right)]
+    found = root(function, *ends)
+    # Near its root the function may underflow to 0.
+    assert abs(found - zero) <= 1e-14 * (1.0 + abs(zero)) or function(found) == 0.0
+    assert len(calls) < MAX_CALLS
+    assert all(ends[0][0] <= t <= ends[1][0] for t in calls)
+
+
+def test_a_smooth_function_takes_few_calls() -> None:
+    calls = []
+
+    def function(t: float) -> float:
+        calls.append(t)
+        return math.cos(t) - t
+
+    assert root(function, (0.0, 1.0), (1.0, math.cos(1.0) - 1.0)) == pytest.approx(
+        0.7390851332151607, abs=1e-15
+    )
+    assert len(calls) <= 10
+
+
+def test_a_jump_is_found_by_bisection() -> None:
+    found = root(lambda t: math.copysign(1.0, t - 0.3), (0.0, -1.0), (1.0, 1.0))
+    assert found == pytest.approx(0.3, abs=1e-15)
+
+
+def test_an_end_that_is_a_root_is_returned() -> None:
+    assert root(lambda t: t, (0.0, 0.0), (1.0, 1.0)) == 0.0
+    assert root(lambda t: t - 1.0, (0.0, -1.0), (1.0, 0.0)) == 1.0
+
+
+def test_an_argument_without_a_value_is_the_root() -> None:
+    cusp = root(lambda t: math.nan if t == 0.5 else t - 0.5, (0.0, -0.5), (1.0, 0.5))
+    assert cusp == 0.5
+
+
+def falling(which: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return functions negative beyond ENDS: smooth, steep, a jump, one that ends, a root."""
+    end = ENDS[which]
+    with np.errstate(invalid='ignore'):
+        values = [
+            end - at**3 / end**2,
+            np.tanh(50.0 * (end - at)),
+            np.where(at <= end, 1.0, -1.0),
+            np.where(at <= end, 0.3, -np.inf),
+            np.sqrt(end - at),
+        ]
+    return np.choose(which, values)
+
+
+def test_the_last_nonnegative_argument_is_found_to_rounding() -> None:
+    found = last_nonnegative(falling, np.zeros(5), np.ones(5))
+    assert found == pytest.approx(ENDS, rel=4e-16, abs=2e-16)
+    assert (np.nan_to_num(falling(np.arange(5), found), nan=-1.0) >= 0.0).all()
+
+
+def test_many_smooth_functions_take_few_calls() -> None:
+    calls = []
+
+    def function(which: np.ndarray, at: np.ndarray) -> np.ndarray:
+        calls.append(len(which))
+        return np.cos(at) - at * (1.0 + which)
+
+    last_nonnegative(function, np.zeros(3), np.ones(3))
+    assert sum(calls) < 3 * 15
+
+
+def test_a_function_negative_at_its_start_ends_there() -> None:
+    assert last_nonnegative(lambda _, at: -1.0 - at, np.zeros(1), np.ones(1)).tolist() == [0.0]
+
+
+def test_minima_of_every_shape_are_found() -> None:
+    places = np.array([0.31, -0.77, 0.05, 0.999, 0.5])
+
+    def function(which: np.ndarray, at: np.ndarray) -> np.ndarray:
+        x, k = at - places[which, None], which[:, None]
+        shapes = [x**2, np.abs(x), np.sqrt(np.abs(x)), np.expm1(x) - x, x**4 + np.maximum(x, 0.0)]
+        return np.choose(k, shapes)
+
+    at, least = minimum_near(function, np.zeros(5), 1.0, np.full(5, 1e-16))
+    assert at == pytest.approx(places, abs=1e-3)
+    assert least == pytest.approx(0.0, abs=3e-4)
+    assert least[[0, 3, 4]] == pytest.approx(0.0, abs=1e-14)
+    assert least[1] == pytest.approx(0.0, abs=1e-8)
+
+
+def test_a_function_without_values_has_no_minimum() -> None:
+    _, least = minimum_near(
+        lambda _, at: np.full(at.shape, np.nan), np.zeros(2), 1.0, np.full(2, 1e-16)
+    )
+    assert least.tolist() == [np.inf, np.inf]
