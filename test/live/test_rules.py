@@ -67,6 +67,18 @@ def test_from_another_machine_nobody_even_looks_without_the_secret() -> None:
                 guard.check_reading(token)
 
 
+def test_only_the_whole_token_is_the_token() -> None:
+    token = new_token()
+    guard = Guard('127.0.0.1', 8321, token)
+    assert guard.knows(token)
+    for k in range(len(token)):
+        other = 'A' if token[k] == 'B' else 'B'
+        assert not guard.knows(token[:k] + other + token[slice(k + 1, None)])
+        assert not guard.knows(token[:k])
+    assert not guard.knows(token + 'A')
+    assert not guard.knows(None)
+
+
 def test_who_is_read_only_drives_with_no_secret() -> None:
     assert LOCAL.may_drive('secret')
     assert not Guard('127.0.0.1', 1, 'secret', read_only=True).may_drive('secret')

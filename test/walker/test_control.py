@@ -181,6 +181,9 @@ def test_what_a_walker_falls_behind_it_makes_up_within_half_of_its_rates(
             assert abs(rate - usual) <= 0.5 * abs(usual) + 1e-9
     feedback.measure(STANDS, STANDS, 0.01)
     assert feedback.rates(wanted) == nominal
+    # A long gap says little about the motion within it.
+    feedback.measure(wanted, STANDS, 0.11)
+    assert feedback.lag == STANDS
     # Straight on no lag turns it.
     feedback.measure(Motion(0.1, 0.0), Motion(0.05, 0.1), 0.1)
     left, right = feedback.rates(Motion(0.1, 0.0))
@@ -238,6 +241,27 @@ def test_a_curve_that_is_too_fast_stays_the_same_curve(steering: Steering) -> No
 def test_speed_changes_no_faster_than_it_may(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 1.0], limits=Limits(max_linear_acceleration=0.1))
     assert bench.run(0.5).control.motion.linear == pytest.approx(0.05, abs=0.003)
+    limits = Limits(max_linear_acceleration=0.1, max_angular_acceleration=0.2)
+    # The slower one holds both on the same curve.
+    changes = [(0.5, 0.1, 0.01, 0.002), (0.1, 0.5, 0.004, 0.02), (-0.001, 0.002, -0.001, 0.002)]
+    for linear, angular, *motion in changes:
+        assert limits.approach(STANDS, Motion(linear, angular), 0.1) == pytest.approx(motion)
+
+
+def test_the_strictest_limit_counts() -> None:
+    limits = Limits(max_linear=0.1, max_angular=0.2)
+    for wanted, motion in (((0.4, 0.4), (0.1, 0.1)), ((-0.2, 0.8), (-0.05, 0.2))):
+        found, active = limits.motion(Motion(*wanted))
+        assert found == pytest.approx(motion)
+        assert len(active) == 2
+
+
+def test_a_rate_that_no_crank_has_is_taken_from_the_angles() -> None:
+    for rate, taken in ((119.0, 119.0), (-121.0, 1.0), (nan, 1.0)):
+        crank = CrankFeedback('crank', 12.0)
+        for k in range(3):
+            crank.read(DT * k, rate, DT * k, at=DT * k)
+        assert crank.velocity == pytest.approx(taken)
 
 
 def test_a_curvature_that_is_limited_turns_nobody_on_the_spot() -> None:
@@ -268,7 +292,8 @@ def test_a_command_that_is_old_stops_it(steering: Steering) -> None:
 
 def test_a_command_that_comes_late_is_none(steering: Steering) -> None:
     control = WalkController(steering, Settings())
-    assert 'clocks differ' in control.command(0.1, 0.0, 1.0, age=3.0)
+    assert control.command(0.1, 0.0, 1.0, age=0.49) == ''
+    assert 'clocks differ' in control.command(0.1, 0.0, 1.0, age=0.51)
     assert control.late == 1
 
 
@@ -307,6 +332,9 @@ def test_a_crank_that_is_blocked_stops_all_until_it_is_let_go(steering: Steering
     bench.factors = [1.0, 1.0]
     bench.run(1.0)
     assert bench.rates == [0.0, 0.0]
+    # A turn on the spot moves the cranks as well.
+    bench.twist = (0.0, 0.1)
+    assert bench.run(0.5).rates == [0.0, 0.0]
     bench.twist = (0.0, 0.0)
     bench.run(0.1)
     bench.twist = (0.1, 0.0)
@@ -328,6 +356,18 @@ def test_a_glitch_of_an_encoder_is_no_jump(steering: Steering) -> None:
     assert degrees(bench.run(1.0).worst) < 2.0
     assert bench.control.cranks[1].jumps == 1
     assert bench.verdict[0] == Level.OK
+
+
+@pytest.mark.parametrize('shift', [0.3, 1.5])
+@pytest.mark.parametrize('readings', [1, 4, 5])
+def test_five_readings_confirm_a_position_offset(shift: float, readings: int) -> None:
+    crank = CrankFeedback('crank', 12.0)
+    accepted = [
+        crank.read(DT * k + shift * (100 <= k < 100 + readings), 1.0, DT * k)
+        for k in range(100 + readings)
+    ]
+    assert accepted == [False] * (99 + readings) + [readings == 5]
+    assert crank.offsets == (readings == 5)
 
 
 def test_an_encoder_that_jumps_is_believed_and_told(steering: Steering) -> None:
@@ -428,6 +468,23 @@ def test_an_error_is_made_up_at_no_more_than_the_commanded_rate(
         assert all(0.0 <= u * rate <= 2.5 * rate**2 for u in command.velocity)
         if not rate:
             assert command.velocity == (0.0, 0.0)
+
+
+@pytest.mark.parametrize('error', [0.2, -1.0])
+@pytest.mark.parametrize('rate', [0.25, -0.25])
+def test_a_saturated_rate_does_not_change_the_learned_speed_error(
+    steering: Steering, error: float, rate: float
+) -> None:
+    """A crank that stays behind, or ahead, by more than can be made up."""
+    lock = WalkController(steering, Settings()).lock
+    rates = [rate, rate]
+    lock.reset([0.0, 0.0])
+    for _ in range(200):
+        positions = [target - copysign(error, error * rate) for target in lock.targets]
+        velocities = lock.step(DT, rates, positions).velocity
+    assert velocities != pytest.approx(rates)
+    lock.reset([0.0, 0.0])
+    assert lock.step(0.0, rates, [0.0, 0.0]).velocity == pytest.approx(rates)
 
 
 class SteadyClock:
