@@ -55,28 +55,28 @@ def view_node() -> int:
 
 
 def sim_node() -> int:
-    """Simulate the robot, for whoever has none."""
+    """Simulate the robot; no hardware needed."""
     return _node('sim_node')
 
 
 def review() -> int:
-    """Tell what happened in a run, and whether it can be trusted."""
-    return _tool('review', 'klann_ros.review.command', untold=3)
+    """Report what happened in a run, and whether it can be trusted."""
+    return _tool('review', 'klann_ros.review.command', report_failed=3)
 
 
 def recover() -> int:
     """Make a readable run out of a damaged one."""
-    return _tool('recover', 'klann_ros.log.recover_command', untold=1)
+    return _tool('recover', 'klann_ros.log.recover_command', report_failed=1)
 
 
 def export() -> int:
     """Write a robot as MJCF, URDF, SVG and DXF."""
-    return _tool('export', 'klann_ros.export.command', untold=3)
+    return _tool('export', 'klann_ros.export.command', report_failed=3)
 
 
 def describe() -> int:
     """Write the data sheet of a robot before it is built."""
-    return _tool('describe', 'klann_ros.datasheet.command', untold=3)
+    return _tool('describe', 'klann_ros.datasheet.command', report_failed=3)
 
 
 def _node(name: str, *, uses_terminal: bool = False) -> int:
@@ -101,12 +101,12 @@ def _report_missing(name: str, error: ModuleNotFoundError) -> None:
     print(f'{name}: there is no Python module {package} here: {remedy}', file=sys.stderr)
 
 
-def _tool(name: str, module: str, untold: int) -> int:
+def _tool(name: str, module: str, report_failed: int) -> int:
     """
     Run a command; its exit code is known before anything of its report can fail to arrive.
 
     A reader that goes away early (`review RUN | head -1`) is no fault, a full disk is one: then
-    the exit code is `untold`.
+    the exit code is `report_failed`.
     """
     report = StringIO()
     if isinstance(sys.stdout, TextIOWrapper):
@@ -120,10 +120,10 @@ def _tool(name: str, module: str, untold: int) -> int:
             _report_missing(name, error)
             return MISSING
         except Exception:
-            # A fault of ours; what was said before it is worth reading all the same.
-            _tell(name, report.getvalue())
+            # A fault of ours; the report up to it may still help.
+            _print_report(name, report.getvalue())
             raise
-        return code if _tell(name, report.getvalue()) else untold
+        return code if _print_report(name, report.getvalue()) else report_failed
     except KeyboardInterrupt:
         # One is enough: a second would interrupt the interpreter's own end, with noise.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -148,7 +148,7 @@ def _exit_code(name: str, module: str) -> int:
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C wait: what is written in C makes a traceback of it while it is imported."""
+    """Defer Ctrl-C: extension modules turn it into a traceback during their import."""
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -156,8 +156,8 @@ def _uninterrupted() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
-def _tell(name: str, report: str) -> bool:
-    """Write a report; return whether it is where it should be, or nobody wants it."""
+def _print_report(name: str, report: str) -> bool:
+    """Print a report; return whether it arrived, or its reader has gone."""
     try:
         print(report, end='', flush=True)
     except BrokenPipeError:
@@ -170,7 +170,7 @@ def _tell(name: str, report: str) -> bool:
 
 
 def _drop_output() -> None:
-    """Let what is still buffered go nowhere: the interpreter flushes it at its end."""
+    """Discard buffered output, which the interpreter would flush at exit."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.close(nowhere)

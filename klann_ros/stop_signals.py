@@ -39,7 +39,7 @@ class StopSignals:
             signals.add(signal.SIGHUP)
         if uses_terminal:
             signals |= _OF_THE_TERMINAL
-        # What is ignored never reaches sigwait.
+        # An ignored signal never reaches sigwait.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_BLOCK, signals)
         self._stop: Callable[[], object] = _leave

@@ -1,1 +1,1 @@
-"""The live page without ROS: who may do what, what is said to it, what it draws, its server."""
+"""The live page without ROS: access rules, protocol, drawn state and server."""

@@ -1,9 +1,9 @@
 """
-The pages that look, and what is under way to each: one frame at most, always the newest.
+The clients, each with at most one frame in flight: back-pressure by conflation.
 
-A page says when it has drawn a frame, and only then is the next one made, of what is so by then.
-What came in between is not kept for it. So a page that is slow sees less, one that stands still
-costs a socket, and no page has anything of the others.
+A client acknowledges each frame that it has drawn; only then is the next one made, of the current
+state. Updates in between are not queued. A slow client sees fewer frames, a stalled one costs a
+socket, and no client delays another.
 """
 
 import asyncio
@@ -14,113 +14,113 @@ from time import monotonic
 from typing import Any, Protocol
 
 from aiohttp import web
-from klann_ros.live.protocol import parsed, ProtocolError, RateLimit, Wish
+from klann_ros.live.protocol import Command, parsed, ProtocolError, RateLimit
 
-# Answers wait for the next frame, as nothing is sent beside it.
-_MOST_ANSWERS = 32
-# Frames of one version are alike for all that ask within [s].
+# Answers wait for the next frame: nothing is sent between frames.
+_MAX_ANSWERS = 32
+# Clients that ask within this time share a frame [s].
 _ALIKE = 0.004
 
 Answer = Callable[[bool, str], None]
 
 
-class World(Protocol):
-    """What the pages look at: the ROS side, or a made-up one. Any thread may call all of it."""
+class StateProvider(Protocol):
+    """The state that clients see, of ROS or of a test. All methods are thread safe."""
 
     @property
     def version(self) -> int:
-        """Return a number that grows whenever there is something new."""
+        """Return a number that grows with every change."""
 
     def poses(self) -> str:
-        """Return the poses of now, as JSON."""
+        """Return the current poses as JSON."""
 
     def parts(self) -> Mapping[str, tuple[int, str]]:
-        """Return what changes seldom: by name its version, and what it is as JSON."""
+        """Return the parts that change seldom: by name, version and JSON."""
 
-    def wake_at_news(self, wake: Callable[[], None]) -> None:
-        """Have a function called once, when there is something new; any thread may call it."""
+    def notify_once(self, wake: Callable[[], None]) -> None:
+        """Call a function once, at the next change, from any thread."""
 
-    def wish(self, page: int, wish: Wish, answer: Answer) -> None:
-        """Do what a page that may drive wants; tell it later whether that was done, or why not."""
+    def command(self, page: int, command: Command, answer: Answer) -> None:
+        """Carry out a command; answer later whether it was done, or why not."""
 
-    def heard(self, page: int) -> None:
-        """Note that a page is there."""
+    def keep_alive(self, page: int) -> None:
+        """Note that a client is alive."""
 
-    def left(self, page: int) -> None:
-        """Note that a page is gone: all that it drives stops."""
+    def disconnected(self, page: int) -> None:
+        """Note that a client has gone: its drives stop."""
 
 
-class News:
+class ChangeNotifier:
     """
-    Wake those that wait, when a world has something new.
+    Wake the clients when the state changes.
 
     Parameters
     ----------
-    world : World
+    state : StateProvider
         The world.
 
     """
 
-    def __init__(self, world: World) -> None:
-        self._world = world
+    def __init__(self, state: StateProvider) -> None:
+        self._state = state
         self._loop = asyncio.get_running_loop()
         self._event = asyncio.Event()
-        self._is_awaited = False
+        self._is_waiting = False
         self._frame: tuple[int, float, str] = (-1, 0.0, '{}')
 
     async def after(self, version: int) -> None:
-        """Wait until there is something newer than a version."""
-        while self._world.version <= version:
+        """Wait until the state is newer than a version."""
+        while self._state.version <= version:
             event = self._event
-            if not self._is_awaited:
-                self._is_awaited = True
-                self._world.wake_at_news(self._wake)
+            if not self._is_waiting:
+                self._is_waiting = True
+                self._state.notify_once(self._wake)
             await event.wait()
 
     def poses(self, seen: int) -> tuple[int, str]:
         """
-        Return a version and its poses as JSON: made once for all that ask at a time.
+        Return a version and its poses as JSON, made once for simultaneous clients.
 
         Parameters
         ----------
         seen : int
-            The version that who asks has; it is given a newer one, if there is any.
+            The client's version; a newer one is returned if it exists.
 
         """
-        version = self._world.version
+        version = self._state.version
         known, made, text = self._frame
         if version != known and (known <= seen or monotonic() - made >= _ALIKE):
-            known, text = version, self._world.poses()
+            known, text = version, self._state.poses()
             self._frame = known, monotonic(), text
         return known, text
 
     def _wake(self) -> None:
-        self._loop.call_soon_threadsafe(self._tell)
+        self._loop.call_soon_threadsafe(self._notify)
 
-    def _tell(self) -> None:
-        self._is_awaited = False
+    def _notify(self) -> None:
+        self._is_waiting = False
         event, self._event = self._event, asyncio.Event()
         event.set()
 
 
 class Client:
     """
-    A page that looks.
+    A page in a browser.
 
     Parameters
     ----------
     number : int
-        Its number, of no other page.
+        Its number, unique.
     socket : aiohttp.web.WebSocketResponse
         Its socket.
-    world : World
-        What it looks at.
-    news : News
-        Tells when there is something new.
+    state : StateProvider
+        The state that it sees.
+    news : ChangeNotifier
+        Announces changes.
     may_drive : bool
-        Whether it knows the secret.
+        Whether it presented the token.
     has_runs : bool
-        Whether there is a list of runs for who knows it.
+        Whether a list of runs exists; it is shown to clients with the token.
 
     """
 
@@ -128,14 +128,14 @@ class Client:
         self,
         number: int,
         socket: web.WebSocketResponse,
-        world: World,
-        news: News,
+        state: StateProvider,
+        notifier: ChangeNotifier,
         *,
         may_drive: bool,
         has_runs: bool = False,
     ) -> None:
         self.number = number
-        self._socket, self._world, self._news = socket, world, news
+        self._socket, self._state, self._notifier = socket, state, notifier
         self._may_drive = may_drive
         self._you = {'page': number, 'may': may_drive, 'runs': has_runs}
         self._loop = asyncio.get_running_loop()
@@ -143,31 +143,31 @@ class Client:
         self._drawn = asyncio.Event()
         self._drawn.set()
         self._sent = 0
-        self._answers: deque[dict[str, Any]] = deque(maxlen=_MOST_ANSWERS)
+        self._answers: deque[dict[str, Any]] = deque(maxlen=_MAX_ANSWERS)
         self._answered = asyncio.Event()
         self._versions: dict[str, int] = {}
 
     async def write(self) -> None:
-        """Send the newest frame whenever the one before was drawn, until the page is gone."""
+        """Send the newest frame after each acknowledgement, until the client has gone."""
         version = -1
         while True:
             await self._drawn.wait()
             if self._sent:
-                await self._something(version)
+                await self._change_or_answer(version)
             self._drawn.clear()
             self._answered.clear()
-            seen, (version, poses) = version, self._news.poses(version)
+            seen, (version, poses) = version, self._notifier.poses(version)
             self._sent += 1
             await self._socket.send_str(self._frame(poses if version > seen else ''))
 
     def read(self, text: str) -> str:
         """
-        Take what the page says.
+        Process a message of the page.
 
         Returns
         -------
         str
-            Why it is not listened to any more; '' while it is.
+            The reason for closing the connection; '' to keep it.
 
         """
         if not self._limit.allows():
@@ -176,17 +176,17 @@ class Client:
             said = parsed(text)
         except ProtocolError as error:
             return str(error)
-        self._world.heard(self.number)
-        if isinstance(said, Wish):
-            self._want(said)
+        self._state.keep_alive(self.number)
+        if isinstance(said, Command):
+            self._run_command(said)
         elif said is not None and said == self._sent:
             self._drawn.set()
         return ''
 
-    async def _something(self, version: int) -> None:
-        """Wait for news, or for an answer to what the page wanted."""
+    async def _change_or_answer(self, version: int) -> None:
+        """Wait for a change, or for the answer to a command."""
         waits = [
-            asyncio.ensure_future(self._news.after(version)),
+            asyncio.ensure_future(self._notifier.after(version)),
             asyncio.ensure_future(self._answered.wait()),
         ]
         try:
@@ -195,15 +195,15 @@ class Client:
             for wait in waits:
                 wait.cancel()
 
-    def _want(self, wish: Wish) -> None:
+    def _run_command(self, command: Command) -> None:
         if not self._may_drive:
-            self._answer(wish.number, is_done=False, said='this page may only look')
+            self._answer(command.number, is_done=False, said='this page may only view')
             return
 
         def answer(is_done: bool, said: str) -> None:
-            self._loop.call_soon_threadsafe(lambda: self._answer(wish.number, is_done, said))
+            self._loop.call_soon_threadsafe(lambda: self._answer(command.number, is_done, said))
 
-        self._world.wish(self.number, wish, answer)
+        self._state.command(self.number, command, answer)
 
     def _answer(self, number: int, is_done: bool, said: str) -> None:
         self._answers.append({'id': number, 'done': is_done, 'said': said})
@@ -215,7 +215,7 @@ class Client:
             fields.append(f'"poses":{poses}')
         if self._sent == 1:
             fields.append(f'"you":{json.dumps(self._you)}')
-        for name, (version, text) in self._world.parts().items():
+        for name, (version, text) in self._state.parts().items():
             if self._versions.get(name) != version:
                 self._versions[name] = version
                 fields.append(f'{json.dumps(name)}:{text}')

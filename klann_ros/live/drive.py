@@ -29,7 +29,7 @@ class CrankDrive:
 
     # The page that has it.
     owner: int | None = None
-    # What is published [rad], and how fast it grows [rad/s].
+    # The published angle [rad] and its rate [rad/s].
     angle: float = 0.0
     speed: float = 0.0
     # When the page was heard of last [s].
@@ -39,7 +39,7 @@ class CrankDrive:
     def take(self, owner: int, now: float, angle: float) -> None:
         """Give it to a page, at the angle where the crank is."""
         self.owner, self.angle, self.speed = owner, angle, 0.0
-        self.heard = self._turned = now
+        self.alive_at = self._turned = now
 
     def turn_to(self, angle: float, now: float) -> None:
         """
@@ -79,7 +79,7 @@ class CrankDrive:
 
     def is_lost(self, now: float) -> bool:
         """Return whether its page was not heard of for too long."""
-        return self.owner is not None and now - self.heard > PATIENCE
+        return self.owner is not None and now - self.alive_at > PATIENCE
 
 
 @dataclass
@@ -96,7 +96,7 @@ class WalkDrive:
 
     def take(self, owner: int, now: float, _: float = 0.0) -> None:
         """Give it to a page, at rest."""
-        self.owner, self.forward, self.turn, self.heard = owner, 0.0, 0.0, now
+        self.owner, self.forward, self.turn, self.alive_at = owner, 0.0, 0.0, now
 
     def walk(self, forward: float, turn: float) -> None:
         """
@@ -116,7 +116,7 @@ class WalkDrive:
 
     def is_lost(self, now: float) -> bool:
         """Return whether its page was not heard of for too long."""
-        return self.owner is not None and now - self.heard > PATIENCE
+        return self.owner is not None and now - self.alive_at > PATIENCE
 
 
 def crank_at(alpha: float, direction: float, phase: float) -> float:

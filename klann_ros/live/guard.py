@@ -1,5 +1,5 @@
 """
-Who may read, and who may turn a leg: the rules for each request.
+Access control: which requests may read, and which may drive a leg.
 
 A page of any web site can ask a server on this machine for something, open a socket to it, and,
 by a name that leads to 127.0.0.1 (DNS rebinding), even read what it answers. So a request must
@@ -27,7 +27,7 @@ class ForbiddenError(Exception):
 
 
 def new_token() -> str:
-    """Return a secret that nobody guesses: 192 bits, fit for an address."""
+    """Return a random session token of 192 bits, safe in a URL."""
     return secrets.token_urlsafe(24)
 
 
@@ -40,12 +40,12 @@ class Guard:
     port: int
     # The secret.
     token: str
-    # Whether nobody may change anything, whatever secret he knows.
+    # Whether every change is refused, with the token as well.
     read_only: bool = False
 
     @property
     def is_local(self) -> bool:
-        """Return whether nobody but this machine can reach it."""
+        """Return whether only this machine can reach it."""
         if self.host == 'localhost':
             return True
         try:
@@ -109,7 +109,7 @@ class Guard:
 
     def check_reading(self, token: str | None) -> None:
         """
-        Refuse who may not even look: on another host than this, who does not know the secret.
+        Refuse a request without read access: on a host other than loopback, one without the token.
 
         Raises
         ------
@@ -121,7 +121,7 @@ class Guard:
             raise ForbiddenError('open the whole address that view_node printed')
 
     def may_drive(self, token: str | None) -> bool:
-        """Return whether who knows a secret may change something."""
+        """Return whether a request with this token may change something."""
         return not self.read_only and self.knows(token)
 
     def _is_own(self, name: str) -> bool:
@@ -133,7 +133,7 @@ class Guard:
 
 
 def _split(host: str) -> tuple[str, int]:
-    """Return the name and the port of a Host header; port -1 for what is none."""
+    """Return name and port of a Host header; port -1 if it is malformed."""
     if len(host) > _LONGEST:
         return '', -1
     name, colon, port = host.lower().rpartition(':')

@@ -16,9 +16,9 @@ from klann_ros.sanitize.text import printable
 from klann_ros.web.shape import leg_shape
 import numpy as np
 
-# Who publishes more legs has more than a page can show.
-MOST_LEGS = 24
-# The foot's path, and what a leg reaches, are drawn by so many poses of a turn.
+# The page shows at most this many legs.
+MAX_LEGS = 24
+# Poses a turn from which foot path and reach are drawn.
 _POSES = 240
 _UPRIGHT = (pi / 2, 0.0, 0.0)
 # Digits beyond a tenth of a micrometre draw nothing.
@@ -86,7 +86,7 @@ class Solver:
     legs: tuple[LiveLeg, ...]
     # Parameters that are lengths or bends, as they are [m], [rad], and the two signs.
     lengths: Mapping[str, float | list[int]] = field(default_factory=dict)
-    # What it does with them, and what is to be known of that.
+    # What it does with them, and the notes on that.
     does: str = 'solved by'
     note: str = ''
 
@@ -120,10 +120,10 @@ def leg_of(name: str) -> str:
     return name.rpartition('.')[0]
 
 
-def solver_of(told: SolverParameters) -> Solver:
-    """Return what a solver's parameters tell: anybody's, so they may be anything."""
-    legs = _legs([told], parent(told.node))
-    return Solver(told.node, legs, _lengths(told.parameters, [leg.name for leg in legs]))
+def solver_of(recorded: SolverParameters) -> Solver:
+    """Return the solver of published parameters, which are untrusted."""
+    legs = _legs([recorded], parent(recorded.node))
+    return Solver(recorded.node, legs, _lengths(recorded.parameters, [leg.name for leg in legs]))
 
 
 def replayed_solver(node: str, topic: str, records: Sequence[SolverParameters]) -> Solver:
@@ -154,7 +154,7 @@ def assumed_solver(node: str, names: Sequence[str]) -> Solver:
     leg = KlannLeg(KlannGeometry.sem104())
     return Solver(
         node,
-        tuple(LiveLeg(name, leg, joint_separator=mark) for name, mark in legs[:MOST_LEGS]),
+        tuple(LiveLeg(name, leg, joint_separator=mark) for name, mark in legs[:MAX_LEGS]),
         does='published by',
         note=_ASSUMED if legs else _UNKNOWN,
     )
@@ -164,7 +164,7 @@ def _legs(records: Sequence[SolverParameters], namespace: str) -> tuple[LiveLeg,
     parameters = {record.node: record.parameters for record in records}
     return tuple(
         _leg(name, solver, parameters[solver.nodes[-1]])
-        for name, solver in list(leg_solvers(records, namespace).items())[:MOST_LEGS]
+        for name, solver in list(leg_solvers(records, namespace).items())[:MAX_LEGS]
     )
 
 

@@ -60,7 +60,7 @@ def _kind(path: Path) -> str:
     return 'text/css' if path.suffix == '.css' else 'text/javascript'
 
 
-# Who asks for a file gets one of these; no path is made of what he asks for.
+# Only these files are served; no path is built from a request.
 FILES = {path.name: File(_kind(path), text(path)) for path in (*_STYLES, *_SCRIPTS)}
 
 

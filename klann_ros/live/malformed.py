@@ -89,7 +89,7 @@ class UnreadLimit(asyncio.Protocol):
         return getattr(self._inner, name)
 
     def data_received(self, data: bytes) -> None:
-        """Hand on what was sent."""
+        """Forward the bytes that were sent."""
         self.bytes += len(data)
         if self.bytes > MAX_UNREAD:
             self._transport.abort()

@@ -35,11 +35,11 @@ _MOST_NUMBER = 2**53
 
 
 class ProtocolError(Exception):
-    """What is no message of a page; the text says what is wrong."""
+    """A malformed message of a page; the text says why."""
 
 
 @dataclass(frozen=True)
-class Wish:
+class Command:
     """What a page wants."""
 
     # Its number, for the answer.
@@ -57,9 +57,9 @@ class Wish:
     values: dict[str, float | list[int]] = field(default_factory=dict)
 
 
-def parsed(text: str) -> Wish | int | None:
+def parsed(text: str) -> Command | int | None:
     """
-    Return what a page says: a wish, the number of the frame that it has drawn, or None.
+    Return the message of a page: a command, the number of the frame that it has drawn, or None.
 
     None stands for nothing but that it is still there.
 
@@ -79,10 +79,10 @@ def parsed(text: str) -> Wish | int | None:
         return _whole(said['ack'])
     if not said:
         return None
-    return _wish(said)
+    return _command(said)
 
 
-def _wish(said: dict[str, Any]) -> Wish:
+def _command(said: dict[str, Any]) -> Command:
     do = said.get('do')
     if not isinstance(do, str) or do not in WISHES:
         raise ProtocolError('nothing that can be done')
@@ -95,7 +95,7 @@ def _wish(said: dict[str, Any]) -> Wish:
         'turn': _number,
         'values': _values,
     }
-    return Wish(
+    return Command(
         number=_whole(said['id']), do=do, **{key: checks[key](said[key]) for key in WISHES[do]}
     )
 
@@ -145,9 +145,9 @@ class RateLimit:
     Parameters
     ----------
     rate : float
-        So many a second [Hz].
+        Sustained rate [Hz].
     burst : float
-        So many at once.
+        Burst size.
     clock : callable
         Returns the time [s].
 

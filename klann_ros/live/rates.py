@@ -6,7 +6,7 @@ from time import monotonic
 
 from klann_ros.log.loss import LossCounter
 
-# A rate is that of the last so many seconds.
+# Averaging time of a rate [s].
 WINDOW = 2.0
 
 
@@ -24,7 +24,7 @@ class TopicFigures:
     count : int
         Messages so far.
     loss : LossCounter
-        Counts what is missing among them.
+        Counts the missing messages.
     publishers : int
         How many there are.
 
@@ -46,7 +46,7 @@ class TopicFigures:
 
     @property
     def lost(self) -> int | None:
-        """Return how many were lost so far; None where nobody can tell."""
+        """Return the number of lost messages so far; None if it is unknown."""
         return self.loss.lost if self.loss.is_known else None
 
     def rate(self) -> float:

@@ -16,7 +16,7 @@ MOST_RUNS = 500
 _MOST_LOOKED_AT = 20_000
 # A review of a very long run takes a minute; what takes longer is stuck [s].
 PATIENCE = 600.0
-# So many pages are kept.
+# Pages in the cache.
 _MOST_KEPT = 32
 # It leaves the processor to the legs.
 _REVIEW = (
@@ -98,7 +98,7 @@ class Reviews:
         self._temporary = tempfile.TemporaryDirectory(prefix='klann_ros-view-')
 
     def close(self) -> None:
-        """Forget the pages, and end what is under way."""
+        """Forget the pages, and end pending reviews."""
         for task in self._tasks:
             task.cancel()
         self._temporary.cleanup()

@@ -1,4 +1,4 @@
-"""The server of the live page: aiohttp in a thread of its own, which waits for nobody."""
+"""The server of the live page: aiohttp in a thread of its own."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
@@ -10,7 +10,7 @@ from typing import Any
 
 from aiohttp import web, WSCloseCode, WSMsgType
 
-from .clients import Client, News, World
+from .clients import ChangeNotifier, Client, StateProvider
 from .guard import ForbiddenError, Guard
 from .live_page import FILES, HTML, list_page, note_page, POLICY
 from .malformed import RequestLog, UnreadLimit
@@ -19,9 +19,9 @@ from .runs import Reviews
 
 # More pages at once than anybody looks at.
 MOST_PAGES = 200
-# A page that answers no ping for so long is gone [s].
+# A client is gone if it answers no ping for this time [s].
 _HEARTBEAT = 20.0
-# At the end nobody is waited for longer [s].
+# Shutdown timeout [s].
 _LAST_WORDS = 1.0
 _HEADERS = {
     'Content-Security-Policy': POLICY,
@@ -49,8 +49,8 @@ class LiveServer:
     Parameters
     ----------
     guard : Guard
-        Who may do what; port 0 stands for any free one.
-    world : World
+        The access rules; port 0 stands for any free one.
+    state : StateProvider
         What the page shows and drives.
     runs : str
         A folder of runs; '' for none.
@@ -72,13 +72,13 @@ class LiveServer:
     def __init__(
         self,
         guard: Guard,
-        world: World,
+        state: StateProvider,
         runs: str = '',
         warn: Callable[[str], object] = lambda _: None,
     ) -> None:
         self.guard = guard
         self._log = RequestLog(warn)
-        self._world, self._runs = world, runs
+        self._state, self._runs = state, runs
         self._numbers = count(1)
         self._clients: set[web.WebSocketResponse] = set()
         self._refusal: Exception | None = None
@@ -90,7 +90,7 @@ class LiveServer:
             raise ServerError(str(self._refusal)) from self._refusal
 
     def close(self) -> None:
-        """End it; who looks is told."""
+        """Stop the server, and notify the clients."""
         with suppress(RuntimeError):
             self._loop.call_soon_threadsafe(self._ended.set)
         self._thread.join(5.0 * _LAST_WORDS)
@@ -101,7 +101,7 @@ class LiveServer:
 
     async def _serve(self) -> None:
         self._loop, self._ended = asyncio.get_running_loop(), asyncio.Event()
-        self._news = News(self._world)
+        self._notifier = ChangeNotifier(self._state)
         self._reviews = Reviews(self._runs) if self._runs else None
         runner = web.AppRunner(self._app(), access_log=None, logger=self._log)
         try:
@@ -194,15 +194,15 @@ class LiveServer:
         client = Client(
             next(self._numbers),
             socket,
-            self._world,
-            self._news,
+            self._state,
+            self._notifier,
             may_drive=self.guard.may_drive(token),
             has_runs=bool(self._runs) and self.guard.knows(token),
         )
         self._clients.add(socket)
         unread = UnreadLimit(request)
         writer = asyncio.ensure_future(client.write())
-        # Its end is the socket's: nobody else looks at what it raises.
+        # It ends with its socket; its exception has no other reader.
         writer.add_done_callback(lambda done: done.cancelled() or done.exception())
         try:
             async for message in socket:
@@ -215,7 +215,7 @@ class LiveServer:
         finally:
             writer.cancel()
             self._clients.discard(socket)
-            self._world.left(client.number)
+            self._state.disconnected(client.number)
         return socket
 
     async def _list(self, request: web.Request) -> web.Response:

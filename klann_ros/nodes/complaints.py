@@ -49,7 +49,7 @@ def endless_file(arguments: Sequence[str]) -> str:
     """
     Return a line about the first parameter file that is none; '' if all may be one.
 
-    For a pipe that nobody writes ROS would wait without end, deaf to every signal.
+    For a pipe without a writer ROS would block for ever and ignore every signal.
     """
     for file in _behind(arguments, '--params-file'):
         # What a shell has opened, as in `--params-file <(...)`, has somebody who writes it.
@@ -76,16 +76,16 @@ def _unknown(node: Node, executable: str, rules: Sequence[str]) -> Iterator[str]
     known = node.list_parameters([], 0).names
     families = {name.partition('.')[0] for name in known if '.' in name}
     typed = {rule.partition(':=')[0].rpartition(':')[2] for rule in rules}
-    elsewhere = _Elsewhere()
+    others = _OtherNodes()
     strangers: dict[str, list[str]] = {}
     for name in names:
         family, dot, _ = name.partition('.')
-        if name not in typed and elsewhere.has(name, known):
+        if name not in typed and others.has(name, known):
             continue
         if dot and family not in families:
             strangers.setdefault(family, []).append(name)
-        elif name in elsewhere.owners:
-            yield f"parameter {name} is none of {executable}'s; it is {elsewhere.owners[name]}'s"
+        elif name in others.owners:
+            yield f"parameter {name} is none of {executable}'s; it is {others.owners[name]}'s"
         else:
             yield unknown_parameter(name, executable, known)
     for family, group in strangers.items():
@@ -131,11 +131,11 @@ def _flat(content: Any, prefix: str) -> Iterator[str]:
             yield name
 
 
-class _Elsewhere:
+class _OtherNodes:
     """The parameters of all nodes of this package."""
 
     def __init__(self) -> None:
-        # Only whoever gave something wrong waits for them.
+        # Loaded only for a command line with an error.
         from .crank import motion as crank  # noqa: PLC0415
         from .player import controls as player  # noqa: PLC0415
         from .recorder import interface as recorder  # noqa: PLC0415

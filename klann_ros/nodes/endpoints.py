@@ -35,7 +35,7 @@ from .parameters import Declaration, declare, overrides
 DEPTH = 2000
 INPUT = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 OUTPUT = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
-# Fast DDS asks every 3 s what has arrived: who waits for less may lose what was lost before [s].
+# Fast DDS sends a heartbeat every 3 s; a shorter wait may miss a retransmission [s].
 ARRIVES = 3.5
 
 # Quality of service as parameters: `qos_overrides.TOPIC.publisher.POLICY`, as ROS 2 has it.
@@ -125,7 +125,7 @@ def create_publisher(
 
 
 def flush(publishers: Iterable[Publisher], seconds: float = ARRIVES) -> None:
-    """Wait until what is under way has arrived wherever that is asked for, but no longer [s]."""
+    """Wait until reliable subscribers have acknowledged all messages, or a timeout [s]."""
     end = monotonic() + seconds
     for publisher in publishers:
         if publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE:

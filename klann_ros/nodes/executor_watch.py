@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 class ExecutorWatch:
     """
-    Wait as an executor does, and hand what is ready to another thread, one thing at a time.
+    Wait as an executor does, and hand ready entities to another thread, one at a time.
 
     The executor's own `wait_for_ready_callbacks` waits, as in a MultiThreadedExecutor. It does
     not go on before what it found was run, so that nothing runs while it looks.
@@ -20,7 +20,7 @@ class ExecutorWatch:
     Parameters
     ----------
     executor : rclpy.executors.Executor
-        Nobody else spins it meanwhile.
+        No other thread spins it meanwhile.
     wake : callable
         Is called whenever `is_ready` becomes true, by the thread that waits.
     condition : callable
@@ -52,7 +52,7 @@ class ExecutorWatch:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """End; what was found and not run yet is run, for the executor will not find it again."""
+        """End; run the ready entities first, since the executor does not find them again."""
         self._stopped = True
         self._go_on.release()
         self._executor.wake()
@@ -62,7 +62,7 @@ class ExecutorWatch:
 
     def run(self) -> None:
         """
-        Run what is ready, if anything is; raise what it raises.
+        Run a ready callback, if there is one, and raise its exception.
 
         Raises
         ------
@@ -99,7 +99,7 @@ class ExecutorWatch:
 
 
 def is_possible(executor: Any) -> bool:
-    """Return whether rclpy has what is used of it here."""
+    """Return whether rclpy has the internals that are used here."""
     return hasattr(executor, 'wait_for_ready_callbacks') and hasattr(
         executors, 'ConditionReachedException'
     )

@@ -16,7 +16,7 @@ them; a message does not pay for what it does not concern; and whatever rclpy ca
 working, because rclpy does it.
 
 The plain path is the executor alone, which calls the same callbacks with the same arguments: on
-request, and where rclpy lacks what is used of its inner parts.
+request, and where rclpy lacks the internals that are used.
 """
 
 from contextlib import ExitStack, suppress
@@ -39,7 +39,7 @@ from .plain_loop import spin_plain
 
 # Where this environment variable is set and not empty, every loop is a plain one.
 PLAIN = 'KLANN_ROS_PLAIN_LOOP'
-# So many messages of a topic are taken before all else has its turn, that a flood starves nothing.
+# Messages of a topic taken in a row, so that a flood starves nothing else.
 BURST = 64
 # What the middleware knows about a message.
 Info = dict[str, Any]
@@ -156,7 +156,7 @@ class LeanLoop:
                 try:
                     _fill(wait_set, guard, handles, timers, events)
                 except InvalidHandle:
-                    # Another thread has asked for the end of one of them: begin anew without it.
+                    # Another thread has destroyed one of them: start again without it.
                     return
                 wait_set.wait(-1)
                 if self._context_ended:
@@ -251,7 +251,7 @@ def _call(timers: list[Any], wait_set: Any) -> None:
 
 
 def _is_possible(executor: Any) -> bool:
-    """Return whether rclpy has what is used of it that is not promised to users."""
+    """Return whether rclpy has the internals that are used here."""
     return (
         executor_watch.is_possible(executor)
         and hasattr(rclpy_implementation, 'WaitSet')

@@ -18,7 +18,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-# Between two announcements; without one for so long a lease has expired [s].
+# Period of announcements, and the time after which a lease without one expires [s].
 HEARTBEAT, LEASE_TIME = 0.1, 1.0
 HELD, RELEASED = 'held', 'released'
 _QOS = QoSProfile(depth=20)
@@ -29,7 +29,7 @@ CRANK_ANGLE, CRANK_STATE, CMD_VEL = 'crank_angle', 'crank_state', 'cmd_vel'
 
 
 def leased_topic(topic: str) -> str:
-    """Return the topic whose lease covers a topic, '' for a topic that nobody drives."""
+    """Return the topic whose lease covers a topic, '' for a topic without a lease."""
     parent, _, last = topic.rpartition('/')
     if last == CRANK_STATE:
         return f'{parent}/{CRANK_ANGLE}'
@@ -63,7 +63,7 @@ class LeaseListener:
         self._on_change = on_change
         self._own = node.get_fully_qualified_name()
         self._key = ''
-        self._heard = 0.0
+        self._announced_at = 0.0
         self._confirmations = node.create_publisher(KeyValue, f'{topic}/yielded', _QOS)
         node.create_subscription(KeyValue, f'{topic}/lease', self._on_lease, _QOS)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -76,7 +76,7 @@ class LeaseListener:
         if message.value == RELEASED and message.key == self._key:
             self._end()
         elif message.value == HELD and self._key in {'', message.key}:
-            self._heard = monotonic()
+            self._announced_at = monotonic()
             if not self._key:
                 self._key = message.key
                 self.holder = self.last_holder = printable(_node_of(message.key))
@@ -85,7 +85,7 @@ class LeaseListener:
             self._confirmations.publish(KeyValue(key=self._own, value=self._key))
 
     def _check(self) -> None:
-        if self._key and monotonic() - self._heard > LEASE_TIME:
+        if self._key and monotonic() - self._announced_at > LEASE_TIME:
             self._end()
 
     def _end(self) -> None:
@@ -96,7 +96,7 @@ class LeaseListener:
 
 class Lease:
     """
-    The driver's side: announce, and know who has yielded.
+    The driver's side: announce the lease, and collect the nodes that have yielded.
 
     Its callbacks run in ROS's thread; all else may be called by any.
 
@@ -151,8 +151,8 @@ class Lease:
     @property
     def other(self) -> str:
         """Return the node that holds the lease instead of this one; '' for none."""
-        name, heard = self._other
-        return name if name and monotonic() - heard < LEASE_TIME else ''
+        name, received_at = self._other
+        return name if name and monotonic() - received_at < LEASE_TIME else ''
 
     @property
     def yielded(self) -> list[str]:

@@ -27,7 +27,7 @@ class StartError(Exception):
 
 
 class UnknownParameterError(ParameterNotDeclaredException):
-    """Somebody sets what is no parameter; rclpy answers with this error's text."""
+    """A set of an unknown parameter; rclpy answers with the text of this error."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
@@ -45,7 +45,7 @@ class Declaration:
     name: str
     # Its default, which fixes its type.
     default: Any
-    # What it is, with the unit in brackets.
+    # Its description, with the unit in brackets.
     description: str
     _: KW_ONLY
     # The least and the greatest value.
@@ -104,7 +104,7 @@ def declare(node: Node, parameters: Sequence[Declaration]) -> dict[str, Any]:
 
 
 def declare_constant(node: Node, name: str, value: Any, description: str) -> None:
-    """Declare what a node tells of itself and nobody else may set."""
+    """Declare a read-only parameter that describes the node."""
     descriptor = ParameterDescriptor(description=description, read_only=True)
     node.declare_parameter(name, value, descriptor, ignore_override=True)
 
@@ -132,7 +132,7 @@ def plain(value: Any) -> Any:
 
 def overrides(node: Node) -> Mapping[str, Parameter]:
     """Return what the command line and parameter files give a node, whether declared or not."""
-    # rclpy tells of those only that are declared. Without this no more than that is told.
+    # rclpy reports declared parameters only.
     given: Mapping[str, Parameter] = getattr(node, '_parameter_overrides', {})
     return given
 
@@ -216,7 +216,7 @@ def usage(groups: Mapping[str, Sequence[Declaration]]) -> str:
 
 
 def _declare(node: Node, parameter: Declaration) -> Any:
-    # What is read only cannot be declared anew, as a number may have to be.
+    # A read-only parameter cannot be declared again, as a number may have to be.
     first = _descriptor(parameter, read_only=parameter.read_only and not parameter.any_number)
     try:
         value = node.declare_parameter(parameter.name, parameter.default, first).value
@@ -253,7 +253,7 @@ def _wrong_type(node: Node, parameter: Declaration) -> str:
 
 
 def _meant(wrong: Any, default: Any) -> Any:
-    """Return what a value of the wrong type was most likely meant to be; None if nobody knows."""
+    """Return the most likely meaning of a value of the wrong type; None if unknown."""
     if isinstance(default, list):
         values = wrong if isinstance(wrong, list) else [wrong]
         meant = [_meant(value, default[0]) for value in values]

@@ -13,12 +13,12 @@ def spin_plain(executor: Any, future: Future) -> None:
 
     future.add_done_callback(wake)
     try:
-        executor.spin_until_future_complete(_Awaited(future))
+        executor.spin_until_future_complete(_Waitable(future))
     finally:
         future.remove_done_callback(wake)
 
 
-class _Awaited:
+class _Waitable:
     """
     A future, as an executor may wait for it for days.
 
@@ -30,4 +30,4 @@ class _Awaited:
         self.done, self.cancelled = future.done, future.cancelled
 
     def add_done_callback(self, callback: Any) -> None:
-        """Do without: whoever made this wakes the executor."""
+        """Do nothing: the caller wakes the executor."""

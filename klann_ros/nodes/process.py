@@ -53,7 +53,7 @@ class ProcessNode(Node):
 
 
 def arguments(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.Namespace:
-    """Parse what is not meant for ROS."""
+    """Parse the arguments outside --ros-args."""
     own, _ = split(argv)
     options, rest = parser.parse_known_args(own[1:])
     if rest:
@@ -80,7 +80,7 @@ def split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
 def _hint(rest: Sequence[str]) -> str:
     """Return what to do with arguments that are none of ours, if they look like ROS's."""
     if any(argument in FOR_ROS or ':=' in argument for argument in rest):
-        return '; what is for ROS is written behind --ros-args'
+        return '; arguments for ROS go behind --ros-args'
     if any(argument.endswith(('.yaml', '.yml')) for argument in rest):
         return '; a parameter file is given as --ros-args --params-file FILE'
     return ''
@@ -167,7 +167,7 @@ def _run(
         for complaint in complaints(node, name, for_ros):
             node.get_logger().warning(complaint)
         executor.add_node(node)
-        # What is there by now stays: the collector need not walk through it again and again.
+        # These objects stay: the garbage collector need not scan them again.
         gc.freeze()
         loop = LeanLoop(executor, plain=not lean, rest=rest)
         spin_on(partial(loop.spin_until_future_complete, finished), node)
@@ -194,7 +194,7 @@ def spin_on(spin: Callable[[], None], node: Node) -> None:
     Spin, and go on after a callback has failed, which is logged.
 
     rclpy itself raises for messages that anybody may send: a parameter of an unknown type, a clock
-    before 1970. Nobody's message may end a node that turns a leg or records a run.
+    before 1970. No message may end a node that turns a leg or records a run.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ def declared_robot(node: Node) -> Robot:
 
 
 def _given(node: Node) -> Iterator[tuple[str, Any]]:
-    """Yield what is given of the robot."""
+    """Yield the parameters of the robot that are set."""
     parameters: Mapping[str, Any] = overrides(node)
     legs = parameters['legs'].value if 'legs' in parameters else ()
     names = {str(leg) for leg in legs} if isinstance(legs, list | tuple) else set()

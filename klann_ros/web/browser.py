@@ -1,4 +1,4 @@
-"""Open a page in the browser of whoever asked for it, if there is one."""
+"""Open a page in the user's browser, if there is one."""
 
 import os
 import sys

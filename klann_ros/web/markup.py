@@ -5,9 +5,9 @@ from html import escape
 
 from klann_ros.sanitize.text import printable
 
-# What stands for a number that nobody knows.
+# Shown for an unknown number.
 UNKNOWN = '\N{EN DASH}'
-# A longer text is nobody's to read.
+# Longer texts are cut.
 _LONGEST = 20_000
 # Elements without content, and without an end.
 _VOID = frozenset({'input', 'link', 'meta', 'br'})
@@ -28,16 +28,16 @@ def element(name: str, *content: str, **attributes: str | float | bool) -> Marku
     name : str
         Such as 'p'.
     *content : str
-        What is in it; whatever is no Markup is text.
+        Its content; anything but Markup is escaped as text.
     **attributes : str, number or bool
         An underscore stands for a hyphen and ends a name that Python keeps for itself; False
         leaves the attribute out.
 
     """
-    told = ''.join(_attribute(key, value) for key, value in attributes.items())
+    attributes_text = ''.join(_attribute(key, value) for key, value in attributes.items())
     if name in _VOID:
-        return Markup(f'<{name}{told}>')
-    return Markup(f'<{name}{told}>{joined(content)}</{name}>')
+        return Markup(f'<{name}{attributes_text}>')
+    return Markup(f'<{name}{attributes_text}>{joined(content)}</{name}>')
 
 
 def joined(content: Iterable[str]) -> Markup:
@@ -58,7 +58,7 @@ def _attribute(key: str, value: str | float | bool) -> str:
 
 
 def scrolling_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
-    """Return a table, which scrolls where it is too wide; each row begins with what it is of."""
+    """Return a table, which scrolls where it is too wide; each row begins with its heading."""
     head = element('tr', *(element('th', text, scope='col') for text in heads))
     table = element('table', element('thead', head), element('tbody', *map(_row, rows)))
     # What scrolls must be reached by keys.

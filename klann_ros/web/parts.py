@@ -82,5 +82,5 @@ def _compact(script: str) -> str:
 
 def _hashes(contents: Iterable[str]) -> str:
     digests = (hashlib.sha256(content.encode()).digest() for content in contents)
-    told = (f"'sha256-{b64encode(digest).decode('ascii')}'" for digest in digests)
-    return ' '.join(told) or "'none'"
+    hashes = (f"'sha256-{b64encode(digest).decode('ascii')}'" for digest in digests)
+    return ' '.join(hashes) or "'none'"

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from fake_live_state import EVIL, MadeUpWorld, Served
 from klann_ros.live.guard import Guard, new_token
 from klann_ros.live.server import LiveServer
-from made_up_world import EVIL, MadeUpWorld, Served
 import pytest
 
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import aiohttp
 from alone import run_alone
+from fake_live_state import MadeUpWorld, Served
 from klann_ros.live.guard import Guard
 from klann_ros.live.server import LiveServer, ServerError
-from made_up_world import MadeUpWorld, Served
 import pytest
 
 TAKE = {'id': 1, 'do': 'take', 'what': 'crank:/crank_angle'}
@@ -53,13 +53,13 @@ async def frame(socket: Socket) -> dict[str, Any]:
     return said
 
 
-async def wanted(socket: Socket, wish: dict[str, Any]) -> dict[str, Any]:
+async def wanted(socket: Socket, command: dict[str, Any]) -> dict[str, Any]:
     """Want something; return the answer."""
-    await socket.send_json(wish)
+    await socket.send_json(command)
     while True:
         said = await frame(socket)
         for answer in said.get('answers', ()):
-            if answer['id'] == wish['id']:
+            if answer['id'] == command['id']:
                 return dict(answer)
 
 
@@ -117,7 +117,7 @@ def test_who_does_not_know_the_secret_looks_only(served: Served, token: str) -> 
             assert not you['runs']
             for number, do in enumerate(('take', 'release'), start=1):
                 answer = await wanted(socket, {**TAKE, 'id': number, 'do': do})
-                assert answer == {'id': number, 'done': False, 'said': 'this page may only look'}
+                assert answer == {'id': number, 'done': False, 'said': 'this page may only view'}
             assert served.world.wishes == before
 
     run(attack)

@@ -10,9 +10,9 @@ from klann_ros.live.legs import (
     replayed_solver,
     solver_of,
 )
-from klann_ros.live.protocol import parsed, RateLimit, Wish
+from klann_ros.live.protocol import Command, parsed, RateLimit
 from klann_ros.live.rates import TopicFigures
-from klann_ros.live.words import plain_status, recorded
+from klann_ros.live.status_text import recorded, status_text
 from klann_ros.log.run_parameters import (
     replayed_solvers,
     replayed_text,
@@ -105,7 +105,7 @@ def test_what_a_page_says_is_understood() -> None:
     assert parsed('{}') is None
     assert parsed('{"ack": 3}') == 3
     wish = parsed('{"id": 1, "do": "set", "what": "/s", "values": {"l": 1, "assembly": [1, -1]}}')
-    assert wish == Wish(1, 'set', '/s', values={'l': 1.0, 'assembly': [1, -1]})
+    assert wish == Command(1, 'set', '/s', values={'l': 1.0, 'assembly': [1, -1]})
 
 
 def test_a_drive_is_lost_within_half_a_second_of_silence() -> None:
@@ -119,7 +119,7 @@ def test_a_drive_is_lost_within_half_a_second_of_silence() -> None:
             drive.take(7, 100.0)
         assert not drive.is_lost(100.0 + PATIENCE)
         assert drive.is_lost(100.0 + PATIENCE + 1e-6)
-        drive.heard = 101.0
+        drive.alive_at = 101.0
         assert not drive.is_lost(101.2)
 
 
@@ -268,7 +268,7 @@ def test_a_topic_knows_its_rate_and_its_losses() -> None:
     ('level', 'message', 'meaning'),
     [
         (0, 'solving', 'The leg is solved.'),
-        (3, 'no input for 3.1 s', 'Nobody turns the crank'),
+        (3, 'no input for 3.1 s', 'The crank is not driven'),
         (2, 'crank angle 1.0 rad (57.296 deg) cannot be reached: dyad 1 does not close', 'reach'),
         (1, 'nearly singular: the links of a dyad are 3.1 deg from in line', 'in line'),
         (1, 'the crank is turned by more than one: /a and /b', 'jumps'),
@@ -276,7 +276,7 @@ def test_a_topic_knows_its_rate_and_its_losses() -> None:
     ],
 )
 def test_a_status_is_told_in_plain_words(level: int, message: str, meaning: str) -> None:
-    status = plain_status(level, 'solver_node: leg', message, [('solved', '5'), ('x', 'y')])
+    status = status_text(level, 'solver_node: leg', message, [('solved', '5'), ('x', 'y')])
     assert meaning in status.meaning
     assert bool(status.meaning) == bool(meaning)
     assert status.text == message
@@ -284,7 +284,7 @@ def test_a_status_is_told_in_plain_words(level: int, message: str, meaning: str)
 
 
 def test_a_status_of_a_stranger_is_short_and_visible() -> None:
-    status = plain_status(250, 'x' * 10_000, 'a\u202eb\x1b[31m', [('rate', 'y' * 10_000)] * 1000)
+    status = status_text(250, 'x' * 10_000, 'a\u202eb\x1b[31m', [('rate', 'y' * 10_000)] * 1000)
     assert status.level == 'fault'
     assert len(status.who) < 150
     assert status.text.isprintable()

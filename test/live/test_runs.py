@@ -6,10 +6,10 @@ from pathlib import Path
 import sys
 
 from alone import run_alone
+from fake_live_state import EVIL
 from klann_ros.live.live_page import list_page
 from klann_ros.live.runs import Page, Reviews, runs_in
 from leg_runs import LegRun
-from made_up_world import EVIL
 import pytest
 
 # What stands for `review`: it takes RUN --html FILE.

@@ -86,7 +86,7 @@ class Drive {
     const names = told.publishers;
     const who = names.length ? `Published by ${listed(names)}.` : `No node publishes ${topic}.`;
     if (!may) {
-      return `${who} This page may only look; the whole address that view_node printed may drive.`;
+      return `${who} This page may only view; the whole address that view_node printed may drive.`;
     }
     const { foreign } = told;
     if (foreign.length) {

@@ -150,7 +150,7 @@ class LengthFields {
       this.holder.replaceChildren(...lengths.map((one) => this.field(solver.node, one)));
       this.state.textContent = this.live.may
         ? 'A new number is the solver’s at once; it says so if it cannot be.'
-        : 'This page may only look.';
+        : 'This page may only view.';
     }
     for (const one of lengths) {
       const input = this.fields.get(one.name);

@@ -137,7 +137,7 @@ PARAMETERS = (
     Declaration(
         'min_subscribers',
         0,
-        'the crank waits until so many listen, so that none misses the start',
+        'subscribers that the crank waits for, so that none misses the start',
         limits=(0, 1000),
     ),
 )

@@ -71,7 +71,7 @@ class CrankNode(Node):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._n = 0
         self._begin: Time | None = None
-        # What is added to the motion since a driver has turned the crank [rad].
+        # Offset of the motion since a driver has turned the crank [rad].
         self._offset = 0.0
         self._is_bounded = values['mode'] != 'constant'
         self._driver_angle: float | None = None
@@ -90,14 +90,14 @@ class CrankNode(Node):
             kind = f'{values["amplitude"]:g} rad at {values["frequency"]:g} Hz'
         until = f'{values["revolutions"]:g} revolutions' if self._count < inf else 'endless'
         least = self._min_subscribers
-        awaited = f', as soon as {least} listen' if least else ''
+        condition = f', as soon as {least} subscribe' if least else ''
         return (
             f'{values["mode"]} ({kind}), {until}, {self._rate:g} messages a second on '
-            f'{self._publisher.topic_name}{awaited}'
+            f'{self._publisher.topic_name}{condition}'
         )
 
     def _messages(self, revolutions: float) -> float:
-        """Return how many messages so many revolutions take, both ends included."""
+        """Return the number of messages of the revolutions, both ends included."""
         must(0.0 <= revolutions < inf, 'revolutions', revolutions, 'finite and >= 0')
         if revolutions == 0.0:
             return inf
@@ -131,7 +131,7 @@ class CrankNode(Node):
             self._tick()
 
     def _tick(self) -> None:
-        """Publish what is due: a late timer catches up, so that no angle is left out."""
+        """Publish the due angles: a late timer catches up, so that no angle is skipped."""
         if self._is_driven:
             return
         late = self._elapsed() - self._n / self._rate

@@ -1,1 +1,1 @@
-"""`sim_node`: the robot, for whoever has none."""
+"""`sim_node`: the simulated robot."""

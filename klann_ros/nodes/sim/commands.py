@@ -24,7 +24,7 @@ class CrankCommands:
     Parameters
     ----------
     node : rclpy.node.Node
-        Who listens.
+        The node.
     twin : Twin
         Whose cranks they are.
     now : callable
@@ -60,10 +60,10 @@ class CrankCommands:
 
     @property
     def silent(self) -> list[str]:
-        """Return the joints that nobody turns."""
+        """Return the joints without a command."""
         return [joint for joint in self._twin.joints if joint not in self._last]
 
-    def hold_the_old(self) -> None:
+    def expire_commands(self) -> None:
         """Hold the cranks whose last command is too old."""
         now = self._now()
         for joint, at in [*self._last.items()]:

@@ -22,7 +22,7 @@ DRIVES = (
     Declaration(
         'motor_speed_factor',
         [1.0],
-        "by which motors' speeds differ from what is asked: one for all, or for each crank joint",
+        "factor of the motors' speeds: one for all, or one for each crank joint",
         constraint='one number, or one for each crank joint, finite',
     ),
     _number('motor_bandwidth', _MOTORS.bandwidth, 'of the speed of a motor [rad/s]', 0.1, 1000.0),
@@ -53,7 +53,11 @@ READINGS = (
 )
 OUTPUT = (
     _number(
-        'linear', 0.0, 'sent as cmd_vel while nobody else sends any [m/s]; 0: none', -1.0, 1.0
+        'linear',
+        0.0,
+        'speed sent as cmd_vel while no other node sends any [m/s]; 0: none',
+        -1.0,
+        1.0,
     ),
     _number('rate', 100.0, 'messages a second of simulated time [Hz]', 1.0, 1000.0),
     _number('real_time_factor', 1.0, "simulated time by the world's", 0.01, 100.0),
@@ -84,5 +88,5 @@ def motors(values: Mapping[str, Any], joints: Sequence[str]) -> Motors:
 
 
 def sensors(values: Mapping[str, Any]) -> Sensors:
-    """Return what is known of it."""
+    """Return the sensor noise."""
     return Sensors(**{p.name: values[p.name] for p in READINGS if p.name != 'seed'})

@@ -12,7 +12,7 @@ from rclpy.node import Node
 
 # Between two commands [s].
 PERIOD = 0.1
-# So long a walker is left to stand that has begun to listen: it learns its accelerometer [s].
+# A walker stands for this time first: it learns the bias of its accelerometer [s].
 STANDS = 2.0
 
 
@@ -48,7 +48,7 @@ class Driver:
         if not self._node.count_publishers(self._cranks):
             self._since = inf
             return
-        # Its time begins anew where it is put back.
+        # Its time starts again at a reset.
         self._since = min(self._since, self._now())
         has_stood = self._now() >= self._since + STANDS
         if has_stood and not (self._lease and self._lease.holder) and not self._others():

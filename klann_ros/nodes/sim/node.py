@@ -1,4 +1,4 @@
-"""`sim_node`: the robot, for whoever has none."""
+"""`sim_node`: the simulated robot in real time."""
 
 from collections.abc import Sequence
 from math import degrees
@@ -26,8 +26,8 @@ from .declarations import DRIVES, floor, motors, OUTPUT, PARAMETERS, READINGS, s
 from .driver import Driver
 from .outputs import RobotOutputs
 
-# Less of what is asked for is told [-].
-KEPT = 0.97
+# A warning is published below this real-time factor [-].
+MIN_REAL_TIME_FACTOR = 0.97
 SECOND = 10**9
 # The engine would never get anywhere [s].
 SHORTEST = 1e-5
@@ -63,7 +63,7 @@ class SimNode(Node):
             base=values['base_frame'],
             with_clock=values['use_clock'],
         )
-        # Of all ticks, and that at which the robot began.
+        # Of all ticks, and the tick of the robot's start.
         self._tick = self._first = 0
         self._resets = 0
         # What has gone wrong since the last report.
@@ -104,7 +104,7 @@ class SimNode(Node):
 
     def _on_timer(self) -> None:
         for _ in range(self._pace.due(monotonic())):
-            self._commands.hold_the_old()
+            self._commands.expire_commands()
             self._tick += 1
             try:
                 self._twin.step((self._tick - self._first) * self._period)
@@ -132,11 +132,11 @@ class SimNode(Node):
         return True, 'the robot stands where it began, its cranks held'
 
     def _report(self) -> None:
-        kept = self._pace.kept(monotonic())
-        level, message = self._verdict(kept)
+        factor = self._pace.kept(monotonic())
+        level, message = self._verdict(factor)
         values = {
             'time': f'{self._tick * self._period:.3f}',
-            'real_time_factor': f'{kept.factor:.3f}',
+            'real_time_factor': f'{factor.factor:.3f}',
             'given_up': f'{self._pace.slipped:.3f}',
             'tilt': f'{degrees(self._twin.tilt):.2f}',
             'resets': self._resets,
@@ -154,17 +154,17 @@ class SimNode(Node):
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
 
-    def _verdict(self, kept: Kept) -> tuple[bytes, str]:
+    def _verdict(self, factor: Kept) -> tuple[bytes, str]:
         """Return the level and the most important thing to say."""
         if self._astray:
             said, self._astray = self._astray, ''
             return DiagnosticStatus.ERROR, said
         if self._twin.state:
             return DiagnosticStatus.ERROR, self._twin.state
-        if kept.share < KEPT:
+        if factor.share < MIN_REAL_TIME_FACTOR:
             return (
                 DiagnosticStatus.WARN,
-                f'it cannot keep up: {kept.factor:.2f} of real time, {self._factor:g} is wanted',
+                f'it cannot keep up: {factor.factor:.2f} of real time, {self._factor:g} is wanted',
             )
         silent = self._commands.silent
         if silent:
@@ -178,8 +178,8 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     groups = {
         'the world': WORLD,
         'what turns its cranks': DRIVES,
-        'what is known of it': READINGS,
-        'what is published': OUTPUT,
+        'sensors': READINGS,
+        'outputs': OUTPUT,
     }
     parser = ArgumentParser(
         'sim_node',

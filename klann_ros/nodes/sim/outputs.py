@@ -19,7 +19,7 @@ class RobotOutputs:
     Parameters
     ----------
     node : rclpy.node.Node
-        Who publishes.
+        The node.
     twin : Twin
         The robot.
     sensors : Sensors
@@ -27,7 +27,7 @@ class RobotOutputs:
     world, base : str
         Frames of the ground truth and of the body.
     with_clock : bool
-        Whether time is told as well.
+        Whether /clock is published as well.
 
     """
 
@@ -48,9 +48,9 @@ class RobotOutputs:
         self._imu.linear_acceleration_covariance = _diagonal(sensors.accelerometer_noise**2)
 
     def publish(self, stamp: Time) -> None:
-        """Publish what is now."""
+        """Publish the current state."""
         if self._clock is not None:
-            # First: whoever waits for time has it when the rest comes.
+            # First, so that nodes with simulated time have it before the rest arrives.
             self._clock.publish(Clock(clock=stamp))
         for message in (self._crank, self._imu, self._truth):
             message.header.stamp = stamp
@@ -87,5 +87,5 @@ def _fill(message: object, names: str, values: Sequence[float]) -> None:
 
 
 def _diagonal(variance: float) -> list[float]:
-    # All zero: the message's word for what nobody knows, and for what has no error.
+    # All zero: by the message's definition unknown, and also without error.
     return [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance]

@@ -28,10 +28,10 @@ from klann_ros.sanitize.cdr import (
 )
 from klann_ros.sanitize.text import printable
 
-# What is said of a message that has not the joint.
+# The refusal of a message without the joint.
 MOST_NAMES, LONGEST_NAME = 5, 40
 _FLOAT64 = {code: struct.Struct(f'{order}d') for code, order in ORDERS.items()}
-# Of what is written: little-endian, as every machine that ROS 2 supports.
+# Written little-endian, as on every machine that ROS 2 supports.
 _HEADER = b'\0\1\0\0'
 
 

@@ -45,7 +45,7 @@ class CrankInputs:
     Parameters
     ----------
     node : rclpy.node.Node
-        Who listens.
+        The node.
     joints : sequence of str
         The joints that turn cranks; crank_angle turns all of them.
     turn : callable
@@ -98,7 +98,7 @@ class CrankInputs:
         return self._angles.loss.lost + self._states.loss.lost
 
     def sources(self) -> str:
-        """Return who turns the crank, where it is more than one; call it once a report."""
+        """Return the publishers of the crank if there are several; call it once a report."""
         active = {s.topic: s.active_publishers() for s in (self._angles, self._states)}
         if sum(active.values()) < 2:
             return ''
@@ -147,7 +147,7 @@ class CrankInputs:
 
 
 class _Source:
-    """A subscription, with what was heard and lost."""
+    """A subscription, with its counts of received and lost messages."""
 
     def __init__(
         self, node: Node, kind: type, topic: str, callback: Callable[[bytes, Info], None]
@@ -208,6 +208,6 @@ class _Source:
         return self.publishers if alternations >= MIN_ALTERNATIONS else min(self.publishers, 1)
 
     def _on_matched(self, status: Any) -> None:
-        # Whoever comes or goes: the next message may be of another publisher.
+        # A publisher joined or left: the next message may be of another one.
         self.loss.forget()
         self.publishers = status.current_count

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from .crank_inputs import CrankInputs
 from .driven_leg import DrivenLeg, SolverFigures
 
-# Inputs are stale when there was none for so long [s].
+# Inputs are stale after this time without one [s].
 STALE_AFTER = 2.0
 
 
@@ -23,7 +23,7 @@ class SolverDiagnostics:
     Parameters
     ----------
     node : rclpy.node.Node
-        Who publishes.
+        The node.
     legs : sequence of DrivenLeg
         The legs.
     inputs : CrankInputs
@@ -56,7 +56,7 @@ class SolverDiagnostics:
         node.create_timer(period, self._report, clock=self._steady)
 
     def legs_changed(self) -> None:
-        """Say anew which crank angles the legs cannot take."""
+        """Update the arcs that the legs cannot reach."""
         self._notes = [_missing_arcs(leg.leg.reachable_arcs()) for leg in self._legs]
 
     def _report(self) -> None:
@@ -110,7 +110,7 @@ class SolverDiagnostics:
 
 
 def _complaint(lost: int, sources: str) -> str:
-    """Return how many inputs were lost since the last report, and who turns the crank together."""
+    """Return the inputs lost since the last report, and simultaneous publishers of the crank."""
     were = verb(lost, 'input was', 'inputs were')
     turned = f'the crank is turned by more than one: {sources}'
     return '; '.join([f'{lost} {were} lost'] * bool(lost) + [turned] * bool(sources))

@@ -26,7 +26,7 @@ class SolverFigures:
     failure : str
         What failed last since the last report; empty when nothing did.
     rejection : str
-        What was rejected last since the last report; empty when nothing was.
+        The last rejection since the last report; empty if there was none.
     iterations : int
         The most Newton iterations of a pose.
     residual : float
@@ -76,7 +76,7 @@ class SolverFigures:
         self.failure = reason
 
     def transmission_angles(self, count: int) -> tuple[float, ...]:
-        """Return the worst angle of each of so many dyads [rad]; NaN without any pose."""
+        """Return the worst transmission angle of each dyad [rad]; NaN without any pose."""
         worst = (pose.transmission_angles[i] for i, pose in enumerate(self.worst))
         return tuple(worst) or (nan,) * count
 
@@ -96,7 +96,7 @@ class SolverFigures:
 class DrivenLeg:
     """A leg with the crank that drives it, and what its solver did since the last report."""
 
-    # What it is, and what turns it.
+    # Its geometry and its drive.
     robot_leg: RobotLeg
     # Its solver.
     leg: AnyLeg

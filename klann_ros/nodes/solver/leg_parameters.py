@@ -77,7 +77,7 @@ class LegParameters:
             raise StartError(str(error)) from error
         self._declare_descriptions(node, robot)
         masses = [prefix + name for prefix in {'', *self._prefixes.values()} for name in MASSES]
-        declare_given(node, masses, 'of no use to the solver: for whoever reviews a run of it')
+        declare_given(node, masses, 'unused by the solver, recorded for review')
 
     def _declare_descriptions(self, node: Node, robot: Robot) -> None:
         """Declare the text of the legs' linkage, and of each leg's where they differ."""

@@ -53,11 +53,11 @@ class LegMessages:
     Parameters
     ----------
     node : rclpy.node.Node
-        Who publishes.
+        The node.
     legs : sequence of DrivenLeg
         The legs.
     frame_id : str
-        The plane of a leg, in which its foot and velocity are told; a named leg's has its name
+        The plane of a leg, of its foot and velocity; a named leg's has its name
         before it.
 
     """
@@ -85,7 +85,7 @@ class LegMessages:
         """
         Publish the angles of all answers in one JointState, and each leg's foot.
 
-        Velocities are told where every answer has one.
+        Velocities are published where every answer has one.
         """
         positions = tuple(chain.from_iterable(pose.joints for _, pose, _ in answers))
         known = [velocity.joints for _, _, velocity in answers if velocity is not None]
@@ -116,7 +116,7 @@ class LegMarkers:
     Parameters
     ----------
     node : rclpy.node.Node
-        Who publishes.
+        The node.
     legs : sequence of DrivenLeg
         The legs.
     frame_id : str
@@ -134,7 +134,7 @@ class LegMarkers:
         self._timer = node.create_timer(MARKERS_PERIOD, self._on_timer, autostart=False)
 
     def legs_changed(self) -> None:
-        """Draw everything anew."""
+        """Draw everything again."""
         self._drawn = []
 
     def _on_matched(self, status: Any) -> None:

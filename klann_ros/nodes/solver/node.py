@@ -74,7 +74,7 @@ class Solver:
         self._inputs.listen()
 
     def ignore(self) -> None:
-        """Answer nothing any more, until told to listen again."""
+        """Stop answering, until listening starts again."""
         self._inputs.ignore()
 
     def reset(self) -> None:
@@ -216,13 +216,13 @@ def _help_on_parameters() -> str:
         'the leg, which can be changed while it runs': GEOMETRY,
         'which legs, and what turns them': [*LEGS, *drive()],
         'solving': SETTINGS,
-        'what is published': PUBLISHED,
+        'outputs': PUBLISHED,
         'each of several legs, LEG being its name in legs': [*drive('LEG.'), *place('LEG')],
     }
     geometry = ' '.join(f'LEG.{name}' for name in GEOMETRY_NAMES)
     return (
         f'{usage(groups)}\n{fill(geometry, 97, initial_indent="  ", subsequent_indent="  ")}:\n'
-        f'    its own geometry; what is not given is that of all legs\n{QOS_USAGE}\n\n'
+        f'    its own geometry; a missing value is that of all legs\n{QOS_USAGE}\n\n'
         'Service ~/reset (std_srvs/srv/Trigger): the next pose starts from the closed form.\n\n'
         'Presets are in share/klann_ros/config (sem104.yaml, patent.yaml). A linkage is a file,\n'
         'or a shipped name: -p linkage:=jansen.'

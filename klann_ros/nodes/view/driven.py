@@ -8,11 +8,11 @@ from klann_ros.live.drive import CrankDrive, WalkDrive
 from klann_ros.live.rates import TopicFigures
 from klann_ros.nodes.lease import Lease
 
-# The other publishers yield, or are silent, within so long; else nothing is driven [s].
+# Time for the other publishers to yield or fall silent; else nothing is driven [s].
 TAKE_TIME = 2.5
-# A publisher that cannot yield is idle if its topic has been silent for so long [s].
+# Silence after which a publisher that cannot yield counts as idle [s].
 _SILENCE = 1.0
-# What was sent before all yielded has arrived after so long [s].
+# Messages sent before the others yielded have arrived after this time [s].
 _SETTLE = 0.1
 # More messages than were sent from here prove another active publisher.
 _MAX_FOREIGN = 5
@@ -49,12 +49,12 @@ class Driven:
     publisher: Any = None
     # Since when the owner waits for the others to yield [s]; None while it drives.
     taking: float | None = None
-    # Since when nobody else has sent anything [s].
+    # Since when no other publisher has sent anything [s].
     alone: float | None = None
     # The page that lost it last, and the reason; shown until somebody drives.
     loser: int | None = None
     why: str = ''
-    # How often a walker is still told to stand.
+    # Stop messages that are still to be sent to a walker.
     stops: int = 0
     # Messages sent from here, and what had been sent and received when the drive began.
     sent: int = 0
@@ -81,7 +81,7 @@ class Driven:
         """Begin to drive, a crank from where it is [rad]."""
         owner = self.drive.owner
         assert owner is not None  # noqa: S101 - a page takes it
-        self.drive.take(owner, self.drive.heard, angle)
+        self.drive.take(owner, self.drive.alive_at, angle)
         self.taking, self.begin, self.sent = None, {}, 0
 
     def intruder(self, figures: FiguresOf) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 from geometry_msgs.msg import TwistStamped
 from klann_ros.live.clients import Answer
 from klann_ros.live.drive import CrankDrive, DriveError, WalkDrive
-from klann_ros.live.protocol import Wish
+from klann_ros.live.protocol import Command
 from klann_ros.live.rates import TopicFigures
 from klann_ros.nodes.endpoints import OUTPUT
 from klann_ros.nodes.lease import Lease
@@ -16,11 +16,11 @@ from rclpy.node import Node
 from std_msgs.msg import Float64
 
 from .driven import CRANK, Driven, Offer, WALK
-from .errands import Errands
+from .service_calls import ServiceCalls
 
 # Between messages of a crank that turns, and of what stands still or walks [s].
 _TURNING, _STANDING = 0.01, 0.05
-# A walker is told so often to stand, in case that a message is lost.
+# Stop messages to a walker, in case that one is lost.
 _STOPS = 5
 
 
@@ -34,8 +34,8 @@ class Drives:
     Parameters
     ----------
     node : rclpy.node.Node
-        Who publishes.
-    errands : Errands
+        The node.
+    errands : ServiceCalls
         Makes and destroys publishers in ROS's thread.
     changed : callable
         Is called, in ROS's thread, when the state of a drive has changed.
@@ -49,12 +49,12 @@ class Drives:
     def __init__(
         self,
         node: Node,
-        errands: Errands,
+        calls: ServiceCalls,
         changed: Callable[[], object],
         crank_angle: Callable[[str], float],
         figures: Callable[[str], TopicFigures | None],
     ) -> None:
-        self._node, self._errands, self._changed = node, errands, changed
+        self._node, self._calls_to_ros, self._changed = node, calls, changed
         self._crank_angle, self._figures = crank_angle, figures
         self._drives: dict[str, Driven] = {}
         self._lock = Lock()
@@ -103,15 +103,15 @@ class Drives:
         with self._lock:
             return [driven.as_data() for driven in self._drives.values()]
 
-    def heard(self, page: int) -> None:
+    def keep_alive(self, page: int) -> None:
         """Note that a page is there."""
         now = monotonic()
         # No lock: each is one assignment, and a page is heard often.
         for driven in list(self._drives.values()):
             if driven.drive.owner == page:
-                driven.drive.heard = now
+                driven.drive.alive_at = now
 
-    def left(self, page: int) -> None:
+    def disconnected(self, page: int) -> None:
         """Stop what a page drives that is gone."""
         with self._lock:
             mine = [d for d in self._drives.values() if d.drive.owner == page]
@@ -119,55 +119,55 @@ class Drives:
                 self._release(driven, 'the page was closed')
         if mine:
             self._wake.set()
-            self._errands.put(self._changed)
+            self._calls_to_ros.put(self._changed)
 
-    def wish(self, page: int, wish: Wish, answer: Answer) -> None:
+    def command(self, page: int, command: Command, answer: Answer) -> None:
         """
         Take, drive or give back.
 
         Parameters
         ----------
         page : int
-            Who wants it.
-        wish : Wish
-            What is wanted.
+            The page.
+        wish : Command
+            Its command.
         answer : callable
-            Is told whether it is done.
+            Receives whether it was done, or why not.
 
         """
         with self._lock:
-            driven = self._drives.get(wish.what)
+            driven = self._drives.get(command.what)
             try:
                 if driven is None:
                     raise DriveError('that cannot be driven any more')  # noqa: TRY301
-                self._do(driven, page, wish)
+                self._do(driven, page, command)
             except DriveError as error:
                 answer(False, str(error))
                 return
         self._wake.set()
-        if wish.do in {'take', 'release'}:
-            self._errands.put(self._changed)
+        if command.do in {'take', 'release'}:
+            self._calls_to_ros.put(self._changed)
         answer(True, '')
 
-    def _do(self, driven: Driven, page: int, wish: Wish) -> None:
+    def _do(self, driven: Driven, page: int, command: Command) -> None:
         drive, now = driven.drive, monotonic()
-        if wish.do == 'take':
+        if command.do == 'take':
             self._take(driven, page, now)
             return
         if drive.owner != page:
             raise DriveError('this page does not drive it: take it over first')
-        if wish.do == 'release':
+        if command.do == 'release':
             self._release(driven, '')
         elif driven.taking is not None:
             raise DriveError('not yet: the other publishers have not yielded')
-        elif isinstance(drive, CrankDrive) and wish.do == 'turn':
-            drive.turn_to(wish.value, now)
-        elif isinstance(drive, CrankDrive) and wish.do == 'spin':
-            drive.spin(wish.value, now)
-        elif isinstance(drive, WalkDrive) and wish.do == 'walk':
-            drive.walk(wish.value, wish.turn)
+        elif isinstance(drive, CrankDrive) and command.do == 'turn':
+            drive.turn_to(command.value, now)
+        elif isinstance(drive, CrankDrive) and command.do == 'spin':
+            drive.spin(command.value, now)
+        elif isinstance(drive, WalkDrive) and command.do == 'walk':
+            drive.walk(command.value, command.turn)
         else:
-            raise DriveError(f'a {driven.offer.kind} does not {wish.do}')
+            raise DriveError(f'a {driven.offer.kind} does not {command.do}')
 
     def _take(self, driven: Driven, page: int, now: float) -> None:
         drive, before = driven.drive, driven.drive.owner
@@ -183,7 +183,7 @@ class Drives:
         if not is_held:
             driven.taking, driven.alone = now, None
         if driven.publisher is None:
-            self._errands.put(lambda: self._open(driven))
+            self._calls_to_ros.put(lambda: self._open(driven))
 
     def _release(self, driven: Driven, why: str) -> None:
         drive = driven.drive
@@ -194,7 +194,7 @@ class Drives:
         if driven.offer.kind == WALK and driven.taking is None:
             driven.stops = _STOPS
         else:
-            self._errands.put(lambda: self._shut(driven))
+            self._calls_to_ros.put(lambda: self._shut(driven))
         driven.taking = None
 
     def _open(self, driven: Driven) -> None:
@@ -217,25 +217,25 @@ class Drives:
         while not self._stopped:
             with self._lock:
                 pause = min(map(self._serve, self._drives.values()), default=None)
-            # Nobody drives: nothing is done until somebody does.
+            # No page drives: wait until one does.
             self._wake.wait(pause if pause is None or pause < 1.0 else None)
             self._wake.clear()
 
     def _serve(self, driven: Driven) -> float:
-        """Publish what is due; return when it is again [s]."""
+        """Publish due messages; return the time to the next [s]."""
         drive, now = driven.drive, monotonic()
         if drive.owner is None and not driven.stops:
             return 3600.0
         why = self._why_not(driven, now)
         if why and drive.owner is not None:
             self._release(driven, why)
-            self._errands.put(self._changed)
+            self._calls_to_ros.put(self._changed)
         if drive.owner is None:
             if driven.stops:
                 driven.stops -= 1
                 self._publish_walk(driven, 0.0, 0.0)
                 if not driven.stops:
-                    self._errands.put(lambda: self._shut(driven))
+                    self._calls_to_ros.put(lambda: self._shut(driven))
             return _STANDING
         if driven.taking is not None:
             return _STANDING
@@ -263,7 +263,7 @@ class Drives:
         if is_alone and driven.publisher is not None:
             angle = self._crank_angle(driven.offer.name) if driven.offer.kind == CRANK else 0.0
             driven.start(angle)
-            self._errands.put(self._changed)
+            self._calls_to_ros.put(self._changed)
         return why
 
     def _publish_walk(self, driven: Driven, forward: float, turn: float) -> None:

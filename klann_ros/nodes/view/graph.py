@@ -1,4 +1,4 @@
-"""Who is there: solvers, recorders and players, by what they publish, hear and offer."""
+"""Discovery: solvers, recorders and players by their topics and services."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,16 +8,16 @@ from klann_ros.nodes.endpoints import name_refusal
 from klann_ros.nodes.process import ROS_ERRORS
 from rclpy.node import Node, NodeNameNonExistentError
 
-from .ears import CRANK_ANGLE, TWIST
+from .subscriptions import CRANK_ANGLE, TWIST
 
 _TRIGGER = 'std_srvs/srv/Trigger'
 # By the services that only they have together.
 _RECORDER = {'pause', 'resume', 'split'}
 _PLAYER = {'pause', 'resume', 'step'}
-# What nobody else than these is asked for.
+# Services that identify them.
 BUTTONS = {'recorder': ('pause', 'resume', 'split', 'trigger'), 'player': tuple(sorted(_PLAYER))}
 # A machine with more of them shows no more.
-MOST_MACHINES = 12
+MAX_MACHINES = 12
 
 # Discovery knows a publisher before it knows its node.
 _UNKNOWN = '_UNKNOWN_'
@@ -39,12 +39,12 @@ class Machine:
 
 class Graph:
     """
-    Ask the middleware who is there.
+    Query the ROS graph.
 
     Parameters
     ----------
     node : rclpy.node.Node
-        Who asks.
+        The node.
 
     """
 
@@ -57,7 +57,7 @@ class Graph:
         return _asked(self._node.get_topic_names_and_types)
 
     def publishers(self, topic: str) -> list[Any]:
-        """Return who publishes a topic, but for this node."""
+        """Return the publishers of a topic, without this node."""
         infos = _asked(lambda: self._node.get_publishers_info_by_topic(topic))
         known = (info for info in infos if _UNKNOWN not in info.node_name)
         return [info for info in known if node_of(info) != self._own]
@@ -74,10 +74,10 @@ class Graph:
     def crank_topics(self, node: str) -> list[str]:
         """Return the topics of crank angles that a node hears."""
         namespace, _, name = node.rpartition('/')
-        heard = _asked(
+        subscribed = _asked(
             lambda: self._node.get_subscriber_names_and_types_by_node(name, namespace or '/')
         )
-        return sorted(t for t, kinds in heard if CRANK_ANGLE in kinds and not name_refusal(t))
+        return sorted(t for t, kinds in subscribed if CRANK_ANGLE in kinds and not name_refusal(t))
 
     def walker_topics(self, topics: Names) -> list[str]:
         """Return the topics of velocities that somebody walks by."""
@@ -104,7 +104,7 @@ class Graph:
             if kind and node and self._node.count_services(f'{node}/pause') > 0:
                 services = tuple(name for name in BUTTONS[kind] if name in names)
                 found.append(Machine(kind, node, services))
-        return found[:MOST_MACHINES]
+        return found[:MAX_MACHINES]
 
 
 def node_of(info: Any) -> str:

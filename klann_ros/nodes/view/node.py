@@ -28,7 +28,7 @@ NO_SERVER = (
     'view_node: there is no Python module aiohttp here: apt install python3-aiohttp, or '
     "pip install 'klann_ros[view]'"
 )
-# Messages are taken together after so long, which no eye sees; at 1 kHz it leaves the browser time
+# Messages are taken in batches of this time, which no eye sees; at 1 kHz the browser has time
 # for an eighth more frames than half of it does [s].
 REST = 0.006
 
@@ -58,7 +58,7 @@ class ViewNode(ProcessNode):
     options : argparse.Namespace
         The command line's options.
     finish : Finish
-        Is called by nobody here.
+        Unused here.
 
     Raises
     ------
@@ -70,24 +70,24 @@ class ViewNode(ProcessNode):
     def __init__(self, options: argparse.Namespace, _: Finish) -> None:
         from klann_ros.live.server import LiveServer, ServerError  # noqa: PLC0415 - an extra
 
-        from .world import LiveWorld  # noqa: PLC0415 - an extra
+        from .live_state import LiveState  # noqa: PLC0415 - an extra
 
-        # What is read only publishes nothing, not even what it has to say.
+        # Read-only: it publishes nothing, its own log included.
         super().__init__('view_node', enable_rosout=not options.read_only)
-        self._world = LiveWorld(self, read_only=options.read_only)
+        self._state = LiveState(self, read_only=options.read_only)
         guard = Guard(options.host, options.port, new_token(), options.read_only)
         try:
             self._server = LiveServer(
-                guard, self._world, options.runs or '', self.get_logger().warning
+                guard, self._state, options.runs or '', self.get_logger().warning
             )
         except ServerError as error:
-            self._world.close()
+            self._state.close()
             raise StartError(str(error)) from error
         guard = self._server.guard
         print(guard.url, flush=True)
         if not guard.is_local:
             self.get_logger().warning(
-                f'{printable(guard.host)} can be reached from other machines; whoever is told the '
+                f'{printable(guard.host)} can be reached from other machines; anyone with the '
                 f'address may {"look" if options.read_only else "drive"}'
             )
         self.get_logger().info(
@@ -97,8 +97,8 @@ class ViewNode(ProcessNode):
             Thread(target=self._open, args=(guard.url,), name='browser', daemon=True).start()
 
     def close(self) -> int:
-        """Stop what is driven, then the page."""
-        self._world.close()
+        """Stop the drives, then the page."""
+        self._state.close()
         self._server.close()
         return 0
 
@@ -113,7 +113,7 @@ def _parser() -> argparse.ArgumentParser:
     add('--port', type=_port, default=8321, metavar='PORT', help='0: any free one')
     add('--host', type=path, default='127.0.0.1', metavar='ADDRESS', help='where it listens')
     add('--open', action='store_true', help='open it in a browser')
-    add('--read-only', action='store_true', help='publish, set and call nothing, whoever asks')
+    add('--read-only', action='store_true', help='publish, set and call nothing')
     add('--runs', type=path, metavar='DIR', help='list the runs in this folder, and review them')
     return parser
 

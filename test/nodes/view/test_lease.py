@@ -46,7 +46,7 @@ class Tab:
             )
         return self.drive
 
-    async def wish(self, do: str, **values: float) -> None:
+    async def command(self, do: str, **values: float) -> None:
         self._number += 1
         await self._socket.send_json({'id': self._number, 'do': do, 'what': CRANK, **values})
 
@@ -90,7 +90,7 @@ def test_a_crank_yields_to_a_page_and_resumes_where_it_is_also_after_kill_9(ros:
     async def take(tab: Tab) -> None:
         before = await tab.until(lambda drive: drive['publishers'] and not drive['foreign'])
         assert (before['publishers'], before['owner']) == (['/crank_node'], None)
-        await tab.wish('take')
+        await tab.command('take')
         taken = await tab.until(lambda drive: drive['owner'] and not drive['taking'])
         assert taken['yielded'] == ['/crank_node']
 
@@ -99,10 +99,10 @@ def test_a_crank_yields_to_a_page_and_resumes_where_it_is_also_after_kill_9(ros:
         begin = len(angles)
         await tab.until(lambda _: len(angles) > begin + 5)
         # Another speed than the crank's own, slow enough for a late message to be a small step.
-        await tab.wish('spin', value=0.01)
+        await tab.command('spin', value=0.01)
         here = angles[-1].data
         await tab.until(lambda _: angles[-1].data > here + 0.005)
-        await tab.wish('release')
+        await tab.command('release')
         here = angles[-1].data
         await tab.until(lambda _: angles[-1].data > here + 50 * STEP)
 
@@ -129,12 +129,12 @@ def test_what_cannot_yield_is_named_and_nothing_is_driven_beside_it(ros: World) 
 
     async def take(tab: Tab) -> None:
         await tab.until(lambda drive: drive['foreign'] == ['/probe'])
-        await tab.wish('take')
+        await tab.command('take')
         refused = await tab.until(lambda drive: drive['why'])
         assert refused['why'] == '/probe still publishes and does not yield'
         assert refused['owner'] is None
         timer.cancel()
-        await tab.wish('take')
+        await tab.command('take')
         await tab.until(lambda drive: drive['owner'] and not drive['taking'])
         timer.reset()
         lost = await tab.until(lambda drive: drive['owner'] is None)

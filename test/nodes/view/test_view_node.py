@@ -7,10 +7,10 @@ from typing import Any
 from browser import find
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from domain import own_domain
+from fake_live_state import EVIL
 from geometry_msgs.msg import TwistStamped
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from live_browser import address, DRAWN, Live
-from made_up_world import EVIL
 from nav_msgs.msg import Odometry
 import numpy as np
 import pytest

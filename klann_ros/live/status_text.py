@@ -1,4 +1,4 @@
-"""Diagnostics in plain words: what a status means for who looks at the leg, and what to do."""
+"""Diagnostics in plain words: the meaning of a status, and the remedy."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,13 +7,13 @@ from typing import Any
 
 from klann_ros.sanitize.text import printable
 
-# A status of more of them is nobody's to read.
-MOST_VALUES = 64
+# Values read of a status at most.
+MAX_VALUES = 64
 LEVELS = ('fine', 'look', 'fault', 'silent')
-# What is in a message, and what it means. The first that fits counts; what fits none is told as it
-# is: other nodes have words of their own.
+# Patterns of messages and their meanings; the first match counts. Without a match the message is
+# shown as it is: other nodes have texts of their own.
 _MEANINGS: Sequence[tuple[str, str]] = (
-    (r'no input for', 'Nobody turns the crank: no crank angle comes in.'),
+    (r'no input for', 'The crank is not driven: no crank angle arrives.'),
     (
         r'cannot be reached: dyad|loops of block',
         'The leg cannot take this crank angle: its bars do not reach. It goes on where they do.',
@@ -33,19 +33,19 @@ _MEANINGS: Sequence[tuple[str, str]] = (
     ),
     (r'did not converge', 'The iteration found no pose for this angle.'),
     (r'does not turn fully', 'The crank cannot make whole turns with these lengths.'),
-    (r'the recording has ended', 'The recorder has stopped; what was written can be read.'),
+    (r'the recording has ended', 'The recorder has stopped; the run can be read.'),
     (r'messages? (was|were) lost', 'Messages were lost on their way to the recorder.'),
     (r'^solving$', 'The leg is solved.'),
     (r'^recording$', 'The run is being recorded.'),
     (r'^paused$', 'The recording is paused.'),
 )
 _COMPILED = tuple((re.compile(pattern), meaning) for pattern, meaning in _MEANINGS)
-# Of these a person may want to know the number.
+# Values that the page shows.
 _SHOWN = ('solved', 'rejected', 'failed', 'lost', 'rate', 'iterations', 'residual', 'file')
 
 
 @dataclass(frozen=True)
-class PlainStatus:
+class StatusText:
     """A status, as the page shows it."""
 
     who: str
@@ -69,9 +69,9 @@ class PlainStatus:
         }
 
 
-def plain_status(
+def status_text(
     level: int, name: str, message: str, values: Sequence[tuple[str, str]]
-) -> PlainStatus:
+) -> StatusText:
     """
     Return a status in plain words.
 
@@ -89,8 +89,8 @@ def plain_status(
     meaning = next((m for pattern, m in _COMPILED if pattern.search(shown)), '')
     if meaning and level == 0 and 'does not turn fully' in shown:
         meaning = f'The leg is solved. {meaning}'
-    figures = {key: printable(value, 60) for key, value in values[:MOST_VALUES] if key in _SHOWN}
-    return PlainStatus(
+    figures = {key: printable(value, 60) for key, value in values[:MAX_VALUES] if key in _SHOWN}
+    return StatusText(
         printable(name, 100),
         LEVELS[level] if 0 <= level < len(LEVELS) else 'fault',
         meaning,

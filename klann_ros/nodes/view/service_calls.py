@@ -1,4 +1,4 @@
-"""What the page has other nodes do: services called in ROS's thread, answered in one line."""
+"""Calls of other nodes' services for the page: made in the ROS thread, answered in one line."""
 
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -17,11 +17,11 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-# Who does not answer within so long is told to be silent [s].
+# Timeout of a call [s].
 PATIENCE = 3.0
-# Nobody presses more buttons at once.
+# Pending calls at most.
 MOST = 64
-_MOST_CLIENTS = 64
+_MAX_CLIENTS = 64
 
 Work = Callable[[], object]
 
@@ -36,9 +36,9 @@ class _Call:
     end: float
 
 
-class Errands:
+class ServiceCalls:
     """
-    Run what must run in ROS's thread, and call services.
+    Run work in the ROS thread, and call services.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Errands:
         return True
 
     def look(self) -> None:
-        """Give up what nobody answers; to be called again and again, in ROS's thread."""
+        """Expire calls without an answer; to be called periodically in the ROS thread."""
         now = monotonic()
         for call in [call for call in self._calls if now > call.end]:
             self._calls.remove(call)
@@ -97,15 +97,15 @@ class Errands:
         service = f'{node}/set_parameters_atomically'
         self._call(SetParametersAtomically, service, request, done, answer)
 
-    def get_number(self, node: str, name: str, tell: Callable[[float], object]) -> None:
+    def get_number(self, node: str, name: str, on_value: Callable[[float], object]) -> None:
         """Ask a node for a parameter that is a number."""
 
         def done(response: Any) -> None:
             for value in response.values[:1]:
-                tell(float(value.double_value or value.integer_value))
+                on_value(float(value.double_value or value.integer_value))
 
         request = GetParameters.Request(names=[name])
-        self._call(GetParameters, f'{node}/get_parameters', request, done, _nobody)
+        self._call(GetParameters, f'{node}/get_parameters', request, done, _ignore)
 
     def _run(self) -> None:
         while True:
@@ -144,12 +144,12 @@ class Errands:
     def _client(self, kind: Any, service: str) -> Client:
         client = self._clients.get(service)
         if client is None:
-            if len(self._clients) >= _MOST_CLIENTS:
+            if len(self._clients) >= _MAX_CLIENTS:
                 _, oldest = self._clients.popitem()
                 self._node.destroy_client(oldest)
             client = self._clients[service] = self._node.create_client(kind, service)
         return client
 
 
-def _nobody(_: bool, __: str) -> None:
-    """Answer nobody."""
+def _ignore(_: bool, __: str) -> None:
+    """Discard an answer."""

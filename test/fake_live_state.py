@@ -6,7 +6,7 @@ import json
 
 from klann_ros.live.clients import Answer
 from klann_ros.live.guard import Guard
-from klann_ros.live.protocol import Wish
+from klann_ros.live.protocol import Command
 from klann_ros.live.server import LiveServer
 
 # What a stranger may call his node.
@@ -18,7 +18,7 @@ class MadeUpWorld:
     """A world that remembers what was wanted of it."""
 
     version: int = 1
-    wishes: list[Wish] = field(default_factory=list)
+    wishes: list[Command] = field(default_factory=list)
     gone: list[int] = field(default_factory=list)
     padding: str = ''
     wake: Callable[[], None] | None = None
@@ -30,17 +30,17 @@ class MadeUpWorld:
         status = {'who': EVIL, 'level': 'look', 'meaning': '', 'text': EVIL, 'figures': {}}
         return {'diagnostics': (1, json.dumps([status]))}
 
-    def wake_at_news(self, wake: Callable[[], None]) -> None:
+    def notify_once(self, wake: Callable[[], None]) -> None:
         self.wake = wake
 
-    def wish(self, page: int, wish: Wish, answer: Answer) -> None:
-        self.wishes.append(wish)
+    def command(self, page: int, command: Command, answer: Answer) -> None:
+        self.wishes.append(command)
         answer(True, f'done for {page}')
 
-    def heard(self, page: int) -> None:
+    def keep_alive(self, page: int) -> None:
         pass
 
-    def left(self, page: int) -> None:
+    def disconnected(self, page: int) -> None:
         self.gone.append(page)
 
     def goes_on(self) -> None:

@@ -13,15 +13,15 @@ from klann_ros.live.drive import crank_at
 from klann_ros.live.legs import (
     assumed_solver,
     LiveLeg,
-    MOST_LEGS,
+    MAX_LEGS,
     positions,
     replayed_solver,
     Solver,
     solver_of,
 )
-from klann_ros.live.protocol import Wish
+from klann_ros.live.protocol import Command
 from klann_ros.live.rates import TopicFigures
-from klann_ros.live.words import plain_status, PlainStatus, recorded
+from klann_ros.live.status_text import recorded, status_text, StatusText
 from klann_ros.log.run_parameters import (
     REPLAYED_PARAMETER,
     replayed_solvers,
@@ -35,16 +35,16 @@ from rclpy.node import Node
 
 from .driven import CRANK, Offer, WALK
 from .drives import Drives
-from .ears import DIAGNOSTICS, Ears, HeardTopic, JOINT_STATE, ODOMETRY
-from .errands import Errands
 from .graph import Graph, Machine, Names
+from .service_calls import ServiceCalls
+from .subscriptions import DIAGNOSTICS, JOINT_STATE, ODOMETRY, SubscribedTopic, TopicSubscriptions
 
-# How often is looked who is there, and what the figures are; at first more often [s].
+# Period of discovery and figures; shorter at first [s].
 _PERIOD, _FIRST_PERIOD = 0.5, 0.1
 _FIRST = 5.0
-# A status that nobody repeats is forgotten [s].
+# A status that is not repeated is forgotten after [s].
 _FORGET_STATUS = 10.0
-_MOST_STATUSES = 60
+_MAX_STATUSES = 60
 # What a page may set of a player.
 _PLAYER_NUMBERS = {'seek': 'position', 'rate': 'rate'}
 
@@ -59,7 +59,7 @@ class _Shown:
     leg: LiveLeg
 
 
-class LiveWorld:
+class LiveState:
     """
     The ROS side of the live page.
 
@@ -68,7 +68,7 @@ class LiveWorld:
     node : rclpy.node.Node
         Whose it is.
     read_only : bool
-        Whether nothing is published, set or called, whoever asks.
+        Whether nothing is published, set or called.
 
     """
 
@@ -83,19 +83,19 @@ class LiveWorld:
         self._replays: dict[str, list[SolverParameters]] = {}
         self._crank_topics: Mapping[str, list[str]] = {}
         self._machines: list[Machine] = []
-        self._told: dict[str, dict[str, float]] = {}
+        self._player_values: dict[str, dict[str, float]] = {}
         self._graph = Graph(node)
-        self._errands = Errands(node)
-        self._ears = Ears(node, self._bump)
+        self._calls_to_ros = ServiceCalls(node)
+        self._subscriptions = TopicSubscriptions(node, self._bump)
         self._watch = SolverWatch(node, self._on_parameters, [REPLAYED_PARAMETER])
         self._drives = None
         if not read_only:
             self._drives = Drives(
-                node, self._errands, self._on_drives, self._crank_angle, self._figures_of
+                node, self._calls_to_ros, self._on_drives, self._crank_angle, self._figures_of
             )
         self._began = monotonic()
         self._timer = node.create_timer(
-            _FIRST_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME)
+            _FIRST_PERIOD, self._update, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
 
     def close(self) -> None:
@@ -110,7 +110,7 @@ class LiveWorld:
         """Return a number that grows whenever there is something new."""
         return self._version
 
-    def wake_at_news(self, wake: Callable[[], None]) -> None:
+    def notify_once(self, wake: Callable[[], None]) -> None:
         """Have a function called once, when there is something new."""
         self._wake = wake
 
@@ -129,73 +129,76 @@ class LiveWorld:
                 time, stamp, x = pose
                 found[number] = [round(now - time, 4), stamp, *x]
         data: dict[str, Any] = {'of': self._parts.get('legs', (0, ''))[0], 'legs': found}
-        places = {topic.name: _place(topic) for topic in self._ears.of_kind(ODOMETRY)}
+        places = {topic.name: _place(topic) for topic in self._subscriptions.of_kind(ODOMETRY)}
         data['odom'] = {name: place for name, place in places.items() if place}
         return json.dumps(data, separators=(',', ':'))
 
     # What pages may have done; the server's thread asks.
 
-    def heard(self, page: int) -> None:
+    def keep_alive(self, page: int) -> None:
         """Note that a page is there."""
         if self._drives is not None:
-            self._drives.heard(page)
+            self._drives.keep_alive(page)
 
-    def left(self, page: int) -> None:
+    def disconnected(self, page: int) -> None:
         """Note that a page is gone: all that it drives stops."""
         if self._drives is not None:
-            self._drives.left(page)
+            self._drives.disconnected(page)
 
-    def wish(self, page: int, wish: Wish, answer: Answer) -> None:
+    def command(self, page: int, command: Command, answer: Answer) -> None:
         """Do what a page that may drive wants."""
         if self._drives is None:
-            answer(False, 'this page may only look')
-        elif wish.do == 'set':
-            self._set(wish, answer)
-        elif wish.do in {'call', *_PLAYER_NUMBERS}:
-            self._operate(wish, answer)
+            answer(False, 'this page may only view')
+        elif command.do == 'set':
+            self._set(command, answer)
+        elif command.do in {'call', *_PLAYER_NUMBERS}:
+            self._operate(command, answer)
         else:
-            self._drives.wish(page, wish, answer)
+            self._drives.command(page, command, answer)
 
-    def _set(self, wish: Wish, answer: Answer) -> None:
-        solver = self._solvers.get(wish.what)
-        if solver is None or not set(wish.values) <= solver.settable:
+    def _set(self, command: Command, answer: Answer) -> None:
+        solver = self._solvers.get(command.what)
+        if solver is None or not set(command.values) <= solver.settable:
             answer(False, 'there are no such lengths to set')
             return
-        node, values = solver.node, wish.values
-        self._put(lambda: self._errands.set_parameters(node, values, answer), answer)
+        node, values = solver.node, command.values
+        self._put(lambda: self._calls_to_ros.set_parameters(node, values, answer), answer)
 
-    def _operate(self, wish: Wish, answer: Answer) -> None:
-        machine = next((m for m in self._machines if m.node == wish.what), None)
+    def _operate(self, command: Command, answer: Answer) -> None:
+        machine = next((m for m in self._machines if m.node == command.what), None)
         if machine is None:
             answer(False, 'it is not there any more')
-        elif wish.do == 'call' and wish.name in machine.services:
-            service = f'{machine.node}/{wish.name}'
+        elif command.do == 'call' and command.name in machine.services:
+            service = f'{machine.node}/{command.name}'
             self._put(
-                lambda: self._errands.trigger(service, self._asking(machine, answer)), answer
+                lambda: self._calls_to_ros.trigger(service, self._asking(machine, answer)), answer
             )
-        elif wish.do in _PLAYER_NUMBERS and machine.kind == 'player':
-            values = {_PLAYER_NUMBERS[wish.do]: wish.value}
-            told = self._asking(machine, answer)
-            self._put(lambda: self._errands.set_parameters(machine.node, values, told), answer)
+        elif command.do in _PLAYER_NUMBERS and machine.kind == 'player':
+            values = {_PLAYER_NUMBERS[command.do]: command.value}
+            refresh = self._asking(machine, answer)
+            self._put(
+                lambda: self._calls_to_ros.set_parameters(machine.node, values, refresh),
+                answer,
+            )
         else:
             answer(False, 'it cannot do that')
 
     def _put(self, work: Callable[[], object], answer: Answer) -> None:
-        if not self._errands.put(work):
+        if not self._calls_to_ros.put(work):
             answer(False, 'too much is under way already')
 
     def _asking(self, machine: Machine, answer: Answer) -> Answer:
         """Return an answer that asks a player where it is by now."""
 
-        def told(is_done: bool, said: str) -> None:
+        def answer_and_refresh(is_done: bool, said: str) -> None:
             answer(is_done, said)
             if machine.kind == 'player':
                 self._ask_player(machine.node)
 
-        return told
+        return answer_and_refresh
 
     def _crank_angle(self, what: str) -> float:
-        """Return where the crank is that a drive turns, by a leg on it; 0 where nobody knows."""
+        """Return the angle of a driven crank, by a leg on it; 0 if unknown."""
         for shown in self._shown:
             topics = self._crank_topics.get(shown.solver, ())
             if any(what == f'{CRANK}:{topic}' for topic in topics):
@@ -205,12 +208,12 @@ class LiveWorld:
         return 0.0
 
     def _figures_of(self, topic: str) -> TopicFigures | None:
-        heard = self._ears.topics.get(topic)
-        return None if heard is None else heard.figures
+        topic_subscription = self._subscriptions.topics.get(topic)
+        return None if topic_subscription is None else topic_subscription.figures
 
     def _messages(self, topic: str) -> list[tuple[float, Any]]:
-        heard = self._ears.topics.get(topic)
-        return [] if heard is None else heard.newest()
+        topic_subscription = self._subscriptions.topics.get(topic)
+        return [] if topic_subscription is None else topic_subscription.newest()
 
     # What happens in ROS's thread.
 
@@ -221,7 +224,7 @@ class LiveWorld:
         if wake is not None:
             wake()
 
-    def _tell(self, name: str, data: Any) -> None:
+    def _publish_part(self, name: str, data: Any) -> None:
         """Tell the pages a part, if it is another than before."""
         text = json.dumps(data, separators=(',', ':'), allow_nan=False)
         version, before = self._parts.get(name, (0, ''))
@@ -229,40 +232,40 @@ class LiveWorld:
             self._parts = {**self._parts, name: (version + 1, text)}
             self._bump()
 
-    def _on_parameters(self, told: SolverParameters) -> None:
-        text = told.parameters.get(REPLAYED_PARAMETER)
+    def _on_parameters(self, recorded: SolverParameters) -> None:
+        text = recorded.parameters.get(REPLAYED_PARAMETER)
         if isinstance(text, str):
-            self._replays[told.node] = replayed_solvers(text)
+            self._replays[recorded.node] = replayed_solvers(text)
         else:
-            self._solvers = {**self._solvers, told.node: solver_of(told)}
-        self._look_at_legs()
+            self._solvers = {**self._solvers, recorded.node: solver_of(recorded)}
+        self._update_legs()
 
     def _on_drives(self) -> None:
         if self._drives is not None:
-            self._tell('drives', self._drives.state())
+            self._publish_part('drives', self._drives.state())
 
-    def _look(self) -> None:
+    def _update(self) -> None:
         if self._timer.timer_period_ns < _PERIOD * 1e9 and monotonic() - self._began > _FIRST:
             self._timer.timer_period_ns = int(_PERIOD * 1e9)
         topics = self._graph.topics()
-        self._ears.look(topics)
-        for topic in self._ears.of_kind(JOINT_STATE):
+        self._subscriptions.look(topics)
+        for topic in self._subscriptions.of_kind(JOINT_STATE):
             self._watch.add(self._graph.publishers(topic.name))
         self._watch.ask()
-        self._errands.look()
-        self._look_at_legs()
-        self._look_at_drives(topics)
-        self._look_at_machines()
-        self._tell('topics', self._figures())
+        self._calls_to_ros.look()
+        self._update_legs()
+        self._update_drives(topics)
+        self._update_machines()
+        self._publish_part('topics', self._figures())
 
-    def _look_at_legs(self) -> None:
+    def _update_legs(self) -> None:
         shown: list[_Shown] = []
         solvers: dict[str, Solver] = {}
-        for topic in self._ears.of_kind(JOINT_STATE):
+        for topic in self._subscriptions.of_kind(JOINT_STATE):
             known = self._solvers_of(topic)
             solvers.update(known)
             shown += [_Shown(topic.name, key, leg) for key, of in known.items() for leg in of.legs]
-        self._shown = shown[:MOST_LEGS]
+        self._shown = shown[:MAX_LEGS]
         data = []
         for key, solver in solvers.items():
             own = [number for number, leg in enumerate(self._shown) if leg.solver == key]
@@ -274,15 +277,15 @@ class LiveWorld:
                     'cranks': self._crank_topics.get(key, []),
                 }
             )
-        self._tell('legs', data)
+        self._publish_part('legs', data)
 
-    def _solvers_of(self, topic: HeardTopic) -> dict[str, Solver]:
+    def _solvers_of(self, topic: SubscribedTopic) -> dict[str, Solver]:
         """Return whose legs are on a topic, by their keys."""
         found = {}
         for node in self._graph.names_of_publishers(topic.name):
             if node in self._solvers:
                 found[node] = self._solvers[node]
-            # What a player tells never changes: who is asked again is another one of its name.
+            # A player's parameters never change: a second request is to another one of its name.
             elif node in self._watch.unanswered:
                 continue
             elif self._replays.get(node):
@@ -294,7 +297,7 @@ class LiveWorld:
                     found[node] = assumed_solver(node, names)
         return found
 
-    def _look_at_drives(self, topics: Names) -> None:
+    def _update_drives(self, topics: Names) -> None:
         if self._drives is None:
             return
         self._crank_topics = {node: self._graph.crank_topics(node) for node in self._solvers}
@@ -316,26 +319,30 @@ class LiveWorld:
         yielding = tuple(name for name in names if name in able)
         return Offer(kind, topics[0], topics, tuple(names), yielding)
 
-    def _look_at_machines(self) -> None:
+    def _update_machines(self) -> None:
         before = {machine.node for machine in self._machines}
         self._machines = self._graph.machines()
         there = {machine.node for machine in self._machines}
-        self._told = {node: told for node, told in self._told.items() if node in there}
+        self._player_values = {
+            node: values for node, values in self._player_values.items() if node in there
+        }
         for machine in self._machines:
             if machine.kind == 'player' and machine.node not in before:
                 self._ask_player(machine.node)
         statuses = self._statuses()
-        self._tell('diagnostics', [status.as_data() for _, status in statuses.values()])
-        self._tell('machines', [self._machine(machine, statuses) for machine in self._machines])
+        self._publish_part('diagnostics', [status.as_data() for _, status in statuses.values()])
+        self._publish_part(
+            'machines', [self._machine(machine, statuses) for machine in self._machines]
+        )
 
     def _machine(
-        self, machine: Machine, statuses: Mapping[str, tuple[Any, PlainStatus]]
+        self, machine: Machine, statuses: Mapping[str, tuple[Any, StatusText]]
     ) -> dict[str, Any]:
         data: dict[str, Any] = {
             'kind': machine.kind,
             'node': printable(machine.node, 200),
             'services': machine.services,
-            **self._told.get(machine.node, {}),
+            **self._player_values.get(machine.node, {}),
         }
         found = statuses.get(f'{machine.node.rpartition("/")[2]}: recording')
         if machine.kind == 'recorder' and found is not None:
@@ -346,37 +353,37 @@ class LiveWorld:
 
     def _ask_player(self, node: str) -> None:
         def keep(name: str) -> Callable[[float], None]:
-            def kept(value: float) -> None:
+            def set_value(value: float) -> None:
                 if isfinite(value):
-                    self._told[node] = {**self._told.get(node, {}), name: value}
+                    self._player_values[node] = {**self._player_values.get(node, {}), name: value}
 
-            return kept
+            return set_value
 
         def ask() -> None:
             for name in ('length', 'position', 'rate'):
-                self._errands.get_number(node, name, keep(name))
+                self._calls_to_ros.get_number(node, name, keep(name))
 
-        self._errands.put(ask)
+        self._calls_to_ros.put(ask)
 
-    def _statuses(self) -> dict[str, tuple[Any, PlainStatus]]:
+    def _statuses(self) -> dict[str, tuple[Any, StatusText]]:
         """Return the last status of each name, with what it means."""
         now = monotonic()
-        found: dict[str, tuple[Any, PlainStatus]] = {}
-        for topic in self._ears.of_kind(DIAGNOSTICS):
+        found: dict[str, tuple[Any, StatusText]] = {}
+        for topic in self._subscriptions.of_kind(DIAGNOSTICS):
             for time, array in sorted(topic.newest(), key=lambda one: one[0]):
                 if now - time > _FORGET_STATUS:
                     continue
-                for status in array.status[:_MOST_STATUSES]:
+                for status in array.status[:_MAX_STATUSES]:
                     values = [(value.key, value.value) for value in status.values[:400]]
                     level = status.level[0] if status.level else 2
-                    plain = plain_status(level, status.name, status.message, values)
-                    if status.name in found or len(found) < _MOST_STATUSES:
+                    plain = status_text(level, status.name, status.message, values)
+                    if status.name in found or len(found) < _MAX_STATUSES:
                         found[status.name] = status, plain
         return found
 
     def _figures(self) -> list[dict[str, Any]]:
         found = []
-        for _, topic in sorted(self._ears.topics.items()):
+        for _, topic in sorted(self._subscriptions.topics.items()):
             figures = topic.figures
             silence = figures.silence()
             found.append(
@@ -406,7 +413,7 @@ def _newest_pose(
     return best
 
 
-def _place(topic: HeardTopic) -> list[float] | None:
+def _place(topic: SubscribedTopic) -> list[float] | None:
     """Return x, y [m], heading [rad], and velocities forward [m/s] and of turning [rad/s]."""
     for _, message in topic.newest()[-1:]:
         at, q = message.pose.pose.position, message.pose.pose.orientation

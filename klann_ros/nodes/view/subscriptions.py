@@ -1,4 +1,4 @@
-"""What the page hears: the topics of legs, each with its newest messages and its figures."""
+"""The subscriptions of the live page: newest messages and figures of each topic."""
 
 from collections.abc import Callable, Sequence
 from time import monotonic
@@ -19,7 +19,7 @@ DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 ODOMETRY = 'nav_msgs/msg/Odometry'
 CRANK_ANGLE = 'std_msgs/msg/Float64'
 TWIST = 'geometry_msgs/msg/TwistStamped'
-# What is heard of: its type, and what its name ends in, for types that others use as well.
+# Subscribed types, and the endings of names for types that other nodes use as well.
 _ENDINGS = {
     JOINT_STATE: ('',),
     DIAGNOSTICS: ('diagnostics',),
@@ -29,19 +29,19 @@ _ENDINGS = {
     'geometry_msgs/msg/PointStamped': ('point_h',),
 }
 # Whose messages are kept; the others are counted only.
-_KEPT = {JOINT_STATE, DIAGNOSTICS, ODOMETRY}
-# Who asks for nothing again slows nobody down; what the page misses it tells.
+_DECODED_TYPES = {JOINT_STATE, DIAGNOSTICS, ODOMETRY}
+# Best effort requests no retransmission, so it delays no publisher; losses are shown.
 _QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-# A page has room for so many.
-MOST_TOPICS = 60
+# Topics that a page shows at most.
+MAX_TOPICS = 60
 # A walker's legs may answer in messages of their own; they differ in their names [bytes].
 _NAMES = slice(12, 96)
-_MOST_KINDS = 32
-# What is larger is no leg's [bytes].
-_LARGEST = 300_000
+_MAX_NAME_SETS = 32
+# A larger message is no leg's [bytes].
+_MAX_MESSAGE_SIZE = 300_000
 
 
-class HeardTopic:
+class SubscribedTopic:
     """
     A topic that is heard.
 
@@ -53,7 +53,7 @@ class HeardTopic:
         Of its subscription.
     name, kind : str
         The topic and its type.
-    on_news : callable
+    on_update : callable
         Is called when something was kept.
 
     Attributes
@@ -69,14 +69,14 @@ class HeardTopic:
         group: LeanCallbackGroup,
         name: str,
         kind: str,
-        on_news: Callable[[], object],
+        on_update: Callable[[], object],
     ) -> None:
         self.name, self.kind = name, kind
         self.figures = TopicFigures()
         self._class = message_class(kind)
         self._newest: dict[object, tuple[float, bytes]] = {}
         self._decoded: dict[object, tuple[bytes, Any]] = {}
-        self._on_news = on_news if kind in _KEPT else None
+        self._on_update = on_update if kind in _DECODED_TYPES else None
         self.subscription = node.create_subscription(
             self._class,
             name,
@@ -110,17 +110,17 @@ class HeardTopic:
 
     def _on_message(self, data: bytes, info: Info) -> None:
         self.figures.add(info['publication_sequence_number'])
-        if self._on_news is None or len(data) > _LARGEST:
+        if self._on_update is None or len(data) > _MAX_MESSAGE_SIZE:
             return
         key = (len(data) if self.kind == JOINT_STATE else 0, data[_NAMES])
-        if key not in self._newest and len(self._newest) >= _MOST_KINDS:
+        if key not in self._newest and len(self._newest) >= _MAX_NAME_SETS:
             self._newest.clear()
             self._decoded.clear()
         self._newest[key] = monotonic(), data
-        self._on_news()
+        self._on_update()
 
 
-class Ears:
+class TopicSubscriptions:
     """
     Subscribe to what legs publish, as it appears, and no longer than it is there.
 
@@ -128,24 +128,24 @@ class Ears:
     ----------
     node : rclpy.node.Node
         Who subscribes.
-    on_news : callable
+    on_update : callable
         Is called when a message has come that is shown.
 
     Attributes
     ----------
-    topics : dict of str to HeardTopic
+    topics : dict of str to SubscribedTopic
         By full name. Other threads read it: it is replaced, not changed.
 
     """
 
-    def __init__(self, node: Node, on_news: Callable[[], object]) -> None:
-        self.topics: dict[str, HeardTopic] = {}
-        self._node, self._on_news = node, on_news
+    def __init__(self, node: Node, on_update: Callable[[], object]) -> None:
+        self.topics: dict[str, SubscribedTopic] = {}
+        self._node, self._on_update = node, on_update
         self._group = LeanCallbackGroup()
         self._refused: set[tuple[str, str]] = set()
 
     def look(self, known: Sequence[tuple[str, Sequence[str]]]) -> None:
-        """Subscribe to what is new of some topics with their types, and forget what is gone."""
+        """Subscribe to new topics of the given names and types, and drop the vanished ones."""
         there = {
             name: kind for name, kinds in known for kind in kinds if self._is_wanted(name, kind)
         }
@@ -155,10 +155,10 @@ class Ears:
                 self._node.destroy_subscription(self.topics[name].subscription)
             self.topics = {n: topic for n, topic in self.topics.items() if n not in gone}
         for name in sorted(set(there) - set(self.topics)):
-            if len(self.topics) < MOST_TOPICS:
-                self._hear(name, there[name])
+            if len(self.topics) < MAX_TOPICS:
+                self._subscribe(name, there[name])
 
-    def of_kind(self, kind: str) -> list[HeardTopic]:
+    def of_kind(self, kind: str) -> list[SubscribedTopic]:
         """Return the topics of a type."""
         return [topic for topic in self.topics.values() if topic.kind == kind]
 
@@ -169,12 +169,12 @@ class Ears:
         fits = any(last.endswith(ending) for ending in _ENDINGS.get(kind, ()))
         return fits and self._node.count_publishers(name) > 0
 
-    def _hear(self, name: str, kind: str) -> None:
+    def _subscribe(self, name: str, kind: str) -> None:
         if name_refusal(name):
             self._refused.add((name, kind))
             return
         try:
-            topic = HeardTopic(self._node, self._group, name, kind, self._on_news)
+            topic = SubscribedTopic(self._node, self._group, name, kind, self._on_update)
         except (UnknownMessageTypeError, *ROS_ERRORS) as error:
             self._refused.add((name, kind))
             self._node.get_logger().warning(f'{printable(name)} is not shown: {printable(error)}')
