@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import Linkage, linkage_poses
-from klann_ros.kinematics.batch.derivative import closing_blocks
+from klann_ros.kinematics.batch.coupled import closing_blocks
 from klann_ros.kinematics.linkage import joints
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

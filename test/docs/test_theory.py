@@ -374,9 +374,9 @@ def test_6_the_margins() -> None:
 
 def test_6_the_tolerances() -> None:
     coarse = tolerance_study(LEG.geometry, 0.02, samples=20000)
-    assert says(f'{100 * coarse.stuck:.2f} % of 20000 legs')
+    assert says(f'{100 * coarse.non_turning_fraction:.2f} % of 20000 legs')
     fine = tolerance_study(LEG.geometry, 0.001, samples=2000)
-    assert fine.stuck == 0.0
+    assert fine.non_turning_fraction == 0.0
     assert says(f'{1e3 * fine.p95.max():.2f} mm')
     (first, shift), (second, other), *_ = fine.ranking
     assert (first, second) == ('l_bc', 'l_cg')

@@ -10,8 +10,6 @@ import pytest
 MODULES = [
     module.name
     for module in pkgutil.walk_packages(klann_ros.kinematics.__path__, 'klann_ros.kinematics.')
-    # It can be imported only where numba is.
-    if not module.name.endswith('numba_kernel')
 ]
 
 

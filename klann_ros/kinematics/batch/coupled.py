@@ -1,5 +1,7 @@
-"""Coupled loops in bulk: Newton-Raphson for many crank angles at once, along the branch."""
+"""Coupled loops in bulk: Newton-Raphson and velocities at many crank angles at once."""
 
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
@@ -12,15 +14,14 @@ from klann_ros.kinematics.linkage.step import TRUSTED
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 
-from .derivative import rates
 from .results import LinkagePoses, open_loops, Reason, store, unreachable
 
-ITERATIONS = 10
-TOLERANCE = 1e-12
+MAX_ITERATIONS = 10
+STEP_TOLERANCE = 1e-12
 
 
-def place(variants: Variants, rows: slice, alphas: AnyArray, results: LinkagePoses) -> None:
-    """Compute and store the poses of one of the variants: these rows are one."""
+def fill_coupled(variants: Variants, rows: slice, alphas: AnyArray, results: LinkagePoses) -> None:
+    """Compute and store the poses of one of the variants: `rows` has length 1."""
     i = rows.start
     try:
         linkage = variants[i] if len(variants) > 1 else variants.base
@@ -36,7 +37,7 @@ def place(variants: Variants, rows: slice, alphas: AnyArray, results: LinkagePos
 
 
 class _Solution:
-    """The unit vectors of all bodies at many crank angles, block by block."""
+    """The vectors of all bodies at many crank angles, solved block by block."""
 
     def __init__(self, linkage: Linkage, alphas: FloatArray) -> None:
         self._linkage, self._alphas = linkage, alphas
@@ -57,7 +58,7 @@ class _Solution:
             self._place_loops(block, guesses[heads])
 
     def store(self, results: LinkagePoses) -> None:
-        """Store what is wanted."""
+        """Store the requested results."""
         linkage, u = self._linkage, self._u
         u[:, self._reason != 0] = np.nan
         results.reason[0] = self._reason
@@ -75,8 +76,8 @@ class _Solution:
 
         store(results, linkage.structure, (u, x_1, u_1), point, transmission_angle)
 
-    def _open(self, block: Block) -> ComplexArray:
-        """Return by how much each loop of a block is open, its own bodies left out."""
+    def _others(self, block: Block) -> ComplexArray:
+        """Return the closure error of each loop of a block, without its own bodies."""
         others = (
             sum((w * self._u[j] for j, w in terms.items() if j not in block.unknowns), constant)
             for terms, constant in block.rows
@@ -84,48 +85,101 @@ class _Solution:
         return np.array([each + np.zeros(self._alphas.size) for each in others])
 
     def _place_dyad(self, block: Block, sign: int) -> None:
-        (a, b), way, placing = block.unknowns, -self._open(block)[0], block.placing
-        self._u[a], self._u[b] = placing.place(self._u, way, sign)
+        (a, b), vector, dyad = block.unknowns, -self._others(block)[0], block.placing
+        self._u[a], self._u[b] = dyad.place(self._u, vector, sign)
         gone = np.isnan(self._u[a]) | np.isnan(self._u[b])
         reasons = (unreachable(block.number, far=far) for far in (True, False))
-        self._fail(gone, np.where(placing.is_far(way), *reasons))
+        self._fail(gone, np.where(dyad.is_far(vector), *reasons))
 
     def _place_loops(self, block: Block, guesses: FloatArray) -> None:
         """Refine guesses of the angles, shape (number of unknowns, k)."""
         linkage, own = self._linkage, list(block.unknowns)
-        turning = [not linkage.structure.bodies[j].slides for j in own]
-        sizes = np.where(turning, 1.0, linkage.size)[:, None]
+        rotates = [not linkage.structure.bodies[j].slides for j in own]
+        sizes = np.where(rotates, 1.0, linkage.size)[:, None]
         x = guesses.copy()
-        settled = np.zeros(self._alphas.size, dtype=bool)
-        for _ in range(ITERATIONS):
+        converged = np.zeros(self._alphas.size, dtype=bool)
+        for _ in range(MAX_ITERATIONS):
             self._move(block, x)
-            gaps = self._gaps(block)
-            settled |= np.abs(gaps).max(axis=0) <= block.rounding
-            if (settled | np.isnan(x).any(axis=0)).all():
+            errors = self._errors(block)
+            converged |= np.abs(errors).max(axis=0) <= block.rounding
+            if (converged | np.isnan(x).any(axis=0)).all():
                 break
             matrix = block.jacobian(self._u)
-            matrix[settled | ~np.isfinite(matrix).all(axis=(1, 2))] = np.eye(len(own))
-            right = np.stack([gaps.real, gaps.imag], axis=1).reshape(len(own), -1).T[..., None]
+            matrix[converged | ~np.isfinite(matrix).all(axis=(1, 2))] = np.eye(len(own))
+            right = np.stack([errors.real, errors.imag], axis=1).reshape(len(own), -1).T[..., None]
             turns = np.linalg.solve(matrix, -right)[..., 0].T
-            x = np.where(settled, x, x + turns)
-            settled |= np.abs(turns / sizes).max(axis=0) <= TOLERANCE
-        lost = ~(settled & (np.abs((x - guesses) / sizes).max(axis=0) <= TRUSTED))
+            x = np.where(converged, x, x + turns)
+            converged |= np.abs(turns / sizes).max(axis=0) <= STEP_TOLERANCE
+        lost = ~(converged & (np.abs((x - guesses) / sizes).max(axis=0) <= TRUSTED))
         self._fail(lost, open_loops(block.number))
         self._move(block, x)
 
     def _move(self, block: Block, x: FloatArray) -> None:
-        """Take coordinates of a block's bodies, shape (number of unknowns, k)."""
-        # What turns first: what slides is turned by it.
+        """Set the coordinates of a block's bodies, shape (number of unknowns, k)."""
+        # Rotating bodies first: they orient the sliding ones.
         slides = [self._structure.bodies[j].slides for j in block.unknowns]
         for _, j, line in sorted(zip(slides, block.unknowns, range(len(x)), strict=True)):
             self._u[j] = joints.vector(self._structure, self._u, j, x[line])
 
-    def _gaps(self, block: Block) -> ComplexArray:
-        """Return by how much each loop of a block is open."""
-        gaps = (sum((w * self._u[j] for j, w in terms.items()), c) for terms, c in block.rows)
-        return np.array([*gaps])
+    def _errors(self, block: Block) -> ComplexArray:
+        """Return the closure error of each loop of a block."""
+        errors = (sum((w * self._u[j] for j, w in terms.items()), c) for terms, c in block.rows)
+        return np.array([*errors])
 
     def _fail(self, which: BoolArray, reason: Any) -> None:
-        """Note why the poses are not there that were not given up before."""
+        """Store the reason of poses that have failed now."""
         new = which & (self._reason == 0)
         self._reason[new] = np.broadcast_to(reason, new.shape)[new]
+
+
+def rates(linkage: Linkage, u: ComplexArray) -> tuple[FloatArray, ComplexArray]:
+    """
+    Return dx/dalpha, shape (n, k), and du/dalpha of all bodies, shape (n, k), of many poses.
+
+    `u` are the bodies' vectors, shape (n, k); NaN at a singular pose. Block by block,
+    as the velocity of one pose: Phi of its own bodies against the loop velocities of the others.
+    """
+    structure = linkage.structure
+    x_1 = np.zeros(u.shape)
+    x_1[0] = 1.0
+    u_1 = np.zeros_like(u)
+    u_1[0] = 1j * linkage.structure.senses[0] * u[0]
+    for own, closing in closing_blocks(linkage, u):
+        for j in own:
+            # Carried by bodies that are solved already.
+            u_1[j] = joints.carried(structure, u, x_1, j, own)
+        x_1[own] = closing(u_1)
+        for j in own:
+            u_1[j] = joints.moved(structure, u, x_1, j)
+    singular = np.isnan(x_1).any(axis=0)
+    x_1[:, singular] = u_1[:, singular] = np.nan
+    return x_1, u_1
+
+
+def closing_blocks(
+    linkage: Linkage, u: ComplexArray
+) -> Iterator[tuple[list[int], Callable[[ComplexArray], FloatArray]]]:
+    """
+    Yield the bodies of each block, and a function that closes its loops, at many poses.
+
+    The function takes du of all bodies, shape (n, k), and returns the changes of the block's
+    coordinates that close the loops, shape (number of unknowns, k); NaN at a singular pose.
+    """
+    for block in linkage.blocks:
+        matrix = block.jacobian(u)
+        singular = ~(np.abs(block.sine(u)) > block.singular_sine)
+        singular |= ~np.isfinite(matrix).all(axis=(1, 2))
+        matrix[singular] = np.eye(matrix.shape[-1])
+        yield list(block.unknowns), partial(_close, block.rows, matrix, singular)
+
+
+def _close(
+    rows: Sequence[Any], matrix: FloatArray, singular: BoolArray, du: ComplexArray
+) -> FloatArray:
+    opened = np.array([sum((w * du[j] for j, w in t.items()), 0j * du[0]) for t, _ in rows])
+    right = np.stack([opened.real, opened.imag], axis=1).reshape(-1, len(singular)).T
+    singular = singular | ~np.isfinite(right).all(axis=1)
+    changes: FloatArray = np.full(right.T.shape, np.nan)
+    regular = ~singular
+    changes[:, regular] = np.linalg.solve(matrix[regular], -right[regular, :, None])[..., 0].T
+    return changes

@@ -1,4 +1,4 @@
-"""Angles that were measured or recorded, many poses at once: do they close, where is the foot."""
+"""Measured or recorded angles, many poses at once: loop errors, feet and differences."""
 
 from typing import Any, TypeAlias
 
@@ -12,23 +12,23 @@ Vectors: TypeAlias = joints.Vectors
 
 
 def vectors(leg: Any, angles: FloatArray) -> list[FloatArray]:
-    """Return what each pose makes of its angles, which the other functions begin with."""
+    """Return the bodies' vectors u of each pose, the common input of the other functions."""
     with np.errstate(invalid='ignore', over='ignore'):
         return joints.vectors(as_linkage(leg).structure, [*angles.T])
 
 
 def loop_errors(leg: Any, angles: FloatArray, u: Vectors | None = None) -> FloatArray:
     """
-    Return by how much the loops of each pose do not close.
+    Return the closure error of each pose.
 
     Parameters
     ----------
     leg : Linkage, KlannGeometry, FourBarGeometry or leg
-        What moves.
+        The linkage.
     angles : numpy.ndarray, shape (n, number of angles)
         All coordinates of each pose, the crank's first: angles [rad], and distances [m].
     u : list of numpy.ndarray, optional
-        Their vectors, for whoever needs them twice; see `vectors`.
+        Their vectors if known; see `vectors`.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def differences(leg: Any, one: FloatArray, other: FloatArray) -> FloatArray:
     """
     Return the differences of poses' coordinates without the crank's, shape (n, k - 1).
 
-    Angles modulo a turn, in [-pi, pi] [rad]; distances of what slides in the linkage's size.
+    Angles modulo a turn, in [-pi, pi] [rad]; distances relative to the linkage's size.
     """
     linkage = as_linkage(leg)
     slides = np.array([body.slides for body in linkage.structure.bodies[1:]])
@@ -71,7 +71,7 @@ def differences(leg: Any, one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def wrapped(angles: FloatArray) -> FloatArray:
-    """Return angles in [-pi, pi], exact where they are small already; NaN for infinite ones."""
+    """Return angles in [-pi, pi], unchanged if within already; NaN for infinite ones."""
     with np.errstate(over='ignore', invalid='ignore'):
         found: FloatArray = angles - TURN * np.round(angles / TURN)
     return found

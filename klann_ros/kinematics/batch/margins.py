@@ -1,34 +1,38 @@
-"""How much each number of a linkage may change before the crank loses its full turn."""
+"""Margins: the range of each dimension of a linkage within which its crank turns fully."""
 
 from dataclasses import dataclass
 from math import inf, pi
+from sys import float_info
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arcs import Arc
+from klann_ros.kinematics.arrays import FloatArray, IndexArray
 from klann_ros.kinematics.errors import KinematicsError
 from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 from klann_ros.kinematics.linkage.reach import reachable_arcs
-from klann_ros.kinematics.linkage.structure import Dimension, Structure
+from klann_ros.kinematics.linkage.structure import by_name, Dimension, Structure
 from klann_ros.kinematics.linkage.variants import Variants
+from klann_ros.kinematics.searches import last_nonnegative, minimum_near
 import numpy as np
 
 from .turn_clearance import turn_clearances
-from .turn_losses import TurnLosses
 
-# A part of a dyad's links by which its ends are inside its reach beyond any doubt.
-CLEAR = 1e-6
+# A clearance beyond doubt, and a length without practical limit, relative to the linkage's size.
+SAFE_CLEARANCE, MAX_LENGTH = 1e-6, 1e3
+# Values between a dimension's own and its farthest, and how many are tried at once, outward.
+CANDIDATES, CANDIDATES_AT_ONCE = 64, 13
 
 
 @dataclass(eq=False, repr=False)
 class PartialTurnError(KinematicsError):
     """
-    A leg whose crank does not turn fully, so that there is no full turn to lose.
+    A leg whose crank does not turn fully.
 
     Attributes
     ----------
     arcs : list of (float, float)
-        Where the crank can be: start and end of each arc [rad].
+        Start and end of each reachable arc [rad].
 
     """
 
@@ -41,15 +45,15 @@ class PartialTurnError(KinematicsError):
 
 class Margin(NamedTuple):
     """
-    The range of one number within which the crank turns fully, all others unchanged.
+    The range of one dimension within which the crank turns fully, all others unchanged.
 
     Attributes
     ----------
     value : float
-        The number as it is [m or rad].
+        The nominal value [m or rad].
     least, greatest : float
-        The ends of the range [m or rad]; least is 0 where a length has no other limit, and a
-        number without limit has -inf and inf.
+        The ends of the range [m or rad]; 0 for a length without lower limit, else -inf and inf
+        without limits.
 
     """
 
@@ -59,12 +63,12 @@ class Margin(NamedTuple):
 
     @property
     def changes(self) -> tuple[float, float]:
-        """Return by how much it may change down and up, <= 0 and >= 0 [m or rad]."""
+        """Return the admissible changes down and up, <= 0 and >= 0 [m or rad]."""
         return self.least - self.value, self.greatest - self.value
 
     @property
     def relative(self) -> tuple[float, float]:
-        """Return the changes as parts of its magnitude; of a number that is 0, +-inf."""
+        """Return the changes relative to the magnitude; +-inf for a value of 0."""
         if self.value == 0.0:
             return -inf, inf
         down, up = self.changes
@@ -73,7 +77,7 @@ class Margin(NamedTuple):
 
 def turns_fully(linkage: Any) -> bool:
     """
-    Return whether every loop closes all round the crank's turn.
+    Return whether every loop closes over the crank's whole turn.
 
     Parameters
     ----------
@@ -83,19 +87,19 @@ def turns_fully(linkage: Any) -> bool:
     Raises
     ------
     TypeError
-        It is none of these.
+        `linkage` is none of these.
 
     """
-    return _arcs_of_part(as_linkage(linkage)) is None
+    return _partial_arcs(as_linkage(linkage)) is None
 
 
 def length_margins(linkage: Any) -> dict[str, Margin]:
     """
-    Return for every number of a linkage the range within which its crank still turns fully.
+    Return the range of every dimension of a linkage within which its crank turns fully.
 
-    Only one number is changed at a time, and the range is that around its own value: beyond it
-    the crank may turn fully again. It ends where the least clearance of all dyads over the turn
-    (`turn_clearances`) is 0, to about 1e-12 of the number.
+    One dimension is changed at a time, and the range is the one around its nominal value: beyond
+    it the crank may turn fully again. It ends where the least clearance of all dyads over the turn
+    (`turn_clearances`) is 0, to about 1e-12 of the value.
 
     Parameters
     ----------
@@ -105,19 +109,19 @@ def length_margins(linkage: Any) -> dict[str, Margin]:
     Returns
     -------
     dict of str to Margin
-        By the names of its dimensions [m, rad]: of a Klann leg 7 lengths, 4 pivot coordinates and
-        2 bends.
+        By the names of its dimensions [m, rad]: 7 lengths, 4 pivot coordinates and 2 bends of a
+        Klann leg.
 
     Raises
     ------
     PartialTurnError
-        The crank does not turn fully as it is.
+        The crank does not turn fully at the nominal values.
     TypeError
         `linkage` is none of these.
 
     """
     given = as_linkage(linkage)
-    arcs = _arcs_of_part(given)
+    arcs = _partial_arcs(given)
     if arcs is not None:
         raise PartialTurnError(arcs)
     dimensions = given.structure.dimensions
@@ -137,19 +141,19 @@ def length_margins(linkage: Any) -> dict[str, Margin]:
     return free | found
 
 
-def _arcs_of_part(linkage: Linkage) -> list[Arc] | None:
-    """Return where a crank can be that does not turn fully; None for one that does."""
-    # Near the limit `reachable_arcs` decides, for all.
+def _partial_arcs(linkage: Linkage) -> list[Arc] | None:
+    """Return the reachable arcs of a crank; None if it turns fully."""
+    # Near the limit `reachable_arcs` decides.
     if linkage.is_dyadic:
         clearances = turn_clearances(Variants(linkage, {}))[0]
-        if (clearances > CLEAR * linkage.size).all():
+        if (clearances > SAFE_CLEARANCE * linkage.size).all():
             return None
     arcs = reachable_arcs(linkage)
     return None if arcs == [(0.0, TURN)] else arcs
 
 
 def _loops_of(structure: Structure, dimension: Dimension) -> list[int]:
-    """Return the loops that a number is in; a braced bar depends on all numbers of its body."""
+    """Return the loops of a dimension; a braced bar depends on all dimensions of its body."""
     loops = structure.paths.loops
     if dimension.kind in ('x', 'y'):
         return [k for k, path in enumerate(loops) if dimension.place in dict(path.pivots)]
@@ -163,7 +167,7 @@ def _loops_of(structure: Structure, dimension: Dimension) -> list[int]:
 
 
 def _farthest(linkage: Linkage, dimension: Dimension) -> tuple[float, float]:
-    """Return values at or beyond which a loop is no polygon, or that mean no change at all."""
+    """Return values at or beyond which a loop is no polygon; infinite or 0 without limit."""
     value = linkage.dimensions[dimension.name]
     if dimension.kind == 'bend':
         return -inf, inf
@@ -171,7 +175,7 @@ def _farthest(linkage: Linkage, dimension: Dimension) -> tuple[float, float]:
     loops = _loops_of(linkage.structure, dimension)
     slides = {j for j, body in enumerate(linkage.structure.bodies) if body.slides}
     if any(slides & linkage.rows[k][0].keys() for k in loops):
-        # A line has no end, so nothing else is too long for it.
+        # A line has no end, so it sets no limit.
         return 0.0 if dimension.is_length else -inf, inf
     if dimension.is_length:
         totals = []
@@ -181,7 +185,7 @@ def _farthest(linkage: Linkage, dimension: Dimension) -> tuple[float, float]:
         own = dimension.kind == 'length' and all(
             dimension.place in dict(paths[k].bars) for k in loops
         )
-        # What only braces another bar is bounded by its triangle, and that by its loops.
+        # A mere brace is bounded by its triangle, and that by its loops.
         most = min(totals) - value if own else sum(totals) + 2.0 * value
         sides = _other_sides(linkage, dimension)
         return max([0.0, *(abs(p - q) for p, q in sides)]), min([most, *(p + q for p, q in sides)])
@@ -197,7 +201,7 @@ def _farthest(linkage: Linkage, dimension: Dimension) -> tuple[float, float]:
 
 
 def _other_sides(linkage: Linkage, dimension: Dimension) -> list[tuple[float, float]]:
-    """Return the other sides of each triangle of bars and a brace that a length is a side of."""
+    """Return the other two sides of each braced triangle with a length as a side."""
     bars, found = linkage.structure.bars, []
     lengths = dict(zip(linkage.structure.slots, linkage.numbers, strict=True))
     for number, (body, bar) in enumerate(bars):
@@ -211,3 +215,105 @@ def _other_sides(linkage: Linkage, dimension: Dimension) -> list[tuple[float, fl
             p, q = (lengths[side] for side in sides - {own})
             found.append((p, q))
     return found
+
+
+class TurnLosses:
+    """
+    The first loss of the full turn on the way from nominal dimensions to their farthest values.
+
+    Parameters
+    ----------
+    linkage : Linkage
+        Its crank turns fully.
+    names : list of str
+        The dimensions, each changed alone.
+    farthest : numpy.ndarray, shape (n,)
+        Values at or beyond which a loop is no polygon [m or rad]; infinite if none.
+
+    """
+
+    def __init__(self, linkage: Linkage, names: list[str], farthest: FloatArray) -> None:
+        self._linkage, self._farthest = linkage, farthest
+        dimensions = linkage.structure.dimensions
+        places = by_name(dimensions)
+        self._places = np.array([places[name] for name in names], dtype=np.intp)
+        self._own = np.array(linkage.numbers)[self._places]
+        self._is_bend = np.array([dimensions[place].unit == 'rad' for place in self._places])
+        # Bends are searched over a turn in both directions, other unlimited values to MAX_LENGTH.
+        most = np.where(self._is_bend, TURN, MAX_LENGTH * linkage.size)
+        self._outward: FloatArray = np.where(
+            np.isinf(farthest), np.copysign(most, farthest), farthest - self._own
+        )
+
+    def first(self) -> FloatArray:
+        """Return the first value of each dimension, going outward, with a negative clearance."""
+        # Denser near the nominal value: their square roots are equally spaced. The last is just
+        # inside the farthest, as a length must not be 0.
+        roots = np.linspace(0.0, 1.0 - 5e-10, CANDIDATES + 1)
+        clearances = self._outward_from_own(roots)
+        lost = np.fmin.reduce(clearances, axis=2) < 0.0
+        # The nominal linkage turns fully, whatever the rounding.
+        lost[:, 0] = False
+        limited = lost.any(axis=1)
+        first = np.where(limited, lost.argmax(axis=1), CANDIDATES)
+        inside, outside = roots[np.maximum(first - 1, 0)], roots[first]
+        for k, before, dip in self._hidden_losses(roots, clearances, first):
+            if before < inside[k]:
+                inside[k], outside[k], limited[k] = before, dip, True
+        rows = np.flatnonzero(limited)
+
+        def clearance(of: IndexArray, roots: FloatArray) -> FloatArray:
+            own: FloatArray = np.fmin.reduce(self._clearances(rows[of], roots), axis=1)
+            return own
+
+        unlimited = self._farthest.copy()
+        unlimited[rows] = self._value(
+            rows, last_nonnegative(clearance, inside[rows], outside[rows])
+        )
+        return unlimited
+
+    def _value(self, searches: IndexArray, roots: FloatArray) -> FloatArray:
+        value: FloatArray = self._own[searches] + roots**2 * self._outward[searches]
+        return value
+
+    def _clearances(self, searches: IndexArray, roots: FloatArray) -> FloatArray:
+        numbers = np.repeat(np.array(self._linkage.numbers)[:, None], len(searches), axis=1)
+        value = self._value(searches, roots)
+        # Bends are periodic.
+        value = np.where(self._is_bend[searches], np.fmod(value, TURN), value)
+        numbers[self._places[searches], np.arange(len(searches))] = value
+        changes = dict(zip(self._linkage.dimensions, numbers, strict=True))
+        return turn_clearances(Variants(self._linkage, changes))
+
+    def _outward_from_own(self, roots: FloatArray) -> FloatArray:
+        """Return the clearances of each search up to a first loss; NaN beyond it."""
+        searches, blocks = np.arange(len(self._places)), len(self._linkage.blocks)
+        found = np.full((len(searches), len(roots), blocks), np.nan)
+        for start in range(0, len(roots), CANDIDATES_AT_ONCE):
+            these = np.arange(start, min(start + CANDIDATES_AT_ONCE, len(roots)))
+            search, place = np.repeat(searches, len(these)), np.tile(these, len(searches))
+            found[search, place] = self._clearances(search, roots[place])
+            lost = np.fmin.reduce(found[searches][:, these[these > 0]], axis=(1, 2)) < 0.0
+            searches = searches[~lost]
+        return found
+
+    def _hidden_losses(
+        self, roots: FloatArray, clearances: FloatArray, first: IndexArray
+    ) -> list[tuple[int, float, float]]:
+        """Return search, root before and root of each negative minimum between candidates."""
+        inner = clearances[:, 1:-1]
+        dips = (inner < clearances[:, :-2]) & (inner <= clearances[:, 2:])
+        reached = np.arange(1, CANDIDATES) < first[:, None]
+        searches, before, dyads = np.nonzero(dips & reached[:, :, None])
+        if not len(searches):
+            return []
+
+        def clearance(rows: IndexArray, at: FloatArray) -> FloatArray:
+            each = np.repeat(rows, at.shape[1])
+            found = self._clearances(searches[each], at.ravel())
+            return found[np.arange(at.size), dyads[each]].reshape(at.shape)
+
+        rounding = float_info.epsilon * np.abs(clearances[searches, before + 1, dyads])
+        bottom, least = minimum_near(clearance, roots[before + 1], roots[1], rounding)
+        lost = least < 0.0
+        return list(zip(searches[lost].tolist(), roots[before[lost]], bottom[lost], strict=True))

@@ -1,9 +1,8 @@
-"""Poses by the million: `linkage_poses`, and `klann_poses`, which is a face of it."""
+"""Many poses at once: `linkage_poses`, and `klann_poses` for Klann legs."""
 
-from collections.abc import Iterable
-from functools import cache
+from collections.abc import Callable, Iterable, Iterator
 from math import prod
-from typing import Any
+from typing import Any, TypeAlias
 
 from klann_ros.kinematics.arrays import AnyArray, FloatArray
 from klann_ros.kinematics.klann.geometry import KlannGeometry
@@ -12,13 +11,12 @@ from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import numpy_kernel
-from .batch import fill, Progress
-from .results import LinkagePoses
+from .coupled import fill_coupled
+from .dyads import BLOCK_SIZE, fill_sliding, PinnedDyads
+from .kernels import choose_kernel
+from .results import LinkagePoses, part_of
 
-# Loading numba and its machine code takes as long as NumPy takes for millions of poses; a batch
-# as large as this is unlikely to be the only one.
-WORTH_COMPILING = 100_000
+Progress: TypeAlias = Callable[[int, int], object]
 
 
 def linkage_poses(
@@ -36,34 +34,32 @@ def linkage_poses(
     """
     Return the poses of one linkage, or of many of one structure, at many crank angles.
 
-    The geometric method in the linkages' assemblies, on whole arrays: an angle that cannot be
-    reached gives NaN and a reason, never a wrong number. Coupled loops are solved by Newton-
-    Raphson along their branch. Beyond the results it takes some megabytes, and a kilobyte a
-    linkage, however many poses there are; `alphas` is copied only if it is no array, or one that
-    cannot be flattened.
+    The geometric method in the linkages' assembly modes, on whole arrays: an unreachable angle
+    gives NaN and a reason. Coupled loops are solved by Newton-Raphson along their branch. Memory
+    beyond the results is some megabytes and a kilobyte a linkage, whatever the number of poses;
+    `alphas` is copied only if it is no array, or cannot be flattened.
 
     Parameters
     ----------
     linkages : Linkage, KlannGeometry, leg, Variants, or iterable of them
-        One linkage, or n of them. Variants are arrays of numbers: much quicker than objects.
+        One linkage, or n of them. Variants are arrays of numbers, much faster than objects.
     alphas : array-like of real numbers
         Crank angles, of any shape and any number of turns [rad].
     angles, points, transmission_angles : bool
-        Whether the angles, the points and the transmission angles are wanted, too.
+        Whether to compute the angles, the points and the transmission angles as well.
     velocities : bool
-        Whether the derivatives by the crank angle are wanted: of the foot, and of the angles and
-        points that are. `LinkagePoses.velocity` and `.crank_torque` follow from them.
+        Whether to compute derivatives by the crank angle: of the foot, and of the requested angles
+        and points. `LinkagePoses.velocity` and `.crank_torque` need them.
     out : numpy.ndarray of float64, optional
-        Where the feet go, in exactly their shape; no other array of them is made. It may be a
-        view, as long as its axes of crank angles can be flattened into one without a copy.
+        Array for the feet, in exactly their shape. It may be a view whose axes of crank angles can
+        be flattened without a copy.
     progress : callable, optional
-        Called with (done, total) poses after each few thousand. With tqdm:
+        Called with (done, total) poses after each block. With tqdm:
         `progress=lambda done, total: bar.update(done - bar.n)`.
     kernel : str, optional
         'numpy', or 'numba' (the extra "fast"), which is three to four times as fast for many
-        linkages once it is loaded, and 1.3 to 2 times for one. By itself a batch of 100 000 poses
-        or more takes numba where it can be had. They agree to rounding. Coupled loops have NumPy's
-        alone.
+        linkages once it is loaded, and 1.3 to 2 times for one. By default numba for 100 000 poses
+        or more, if installed. They agree to rounding. Coupled loops always use NumPy.
 
     Returns
     -------
@@ -74,11 +70,11 @@ def linkage_poses(
     Raises
     ------
     TypeError
-        `linkages` is none of the above.
+        `linkages` is of none of these types.
     GeometryError
-        They are of several structures.
+        The linkages have different structures.
     ValueError
-        `alphas` is no array of real numbers, `out` does not fit, or the kernel cannot be had.
+        `alphas` is no array of real numbers, `out` does not fit, or the kernel is unavailable.
 
     Examples
     --------
@@ -105,27 +101,27 @@ def linkage_poses(
     if velocities:
         axes |= {'h_1': (2,), 'angles_1': axes['angles'], 'points_1': axes['points']}
     wanted = {name: each for name, each in axes.items() if each is not None}
-    made = LinkagePoses(
+    poses = LinkagePoses(
         np.empty((*shape, 2)) if out is None else out,
         np.empty(shape, dtype=np.uint8),
         **{name: np.empty((*shape, *each)) for name, each in wanted.items()},
     )
     table = (count, flat.size)
-    h = made.h.reshape(*table, 2) if out is None else _checked(out, shape, table)
-    chosen = _kernel(kernel, prod(shape))
+    h = poses.h.reshape(*table, 2) if out is None else _checked(out, shape, table)
+    chosen = choose_kernel(kernel, prod(shape))
     if np.may_share_memory(h, flat):
-        # Else the first results would overwrite crank angles that are still to come.
+        # Results must not overwrite crank angles that are still to be read.
         flat = flat.copy()
     if variants is not None:
-        others = made.arrays()
+        others = poses.arrays()
         tables = {name: others[name].reshape(*table, *each) for name, each in wanted.items()}
-        results = LinkagePoses(h, made.reason.reshape(table), **tables)
-        fill(variants, flat.reshape(-1), results, chosen, progress)
-    made.reason.setflags(write=False)
-    for array in made.arrays().values():
+        results = LinkagePoses(h, poses.reason.reshape(table), **tables)
+        _fill(variants, flat.reshape(-1), results, chosen, progress)
+    poses.reason.setflags(write=False)
+    for array in poses.arrays().values():
         if array is not out:
             array.setflags(write=False)
-    return made
+    return poses
 
 
 def klann_poses(geometries: Any, alphas: ArrayLike, **options: Any) -> LinkagePoses:
@@ -155,13 +151,13 @@ def klann_poses(geometries: Any, alphas: ArrayLike, **options: Any) -> LinkagePo
             msg = f'geometries: {leg!r} is refused: it must be a KlannGeometry'
             raise TypeError(msg)
     if not legs:
-        # None at all have a Klann leg's angles and points all the same.
+        # An empty batch has the shapes of a Klann leg, too.
         return linkage_poses(Variants(KlannGeometry().linkage, {'l_ab': []}), alphas, **options)
     return linkage_poses(legs, alphas, **options)
 
 
 def _variants(linkages: Any) -> tuple[bool, Variants | None]:
-    """Return whether one linkage is meant, and all as variants; None for none at all."""
+    """Return whether it is a single linkage, and the variants; None without any."""
     if isinstance(linkages, Variants):
         return False, linkages
     if isinstance(linkages, str) or not isinstance(linkages, Iterable):
@@ -203,24 +199,38 @@ def _checked(out: object, shape: tuple[int, ...], table: tuple[int, int]) -> Flo
     return view
 
 
-def _kernel(name: str | None, poses: int) -> Any:
-    """Return the module of a kernel."""
-    if name not in (None, 'numpy', 'numba'):
-        msg = f"kernel = {name!r} is refused: it must be 'numpy', 'numba' or None"
-        raise ValueError(msg)
-    if name == 'numpy' or (name is None and poses < WORTH_COMPILING):
-        return numpy_kernel
-    module, problem = _numba()
-    if module is None and name == 'numba':
-        msg = f"kernel = 'numba' is refused: numba cannot be used here ({problem})"
-        raise ValueError(msg)
-    return module or numpy_kernel
+def _fill(
+    variants: Variants,
+    alphas: AnyArray,
+    results: LinkagePoses,
+    kernel: Any,
+    progress: Progress | None,
+) -> None:
+    """
+    Fill in the results, tables of n rows and k columns: n variants at k crank angles [rad].
+
+    `kernel` is the class of a kernel.
+    """
+    pinned = PinnedDyads(variants, results, kernel) if variants.base.two_circles else None
+    is_dyadic = variants.base.is_dyadic
+    fill_part = fill_sliding if is_dyadic else fill_coupled
+    done, total = 0, results.reason.size
+    # Missing poses become NaN on the way; the reasons are computed from these.
+    with np.errstate(all='ignore'):
+        for rows, columns in _blocks(len(variants), alphas.size, one_by_one=not is_dyadic):
+            if pinned is not None:
+                pinned.fill(rows, columns, alphas)
+            else:
+                fill_part(variants, rows, alphas[columns], part_of(results, rows, columns))
+            done += (rows.stop - rows.start) * (columns.stop - columns.start)
+            if progress is not None:
+                progress(done, total)
 
 
-@cache
-def _numba() -> tuple[Any, str]:
-    try:
-        from . import numba_kernel  # noqa: PLC0415 - numba takes long to load
-    except Exception as error:  # noqa: BLE001, RUF100 - a numba that does not fit breaks anyhow
-        return None, f'{type(error).__name__}: {error}'
-    return numba_kernel, ''
+def _blocks(legs: int, angles: int, *, one_by_one: bool) -> Iterator[tuple[slice, slice]]:
+    """Yield rows and columns of blocks: all linkages at the first crank angles, and so on."""
+    for first in range(0, angles, BLOCK_SIZE):
+        columns = slice(first, min(first + BLOCK_SIZE, angles))
+        step = 1 if one_by_one else BLOCK_SIZE // (columns.stop - first)
+        for leg in range(0, legs, step):
+            yield slice(leg, min(leg + step, legs)), columns

@@ -1,5 +1,5 @@
 """
-The geometric method for many poses at once, as a list of operations on whole arrays.
+The geometric method for many poses at once, as a program: a list of operations on whole arrays.
 
 With points as complex numbers, one dyad places two bodies. Its ends are P and Q, M = Q - P, its
 links r_a and r_b, d = |M|^2; `dyad.joint` is then
@@ -8,15 +8,15 @@ links r_a and r_b, d = |M|^2; `dyad.joint` is then
     w = 1 / (2 d),    K = (r_a - r_b) (r_a + r_b),
     r = sqrt(((r_a + r_b)^2 - d) (d - (r_a - r_b)^2)),
 
-where r is Heron's product again: its factors are taken two at a time, which needs no root of d and
-keeps the same digits. So whatever is fixed to a dyad's bodies, T_a u_a + T_b u_b, is M times a
-factor f0 + w (f1 + f2 r) whose constants are the linkage's:
+where r is Heron's product, its factors in pairs: this needs no root of d and keeps the digits. A
+vector fixed to a dyad's bodies, T_a u_a + T_b u_b, is then M times f0 + w (f1 + f2 r), with the
+linkage's constants
 
     f0 = T_b / W_b + k / 2,    f1 = k K,    f2 = i s k,    k = T_a / W_a - T_b / W_b.
 
-The next dyad's M and the foot are a constant, the crank's part, and such products. Which of them
-there are follows from the structure alone: it is made into operations once. NumPy runs them in
-buffers that are used again; numba compiles the same list.
+The next dyad's M and the foot are a constant, the crank's part, and such products. They follow
+from the structure alone, so it is compiled once; the kernels run the operations. The derivative of
+a program by the crank angle is a program too: each operation is followed by its rule.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -26,20 +26,20 @@ from typing import Any, NamedTuple
 
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.linkage.paths import Path
-from klann_ros.kinematics.linkage.shape import row
+from klann_ros.kinematics.linkage.shape import row as path_row
 from klann_ros.kinematics.linkage.structure import Structure
 import numpy as np
 
-# A real number of a pose by its name in a program; None where it is 0 whatever the linkage.
+# The name of a real number in a program; None if it is 0 for every linkage of the structure.
 Number = str | None
-Pair = tuple[Number, Number]
+Components = tuple[Number, Number]
 Bars = tuple[tuple[int, int], ...]
-# Makes one constant of n linkages, shape (n,), from what the program asks of their numbers.
-Constant = Callable[['Numbers'], Any]
+# Computes one constant of n linkages, shape (n,).
+Constant = Callable[['PathTerms'], Any]
 
 
 class Operation(NamedTuple):
-    """`name` = `one` OP `other`, where OP is one of + - * / and sqrt, which has no other."""
+    """`name` = `one` OP `other`, where OP is + - * / or sqrt, which has no `other`."""
 
     name: str
     operator: str
@@ -48,27 +48,27 @@ class Operation(NamedTuple):
 
 
 class Program(NamedTuple):
-    """What computes poses."""
+    """The operations that compute poses, and the names of the results."""
 
-    # In their order; 'cos' and 'sin' are the crank's, 'k0' and so on the constants.
+    # In order; 'cos' and 'sin' are the crank's, 'k0', 'k1', ... the constants.
     operations: tuple[Operation, ...]
-    # How to make each constant.
     constants: tuple[Constant, ...]
-    # The foot's coordinates.
+    # Coordinates of the foot.
     foot: tuple[str, str]
-    # The square of the distance of each dyad's ends.
+    # Squared distance of each dyad's ends.
     distances: tuple[str, ...]
-    # Of each dyad W_a u_a and W_b u_b, in turn; empty where only the foot is wanted.
+    # W_a u_a and W_b u_b of each dyad; empty for a program of the foot alone.
     links: tuple[tuple[str, str], ...]
-    # Of each point its coordinates; empty as above.
+    # Coordinates of each point; empty as above.
     points: tuple[tuple[str, str], ...]
 
 
-class Numbers:
+class PathTerms:
     """
-    The rows of W, c, Q and q of many linkages of a structure, by their pivots and bars as vectors.
+    The terms of paths (rows of W, c, Q and q) of many linkages of a structure.
 
-    `signs` are their assembly, shape (number of dyads, n).
+    Computed from their pivots and bars as vectors; `signs` are their assembly modes, shape (number
+    of dyads, n).
     """
 
     def __init__(
@@ -78,11 +78,11 @@ class Numbers:
         self._rows: dict[Path, tuple[Mapping[int, Any], Any]] = {}
 
     def body(self, path: Path, j: int) -> Any:
-        """Return what a body adds to a path."""
+        """Return the coefficient of a body in a path."""
         return self._row(path)[0].get(j, 0.0)
 
     def fixed(self, path: Path) -> Any:
-        """Return what the pivots add to a path."""
+        """Return the constant of a path, by the pivots."""
         return self._row(path)[1]
 
     def links(self, k: int) -> tuple[Any, Any]:
@@ -93,7 +93,7 @@ class Numbers:
         return self.body(path, a), self.body(path, b)
 
     def singular_sine(self, k: int) -> Any:
-        """Return the sine of a dyad below which it is singular: see `Block.singular_sine`."""
+        """Return the threshold of a dyad's sine for singularity: see `Block.singular_sine`."""
         (loop,) = self._structure.paths.rows[k]
         bodies, fixed = self._row(self._structure.paths.loops[loop])
         longest = np.max(np.broadcast_arrays(np.abs(fixed), *map(np.abs, bodies.values())), axis=0)
@@ -102,41 +102,41 @@ class Numbers:
 
     def _row(self, path: Path) -> tuple[Mapping[int, Any], Any]:
         if path not in self._rows:
-            self._rows[path] = row(self._structure, path, self._pivots, self._bars)
+            self._rows[path] = path_row(self._structure, path, self._pivots, self._bars)
         return self._rows[path]
 
 
 @cache
-def program(structure: Structure, *, links: bool) -> Program:
+def compile_program(structure: Structure, *, links: bool) -> Program:
     """
-    Return the program of a structure whose blocks are all dyads.
+    Return the program of a structure whose blocks are all dyads, cached.
 
-    With `links` it gives the links and the points beside the foot.
+    With `links` it also computes the links and the points.
     """
-    return _Compiler(structure).program(links=links)
+    return _Compiler(structure).compile(links=links)
 
 
 class _Compiler:
-    """Writes down operations; a number that is 0 for the whole structure costs none."""
+    """Generates operations; a number that is 0 for the whole structure costs none."""
 
     def __init__(self, structure: Structure) -> None:
         self._structure = structure
         self._paths = structure.paths
         self._operations: list[Operation] = []
         self._constants: list[Constant] = []
-        self._ways: list[tuple[str, str]] = []
-        self._closed: list[tuple[str, str]] = []
+        self._spans: list[tuple[str, str]] = []
+        self._roots: list[tuple[str, str]] = []
 
-    def program(self, *, links: bool) -> Program:
+    def compile(self, *, links: bool) -> Program:
         distances, vectors = [], []
         for k, (loop,) in enumerate(self._paths.rows):
-            # M = W_a u_a + W_b u_b is the loop's other part, turned about.
+            # M = W_a u_a + W_b u_b is minus the rest of the loop.
             path = Path((), ()).plus(self._paths.loops[loop], -1)
             m = self._sum(self._shortest(path, k), range(k), self._structure.groups[k])
             distance, w, r = self._close(k, m)
             distances.append(distance)
-            self._ways.append(m)
-            self._closed.append((w, r))
+            self._spans.append(m)
+            self._roots.append((w, r))
             if links:
                 vectors += self._links(k, m, w, r)
         names, foot = self._structure.points, self._structure.foot
@@ -147,16 +147,16 @@ class _Compiler:
             ends if name == foot else self._point(self._shortest(path, len(blocks)), vectors)
             for name, path in (zip(names, self._paths.points, strict=True) if links else ())
         ]
-        made = tuple(self._operations), tuple(self._constants)
-        return Program(*made, ends, tuple(distances), tuple(vectors), tuple(points))
+        own = tuple(self._operations), tuple(self._constants)
+        return Program(*own, ends, tuple(distances), tuple(vectors), tuple(points))
 
-    # What leads where.
+    # Paths.
 
     def _shortest(self, path: Path, blocks: int) -> Path:
-        """Return a way with the same ends, by loops that are closed, over the fewest bodies."""
+        """Return the path with the same ends over the fewest bodies, by closed loops."""
         loops = [self._paths.loops[rows[0]] for rows in self._paths.rows[:blocks]]
-        ways = [path.plus(loop, sign) for loop in reversed(loops) for sign in (1, -1)]
-        best = min([path, *ways], key=self._cost)
+        others = [path.plus(loop, sign) for loop in reversed(loops) for sign in (1, -1)]
+        best = min([path, *others], key=self._cost)
         return path if self._cost(best) >= self._cost(path) else self._shortest(best, blocks)
 
     def _cost(self, path: Path) -> tuple[int, int]:
@@ -170,7 +170,7 @@ class _Compiler:
         for k in blocks:
             bodies = {self._structure.bars[bar][0] for bar, _ in path.bars}
             if bodies & {*self._structure.groups[k]} - {*without}:
-                u, v = self._product(self._ways[k], self._factor(k, path))
+                u, v = self._product(self._spans[k], self._factor(k, path))
                 x, y = self._add(x, u), self._add(y, v)
         fixed = (
             self._constant(lambda n: np.real(n.fixed(path))),
@@ -180,14 +180,14 @@ class _Compiler:
         return x or fixed[0], y or fixed[1]
 
     def _point(self, path: Path, links: Sequence[tuple[str, str]]) -> tuple[str, str]:
-        """Return where a path leads to, by the links of the dyads."""
+        """Return the end of a path, by the links of the dyads."""
         x, y = self._crank(path)
         for k, group in enumerate(self._structure.groups):
             loop = self._paths.loops[self._paths.rows[k][0]]
             for side, j in enumerate(group):
                 own, link = (
-                    tuple(item for item in way.bars if self._structure.bars[item[0]][0] == j)
-                    for way in (path, loop)
+                    tuple(item for item in each.bars if self._structure.bars[item[0]][0] == j)
+                    for each in (path, loop)
                 )
                 if own:
                     (u, v), sign = self._along(links[2 * k + side], own, link, (path, k, side))
@@ -199,7 +199,7 @@ class _Compiler:
     def _along(
         self, link: tuple[str, str], own: Bars, bars: Bars, which: tuple[Path, int, int]
     ) -> tuple[tuple[str, str], str]:
-        """Return a vector of a body, which its link may be already; and its sign."""
+        """Return a vector of a body, and its sign; the link itself if it is the same vector."""
         if own == bars:
             return link, '+'
         if own == tuple((bar, -times) for bar, times in bars):
@@ -207,13 +207,13 @@ class _Compiler:
         path, k, side = which
         j = self._structure.groups[k][side]
 
-        def ratio(n: Numbers) -> Any:
+        def ratio(n: PathTerms) -> Any:
             return n.body(path, j) / n.links(k)[side]
 
         factor = self._part(ratio, 0), self._part(ratio, 1)
         return self._product(link, factor), '+'
 
-    def _crank(self, path: Path) -> Pair:
+    def _crank(self, path: Path) -> Components:
         bars = [bar for bar, _ in path.bars if self._structure.bars[bar][0] == 0]
         if not bars:
             return None, None
@@ -238,7 +238,7 @@ class _Compiler:
         d = self._apply('+', self._apply('*', x, x), self._apply('*', y, y))
         w = self._apply('/', self._constant(lambda _: 0.5), d)
 
-        def reach(n: Numbers, sign: int) -> Any:
+        def reach(n: PathTerms, sign: int) -> Any:
             w_a, w_b = n.links(k)
             return (np.abs(w_a) + sign * np.abs(w_b)) ** 2
 
@@ -247,27 +247,27 @@ class _Compiler:
         heron = self._apply('*', self._apply('-', stretched, d), self._apply('-', d, folded))
         return d, w, self._apply('sqrt', heron, '')
 
-    def _factor(self, k: int, path: Path) -> Pair:
-        """Return f0 + w (f1 + f2 r), by which a dyad's M adds to a path."""
-        w, r = self._closed[k]
+    def _factor(self, k: int, path: Path) -> Components:
+        """Return f0 + w (f1 + f2 r), the factor of a dyad's M in a path."""
+        w, r = self._roots[k]
         a, b = self._structure.groups[k]
         real = self._is_real(k, path)
 
-        def parts(n: Numbers) -> tuple[Any, Any]:
+        def parts(n: PathTerms) -> tuple[Any, Any]:
             w_a, w_b = n.links(k)
             t_b = n.body(path, b) / w_b
             return t_b, n.body(path, a) / w_a - t_b
 
-        def f_1(n: Numbers) -> Any:
+        def f_1(n: PathTerms) -> Any:
             w_a, w_b = np.abs(n.links(k)[0]), np.abs(n.links(k)[1])
             return parts(n)[1] * ((w_a - w_b) * (w_a + w_b))
 
-        constants: list[Callable[[Numbers], Any]] = [
+        constants: list[Callable[[PathTerms], Any]] = [
             lambda n: parts(n)[0] + parts(n)[1] / 2.0,
             f_1,
             lambda n: 1j * n.signs[k] * parts(n)[1],
         ]
-        # Of what lies along its links f0 and f1 are real, and f2 is imaginary.
+        # For vectors along the links f0 and f1 are real, and f2 is imaginary.
         f_x, f_y = (
             [
                 None if real and (axis == 0) == (order == 2) else self._part(make, axis)
@@ -277,7 +277,7 @@ class _Compiler:
         )
         return self._polynomial(f_x, w, r), self._polynomial(f_y, w, r)
 
-    def _part(self, make: Callable[['Numbers'], Any], axis: int) -> str:
+    def _part(self, make: Callable[['PathTerms'], Any], axis: int) -> str:
         part = (np.real, np.imag)[axis]
         return self._constant(lambda n: part(make(n)))
 
@@ -286,20 +286,20 @@ class _Compiler:
         return self._add(inner and self._apply('*', inner, w), f[0])
 
     def _is_real(self, k: int, path: Path) -> bool:
-        """Return whether a path goes along a dyad's links, or their bodies' first bars."""
+        """Return whether a path follows a dyad's links, or their bodies' first bars."""
         group, straight = self._structure.groups[k], self._structure.straight
         loop = self._paths.loops[self._paths.rows[k][0]]
         return all(
             bar in straight
-            for way in (path, loop)
-            for bar, _ in way.bars
+            for each in (path, loop)
+            for bar, _ in each.bars
             if self._structure.bars[bar][0] in group
         )
 
     def _links(self, k: int, m: tuple[str, str], w: str, r: str) -> list[tuple[str, str]]:
         """Return W_a u_a = z M and W_b u_b = M - z M."""
 
-        def excess(n: Numbers) -> Any:
+        def excess(n: PathTerms) -> Any:
             w_a, w_b = (np.abs(link) for link in n.links(k))
             return (w_a - w_b) * (w_a + w_b)
 
@@ -312,7 +312,7 @@ class _Compiler:
 
     # Numbers.
 
-    def _product(self, one: tuple[str, str], other: Pair) -> tuple[str, str]:
+    def _product(self, one: tuple[str, str], other: Components) -> tuple[str, str]:
         """Return a complex product."""
         (x, y), (u, v) = one, other
         xu, yu = u and self._apply('*', x, u), u and self._apply('*', y, u)
@@ -340,10 +340,77 @@ class _Compiler:
         return f'k{len(self._constants) - 1}'
 
 
-def constants(made: Program, numbers: Numbers, count: int) -> FloatArray:
+def constants(program: Program, terms: PathTerms, count: int) -> FloatArray:
     """Return the constants of `count` linkages, shape (number of constants, count)."""
-    table = np.empty((len(made.constants), count))
+    table = np.empty((len(program.constants), count))
     with np.errstate(all='ignore'):
-        for line, make in zip(table, made.constants, strict=True):
-            line[:] = make(numbers)
+        for row, make in zip(table, program.constants, strict=True):
+            row[:] = make(terms)
     return table
+
+
+class Derived(NamedTuple):
+    """A program with derivatives, and their names by the names of its numbers."""
+
+    program: Program
+    names: dict[str, str]
+
+    def of(self, pairs: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+        """Return the names of the derivatives of points or vectors."""
+        return tuple((self.names[x], self.names[y]) for x, y in pairs)
+
+
+@cache
+def differentiate(program: Program) -> Derived:
+    """Return a program with the derivatives of all its numbers by the crank angle, cached."""
+    writer = _Differentiator(program)
+    for step in program.operations:
+        writer.derive(step)
+    full = program._replace(
+        operations=(*program.operations, *writer.operations),
+        constants=(*program.constants, lambda _: 0.0),
+    )
+    known = [*(f'k{k}' for k in range(len(program.constants))), *writer.derivatives]
+    return Derived(full, {name: writer.derivatives.get(name) or writer.zero for name in known})
+
+
+class _Differentiator:
+    """Generates derivatives; one that is 0 costs no operation."""
+
+    def __init__(self, program: Program) -> None:
+        self.zero = f'k{len(program.constants)}'
+        self.operations: list[Operation] = []
+        self.derivatives: dict[str, Number] = {'sin': 'cos'}
+        self.derivatives['cos'] = self._apply('-', self.zero, 'sin')
+
+    def derive(self, step: Operation) -> None:
+        """Append the derivative of an operation."""
+        self.derivatives[step.name] = self._rule(step)
+
+    def _rule(self, step: Operation) -> Number:
+        name, operator, one, other = step
+        d_one, d_other = self.derivatives.get(one), self.derivatives.get(other)
+        if operator == '+':
+            return self._sum(d_one, d_other)
+        if operator == '-':
+            return self._difference(d_one, d_other)
+        if operator == '*':
+            left = d_one and self._apply('*', d_one, other)
+            right = left if one == other else d_other and self._apply('*', one, d_other)
+            return self._sum(left, right)
+        if operator == '/':
+            # (a / b)' = (a' - (a / b) b') / b
+            above = self._difference(d_one, d_other and self._apply('*', name, d_other))
+            return above and self._apply('/', above, other)
+        return d_one and self._apply('/', d_one, self._apply('+', name, name))
+
+    def _sum(self, one: Number, other: Number) -> Number:
+        return self._apply('+', one, other) if one and other else one or other
+
+    def _difference(self, one: Number, other: Number) -> Number:
+        return self._apply('-', one or self.zero, other) if other else one
+
+    def _apply(self, operator: str, one: str, other: str) -> str:
+        name = f'd{len(self.operations)}'
+        self.operations.append(Operation(name, operator, one, other))
+        return name

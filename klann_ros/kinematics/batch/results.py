@@ -1,4 +1,4 @@
-"""What a batch answers: the poses, and why there is none at a crank angle."""
+"""Results of a batch: the poses, and the reason of each missing pose."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 
 class Reason(IntEnum):
     """
-    Why a pose of a batch was not solved; 0 where it was.
+    Why a pose of a batch was not solved; 0 if it was.
 
-    The dyads are those of `UnreachableError`, the loops those of `LoopsOpenError`. Ends that
-    coincide, so that their dyad closes nowhere or everywhere, count as too close. Of the third
-    block and those behind it the numbers go on alike, by `unreachable` and `open_loops`.
+    The dyads are those of `UnreachableError`, the loops those of `LoopsOpenError`. Coincident ends
+    of a dyad count as too close. Codes of further blocks follow from `unreachable` and
+    `open_loops`.
     """
 
     SOLVED = 0
@@ -31,11 +31,11 @@ class Reason(IntEnum):
     DYAD_3_TOO_CLOSE = 7
     LOOPS_1_OPEN = 101
     LOOPS_2_OPEN = 102
-    REFUSED = 255  # these numbers are no linkage
+    REFUSED = 255  # an invalid linkage
 
 
 def unreachable(block: int, *, far: bool) -> int:
-    """Return the reason for a dyad that does not close, of the block's number from 1."""
+    """Return the reason for a dyad that does not close; `block` counts from 1."""
     return 2 * block + (not far)
 
 
@@ -47,7 +47,7 @@ def open_loops(block: int) -> int:
 @dataclass(frozen=True, eq=False)
 class LinkagePoses:
     """
-    Many poses; where one was not solved, all its numbers are NaN.
+    Many poses; all numbers of an unsolved one are NaN.
 
     The arrays are read-only, except an `h` that the caller has provided. Derivatives are by the
     crank angle, and NaN at singular poses.
@@ -57,20 +57,19 @@ class LinkagePoses:
     h : numpy.ndarray, shape (..., 2)
         The foot [m].
     reason : numpy.ndarray of uint8, shape (...)
-        0 where the pose was solved, else a `Reason`.
+        0 if the pose was solved, else a `Reason`.
     angles : numpy.ndarray, shape (..., n - 1), or None
-        The other angles, in the order of `joint_names`, in (-pi, pi] [rad], if asked for.
+        The other angles, in the order of `joint_names`, in (-pi, pi] [rad] if requested.
     points : numpy.ndarray, shape (..., p, 2), or None
-        The points, in the structure's order [m], if asked for.
+        The points, in the structure's order [m] if requested.
     transmission_angles : numpy.ndarray, shape (..., number of blocks), or None
-        Those of `LinkagePose`, in [0, pi] [rad], if asked for.
+        Those of `LinkagePose`, in [0, pi] [rad] if requested.
     h_1 : numpy.ndarray, shape (..., 2), or None
-        dH/dalpha, the foot's velocity at a crank rate of 1 rad/s [m/rad], if velocities are asked
-        for.
+        dH/dalpha, the foot's velocity at a crank rate of 1 rad/s [m/rad] if requested.
     angles_1 : numpy.ndarray, shape (..., n - 1), or None
-        Derivatives of the angles, if both are asked for.
+        Derivatives of the angles if both are requested.
     points_1 : numpy.ndarray, shape (..., p, 2), or None
-        Derivatives of the points [m/rad], if both are asked for.
+        Derivatives of the points [m/rad] if both are requested.
 
     """
 
@@ -90,16 +89,16 @@ class LinkagePoses:
         Parameters
         ----------
         alpha_rate : array-like of float
-            Rate of the crank, one or of a shape that fits (...) [rad/s].
+            Rate of the crank, of a shape that broadcasts to (...) [rad/s].
 
         Raises
         ------
         ValueError
-            The velocities were not asked for, or the rate does not fit.
+            The velocities were not requested, or the rate does not fit.
 
         """
         velocity: FloatArray = (
-            self._asked_for() * np.asarray(alpha_rate, dtype=np.float64)[..., None]
+            self._foot_rates() * np.asarray(alpha_rate, dtype=np.float64)[..., None]
         )
         return velocity
 
@@ -112,37 +111,37 @@ class LinkagePoses:
         Parameters
         ----------
         force : array-like of float, shape (2,) or (..., 2)
-            On the foot (x, y) [N], one or one for each pose.
+            On the foot (x, y), one or one for each pose [N].
 
         Raises
         ------
         ValueError
-            The velocities were not asked for, or the force does not fit.
+            The velocities were not requested, or the force does not fit.
 
         """
         f = np.asarray(force, dtype=np.float64)
         if f.shape[-1:] != (2,):
             msg = f'force is refused: its shape must be (2,) or (..., 2), not {f.shape}'
             raise ValueError(msg)
-        h_1 = self._asked_for()
-        # From 0.0, so that no force takes a torque of 0.0 and not of -0.0.
+        h_1 = self._foot_rates()
+        # From 0.0, to give 0.0 and not -0.0 without force.
         torque: FloatArray = 0.0 - (f[..., 0] * h_1[..., 0] + f[..., 1] * h_1[..., 1])
         return torque
 
-    def _asked_for(self) -> FloatArray:
+    def _foot_rates(self) -> FloatArray:
         if self.h_1 is None:
-            msg = 'the velocities were not asked for: linkage_poses(..., velocities=True)'
+            msg = 'the velocities were not requested: linkage_poses(..., velocities=True)'
             raise ValueError(msg)
         return self.h_1
 
     def arrays(self) -> dict[str, FloatArray]:
-        """Return the arrays that there are, by their names, without the reasons."""
+        """Return the existing arrays by name, without the reasons."""
         found = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: a for name, a in found.items() if a is not None and name != 'reason'}
 
 
 def part_of(results: LinkagePoses, rows: slice, columns: slice) -> LinkagePoses:
-    """Return the part of the results that a block is."""
+    """Return the part of the results in a block."""
     parts = {name: array[rows, columns] for name, array in results.arrays().items()}
     return LinkagePoses(reason=results.reason[rows, columns], **parts)
 
@@ -155,10 +154,10 @@ def store(
     transmission_angle: Callable[[int], Any],
 ) -> None:
     """
-    Store what is wanted of poses that are placed.
+    Store the requested results of solved poses.
 
-    `poses` are the bodies' vectors u, and dx/dalpha and du/dalpha if these are wanted. `point` has
-    where a point is, by u and its number; by du/dalpha and `moved=True` how it moves.
+    `poses` are the bodies' vectors u, and dx/dalpha and du/dalpha if requested. `point` returns a
+    point by u and its number, or its derivative by du/dalpha with `moved=True`.
     """
     u, x_1, u_1 = poses
     for name, array in results.arrays().items():

@@ -1,52 +1,50 @@
-"""What manufacturing errors do to the foot path: many legs drawn at random, and derivatives."""
+"""Effect of manufacturing errors on the foot path: Monte Carlo statistics and sensitivities."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf
+from math import ceil, inf
 from numbers import Real
 from typing import Any
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import AnyArray, FloatArray
+from klann_ros.kinematics.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 
-from .batch import Progress
-from .deviations import Deviations, deviations
-from .poses import linkage_poses
+from .poses import linkage_poses, Progress
 from .turn_clearance import driven_clearances
 
 DISTRIBUTIONS = ('uniform', 'normal')
-# Crank angles are taken in turns, so that no more poses than this are held at once.
-POSES_HELD = 1_000_000
-# The step of the central differences, relative: their two errors are least together.
-STEP = 6e-6
+# Poses in memory at once: the crank angles are processed in parts.
+MAX_STUDY_POSES = 1_000_000
+# Relative step of the central differences: least sum of truncation and round-off.
+DIFFERENCE_STEP = 6e-6
 
 
 @dataclass(frozen=True, eq=False)
 class ToleranceStudy:
     """
-    Legs made within tolerances, held against the leg as drawn; all arrays are read-only.
+    Legs within tolerances compared with the nominal leg; all arrays are read-only.
 
-    Statistics at a crank angle are of the legs that have a pose there; NaN where none has, or
-    the leg as drawn has none.
+    Statistics at a crank angle are of the legs with a pose there; NaN if there is none, or the
+    nominal leg has none.
 
     Attributes
     ----------
     alphas : numpy.ndarray, shape (k,)
         The crank angles: a turn in equal steps [rad].
     nominal : numpy.ndarray, shape (k, 2)
-        Foot path of the leg as drawn [m].
-    stuck : float
-        Share of the legs that do not turn fully: a loop does not close at one of `alphas`, or a
-        dyad that the crank alone drives between them.
+        Foot path of the nominal leg [m].
+    non_turning_fraction : float
+        Fraction of the legs that do not turn fully: a loop does not close at one of `alphas`, or a
+        dyad driven by the crank alone between them.
     mean : numpy.ndarray, shape (k, 2)
         Mean of H - H_nominal [m].
     rms, p95, p99, largest : numpy.ndarray, shape (k,)
-        Of `|H - H_nominal|`: root mean square, what 95 and 99 % of the legs keep to, maximum [m].
+        Of `|H - H_nominal|`: root mean square, 95th and 99th percentile, maximum [m].
     box : numpy.ndarray, shape (k, 2, 2)
         Rows: least and greatest x, y of H at each crank angle [m].
     stride, lift : numpy.ndarray, shape (samples,)
@@ -56,13 +54,13 @@ class ToleranceStudy:
     tolerances : numpy.ndarray, shape (number of dimensions,)
         The half-widths [m, rad].
     sensitivities : numpy.ndarray, shape (k, number of dimensions, 2)
-        Derivatives of H by each dimension, of the leg as drawn [m/m, m/rad].
+        Derivatives of the nominal H by each dimension [m/m, m/rad].
 
     """
 
     alphas: FloatArray
     nominal: FloatArray
-    stuck: float
+    non_turning_fraction: float
     mean: FloatArray
     rms: FloatArray
     p95: FloatArray
@@ -78,10 +76,10 @@ class ToleranceStudy:
     @property
     def ranking(self) -> list[tuple[str, float]]:
         """
-        Return the dimensions, the one that matters most first.
+        Return the dimensions by decreasing influence.
 
-        Each has the shift of H that its whole tolerance makes, to first order: root mean square
-        over the crank angles at which the leg as drawn has a pose [m].
+        Each has the first-order shift of H by its whole tolerance: root mean square over the crank
+        angles with a nominal pose [m].
         """
         shift = np.linalg.norm(self.sensitivities, axis=2) * self.tolerances
         shift = shift[np.isfinite(shift).all(axis=1)]
@@ -100,40 +98,40 @@ def tolerance_study(
     progress: Progress | None = None,
 ) -> ToleranceStudy:
     """
-    Return what manufacturing errors do to a foot's path.
+    Return the effect of manufacturing errors on a foot path.
 
     Parameters
     ----------
     linkage : Linkage, KlannGeometry, FourBarGeometry or leg
-        The leg as drawn.
+        The nominal leg.
     tolerances : mapping of str to float, or float
-        Half-width of each dimension's tolerance, by its name [m, rad]; those left out are exact. A
+        Half-width of each dimension's tolerance, by name [m, rad]; others are exact. A single
         number is the relative half-width of all lengths.
     samples : int
-        How many legs are drawn.
+        Number of random legs.
     crank_angles : int
-        In how many equal steps the crank turns.
+        Number of equal steps of the crank's turn.
     distribution : str
-        Of every dimension within its tolerance, each by itself: 'uniform', or 'normal' with a
-        third of the half-width as standard deviation, parts out of tolerance being replaced.
+        Of every dimension, independently: 'uniform', or 'normal' with a third of the half-width as
+        standard deviation, truncated to the tolerance.
     seed : int
-        >= 0; the same seed draws the same legs.
+        >= 0; the same seed gives the same legs.
     progress : callable, optional
-        Called with (done, total) poses now and then.
+        Called with (done, total) poses after each part.
 
     Returns
     -------
     ToleranceStudy
-        Statistics of the legs drawn, and the derivatives of the leg as drawn.
+        Statistics of the random legs, and sensitivities of the nominal leg.
 
     Raises
     ------
     TypeError
         `linkage` is none of these.
     ValueError
-        A tolerance is no finite number, negative, of no dimension, or not smaller than its length
-        or 2 pi rad; `samples` or `crank_angles` is no whole number, at least 1, or `seed` none at
-        least 0; there is no such distribution.
+        A tolerance is not finite, negative, of no dimension, or not smaller than its length or
+        2 pi rad; `samples` or `crank_angles` is no whole number >= 1, or `seed` none >= 0; the
+        distribution is unknown.
 
     Examples
     --------
@@ -152,24 +150,24 @@ def tolerance_study(
         seed=seed,
     )
 
-    def found() -> Iterator[dict[str, Any]]:
+    def results() -> Iterator[dict[str, Any]]:
         for part in draw.parts:
             yield draw.deviations(part)
             if progress is not None:
                 progress(part.stop * draw.samples, len(draw.alphas) * draw.samples)
 
-    return draw.study(found())
+    return draw.study(results())
 
 
 @dataclass(frozen=True, eq=False)
 class ToleranceDraw:
     """
-    Legs drawn within tolerances, to be looked at some crank angles at a time.
+    Random legs within tolerances, evaluated some crank angles at a time.
 
     Attributes
     ----------
     linkage : Linkage
-        The leg as drawn.
+        The nominal leg.
     widths : numpy.ndarray, shape (number of dimensions,)
         Half-widths of the tolerances [m, rad].
     samples, distribution, seed
@@ -188,39 +186,39 @@ class ToleranceDraw:
 
     @property
     def parts(self) -> list[slice]:
-        """Return which crank angles are looked at together."""
-        step = max(1, POSES_HELD // self.samples)
+        """Return the parts of the crank angles that are evaluated together."""
+        step = max(1, MAX_STUDY_POSES // self.samples)
         count = len(self.alphas)
         return [slice(first, min(first + step, count)) for first in range(0, count, step)]
 
     @cached_property
     def drawn(self) -> Variants:
-        """Return the legs."""
+        """Return the random legs."""
         values = np.array(self.linkage.numbers)
         errors = _draw(self.distribution, (len(values), self.samples), self.seed)
         return _variants(self.linkage, values[:, None] + self.widths[:, None] * errors)
 
     def deviations(self, part: slice) -> dict[str, AnyArray]:
-        """Return what is to be known of the feet at some of the crank angles."""
+        """Return the statistics of the feet at some of the crank angles."""
         alphas = self.alphas[part]
         nominal = linkage_poses(self.linkage, alphas).h
         return deviations(linkage_poses(self.drawn, alphas).h, nominal)
 
     def study(self, found: Iterable[Mapping[str, Any]]) -> ToleranceStudy:
-        """Return the study, given the deviations of all parts in their order."""
-        all_found = Deviations(self.samples, len(self.alphas))
+        """Return the study from the deviations of all parts, in order."""
+        total = Deviations(self.samples, len(self.alphas))
         for part, each in zip(self.parts, found, strict=True):
-            all_found.add(part, each)
-        all_found.exclude(driven_clearances(self.drawn) < 0.0)
+            total.add(part, each)
+        total.exclude(driven_clearances(self.drawn) < 0.0)
         return ToleranceStudy(
             **_read_only(
                 alphas=self.alphas,
                 nominal=linkage_poses(self.linkage, self.alphas).h,
-                **all_found.statistics(),
+                **total.statistics(),
                 tolerances=self.widths,
                 sensitivities=_sensitivities(self.linkage, self.alphas),
             ),
-            stuck=all_found.stuck,
+            non_turning_fraction=total.non_turning_fraction,
             names=tuple(self.linkage.dimensions),
         )
 
@@ -235,7 +233,7 @@ def tolerance_draw(
     seed: int,
 ) -> ToleranceDraw:
     """Return the legs of a `tolerance_study`; parameters and errors as there."""
-    drawn_as = as_linkage(linkage)
+    nominal = as_linkage(linkage)
     samples = validation.count('samples', samples, 1)
     crank_angles = validation.count('crank_angles', crank_angles, 1)
     seed = validation.count('seed', seed, 0)
@@ -243,8 +241,8 @@ def tolerance_draw(
         msg = f'distribution = {distribution!r} is refused: one of {", ".join(DISTRIBUTIONS)}'
         raise ValueError(msg)
     alphas = np.arange(crank_angles, dtype=np.float64) * (TURN / crank_angles)
-    widths = _half_widths(drawn_as, tolerances)
-    return ToleranceDraw(drawn_as, widths, samples, distribution, seed, alphas)
+    widths = _half_widths(nominal, tolerances)
+    return ToleranceDraw(nominal, widths, samples, distribution, seed, alphas)
 
 
 def _variants(linkage: Linkage, numbers: FloatArray) -> Variants:
@@ -297,18 +295,18 @@ def _sensitivities(linkage: Linkage, alphas: FloatArray) -> FloatArray:
     """Return dH/d(dimension) by central differences, shape (k, number of dimensions, 2)."""
     values, dimensions = np.array(linkage.numbers), linkage.structure.dimensions
     largest = max(v for v, d in zip(linkage.numbers, dimensions, strict=True) if d.is_length)
-    # A pivot coordinate may be 0, and a bend has its own measure.
+    # A pivot coordinate may be 0, and a bend is an angle.
     scale = [
         value if d.is_length else largest if d.unit == 'm' else 1.0
         for value, d in zip(linkage.numbers, dimensions, strict=True)
     ]
-    steps = np.diag(STEP * np.array(scale))
+    steps = np.diag(DIFFERENCE_STEP * np.array(scale))
     shifted = values[:, None] + np.hstack([steps, -steps])
     feet = linkage_poses(_variants(linkage, shifted), alphas).h
     up, down = feet.reshape(2, len(values), -1, 2)
-    # The steps as they were rounded.
-    made = np.subtract(*(half.diagonal() for half in np.hsplit(shifted, 2)))
-    slopes: FloatArray = (up - down) / made[:, None, None]
+    # The steps as rounded.
+    rounded = np.subtract(*(half.diagonal() for half in np.hsplit(shifted, 2)))
+    slopes: FloatArray = (up - down) / rounded[:, None, None]
     return slopes.swapaxes(0, 1)
 
 
@@ -316,3 +314,79 @@ def _read_only(**arrays: FloatArray) -> dict[str, FloatArray]:
     for array in arrays.values():
         array.setflags(write=False)
     return arrays
+
+
+def deviations(h: FloatArray, nominal: FloatArray) -> dict[str, AnyArray]:
+    """
+    Return statistics of feet at k crank angles, shape (legs, k, 2), against `nominal`.
+
+    A missing foot is NaN. By angle: the statistics of a ToleranceStudy; by leg: whether it has all
+    poses, and its extent.
+    """
+    there = ~np.isnan(h[..., 0])
+    least, greatest = (np.where(there[..., None], h, far) for far in (np.inf, -np.inf))
+    apart = h - nominal
+    count = there.sum(axis=0)
+    # NaN comes last in order.
+    distance = np.sort(np.hypot(apart[..., 0], apart[..., 1]), axis=0)
+    statistics = {
+        'mean': _total(apart) / np.maximum(1, count)[:, None],
+        'rms': np.sqrt(_total(distance * distance) / np.maximum(1, count)),
+        'p95': _percentile(distance, count, 0.95),
+        'p99': _percentile(distance, count, 0.99),
+        'largest': _percentile(distance, count, 1.0),
+        'box': np.stack([least.min(axis=0), greatest.max(axis=0)], axis=1),
+    }
+    nowhere = (count == 0) | np.isnan(nominal[:, 0])
+    for values in statistics.values():
+        values[nowhere] = np.nan
+    legs = {'least': least.min(axis=1), 'greatest': greatest.max(axis=1)}
+    return {**statistics, 'turns': there.all(axis=1), **legs}
+
+
+class Deviations:
+    """Statistics of many legs, accumulated over the parts of the crank angles."""
+
+    def __init__(self, legs: int, angles: int) -> None:
+        self._at_angles: dict[str, FloatArray] = {
+            'mean': np.empty((angles, 2)),
+            'box': np.empty((angles, 2, 2)),
+            **{name: np.empty(angles) for name in ('rms', 'p95', 'p99', 'largest')},
+        }
+        self._turns: BoolArray = np.ones(legs, dtype=np.bool_)
+        self._least = np.full((legs, 2), np.inf)
+        self._greatest = np.full((legs, 2), -np.inf)
+
+    @property
+    def non_turning_fraction(self) -> float:
+        """Return the fraction of legs that do not turn fully."""
+        return float((~self._turns).mean())
+
+    def add(self, part: slice, found: Mapping[str, Any]) -> None:
+        """Add the `deviations` of a part of the crank angles."""
+        self._turns &= found['turns']
+        self._least = np.minimum(self._least, found['least'])
+        self._greatest = np.maximum(self._greatest, found['greatest'])
+        for name, values in self._at_angles.items():
+            values[part] = found[name]
+
+    def exclude(self, open_legs: BoolArray) -> None:
+        """Mark legs that do not close between the crank angles as not turning fully."""
+        self._turns &= ~open_legs
+
+    def statistics(self) -> dict[str, FloatArray]:
+        """Return all statistics by their names in ToleranceStudy."""
+        extent = np.where(self._turns[:, None], self._greatest - self._least, np.nan)
+        return {**self._at_angles, 'stride': extent[:, 0].copy(), 'lift': extent[:, 1].copy()}
+
+
+def _total(values: FloatArray) -> FloatArray:
+    """Return the sum over the legs, NaN omitted."""
+    return np.asarray(np.where(np.isnan(values), 0.0, values).sum(axis=0), dtype=np.float64)
+
+
+def _percentile(distance: FloatArray, count: IntArray, fraction: float) -> FloatArray:
+    """Return the nearest-rank percentile of sorted distances, by a fraction of the legs."""
+    rank = np.maximum(0, [ceil(fraction * n) - 1 for n in count.tolist()])
+    percentile: FloatArray = distance[rank, np.arange(distance.shape[1])]
+    return percentile

@@ -1,8 +1,8 @@
 """
 The least clearance of every block over a whole turn of the crank, for many linkages at once.
 
-A linkage turns fully where none is negative. Those given need not close: so a number can be
-changed until the crank turns no more.
+A crank turns fully if no clearance is negative. The linkages need not close, so a dimension can be
+changed until the full turn is lost.
 """
 
 from collections.abc import Callable
@@ -17,26 +17,26 @@ from klann_ros.kinematics.linkage.variants import Variants
 from klann_ros.kinematics.searches import minimum_near
 import numpy as np
 
-from .numpy_kernel import NumpyKernel
-from .program import constants, Numbers, program
-from .sliding import SlidingDyads
+from .dyads import SlidingDyads
+from .kernels import NumpyKernel
+from .program import compile_program, constants, PathTerms
 
-# Of linkages by their rows, and of the crank's cosines and sines, shape (n, k): clearances [m].
+# Clearances [m] of linkages by their rows, and by the crank's cosines and sines, shape (n, k).
 Clearance = Callable[[Any, FloatArray, FloatArray], FloatArray]
 # Crank angles of the search, an even number.
-SAMPLES = 360
-# So many poses are held at once: what the processor's own memory holds.
-POSES_HELD = 1 << 15
+SAMPLES_PER_TURN = 360
+# Poses in memory at once: the size of a processor's cache.
+MAX_POSES = 1 << 15
 
 
 def turn_clearances(variants: Variants) -> FloatArray:
     """
-    Return by how much each block of each linkage stays inside its reach over the turn, at least.
+    Return the least distance of each block of each linkage from the limits of its reach.
 
-    Shape (n, number of blocks) [m]; negative where the full turn is lost, and NaN behind that. Of
-    a dyad that the crank alone drives |PQ| runs from | |c| - |W_0| | to |c| + |W_0|; that of
-    another one is sampled over the turn, and its least refined to rounding. Coupled loops only
-    tell whether they close all round: 1 or -1.
+    Shape (n, number of blocks) [m]; negative if the full turn is lost, and NaN for later blocks.
+    For a dyad driven by the crank alone, |PQ| runs from | |c| - |W_0| | to |c| + |W_0|; for others
+    it is sampled over the turn, and its minimum refined to rounding. Coupled loops have 1 if they
+    close over the whole turn, else -1.
     """
     if not variants.base.is_dyadic:
         return np.array([[_turns(variants, i)] for i in range(len(variants))])
@@ -55,7 +55,7 @@ def turn_clearances(variants: Variants) -> FloatArray:
 
 
 def driven_clearances(variants: Variants) -> FloatArray:
-    """Return the least clearance of the dyads that the crank alone drives, shape (n,) [m]."""
+    """Return the least clearance of the dyads driven by the crank alone, shape (n,) [m]."""
     least = np.full(len(variants), np.inf)
     if variants.base.two_circles:
         found = _Clearances(variants)
@@ -73,22 +73,22 @@ def _turns(variants: Variants, i: int) -> float:
 
 
 class _Clearances:
-    """The clearances of dyads, from the squares of the distances of their ends."""
+    """The clearances of pinned dyads, by the squared distances of their ends."""
 
     def __init__(self, variants: Variants) -> None:
         structure = variants.base.structure
         self._structure = structure
-        self._numbers = Numbers(structure, *variants.vectors, variants.signs)
-        self._program = program(structure, links=False)
-        self._constants = constants(self._program, self._numbers, len(variants))
+        self._terms = PathTerms(structure, *variants.vectors, variants.signs)
+        self._program = compile_program(structure, links=False)
+        self._constants = constants(self._program, self._terms, len(variants))
 
     def driven(self, k: int) -> FloatArray:
-        """Return the least of a dyad that the crank alone drives, shape (n,) [m]."""
+        """Return the least of a dyad driven by the crank alone, shape (n,) [m]."""
         (loop,) = self._structure.paths.rows[k]
         path = self._structure.paths.loops[loop]
-        crank = np.abs(self._numbers.body(path, 0))
-        ground = np.abs(self._numbers.fixed(path))
-        r_a, r_b = (np.abs(link) for link in self._numbers.links(k))
+        crank = np.abs(self._terms.body(path, 0))
+        ground = np.abs(self._terms.fixed(path))
+        r_a, r_b = (np.abs(link) for link in self._terms.links(k))
         least: FloatArray = np.minimum(
             r_a + r_b - (crank + ground), abs(crank - ground) - abs(r_a - r_b)
         )
@@ -96,24 +96,24 @@ class _Clearances:
 
     def least(self, k: int, which: IndexArray) -> FloatArray:
         """Return the least of any other dyad for some of the linkages, shape (n,) [m]."""
-        step = max(1, POSES_HELD // SAMPLES)
+        step = max(1, MAX_POSES // SAMPLES_PER_TURN)
         parts = [which[slice(n, n + step)] for n in range(0, len(which), step)]
         names = (self._program.distances[k],)
-        kernel = NumpyKernel(self._program, names, SAMPLES * min(step, len(which)))
+        kernel = NumpyKernel(self._program, names, SAMPLES_PER_TURN * min(step, len(which)))
         return np.concatenate([np.empty(0), *(self._least(k, kernel, part) for part in parts)])
 
     def _least(self, k: int, kernel: NumpyKernel, part: IndexArray) -> FloatArray:
-        # From where the crank points along the ground on: so the angles at which the first dyad is
-        # nearest to its limits, where the others' clearance is steepest, are among the samples.
+        # Samples start with the crank along the ground: they include the angles of least clearance
+        # of the first dyad, where the other clearances are steepest.
         path = self._structure.paths.loops[0]
         with np.errstate(invalid='ignore', divide='ignore'):
-            ground = -np.asarray(self._numbers.fixed(path) / self._numbers.body(path, 0))
+            ground = -np.asarray(self._terms.fixed(path) / self._terms.body(path, 0))
         start = self._structure.senses[0] * np.angle(ground)[part, None]
-        r_a, r_b = (np.abs(link)[part, None] for link in self._numbers.links(k))
+        r_a, r_b = (np.abs(link)[part, None] for link in self._terms.links(k))
         own, folded, stretched = self._constants[:, part], abs(r_a - r_b), r_a + r_b
 
         def clearance(rows: Any, cos: FloatArray, sin: FloatArray) -> FloatArray:
-            """Return it at crank angles, shape (n, number of angles); NaN behind others."""
+            """Return the clearance, shape (n, number of angles); NaN if earlier dyads are open."""
             with np.errstate(all='ignore'):
                 (distance,), _ = kernel.run(own[:, rows], slice(None), (cos, sin))
                 distance = np.sqrt(distance)
@@ -124,28 +124,28 @@ class _Clearances:
 
 
 class _SlidingClearances:
-    """The clearances of dyads of which some slide."""
+    """The clearances of dyads with sliding joints."""
 
     def __init__(self, variants: Variants) -> None:
         self._variants = variants
 
     def least(self, k: int, which: IndexArray) -> FloatArray:
         """Return the least of a dyad for some of the linkages, shape (n,) [m]."""
-        step = max(1, POSES_HELD // SAMPLES)
+        step = max(1, MAX_POSES // SAMPLES_PER_TURN)
         parts = [which[slice(n, n + step)] for n in range(0, len(which), step)]
         return np.concatenate([np.empty(0), *(self._least(k, part) for part in parts)])
 
     def _least(self, k: int, part: IndexArray) -> FloatArray:
         dyads = SlidingDyads(self._variants, part)
-        if not dyads.closings[k].two_branches:
+        if not dyads.solvers[k].two_branches:
             return np.full(len(part), np.inf)
 
         def clearance(rows: Any, cos: FloatArray, sin: FloatArray) -> FloatArray:
-            """Return it at crank angles, shape (n, number of angles); NaN behind others."""
+            """Return the clearance, shape (n, number of angles); NaN if earlier dyads are open."""
             some = dyads if isinstance(rows, slice) else SlidingDyads(self._variants, part[rows])
             with np.errstate(all='ignore'):
                 u = some.vectors(np.arctan2(sin, cos), k)
-                found: FloatArray = some.closings[k].clearance(some.way(k, u), u)
+                found: FloatArray = some.solvers[k].clearance(some.closure_vector(k, u), u)
             return found
 
         numbers = self._variants.numbers[:, part]
@@ -154,18 +154,18 @@ class _SlidingClearances:
 
 def _least_over_turn(clearance: Clearance, start: FloatArray, sizes: FloatArray) -> FloatArray:
     """
-    Return the least of clearances over a turn from a start, shape (n, 1) [rad]; -inf for none.
+    Return the least clearances over a turn from a start, shape (n, 1) [rad]; -inf if none.
 
-    What is rounding of them is that of their sizes, shape (n,) [m].
+    Their rounding is relative to `sizes`, shape (n,) [m].
     """
 
     def refined(rows: IndexArray, alphas: FloatArray) -> FloatArray:
         return clearance(rows, np.cos(alphas), np.sin(alphas))
 
-    step = TURN / SAMPLES
-    # Of the sum of two angles: many times as fast.
-    turned = np.exp(1j * start) * np.exp(1j * step * np.arange(SAMPLES))
-    values = clearance(slice(None), turned.real, turned.imag)
+    step = TURN / SAMPLES_PER_TURN
+    # By angle addition, much faster than cosines and sines.
+    crank = np.exp(1j * start) * np.exp(1j * step * np.arange(SAMPLES_PER_TURN))
+    values = clearance(slice(None), crank.real, crank.imag)
     middle = start[:, 0] + step * _lowest(values)
     _, least = minimum_near(refined, middle, step, 2.0 * float_info.epsilon * sizes)
     least = np.fmin(least, np.fmin.reduce(values, axis=1))
@@ -173,7 +173,7 @@ def _least_over_turn(clearance: Clearance, start: FloatArray, sizes: FloatArray)
 
 
 def _lowest(values: FloatArray) -> IndexArray:
-    """Return beside which sample of a turn the least is, by the parabola through each three."""
+    """Return the sample nearest to the minimum, by a parabola through each three."""
     values = np.where(np.isnan(values), np.inf, values)
     before, after = np.roll(values, 1, axis=1), np.roll(values, -1, axis=1)
     with np.errstate(invalid='ignore'):

@@ -4,7 +4,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from klann_ros.kinematics import klann_poses, KlannGeometry, KlannLeg
-from klann_ros.kinematics.batch.batch import SIZE
+from klann_ros.kinematics.batch.dyads import BLOCK_SIZE
 import numpy as np
 import pytest
 
@@ -73,7 +73,7 @@ def test_out_may_be_a_view(kernel: str) -> None:
 
 
 def test_out_may_overwrite_the_crank_angles() -> None:
-    alphas = np.linspace(0.0, 6.0, 3 * SIZE)
+    alphas = np.linspace(0.0, 6.0, 3 * BLOCK_SIZE)
     expected = klann_poses(SEM104, alphas).h
     table = np.empty((alphas.size, 2))
     table[:, 1] = alphas

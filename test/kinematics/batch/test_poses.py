@@ -13,7 +13,7 @@ from klann_ros.kinematics import (
     Reason,
     UnreachableError,
 )
-from klann_ros.kinematics.batch.batch import SIZE
+from klann_ros.kinematics.batch.dyads import BLOCK_SIZE
 import numpy as np
 import pytest
 from strategies import crank_angles, legs
@@ -137,11 +137,11 @@ def test_the_shape_is_that_of_legs_and_angles(
 
 
 @both_kernels
-@pytest.mark.parametrize('count', [SIZE - 1, SIZE, SIZE + 1, 2 * SIZE + 3])
+@pytest.mark.parametrize('count', [BLOCK_SIZE - 1, BLOCK_SIZE, BLOCK_SIZE + 1, 2 * BLOCK_SIZE + 3])
 def test_where_blocks_end_does_not_matter(count: int, kernel: str) -> None:
     alphas = np.linspace(-9.0, 9.0, count)
     whole = klann_poses(STUCK, alphas, angles=True, kernel=kernel)
-    for k in (0, SIZE - 2, count // 2, count - 1):
+    for k in (0, BLOCK_SIZE - 2, count // 2, count - 1):
         alone = klann_poses(STUCK, alphas[k], angles=True, kernel=kernel)
         np.testing.assert_array_equal(whole.h[k], alone.h)
         np.testing.assert_array_equal(whole.angles[k], alone.angles)
@@ -155,13 +155,16 @@ def test_where_blocks_end_does_not_matter(count: int, kernel: str) -> None:
 def test_progress_is_told_to_the_end(kernel: str) -> None:
     told: list[tuple[int, int]] = []
     klann_poses(
-        [SEM104, STUCK], np.zeros(3 * SIZE), progress=lambda *now: told.append(now), kernel=kernel
+        [SEM104, STUCK],
+        np.zeros(3 * BLOCK_SIZE),
+        progress=lambda *now: told.append(now),
+        kernel=kernel,
     )
     done = [now[0] for now in told]
     assert len(done) > 3
     assert done == sorted(set(done))
-    assert {now[1] for now in told} == {6 * SIZE}
-    assert told[-1] == (6 * SIZE, 6 * SIZE)
+    assert {now[1] for now in told} == {6 * BLOCK_SIZE}
+    assert told[-1] == (6 * BLOCK_SIZE, 6 * BLOCK_SIZE)
 
 
 @both_kernels

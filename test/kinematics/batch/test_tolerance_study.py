@@ -34,7 +34,7 @@ def test_two_percent_on_every_length_stop_two_legs_in_a_hundred() -> None:
     samples = 200_000
     study = tolerance_study(SEM104, 0.02, samples=samples, crank_angles=12, seed=104)
     scatter = math.sqrt(exact * (1 - exact) / samples)
-    assert study.stuck == pytest.approx(exact, abs=3 * scatter)
+    assert study.non_turning_fraction == pytest.approx(exact, abs=3 * scatter)
     # The 1.87 % that is told of this leg is one draw of some 10 000 legs.
     assert exact - 0.0187 < 1.5 * math.sqrt(exact * (1 - exact) / 10_000)
 
@@ -43,13 +43,13 @@ def test_a_leg_that_stops_between_the_crank_angles_is_counted() -> None:
     # Only near 165.6 deg can it not be reached.
     tight = replace(SEM104, l_bc=0.12 + math.hypot(0.35, 0.09) - 0.14 + 1e-9)
     study = tolerance_study(tight, {'l_bc': 1e-8}, samples=2000, crank_angles=3)
-    assert study.stuck == pytest.approx(0.45, abs=0.05)
-    assert np.isnan(study.stride).mean() == study.stuck
+    assert study.non_turning_fraction == pytest.approx(0.45, abs=0.05)
+    assert np.isnan(study.stride).mean() == study.non_turning_fraction
 
 
 def test_without_tolerances_every_leg_is_the_drawn_one() -> None:
     study = tolerance_study(SEM104, {}, samples=5, crank_angles=3600)
-    assert study.stuck == 0.0
+    assert study.non_turning_fraction == 0.0
     np.testing.assert_array_equal(study.nominal, klann_poses(SEM104, study.alphas).h)
     for deviation in (study.mean, study.rms, study.p95, study.p99, study.largest):
         assert not deviation.any()
@@ -163,7 +163,7 @@ def test_where_the_drawn_leg_has_no_pose_there_are_no_statistics() -> None:
     for values in (study.mean, study.rms, study.p95, study.p99, study.largest, study.box):
         assert np.isnan(values[missing]).all()
         assert np.isfinite(values[~missing]).all()
-    assert study.stuck == 1.0
+    assert study.non_turning_fraction == 1.0
     assert study.ranking[0][1] > 0.0
 
 
