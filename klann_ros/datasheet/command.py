@@ -72,14 +72,14 @@ def _describe(options: argparse.Namespace) -> int:
 
 def _weighed(robot: Robot, density: float) -> Robot:
     """Return a robot whose legs are of rods [kg/m] where its file tells no masses."""
-    # Refused even where it is not needed: what is no density is a slip.
+    # Refused even where it is unused: a value that is no density is a mistake.
     of_rods = [replace(leg, masses=rods(leg.linkage, density)) for leg in robot.legs]
     pairs = zip(robot.legs, of_rods, strict=True)
     return replace(robot, legs=tuple(leg if leg.masses else made for leg, made in pairs))
 
 
 def _is_saved(file: Output, sheet: DataSheet) -> bool:
-    """Write a file; say what is wrong if that cannot be done, for the other may be."""
+    """Write a file; report a failure, since the other output may still succeed."""
     made = html_page.page(sheet) if file.option == '--html' else json_report.report(sheet)
     try:
         # A path may hold bytes that are no text.

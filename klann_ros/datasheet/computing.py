@@ -20,7 +20,7 @@ SPEED = TURN
 SAMPLES = 720
 # Nothing that is built turns slower or faster [rad/s], or carries more [N].
 SLOWEST, FASTEST, MOST = 1e-6, 1e6, 1e9
-# With fewer legs nothing stands, and nobody expects that it walks.
+# With fewer legs a robot cannot stand.
 FEWEST_LEGS = 3
 
 
@@ -39,13 +39,13 @@ def data_sheet(
     Parameters
     ----------
     robot : Robot
-        What it is of.
+        The robot.
     speed : float
-        At which the cranks turn evenly; negative is clockwise [rad/s].
+        Constant rate of the cranks; negative is clockwise [rad/s].
     load : float
         The force of the ground on each foot that stands, up along y of the leg's plane [N].
     motor : Motor, optional
-        What is to turn each crank.
+        The motor of each crank.
     margins : bool
         Whether the margins of coupled loops are wanted, too, which take seconds.
     samples : int
@@ -119,7 +119,7 @@ def _distinct(legs: Sequence[RobotLeg]) -> tuple[list[RobotLeg], list[int]]:
 
 
 def _missing(robot: Robot) -> str:
-    """Return which masses are missing; '' where all are told."""
+    """Return which masses are missing; '' if none is."""
     without = [leg for leg in robot.legs if leg.masses is None]
     if not without:
         return ''
@@ -129,15 +129,17 @@ def _missing(robot: Robot) -> str:
 
 
 def _no_forces(legs: Sequence[LegSheet], missing: str, load: float) -> str:
-    told = []
+    reasons = []
     if not all(leg.turns_fully for leg in legs):
-        told.append('the crank does not turn fully: there is no turn to tell the forces of')
+        reasons.append('the crank does not turn fully: there are no forces over a turn')
     if missing:
-        told.append(f'{missing}; what follows is the load alone' if load else missing)
+        reasons.append(f'{missing}; the figures are of the load alone' if load else missing)
     lost = [leg for leg in legs if any(np.isnan(of.torque).any() for of in leg.cases)]
     if lost:
-        told.append('links are in line at a crank angle, where no force follows from the motion')
-    return '; '.join(told)
+        reasons.append(
+            'links are in line at a crank angle, where no force follows from the motion'
+        )
+    return '; '.join(reasons)
 
 
 def _crank(

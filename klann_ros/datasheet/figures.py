@@ -1,7 +1,7 @@
 """
 The figures of a data sheet as texts and page show them: a name, a value in a handy unit, a remark.
 
-What is shown is said here once; how it is set, is the renderers' business.
+The content is defined here once; its layout belongs to the renderers.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,19 +14,19 @@ from klann_ros.sanitize.text import counted, printable
 
 from .sheet import CrankSheet, DataSheet, Extreme, LegSheet
 
-# How much slower and faster than on average a crank may be for which a flywheel is told.
+# Speed fluctuation of a crank for which a flywheel is sized.
 UNEVENNESS = 0.1
 # Of a mean over a turn, as a part of the peak.
 SAMPLING_ERROR = 1e-5
 # What the literature calls good transmission, from in line [rad].
 GOOD_TRANSMISSION = 40.0 * pi / 180.0
-# So many groups of feet are told.
+# Groups of feet in the table.
 MOST_GROUPS = 12
 UNKNOWN = '\N{EN DASH}'
 
 
 class Figure(NamedTuple):
-    """A figure: its name, its value as text, its unit, and what is to be said of it."""
+    """A figure: its name, its value as text, its unit, and a note."""
 
     name: str
     value: str
@@ -35,7 +35,7 @@ class Figure(NamedTuple):
 
 
 class Table(NamedTuple):
-    """A table: what it is of, the heads of its columns, its rows, and a sentence below."""
+    """A table: its title, the heads of its columns, its rows and a note."""
 
     title: str
     heads: tuple[str, ...]
@@ -44,7 +44,7 @@ class Table(NamedTuple):
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Return a number with so many digits that count; without an exponent where that is short."""
+    """Return a number with some significant digits; without an exponent where that is short."""
     if not isfinite(value):
         return UNKNOWN
     if value == 0.0:
@@ -80,7 +80,7 @@ def foot_figures(leg: LegSheet, speed: float) -> Iterator[Figure]:
     if path is not None:
         left, right = path.x_range
         low, high = path.y_range
-        # What is but the rounding of the other is none.
+        # A value that is only rounding of the other counts as 0.
         stride, lift = _zero(path.stride, path.length), _zero(path.lift, path.length)
         yield Figure('Stride', millimetres(stride), 'mm', _range('x', left, right))
         yield Figure('Lift', millimetres(lift), 'mm', _range('y', low, high))
@@ -170,12 +170,12 @@ def masses(leg: LegSheet) -> Table:
 
 def joint_forces(leg: LegSheet) -> Table:
     """Return the table of what a leg's joints carry, at most."""
-    told = [(name, of) for name, of in (('empty', leg.empty), ('loaded', leg.loaded)) if of]
+    columns = [(name, of) for name, of in (('empty', leg.empty), ('loaded', leg.loaded)) if of]
     heads = ['Joint']
-    for name, _ in told:
+    for name, _ in columns:
         heads += [f'{name} / N', 'at crank / deg']
     rows = []
-    for same in zip(*(of.joints for _, of in told), strict=True):
+    for same in zip(*(of.joints for _, of in columns), strict=True):
         rows.append((same[0].name, *_peaks([joint.greatest for joint in same])))
         moments = [joint.moment for joint in same if joint.moment is not None]
         if moments:
@@ -189,13 +189,13 @@ def _peaks(extremes: Sequence[Extreme]) -> list[str]:
 
 def crank_forces(crank: CrankSheet, speed: float) -> Table:
     """Return the table of a crank's torque and power, without and with the load."""
-    told = [(name, of) for name, of in (('empty', crank.empty), ('loaded', crank.loaded)) if of]
-    columns = [_crank_column(turn, speed) for _, turn in told]
+    columns = [(name, of) for name, of in (('empty', crank.empty), ('loaded', crank.loaded)) if of]
+    cells = [_crank_column(turn, speed) for _, turn in columns]
     rows = [
         (same[0].name, *(figure.value for figure in same), same[0].unit)
-        for same in zip(*columns, strict=True)
+        for same in zip(*cells, strict=True)
     ]
-    heads = ('Over the turn', *(name for name, _ in told), 'unit')
+    heads = ('Over the turn', *(name for name, _ in columns), 'unit')
     note = (
         'Energy swing: what a shaft with the mean torque gains and loses. '
         f'Flywheel: for a speed within +-{100.0 * UNEVENNESS / 2.0:.0f} %.'
@@ -244,9 +244,9 @@ def motor_figures(crank: CrankSheet) -> Iterator[Figure]:
     thermal = judged.thermal_margin
     rms = f'{number(judged.motor_rms)} N m rms at the motor'
     if thermal is None:
-        yield Figure('Margin in warmth', UNKNOWN, '', f'{rms}; no continuous_torque is told')
+        yield Figure('Thermal margin', UNKNOWN, '', f'{rms}; no continuous_torque is given')
     else:
-        yield Figure('Margin in warmth', _times(thermal), '', rms)
+        yield Figure('Thermal margin', _times(thermal), '', rms)
     rpm = f'{number(judged.fastest * 30.0 / pi)} rpm, by torque and speed'
     note = rpm if judged.fastest else 'it does not get away from standstill'
     yield Figure('Fastest', number(judged.fastest), 'rad/s', note)

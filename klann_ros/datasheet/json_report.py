@@ -1,4 +1,4 @@
-"""A data sheet as JSON, for machines: SI units throughout, null for what is unknown or endless."""
+"""A data sheet as JSON, for machines: SI units throughout, null for unknown or infinite values."""
 
 import json
 from typing import Any

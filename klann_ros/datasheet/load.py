@@ -48,7 +48,7 @@ class CrankLoad(NamedTuple):
 
 
 def on_the_ground(stance: Stance, alphas: Array) -> NDArray[np.bool_]:
-    """Return at which crank angles [rad] the foot is on the ground, shape (k,)."""
+    """Return the crank angles with the foot on the ground, shape (k,) [rad]."""
     since: NDArray[np.bool_] = (alphas - stance.start) % TURN <= stance.end - stance.start
     return since
 
@@ -95,7 +95,7 @@ class Turned(NamedTuple):
 
     @property
     def edges(self) -> tuple[float, ...]:
-        """Return the angles of the joint at which the stance starts and ends [rad]."""
+        """Return the joint angles of the start and the end of the stance [rad]."""
         if self.stance is None:
             return ()
         alphas = self.stance.start, self.stance.end

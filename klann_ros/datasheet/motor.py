@@ -48,7 +48,7 @@ class Motor:
     continuous_torque: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what is no motor."""
+        """Refuse invalid motor data."""
         for field in fields(self):
             value = getattr(self, field.name)
             if value is not None:
@@ -181,7 +181,7 @@ class MotorVerdict:
 
     @property
     def thermal_margin(self) -> float | None:
-        """Return how many times the rms torque it stands for ever; None where nobody knows."""
+        """Return the thermal margin: continuous torque over rms torque; None if unknown."""
         if self.motor.continuous_torque is None:
             return None
         return self.motor.continuous_torque / self.motor_rms if self.motor_rms else inf
@@ -195,7 +195,7 @@ class MotorVerdict:
             found.append(f'even without load it turns no faster than {most:.4g} rad/s')
         elif self.peak == inf:
             where = f'{degrees(self.peak_at):.1f} deg'
-            found.append(f'links are in line at {where}, where nobody knows what it takes')
+            found.append(f'links are in line at {where}, where the torque is undefined')
         elif self.margin < 1.0:
             found.append(f'it gives {self.available:.4g} N m where {self.peak:.4g} N m are needed')
         if self.braking_margin < 1.0:

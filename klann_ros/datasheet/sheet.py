@@ -1,4 +1,4 @@
-"""A data sheet: what is known of a robot's legs and cranks before they are built, in SI units."""
+"""A data sheet: the figures of a robot's legs and cranks before they are built, in SI units."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -20,7 +20,7 @@ class SheetError(ValueError):
 
 
 class Extreme(NamedTuple):
-    """A value, and the crank angle [rad] at which it is."""
+    """A value, and its crank angle [rad]."""
 
     value: float
     at: float
@@ -151,7 +151,7 @@ class LegSheet:
     no_stance : str
         Why there is none; '' where there is one.
     alphas : numpy.ndarray, shape (k,)
-        Crank angles of all that is told over the turn [rad].
+        Crank angles of all samples over the turn [rad].
     points : numpy.ndarray, shape (k, p, 2)
         The linkage's points there [m].
     transmission : tuple of Transmission
@@ -187,12 +187,12 @@ class LegSheet:
 
     @property
     def cases(self) -> tuple[LegForces, ...]:
-        """Return what is known without and with the load."""
+        """Return the figures without and with the load."""
         return tuple(of for of in (self.empty, self.loaded) if of is not None)
 
     @property
     def title(self) -> str:
-        """Return what is called so."""
+        """Return the figure of a name."""
         return ', '.join(self.names)
 
 
@@ -248,7 +248,7 @@ class DataSheet:
     cranks : tuple of CrankSheet
         The joints that turn them.
     motor : Motor, optional
-        What is to turn each of them.
+        The motor of each of them.
     no_forces : str
         Why there are no forces, or why not all; '' where there are.
     walk : WalkFigures, optional

@@ -190,7 +190,7 @@ class _View:
         self._low = low
 
     def draw(self, panel: Element, layer: int) -> None:
-        """Draw what is in a layer, and all below it in grey."""
+        """Draw a layer, and the layers below it in grey."""
         of = self._of
         ordered = sorted(range(len(of.plates)), key=lambda p: of.layer[p])
         for p in ordered:

@@ -25,7 +25,7 @@ from .urdf import urdf
 
 NOT_READ, NOT_WRITTEN = 2, 3
 HOLE, THICKNESS, WASHER = 3.2, 3.0, 0.5
-# The default of the width: so many holes, but at least this part of the longest plate.
+# Default width: this multiple of the hole, but at least this part of the longest plate.
 HOLES, PART = 3.0, 0.04
 FORMATS = ('mjcf', 'urdf', 'svg', 'dxf', 'assembly')
 PLATES = ('svg', 'dxf', 'assembly')
@@ -47,14 +47,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     asked = {f'--{name}': getattr(options, name) for name in FORMATS}
     if not any(asked.values()):
-        parser.error(f'what is to be written? one of {", ".join(asked)} is needed')
+        parser.error(f'no output is given; one of {", ".join(asked)} is needed')
     try:
         robot = robot_of(options.file)
         return _export(robot, options, outputs(asked, [options.file]))
     except (OutputError, NoEzdxfError) as error:
         return _fail(error, NOT_WRITTEN)
     except (RobotFileError, ValueError) as error:
-        # What is no robot, and what cannot be made of one: all have it in the text.
+        # All of them carry the reason in their text.
         return _fail(error, NOT_READ)
 
 

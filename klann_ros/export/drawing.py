@@ -41,7 +41,7 @@ class Text(NamedTuple):
 @dataclass(frozen=True)
 class Drawing:
     """
-    What is cut, x to the right, y up, [mm].
+    Cut lines, x to the right, y up, [mm].
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Drawing:
     outlines : tuple of tuple of Corner
         The plates, closed, counter-clockwise, in the order of the plates.
     windows : tuple of tuple of Corner
-        What is open between the links of a plate, closed, clockwise.
+        Openings between the links of a plate, closed, clockwise.
     circles : tuple of Circle
         The holes.
     slots : tuple of tuple of Corner
@@ -91,12 +91,12 @@ def drawing(plates: Sequence[Plate], *, kerf: float = 0.0) -> Drawing:
             f'kerf = {kerf * 1e3:g} mm is refused: >= 0, and narrower than the smallest hole, '
             f'{least * 1e3:g} mm'
         )
-    laid = [_Laid(plate, MM * kerf / 2.0) for plate in plates]
-    room = sum((one.size.real + GAP) * (one.size.imag + GAP) for one in laid)
-    widest = max(*(one.size.real for one in laid), 1.2 * sqrt(room))
+    placed = [_PlacedPlate(plate, MM * kerf / 2.0) for plate in plates]
+    room = sum((one.size.real + GAP) * (one.size.imag + GAP) for one in placed)
+    widest = max(*(one.size.real for one in placed), 1.2 * sqrt(room))
     x = y = GAP
     row = right = 0.0
-    for one in laid:
+    for one in placed:
         if x > GAP and x + one.size.real > widest + GAP:
             x, y, row = GAP, y + row + GAP, 0.0
         one.corner = complex(x, y)
@@ -104,15 +104,15 @@ def drawing(plates: Sequence[Plate], *, kerf: float = 0.0) -> Drawing:
         right = max(right, x)
     return Drawing(
         complex(right, y + row + GAP),
-        tuple(one.outlines[0] for one in laid),
-        tuple(window for one in laid for window in one.outlines[1:]),
-        tuple(circle for one in laid for circle in one.circles),
-        tuple(slot for one in laid for slot in one.slots),
-        tuple(text for one in laid for text in one.texts),
+        tuple(one.outlines[0] for one in placed),
+        tuple(window for one in placed for window in one.outlines[1:]),
+        tuple(circle for one in placed for circle in one.circles),
+        tuple(slot for one in placed for slot in one.slots),
+        tuple(text for one in placed for text in one.texts),
     )
 
 
-class _Laid:
+class _PlacedPlate:
     """A plate on the sheet: its longest way lies along x, its title is below it."""
 
     def __init__(self, plate: Plate, offset: float) -> None:

@@ -138,8 +138,8 @@ def layers(linkage: Linkage, plates: Sequence[Plate]) -> Layers:
     pins = [(shaft.plates, each) for shaft, each in zip(shafts, crossed, strict=True)]
     for number in range(len(shafts) + 1):
         for cut in combinations(range(len(shafts)), number):
-            kept = [(own, () if k in cut else each) for k, (own, each) in enumerate(pins)]
-            found = _fewest(clashes, kept, ground)
+            remaining = [(own, () if k in cut else each) for k, (own, each) in enumerate(pins)]
+            found = _fewest(clashes, remaining, ground)
             if found is not None:
                 flush = tuple((shafts[k], way) for k, way in _flush(found, pins))
                 stubs = tuple(

@@ -96,17 +96,17 @@ def outlines(segments: Sequence[Segment], radius: float) -> tuple[Outline, ...]:
 
 def _edges(segments: Sequence[Segment], radius: float) -> list[_Piece]:
     """Return the pieces that are nowhere inside, each once."""
-    kept: list[_Piece] = []
+    boundary: list[_Piece] = []
     for piece in (*_lines(segments, radius), *_arcs(segments, radius)):
         inside = any(distance_to(s, piece.middle) < radius * (1.0 - ZERO) for s in segments)
         is_known = any(
             abs(piece.start - one.start) + abs(piece.end - one.end) < GAP * radius
             and abs(piece.middle - one.middle) < GAP * radius
-            for one in kept
+            for one in boundary
         )
         if not inside and not is_known:
-            kept.append(piece)
-    return kept
+            boundary.append(piece)
+    return boundary
 
 
 def _sides(segments: Sequence[Segment], radius: float) -> list[Segment]:

@@ -43,7 +43,7 @@ class Hole:
 
     @property
     def shown(self) -> str:
-        """Return what it is called in a sentence."""
+        """Return its name for messages."""
         return f'hole {self.name}' if self.name else 'a guide'
 
 
@@ -64,7 +64,7 @@ class Slot:
 
     @property
     def shown(self) -> str:
-        """Return what it is called in a sentence."""
+        """Return its name for messages."""
         return f'the slot of {self.name}'
 
     def distance(self, at: complex) -> float:
@@ -109,7 +109,7 @@ class Plate:
 
     @property
     def title(self) -> str:
-        """Return what is written on it: its leg and its body, its points, how many there are."""
+        """Return its label: leg, body, points and count."""
         words = [self.legs, self.name, *(hole.name for hole in self.holes)]
         return ' '.join(filter(None, words)) + (f' x{self.count}' if self.count > 1 else '')
 
@@ -241,11 +241,11 @@ def _of_linkage(linkage: Linkage, sizes: Mapping[str, float], width: float) -> I
             pins[line.body] = _pins(
                 line, drilled[line.body], slots[line.body], hole, width, is_joint
             )
-            kept = drilled[line.body] if is_joint else drilled[line.body][1:]
+            round_holes = drilled[line.body] if is_joint else drilled[line.body][1:]
             guides = [
                 Hole('', x * line.direction, hole) for x in pins[line.body] if x or not is_joint
             ]
-            drilled[line.body] = [*kept, *guides]
+            drilled[line.body] = [*round_holes, *guides]
             widest[line.body] = max(hole, widest[line.body]) if is_joint else hole
     for on in slots:
         slots[on] = [
@@ -306,7 +306,7 @@ def _gap(one: Segment, other: Segment) -> tuple[float, Segment]:
     return abs(link[1] - link[0]), link
 
 
-def _pins(  # noqa: PLR0917 - what is there already
+def _pins(  # noqa: PLR0917 - shared state
     line: Line, holes: list[Hole], slots: list[Slot], hole: float, width: float, is_joint: bool
 ) -> list[float]:
     """

@@ -6,7 +6,7 @@ from xml.etree.ElementTree import Element, indent, SubElement, tostring
 from .drawing import Drawing
 from .outline import Outline
 
-# What cutters' programs take for a line that is cut, and for what is engraved.
+# Colours that laser cutters' programs cut and engrave.
 STYLES = {
     'CUT': {'fill': 'none', 'stroke': '#ff0000', 'stroke-width': '0.1'},
     'HOLES': {'fill': 'none', 'stroke': '#0000ff', 'stroke-width': '0.1'},

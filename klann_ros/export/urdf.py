@@ -25,7 +25,7 @@ from .travel import ExportError, travel
 HEADER = '<?xml version="1.0" encoding="utf-8"?>\n'
 PIN, FRAME = 'klann_pin', 'klann_frame'
 COLOURS = {PIN: '0.15 0.15 0.15 1', FRAME: '0.45 0.45 0.48 1'}
-# Of bars, as a part of the longest; what slides is seen so many widths long.
+# Width of bars, as a part of the longest; sliders are drawn this number of widths long.
 WIDTH, BLOCK = 0.05, 1.6
 
 
@@ -54,7 +54,7 @@ def urdf(
     Parameters
     ----------
     robot : Robot
-        What is written.
+        The text.
     base_frame, frame_id : str
         What carries the legs, and the plane of each.
     frame_prefix : str
@@ -222,7 +222,7 @@ class _Leg:
     def _link(self, name: str) -> Element:
         return SubElement(self._root, 'link', name=name)
 
-    def _joint(  # noqa: PLR0917 - what a joint is told by
+    def _joint(  # noqa: PLR0917 - the attributes of a joint
         self, name: str, kind: str, parent: str, child: str, xyz: Triple, rpy: Triple
     ) -> Element:
         joint = SubElement(self._root, 'joint', name=name, type=kind)
@@ -247,7 +247,7 @@ class _Leg:
         SubElement(joint, 'axis', xyz=_numbers(axis))
         return joint
 
-    # What is seen.
+    # Visual geometry.
 
     def _layer(self, j: int) -> int:
         """Return how many bars lie below a body's."""
@@ -267,7 +267,7 @@ class _Leg:
         self._box(link, complex(length / 2.0), 0.0, self._layer(j), size, f'klann_{j}')
         self._sphere(link, 0j, self._layer(j), 1.0)
 
-    def _box(  # noqa: PLR0917 - what a box is told by
+    def _box(  # noqa: PLR0917 - the attributes of a box
         self, link: Element, at: complex, turn: float, layer: int, size: Triple, material: str
     ) -> None:
         visual = self._visual(link, at, turn, layer)

@@ -10,14 +10,14 @@ The twin of a robot in the physics engine MuJoCo; knows nothing of ROS.
 `robot_mjcf` writes a leg, hung up, or a walker on a floor as a model of the engine, which it does
 not need for that. `agreement` turns a leg in the engine and tells how far it agrees with its
 kinematics and forces. `Twin` is a robot of its own: motors that take speeds, sensors that are not
-perfect, and the truth. The engine is the extra `sim`; whoever uses it without is told by a
+perfect, and the truth. The engine is the extra `sim`; without it the user gets a
 NoMujocoError.
 """
 
 from .agreement import Agreement, agreement
 from .engine import NoMujocoError
 from .mjcf import Floor, robot_mjcf
-from .pace import Kept, Pace
+from .pace import Pace, RealTimeFactor
 from .parts import Crank, Imu, Motors, Sensors, Truth, TwinError
 from .twin import DivergedError, Twin
 
@@ -27,10 +27,10 @@ __all__ = [
     'DivergedError',
     'Floor',
     'Imu',
-    'Kept',
     'Motors',
     'NoMujocoError',
     'Pace',
+    'RealTimeFactor',
     'Sensors',
     'Truth',
     'Twin',

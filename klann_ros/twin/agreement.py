@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .engine import engine
-from .leg_tree import joint_rates, tree
+from .leg_tree import joint_rates, spanning_tree
 from .mjcf import robot_mjcf
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ MARGIN = 0.25
 
 class Agreement(NamedTuple):
     """
-    How far a leg that the engine turns agrees with what was computed.
+    Differences between a leg in the engine and the computed one.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Agreement(NamedTuple):
     reactions : float
         The greatest rms difference of a joint's force, in the same motion, by the rms of it.
     ripple : float
-        The greatest difference of the crank's speed from what was asked for, by that.
+        Largest relative error of the crank's speed.
 
     """
 
@@ -96,12 +96,12 @@ class _Turned:
         text = robot_mjcf(robot, time_step=time_step, crank=crank)
         self._model = self._mujoco.MjModel.from_xml_string(text)
         self._data = self._mujoco.MjData(self._model)
-        self._hung, self._closing = tree(leg.linkage)
-        rates = joint_rates(leg.linkage, self._hung, float(leg.crank_angles(crank)))
-        for hung in self._hung:
-            name = leg.crank_joint if hung.body == 0 else leg.linkage.joint_names[hung.body]
+        self._bodies, self._closing = spanning_tree(leg.linkage)
+        rates = joint_rates(leg.linkage, self._bodies, float(leg.crank_angles(crank)))
+        for body in self._bodies:
+            name = leg.crank_joint if body.body == 0 else leg.linkage.joint_names[body.body]
             at = self._model.joint(name).dofadr[0]
-            self._data.qvel[at] = leg.direction * rate * rates[hung.body]
+            self._data.qvel[at] = leg.direction * rate * rates[body.body]
         self._data.qvel[self._model.joint(leg.crank_joint).dofadr[0]] = rate
         self._data.ctrl[0] = rate
         self._rotor = float(self._model.dof_armature[self._model.joint(leg.crank_joint).dofadr[0]])
@@ -137,7 +137,7 @@ class _Turned:
                 own = point, names[body]
                 pins[own] = pins.get(own, 0j) + sign * complex(flat[0], flat[1])
 
-        for j, parent, point in self._hung:
+        for j, parent, point in self._bodies:
             if not structure.bodies[j].slides:
                 pull(point, j, parent, data.cfrc_int[self._model.body(names[j]).id][3:])
         equality = data.efc_type == self._mujoco.mjtConstraint.mjCNSTR_EQUALITY

@@ -15,7 +15,7 @@ from klann_ros.kinematics.linkage.structure import FIXED
 from klann_ros.robot import RobotLeg
 import numpy as np
 
-from .leg_tree import Hung, tree
+from .leg_tree import spanning_tree, TreeBody
 from .model_text import at, Names, number, SEPARATOR, touching
 
 # What weighs nothing would make its loop soft: it gets this part of the whole, and of its inertia.
@@ -100,9 +100,9 @@ class LegModel:
         structure = leg.linkage.structure
         places = (complex(x, y) for x, y in self._pose.points)
         self._points = dict(zip(structure.points, places, strict=True))
-        self._hung, self._closing = tree(leg.linkage)
+        self._tree, self._closing = spanning_tree(leg.linkage)
         # Where the bodies' frames are in this pose.
-        self._origins = {h.body: self._points[h.point] for h in self._hung} | {FIXED: 0j}
+        self._origins = {h.body: self._points[h.point] for h in self._tree} | {FIXED: 0j}
         self._size = float(np.ptp(self._pose.points, axis=0).max())
         self.mass = dynamics.masses.total
         self.crank_name = ''
@@ -146,9 +146,9 @@ class LegModel:
         elements = {FIXED: plane}
         for point in self.leg.linkage.structure.pivots:
             self._site(plane, section, point, self._points[point])
-        for hung in self._hung:
-            parent = elements[hung.parent]
-            elements[hung.body] = self._body(parent, section, hung, rotor)
+        for tree_body in self._tree:
+            parent = elements[tree_body.parent]
+            elements[tree_body.body] = self._body(parent, section, tree_body, rotor)
         for point, first, j in self._closing:
             SubElement(
                 section.equality,
@@ -161,7 +161,7 @@ class LegModel:
         for spring in self._dynamics.masses.springs:
             self._spring(plane, section, spring)
 
-    def shoe(self, radius: float, friction: float) -> None:
+    def foot_geom(self, radius: float, friction: float) -> None:
         """Put a ball that touches the floor on the foot; the leg is written before."""
         if self._foot is None:
             raise AssertionError('the leg is written before')
@@ -175,13 +175,15 @@ class LegModel:
     def _radius(self) -> float:
         return BAR * self._size / 2.0
 
-    def _body(self, parent: Element, section: Section, hung: Hung, rotor: float) -> Element:
-        j, structure = hung.body, self.leg.linkage.structure
-        body, origin = structure.bodies[j], self._origins[hung.body]
+    def _body(
+        self, parent: Element, section: Section, tree_body: TreeBody, rotor: float
+    ) -> Element:
+        j, structure = tree_body.body, self.leg.linkage.structure
+        body, origin = structure.bodies[j], self._origins[tree_body.body]
         self._bodies[j] = section.unique('body', self.leg.prefix + body.angle)
-        where = at(origin - self._origins[hung.parent])
+        where = at(origin - self._origins[tree_body.parent])
         element = SubElement(parent, 'body', name=self._bodies[j], pos=where)
-        self._joint(element, section, hung, rotor)
+        self._joint(element, section, tree_body, rotor)
         self._inertial(element, j)
         for bar in body.rigid:
             ends = ' '.join(at(self._points[p] - origin) for p in (bar.start, bar.end))
@@ -218,10 +220,12 @@ class LegModel:
     def _has_site(self, point: str, j: int) -> bool:
         """Return whether a body is the first in the tree that has a point."""
         bodies = self.leg.linkage.structure.bodies
-        return j == next(h.body for h in self._hung if point in bodies[h.body].points)
+        return j == next(h.body for h in self._tree if point in bodies[h.body].points)
 
-    def _joint(self, element: Element, section: Section, hung: Hung, rotor: float) -> None:
-        j, structure = hung.body, self.leg.linkage.structure
+    def _joint(
+        self, element: Element, section: Section, tree_body: TreeBody, rotor: float
+    ) -> None:
+        j, structure = tree_body.body, self.leg.linkage.structure
         body = structure.bodies[j]
         if j == 0:
             # It stands where the joint does that turns the crank: alpha = direction q + phase.

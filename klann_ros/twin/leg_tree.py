@@ -13,7 +13,7 @@ from klann_ros.kinematics import Linkage, LinkageLeg
 from klann_ros.kinematics.linkage.structure import FIXED, Structure
 
 
-class Hung(NamedTuple):
+class TreeBody(NamedTuple):
     """Where a body hangs in the tree."""
 
     # Which one.
@@ -34,49 +34,49 @@ class Closing(NamedTuple):
     body: int
 
 
-def tree(linkage: Linkage) -> tuple[list[Hung], list[Closing]]:
+def spanning_tree(linkage: Linkage) -> tuple[list[TreeBody], list[Closing]]:
     """Return how the bodies hang, each after its parent, and what closes the loops."""
     structure = linkage.structure
-    placed: list[int] = [FIXED]
-    hung: list[Hung] = []
-    while len(hung) < len(structure.bodies):
-        hung.append(next(_next_hung(structure, placed)))
-        placed.append(hung[-1].body)
-    joined = {(h.point, h.parent, h.body) for h in hung if not structure.bodies[h.body].slides}
+    visited: list[int] = [FIXED]
+    tree: list[TreeBody] = []
+    while len(tree) < len(structure.bodies):
+        tree.append(next(_next_bodies(structure, visited)))
+        visited.append(tree[-1].body)
+    joined = {(h.point, h.parent, h.body) for h in tree if not structure.bodies[h.body].slides}
     closing = []
     for point, every in structure.owners.items():
         # One of its bodies has the point; the others hang at it, or are pulled to it.
-        first = next((h.parent for h in hung if h.point == point and h.parent in every), every[0])
+        first = next((h.parent for h in tree if h.point == point and h.parent in every), every[0])
         closing += [
             Closing(point, first, j)
             for j in every
             if j != first and (point, first, j) not in joined
         ]
-    return hung, closing
+    return tree, closing
 
 
-def joint_rates(linkage: Linkage, hung: Sequence[Hung], alpha: float) -> dict[int, float]:
+def joint_rates(linkage: Linkage, tree: Sequence[TreeBody], alpha: float) -> dict[int, float]:
     """Return what each body's joint in the tree does as the crank turns [rad/rad, m/rad]."""
     moving, leg = motion(linkage, alpha), LinkageLeg(linkage)
     sliding = leg.velocity(leg.closed_form(alpha), 1.0).joints
     rates = {}
-    for j, parent, _ in hung:
+    for j, parent, _ in tree:
         before = moving.turning_1[parent, 0] if parent >= 0 else 0.0
         turns = float(moving.turning_1[j, 0] - before)
         rates[j] = sliding[j] if linkage.structure.bodies[j].slides else turns
     return rates
 
 
-def _next_hung(structure: Structure, placed: list[int]) -> Iterator[Hung]:
+def _next_bodies(structure: Structure, visited: list[int]) -> Iterator[TreeBody]:
     for j, body in enumerate(structure.bodies):
         along = structure.along[j]
-        if j in placed:
+        if j in visited:
             continue
         if along is not None:
-            if along in placed:
-                yield Hung(j, along, body.points[0])
+            if along in visited:
+                yield TreeBody(j, along, body.points[0])
             continue
         for point in body.points:
-            parent = next((i for i in structure.owners[point] if i in placed), None)
+            parent = next((i for i in structure.owners[point] if i in visited), None)
             if parent is not None:
-                yield Hung(j, parent, point)
+                yield TreeBody(j, parent, point)

@@ -33,14 +33,14 @@ class Accuracy(NamedTuple):
 
 # Of a leg: stiffer, what closes its loops would shake its crank, and softer, stray; a softer servo
 # would lag, and a stiffer one shake.
-HUNG = Accuracy(2e-4, 'RK4', 0.01, 2.0)
+SUSPENDED = Accuracy(2e-4, 'RK4', 0.01, 2.0)
 # Feet that touch down know no higher order; and a robot has to keep up with the time.
 WALKING = Accuracy(5e-4, 'implicitfast', 0.04, 0.5)
-# What drives a crank has an inertia of its own: so many times the greatest one that the crank of
+# The rotor of a crank's drive has this multiple of the largest inertia that the crank of
 # its leg feels. A servo as stiff as it is stable, and no stiffer, then turns it evenly.
 ROTOR = 10.0
 # The ball of a foot [m], and how far above the floor a walker begins [m].
-SHOE, HAIR = 0.004, 1e-4
+FOOT_RADIUS, GROUND_GAP = 0.004, 1e-4
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Floor:
     slope: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no floor."""
+        """Refuse invalid floor data."""
         if not (isfinite(self.friction) and self.friction >= 0.0):
             raise ValueError(f'friction = {self.friction!r} is refused: it must be >= 0')
         if not abs(self.slope) <= SLOPES:
@@ -102,7 +102,7 @@ def robot_mjcf(
     time_step : float
         Of the engine [s]; 0: 0.2 ms for a leg, 0.5 ms for a walker.
     crank : float, optional
-        At which angle of the joints it starts [rad]; if not given, 0, or the middle of what the
+        Joint angle at the start [rad]; by default 0, or the middle of the arc that the
         first leg can reach.
 
     Raises
@@ -123,7 +123,7 @@ class _Model:
 
     def __init__(self, robot: Robot, floor: Floor, time_step: float, crank: float | None) -> None:
         self._robot, self._floor = robot, floor
-        accuracy = WALKING if robot.is_walker else HUNG
+        accuracy = WALKING if robot.is_walker else SUSPENDED
         if not (isfinite(time_step) and time_step >= 0.0):
             raise ValueError(f'time_step = {time_step!r} s is refused: it must be > 0')
         self._accuracy = accuracy._replace(time_step=time_step or accuracy.time_step)
@@ -181,7 +181,7 @@ class _Model:
         lowest = min(
             float(leg.leg.mount.placed([leg.foot.real, leg.foot.imag])[2]) for leg in self._legs
         )
-        above = self._floor.above(SHOE + HAIR - lowest)
+        above = self._floor.above(FOOT_RADIUS + GROUND_GAP - lowest)
         base = SubElement(world, 'body', name=name, pos=above, euler=self._floor.euler)
         SubElement(base, 'freejoint', name=self._unique('joint', name))
         centre = _triple(body.centre)
@@ -222,13 +222,13 @@ class _Model:
             )
             leg.write(plane, section, crank_name, stiffness, rotor)
             if self._robot.is_walker:
-                leg.shoe(SHOE, self._floor.friction)
+                leg.foot_geom(FOOT_RADIUS, self._floor.friction)
         gain = self._accuracy.servo * turned / step
         SubElement(actuator, 'velocity', name=name, joint=name, kv=number(gain))
 
 
 def _start(legs: Sequence[RobotLeg], crank: float | None) -> float:
-    """Return an angle of a joint at which all of its legs close."""
+    """Return a joint angle that closes all of its legs."""
     if crank is not None:
         return crank
     first = legs[0]

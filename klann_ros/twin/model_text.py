@@ -24,7 +24,7 @@ class Names:
 def touching(friction: float, *, floor: bool = False) -> dict[str, str]:
     """Return the attributes of what touches the floor, or of the floor, and nothing else."""
     own, other = ('1', '2') if floor else ('2', '1')
-    # Hard: in what is soft the feet sink and creep, which costs a walker some of its way.
+    # Stiff contact: in a soft one the feet sink and creep, which shortens a walk.
     return {
         'contype': own,
         'conaffinity': other,

@@ -1,8 +1,8 @@
-"""How simulated time keeps up with the time of the world, and what is told where it cannot."""
+"""The real-time factor of a simulation, and the time that is given up if it falls behind."""
 
 from typing import NamedTuple
 
-# What is later than this is given up: time goes on from where it is, without a burst [s].
+# A larger delay is given up: time continues from there, without a burst [s].
 LONGEST_CATCH_UP = 0.2
 
 
@@ -22,7 +22,7 @@ class Pace:
     Attributes
     ----------
     slipped : float
-        Of the world's time what was given up so far [s].
+        Wall time given up so far [s].
 
     """
 
@@ -44,16 +44,16 @@ class Pace:
         self._done += count
         return count
 
-    def kept(self, now: float) -> 'Kept':
+    def factor(self, now: float) -> 'RealTimeFactor':
         """Return how it has kept up since the last call."""
         elapsed = max(now - self._since, 1e-9)
         wanted = elapsed / self._between
-        kept = Kept(self._done * self._period / elapsed, self._done / wanted)
+        factor = RealTimeFactor(self._done * self._period / elapsed, self._done / wanted)
         self._since, self._done = now, 0
-        return kept
+        return factor
 
 
-class Kept(NamedTuple):
+class RealTimeFactor(NamedTuple):
     """
     How simulated time has kept up.
 
@@ -62,7 +62,7 @@ class Kept(NamedTuple):
     factor : float
         Simulated time by the world's.
     share : float
-        What was done of what was asked for.
+        Share of the requested steps that were done.
 
     """
 

@@ -20,7 +20,7 @@ def _must(condition: bool, name: str, value: float, what: str) -> None:
 @dataclass(frozen=True)
 class Motors:
     """
-    What turns the cranks: a servo for each joint, whose speed goes to what is asked of it.
+    The drives of the cranks: a velocity servo for each joint.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Motors:
     most : float
         No crank turns faster, whatever is asked [rad/s], > 0.
     factors : mapping of str to float
-        By which the speed of a joint's motor differs from what is asked; 1 where nothing is said.
+        Factor of a joint's speed; 1 by default.
 
     """
 
@@ -49,7 +49,7 @@ class Motors:
 @dataclass(frozen=True)
 class Sensors:
     """
-    What is known of the robot, and how well: standard deviations of noise that nothing shapes.
+    Sensor noise: standard deviations of white noise.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Sensors:
     orientation_noise: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no noise."""
+        """Refuse invalid noise."""
         for name, value in vars(self).items():
             if name.endswith('_offset'):
                 _must(isfinite(value), name, value, 'finite')
@@ -135,5 +135,5 @@ class Truth(NamedTuple):
     angular: tuple[float, ...]
 
 
-# What is as good as it can be.
+# Ideal sensors and motors.
 MOTORS, SENSORS = Motors(), Sensors()

@@ -39,7 +39,7 @@ class Twin:
     motors : Motors
         What turns its cranks.
     sensors : Sensors
-        What is known of it.
+        The sensors.
     time_step : float
         Of the engine [s]; 0: 1 ms for a walker, 0.2 ms for a leg.
     seed : int
@@ -115,20 +115,20 @@ class Twin:
         return float(self._model.opt.timestep)
 
     def reset(self) -> None:
-        """Put it where it began, at rest; time begins anew."""
+        """Reset it to its start, at rest, at time 0."""
         self._engine.mj_resetData(self._model, self._data)
         self._random = np.random.default_rng(self._seed)
         self._wanted = np.zeros(len(self.joints))
         self._engine.mj_forward(self._model, self._data)
-        self._felt, self._steps = np.zeros(6), 0
-        # What it is until it has moved.
+        self._acceleration_sum, self._steps = np.zeros(6), 0
+        # The reading before the first step.
         self._mean = np.array([0.0, 0.0, 0.0, *-self._model.opt.gravity])
         if self.is_free:
             self._mean = np.array(self._data.sensordata[self._feels])
 
     def command(self, joint: str, velocity: float) -> float:
         """
-        Ask a crank for a speed [rad/s]; return the one that it will have, within what is possible.
+        Command a crank's speed [rad/s]; return the saturated one.
 
         Raises
         ------
@@ -163,9 +163,9 @@ class Twin:
             data.ctrl += self._gain * (wanted - data.ctrl)
             move(model, data)
             if self.is_free:
-                self._felt += data.sensordata[self._feels]
+                self._acceleration_sum += data.sensordata[self._feels]
                 self._steps += 1
-        # What is not finite is not smaller, either.
+        # A NaN is not smaller, either.
         if not (np.abs(data.qpos).max() < ASTRAY and np.abs(data.qvel).max() < ASTRAY):
             raise DivergedError(f'the simulation became unstable at {self.time:.3f} s')
 
@@ -193,8 +193,8 @@ class Twin:
         """
         truth, sensors = self.truth(), self._sensors
         if self._steps:
-            self._mean = self._felt / self._steps
-            self._felt, self._steps = np.zeros(6), 0
+            self._mean = self._acceleration_sum / self._steps
+            self._acceleration_sum, self._steps = np.zeros(6), 0
         rates = self._mean[:3] + sensors.gyro_noise * self._random.standard_normal(3)
         feels = self._mean[3:] + sensors.accelerometer_offset
         feels = feels + sensors.accelerometer_noise * self._random.standard_normal(3)
@@ -230,7 +230,7 @@ class Twin:
 
     @property
     def summary(self) -> str:
-        """Return what it is, in words."""
+        """Return a description."""
         kind = 'a walker' if self.is_free else 'a leg hung up'
         cranks = ', '.join(map(printable, self.joints))
         return f'{kind}, {self._model.body_subtreemass[0]:.3g} kg, turned by {cranks}'
@@ -238,8 +238,8 @@ class Twin:
     @property
     def state(self) -> str:
         """Return whether it stands, in words."""
-        lies = self.is_free and cos(self.tilt) < FALLEN
-        return f'it has fallen, tilted by {degrees(self.tilt):.0f} deg' if lies else ''
+        has_fallen = self.is_free and cos(self.tilt) < FALLEN
+        return f'it has fallen, tilted by {degrees(self.tilt):.0f} deg' if has_fallen else ''
 
 
 def _product(p: tuple[float, ...], q: tuple[float, ...]) -> tuple[float, float, float, float]:

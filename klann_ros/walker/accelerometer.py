@@ -1,7 +1,7 @@
 """
 How the velocity of a walker changes, from the accelerometer of an IMU.
 
-What one feels is levelled by how the IMU says that it lies. An error of it, or of how it is
+What one feels is gravity_aligned by how the IMU says that it lies. An error of it, or of how it is
 mounted, is a velocity that grows: it is learned while the walker rests, and until then nothing is
 known.
 """
@@ -11,16 +11,16 @@ from math import cos, sin
 from .imu import ImuReading, Triple
 from .slip import Flat
 from .slope import GRAVITY
-from .support import levelled
+from .support import gravity_aligned
 
-# What is further apart tells nothing of the steps between [s]; nor does what is further apart than
-# usual by this: what it felt at each impact of a foot is lost with a message.
+# A longer gap between readings invalidates the interval [s]; so does a gap longer than
+# usual by this: what it span at each impact of a foot is lost with a message.
 LONGEST, LATE = 0.03, 1.8
-# What is usual follows the readings by this part of each.
+# Smoothing factor of the reading period.
 USUAL = 0.05
-# Its error is known once it has rested for so long, and is the mean over so much of its rest [s].
+# Minimum and maximum calibration time at rest for the bias [s].
 ENOUGH, REST = 0.5, 2.0
-# What is wrong by more is told in other units or directions, or without the weight [m/s^2].
+# A larger bias means other units or axes, or missing gravity [m/s^2].
 WORST = 1.0
 # No foot hits the ground as hard, however short the time that it is told for: level it was a
 # seventh at most [m/s].
@@ -30,19 +30,19 @@ FOLLOWS = 10.0
 
 
 class Accelerometer:
-    """What an accelerometer has felt since it was last asked, and what it is wrong by."""
+    """Accelerometer bias estimation at standstill, and velocity increments since the last call."""
 
     def __init__(self) -> None:
         self._has = False
         # In base_link [m/s^2].
-        self._error: Triple = (0.0, 0.0, 0.0)
+        self._bias: Triple = (0.0, 0.0, 0.0)
         self._rested, self._enough = 0.0, ENOUGH
         self._usual = self._silent = 0.0
         self.miss()
 
     @property
     def _is_believed(self) -> bool:
-        return self._rested >= self._enough and max(map(abs, self._error)) < WORST
+        return self._rested >= self._enough and max(map(abs, self._bias)) < WORST
 
     @property
     def state(self) -> str:
@@ -55,28 +55,28 @@ class Accelerometer:
         return 'not believed' if wrong else 'unknown until it rests'
 
     def miss(self) -> None:
-        """Take it that something was not told."""
+        """Mark the interval as incomplete."""
         self._forget()
         self._missed = True
 
     def correct(self, corrected: Flat, seconds: float) -> None:
         """Learn of what friction corrects it by, level [m/s^2], for a time [s]."""
-        (x, y, z), share = self._error, seconds / FOLLOWS
-        self._error = x - share * corrected[0], y - share * corrected[1], z
+        (x, y, z), share = self._bias, seconds / FOLLOWS
+        self._bias = x - share * corrected[0], y - share * corrected[1], z
 
-    def disbelieve(self) -> None:
-        """Learn what it is wrong by anew, for twice as long: it has been found to be wrong."""
+    def reject(self) -> None:
+        """Reject the bias and restart the calibration, for twice as long."""
         self._rested, self._enough = 0.0, 2.0 * self._enough
 
     def _forget(self) -> None:
-        # What it felt besides the weight: in base_link, and of that what is level, without its
+        # What it span besides the weight: in base_link, and of that what is level, without its
         # error [m/s].
         self._sum: Triple = (0.0, 0.0, 0.0)
         self._level: Flat = (0.0, 0.0)
-        self._felt, self._missed = 0.0, False
+        self._seconds, self._missed = 0.0, False
 
     def read(self, last: ImuReading, reading: ImuReading) -> None:
-        """Take what it felt from one reading to the next."""
+        """Take what it span from one reading to the next."""
         seconds = reading.at - last.at
         if seconds == 0.0:
             return
@@ -102,11 +102,11 @@ class Accelerometer:
         z -= GRAVITY * cos(roll) * cos(pitch)
         sx, sy, sz = self._sum
         self._sum = sx + x * seconds, sy + y * seconds, sz + z * seconds
-        ex, ey, ez = self._error
-        ((forwards, left),) = levelled([(x - ex, y - ey, z - ez)], roll, pitch)
+        ex, ey, ez = self._bias
+        ((forwards, left),) = gravity_aligned([(x - ex, y - ey, z - ez)], roll, pitch)
         lx, ly = self._level
         self._level = lx + forwards * seconds, ly + left * seconds
-        self._felt += seconds
+        self._seconds += seconds
 
     def gained(self, seconds: float, *, rests: bool) -> Flat | None:
         """
@@ -125,21 +125,21 @@ class Accelerometer:
             In its level frame [m/s]; None where that is not known.
 
         """
-        level, felt, missed = self._level, self._felt, self._missed
-        self._silent = 0.0 if felt else self._silent + seconds
-        if felt and rests:
-            self._learn(felt)
+        level, span, missed = self._level, self._seconds, self._missed
+        self._silent = 0.0 if span else self._silent + seconds
+        if span and rests:
+            self._learn(span)
         self._forget()
         if missed or self._silent > LONGEST or not self._is_believed:
             return None
         return level
 
-    def _learn(self, felt: float) -> None:
-        self._rested += felt
-        share = felt / min(self._rested, REST)
-        (a, b, c), (x, y, z) = self._error, self._sum
-        self._error = (
-            a + share * (x / felt - a),
-            b + share * (y / felt - b),
-            c + share * (z / felt - c),
+    def _learn(self, span: float) -> None:
+        self._rested += span
+        share = span / min(self._rested, REST)
+        (a, b, c), (x, y, z) = self._bias, self._sum
+        self._bias = (
+            a + share * (x / span - a),
+            b + share * (y / span - b),
+            c + share * (z / span - c),
         )

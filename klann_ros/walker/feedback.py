@@ -17,13 +17,13 @@ POSITION_MARGIN = 0.1
 MIN_DT = 0.02
 # Rates beyond this multiple of the crank's greatest rate are rejected.
 MAX_RATE_RATIO = 10.0
-# A position offset is accepted after so many consecutive readings.
+# Consecutive readings that confirm a position offset.
 CONFIRMATIONS = 5
-# Offsets above so many standard deviations of the encoder's noise are reported, ...
+# Gate of reported offsets, in standard deviations of the encoder's noise, ...
 NOISE_GATE = 6.0
 # ... of which the least is assumed to be this [rad].
 MIN_NOISE = 0.002
-# The noise is learned from so many readings before any offset is judged, and follows that many.
+# Readings from which the noise is learned before any offset is judged; its averaging window.
 NOISE_READINGS = 50
 # Rates between readings whose median predicts the next one.
 RATE_READINGS = 5

@@ -41,7 +41,7 @@ class Placed:
     feet : numpy.ndarray, shape (..., n, 3)
         Where the n feet touch what they stand on [m].
     rolled : numpy.ndarray, shape (..., n, 2)
-        By what the ground under them would be passed by their round soles [m]: a foot that rolls
+        Rolling displacement of the spherical feet [m]: a foot that rolls
         moves without sliding.
     centre : numpy.ndarray, shape (..., 3)
         The centre of mass of all [m].
@@ -62,7 +62,7 @@ class Pose(NamedTuple):
     feet : list of (float, float, float)
         Where the feet touch what they stand on [m].
     rolled : list of (float, float)
-        By what the ground under them would be passed by their round soles [m].
+        Rolling displacement of the spherical feet [m].
     centre : (float, float, float)
         The centre of mass of all [m].
 

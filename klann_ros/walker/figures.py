@@ -100,7 +100,7 @@ class WalkFigures:
 
     @property
     def warnings(self) -> list[str]:
-        """Return what is wrong with the walker, in a line."""
+        """Return the warnings about the walker, a line each."""
         unstable = (
             f'it is statically unstable for {1.0 - self.rests:.0%} of a turn: its centre of '
             'mass is not above its feet; check body_centre, mount_xyz and phase'
@@ -153,8 +153,8 @@ def walk_figures(robot: Robot, *, foot_radius: float = 0.0, samples: int = SAMPL
     loads = np.stack([_loads(rest, feet.count) for rest in rests[:-1]])
     at = zip(placed.feet.tolist(), placed.centre.tolist(), rests, strict=True)
     margin = [rest.margin if rest else -to_polygon(points, centre) for points, centre, rest in at]
-    lies = [(r.height, r.roll, r.pitch) if r else (np.nan,) * 3 for r in rests[:-1]]
-    height, roll, pitch = np.array(lies, dtype=np.float64).T
+    attitudes = [(r.height, r.roll, r.pitch) if r else (np.nan,) * 3 for r in rests[:-1]]
+    height, roll, pitch = np.array(attitudes, dtype=np.float64).T
     return WalkFigures(
         legs=tuple(leg.name or str(i) for i, leg in enumerate(robot.legs)),
         alphas=alphas[:-1],
@@ -174,7 +174,7 @@ def _path(placed: Placed, rests: Sequence[Support | None]) -> tuple[Array, float
     path, last = [], None
     poses = zip(placed.feet.tolist(), placed.rolled.tolist(), rests, strict=True)
     for feet, rolled, rest in poses:
-        # Where it does not rest it falls; nobody knows where to.
+        # Without support it falls, to an unknown pose.
         pose = standing(feet, rolled, rest) if rest else None
         if last and pose:
             step = moved(last, pose)

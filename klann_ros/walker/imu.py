@@ -69,7 +69,7 @@ def imu_reading(
     rate = sum(u * a for u, a in zip(up, angular, strict=True))
     level = hypot(up[1], up[2])
     roll, pitch = atan2(up[1], up[2]), atan2(-up[0], level)
-    # Angular rates along and across what is level.
+    # Angular rates about the vertical and the horizontal axes.
     across = (up[2] * angular[1] - up[1] * angular[2]) / (level or 1.0)
     along = (up[1] * angular[1] + up[2] * angular[2]) / (level or 1.0)
     rolls = angular[0] - up[0] / (level or 1.0) * along

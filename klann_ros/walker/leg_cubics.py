@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# Between so many angles of a turn a cubic is within 1e-9 of a leg's size.
+# Angles a turn between which a cubic is within 1e-9 of a leg's size.
 SAMPLES = 720
 # Foot (3), rolling (2), centre of mass (3).
 COLUMNS = 8
@@ -63,7 +63,7 @@ def _plane(values: NDArray[np.complex128]) -> Array:
 
 
 def _turned(moving: Motion, body: int) -> Array:
-    """Return by what a body has turned since the first angle [rad]."""
+    """Return the rotation of a body since the first angle [rad]."""
     rate = moving.turning_1[body]
     step = np.diff(moving.alphas)
     steps = (rate[1:] + rate[:-1]) / 2.0 * step

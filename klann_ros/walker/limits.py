@@ -1,4 +1,4 @@
-"""What a walker is asked for, cut down to what it may do; what cuts is told."""
+"""The limits of a walker's motion; active limits are reported."""
 
 from dataclasses import dataclass
 from math import inf
@@ -57,7 +57,7 @@ class Limits:
         return self.max_crank_rate / fastest, ['max_crank_rate']
 
     def approach(self, now: Motion, wanted: Motion, dt: float) -> Motion:
-        """Return the motion after a time, both parts of the way to what is wanted alike."""
+        """Return the motion after a time; both parts approach the command in proportion."""
         linear, angular = wanted.linear - now.linear, wanted.angular - now.angular
         share = min(
             1.0,

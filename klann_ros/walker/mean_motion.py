@@ -24,7 +24,7 @@ POINTS = 4096
 GOLDEN = (5.0**0.5 - 1.0) / 2.0
 # Of derivatives [rad].
 STEP = 1e-5
-# Slopes of facets beyond this, and what is as good as on an edge.
+# Largest slope of a facet, and the tolerance of an edge.
 UPRIGHT, ROUNDING = 1e-6, 1e-9
 
 
@@ -81,7 +81,7 @@ class PhasePoses:
 
 
 def lattice(turns: int, points: int = POINTS) -> Array:
-    """Return pairs of phases that fill so many turns of both sides evenly, (points, 2) [rad]."""
+    """Return pairs of phases that fill the turns of both sides evenly, (points, 2) [rad]."""
     i = np.arange(points) + 0.5
     return np.stack([i / points, i * GOLDEN % 1.0], axis=-1) * (turns * TURN)
 

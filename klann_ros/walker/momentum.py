@@ -18,37 +18,37 @@ the velocity changes by, that is believed instead, and friction corrects it by a
 
     T mu g  for  mu g,  and  (1 - T) felt + T g sin(slope)  for  g sin(slope):
 
-where both are true, that is what is felt.
+where both are true, it is the measured one.
 """
 
 from collections.abc import Sequence
 from math import exp, hypot
 from typing import NamedTuple
 
-from .slip import Coasting, Flat, nearer, Standing, Step, step, turned
+from .slip import Flat, InertiaPrior, low_pass, Standing, Step, step, turned
 from .slope import GRAVITY
 from .support import Point
 
-# Of feet on the floor, which nobody knows: between a wet tile and rubber on concrete.
+# Default friction coefficient, which is unknown: between wet tile and rubber on concrete.
 FRICTION = 0.6
-# Where a foot is said to hold it trembles, and creeps by less than this [m/s].
-CREEP = 0.004
-# The acceleration that tips it is the mean over so long [s].
-TIPPING = 0.05
+# Stiction speed: a foot that holds creeps by less than this [m/s].
+STICTION_SPEED = 0.004
+# Averaging time of the acceleration that tips the body [s].
+ACCEL_FILTER_TIME = 0.05
 # Where it is felt what the velocity changes by, friction corrects it by this part of itself: as
 # little as brings it home from what an accelerometer is wrong by, a tenth of a m/s^2.
-TRUST = 0.05
-# How fast it is when it is found is for the feet to tell, for so long [s].
-ALONE = 0.2
-# What friction corrects is the mean over so long [s].
+FRICTION_WEIGHT = 0.05
+# After start-up the velocity comes from the feet alone for this time [s].
+STARTUP_TIME = 0.2
+# Averaging time of the innovation [s].
 CORRECTING = 1.0
-# Over a longer step nobody knows what became of a speed [s].
+# After a longer step the velocity is unknown [s].
 LONGEST = 0.1
 
 
-class Measured(NamedTuple):
+class ImuIncrement(NamedTuple):
     """
-    What is measured of how a body moves in a step.
+    The IMU's measurement of a step.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Momentum:
     Attributes
     ----------
     corrected : (float, float)
-        What friction corrects by what is felt, of late [m/s^2].
+        Mean innovation of the accelerometer [m/s^2].
 
     """
 
@@ -88,8 +88,8 @@ class Momentum:
 
     @property
     def strain(self) -> float:
-        """Return how much of what may correct what is felt does so: from 0 to 1."""
-        return hypot(*self.corrected) / (TRUST * FRICTION * GRAVITY)
+        """Return the normalised innovation, from 0 to 1."""
+        return hypot(*self.corrected) / (FRICTION_WEIGHT * FRICTION * GRAVITY)
 
     def stop(self) -> None:
         """Let it stand."""
@@ -106,7 +106,12 @@ class Momentum:
         self.corrected: Flat = (0.0, 0.0)
 
     def step(
-        self, before: Standing, after: Standing, height: float, seconds: float, measured: Measured
+        self,
+        before: Standing,
+        after: Standing,
+        height: float,
+        seconds: float,
+        measured: ImuIncrement,
     ) -> Step:
         """
         Return how the body moves from pose to pose.
@@ -119,40 +124,40 @@ class Momentum:
             Of the centre of mass above the ground [m].
         seconds : float
             The time between them.
-        measured : Measured
-            What is known of it.
+        measured : ImuIncrement
+            The measurements.
 
         """
         if seconds > LONGEST:
             self.stop()
         seconds = min(seconds, LONGEST)
         self._going += seconds
-        if self._going < ALONE:
+        if self._going < STARTUP_TIME:
             measured = measured._replace(push=None)
         feet = after.rest.triple
         half = (self._turning * seconds if measured.yaw is None else measured.yaw) / 2.0
         velocity = turned(self._velocity, -half)
         tipping = turned(self._acceleration, -half)
         over = [c - height / GRAVITY * a for c, a in zip(after.centre, tipping, strict=True)]
-        coasting = self._coasting(before, after, seconds, measured, half)
+        inertia = self._inertia_prior(before, after, seconds, measured, half)
         found = step(
             [before.flat[i] for i in feet],
             [after.flat[i] for i in feet],
             shares([after.flat[i] for i in feet], over),
             measured.yaw,
-            coasting,
+            inertia,
         )
         if measured.push is not None:
-            (x, y), new = coasting.way, 1.0 - exp(-seconds / CORRECTING)
+            (x, y), new = inertia.way, 1.0 - exp(-seconds / CORRECTING)
             by = (found.x - x) / seconds**2, (found.y - y) / seconds**2
-            self.corrected = nearer(self.corrected, by, new)
+            self.corrected = low_pass(self.corrected, by, new)
         (px, py), (qx, qy) = before.centre, after.centre
         gone = (
             (found.x + qx - px - found.yaw * (py + qy) / 2.0) / seconds,
             (found.y + qy - py + found.yaw * (px + qx) / 2.0) / seconds,
         )
         by = (gone[0] - velocity[0]) / seconds, (gone[1] - velocity[1]) / seconds
-        mean = nearer(tipping, by, 1.0 - exp(-seconds / TIPPING))
+        mean = low_pass(tipping, by, 1.0 - exp(-seconds / ACCEL_FILTER_TIME))
         half = found.yaw / 2.0
         self._velocity = turned(gone, -half)
         self._acceleration = turned(mean, -half)
@@ -160,31 +165,36 @@ class Momentum:
         self._turning = found.yaw / seconds
         return found
 
-    def _coasting(
-        self, before: Standing, after: Standing, seconds: float, measured: Measured, half: float
-    ) -> Coasting:
+    def _inertia_prior(
+        self,
+        before: Standing,
+        after: Standing,
+        seconds: float,
+        measured: ImuIncrement,
+        half: float,
+    ) -> InertiaPrior:
         """Return what it does that friction does not hold, of half a turn in the middle [rad]."""
         if measured.push is None:
             trust, points = 1.0, (before.centre, after.centre)
             x, y = turned(self._velocity, -half)
         else:
             # Where base_link is, that is where it is felt.
-            trust, points = TRUST, ((0.0, 0.0), (0.0, 0.0))
+            trust, points = FRICTION_WEIGHT, ((0.0, 0.0), (0.0, 0.0))
             x, y = turned(self._base, -half)
             x, y = x + (1.0 - trust) * measured.push[0], y + (1.0 - trust) * measured.push[1]
         x, y = x + trust * measured.pull[0] * seconds, y + trust * measured.pull[1] * seconds
-        return Coasting(
+        return InertiaPrior(
             *points,
             (x * seconds, y * seconds),
             self._turning * seconds,
             self._gyration,
             1.0 / (trust * FRICTION * GRAVITY * seconds**2),
-            CREEP * seconds,
+            STICTION_SPEED * seconds,
         )
 
 
 def shares(feet: Sequence[Flat], over: Point) -> list[float]:
-    """Return what three feet carry of what is above a point; one that would pull carries none."""
+    """Return the load shares of three feet for a point; a foot in tension carries none."""
     (ax, ay), (bx, by), (cx, cy) = ((x - over[0], y - over[1]) for x, y in feet)
     loads = bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx
     sense = 1.0 if sum(loads) > 0.0 else -1.0

@@ -3,7 +3,7 @@ Where a walker is, from the angles of its cranks; its yaw from an IMU where ther
 
 From pose to pose the body moves as `momentum` says. What that is wrong by is mostly the same
 from step to step: friction is not quite Coulomb's, feet are worn, floors give way. So the errors
-are taken as constants nobody knows, with spreads s,
+are modelled as unknown constants with standard deviations s,
 
     forwards = s_1 x advance + s_2 x slid q,
     sidewards = s_3 x slid q,
@@ -26,7 +26,7 @@ from klann_ros.kinematics.angles import TURN
 from .accelerometer import Accelerometer
 from .feet import Feet
 from .imu import ImuReading, Triple
-from .momentum import LONGEST, Measured, Momentum
+from .momentum import ImuIncrement, LONGEST, Momentum
 from .slip import Flat, Standing, standing, Step
 from .slope import Slope
 from .support import Support, support
@@ -36,11 +36,11 @@ from .support import Support, support
 LONGEST_STEP, MOST_STEPS = 0.05, 500
 # Where the yaw is known, what feet slide moves the body by this part of what it does otherwise;
 # and by that one where it is felt as well what its velocity changes by.
-KNOWN, FELT = 0.5, 0.3
+SLIP_SCALE_WITH_GYRO, SLIP_SCALE_WITH_ACCEL = 0.5, 0.3
 # Within this time angles that are summed up of rates follow the orientation of the IMU [s].
 SETTLE = 0.5
 # Within this a body without one tips onto other feet [s].
-TIPS = 0.03
+TILT_TIME_CONSTANT = 0.03
 # Within this angles that are summed up of the cranks' rates follow their encoders [s], ...
 FOLLOWS = 0.1
 # ... where these agree so far [rad].
@@ -48,7 +48,7 @@ AGREES = 0.1
 # A walker rests whose cranks, and which itself, turn by less [rad/s].
 RESTS = 0.1
 # Where friction corrects what is felt by more of what it may, that is wrong: it was 0.1 at most.
-STRAINED = 0.25
+INNOVATION_GATE = 0.25
 
 
 @dataclass(frozen=True)
@@ -149,8 +149,8 @@ class Odometry:
         self._turned = 0.0
         self._heading: float | None = None
         self._imu_variance: float | None = None
-        # How the body lies, of gyro and orientation.
-        self._lies: tuple[float, float] | None = None
+        # Attitude of the body by the IMU: roll and pitch [rad].
+        self._attitude_imu: tuple[float, float] | None = None
         self._attitude: tuple[float, float] | None = None
         self._momentum = Momentum(feet.gyration)
         self._slope = Slope()
@@ -164,7 +164,7 @@ class Odometry:
             self._turned, self._heading = 0.0, reading.yaw
             self._lean(reading, reading, 0.0)
             return
-        # What an orientation trembles by would drag the feet over the ground: from reading to
+        # Orientation noise would show up as foot slip: from reading to
         # reading the gyro counts, and the orientation in the long run.
         dt = max(0.0, reading.at - last.at)
         self.accelerometer.read(last, reading)
@@ -179,21 +179,21 @@ class Odometry:
         self._lean(last, reading, dt)
 
     def _lean(self, last: ImuReading, reading: ImuReading, dt: float) -> None:
-        """Take how the body lies."""
+        """Update the attitude by an IMU reading."""
         if reading.roll is None or reading.pitch is None:
-            self._lies = None
+            self._attitude_imu = None
             return
-        roll, pitch = self._lies or (reading.roll, reading.pitch)
+        roll, pitch = self._attitude_imu or (reading.roll, reading.pitch)
         if dt < SETTLE:
             roll += (reading.roll_rate + last.roll_rate) / 2.0 * dt
             pitch += (reading.pitch_rate + last.pitch_rate) / 2.0 * dt
         share = min(1.0, dt / SETTLE)
         over = (reading.roll - roll + pi) % TURN - pi
-        self._lies = roll + share * over, pitch + share * (reading.pitch - pitch)
+        self._attitude_imu = roll + share * over, pitch + share * (reading.pitch - pitch)
 
     def forget_imu(self) -> None:
         """Turn by the feet from now on."""
-        self._imu, self._turned, self._imu_variance, self._lies = None, 0.0, None, None
+        self._imu, self._turned, self._imu_variance, self._attitude_imu = None, 0.0, None, None
         self.accelerometer.miss()
         self._slope = Slope()
 
@@ -207,7 +207,7 @@ class Odometry:
         """
         Follow the cranks.
 
-        Where the angles are as they were, the body has moved by what the IMU says alone.
+        If the joints are unchanged, only the IMU moves the estimate.
 
         Parameters
         ----------
@@ -221,7 +221,7 @@ class Odometry:
         """
         angles = list(cranks)
         before = angles if self._cranks is None else self._cranks
-        # What an encoder trembles by would be speeds of the feet.
+        # Encoder noise would show up as foot velocity.
         both = zip(before, rates, angles, strict=True)
         away = [was + rate * seconds - is_ for was, rate, is_ in both]
         if 0.0 < seconds < FOLLOWS and all(abs(each) < AGREES for each in away):
@@ -237,7 +237,7 @@ class Odometry:
         else:
             along = sum(map(mul, turned, rates)) / steps
             seconds = along / sum(map(mul, rates, rates)) if along > 0.0 else inf
-        push = self._felt(rates, seconds * steps)
+        push = self._delta_velocity(rates, seconds * steps)
         each = push and (push[0] / steps, push[1] / steps)
         last = Step(0.0, 0.0, 0.0, 0.0)
         for k in range(1, steps + 1):
@@ -246,16 +246,16 @@ class Odometry:
             last = self._follow(at, yaw, seconds, each)
         if push is not None:
             self._judge(seconds * steps)
-        return self._told(last, seconds)
+        return self._estimate(last, seconds)
 
     def _judge(self, seconds: float) -> None:
         """Have the accelerometer learn of what friction corrects it by."""
         self.accelerometer.correct(self._momentum.corrected, seconds)
-        if self._momentum.strain > STRAINED:
-            self.accelerometer.disbelieve()
+        if self._momentum.strain > INNOVATION_GATE:
+            self.accelerometer.reject()
             self._momentum.relax()
 
-    def _felt(self, rates: Sequence[float], seconds: float) -> Flat | None:
+    def _delta_velocity(self, rates: Sequence[float], seconds: float) -> Flat | None:
         """Return what the velocity has changed by, if that is felt [m/s]."""
         if self._imu is None:
             return None
@@ -273,37 +273,37 @@ class Odometry:
             self._pose = None
             self._momentum.stop()
             return Step(0.0, 0.0, 0.0, 0.0)
-        lies = self._lying(self.rest, seconds)
-        if self._lies is not None:
-            roll, pitch = lies[0] - self.rest.roll, lies[1] - self.rest.pitch
+        attitude = self._lying(self.rest, seconds)
+        if self._attitude_imu is not None:
+            roll, pitch = attitude[0] - self.rest.roll, attitude[1] - self.rest.pitch
             self._slope.learn(roll, pitch, min(seconds, LONGEST))
-        self._pose = standing(feet, rolled, self.rest, lies, centre)
+        self._pose = standing(feet, rolled, self.rest, attitude, centre)
         if before is None or last is None:
             self._momentum.stop()
             return Step(0.0, 0.0, 0.0, 0.0)
         height = self.rest.height + sum(map(mul, self.rest.normal, centre))
-        measured = Measured(yaw, self._slope.pull, push)
+        measured = ImuIncrement(yaw, self._slope.pull, push)
         step = self._momentum.step(before, self._pose, height, seconds, measured)
         self._slope.turn(step.yaw)
-        self._add(step, measured=yaw is not None, felt=push is not None)
+        self._add(step, measured=yaw is not None, has_accelerometer=push is not None)
         return step
 
     def _lying(self, rest: Support, seconds: float) -> tuple[float, float]:
         """Return roll and pitch: those of an IMU, or else what they tip to on other feet."""
-        if self._lies is not None:
-            self._attitude = self._lies
+        if self._attitude_imu is not None:
+            self._attitude = self._attitude_imu
         elif self._attitude is None:
             self._attitude = rest.roll, rest.pitch
         else:
             roll, pitch = self._attitude
-            share = 1.0 - exp(-seconds / TIPS)
+            share = 1.0 - exp(-seconds / TILT_TIME_CONSTANT)
             self._attitude = (
                 roll + share * (rest.roll - roll),
                 pitch + share * (rest.pitch - pitch),
             )
         return self._attitude
 
-    def _add(self, step: Step, *, measured: bool, felt: bool) -> None:
+    def _add(self, step: Step, *, measured: bool, has_accelerometer: bool) -> None:
         middle = self._yaw + step.yaw / 2.0
         c, s = cos(middle), sin(middle)
         dx, dy = c * step.x - s * step.y, s * step.x + c * step.y
@@ -313,7 +313,13 @@ class Odometry:
         self.slid += step.slid
         # The more of its way it slides, the less is known of how: on the spot least of all.
         whole = hypot(step.x, step.y) + step.slid
-        known = FELT if felt else KNOWN if measured else 1.0
+        known = (
+            SLIP_SCALE_WITH_ACCEL
+            if has_accelerometer
+            else SLIP_SCALE_WITH_GYRO
+            if measured
+            else 1.0
+        )
         slid = step.slid * known * (step.slid / whole if whole else 0.0)
         turn = 0.0 if measured else slid / self._feet.reach
         # What a wrong yaw makes of the step, and what the step itself may be off by. In plain
@@ -345,7 +351,7 @@ class Odometry:
         own = yaw * yaw + (self._imu_variance or 0.0)
         return (xx, xy, x[3] * yaw), (xy, yy, y[3] * yaw), (x[3] * yaw, y[3] * yaw, own)
 
-    def _told(self, step: Step, seconds: float) -> Odometer:
+    def _estimate(self, step: Step, seconds: float) -> Odometer:
         rest, imu, errors = self.rest, self._imu, self.errors
         linear = (step.x / seconds, step.y / seconds)
         slides = step.slid / seconds

@@ -120,7 +120,7 @@ class PhaseLock:
         dt : float
             The time since the last step [s].
         rates : sequence of float
-            At which the cranks are to turn [rad/s].
+            The commanded crank rates [rad/s].
         positions : sequence of float
             Where they are [rad].
 

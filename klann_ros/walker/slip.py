@@ -19,15 +19,15 @@ from collections.abc import Sequence
 from math import cos, sin, sqrt
 from typing import NamedTuple
 
-from .support import levelled, Point, Support
+from .support import gravity_aligned, Point, Support
 
 Flat = tuple[float, float]
 # How a point moves, by how much more for each rad, and its weight.
 Entry = tuple[float, float, float, float, float]
 NOTHING = (0.0,) * 7
-# So small a part of what it is the difference of is none.
+# Relative round-off threshold.
 ROUNDING = 1e-12
-# It is done where the step changes by less than this part of it, or after so many times.
+# Relative tolerance of the iteration, and its limit.
 ITERATIONS, CHANGE = 12, 1e-5
 # Feet that slide by less than this part of the longest step hold.
 HOLDS = 1e-3
@@ -74,7 +74,7 @@ class Standing(NamedTuple):
     centre: Flat = (0.0, 0.0)
 
 
-class Coasting(NamedTuple):
+class InertiaPrior(NamedTuple):
     """
     What a body does that nothing holds.
 
@@ -112,7 +112,7 @@ def standing(
     centre: Point = (0.0, 0.0, 0.0),
 ) -> Standing:
     """Return a pose; `attitude` is roll and pitch where they are measured [rad]."""
-    *level, middle = levelled([*feet, centre], *(attitude or (rest.roll, rest.pitch)))
+    *level, middle = gravity_aligned([*feet, centre], *(attitude or (rest.roll, rest.pitch)))
     flat = [(x + rx, y + ry) for (x, y), (rx, ry) in zip(level, rolled, strict=True)]
     return Standing(rest, flat, middle)
 
@@ -131,7 +131,7 @@ def step(
     after: Sequence[Flat],
     loads: Sequence[float],
     yaw: float | None = None,
-    coasting: Coasting | None = None,
+    inertia: InertiaPrior | None = None,
 ) -> Step:
     """
     Return how a body moves while its feet move in it.
@@ -144,27 +144,27 @@ def step(
         What each carries.
     yaw : float, optional
         By how much it turns, where that is known [rad].
-    coasting : Coasting, optional
+    inertia : InertiaPrior, optional
         What it does where nothing holds it; without, it is so slow that friction is all.
 
     """
     feet = [_entry(p, q, load) for p, q, load in zip(before, after, loads, strict=True) if load]
     scale = max([abs(dx) + abs(dy) for dx, dy, *_ in feet], default=0.0)
-    if coasting is None:
+    if inertia is None:
         if scale == 0.0:
             return Step(0.0, 0.0, 0.0, 0.0)
         x, y, turn = _balance(feet, (0.0, 0.0, 0.0), None, NOTHING, yaw)
         least = (HOLDS * scale) ** 2
         free = NOTHING
     else:
-        dx, dy, jx, jy, weight = _entry(coasting.before, coasting.after, coasting.weight)
-        dx, dy = dx - coasting.way[0], dy - coasting.way[1]
-        turn = coasting.turn if yaw is None else yaw
+        dx, dy, jx, jy, weight = _entry(inertia.before, inertia.after, inertia.weight)
+        dx, dy = dx - inertia.way[0], dy - inertia.way[1]
+        turn = inertia.turn if yaw is None else yaw
         x, y = -dx - turn * jx, -dy - turn * jy
-        least = coasting.creep**2
+        least = inertia.creep**2
         scale += abs(x) + abs(y)
         # What coasts is drawn to its way by a spring, whose weight is the same everywhere.
-        spin = weight * coasting.gyration**2
+        spin = weight * inertia.gyration**2
         free = (
             weight,
             weight * dx,
@@ -172,7 +172,7 @@ def step(
             weight * jx,
             weight * jy,
             weight * (jx * jx + jy * jy) + spin,
-            weight * (jx * dx + jy * dy) - spin * coasting.turn,
+            weight * (jx * dx + jy * dy) - spin * inertia.turn,
         )
     # A turn moves feet by about as much as they are metres away.
     change = CHANGE * scale
@@ -200,7 +200,7 @@ def turned(vector: Flat, angle: float) -> Flat:
     return c * x - s * y, s * x + c * y
 
 
-def nearer(old: Flat, new: Flat, share: float) -> Flat:
+def low_pass(old: Flat, new: Flat, share: float) -> Flat:
     """Return a vector by a share of the way nearer to another: a mean over time, step by step."""
     (x, y), (to_x, to_y) = old, new
     return x + share * (to_x - x), y + share * (to_y - y)
@@ -243,7 +243,7 @@ def _balance(
             sjd += w * (jx * dx + jy * dy)
     if yaw is None:
         below = sjj - (sjx * sjx + sjy * sjy) / whole
-        # What is all in one place turns by nothing.
+        # Coincident points define no rotation.
         is_wide = below > ROUNDING * sjj
         yaw = ((sjx * sx + sjy * sy) / whole - sjd) / below if is_wide else 0.0
     return -(sx + yaw * sjx) / whole, -(sy + yaw * sjy) / whole, yaw

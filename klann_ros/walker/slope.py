@@ -2,10 +2,10 @@
 
 from math import sin
 
-from .slip import Flat, nearer, turned
+from .slip import Flat, low_pass, turned
 
 GRAVITY = 9.80665
-# A walker rocks: its slope is the mean over so long [s].
+# Averaging time of the slope, since a walker rocks [s].
 MEAN = 10.0
 
 
@@ -28,7 +28,7 @@ class Slope:
         """Take by how much more it leans than on level ground [rad]."""
         self._known += seconds
         share = seconds / min(self._known, MEAN) if self._known else 1.0
-        self.pull = nearer(self.pull, (GRAVITY * sin(pitch), -GRAVITY * sin(roll)), share)
+        self.pull = low_pass(self.pull, (GRAVITY * sin(pitch), -GRAVITY * sin(roll)), share)
 
     def turn(self, yaw: float) -> None:
         """Turn the walker on it."""

@@ -2,11 +2,11 @@
 Crank rates from a wanted motion of the body, and back.
 
 Speed and yaw rate are those over many turns. They are homogeneous in the rates: what counts is
-their ratio, so that a fan of ratios is computed once, and what is between two of them is taken as
+their ratio, so that a fan of ratios is computed once, and a motion between two of them is taken as
 their sum with positive factors. So the way back is exact.
 
 Cranks on the left get one rate, those on the right another, and cranks with legs on both sides
-what is between. In a curve left and right pass each other, so that a ratio's motion is the mean
+the motion between. In a curve left and right pass each other, so that a ratio's motion is the mean
 over all phases of both; straight on they keep the phases of the gait. Where the robot is its own
 mirror image, ratios that mirror each other have motions that do, to the last digit.
 """

@@ -34,7 +34,7 @@ FLAT = 1e-9
 ROUNDING, BELOW = 1e-12, 1e-12
 # A body that is tilted further lies on its side: the cosine of 30 deg.
 STANDING = 0.866
-# What is no higher than this above the plane carries as well [m].
+# Feet up to this height above the plane carry load as well [m].
 TOUCHING = 1e-6
 
 
@@ -83,7 +83,9 @@ class Support(NamedTuple):
         return acos(min(1.0, self.normal[2]))
 
 
-def levelled(points: Iterable[Point], roll: float, pitch: float) -> list[tuple[float, float]]:
+def gravity_aligned(
+    points: Iterable[Point], roll: float, pitch: float
+) -> list[tuple[float, float]]:
     """Return points or vectors of base_link, turned by roll and pitch, seen from above."""
     b, a, d, c = sin(roll), cos(roll), sin(pitch), cos(pitch)
     return [(c * x + d * (b * y + a * z), a * y - b * z) for x, y, z in points]

@@ -103,7 +103,7 @@ class Walker:
         return level, text
 
     def values(self, now: float) -> dict[str, str]:
-        """Return its figures, by what they are called."""
+        """Return its figures by name."""
         controller, rest = self.controller, self.odometry.rest
         lock = controller.lock
         found: dict[str, str] = {}

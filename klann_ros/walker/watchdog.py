@@ -5,7 +5,7 @@ from math import inf
 
 # Returns the time of a clock that never stands still [s].
 SteadyClock = Callable[[], float]
-# Messages are compared with those before a pause for so long after it [s].
+# Time after a pause during which messages are compared with those before it [s].
 DRAIN_TIME = 1.0
 # A message that waited for less is current [s].
 FRESH_DELAY = 0.05

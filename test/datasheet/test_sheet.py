@@ -237,7 +237,7 @@ def test_what_is_not_known_where_links_are_in_line_is_no_promise(tmp_path: Path)
     assert not sheet.motor_turns
     verdict = sheet.cranks[0].motor
     assert verdict is not None
-    assert verdict.faults == ('links are in line at 0.0 deg, where nobody knows what it takes',)
+    assert verdict.faults == ('links are in line at 0.0 deg, where the torque is undefined',)
     assert 'NaN' not in report(sheet)
     drawn = re.findall(r' (?:d|x|y|width)="([^"]*)"', page(sheet))
     assert len(drawn) > 50

@@ -5,7 +5,7 @@ from klann_ros.dynamics.motion import Motion, motion
 from klann_ros.kinematics import LinkageLeg, LinkagePose, shipped_linkage, shipped_linkages
 from klann_ros.robot import Robot, RobotLeg
 from klann_ros.twin import robot_mjcf
-from klann_ros.twin.leg_tree import Hung, joint_rates, tree
+from klann_ros.twin.leg_tree import joint_rates, spanning_tree, TreeBody
 import mujoco
 import numpy as np
 import pytest
@@ -31,21 +31,21 @@ class Tree:
         self.linkage, self.leg = leg.linkage, LinkageLeg(leg.linkage)
         self.model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, crank=alpha))
         self.data = mujoco.MjData(self.model)
-        self.hung, self.start = tree(leg.linkage)[0], self.leg.closed_form(alpha)
+        self.tree_body, self.start = spanning_tree(leg.linkage)[0], self.leg.closed_form(alpha)
         self.rotor = float(self.model.dof_armature.max())
 
-    def place(self, hung: Hung) -> int:
-        name = 'crank' if hung.body == 0 else self.linkage.joint_names[hung.body]
+    def place(self, tree_body: TreeBody) -> int:
+        name = 'crank' if tree_body.body == 0 else self.linkage.joint_names[tree_body.body]
         return int(self.model.joint(name).qposadr[0])
 
-    def position(self, hung: Hung, pose: LinkagePose) -> float:
-        if hung.body == 0 or self.linkage.structure.bodies[hung.body].slides:
-            return pose.joints[hung.body]
-        return self._relative(hung, pose) - self._relative(hung, self.start)
+    def position(self, tree_body: TreeBody, pose: LinkagePose) -> float:
+        if tree_body.body == 0 or self.linkage.structure.bodies[tree_body.body].slides:
+            return pose.joints[tree_body.body]
+        return self._relative(tree_body, pose) - self._relative(tree_body, self.start)
 
-    def change(self, hung: Hung, moving: Motion) -> float:
+    def change(self, tree_body: TreeBody, moving: Motion) -> float:
         """Return the second derivative of a joint by the crank angle."""
-        j, parent = hung.body, hung.parent
+        j, parent = tree_body.body, tree_body.parent
         if self.linkage.structure.bodies[j].slides:
             pose = self.leg.closed_form(float(moving.alphas[0]))
             return self.leg.acceleration(pose, 1.0, 0.0).joints[j]
@@ -56,8 +56,8 @@ class Tree:
         frame = self.linkage.structure.frames[j] if j >= 0 else -1
         return 0.0 if frame < 0 else self.linkage.structure.senses[frame] * pose.joints[frame]
 
-    def _relative(self, hung: Hung, pose: LinkagePose) -> float:
-        return self.turned(hung.body, pose) - self.turned(hung.parent, pose)
+    def _relative(self, tree_body: TreeBody, pose: LinkagePose) -> float:
+        return self.turned(tree_body.body, pose) - self.turned(tree_body.parent, pose)
 
 
 @pytest.mark.parametrize('name', shipped_linkages())
@@ -72,12 +72,15 @@ def test_the_crank_torque_is_that_of_its_inverse_dynamics(name: str) -> None:
     expected, found, astray = dynamics.crank_torque(alphas, RATE, CHANGE), [], 0.0
     for alpha in alphas.tolist():
         moving, pose = motion(dynamics.linkage, alpha), engine.leg.closed_form(alpha)
-        rates, slopes = joint_rates(engine.linkage, engine.hung, alpha), np.zeros(engine.model.nv)
-        for hung in engine.hung:
-            k, first = engine.place(hung), rates[hung.body]
-            engine.data.qpos[k], slopes[k] = engine.position(hung, pose), first
+        rates, slopes = (
+            joint_rates(engine.linkage, engine.tree_body, alpha),
+            np.zeros(engine.model.nv),
+        )
+        for tree_body in engine.tree_body:
+            k, first = engine.place(tree_body), rates[tree_body.body]
+            engine.data.qpos[k], slopes[k] = engine.position(tree_body, pose), first
             engine.data.qvel[k] = first * RATE
-            engine.data.qacc[k] = first * CHANGE + engine.change(hung, moving) * RATE**2
+            engine.data.qacc[k] = first * CHANGE + engine.change(tree_body, moving) * RATE**2
         mujoco.mj_inverse(engine.model, engine.data)
         # Virtual work of the tree's joints, all moved by the crank.
         found.append(float(engine.data.qfrc_inverse @ slopes) - engine.rotor * CHANGE)

@@ -250,7 +250,7 @@ def test_a_pace_that_is_kept_loses_no_tick() -> None:
     for n in range(1, 1001):
         done += pace.due(100.0 + 0.0101 * n)
     assert done == int(0.0101 * 1000 / 0.01)
-    kept = pace.kept(100.0 + 10.1)
+    kept = pace.factor(100.0 + 10.1)
     assert (kept.factor, kept.share) == pytest.approx((1.0, 1.0), abs=1e-3)
     assert pace.slipped == 0.0
 
@@ -262,13 +262,13 @@ def test_what_is_later_than_can_be_caught_up_is_given_up_and_told() -> None:
     assert pace.due(10.15) == 1
     assert pace.slipped == pytest.approx(9.99)
     assert pace.due(10.16) == 1
-    assert pace.kept(10.16).share == pytest.approx(17 / 1016)
+    assert pace.factor(10.16).share == pytest.approx(17 / 1016)
 
 
 def test_time_can_go_faster() -> None:
     pace = Pace(0.01, 4.0, 0.0)
     assert pace.due(0.1) == 40
-    assert pace.kept(0.1).factor == pytest.approx(4.0)
+    assert pace.factor(0.1).factor == pytest.approx(4.0)
 
 
 def test_without_the_engine_a_line_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:

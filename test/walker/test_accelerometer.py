@@ -159,7 +159,7 @@ def test_one_that_was_wrong_has_to_rest_for_twice_as_long() -> None:
     told = Told()
     told.rest()
     for seconds in (1.0, 2.0, 4.0):
-        told.accelerometer.disbelieve()
+        told.accelerometer.reject()
         assert told.accelerometer.state == 'not believed'
         # Twice as long as before, give or take a reading.
         for _ in range(round(seconds / PERIOD) - 2):

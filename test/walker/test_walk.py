@@ -8,9 +8,9 @@ from hypothesis import given, settings, strategies as st
 from klann_ros.kinematics import linkage_poses
 from klann_ros.robot import Robot, robot_of
 from klann_ros.walker import Feet, NoWalkerError, walk_figures, WalkFigures
-from klann_ros.walker.momentum import Measured, Momentum
+from klann_ros.walker.momentum import ImuIncrement, Momentum
 from klann_ros.walker.slip import Standing, step
-from klann_ros.walker.support import levelled, Support, support
+from klann_ros.walker.support import gravity_aligned, Support, support
 import numpy as np
 import pytest
 
@@ -162,7 +162,7 @@ def test_a_body_that_no_foot_holds_goes_on_as_fast_as_it_went() -> None:
     for dragged, goes_on in ((0.01, True), (0.0, False)):
         momentum = Momentum(0.4)
         ways = [
-            momentum.step(pose(k, dragged), pose(k + 1, dragged), 0.4, 0.01, Measured(0.0))
+            momentum.step(pose(k, dragged), pose(k + 1, dragged), 0.4, 0.01, ImuIncrement(0.0))
             for k in range(30)
         ]
         assert ways[19].x == pytest.approx(0.001, rel=0.01)
@@ -190,7 +190,7 @@ def test_attitude_levels_the_feet_that_carry() -> None:
     feet = [(0.5, 0.4, -0.30), (0.4, -0.4, -0.35), (-0.5, 0.1, -0.31)]
     rest = support(feet, (0.0, 0.0, 0.0))
     assert rest is not None
-    level = np.array(levelled(feet, rest.roll, rest.pitch))
+    level = np.array(gravity_aligned(feet, rest.roll, rest.pitch))
     sides = [np.linalg.norm(np.subtract(feet[i], feet[i - 1])) for i in range(3)]
     # Seen from above, what lies level is as long as it is.
     assert [np.linalg.norm(level[i] - level[i - 1]) for i in range(3)] == pytest.approx(sides)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 WIDTH, HEIGHT = 420.0, 210.0
 LEFT, RIGHT, TOP, BOTTOM = 48.0, 8.0, 10.0, 34.0
-# So many points of a line are drawn.
+# Points of a line that are drawn.
 _MOST = 361
 # Between the labels of the horizontal axis [deg].
 _ANGLE_STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0)
@@ -35,7 +35,7 @@ class Chart:
     """
     A chart over an angle.
 
-    `spans` are angles [rad] that are shaded, `limits` are named values at which a line is drawn.
+    `spans` are angles [rad] that are shaded, `limits` are named values, each drawn as a line.
     `moves` says whether the angle that the page shows is marked: that of the leg's own crank.
     """
 
@@ -105,18 +105,18 @@ class Chart:
         if not values.size:
             return 0.0, 1.0
         low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
-        # What a motor gives far beyond what is needed would make the curves flat.
+        # A motor's torque far beyond the load would flatten the curves.
         near = [value for _, value in self.limits if abs(value) < 2.0 * max(high, -low)]
         low, high = min([low, *near]), max([high, *near])
         return (low, high) if high > low else (0.0, 1.0)
 
     def _path(self, frame: '_Frame', line: Line) -> Markup:
         step = max(1, len(self.angles) // (_MOST - 1))
-        kept = np.unique(np.append(np.arange(0, len(self.angles), step), len(self.angles) - 1))
+        indices = np.unique(np.append(np.arange(0, len(self.angles), step), len(self.angles) - 1))
         # Both sides of a step are drawn.
         before = np.flatnonzero(np.diff(self.angles) < _STEP)
-        kept = np.union1d(kept, [*before, *before + 1]).astype(int)
-        degrees, values = np.degrees(self.angles)[kept].tolist(), line.values[kept].tolist()
+        indices = np.union1d(indices, [*before, *before + 1]).astype(int)
+        degrees, values = np.degrees(self.angles)[indices].tolist(), line.values[indices].tolist()
         if self._reach == (0.0, 360.0):
             degrees, values = [*degrees, 360.0], [*values, values[0]]
         gap = 5.0 * (frame.x_1 - frame.x_0) / _MOST

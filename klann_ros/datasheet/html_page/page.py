@@ -26,7 +26,7 @@ PARTS = Parts(
     # In this order: each uses what stands above it.
     scripts=(SHARED / 'theme.js', SHARED / 'drawing.js', _OWN / 'sheet.js'),
 )
-# So many poses of a turn move in the page.
+# Poses a turn of the animation.
 POSES = 360
 
 

@@ -167,23 +167,23 @@ def _spans(leg: LegSheet) -> list[tuple[float, float]]:
 
 
 def _crank_charts(crank: CrankSheet, sheet: DataSheet, leg: LegSheet | None) -> Iterator[Chart]:
-    told = [(name, of) for name, of in (('empty', crank.empty), ('loaded', crank.loaded)) if of]
-    if not told:
+    columns = [(name, of) for name, of in (('empty', crank.empty), ('loaded', crank.loaded)) if of]
+    if not columns:
         return
     spans = _spans(leg) if leg else []
     way = -1.0 if sheet.speed < 0.0 else 1.0
     limits = [('the motor gives', way * crank.motor.available)] if crank.motor else []
     axis = 'crank angle / deg' if leg else f'angle of {crank.joint} / deg'
-    angles, moves = told[0][1].alphas, leg is not None
+    angles, moves = columns[0][1].alphas, leg is not None
     lines = [
-        Line(name, turn.torque, number, is_dashed=name == 'empty' and len(told) > 1)
-        for number, (name, turn) in enumerate(told)
+        Line(name, turn.torque, number, is_dashed=name == 'empty' and len(columns) > 1)
+        for number, (name, turn) in enumerate(columns)
     ]
     text = 'What keeps the speed, counter-clockwise positive.'
     yield Chart('Torque at the crank', 'N m', angles, lines, text, spans, limits, axis, moves)
     lines = [
-        Line(name, turn.power, number, is_dashed=name == 'empty' and len(told) > 1)
-        for number, (name, turn) in enumerate(told)
+        Line(name, turn.power, number, is_dashed=name == 'empty' and len(columns) > 1)
+        for number, (name, turn) in enumerate(columns)
     ]
     text = 'Negative where the leg drives the motor.'
     yield Chart('Power at the crank', 'W', angles, lines, text, spans, (), axis, moves)

@@ -16,7 +16,7 @@ from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
-from klann_ros.twin import DivergedError, Kept, NoMujocoError, Pace, Twin, TwinError
+from klann_ros.twin import DivergedError, NoMujocoError, Pace, RealTimeFactor, Twin, TwinError
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.time import Time
@@ -132,7 +132,7 @@ class SimNode(Node):
         return True, 'the robot stands where it began, its cranks held'
 
     def _report(self) -> None:
-        factor = self._pace.kept(monotonic())
+        factor = self._pace.factor(monotonic())
         level, message = self._verdict(factor)
         values = {
             'time': f'{self._tick * self._period:.3f}',
@@ -154,7 +154,7 @@ class SimNode(Node):
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
 
-    def _verdict(self, factor: Kept) -> tuple[bytes, str]:
+    def _verdict(self, factor: RealTimeFactor) -> tuple[bytes, str]:
         """Return the level and the most important thing to say."""
         if self._astray:
             said, self._astray = self._astray, ''

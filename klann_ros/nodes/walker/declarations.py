@@ -10,7 +10,7 @@ from klann_ros.walker import Limits, Settings
 from klann_ros.walker.controller import MAX_GAP
 from klann_ros.walker.phase_lock import INTEGRAL, PROPORTIONAL
 
-# A gap in the loop is never shorter than so many periods of the commands.
+# A gap in the loop lasts at least this number of command periods.
 MIN_GAP_PERIODS = 3.0
 COMMANDS = ('joint_state', 'velocities')
 _LIMITS, _SETTINGS = Limits(), Settings()
@@ -76,8 +76,8 @@ CONTROL = (
         60.0,
     ),
     Declaration('phase_lock', True, 'whether cranks are kept in phase by their feedback'),
-    _tunable('phase_gain', PROPORTIONAL, 'of the lock: rate by phase error [1/s]', 0.0, 100.0),
-    _tunable('phase_integral', INTEGRAL, 'of the lock: what is learnt [1/s^2]', 0.0, 100.0),
+    _tunable('phase_gain', PROPORTIONAL, 'proportional gain of the phase lock [1/s]', 0.0, 100.0),
+    _tunable('phase_integral', INTEGRAL, 'integral gain of the phase lock [1/s^2]', 0.0, 100.0),
     _tunable(
         'rephase',
         _SETTINGS.rephase,

@@ -22,7 +22,7 @@ class WalkerDiagnostics:
     Parameters
     ----------
     node : rclpy.node.Node
-        Who publishes.
+        The node.
     walker : Walker
         Whose they are.
     now : callable

@@ -18,7 +18,7 @@ from rclpy.serialization import serialize_message
 # Numbers that no name contains, by which their places are found.
 _MARK = 1.2345678e-300
 _STAMP = 123456789, 987654321
-# Of a rotation that is one, and what a quaternion that nobody has filled in is short of.
+# Norm of a valid quaternion; a default-initialised one is shorter.
 UNIT = 1e-2
 # How long the frame of a header is.
 _FRAME = slice(HEADER_SIZE + STAMP_SIZE, HEADER_SIZE + STAMP_SIZE + 4)
@@ -111,7 +111,7 @@ class ImuMessage(NamedTuple):
     orientation : tuple of 4 floats, or None
         x, y, z, w; None where there is none.
     variance : float
-        Of the yaw [rad^2]; 0 where nobody knows.
+        Variance of the yaw [rad^2]; 0 if unknown.
     angular : tuple of 3 floats
         [rad/s].
     force : tuple of 3 floats, or None
@@ -160,8 +160,8 @@ class ImuReader:
         if not (isfinite(variance) and variance > 0.0):
             variance = 0.0
         orientation = (x, y, z, w) if has else None
-        felt = (force[0], force[1], force[2]) if feels != -1.0 else None
-        return ImuMessage(orientation, variance, (a, b, c), felt, sec, nanosec)
+        acceleration = (force[0], force[1], force[2]) if feels != -1.0 else None
+        return ImuMessage(orientation, variance, (a, b, c), acceleration, sec, nanosec)
 
 
 def _imu_layout(data: bytes) -> struct.Struct:

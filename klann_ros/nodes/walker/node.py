@@ -38,7 +38,7 @@ THROTTLE, EVENT_PERIOD = 2.0, 1.0
 MAX_LOGGED = 5
 # Period of the watchdog [s]; where feedback drives this part of all commands, no timer does.
 WATCH_PERIOD, DRIVEN_RATIO = 0.1, 0.8
-# A beat restarts where it is off by so many periods.
+# The command timer restarts when it is off by this number of periods.
 BEAT_RESTART = 10
 # Steps of a turn of the cranks, for warnings.
 WARNING_SAMPLES = 90
@@ -48,7 +48,7 @@ EARLY = 0.3
 
 class WalkerNode(Node):
     """
-    Turn the cranks of a walker so that it moves as it is told, and tell where it is.
+    Drive the cranks of a walker by cmd_vel, and publish its odometry.
 
     Raises
     ------
@@ -75,7 +75,7 @@ class WalkerNode(Node):
         except (NoWalkerError, KinematicsError) as error:
             raise StartError(str(error)) from error
         self._stamped: bool = values['stamped_cmd_vel']
-        self._refusals_told: set[str] = set()
+        self._reported_refusals: set[str] = set()
         self._connect(values)
         self._values = values
         on_change(self, PARAMETERS, self._on_change)
@@ -172,8 +172,8 @@ class WalkerNode(Node):
         )
         if problem.startswith('it cannot turn'):
             # A joystick repeats it.
-            if problem not in self._refusals_told:
-                self._refusals_told.add(problem)
+            if problem not in self._reported_refusals:
+                self._reported_refusals.add(problem)
                 self.get_logger().warning(f'angular.z is refused: {problem}')
         elif problem:
             self._complain(problem)
@@ -207,7 +207,7 @@ class WalkerNode(Node):
             self._complain(f'imu is rejected: {error}')
             return
         now = self._now()
-        # Its own clock trembles less than what brings its messages.
+        # Its own clock has less jitter than the transport.
         at = message.sec + message.nanosec / 1e9 or now
         reading = imu_reading(message.orientation, message.angular, at, message.force)
         self._walker.imu(reading, now, message.variance)
@@ -262,7 +262,7 @@ def _steady_time() -> float:
 
 
 def _transport_age(info: Info) -> float | None:
-    """Return a message's age by the time at which it was sent [s]; None where that is unknown."""
+    """Return the age of a message since it was sent [s]; None if unknown."""
     sent: int = info['source_timestamp']
     return (time.time_ns() - sent) / 1e9 if sent else None
 

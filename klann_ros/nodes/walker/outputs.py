@@ -14,7 +14,7 @@ from std_msgs.msg import Float64MultiArray
 
 from .messages import odometry_template, transform_template
 
-# Where it is told of nothing: the variance of what moves only as much as the body tilts.
+# Variance of the components that move only as far as the body tilts.
 UNTOLD = 1e-2
 NONE = (0.0, 0.0, 0.0)
 
@@ -26,7 +26,7 @@ class CrankOutput:
     Parameters
     ----------
     node : rclpy.node.Node
-        Who publishes.
+        The node.
     joints : sequence of str
         The joints of the cranks.
     velocities : bool
@@ -55,7 +55,7 @@ class OdomOutput:
     Parameters
     ----------
     node : rclpy.node.Node
-        Who publishes.
+        The node.
     frame, child : str
         odom and base_link.
     tilt, height : float

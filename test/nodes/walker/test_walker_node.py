@@ -310,7 +310,7 @@ def test_rates_alone_on_one_crank_that_refuses_to_turn(ros: World) -> None:
         ),
         (
             ('--params-file', 'walker6.yaml', '-p', 'front_left.mount_xyz:=[1.0]'),
-            'the parameters are no robot: mount_xyz',
+            'the parameters are no robot: front_left.mount_xyz',
         ),
     ],
 )
