@@ -1,5 +1,5 @@
 """
-Forces of linkages with one crank: what turns it, what its joints carry; knows nothing of ROS.
+Dynamics of linkages with one crank: torque, energies and joint reactions; without ROS.
 
 >>> import numpy as np
 >>> from klann_ros.dynamics import Dynamics, rods
@@ -9,18 +9,18 @@ Forces of linkages with one crank: what turns it, what its joints carry; knows n
 >>> round(float(turn.torque.min()), 3), round(float(turn.torque.max()), 3)
 (-3.537, 1.58)
 
-`Masses` are what a linkage weighs: `rods` makes them of slender rods, `masses_from_file` reads a
-linkage's file. `Dynamics` has the crank torque of a motion, reduced inertia, energies and the
-reactions of the joints, at many crank angles at once; `simulate` gives the motion that a torque
-makes.
+`Masses` of a linkage: `rods` computes those of slender rods, `masses_from_file` reads a linkage's
+file. `Dynamics` has crank torque, reduced inertia, energies and joint reactions, at many crank
+angles at once (inverse dynamics); `simulate` integrates the motion by a torque (forward dynamics).
 """
 
 from .balance import Reactions
-from .forces import Dynamics, TurnOfForces
+from .forces import Dynamics, GRAVITY, TurnOfForces
 from .masses import BodyMass, MassError, Masses, masses_from_file, masses_from_text, rods, Spring
 from .simulation import NoScipyError, simulate, Simulation
 
 __all__ = [
+    'GRAVITY',
     'BodyMass',
     'Dynamics',
     'MassError',

@@ -1,28 +1,26 @@
 """
-Joint reactions: what balances every body by Newton and Euler, at many crank angles at once.
+Joint reactions by the Newton-Euler equations of every body, at many crank angles at once.
 
-A pin carries a force on each of its bodies, all together none; a line a force square to it and a
-moment; the crank is driven by a torque. For a linkage with one crank these are as many numbers as
-the bodies have equations.
+A pin carries a force on each of its bodies, their sum 0; a sliding joint a normal force and a
+moment; a torque drives the crank. For a linkage with one crank the unknowns are as many as the
+equations.
 """
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 from klann_ros.kinematics.linkage.dyads import cross
 from klann_ros.kinematics.linkage.structure import FIXED, GROUND
 import numpy as np
-from numpy.typing import NDArray
 
 from .masses import BodyMass
-from .motion import Complex, Motion
-
-Array = NDArray[np.float64]
+from .motion import BodyMotion
 
 
 class Reactions(NamedTuple):
     """
-    What the joints of a linkage carry, shape (k,) each, in the linkage's plane.
+    Joint reactions of a linkage, shape (k,) each, in the linkage's plane.
 
     Attributes
     ----------
@@ -31,27 +29,27 @@ class Reactions(NamedTuple):
     pins : dict of (str, str) to numpy.ndarray of complex
         The force of a pin, by its point, on a body, by its angle, or on 'ground': x + i y [N].
     lines : dict of str to (numpy.ndarray, numpy.ndarray)
-        Of each body that slides the force on it square to its line, positive to the line's left
-        [N], and the moment on it about its first point [N m].
+        The normal force on each sliding body, positive to its line's left, and the moment on it
+        about its first point [N, N m].
 
     """
 
-    torque: Array
-    pins: dict[tuple[str, str], Complex]
-    lines: dict[str, tuple[Array, Array]]
+    torque: FloatArray
+    pins: dict[tuple[str, str], ComplexArray]
+    lines: dict[str, tuple[FloatArray, FloatArray]]
 
 
 def reactions(
-    moving: Motion,
+    moving: BodyMotion,
     bodies: Sequence[BodyMass],
-    rates: tuple[Array, Array],
+    rates: tuple[FloatArray, FloatArray],
     gravity: complex,
     forces: Sequence[tuple[str, Any]],
 ) -> Reactions:
     """
-    Return what the joints carry.
+    Return the joint reactions.
 
-    `rates` are the crank's rate and its change [rad/s, rad/s^2], one or one for each angle;
+    `rates` are the crank's rate and acceleration [rad/s, rad/s^2], one or one for each angle;
     `forces` act on points [N].
     """
     structure = moving.linkage.structure
@@ -59,11 +57,11 @@ def reactions(
     centres = [moving.fixed_to(j, body.centre) for j, body in enumerate(bodies)]
     right = np.zeros((count, 3 * n))
     for j, (body, (_, c_1, c_2)) in enumerate(zip(bodies, centres, strict=True)):
-        moved = c_2 * rates[0] ** 2 + c_1 * rates[1]
-        turned = moving.turning_2[j] * rates[0] ** 2 + moving.turning_1[j] * rates[1]
-        force = body.mass * (moved - gravity)
+        acceleration = c_2 * rates[0] ** 2 + c_1 * rates[1]
+        angular = moving.rotation_2[j] * rates[0] ** 2 + moving.rotation_1[j] * rates[1]
+        force = body.mass * (acceleration - gravity)
         right[:, 3 * j], right[:, 3 * j + 1] = force.real, force.imag
-        right[:, 3 * j + 2] = body.inertia * turned
+        right[:, 3 * j + 2] = body.inertia * angular
     for point, force in forces:
         j = structure.first_owner(point)
         arm = moving.point(point)[0] - centres[j][0]
@@ -72,13 +70,13 @@ def reactions(
         right[:, 3 * j + 1] -= given.imag
         right[:, 3 * j + 2] -= cross(arm, given)
     system = _System(moving, [c for c, _, _ in centres])
-    return system.solved(right)
+    return system.solve(right)
 
 
 class _System:
-    """The columns of the equations: one for each number that a joint carries."""
+    """The linear equations, a column for each component of a reaction."""
 
-    def __init__(self, moving: Motion, centres: Sequence[Complex]) -> None:
+    def __init__(self, moving: BodyMotion, centres: Sequence[ComplexArray]) -> None:
         structure = moving.linkage.structure
         self._moving, self._centres = moving, centres
         self._pins = [
@@ -88,18 +86,18 @@ class _System:
         ]
         self._slides = sorted(structure.line_of)
 
-    def solved(self, right: Array) -> Reactions:
-        """Return what balances the equations' right-hand sides."""
+    def solve(self, right: FloatArray) -> Reactions:
+        """Return the reactions for right-hand sides, shape (k, 3 n)."""
         structure = self._moving.linkage.structure
         count, size = right.shape
         columns = self._columns(count)
         matrix = np.stack(columns, axis=2)
-        gone = np.asarray(np.isnan(matrix).any(axis=(1, 2)) | np.isnan(right).any(axis=1))
-        matrix[gone] = np.eye(size)
-        right = np.where(gone[:, None], np.nan, right)
+        singular = np.asarray(np.isnan(matrix).any(axis=(1, 2)) | np.isnan(right).any(axis=1))
+        matrix[singular] = np.eye(size)
+        right = np.where(singular[:, None], np.nan, right)
         found = np.linalg.solve(matrix, right[..., None])[..., 0].T
         names = {FIXED: GROUND, **dict(enumerate(structure.angles))}
-        pins: dict[tuple[str, str], Complex] = {}
+        pins: dict[tuple[str, str], ComplexArray] = {}
         for k, (point, first, j) in enumerate(self._pins):
             force = found[1 + 2 * k] + 1j * found[2 + 2 * k]
             pins[point, names[j]] = force
@@ -112,33 +110,33 @@ class _System:
         }
         return Reactions(found[0], pins, lines)
 
-    def _columns(self, count: int) -> list[Array]:
+    def _columns(self, count: int) -> list[FloatArray]:
         size = 3 * len(self._centres)
         zero = np.zeros(count, dtype=np.complex128)
         columns = [np.zeros((count, size))]
         columns[0][:, 2] = 1.0
         for point, first, j in self._pins:
             at = self._moving.point(point)[0]
-            for way in (1.0 + 0j, 1j):
+            for direction in (1.0 + 0j, 1j):
                 column = np.zeros((count, size))
-                self._add(column, j, at, zero + way)
-                self._add(column, first, at, zero - way)
+                self._add(column, j, at, zero + direction)
+                self._add(column, first, at, zero - direction)
                 columns.append(column)
         structure = self._moving.linkage.structure
         for j in self._slides:
             at = self._moving.point(structure.bodies[j].points[0])[0]
             along = self._moving.linkage.line(self._moving.u, j) + zero
             on = structure.along[j]
-            square, moment = np.zeros((count, size)), np.zeros((count, size))
-            self._add(square, j, at, 1j * along)
+            normal, moment = np.zeros((count, size)), np.zeros((count, size))
+            self._add(normal, j, at, 1j * along)
             moment[:, 3 * j + 2] = 1.0
             if on is not None and on != FIXED:
-                self._add(square, on, at, -1j * along)
+                self._add(normal, on, at, -1j * along)
                 moment[:, 3 * on + 2] = -1.0
-            columns += [square, moment]
+            columns += [normal, moment]
         return columns
 
-    def _add(self, column: Array, j: int, at: Complex, force: Complex) -> None:
+    def _add(self, column: FloatArray, j: int, at: ComplexArray, force: ComplexArray) -> None:
         """Add a force on a body at a place."""
         if j == FIXED:
             return

@@ -1,14 +1,14 @@
 """
 Crank torque, energies and joint reactions of a linkage in motion.
 
-With one crank all follows from how points move with its angle a. With c the centres of mass, phi
-by what the bodies turn and V the potential energy, a dash being d/da,
+With a single crank, angle a, all follows from the derivatives by a (dashes). With the centres of
+mass c, the bodies' rotations phi and the potential energy V,
 
     I  = sum m |c'|^2 + J phi'^2                     the reduced inertia,
     T  = I a.. + I'/2 a.^2 + V' - sum F . p'         the torque at the crank,
 
-and the forces in the joints balance each body by Newton and Euler, without the energies: so each
-is the other's oracle. (J. J. Uicker, G. R. Pennock, J. E. Shigley, Theory of Machines and
+and the joint forces follow from the Newton-Euler equations of each body, without energies: each
+method is the other's oracle. (J. J. Uicker, G. R. Pennock, J. E. Shigley, Theory of Machines and
 Mechanisms, the chapters on dynamic force analysis.)
 """
 
@@ -18,24 +18,24 @@ from math import pi
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import Linkage, LinkageLeg, PartialTurnError, reachable_arcs
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.linkage.linkage import as_linkage
 from klann_ros.kinematics.validation import rate as checked_rate
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .balance import Reactions, reactions
 from .masses import MassError, Masses, place_of, Spring
-from .motion import Motion, motion, motion_through
+from .motion import body_motion, body_motion_at, BodyMotion
 
-Array = NDArray[np.float64]
-# Downwards, as in a leg's plane [m/s^2].
-GRAVITY = (0.0, -9.80665)
+# Standard gravity [m/s^2].
+GRAVITY = 9.80665
 Forces = Mapping[str, tuple[float, float]]
 
 
 class TurnOfForces(NamedTuple):
     """
-    What a turn of the crank at constant speed takes.
+    Torque and power over a turn of the crank at constant speed.
 
     Attributes
     ----------
@@ -48,12 +48,12 @@ class TurnOfForces(NamedTuple):
 
     """
 
-    alphas: Array
+    alphas: FloatArray
     rate: float
-    torque: Array
+    torque: FloatArray
 
     @property
-    def power(self) -> Array:
+    def power(self) -> FloatArray:
         """Return the power at the crank [W]."""
         return self.torque * self.rate
 
@@ -69,15 +69,15 @@ class TurnOfForces(NamedTuple):
 
     @property
     def rms(self) -> float:
-        """Return the root of the mean square of the torque, by which a motor gets warm [N m]."""
+        """Return the root mean square of the torque, which heats a motor [N m]."""
         return float(np.sqrt(turn_mean(self.alphas, self.torque**2)))
 
     @property
     def energy_swing(self) -> float:
         """
-        Return by how much a shaft with the mean torque gains and loses energy in a turn [J].
+        Return the energy fluctuation of a shaft with the mean torque over a turn [J].
 
-        The integral of T - mean by the trapezoidal rule.
+        The range of the integral of T - mean, by the trapezoidal rule.
         """
         excess = self.torque - self.mean
         work = np.diff(self.alphas) * (excess[1:] + excess[:-1]) / 2.0
@@ -85,7 +85,7 @@ class TurnOfForces(NamedTuple):
 
     def flywheel(self, unevenness: float) -> float:
         """
-        Return the inertia at the crank that keeps its speed even [kg m^2].
+        Return the flywheel inertia at the crank for a coefficient of fluctuation [kg m^2].
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class TurnOfForces(NamedTuple):
         Raises
         ------
         ValueError
-            `unevenness` is not > 0, or the crank rests.
+            `unevenness` is not > 0, or the rate is 0.
 
         """
         if not unevenness > 0.0 or self.rate == 0.0:
@@ -106,7 +106,7 @@ class TurnOfForces(NamedTuple):
         return self.energy_swing / (unevenness * self.rate**2)
 
 
-def turn_mean(alphas: Array, values: Array) -> float:
+def turn_mean(alphas: FloatArray, values: FloatArray) -> float:
     """Return the mean over a turn of values at ascending angles [rad], by the trapezoidal rule."""
     steps = np.diff(alphas, append=alphas[0] + 2.0 * pi)
     return float((steps * (values + np.roll(values, -1))).sum() / (4.0 * pi))
@@ -119,21 +119,21 @@ class Dynamics:
     Parameters
     ----------
     linkage : Linkage, KlannGeometry, FourBarGeometry or leg
-        What moves.
+        The linkage.
     masses : Masses
-        What it weighs.
+        The masses of its bodies, and springs.
     gravity : (float, float)
         In the linkage's plane [m/s^2].
 
     Raises
     ------
     MassError
-        There is not a mass for each body.
+        The number of masses is not that of the bodies.
 
     """
 
     def __init__(
-        self, linkage: Any, masses: Masses, *, gravity: tuple[float, float] = GRAVITY
+        self, linkage: Any, masses: Masses, *, gravity: tuple[float, float] = (0.0, -GRAVITY)
     ) -> None:
         """Compute nothing yet."""
         self.linkage: Linkage = as_linkage(linkage)
@@ -145,22 +145,22 @@ class Dynamics:
 
     @cached_property
     def _leg(self) -> LinkageLeg:
-        """Return what goes from pose to pose."""
+        """Return the stateful solver."""
         return LinkageLeg(self.linkage)
 
-    def reduced_inertia(self, alphas: ArrayLike) -> tuple[Array, Array]:
+    def reduced_inertia(self, alphas: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return I and dI/dalpha at crank angles, shape (k,) [kg m^2]; NaN at singular poses."""
-        return self._inertia(motion(self.linkage, alphas))
+        return self._inertia(body_motion(self.linkage, alphas))
 
-    def potential_energy(self, alphas: ArrayLike) -> Array:
+    def potential_energy(self, alphas: ArrayLike) -> FloatArray:
         """Return the energy of weight and springs at crank angles, shape (k,) [J]."""
-        energy, _ = self._potential(motion(self.linkage, alphas))
+        energy, _ = self._potential(body_motion(self.linkage, alphas))
         return energy
 
-    def kinetic_energy(self, alphas: ArrayLike, alpha_rate: ArrayLike) -> Array:
+    def kinetic_energy(self, alphas: ArrayLike, alpha_rate: ArrayLike) -> FloatArray:
         """Return the energy of motion at crank angles and rates, shape (k,) [J]."""
         inertia, _ = self.reduced_inertia(alphas)
-        energy: Array = inertia * np.asarray(alpha_rate, dtype=np.float64) ** 2 / 2.0
+        energy: FloatArray = inertia * np.asarray(alpha_rate, dtype=np.float64) ** 2 / 2.0
         return energy
 
     def crank_torque(
@@ -169,16 +169,16 @@ class Dynamics:
         alpha_rate: ArrayLike = 0.0,
         alpha_acceleration: ArrayLike = 0.0,
         loads: Forces | None = None,
-    ) -> Array:
+    ) -> FloatArray:
         """
-        Return the torque at the crank that a motion takes, shape (k,) [N m].
+        Return the crank torque of a motion (inverse dynamics), shape (k,) [N m].
 
         Parameters
         ----------
         alphas : array-like of float, shape (k,)
             Crank angles [rad].
         alpha_rate, alpha_acceleration : array-like of float
-            Rate of the crank [rad/s], and its change [rad/s^2]: one, or one for each angle.
+            Rate and acceleration of the crank, one or one for each angle [rad/s, rad/s^2].
         loads : mapping of str to (float, float), optional
             Forces on points [N]; each number may be an array of shape (k,).
 
@@ -188,7 +188,7 @@ class Dynamics:
             There is no such point.
 
         """
-        moving = motion(self.linkage, alphas)
+        moving = body_motion(self.linkage, alphas)
         inertia, steady = self._inertia_and_torque(moving, np.asarray(alpha_rate))
         torque = inertia * np.asarray(alpha_acceleration) + steady
         for point, force in self._loads(loads).items():
@@ -196,10 +196,10 @@ class Dynamics:
         return np.asarray(torque, dtype=np.float64)
 
     def inertia_and_torque(self, alpha: float, alpha_rate: float) -> tuple[float, float]:
-        """Return I at a crank angle, and the torque that turns it on at its rate [kg m^2, N m]."""
-        # One after the other they are near to each other, mostly.
+        """Return I at a crank angle, and the torque that keeps its rate [kg m^2, N m]."""
+        # Successive angles are mostly close: the solver starts from the last pose.
         x = np.array(self._leg.solve(alpha).x)[:, None]
-        moving = motion_through(self.linkage, np.array([alpha]), x)
+        moving = body_motion_at(self.linkage, np.array([alpha]), x)
         inertia, torque = self._inertia_and_torque(moving, alpha_rate)
         return float(inertia[0]), float(torque[0])
 
@@ -210,8 +210,8 @@ class Dynamics:
         alpha_acceleration: ArrayLike = 0.0,
         loads: Forces | None = None,
     ) -> Reactions:
-        """Return what the joints carry; parameters and errors as `crank_torque`."""
-        moving = motion(self.linkage, alphas)
+        """Return the joint reactions; parameters and errors as `crank_torque`."""
+        moving = body_motion(self.linkage, alphas)
         pulls = [pull for spring in self.masses.springs for pull in _pulls(spring, moving)]
         rates = np.asarray(alpha_rate, np.float64), np.asarray(alpha_acceleration, np.float64)
         acting = [*self._loads(loads).items(), *pulls]
@@ -221,7 +221,7 @@ class Dynamics:
         self, alpha_rate: float, loads: Forces | None = None, *, samples: int = 720
     ) -> TurnOfForces:
         """
-        Return what a turn of the crank at constant speed takes.
+        Return torque and power over a turn of the crank at constant speed.
 
         Raises
         ------
@@ -240,22 +240,22 @@ class Dynamics:
             alphas, float(alpha_rate), self.crank_torque(alphas, alpha_rate, 0.0, loads)
         )
 
-    def _inertia_and_torque(self, moving: Motion, rate: Any) -> tuple[Array, Array]:
+    def _inertia_and_torque(self, moving: BodyMotion, rate: Any) -> tuple[FloatArray, FloatArray]:
         """Return I, and the torque that keeps the rate."""
         inertia, inertia_1 = self._inertia(moving)
         _, slope = self._potential(moving)
         return inertia, inertia_1 / 2.0 * rate**2 + slope
 
-    def _inertia(self, moving: Motion) -> tuple[Array, Array]:
+    def _inertia(self, moving: BodyMotion) -> tuple[FloatArray, FloatArray]:
         inertia, inertia_1 = np.zeros(moving.alphas.size), np.zeros(moving.alphas.size)
         for j, body in enumerate(self.masses.bodies):
             _, c_1, c_2 = moving.fixed_to(j, body.centre)
-            inertia += body.mass * np.abs(c_1) ** 2 + body.inertia * moving.turning_1[j] ** 2
-            turning = moving.turning_1[j] * moving.turning_2[j]
-            inertia_1 += 2.0 * (body.mass * _dot(c_1, c_2) + body.inertia * turning)
+            inertia += body.mass * np.abs(c_1) ** 2 + body.inertia * moving.rotation_1[j] ** 2
+            rotation = moving.rotation_1[j] * moving.rotation_2[j]
+            inertia_1 += 2.0 * (body.mass * _dot(c_1, c_2) + body.inertia * rotation)
         return inertia, inertia_1
 
-    def _potential(self, moving: Motion) -> tuple[Array, Array]:
+    def _potential(self, moving: BodyMotion) -> tuple[FloatArray, FloatArray]:
         energy, slope = np.zeros(moving.alphas.size), np.zeros(moving.alphas.size)
         for j, body in enumerate(self.masses.bodies):
             c, c_1, _ = moving.fixed_to(j, body.centre)
@@ -263,9 +263,9 @@ class Dynamics:
             slope -= body.mass * _dot(self.gravity, c_1)
         for spring in self.masses.springs:
             (_, p_1), (_, q_1) = (_end(end, moving) for end in spring.ends)
-            stretched, way = _stretched(spring, moving)
-            energy += spring.stiffness * stretched**2 / 2.0
-            slope += spring.stiffness * stretched * _dot(way, q_1 - p_1)
+            elongation, direction = _elongation(spring, moving)
+            energy += spring.stiffness * elongation**2 / 2.0
+            slope += spring.stiffness * elongation * _dot(direction, q_1 - p_1)
         return energy, slope
 
     def _loads(self, loads: Forces | None) -> dict[str, Any]:
@@ -276,7 +276,7 @@ class Dynamics:
         return {point: x + 1j * np.asarray(y) for point, (x, y) in (loads or {}).items()}
 
 
-def _end(end: Any, moving: Motion) -> tuple[Any, Any]:
+def _end(end: Any, moving: BodyMotion) -> tuple[Any, Any]:
     if isinstance(end, str):
         at, at_1, _ = moving.point(end)
         return at, at_1
@@ -284,19 +284,19 @@ def _end(end: Any, moving: Motion) -> tuple[Any, Any]:
     return zero + place_of(end), zero
 
 
-def _stretched(spring: Spring, moving: Motion) -> tuple[Any, Any]:
-    """Return by how much a spring is too long [m], and the unit vector from end to end."""
+def _elongation(spring: Spring, moving: BodyMotion) -> tuple[Any, Any]:
+    """Return the elongation of a spring [m], and the unit vector from end to end."""
     (p, _), (q, _) = (_end(end, moving) for end in spring.ends)
     length = np.abs(q - p)
     with np.errstate(invalid='ignore', divide='ignore'):
-        way = np.where(length > 0.0, (q - p) / length, 0.0)
-    return length - spring.free_length, way
+        direction = np.where(length > 0.0, (q - p) / length, 0.0)
+    return length - spring.free_length, direction
 
 
-def _pulls(spring: Spring, moving: Motion) -> list[tuple[str, Any]]:
-    """Return the points that a spring pulls at, with its force on them."""
-    stretched, way = _stretched(spring, moving)
-    force = spring.stiffness * stretched * way
+def _pulls(spring: Spring, moving: BodyMotion) -> list[tuple[str, Any]]:
+    """Return the points at a spring's ends, with its force on them."""
+    elongation, direction = _elongation(spring, moving)
+    force = spring.stiffness * elongation * direction
     ends = zip(spring.ends, (force, -force), strict=True)
     return [(end, pull) for end, pull in ends if isinstance(end, str)]
 

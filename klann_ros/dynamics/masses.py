@@ -1,4 +1,4 @@
-"""What a linkage weighs: a mass, its centre and its inertia for every body, and springs."""
+"""Masses of a linkage: mass, centre and inertia of every body, and springs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from klann_ros.sanitize.yaml_text import parse
 
 
 class MassError(ValueError):
-    """Masses that are none; the text says which and why."""
+    """Invalid masses; the text says which and why."""
 
 
 class BodyMass(NamedTuple):
@@ -26,7 +26,7 @@ class BodyMass(NamedTuple):
     mass : float
         [kg], >= 0.
     centre : complex
-        Where its centre of mass is, x + i y from the body's first point, x along its angle [m].
+        Its centre of mass, x + i y from the body's first point, x along its angle [m].
     inertia : float
         About the centre [kg m^2], >= 0.
 
@@ -37,7 +37,7 @@ class BodyMass(NamedTuple):
     inertia: float = 0.0
 
     def plus(self, other: 'BodyMass') -> 'BodyMass':
-        """Return both together, by the parallel axis theorem."""
+        """Return the sum, by the parallel axis theorem."""
         mass = self.mass + other.mass
         if not mass:
             return BodyMass(0.0, 0j, self.inertia + other.inertia)
@@ -54,11 +54,11 @@ class Spring:
     Attributes
     ----------
     ends : (str or (float, float), str or (float, float))
-        What it pulls at.
+        Its two ends.
     stiffness : float
         [N/m], >= 0.
     free_length : float
-        Where it neither pulls nor pushes [m], >= 0.
+        Length without force [m], >= 0.
 
     """
 
@@ -67,7 +67,7 @@ class Spring:
     free_length: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no spring."""
+        """Refuse invalid numbers."""
         _not_negative('stiffness', self.stiffness, 'N/m')
         _not_negative('free_length', self.free_length, 'm')
 
@@ -75,7 +75,7 @@ class Spring:
 @dataclass(frozen=True)
 class Masses:
     """
-    What a linkage weighs.
+    Masses and springs of a linkage.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class Masses:
     springs: tuple[Spring, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse what is no mass."""
+        """Refuse invalid numbers."""
         for number, body in enumerate(self.bodies):
             _not_negative(f'mass of body {number}', body.mass, 'kg')
             _not_negative(f'inertia of body {number}', body.inertia, 'kg m^2')
@@ -99,23 +99,23 @@ class Masses:
 
     @property
     def total(self) -> float:
-        """Return the mass of all [kg]."""
+        """Return the total mass [kg]."""
         return sum(body.mass for body in self.bodies)
 
     def with_mass(self, j: int, added: BodyMass) -> 'Masses':
-        """Return them with a mass more on a body, such as a foot's."""
+        """Return the masses with another one added to a body, such as a foot's."""
         bodies = [body.plus(added) if i == j else body for i, body in enumerate(self.bodies)]
         return replace(self, bodies=tuple(bodies))
 
 
 def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
     """
-    Return the masses of slender rods: every bar, and every brace, weighs by its length.
+    Return the masses of slender rods: every bar and brace by its length.
 
     Parameters
     ----------
     linkage : Linkage, KlannGeometry, FourBarGeometry or leg
-        Its bars.
+        The linkage.
     density : float
         Of all bars [kg/m].
     foot_mass : float
@@ -124,7 +124,7 @@ def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
     Raises
     ------
     MassError
-        A number is negative, or none.
+        A number is negative or not finite.
 
     """
     given = as_linkage(linkage)
@@ -149,7 +149,7 @@ def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
 
 
 def body_places(linkage: Linkage) -> dict[tuple[int, str], complex]:
-    """Return where the points of each body are in it, from its first point, x along it [m]."""
+    """Return the points of each body from its first point, x along the body [m]."""
     found: dict[tuple[int, str], complex] = {}
     for number, (j, bar) in enumerate(linkage.structure.bars):
         if number in linkage.structure.lines:
@@ -162,25 +162,25 @@ def body_places(linkage: Linkage) -> dict[tuple[int, str], complex]:
 
 def masses_from_file(path: str | Path, linkage: Linkage) -> Masses:
     """
-    Return the masses that a linkage's file holds; parameters and errors as `masses_from_text`.
+    Return the masses in a linkage's file; parameters and errors as `masses_from_text`.
 
-    A LinkageFileError says that the file cannot be read.
+    Raises a LinkageFileError if the file cannot be read.
     """
     return masses_from_text(linkage_text(path), linkage, str(path))
 
 
 def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses:
     """
-    Return the masses in the YAML text of a linkage that is known to be sound.
+    Return the masses in the YAML text of a valid linkage.
 
     Each of its bodies may have `mass` [kg], `centre` [x, y] in the body and `inertia` about it
-    [kg m^2]; or the file has one `density` for all bars [kg/m], and masses for what slides without
-    a bar. `springs` are a list of `{from, to, stiffness, free_length}`.
+    [kg m^2]; or the file has one `density` for all bars [kg/m], and masses for sliding bodies
+    without a bar. `springs` are a list of `{from, to, stiffness, free_length}`.
 
     Raises
     ------
     MassError
-        There are none, or one of them is none; the text says which.
+        Masses are missing or invalid; the text says which.
 
     """
     content = parse(text)
@@ -197,20 +197,20 @@ def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses:
         )
         raise MassError(msg)
     if without:
-        raise MassError(f'{printable(name)}: {", ".join(without)} without mass; 0 is one')
+        raise MassError(f'{printable(name)}: {", ".join(without)} without mass; 0 is allowed')
     return Masses(tuple(_body(bodies[angle], metre) for angle in linkage.joint_names), springs)
 
 
 def _by_density(content: Mapping[str, Any], linkage: Linkage, name: str, metre: float) -> Masses:
-    """Return the masses of bars by their lengths, and of what has none as the file tells it."""
+    """Return the masses of bars by their lengths, and of bodies without bars from the file."""
     masses = rods(linkage, float(content['density']))
     for j, body in enumerate(linkage.structure.bodies):
-        told = content['bodies'][body.angle]
-        if 'mass' in told:
+        given = content['bodies'][body.angle]
+        if 'mass' in given:
             if body.rigid:
                 msg = f'{printable(name)} has both density and masses: leave one of them out'
                 raise MassError(msg)
-            masses = masses.with_mass(j, _body(told, metre))
+            masses = masses.with_mass(j, _body(given, metre))
     return masses
 
 
@@ -244,6 +244,6 @@ def _not_negative(name: str, value: Any, unit: str) -> None:
 
 
 def place_of(given: Any) -> complex:
-    """Return a fixed place as a complex number [m]."""
+    """Return a fixed point as a complex number [m]."""
     x, y = given
     return complex(x, y)

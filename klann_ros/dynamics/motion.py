@@ -3,44 +3,42 @@
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import Linkage, linkage_poses
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 from klann_ros.kinematics.batch.coupled import closing_blocks
 from klann_ros.kinematics.linkage import joints
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from numpy.typing import ArrayLike
 
 
-class Motion(NamedTuple):
+class BodyMotion(NamedTuple):
     """
     Poses of a linkage at k crank angles, and their derivatives by the crank angle.
 
-    What is not there, and what is singular, is NaN.
+    Missing and singular poses are NaN.
 
     Attributes
     ----------
     linkage : Linkage
-        What moves.
+        The linkage.
     alphas : numpy.ndarray, shape (k,)
         The crank angles [rad].
     u, u_1, u_2 : numpy.ndarray, shape (n, k)
         The bodies' vectors, and their derivatives: see `kinematics.linkage.joints`.
-    turning_1, turning_2 : numpy.ndarray, shape (n, k)
-        By what the bodies turn, counter-clockwise [rad/rad, rad/rad^2].
+    rotation_1, rotation_2 : numpy.ndarray, shape (n, k)
+        Derivatives of the bodies' rotation, counter-clockwise [rad/rad, rad/rad^2].
 
     """
 
     linkage: Linkage
-    alphas: Array
-    u: Complex
-    u_1: Complex
-    u_2: Complex
-    turning_1: Array
-    turning_2: Array
+    alphas: FloatArray
+    u: ComplexArray
+    u_1: ComplexArray
+    u_2: ComplexArray
+    rotation_1: FloatArray
+    rotation_2: FloatArray
 
     def point(self, name: str) -> tuple[Any, Any, Any]:
-        """Return where a point is, and its derivatives, shape (k,) each [m]."""
+        """Return a point and its derivatives, shape (k,) each [m]."""
         which = self.linkage.structure.points.index(name)
         terms, constant = self.linkage.point_rows[which]
         at, at_1, at_2 = (
@@ -50,7 +48,7 @@ class Motion(NamedTuple):
         return at + constant, at_1, at_2
 
     def fixed_to(self, j: int, place: complex) -> tuple[Any, Any, Any]:
-        """Return where a place of a body is, (x, y) from its first point, and its derivatives."""
+        """Return a point fixed to a body, (x, y) from its first point, and its derivatives."""
         structure = self.linkage.structure
         at, at_1, at_2 = self.point(structure.bodies[j].points[0])
         frame = structure.frames[j]
@@ -61,16 +59,16 @@ class Motion(NamedTuple):
         return a, b, c
 
 
-def motion(linkage: Linkage, alphas: ArrayLike) -> Motion:
+def body_motion(linkage: Linkage, alphas: ArrayLike) -> BodyMotion:
     """Return the motion at crank angles, shape (k,) [rad]."""
     angles = np.atleast_1d(np.asarray(alphas, dtype=np.float64))
     poses = linkage_poses(linkage, angles, angles=True)
     if poses.angles is None:
-        raise AssertionError('the angles were asked for')
-    return motion_through(linkage, angles + 0.0 * poses.h[:, 0], poses.angles.T)
+        raise AssertionError('the angles were requested')
+    return body_motion_at(linkage, angles + 0.0 * poses.h[:, 0], poses.angles.T)
 
 
-def motion_through(linkage: Linkage, angles: Array, x: Array) -> Motion:
+def body_motion_at(linkage: Linkage, angles: FloatArray, x: FloatArray) -> BodyMotion:
     """Return the motion through poses, by all coordinates, shapes (k,) and (n - 1, k)."""
     structure = linkage.structure
     u = np.array(joints.vectors(structure, [angles, *x]))
@@ -92,12 +90,12 @@ def motion_through(linkage: Linkage, angles: Array, x: Array) -> Motion:
         x_2[own] = closing(u_2)
         for j in own:
             u_2[j] = bent[j] + joints.moved(structure, u, x_2, j)
-    turning = [
-        np.array([_turning(structure, x, j) + 0.0 * angles for j in range(n)]) for x in (x_1, x_2)
+    rotation = [
+        np.array([_rotation(structure, x, j) + 0.0 * angles for j in range(n)]) for x in (x_1, x_2)
     ]
-    return Motion(linkage, angles, u, u_1, u_2, *turning)
+    return BodyMotion(linkage, angles, u, u_1, u_2, *rotation)
 
 
-def _turning(structure: Any, x: Array, j: int) -> Any:
+def _rotation(structure: Any, x: FloatArray, j: int) -> Any:
     frame = structure.frames[j]
     return 0.0 if frame < 0 else structure.senses[frame] * x[frame]

@@ -1,16 +1,16 @@
-"""The motion that a torque at the crank makes: the one degree of freedom, integrated in time."""
+"""Forward dynamics: the motion by a crank torque, one degree of freedom integrated in time."""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 from klann_ros.kinematics import KinematicsError
+from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .forces import Dynamics
 
-Array = NDArray[np.float64]
-# Of time, crank angle and rate [s, rad, rad/s]: the torque at the crank [N m].
+# The crank torque [N m], by time, crank angle and rate [s, rad, rad/s].
 Torque = Callable[[float, float, float], float]
 
 
@@ -27,9 +27,9 @@ class Simulation(NamedTuple):
 
     """
 
-    times: Array
-    alpha: Array
-    alpha_rate: Array
+    times: FloatArray
+    alpha: FloatArray
+    alpha_rate: FloatArray
 
 
 class NoScipyError(ImportError):
@@ -46,16 +46,16 @@ def simulate(
     tolerance: float = 1e-10,
 ) -> Simulation:
     """
-    Return the motion that a torque at the crank makes: a.. = (T - V' - I'/2 a.^2) / I.
+    Return the motion by a crank torque: a.. = (T - V' - I'/2 a.^2) / I.
 
     Parameters
     ----------
     dynamics : Dynamics
-        What moves.
+        The linkage with masses.
     torque : callable or float
         At the crank, of time, crank angle and rate; or a constant [N m].
     times : array-like of float, shape (k,)
-        When it is asked for, rising; it starts at the first [s].
+        Times of the result, ascending from the start [s].
     alpha, alpha_rate : float
         Crank angle and rate at the start [rad, rad/s].
     tolerance : float
@@ -64,7 +64,7 @@ def simulate(
     Raises
     ------
     KinematicsError
-        It runs into a pose at which it does not close, or a singular one.
+        The motion reaches a singular pose, or one that does not close.
     NoScipyError
         scipy is not installed: the extra "dynamics".
 
@@ -75,26 +75,26 @@ def simulate(
         raise NoScipyError(
             "a simulation needs scipy: pip install 'klann_ros[dynamics]'"
         ) from error
-    asked = np.asarray(times, dtype=np.float64)
-    if asked.ndim != 1 or len(asked) < 2 or not (np.diff(asked) > 0.0).all():
-        raise ValueError('times are refused: they must be two or more, and rise')
+    instants = np.asarray(times, dtype=np.float64)
+    if instants.ndim != 1 or len(instants) < 2 or not (np.diff(instants) > 0.0).all():
+        raise ValueError('times are refused: they must be two or more, and ascend')
 
-    def derivative(time: float, state: Array) -> tuple[float, float]:
+    def derivative(time: float, state: FloatArray) -> tuple[float, float]:
         angle, rate = state.tolist()
         given = torque(time, angle, rate) if callable(torque) else torque
         inertia, needed = dynamics.inertia_and_torque(angle, rate)
         change = (given - needed) / inertia
         if not np.isfinite(change):
-            msg = f'at {time:.6g} s the crank is at {angle:.6g} rad, where no motion follows'
+            msg = f'at {time:.6g} s the crank is at {angle:.6g} rad, where it cannot move on'
             raise KinematicsError(msg)
         return rate, change
 
     found = solve_ivp(
         derivative,
-        (asked[0], asked[-1]),
+        (instants[0], instants[-1]),
         (alpha, alpha_rate),
         method='DOP853',
-        t_eval=asked,
+        t_eval=instants,
         rtol=tolerance,
         atol=tolerance,
     )

@@ -1,8 +1,8 @@
 """
-A robot as its file tells it: legs where they are mounted, what turns them, and what all weighs.
+A robot from its file: legs, mounts, drives and masses.
 
-A file is one leg's or a walker's parameters, as solver_node takes them, or a linkage. Whoever
-draws, weighs, simulates or drives a robot starts from here; nothing here knows ROS.
+A file has the parameters of solver_node for a leg or a walker, or is a linkage. Drawing, dynamics,
+simulation and control all read robots by this package; it is without ROS.
 
 >>> from klann_ros.robot import robot_of
 >>> leg = robot_of('sem104').legs[0]
@@ -11,14 +11,14 @@ draws, weighs, simulates or drives a robot starts from here; nothing here knows 
 """
 
 from .file import robot_from_file, robot_from_parameters, robot_of, RobotFileError
-from .robot import Body, Mount, Robot, RobotLeg
+from .robot import Mount, Robot, RobotLeg, WalkerBody
 
 __all__ = [
-    'Body',
     'Mount',
     'Robot',
     'RobotFileError',
     'RobotLeg',
+    'WalkerBody',
     'robot_from_file',
     'robot_from_parameters',
     'robot_of',

@@ -1,6 +1,6 @@
-"""A robot from parameters of solver_node, a linkage's file, or a shipped name: the only parser."""
+"""The robot of parameters of solver_node, of a linkage's file, or of a shipped name."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from math import isfinite
@@ -25,41 +25,44 @@ from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.sanitize.units import warn_of_angle
 from klann_ros.sanitize.yaml_text import LONGEST, parse
 
-from .robot import Body, Mount, Robot, RobotLeg, Triple
-from .section import solver_section
+from .robot import Mount, Robot, RobotLeg, Triple, WalkerBody
 
 _GEOMETRY = (*NUMBERS, 'assembly')
 _DESCRIPTION = 'linkage_description'
 LEG_PARAMETERS = (*_GEOMETRY, 'linkage', _DESCRIPTION)
-"""Those that define the bars of a leg."""
+"""Parameters that define the bars of a leg."""
 
 _NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
+_NODE = '/solver_node'
+_PARAMETERS = 'ros__parameters'
+# Parameters that define a robot, in no other node's section.
+_OF_ROBOT = {*NUMBERS, 'assembly', 'legs', 'linkage', 'linkage_description'}
 _BODY = ('body_mass', 'body_size', 'body_centre')
 
 
 class RobotFileError(ValueError):
-    """A file that holds no robot; the text says why."""
+    """A file without a valid robot; the text says why."""
 
 
 def preset_names() -> tuple[str, ...]:
-    """Return the names of the legs that come with the package."""
+    """Return the names of the shipped legs."""
     return *PRESETS, *shipped_linkages()
 
 
 def robot_of(name: str) -> Robot:
     """
-    Return the robot in a file, or the one of a shipped name if no file is called so.
+    Return the robot in a file, or of a shipped name if there is no such file.
 
     Raises
     ------
     RobotFileError
-        There is neither, or the file holds no robot.
+        There is neither, or the file has no valid robot.
 
     """
     if not is_plain(name):
         if name in PRESETS:
             linkage = PRESETS[name]().linkage
-            # As the parameter file of that name has it.
+            # Masses as in the parameter file of that name.
             return Robot(name, (RobotLeg('', linkage, masses=rods(linkage, 1.0)),), source=name)
         if name in shipped_linkages():
             return robot_from_file(str(SHIPPED / f'{name}.yaml'))
@@ -73,7 +76,7 @@ def robot_from_file(path: str | Path) -> Robot:
     Raises
     ------
     RobotFileError
-        The file cannot be read, or holds no robot.
+        The file cannot be read, or has no valid robot.
 
     """
     shown = printable(str(path))
@@ -101,21 +104,21 @@ def robot_from_parameters(
     parameters: Mapping[str, Any], *, folders: Sequence[Path] = (), weigh: bool = True
 ) -> Robot:
     """
-    Return the robot of solver_node's parameters; others among them do not matter.
+    Return the robot of solver_node's parameters; others are ignored.
 
     Parameters
     ----------
     parameters : mapping of str
         Nested as in a file, or with dots as in a node.
     folders : sequence of path
-        Folders of the parameter files: a linkage's file is searched there first.
+        Folders of the parameter files, searched first for a linkage's file.
     weigh : bool
-        Whether masses are read; without, wrong ones are ignored.
+        Whether to read masses; otherwise invalid ones are ignored.
 
     Raises
     ------
     TypeError, ValueError
-        They are no robot.
+        They define no valid robot.
 
     """
     flat = dict(_flat(parameters))
@@ -125,7 +128,7 @@ def robot_from_parameters(
 
 
 def of_leg(parameters: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Return the parameters of a leg, with dots: its own before those of all; '' is no value."""
+    """Return the parameters of a leg, with dots: its own override the common ones unless ''."""
     prefix = f'{name}.'
     own = {
         key.removeprefix(prefix): value
@@ -146,7 +149,7 @@ def _flat(parameters: Mapping[str, Any], prefix: str = '') -> list[tuple[str, An
 
 
 def _names(legs: Any) -> Sequence[str]:
-    """Return the names of the legs; '' stands for the unnamed one, as ROS has no empty lists."""
+    """Return the names of the legs; [''] is the unnamed one, as ROS has no empty lists."""
     names = [name for name in legs if name != ''] if isinstance(legs, list | tuple) else []
     are_names = all(isinstance(name, str) and _NAME.fullmatch(name) for name in names)
     if not are_names or len(set(names)) < len(names):
@@ -211,19 +214,19 @@ def _masses(own: Mapping[str, Any], linkage: Linkage, text: str, file: str) -> M
 
 
 def _own_masses(text: str, linkage: Linkage, name: str) -> Masses | None:
-    """Return the masses that a linkage's file holds, None if it holds none."""
+    """Return the masses in a linkage's file, None without any."""
     content = parse(text)
-    tells = 'density' in content or any('mass' in body for body in content['bodies'].values())
-    return masses_from_text(text, linkage, name) if tells else None
+    has_masses = 'density' in content or any('mass' in body for body in content['bodies'].values())
+    return masses_from_text(text, linkage, name) if has_masses else None
 
 
-def _body(flat: Mapping[str, Any]) -> Body | None:
+def _body(flat: Mapping[str, Any]) -> WalkerBody | None:
     if not any(name in flat for name in _BODY):
         return None
     missing = [name for name in _BODY[:2] if name not in flat]
     if missing:
         raise MassError(f'{missing[0]} is missing: a body has body_mass [kg] and body_size [m]')
-    body = Body(
+    body = WalkerBody(
         _number(flat, 'body_mass', 0.0),
         _triple(flat, 'body_size', (0.0, 0.0, 0.0)),
         _triple(flat, 'body_centre', (0.0, 0.0, 0.0)),
@@ -254,3 +257,72 @@ def _triple(own: Mapping[str, Any], name: str, otherwise: Triple, prefix: str = 
         raise ValueError(f'{what} is refused: it must be three finite numbers')
     x, y, z = map(float, values)
     return x, y, z
+
+
+def solver_section(content: Any) -> Mapping[str, Any]:
+    """
+    Return the parameters of solver_node in a ROS 2 parameter file.
+
+    As in ROS, all sections apply that match the node's full name, wildcards included, in the order
+    of the file; the last value wins. The node is `/solver_node`, or the file's one solver_node in
+    a namespace. A file without parameters for it may define the robot of one other node, such as
+    sim_node. A file without sections is a mapping of parameters.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The content is no mapping, or defines several robots.
+
+    """
+    if not isinstance(content, dict):
+        msg = 'it must be a mapping, such as config/sem104.yaml is'
+        raise TypeError(msg)
+    sections = list(_sections(content, ''))
+    if not sections:
+        return content
+    plain = dict.fromkeys(name for name, _ in sections if '*' not in name)
+    own = [name for name in plain if name.endswith(_NODE)] or [_NODE]
+    candidates = {name: _parameters(sections, name) for name in own}
+    if not any(map(_is_robot, candidates.values())):
+        others = {name: _parameters(sections, name) for name in plain}
+        candidates = {name: given for name, given in others.items() if _is_robot(given)}
+    robots = list(candidates.values())
+    if any(robot != robots[0] for robot in robots):
+        names = printable(', '.join(candidates), 200)
+        raise ValueError(f'it defines several robots, {names}: write one file for each')
+    return robots[0] if robots else {}
+
+
+def _sections(content: Mapping[Any, Any], prefix: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield each section's full name and parameters; namespaces may be nested."""
+    for key, value in content.items():
+        name = f'{prefix}/{str(key).strip("/")}'
+        if not isinstance(value, dict):
+            continue
+        if isinstance(value.get(_PARAMETERS), dict):
+            yield name, value[_PARAMETERS]
+        yield from _sections({k: v for k, v in value.items() if k != _PARAMETERS}, name)
+
+
+def _parameters(sections: list[tuple[str, Mapping[str, Any]]], node: str) -> dict[str, Any]:
+    """Return the parameters of a node by its full name."""
+    given: dict[str, Any] = {}
+    for name, parameters in sections:
+        tokens = {'**': r'(/[^/]+)*', '*': r'/[^/]+'}
+        pattern = ''.join(tokens.get(t, re.escape(f'/{t}')) for t in name.split('/')[1:])
+        if re.fullmatch(pattern, node):
+            _merge(given, parameters)
+    return given
+
+
+def _merge(given: dict[str, Any], other: Mapping[str, Any]) -> None:
+    for name, value in other.items():
+        if isinstance(value, dict) and isinstance(given.get(name), dict):
+            given[name] = dict(given[name])
+            _merge(given[name], value)
+        else:
+            given[name] = value
+
+
+def _is_robot(parameters: Mapping[str, Any]) -> bool:
+    return not _OF_ROBOT.isdisjoint(parameters)

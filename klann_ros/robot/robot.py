@@ -3,29 +3,29 @@
 from dataclasses import dataclass
 from math import cos, pi, sin
 
-from klann_ros.dynamics import Dynamics, MassError, Masses
+from klann_ros.dynamics import Dynamics, GRAVITY, MassError, Masses
 from klann_ros.kinematics import Linkage
+from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
 
 SEPARATORS = ('/', '_')
-"""What may stand between a leg's name and its joint's in JointState and URDF."""
+"""Separators between a leg's name and its joint's in JointState and URDF."""
 
 
 @dataclass(frozen=True)
 class Mount:
     """
-    Where a leg's plane is in base_link: x forward, y left, z up (REP 103).
+    The pose of a leg's plane in base_link: x forward, y left, z up (REP 103).
 
     Attributes
     ----------
     xyz : (float, float, float)
         The plane's origin [m].
     rpy : (float, float, float)
-        Roll, pitch and yaw, about the fixed axes x, y, z one after the other, as in a URDF [rad].
+        Roll, pitch and yaw about the fixed axes x, y, z in this order, as in a URDF [rad].
 
     """
 
@@ -33,22 +33,22 @@ class Mount:
     rpy: Triple = (pi / 2, 0.0, 0.0)
 
     @property
-    def rotation(self) -> Array:
-        """Return the axes of the plane in base_link, one a column, shape (3, 3)."""
+    def rotation(self) -> FloatArray:
+        """Return the rotation matrix: the plane's axes in base_link as columns, shape (3, 3)."""
         (a, b, c), (d, e, f) = (map(trigonometry, self.rpy) for trigonometry in (cos, sin))
         about_x = np.array([[1.0, 0.0, 0.0], [0.0, a, -d], [0.0, d, a]])
         about_y = np.array([[b, 0.0, e], [0.0, 1.0, 0.0], [-e, 0.0, b]])
         about_z = np.array([[c, -f, 0.0], [f, c, 0.0], [0.0, 0.0, 1.0]])
         return np.asarray(about_z @ about_y @ about_x, dtype=np.float64)
 
-    def turned(self, vectors: ArrayLike) -> Array:
+    def rotate(self, vectors: ArrayLike) -> FloatArray:
         """Return vectors (x, y) of the plane in base_link: shape (..., 2) to (..., 3)."""
         return np.array(np.asarray(vectors, dtype=np.float64) @ self.rotation[:, :2].T)
 
-    def placed(self, points: ArrayLike) -> Array:
+    def transform(self, points: ArrayLike) -> FloatArray:
         """Return points (x, y) of the plane in base_link: shape (..., 2) to (..., 3) [m]."""
-        placed: Array = self.turned(points) + np.array(self.xyz)
-        return placed
+        transformed: FloatArray = self.rotate(points) + np.array(self.xyz)
+        return transformed
 
 
 @dataclass(frozen=True)
@@ -61,19 +61,19 @@ class RobotLeg:
     name : str
         '' for the only, unnamed one.
     linkage : Linkage
-        Its bars.
+        The linkage.
     crank_joint : str
-        The joint that turns its crank.
+        The joint of its crank.
     phase : float
-        Its crank angle where the joint is at 0 [rad].
+        Its crank angle at joint position 0 [rad].
     direction : int
-        +1, or -1 where its crank turns the other way.
+        +1, or -1 for a crank that turns opposite to its joint.
     mount : Mount
-        Where it is.
+        Its pose in base_link.
     masses : Masses, optional
-        What it weighs, if the file tells it.
+        Its masses, if the file has them.
     description : str
-        The text of its linkage's file; '' for a Klann leg of lengths.
+        The text of its linkage's file; '' for a Klann leg by its lengths.
     linkage_file : str
         The name of that file.
 
@@ -91,20 +91,20 @@ class RobotLeg:
 
     @property
     def prefix(self) -> str:
-        """Return what goes before the names of its joints and frames: '' or 'front_left/'."""
+        """Return the prefix of its joints and frames: '' or 'front_left/'."""
         return f'{self.name}/' if self.name else ''
 
     def joint_name(self, joint: str, separator: str) -> str:
-        """Return the name of one of its joints beside other legs: 'front_left_gamma'."""
+        """Return the full name of one of its joints, such as 'front_left_gamma'."""
         return f'{self.name}{separator}{joint}' if self.name else joint
 
-    def crank_angles(self, joint: ArrayLike) -> Array:
-        """Return its crank angles for angles of its joint [rad]."""
+    def crank_angles(self, joint: ArrayLike) -> FloatArray:
+        """Return its crank angles at joint positions [rad]."""
         return self.direction * np.asarray(joint, dtype=np.float64) + self.phase
 
 
 @dataclass(frozen=True)
-class Body:
+class WalkerBody:
     """
     The body of a walker: a box.
 
@@ -115,7 +115,7 @@ class Body:
     size : (float, float, float)
         Along x, y and z of base_link [m].
     centre : (float, float, float)
-        Of the box, which is that of its mass, in base_link [m].
+        Centre of the box and of its mass, in base_link [m].
 
     """
 
@@ -125,7 +125,7 @@ class Body:
 
     @property
     def inertia(self) -> Triple:
-        """Return the moments of inertia of the even box about its centre [kg m^2]."""
+        """Return the moments of inertia of a homogeneous box about its centre [kg m^2]."""
         x, y, z = (self.mass * side * side / 12.0 for side in self.size)
         return y + z, x + z, x + y
 
@@ -133,7 +133,7 @@ class Body:
 @dataclass(frozen=True)
 class Robot:
     """
-    A leg hung up, or a walker.
+    A leg on a stand, or a walker.
 
     Attributes
     ----------
@@ -141,8 +141,8 @@ class Robot:
         The file's name, without folder and ending.
     legs : tuple of RobotLeg
         Its legs.
-    body : Body, optional
-        What carries them, if the file tells its mass.
+    body : WalkerBody, optional
+        Its body, if the file has its mass.
     source : str
         The file, for messages.
 
@@ -150,7 +150,7 @@ class Robot:
 
     name: str
     legs: tuple[RobotLeg, ...]
-    body: Body | None = None
+    body: WalkerBody | None = None
     source: str = ''
 
     @property
@@ -160,11 +160,11 @@ class Robot:
 
     @property
     def crank_joints(self) -> tuple[str, ...]:
-        """Return the joints that turn the cranks, each once."""
+        """Return the unique joints of the cranks."""
         return tuple(dict.fromkeys(leg.crank_joint for leg in self.legs))
 
     def leg(self, name: str) -> RobotLeg | None:
-        """Return the leg of a name; without it the first leg, where all are alike."""
+        """Return the leg of a name; if there is none, the first leg of a robot with equal legs."""
         named = [leg for leg in self.legs if leg.name == name]
         first = self.legs[0]
         if not named and all(leg.linkage == first.linkage for leg in self.legs):
@@ -173,7 +173,7 @@ class Robot:
 
     def joint_names(self, separator: str) -> tuple[str, ...]:
         """
-        Return the names of all legs' angles, as they are published.
+        Return the published joint names of all legs.
 
         Raises
         ------
@@ -193,22 +193,22 @@ class Robot:
         return tuple(owners)
 
     def on_joint(self, joint: str) -> tuple[RobotLeg, ...]:
-        """Return the legs that a joint turns."""
+        """Return the legs driven by a joint."""
         return tuple(leg for leg in self.legs if leg.crank_joint == joint)
 
     def dynamics(self, leg: RobotLeg) -> Dynamics:
         """
-        Return a leg with its masses, under gravity as it is mounted: -z of base_link.
+        Return the dynamics of a leg, with gravity along -z of base_link.
 
         Raises
         ------
         MassError
-            The file tells no masses; the text says which are missing.
+            The file has no masses; the text says which are missing.
 
         """
         if leg.masses is None:
             raise MassError(
                 f'{self.source or self.name} has no masses: bar_density [kg/m] is missing'
             )
-        x, y, _ = leg.mount.rotation.T @ (0.0, 0.0, -9.80665)
+        x, y, _ = leg.mount.rotation.T @ (0.0, 0.0, -GRAVITY)
         return Dynamics(leg.linkage, leg.masses, gravity=(float(x), float(y)))

@@ -149,7 +149,7 @@ class _Turned:
         """Return how far it agrees."""
         joint, rates, changes, torques, *place = np.array(self._rows).T
         alphas, way = self._leg.crank_angles(joint), self._leg.direction
-        feet = self._leg.mount.placed(linkage_poses(self._leg.linkage, alphas).h)
+        feet = self._leg.mount.transform(linkage_poses(self._leg.linkage, alphas).h)
         even = way * dynamics.crank_torque(alphas, self._rate)
         moved = way * dynamics.crank_torque(alphas, rates, way * changes) + self._rotor * changes
         found = dynamics.reactions(alphas, rates, way * changes)

@@ -8,7 +8,7 @@ lead to the same point otherwise, an equality closes the loop.
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from klann_ros.dynamics.motion import motion
+from klann_ros.dynamics.motion import body_motion
 from klann_ros.kinematics import Linkage, LinkageLeg
 from klann_ros.kinematics.linkage.structure import FIXED, Structure
 
@@ -57,12 +57,12 @@ def spanning_tree(linkage: Linkage) -> tuple[list[TreeBody], list[Closing]]:
 
 def joint_rates(linkage: Linkage, tree: Sequence[TreeBody], alpha: float) -> dict[int, float]:
     """Return what each body's joint in the tree does as the crank turns [rad/rad, m/rad]."""
-    moving, leg = motion(linkage, alpha), LinkageLeg(linkage)
+    moving, leg = body_motion(linkage, alpha), LinkageLeg(linkage)
     sliding = leg.velocity(leg.closed_form(alpha), 1.0).joints
     rates = {}
     for j, parent, _ in tree:
-        before = moving.turning_1[parent, 0] if parent >= 0 else 0.0
-        turns = float(moving.turning_1[j, 0] - before)
+        before = moving.rotation_1[parent, 0] if parent >= 0 else 0.0
+        turns = float(moving.rotation_1[j, 0] - before)
         rates[j] = sliding[j] if linkage.structure.bodies[j].slides else turns
     return rates
 

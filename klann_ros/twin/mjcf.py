@@ -6,15 +6,14 @@ from math import cos, isfinite, pi, sin
 from typing import NamedTuple
 from xml.etree.ElementTree import Comment, Element, indent, SubElement, tostring
 
-from klann_ros.dynamics import MassError
+from klann_ros.dynamics import GRAVITY, MassError
 from klann_ros.kinematics import KinematicsError, LinkageLeg
-from klann_ros.robot import Body, Robot, RobotLeg
+from klann_ros.robot import Robot, RobotLeg, WalkerBody
 import numpy as np
 
 from .leg_model import LegModel, Section, Stiffness
 from .model_text import Names, number, SEPARATOR, touching
 
-GRAVITY = 9.80665
 SLOPES = pi / 4.0
 
 
@@ -179,7 +178,7 @@ class _Model:
             size='0 0 1', euler=self._floor.euler, rgba='0.85 0.85 0.82 1',
         )  # fmt: skip
         lowest = min(
-            float(leg.leg.mount.placed([leg.foot.real, leg.foot.imag])[2]) for leg in self._legs
+            float(leg.leg.mount.transform([leg.foot.real, leg.foot.imag])[2]) for leg in self._legs
         )
         above = self._floor.above(FOOT_RADIUS + GROUND_GAP - lowest)
         base = SubElement(world, 'body', name=name, pos=above, euler=self._floor.euler)
@@ -244,7 +243,7 @@ def _start(legs: Sequence[RobotLeg], crank: float | None) -> float:
     return 0.0
 
 
-def _body(robot: Robot) -> Body:
+def _body(robot: Robot) -> WalkerBody:
     if robot.body is None:
         raise MassError(
             f'{robot.source or robot.name} has no body_mass [kg], body_size [m]: '

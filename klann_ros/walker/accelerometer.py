@@ -8,9 +8,10 @@ known.
 
 from math import cos, sin
 
+from klann_ros.dynamics import GRAVITY
+
 from .imu import ImuReading, Triple
 from .slip import Flat
-from .slope import GRAVITY
 from .support import gravity_aligned
 
 # A longer gap between readings invalidates the interval [s]; so does a gap longer than

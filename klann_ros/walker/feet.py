@@ -171,7 +171,7 @@ class Feet:
         forwards = np.zeros(len(self.joints))
         for crank, leg in zip(self.crank_of, self.robot.legs, strict=True):
             drive = foot_path(LinkageLeg(leg.linkage)).stance().speed(leg.direction)
-            forwards[crank] += drive * leg.mount.turned((1.0, 0.0))[0]
+            forwards[crank] += drive * leg.mount.rotate((1.0, 0.0))[0]
         for joint, forward in zip(self.joints, forwards.tolist(), strict=True):
             if abs(forward) < IDLE * self.reach:
                 raise NoWalkerError(f'the legs of {joint} drive the robot nowhere')

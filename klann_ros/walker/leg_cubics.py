@@ -1,6 +1,6 @@
 """A turn of a leg as cubics: where its foot is, what it has rolled, where its masses are."""
 
-from klann_ros.dynamics.motion import Motion, motion
+from klann_ros.dynamics.motion import body_motion, BodyMotion
 from klann_ros.kinematics.angles import TURN
 from klann_ros.robot import RobotLeg
 import numpy as np
@@ -27,7 +27,7 @@ def leg_cubics(leg: RobotLeg, radius: float) -> Array:
         Of its foot, a ball around the linkage's foot [m].
 
     """
-    moving = motion(leg.linkage, np.arange(SAMPLES) * (TURN / SAMPLES))
+    moving = body_motion(leg.linkage, np.arange(SAMPLES) * (TURN / SAMPLES))
     at, at_1 = (_columns(leg, moving, radius, order) for order in (0, 1))
     step = TURN / SAMPLES
     p, q = at, np.roll(at, -1, axis=0)
@@ -35,17 +35,17 @@ def leg_cubics(leg: RobotLeg, radius: float) -> Array:
     return np.stack([p, v, 3.0 * (q - p) - 2.0 * v - w, 2.0 * (p - q) + v + w], axis=-1)
 
 
-def _columns(leg: RobotLeg, moving: Motion, radius: float, order: int) -> Array:
+def _columns(leg: RobotLeg, moving: BodyMotion, radius: float, order: int) -> Array:
     """Return foot, rolling and centre of mass in base_link, or their derivatives, (k, 8)."""
-    place = leg.mount.turned if order else leg.mount.placed
+    place = leg.mount.rotate if order else leg.mount.transform
     structure = leg.linkage.structure
     foot = place(_plane(moving.point(structure.foot)[order]))
     owner = structure.first_owner(structure.foot)
-    turned = moving.turning_1[owner] if order else _turned(moving, owner)
+    turned = moving.rotation_1[owner] if order else _turned(moving, owner)
     # Rolling counter-clockwise, seen from the plane's z, it goes towards -x.
-    along = leg.mount.turned((1.0, 0.0))[:2]
+    along = leg.mount.rotate((1.0, 0.0))[:2]
     # One that turns about itself would roll on from turn to turn: none is known that stands.
-    spins = round(float(moving.turning_1[owner].mean())) != 0
+    spins = round(float(moving.rotation_1[owner].mean())) != 0
     rolled = (0.0 if spins else radius) * turned[:, None] * along
     if not order:
         foot[:, 2] -= radius
@@ -62,9 +62,9 @@ def _plane(values: NDArray[np.complex128]) -> Array:
     return np.stack([values.real, values.imag], axis=-1)
 
 
-def _turned(moving: Motion, body: int) -> Array:
+def _turned(moving: BodyMotion, body: int) -> Array:
     """Return the rotation of a body since the first angle [rad]."""
-    rate = moving.turning_1[body]
+    rate = moving.rotation_1[body]
     step = np.diff(moving.alphas)
     steps = (rate[1:] + rate[:-1]) / 2.0 * step
     return np.concatenate([[0.0], np.cumsum(steps)])

@@ -25,8 +25,9 @@ from collections.abc import Sequence
 from math import exp, hypot
 from typing import NamedTuple
 
+from klann_ros.dynamics import GRAVITY
+
 from .slip import Flat, InertiaPrior, low_pass, Standing, Step, step, turned
-from .slope import GRAVITY
 from .support import Point
 
 # Default friction coefficient, which is unknown: between wet tile and rubber on concrete.

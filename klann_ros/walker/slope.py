@@ -2,9 +2,10 @@
 
 from math import sin
 
+from klann_ros.dynamics import GRAVITY
+
 from .slip import Flat, low_pass, turned
 
-GRAVITY = 9.80665
 # Averaging time of the slope, since a walker rocks [s].
 MEAN = 10.0
 

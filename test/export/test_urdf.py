@@ -53,12 +53,12 @@ def test_bars_begin_and_end_where_their_points_are(name: str) -> None:
                 link = bar_link(bar.start, bar.end)
                 frame = model.get_transform(link)
                 far = np.hypot(*(points[bar.end] - points[bar.start]))
-                close(frame[:3, 3], leg.mount.placed(points[bar.start]))
-                close((frame @ [far, 0, 0, 1])[:3], leg.mount.placed(points[bar.end]))
+                close(frame[:3, 3], leg.mount.transform(points[bar.start]))
+                close((frame @ [far, 0, 0, 1])[:3], leg.mount.transform(points[bar.end]))
                 seen += 1
         assert seen
         foot = model.get_transform(structure.foot.lower())[:3, 3]
-        close(foot, leg.mount.placed(pose.h))
+        close(foot, leg.mount.transform(pose.h))
 
 
 def bar_link(start: str, end: str) -> str:
@@ -145,7 +145,7 @@ def test_names_that_are_alike_stay_apart(tmp_path: Path) -> None:
     pose = LinkageLeg(robot.legs[0].linkage).closed_form(1.0)
     model.update_cfg(published(robot.legs[0], 1.0))
     foot = next(joint.child for joint in joints if joint.name == 'foot_')
-    close(model.get_transform(foot)[:3, 3], robot.legs[0].mount.placed(pose.h))
+    close(model.get_transform(foot)[:3, 3], robot.legs[0].mount.transform(pose.h))
 
 
 def test_what_slides_has_room_for_its_stroke() -> None:

@@ -19,7 +19,7 @@ from klann_ros.review.load.klann_urdf import klann_legs_in_urdf
 from klann_ros.review.load.solvers import published_legs
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import Robot, robot_of, RobotFileError
-from klann_ros.robot.section import solver_section
+from klann_ros.robot.file import solver_section
 from klann_ros.sanitize.units import UnitWarning
 from leg_runs import LegRun
 import pytest

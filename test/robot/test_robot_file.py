@@ -17,7 +17,7 @@ def test_a_leg_file_is_one_unnamed_leg_hung_up_upright() -> None:
     (leg,) = robot_from_file(ROOT / 'config' / 'sem104.yaml').legs
     assert leg.linkage == KlannGeometry.sem104().linkage
     assert (leg.name, leg.prefix, leg.crank_joint) == ('', '', 'crank')
-    assert leg.mount.placed([[0.2, -0.3]]) == pytest.approx(np.array([[0.2, 0.0, -0.3]]))
+    assert leg.mount.transform([[0.2, -0.3]]) == pytest.approx(np.array([[0.2, 0.0, -0.3]]))
 
 
 def test_a_walker_has_its_legs_where_its_file_mounts_them() -> None:
@@ -26,7 +26,7 @@ def test_a_walker_has_its_legs_where_its_file_mounts_them() -> None:
     rear = walker.legs[-1]
     assert (rear.direction, rear.phase) == (-1, 0.0)
     # Turned by pi about the vertical: what is in front of its own plane is behind.
-    assert rear.mount.placed([0.1, -0.4]) == pytest.approx([-0.3, -0.2, -0.4])
+    assert rear.mount.transform([0.1, -0.4]) == pytest.approx([-0.3, -0.2, -0.4])
     assert walker.is_walker
 
 

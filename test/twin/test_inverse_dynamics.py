@@ -1,7 +1,7 @@
 """The torque of a prescribed motion is that of the inverse dynamics of the engine."""
 
 from klann_ros.dynamics import rods
-from klann_ros.dynamics.motion import Motion, motion
+from klann_ros.dynamics.motion import body_motion, BodyMotion
 from klann_ros.kinematics import LinkageLeg, LinkagePose, shipped_linkage, shipped_linkages
 from klann_ros.robot import Robot, RobotLeg
 from klann_ros.twin import robot_mjcf
@@ -43,14 +43,14 @@ class Tree:
             return pose.joints[tree_body.body]
         return self._relative(tree_body, pose) - self._relative(tree_body, self.start)
 
-    def change(self, tree_body: TreeBody, moving: Motion) -> float:
+    def change(self, tree_body: TreeBody, moving: BodyMotion) -> float:
         """Return the second derivative of a joint by the crank angle."""
         j, parent = tree_body.body, tree_body.parent
         if self.linkage.structure.bodies[j].slides:
             pose = self.leg.closed_form(float(moving.alphas[0]))
             return self.leg.acceleration(pose, 1.0, 0.0).joints[j]
-        before = moving.turning_2[parent, 0] if parent >= 0 else 0.0
-        return float(moving.turning_2[j, 0] - before)
+        before = moving.rotation_2[parent, 0] if parent >= 0 else 0.0
+        return float(moving.rotation_2[j, 0] - before)
 
     def turned(self, j: int, pose: LinkagePose) -> float:
         frame = self.linkage.structure.frames[j] if j >= 0 else -1
@@ -71,7 +71,7 @@ def test_the_crank_torque_is_that_of_its_inverse_dynamics(name: str) -> None:
     alphas = np.linspace(start + 0.05 * (end - start), end - 0.05 * (end - start), 12)
     expected, found, astray = dynamics.crank_torque(alphas, RATE, CHANGE), [], 0.0
     for alpha in alphas.tolist():
-        moving, pose = motion(dynamics.linkage, alpha), engine.leg.closed_form(alpha)
+        moving, pose = body_motion(dynamics.linkage, alpha), engine.leg.closed_form(alpha)
         rates, slopes = (
             joint_rates(engine.linkage, engine.tree_body, alpha),
             np.zeros(engine.model.nv),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from klann_ros.dynamics import MassError, rods
 from klann_ros.kinematics import KlannGeometry, LinkageLeg, shipped_linkages, UnreachableError
-from klann_ros.robot import Body, Mount, Robot, robot_from_parameters, robot_of, RobotLeg
+from klann_ros.robot import Mount, Robot, robot_from_parameters, robot_of, RobotLeg, WalkerBody
 import klann_ros.twin
 from klann_ros.twin import Floor, robot_mjcf
 import mujoco
@@ -32,7 +32,7 @@ def test_every_shipped_leg_loads_and_stands_closed(name: str) -> None:
     alpha = float(leg.crank_angles(data.joint('crank').qpos[0]))
     pose = LinkageLeg(leg.linkage).closed_form(alpha)
     for point, place in zip(
-        leg.linkage.structure.points, leg.mount.placed(pose.points), strict=True
+        leg.linkage.structure.points, leg.mount.transform(pose.points), strict=True
     ):
         assert data.site(point.lower()).xpos == pytest.approx(place, abs=1e-12)
     assert np.abs(data.efc_pos).max() <= 1e-12
@@ -47,7 +47,7 @@ def test_a_walker_stands_on_its_lowest_feet_under_the_names_of_its_frames(number
     for leg in robot.legs:
         foot = LinkageLeg(leg.linkage).closed_form(float(leg.crank_angles(0.0))).h
         at = data.site(f'{leg.name}/h').xpos
-        assert at - base == pytest.approx(leg.mount.placed(foot), abs=1e-12)
+        assert at - base == pytest.approx(leg.mount.transform(foot), abs=1e-12)
         heights.append(at[2])
     assert 0.0 < min(heights) <= 0.01
     assert model.nu == 1
@@ -68,7 +68,7 @@ def test_each_crank_joint_has_the_angle_that_it_has_in_ros() -> None:
     for leg in robot.legs:
         foot = LinkageLeg(leg.linkage).closed_form(float(leg.crank_angles(0.7))).h
         at = data.site(f'{leg.name}/h').xpos - data.body('base_link').xpos
-        assert at == pytest.approx(leg.mount.placed(foot), abs=1e-12)
+        assert at == pytest.approx(leg.mount.transform(foot), abs=1e-12)
 
 
 def test_legs_on_two_joints_have_two_actuators() -> None:
@@ -77,7 +77,7 @@ def test_legs_on_two_joints_have_two_actuators() -> None:
         RobotLeg(name, SEM104, f'{name}_crank', mount=mount, masses=MASSES)
         for name, mount in zip(('left', 'right'), mounts, strict=True)
     )
-    model, _ = loaded(Robot('two', legs, Body(5.0, (0.2, 0.2, 0.2))))
+    model, _ = loaded(Robot('two', legs, WalkerBody(5.0, (0.2, 0.2, 0.2))))
     assert [model.actuator(n).name for n in range(2)] == ['left_crank', 'right_crank']
     assert not np.any(model.eq_type == mujoco.mjtEq.mjEQ_JOINT)
 

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 import sys
 
-from klann_ros.dynamics import MassError
+from klann_ros.dynamics import GRAVITY, MassError
 from klann_ros.robot import Robot, robot_from_parameters, robot_of
 from klann_ros.twin import (
     agreement,
@@ -106,7 +106,7 @@ def test_a_leg_that_hangs_is_a_robot_as_well() -> None:
     twin.step(1.0)
     assert twin.cranks()['crank'].velocity == pytest.approx(2.0, abs=1e-3)
     assert twin.truth().position == (0.0, 0.0, 0.0)
-    assert twin.imu().linear_acceleration == pytest.approx((0.0, 0.0, 9.80665))
+    assert twin.imu().linear_acceleration == pytest.approx((0.0, 0.0, GRAVITY))
     (leg,) = robot_of('sem104').legs
     expected = robot_of('sem104').dynamics(leg).crank_torque(twin.cranks()['crank'].position, 2.0)
     assert twin.efforts() == pytest.approx(expected, rel=0.01)
@@ -156,7 +156,7 @@ def test_what_an_imu_feels_between_two_readings_is_all_told() -> None:
         imu = twin.imu()
         assert imu == twin.imu()
         lies = axes(twin)
-        gained += ((lay + lies) / 2.0 @ imu.linear_acceleration - (0.0, 0.0, 9.80665)) * 0.01
+        gained += ((lay + lies) / 2.0 @ imu.linear_acceleration - (0.0, 0.0, GRAVITY)) * 0.01
         lay = lies
     has = lay @ twin.truth().linear - began
     assert np.linalg.norm(has) > 0.05

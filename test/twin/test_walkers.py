@@ -61,7 +61,7 @@ def predicted(robot: Robot) -> float:
     cranks = np.linspace(0.0, 2 * np.pi, 721)[:-1]
     feet = np.array(
         [
-            leg.mount.placed(linkage_poses(leg.linkage, leg.crank_angles(cranks)).h)
+            leg.mount.transform(linkage_poses(leg.linkage, leg.crank_angles(cranks)).h)
             for leg in robot.legs
         ]
     )

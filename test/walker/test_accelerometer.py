@@ -4,9 +4,10 @@ from collections.abc import Iterator
 from math import cos, inf, nan, sin
 
 from hypothesis import given, settings, strategies as st
+from klann_ros.dynamics import GRAVITY
 from klann_ros.walker import Feet, ImuReading, Odometry
 from klann_ros.walker.accelerometer import Accelerometer
-from klann_ros.walker.slope import GRAVITY, Slope
+from klann_ros.walker.slope import Slope
 import numpy as np
 import pytest
 

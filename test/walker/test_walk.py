@@ -95,7 +95,7 @@ def test_one_pose_is_what_arrays_of_them_are(two_motors: Feet, cranks: tuple[flo
 def test_the_feet_are_where_the_linkage_puts_them(feet: Feet, angle: float) -> None:
     at = feet.at([angle]).feet
     for foot, leg in zip(at, feet.robot.legs, strict=True):
-        exact = leg.mount.placed(linkage_poses(leg.linkage, leg.crank_angles(angle)).h)
+        exact = leg.mount.transform(linkage_poses(leg.linkage, leg.crank_angles(angle)).h)
         assert foot == pytest.approx(exact, abs=1e-9)
 
 
