@@ -11,7 +11,7 @@ from pathlib import Path
 import sys
 
 from klann_ros.kinematics import foot_path, FourBar, KlannLeg, LinkageLeg, shipped_linkage
-from klann_ros.kinematics.dyad import joint
+from klann_ros.kinematics.linkage.dyads import dyad_joint
 from klann_ros.plotting import plot_convergence, plot_foot_path, plot_pose, plot_turn
 from klann_ros.plotting.artists import draw_angle, GREY, grid, label_plane, legend_beside, PALE
 from klann_ros.plotting.drawn import COLOURS
@@ -135,7 +135,7 @@ def dyad() -> Figure:
     axes = figure.add_subplot()
     for centre, radius, colour in ((p, r_p, BLUE), (q, r_q, GREEN)):
         axes.add_patch(Circle(centre, radius, fill=False, color=colour, lw=1, ls='--'))
-    plus, minus = (joint(p, q, r_p, r_q, sign) for sign in (1, -1))
+    plus, minus = (dyad_joint(p, q, r_p, r_q, sign) for sign in (1, -1))
     foot = np.mean([plus, minus], axis=0)
     for at, alpha in ((plus, 1.0), (minus, 0.35)):
         _bar(axes, p, at, BLUE, alpha=alpha)

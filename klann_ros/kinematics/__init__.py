@@ -56,13 +56,11 @@ from .errors import (
 from .foot.inverse import Nearest
 from .foot.path import foot_path, FootPath, NoFootPathError
 from .foot.stance import NoStanceError, Stance
-from .four_bar.dead_points import DeadPoint, RockerLimits
 from .four_bar.geometry import FourBarGeometry
-from .four_bar.grashof import Grashof
 from .four_bar.linkage import FourBar
+from .four_bar.mobility import DeadPoint, Grashof, RockerLimits
 from .four_bar.pose import FourBarMotion, FourBarPose
-from .four_bar.table import FourBarTable
-from .four_bar.transmission import TransmissionExtremes
+from .four_bar.transmission import FourBarTable, TransmissionExtremes
 from .klann.geometry import KlannGeometry
 from .klann.leg import KlannLeg, KlannMotion, KlannPose
 from .linkage.assemblies import assemblies, assembly_poses

@@ -25,9 +25,9 @@ from klann_ros.kinematics import (
     tolerance_study,
     UnreachableError,
 )
-from klann_ros.kinematics.dyad import joint
 from klann_ros.kinematics.four_bar import equations as four_bar_equations
 from klann_ros.kinematics.klann import equations
+from klann_ros.kinematics.linkage.dyads import dyad_joint
 import numpy as np
 import pytest
 
@@ -278,7 +278,7 @@ def test_4_the_product_form_keeps_its_digits() -> None:
             context.prec = 50
             r, s, e = Decimal(p), Decimal(q), Decimal(d)
             exact = ((r + s - e) * (e - r + s) * (e + r - s) * (e + r + s)).sqrt() / (2 * e)
-            found = joint((0.0, 0.0), (d, 0.0), p, q, 1)
+            found = dyad_joint((0.0, 0.0), (d, 0.0), p, q, 1)
             assert found is not None
             assert abs(Decimal(found[1]) / exact - 1) < Decimal(product[0])
             a = (d * d + p * p - q * q) / (2 * d)

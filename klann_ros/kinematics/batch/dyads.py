@@ -11,8 +11,9 @@ from typing import Any, TypeAlias
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 from klann_ros.kinematics.arrays import AnyArray, BoolArray, ByteArray, ComplexArray, FloatArray
-from klann_ros.kinematics.linkage import joints, shape
+from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.dyads import Closing, closing, cross, Pair
+from klann_ros.kinematics.linkage.equations import path_terms
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 
@@ -269,7 +270,7 @@ class SlidingDyads:
         return why
 
     def _row(self, path: Any) -> tuple[dict[int, Any], Any]:
-        return shape.row(self.structure, path, self._pivots, self._bars)
+        return path_terms(self.structure, path, self._pivots, self._bars)
 
 
 def fill_sliding(variants: Variants, rows: slice, alphas: AnyArray, results: LinkagePoses) -> None:

@@ -2,7 +2,7 @@
 The geometric method for many poses at once, as a program: a list of operations on whole arrays.
 
 With points as complex numbers, one dyad places two bodies. Its ends are P and Q, M = Q - P, its
-links r_a and r_b, d = |M|^2; `dyad.joint` is then
+links r_a and r_b, d = |M|^2; `dyad_joint` is then
 
     W_a u_a = J - P = z M,      W_b u_b = Q - J = (1 - z) M,      z = 1/2 + w (K + i s r),
     w = 1 / (2 d),    K = (r_a - r_b) (r_a + r_b),
@@ -25,9 +25,9 @@ from sys import float_info
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.linkage.paths import Path
-from klann_ros.kinematics.linkage.shape import row as path_row
+from klann_ros.kinematics.linkage.equations import path_terms
 from klann_ros.kinematics.linkage.structure import Structure
+from klann_ros.kinematics.linkage.topology import Path
 import numpy as np
 
 # The name of a real number in a program; None if it is 0 for every linkage of the structure.
@@ -102,7 +102,7 @@ class PathTerms:
 
     def _row(self, path: Path) -> tuple[Mapping[int, Any], Any]:
         if path not in self._rows:
-            self._rows[path] = path_row(self._structure, path, self._pivots, self._bars)
+            self._rows[path] = path_terms(self._structure, path, self._pivots, self._bars)
         return self._rows[path]
 
 

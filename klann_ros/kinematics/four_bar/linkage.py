@@ -8,11 +8,10 @@ from klann_ros.kinematics.linkage.leg import Leg
 from numpy.typing import ArrayLike
 
 from . import equations, transmission
-from .dead_points import dead_points, DeadPoint, rocker_limits, RockerLimits
 from .geometry import FourBarGeometry
-from .grashof import Grashof
+from .mobility import dead_points, DeadPoint, Grashof, rocker_limits, RockerLimits
 from .pose import FourBarMotion, FourBarPose
-from .table import four_bar_table, FourBarTable
+from .transmission import four_bar_table, FourBarTable
 
 
 class FourBar(Leg[FourBarPose, FourBarMotion]):

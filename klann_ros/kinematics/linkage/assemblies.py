@@ -22,9 +22,8 @@ from klann_ros.kinematics.errors import (
 from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
 
-from .circles import placed
 from .linkage import as_linkage, Linkage
-from .pose import closed_pose, LinkagePose
+from .pose import closed_pose, LinkagePose, placed
 from .reach import closes_somewhere, reachable_arcs
 
 # Starting points of the search for coupled loops, and what of them counts as converged [rad, m].

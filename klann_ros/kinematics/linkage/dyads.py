@@ -10,14 +10,67 @@ The functions take one pose, or many at once: M and u_j are numbers, or arrays.
 
 from collections.abc import Mapping, Sequence
 from functools import reduce
+from math import dist, sqrt
 from sys import float_info
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import dyad
 import numpy as np
 
 from .joints import column, frame, Vectors
 from .structure import Structure
+
+Point = tuple[float, float]
+
+
+def dyad_joint(p: Point, q: Point, r_p: float, r_q: float, sign: int) -> Point | None:
+    """
+    Return the joint J with |PJ| = r_p and |QJ| = r_q: where two circles meet.
+
+    With d = |PQ|, u the unit vector from P to Q and n = u turned by +90 deg,
+
+        J = P + a u + sign h n,    a = (d^2 + r_p^2 - r_q^2) / (2 d),
+        h = sqrt((r_p + r_q - d) (d - (r_p - r_q)) (d + (r_p - r_q)) (d + r_p + r_q)) / (2 d).
+
+    The product form of h (Heron's) keeps its digits where the links are nearly in line, and there
+    the square root of r_p^2 - a^2 loses half of them. r_p - r_q is formed first: it is exact where
+    d is small.
+
+    Parameters
+    ----------
+    p, q : tuple of float
+        The two ends P and Q, (x, y) [m].
+    r_p, r_q : float
+        Lengths of the links from P and from Q [m].
+    sign : int
+        The sign of the cross product PJ x QJ: which of the two joints.
+
+    Returns
+    -------
+    tuple of float or None
+        J = (x, y) [m]; None where the circles do not meet (see `dyad_clearance`), and where P
+        and Q coincide, so that they meet nowhere or everywhere.
+
+    """
+    (px, py), (qx, qy) = p, q
+    d = dist(p, q)
+    heron = (r_p + r_q - d) * (d - (r_p - r_q)) * (d + (r_p - r_q)) * (d + r_p + r_q)
+    if d == 0.0 or heron < 0.0:
+        return None
+    a = (d * d + (r_p - r_q) * (r_p + r_q)) / (2.0 * d)
+    h = sign * sqrt(heron) / (2.0 * d)
+    ux, uy = (qx - px) / d, (qy - py) / d
+    return px + a * ux - h * uy, py + a * uy + h * ux
+
+
+def dyad_clearance(p: Point, q: Point, r_p: float, r_q: float) -> float:
+    """
+    Return how far the ends P and Q are inside the dyad's reach [m]; negative when outside.
+
+    The reach is |r_p - r_q| <= |PQ| <= r_p + r_q. Parameters as in `dyad_joint`.
+    """
+    d = dist(p, q)
+    return min(r_p + r_q - d, d - abs(r_p - r_q))
+
 
 # Of the longest of a loop.
 ROUNDING = 8.0 * float_info.epsilon
@@ -93,7 +146,7 @@ class TwoCircles:
             excess = (r_a - r_b) * (r_a + r_b) + 1j * sign * np.sqrt(heron)
             joint = way * (0.5 + excess / (2.0 * d))
             return joint / terms[a], (way - joint) / terms[b]
-        meet = dyad.joint((0.0, 0.0), (way.real, way.imag), r_a, r_b, sign)
+        meet = dyad_joint((0.0, 0.0), (way.real, way.imag), r_a, r_b, sign)
         if meet is not None:
             at = complex(*meet)
         elif -self.clearance(way) <= TOUCHES * self.pair.rounding < abs(way):
@@ -109,7 +162,7 @@ class TwoCircles:
         if isinstance(way, np.ndarray):
             r_a, r_b = self.radii
             return np.minimum(r_a + r_b - abs(way), abs(way) - abs(r_a - r_b))
-        return dyad.clearance((0.0, 0.0), (way.real, way.imag), *self.radii)
+        return dyad_clearance((0.0, 0.0), (way.real, way.imag), *self.radii)
 
     def is_far(self, way: Any) -> Any:
         """Return whether it is too far, rather than too near, for it to close."""

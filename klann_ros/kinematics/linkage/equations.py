@@ -1,6 +1,12 @@
-"""What a linkage is as numbers: its vectors, its loop equations, and what is solved in turn."""
+"""
+The loop equations of a linkage, f = W u + c, and its points, p = Q u + q, with their Jacobian.
 
-from collections.abc import Sequence
+The functions take one linkage, or many at once: a number is a float, or an array with one for
+each linkage.
+"""
+
+from cmath import rect
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -10,10 +16,95 @@ from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 from klann_ros.kinematics.errors import GeometryError
 import numpy as np
 
-from . import joints, shape
+from . import joints
 from .blocks import Block
 from .dyads import longest
-from .structure import Structure
+from .structure import FIXED, Structure
+from .topology import Path
+
+# A complex number, or an array of them.
+Vector = Any
+
+
+def link_vectors(
+    structure: Structure, numbers: Sequence[Any]
+) -> tuple[list[Vector], list[Vector]]:
+    """
+    Return the pivots and the bars as vectors x + i y, each bar in the frame of its body [m].
+
+    `numbers` are the structure's dimensions in their order, floats or arrays of shape (n,) [m,
+    rad]. A brace that is too short, or too long, for its triangle gives NaN.
+    """
+    pairs = zip(structure.dimensions, numbers, strict=True)
+    given = {(d.kind, d.place): v if d.sense > 0 else -v for d, v in pairs}
+    pivots = [
+        given.get(('x', place), 0.0) + 1j * given.get(('y', place), 0.0)
+        for place in range(len(structure.pivots))
+    ]
+    bars: list[Vector] = []
+    places: dict[tuple[int, str], Vector] = {}
+    for number, (body, bar) in enumerate(structure.bars):
+        if number in structure.lines:
+            # Its length is what the body slides by: see `joints`.
+            bars.append(polar(1.0, given.get(('bend', number), 0.0)))
+            places[body, bar.end] = 0j
+            continue
+        length = given['length', number]
+        start = places.setdefault((body, bar.start), 0j)
+        if bar.brace is None:
+            vector = polar(length, given.get(('bend', number), 0.0))
+        else:
+            other = places[body, bar.brace.start] - start
+            side = 1 if bar.brace.side == 'left' else -1
+            vector = triangle_apex(other, length, given['brace', number], side)
+        bars.append(vector)
+        places[body, bar.end] = start + vector
+    return pivots, bars
+
+
+def polar(length: Any, angle: Any) -> Vector:
+    """Return length e^(i angle)."""
+    if isinstance(length, float) and isinstance(angle, float):
+        return rect(length, angle)
+    return length * np.exp(1j * np.asarray(angle))
+
+
+def triangle_apex(base: Vector, r_p: Any, r_q: Any, side: int) -> Vector:
+    """
+    Return J - P of a triangle P-J-Q with Q - P and both other sides; NaN where there is none.
+
+    J - P = z (Q - P) with z = 1/2 + w (K + i s r): see `klann_ros.kinematics.batch.program`.
+    """
+    with np.errstate(invalid='ignore', divide='ignore'):
+        d_2 = abs(base) ** 2
+        r = np.sqrt(((r_p + r_q) ** 2 - d_2) * (d_2 - (r_p - r_q) ** 2))
+        z = 0.5 + ((r_p - r_q) * (r_p + r_q) + 1j * side * r) / (2.0 * d_2)
+        found = z * base
+    return found if isinstance(found, np.ndarray) else complex(found)
+
+
+def path_terms(
+    structure: Structure, path: Path, pivots: Sequence[Vector], bars: Sequence[Vector]
+) -> tuple[dict[int, Vector], Vector]:
+    """Return what each body adds to a path, by its number, and what does not move adds [m]."""
+    bodies: dict[int, Vector] = {}
+    for number, times in path.bars:
+        body = structure.carriers[number]
+        bodies[body] = bodies.get(body, 0.0) + times * bars[number]
+    fixed = bodies.pop(FIXED, 0.0)
+    return bodies, sum((times * pivots[place] for place, times in path.pivots), fixed)
+
+
+def term_matrix(
+    rows: Sequence[tuple[Mapping[int, complex], complex]], bodies: int
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return rows as a matrix, shape (m, n), and their constants, shape (m,)."""
+    w = np.zeros((len(rows), bodies), dtype=np.complex128)
+    for k, (terms, _) in enumerate(rows):
+        for j, value in terms.items():
+            w[k, j] = value
+    return w, np.array([constant for _, constant in rows], dtype=np.complex128)
+
 
 NO_TRIANGLE = 'this brace and its bar do not meet'
 
@@ -47,7 +138,7 @@ class LoopEquations:
     def __init__(self, structure: Structure, numbers: Sequence[float]) -> None:
         self.structure = structure
         self.numbers = _checked(structure, numbers)
-        self.pivots, self.bars = shape.vectors(structure, self.numbers)
+        self.pivots, self.bars = link_vectors(structure, self.numbers)
         for d in structure.dimensions:
             if d.kind == 'brace' and np.isnan(self.bars[d.place]):
                 msg = f'{d.name} = {self.dimensions[d.name]:g} m is refused: {NO_TRIANGLE}'
@@ -95,13 +186,13 @@ class LoopEquations:
     def rows(self) -> tuple[tuple[dict[int, complex], complex], ...]:
         """Return of each loop what the bodies add to it, and what the pivots do [m]."""
         paths = self.structure.paths.loops
-        return tuple(shape.row(self.structure, p, self.pivots, self.bars) for p in paths)
+        return tuple(path_terms(self.structure, p, self.pivots, self.bars) for p in paths)
 
     @cached_property
     def point_rows(self) -> tuple[tuple[dict[int, complex], complex], ...]:
         """Return of each point what the bodies add to it, and what its pivot does [m]."""
         paths = self.structure.paths.points
-        return tuple(shape.row(self.structure, p, self.pivots, self.bars) for p in paths)
+        return tuple(path_terms(self.structure, p, self.pivots, self.bars) for p in paths)
 
     @property
     def foot(self) -> int:
@@ -132,12 +223,12 @@ class LoopEquations:
     @cached_property
     def equations(self) -> tuple[ComplexArray, ComplexArray]:
         """Return W, shape (m, n), and c, shape (m,), of f = W u + c [m]."""
-        return shape.matrix(self.rows, len(self.structure.bodies))
+        return term_matrix(self.rows, len(self.structure.bodies))
 
     @cached_property
     def point_equations(self) -> tuple[ComplexArray, ComplexArray]:
         """Return Q, shape (p, n), and q, shape (p,), of p = Q u + q [m]."""
-        return shape.matrix(self.point_rows, len(self.structure.bodies))
+        return term_matrix(self.point_rows, len(self.structure.bodies))
 
     def f(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """

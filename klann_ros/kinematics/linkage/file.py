@@ -14,7 +14,7 @@ from klann_ros.sanitize.text import did_you_mean, printable, printable_line
 from klann_ros.sanitize.units import warn_of_lengths
 from klann_ros.sanitize.yaml_text import LONGEST, parse, YamlError
 
-from .file_checks import check_start, every_bar, IN_DEGREES, misspelt, reached, stated
+from .file_checks import check_start, complaint, every_bar, IN_DEGREES, misspelt, reached, stated
 from .linkage import Linkage
 from .structure import Bar, Body, Brace, Structure
 
@@ -134,9 +134,6 @@ def linkage_from_text(text: str, name: str) -> Linkage:
 
 
 def _validate(content: Any) -> None:
-    # jsonschema takes longer to load than everything else of the kinematics.
-    from .schema import complaint  # noqa: PLC0415
-
     wrong = complaint(content)
     if wrong:
         raise GeometryError(wrong)

@@ -9,7 +9,7 @@ from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import crank_angle, MAX_CRANK_ANGLE
 from klann_ros.kinematics.arcs import Arc
 from klann_ros.kinematics.errors import ImmobileDirectionError, SingularPoseError
-from klann_ros.kinematics.tracking import (
+from klann_ros.kinematics.newton import (
     COARSE_TOLERANCE,
     MAX_ITERATIONS,
     MAX_PARTS,
@@ -20,9 +20,8 @@ from klann_ros.sanitize.text import listed
 import numpy as np
 
 from .branch import STEP
-from .circles import placed, seed
 from .linkage import Linkage
-from .pose import closed_pose, LinkageMotion, LinkagePose
+from .pose import closed_pose, LinkageMotion, LinkagePose, placed, seed
 from .reach import reachable_arcs
 from .step import step
 from .textbook import Textbook

@@ -10,8 +10,8 @@ from klann_ros.kinematics.arcs import Arc, arcs_inside, normal
 from klann_ros.kinematics.errors import LoopsOpenError, UnreachableError
 
 from .blocks import Block
-from .circles import placed
 from .linkage import as_linkage, Linkage
+from .pose import placed
 
 Lengths = tuple[float, float, float, float]
 

@@ -9,8 +9,7 @@ from typing import NamedTuple
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.sanitize.text import did_you_mean
 
-from .assembly import assembly_order, Group
-from .paths import loop_paths, Path
+from .topology import assembly_order, Group, loop_paths, Path
 
 UNITS = {'length': 'm', 'brace': 'm', 'x': 'm', 'y': 'm', 'bend': 'rad'}
 # What is slid along where no body is; and its number, where bodies have theirs.

@@ -11,8 +11,7 @@ from klann_ros.kinematics.validation import LARGEST, SMALLEST
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import shape
-from .equations import NO_TRIANGLE
+from .equations import link_vectors, NO_TRIANGLE
 from .linkage import Linkage
 from .structure import by_name
 
@@ -148,11 +147,11 @@ class Variants:
 
     @cached_property
     def vectors(self) -> tuple[list[Any], list[Any]]:
-        """Return their pivots and bars: see `shape.vectors`; NaN for those that are refused."""
+        """Return their pivots and bars: see `link_vectors`; NaN for those that are refused."""
         numbers = (
             np.where(self.refused, np.nan, self.numbers) if self.refused.any() else self.numbers
         )
-        return shape.vectors(self.base.structure, [*numbers])
+        return link_vectors(self.base.structure, [*numbers])
 
     def _check(self) -> tuple[ByteArray, IndexArray]:
         """Return why each is refused, and for which of its numbers."""
@@ -176,7 +175,7 @@ class Variants:
             else:
                 refuse(place, ~(np.abs(values) <= TURN), BEYOND_TURN)
         with np.errstate(all='ignore'):
-            _, bars = shape.vectors(structure, [*self.numbers])
+            _, bars = link_vectors(structure, [*self.numbers])
         for place, dimension in enumerate(structure.dimensions):
             if dimension.kind == 'brace':
                 refuse(place, np.isnan(bars[dimension.place]), OPEN)
