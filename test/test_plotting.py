@@ -19,8 +19,8 @@ from klann_ros.kinematics import (
     shipped_linkages,
     UnreachableError,
 )
-from klann_ros.plotting.artists import draw_angles, PoseArtists
-from klann_ros.plotting.drawn import Drawn
+from klann_ros.plotting.drawing import PoseArtists, PoseDrawing
+from klann_ros.plotting.plane import draw_angles
 import matplotlib as mpl
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc
@@ -77,7 +77,7 @@ def test_every_point_of_any_linkage_is_drawn_once_as_its_joint(linkage: Linkage)
 
 
 def test_a_joint_joins_bodies_and_a_mere_point_does_not() -> None:
-    joints = Drawn.of(KlannLeg().solve(1.0)).joints
+    joints = PoseDrawing.of(KlannLeg().solve(1.0)).joints
     assert {kind: ''.join(names) for kind, names in joints.items()} == {
         'pivot': 'ADE',
         'pin': 'BCFG',
@@ -88,7 +88,7 @@ def test_a_joint_joins_bodies_and_a_mere_point_does_not() -> None:
 @pytest.mark.parametrize('linkage', every_linkage(), ids=lambda linkage: linkage.name)
 def test_no_letter_is_on_a_bar(linkage: Linkage) -> None:
     pose = LinkageLeg(linkage).closed_form(linkage.start[0])
-    drawn = Drawn.of(pose)
+    drawn = PoseDrawing.of(pose)
     for name, at in drawn.points.items():
         side = np.array(drawn.free_side(name))
         for body in drawn.bodies:

@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element, indent, SubElement, tostring
 
 from klann_ros.dynamics.masses import body_places
 from klann_ros.kinematics.linkage.structure import Bar, FIXED
-from klann_ros.plotting.drawn import colour_of
+from klann_ros.plotting.drawing import colour_of
 from klann_ros.robot import Robot, RobotLeg
 from klann_ros.robot.robot import Triple
 from klann_ros.sanitize.text import printable

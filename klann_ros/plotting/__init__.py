@@ -1,14 +1,12 @@
 """
-Plots of any linkage with matplotlib, which is only imported when something is drawn.
+Plots of any linkage with matplotlib, which is imported only for drawing.
 
-Each takes a linkage, a geometry or a leg, draws on the axes it is given or on a figure of its own,
-and returns the axes; `animate` returns the animation. What they write on axes are symbols and
-units, no words.
+Each function takes a linkage, a geometry or a leg, draws on given axes or on a new figure, and
+returns the axes; `animate` returns the animation. Labels are symbols and units.
 """
 
 from .charts import plot_convergence, plot_turn
-from .given import NoMatplotlibError
-from .plane import animate, plot_foot_path, plot_pose
+from .plane import animate, NoMatplotlibError, plot_foot_path, plot_pose
 
 __all__ = [
     'NoMatplotlibError',

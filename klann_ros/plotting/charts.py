@@ -1,35 +1,32 @@
-"""Charts: what changes over a turn of the crank, and how Newton-Raphson converges."""
+"""Charts: quantities over a turn of the crank, and the convergence of Newton-Raphson."""
 
 from collections.abc import Callable, Sequence
 from math import radians
 from typing import Any, NamedTuple, TYPE_CHECKING
 
-from klann_ros.kinematics import AnyLeg, LinkagePose
+from klann_ros.kinematics import AnyLeg, LinkagePose, NoFootPathError
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arcs import Arc
-from klann_ros.kinematics.foot.path import NoFootPathError
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.newton import Iterations
 import numpy as np
-from numpy.typing import NDArray
 
-from .artists import grid, symbol
-from .drawn import colour_of, COLOURS
-from .given import axes_of, leg_of
+from .drawing import colour_of, COLOURS
+from .plane import axes_of, grid, leg_of, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 DEG = '°'
 # Between the poses of a chart [rad].
-STEP = radians(0.5)
-# Transmission angles of good practice [deg].
-GOOD = (40.0, 140.0)
+CHART_STEP = radians(0.5)
+# Recommended range of transmission angles [deg].
+TRANSMISSION_RANGE = (40.0, 140.0)
 MARKERS = 'os^DvP'
 
 
 class _Quantity(NamedTuple):
-    """What of a pose a chart shows: its symbols and colours, its values, and its axis."""
+    """A quantity of a pose: its symbols and colours, its values, and its axis."""
 
     curves: Callable[[AnyLeg], list[tuple[str, str]]]
     values: Callable[[LinkagePose], Sequence[float]]
@@ -79,19 +76,18 @@ QUANTITIES = {
 
 def plot_turn(given: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -> 'Axes':
     """
-    Draw what changes over a turn of the crank, or over the arcs that it can reach.
+    Draw a quantity over a turn of the crank, or over its reachable arcs.
 
     Parameters
     ----------
     given : Linkage, KlannGeometry, FourBarGeometry or leg
         The linkage.
     what : str
-        'angles', of every body but the crank, without jumps of a turn; 'distances', of every body
-        that slides; 'transmission', the
-        transmission angle of each block, over a band from 40 to 140 deg, which is good practice;
-        'condition', the condition number of Phi; 'foot', the foot's coordinates.
+        'angles', of every body but the crank, unwrapped; 'distances', of every sliding body;
+        'transmission', the transmission angle of each block, over the recommended band from 40 to
+        140 deg; 'condition', the condition number of Phi; 'foot', the foot's coordinates.
     ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure where left out.
+        The axes; by default of a new figure.
 
     Returns
     -------
@@ -101,7 +97,7 @@ def plot_turn(given: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -> 
     Raises
     ------
     ValueError
-        There is no such quantity, or nothing that slides.
+        The quantity is unknown, or there is no sliding body.
     NoFootPathError
         The crank reaches no angle.
     TypeError
@@ -120,13 +116,13 @@ def plot_turn(given: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -> 
     arcs = leg.reachable_arcs()
     if not arcs:
         raise NoFootPathError
-    alphas, values = _over_the_arcs(leg, quantity, arcs, unwrapped=what == 'angles')
+    alphas, values = _over_arcs(leg, quantity, arcs, unwrapped=what == 'angles')
     ax = axes_of(ax)
     from matplotlib.ticker import MaxNLocator  # noqa: PLC0415 - as in `axes_of`
 
     if what == 'transmission':
-        ax.axhspan(*GOOD, color=COLOURS[2], alpha=0.15, linewidth=0)
-        ax.set(ylim=(0.0, 180.0), yticks=(0.0, GOOD[0], 90.0, GOOD[1], 180.0))
+        ax.axhspan(*TRANSMISSION_RANGE, color=COLOURS[2], alpha=0.15, linewidth=0)
+        ax.set(ylim=(0.0, 180.0), yticks=sorted((0.0, 90.0, 180.0, *TRANSMISSION_RANGE)))
     for (name, colour), column in zip(curves, values.T, strict=True):
         ax.plot(alphas, column, color=colour, label=name)
     label = quantity.label or ', '.join(name for name, _ in curves)
@@ -149,7 +145,7 @@ def plot_convergence(
     **stop: Any,
 ) -> 'Axes':
     """
-    Draw how the textbook's Newton-Raphson converges from a guess: a line for each block.
+    Draw the convergence of the textbook's Newton-Raphson from a guess: a line for each block.
 
     Parameters
     ----------
@@ -164,9 +160,9 @@ def plot_convergence(
         each the greatest of a block's angles [rad] and distances [m]; or 'residuals', the norm of
         a block's loop equations at each iterate [m].
     ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure where left out.
+        The axes; by default of a new figure.
     **stop
-        When it ends: keywords of `Leg.newton`, such as `max_iterations`.
+        Stopping criteria: keywords of `Leg.newton`, such as `max_iterations`.
 
     Returns
     -------
@@ -214,21 +210,21 @@ def plot_convergence(
     return ax
 
 
-# What each is of the iterates, its symbol and its unit.
-CONVERGENCE: dict[str, tuple[Callable[[Iterations], Array], str, str]] = {
+# Values by the iterates, symbol and unit.
+CONVERGENCE: dict[str, tuple[Callable[[Iterations], FloatArray], str, str]] = {
     'errors': (lambda done: done.x[:-1] - done.x[-1], '$|x_k - x|$', 'rad'),
     'corrections': (lambda done: done.corrections, '$|x_{k+1} - x_k|$', 'rad'),
     'residuals': (lambda done: done.f, '$|f(x_k)|$', 'm'),
 }
 
 
-def _over_the_arcs(
+def _over_arcs(
     leg: AnyLeg, quantity: _Quantity, arcs: list[Arc], *, unwrapped: bool
-) -> tuple[Array, Array]:
+) -> tuple[FloatArray, FloatArray]:
     """Return crank angles [deg] and values, shape (n, k); NaN between arcs."""
     alphas, values = [], []
     for start, end in arcs:
-        arc = np.linspace(start, end, max(2, 1 + round((end - start) / STEP)))
+        arc = np.linspace(start, end, max(2, 1 + round((end - start) / CHART_STEP)))
         found = np.array([quantity.values(leg.closed_form(alpha)) for alpha in arc.tolist()])
         alphas += [np.array([np.nan]), np.degrees(arc)]
         values += [np.full(found.shape[1:], np.nan)[None], found]

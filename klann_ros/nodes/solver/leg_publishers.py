@@ -8,7 +8,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, PointStamped, TwistStamped
 from klann_ros.kinematics import foot_path, KinematicsError, LinkageMotion, LinkagePose
 from klann_ros.nodes.endpoints import create_publisher
-from klann_ros.plotting.drawn import Drawn
+from klann_ros.plotting.drawing import PoseDrawing
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -172,7 +172,7 @@ class LegMarkers:
         feet = path.h.tolist()
         line = self._marker(leg, PATH_ID, Marker.LINE_STRIP, PATH * size, GREY, stamp)
         line.points = _points([*feet, feet[0]] if path.full_turn else feet)
-        drawn = Drawn.of(pose)
+        drawn = PoseDrawing.of(pose)
         fixed = (drawn.points[name] for name in drawn.pivots)
         pivots = self._marker(leg, PIVOTS_ID, Marker.CUBE_LIST, PIVOT * size, DARK, stamp)
         pivots.points = _points(fixed)
@@ -180,7 +180,7 @@ class LegMarkers:
 
     def _moving(self, leg: DrivenLeg, pose: LinkagePose, stamp: Time) -> list[Marker]:
         """Return the joints, and the bars of every body."""
-        drawn = Drawn.of(pose)
+        drawn = PoseDrawing.of(pose)
         places = list(drawn.points.values())
         size = max(float(max(p[k] for p in places) - min(p[k] for p in places)) for k in (0, 1))
         joints = self._marker(leg, JOINTS_ID, Marker.SPHERE_LIST, JOINT * size, WHITE, stamp)

@@ -6,7 +6,7 @@ from typing import BinaryIO
 
 from klann_ros.kinematics import AnyLeg, KinematicsError, LinkagePose
 from klann_ros.plotting import plot_pose
-from klann_ros.plotting.artists import legend_beside, PALE
+from klann_ros.plotting.plane import legend_beside, PALE
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Review
 from klann_ros.sanitize.text import printable
