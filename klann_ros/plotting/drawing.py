@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 BAR_WIDTH = 4.0
 # Colours of the bodies, repeated; of a Klann leg: crank, coupler, both rockers, leg.
 COLOURS = ('#d1495b', '#30638e', '#7a9e7e', '#edae49', '#003d5b', '#8f5c38', '#66618c')
-# Kinds of points: a fixed pivot, a pin between bodies, a point of a single body. Sliding joints are
+# Kinds of points: a fixed pivot, a pin between bodies, a point of one body. Sliding joints are
 # drawn as a block on a line.
 PIVOT, PIN, POINT = 'pivot', 'pin', 'point'
 # Extension of a line beyond both its points, relative to the size of the drawing.
