@@ -19,7 +19,15 @@ from typing import NamedTuple
 
 from klann_ros.robot import robot_of
 from klann_ros.twin import Floor, Motors, Sensors, Twin
-from klann_ros.walker import Feet, imu_reading, Limits, Rates, Settings, Steering, Walker
+from klann_ros.walker import (
+    ControllerSettings,
+    Feet,
+    imu_reading,
+    MotionLimits,
+    Rates,
+    Steering,
+    Walker,
+)
 import numpy as np
 from support.aims import SMOKE
 
@@ -34,7 +42,7 @@ GRID = (
     (0.15, 0.0), (0.1, 0.03), (0.05, 0.06), (0.0, 0.1), (0.1, -0.05),
     (-0.1, 0.0), (0.05, -0.03), (-0.05, 0.05), (0.0, -0.06), (0.12, 0.02),
 )  # fmt: skip
-FREE = Limits(max_linear=1.0, max_angular=1.0)
+FREE = MotionLimits(max_linear=1.0, max_angular=1.0)
 # Walkers of --grid, and its commands: parts of the speed straight on, and of the yaw rate on the
 # spot, at 1 rad/s.
 WALKERS = ('walker6_two_motors', 'walker8_two_motors', 'walker_jansen')
@@ -64,7 +72,7 @@ def walk(
     factors: tuple[float, float] = (1.0, 1.0),
     imu: bool = False,
     lock: bool = True,
-    gain: float = Settings().motion_gain,
+    gain: float = ControllerSettings().motion_gain,
     seed: int = 0,
 ) -> Walk:
     """Walk, and return how it went."""
@@ -79,7 +87,7 @@ def walk(
     )
     motors = Motors(factors=dict(zip(feet.joints, factors, strict=True)))
     twin = Twin(feet.robot, floor=Floor(friction), motors=motors, sensors=sensors, seed=seed)
-    walker = Walker(steering, Settings(limits=FREE, phase_lock=lock, motion_gain=gain))
+    walker = Walker(steering, ControllerSettings(limits=FREE, phase_lock=lock, motion_gain=gain))
     tilt = phase = path = forwards = 0.0
     begin = last = twin.truth()
     turned = 0.0

@@ -7,7 +7,7 @@ from math import isfinite
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.robot import Robot, RobotLeg
-from klann_ros.walker import NoWalkerError, walk_figures, WalkFigures
+from klann_ros.walker import GaitFigures, NoWalkerError, walk_figures
 import numpy as np
 
 from .leg_sheet import alike, dynamics_of, leg_sheet
@@ -17,7 +17,7 @@ from .sheet import CrankSheet, DataSheet, LegSheet, SheetError
 
 # A turn a second.
 SPEED = TURN
-SAMPLES = 720
+SHEET_SAMPLES = 720
 # Nothing that is built turns slower or faster [rad/s], or carries more [N].
 SLOWEST, FASTEST, MOST = 1e-6, 1e6, 1e9
 # With fewer legs a robot cannot stand.
@@ -31,7 +31,7 @@ def data_sheet(
     load: float = 0.0,
     motor: Motor | None = None,
     margins: bool = False,
-    samples: int = SAMPLES,
+    samples: int = SHEET_SAMPLES,
 ) -> DataSheet:
     """
     Return the data sheet of a leg or of a walker.
@@ -184,7 +184,7 @@ def _judged(
     return replace(crank, motor=verdict(motor, load, speed))
 
 
-def _walk(robot: Robot) -> tuple[WalkFigures | None, str]:
+def _walk(robot: Robot) -> tuple[GaitFigures | None, str]:
     if len(robot.legs) < FEWEST_LEGS:
         return None, ''
     try:

@@ -22,7 +22,7 @@ SAMPLING_ERROR = 1e-5
 GOOD_TRANSMISSION = 40.0 * pi / 180.0
 # Groups of feet in the table.
 MOST_GROUPS = 12
-UNKNOWN = '\N{EN DASH}'
+UNKNOWN_VALUE = '\N{EN DASH}'
 
 
 class Figure(NamedTuple):
@@ -46,7 +46,7 @@ class Table(NamedTuple):
 def number(value: float, digits: int = 4) -> str:
     """Return a number with some significant digits; without an exponent where that is short."""
     if not isfinite(value):
-        return UNKNOWN
+        return UNKNOWN_VALUE
     if value == 0.0:
         return '0'
     power = floor(log10(abs(value)))
@@ -57,7 +57,7 @@ def number(value: float, digits: int = 4) -> str:
 
 def degree(radians: float, digits: int = 1) -> str:
     """Return an angle in degrees."""
-    return f'{degrees(radians):.{digits}f}' if isfinite(radians) else UNKNOWN
+    return f'{degrees(radians):.{digits}f}' if isfinite(radians) else UNKNOWN_VALUE
 
 
 def millimetres(metres: float) -> str:
@@ -244,7 +244,7 @@ def motor_figures(crank: CrankSheet) -> Iterator[Figure]:
     thermal = judged.thermal_margin
     rms = f'{number(judged.motor_rms)} N m rms at the motor'
     if thermal is None:
-        yield Figure('Thermal margin', UNKNOWN, '', f'{rms}; no continuous_torque is given')
+        yield Figure('Thermal margin', UNKNOWN_VALUE, '', f'{rms}; no continuous_torque is given')
     else:
         yield Figure('Thermal margin', _times(thermal), '', rms)
     rpm = f'{number(judged.fastest * 30.0 / pi)} rpm, by torque and speed'

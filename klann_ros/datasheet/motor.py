@@ -14,7 +14,7 @@ import numpy as np
 from .load import CrankLoad
 
 # No motor that anybody builds is beyond it, in any of its numbers.
-LARGEST = 1e9
+MAX_VALUE = 1e9
 
 
 class MotorFileError(ValueError):
@@ -74,8 +74,8 @@ class Motor:
         return self.output_stall_torque * (1.0 - speed / self.output_no_load_speed)
 
 
-KEYS = tuple(field.name for field in fields(Motor))
-NEEDED = KEYS[:4]
+MOTOR_KEYS = tuple(field.name for field in fields(Motor))
+NEEDED = MOTOR_KEYS[:4]
 
 
 def motor_from_file(path: str) -> Motor:
@@ -111,9 +111,11 @@ def motor_from(content: Any) -> Motor:
     if not isinstance(content, Mapping):
         raise ValueError(f'it must be a mapping, {example}')  # noqa: TRY004 - as all others
     for key in content:
-        if key not in KEYS:
-            hint = did_you_mean(key, KEYS)
-            raise ValueError(f'{printable(key)}: no such key; there are {", ".join(KEYS)}{hint}')
+        if key not in MOTOR_KEYS:
+            hint = did_you_mean(key, MOTOR_KEYS)
+            raise ValueError(
+                f'{printable(key)}: no such key; there are {", ".join(MOTOR_KEYS)}{hint}'
+            )
     missing = [key for key in NEEDED if key not in content]
     if missing:
         also = '; gear_ratio: 1 is none' * ('gear_ratio' in missing)
@@ -125,9 +127,10 @@ def motor_from(content: Any) -> Motor:
 
 def _check(name: str, value: Any) -> None:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not isfinite(value) or not 0.0 < value <= LARGEST:
+    if not is_number or not isfinite(value) or not 0.0 < value <= MAX_VALUE:
         raise ValueError(
-            f'{name} = {printable(repr(value), 100)} is refused: a number > 0, at most {LARGEST:g}'
+            f'{name} = {printable(repr(value), 100)} is refused: '
+            f'a number > 0, at most {MAX_VALUE:g}'
         )
     if name == 'efficiency' and value > 1.0:
         raise ValueError(f'efficiency = {value!r} is refused: a part of 1; 80 % are 0.8')

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from klann_ros.dynamics import TurnOfForces
 from klann_ros.kinematics import FootPath, Linkage, Margin, Stance
 from klann_ros.kinematics.arcs import Arc
-from klann_ros.walker import WalkFigures
+from klann_ros.walker import GaitFigures
 import numpy as np
 from numpy.typing import NDArray
 
@@ -251,7 +251,7 @@ class DataSheet:
         The motor of each of them.
     no_forces : str
         Why there are no forces, or why not all; '' where there are.
-    walk : WalkFigures, optional
+    walk : GaitFigures, optional
         What a walker does over a turn.
     no_walk : str
         Why it does not walk; '' where it does, and for a single leg.
@@ -266,7 +266,7 @@ class DataSheet:
     cranks: tuple[CrankSheet, ...]
     motor: Motor | None
     no_forces: str
-    walk: WalkFigures | None
+    walk: GaitFigures | None
     no_walk: str
 
     @property

@@ -107,4 +107,4 @@ def _table(table: Table, title: str = '') -> Iterator[str]:
 
 
 def _is_number(cell: str) -> bool:
-    return cell.lstrip('-')[:1].isdigit() or cell in ('any', figures.UNKNOWN)
+    return cell.lstrip('-')[:1].isdigit() or cell in ('any', figures.UNKNOWN_VALUE)

@@ -20,7 +20,7 @@ NUT = 1.2
 # Panels of a row, their size, and the heights of titles and texts [mm].
 COLUMNS, PANEL, TITLE, TEXT = 3, 88.0, 5.0, 3.2
 MARGIN, LINE = 8.0, 1.6
-COLOURS = ('#1f77b4', '#d95f02', '#1b9e77', '#7570b3', '#a6761d', '#e7298a')
+LAYER_COLOURS = ('#1f77b4', '#d95f02', '#1b9e77', '#7570b3', '#a6761d', '#e7298a')
 HEADS = ('Pin', 'Hole', 'Layers', 'Spacers', 'Washers', 'Grip', 'Screw', 'Ends')
 WIDTHS = (44.0, 18.0, 20.0, 18.0, 20.0, 20.0, 18.0, 0.0)
 
@@ -203,7 +203,7 @@ class _View:
 
     def _plate(self, panel: Element, p: int, *, is_new: bool) -> None:
         plate = self._of.plates[p]
-        colour = COLOURS[p % len(COLOURS)] if is_new else '#b8b8b8'
+        colour = LAYER_COLOURS[p % len(LAYER_COLOURS)] if is_new else '#b8b8b8'
         style = {'fill': colour, 'fill-opacity': '0.35' if is_new else '0.15', 'stroke': colour}
         links = [(self._mm(plate, a), self._mm(plate, b)) for a, b in plate.links]
         cuts: list[Outline] = [*outlines(links, self._length(plate.width / 2.0))]

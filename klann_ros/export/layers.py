@@ -14,8 +14,8 @@ from itertools import combinations, count
 from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.linkage.structure import FIXED
 
-from .plates import ExportError, Plate, SAME
-from .sweep import Motion
+from .plates import COINCIDENCE, ExportError, Plate
+from .sweep import SweptMotion
 
 # Steps of a search for the first arrangement, and for a better one.
 MAX_STEPS, MAX_BETTER = 1_000_000, 100_000
@@ -70,7 +70,7 @@ class Layers:
     flush : tuple of (Shaft, int)
         A shaft, and -1 for its lower or 1 for its upper end, that a plate passes over: no head or
         nut may stand out there.
-    motion : Motion
+    motion : SweptMotion
         Of the plates.
 
     """
@@ -80,7 +80,7 @@ class Layers:
     shafts: tuple[Shaft, ...]
     stubs: tuple[tuple[Shaft, tuple[int, ...]], ...]
     flush: tuple[tuple[Shaft, int], ...]
-    motion: Motion
+    motion: SweptMotion
 
     @property
     def count(self) -> int:
@@ -118,7 +118,7 @@ def layers(linkage: Linkage, plates: Sequence[Plate]) -> Layers:
 
     """
     shafts = _shafts(plates)
-    motion = Motion(linkage)
+    motion = SweptMotion(linkage)
     swept = [motion.swept(plate) for plate in plates]
     paths = [motion.pin(plates[s.carrier], s.at, s.radius(plates[0].width)) for s in shafts]
     clashes: list[set[int]] = [set() for _ in plates]
@@ -174,7 +174,10 @@ def _shafts(plates: Sequence[Plate]) -> list[Shaft]:
             for slot in plate.slots:
                 for q, k in group:
                     at = plates[q].holes[k].at
-                    if plates[q].body == slot.body and min(abs(at - x) for x in slot.pins) < SAME:
+                    if (
+                        plates[q].body == slot.body
+                        and min(abs(at - x) for x in slot.pins) < COINCIDENCE
+                    ):
                         through[p] = guided = None
                         guided = slot.name
         if len(through) > 1:

@@ -17,10 +17,10 @@ from klann_ros.robot import Robot
 from klann_ros.sanitize.text import counted, did_you_mean
 
 from .outline import crosses, distance_to, nearest_on, Segment
-from .travel import ExportError, Line, slide_lines
+from .travel import ExportError, slide_lines, SlideLine
 
 # Nearer than this two points are one [m].
-SAME = 1e-9
+COINCIDENCE = 1e-9
 # Where the pins of what slides may stand, by the width from where its distance is measured.
 GUIDES = (0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0, 5.0, -5.0)
 GROUND = 'ground'
@@ -155,7 +155,7 @@ def plates(
             f'be > 0, and a bar wider than its hole'
         )
     least = (1.0 + 2.0 * MIN_WALL) * greatest
-    if width < least * (1.0 - SAME):
+    if width < least * (1.0 - COINCIDENCE):
         raise ExportError(
             f'width = {width * 1e3:g} mm leaves {(width - greatest) * 500:.3g} mm beside a hole '
             f'of {greatest * 1e3:g} mm: at least {least * 1e3:.4g} mm are needed'
@@ -262,7 +262,7 @@ def _of_linkage(linkage: Linkage, sizes: Mapping[str, float], width: float) -> I
             yield Plate(names[j], holes, tuple(slots[j]), links=links, width=width, body=j)
 
 
-def _slot(line: Line, pins: Sequence[float], diameter: float) -> Slot:
+def _slot(line: SlideLine, pins: Sequence[float], diameter: float) -> Slot:
     at = tuple(x * line.direction for x in pins)
     return Slot(line.name, *line.ends(pins), diameter, line.body, at)
 
@@ -281,7 +281,9 @@ def _joined(bars: Sequence[Segment], cuts: Sequence[Segment]) -> Iterator[Segmen
     """Yield bars, what cuts need around them, and the shortest links that join it all."""
     groups: list[list[Segment]] = []
     for segment in (*bars, *cuts):
-        touched = [group for group in groups if any(_gap(segment, one)[0] < SAME for one in group)]
+        touched = [
+            group for group in groups if any(_gap(segment, one)[0] < COINCIDENCE for one in group)
+        ]
         groups = [group for group in groups if group not in touched]
         groups.append([*(one for group in touched for one in group), segment])
     while len(groups) > 1:
@@ -307,7 +309,12 @@ def _gap(one: Segment, other: Segment) -> tuple[float, Segment]:
 
 
 def _pins(  # noqa: PLR0917 - shared state
-    line: Line, holes: list[Hole], slots: list[Slot], hole: float, width: float, is_joint: bool
+    line: SlideLine,
+    holes: list[Hole],
+    slots: list[Slot],
+    hole: float,
+    width: float,
+    is_joint: bool,
 ) -> list[float]:
     """
     Return where on its line the two pins are that hold what slides [m].
@@ -330,7 +337,9 @@ def _merged(holes: list[Hole]) -> Iterator[Hole]:
     """Yield holes, those at one place as one."""
     kept: list[Hole] = []
     for hole in holes:
-        same = next((k for k, other in enumerate(kept) if abs(other.at - hole.at) < SAME), None)
+        same = next(
+            (k for k, other in enumerate(kept) if abs(other.at - hole.at) < COINCIDENCE), None
+        )
         if same is None:
             kept.append(hole)
         else:

@@ -12,7 +12,7 @@ STYLES = {
     'HOLES': {'fill': 'none', 'stroke': '#0000ff', 'stroke-width': '0.1'},
     'LABELS': {'fill': '#000000', 'stroke': 'none', 'font-family': 'sans-serif'},
 }
-HEADER = '<?xml version="1.0" encoding="UTF-8"?>\n'
+SVG_HEADER = '<?xml version="1.0" encoding="UTF-8"?>\n'
 # A capital letter's height, as a part of the font's.
 CAPITAL = 0.72
 
@@ -67,4 +67,4 @@ def path_data(outline: Outline, high: float) -> str:
 def written(root: Element) -> str:
     """Return an element as a file."""
     indent(root)
-    return HEADER + tostring(root, encoding='unicode') + '\n'
+    return SVG_HEADER + tostring(root, encoding='unicode') + '\n'

@@ -16,14 +16,14 @@ from .travel import crank_angles
 # Between moving parts [m], in addition to their widths.
 CLEARANCE = 0.5e-3
 # Crank angles of a turn, or of an arc.
-SAMPLES = 3601
+SWEEP_SAMPLES = 3601
 Complex = NDArray[np.complex128]
 Array = NDArray[np.float64]
 # The centre lines of a part at all crank angles, shape (k,) for both ends, and its half width.
 Swept = tuple[list[tuple[Complex, Complex]], float]
 
 
-class Motion:
+class SweptMotion:
     """
     Where a leg's plates are over all crank angles.
 
@@ -32,7 +32,7 @@ class Motion:
 
     def __init__(self, linkage: Linkage) -> None:
         structure = linkage.structure
-        alphas = crank_angles(linkage, SAMPLES)
+        alphas = crank_angles(linkage, SWEEP_SAMPLES)
         found = linkage_poses(linkage, alphas, points=True)
         if found.points is None:
             raise AssertionError('points are requested')
@@ -42,8 +42,8 @@ class Motion:
             raise ExportError('the crank reaches no angle: nothing moves')
         self._steps = is_known[1:] & is_known[:-1]
         # Nothing moves across the gap between two arcs.
-        last = SAMPLES - 1
-        self._steps[last::SAMPLES] = False
+        last = SWEEP_SAMPLES - 1
+        self._steps[last::SWEEP_SAMPLES] = False
         # A pose to draw.
         self.shown = int(np.flatnonzero(is_known)[is_known.sum() // 6])
         index = {name: k for k, name in enumerate(structure.points)}

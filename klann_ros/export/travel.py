@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 # So fine the end of a stroke is missed by less than 2e-6 of the stroke.
-SAMPLES = 1441
+TRAVEL_SAMPLES = 1441
 
 
 class ExportError(ValueError):
     """A robot that cannot be written so; the text says why."""
 
 
-class Line(NamedTuple):
+class SlideLine(NamedTuple):
     """What a body slides along."""
 
     # What slides, and what has the line, FIXED being the ground.
@@ -54,14 +54,14 @@ def travel(linkage: Linkage) -> dict[int, tuple[float, float]]:
     structure = linkage.structure
     if not structure.slides:
         return {}
-    x = linkage_poses(linkage, crank_angles(linkage, SAMPLES), angles=True).angles
+    x = linkage_poses(linkage, crank_angles(linkage, TRAVEL_SAMPLES), angles=True).angles
     if x is None or not np.isfinite(x).any():
         raise ExportError('the crank reaches no angle: nothing slides anywhere')
     sliding = [j for j, body in enumerate(structure.bodies) if body.slides]
     return {j: (float(np.nanmin(x[:, j - 1])), float(np.nanmax(x[:, j - 1]))) for j in sliding}
 
 
-def slide_lines(linkage: Linkage) -> Iterator[Line]:
+def slide_lines(linkage: Linkage) -> Iterator[SlideLine]:
     """Yield the lines that bodies slide along."""
     structure, places = linkage.structure, body_places(linkage)
     for j, (least, greatest) in travel(linkage).items():
@@ -70,7 +70,7 @@ def slide_lines(linkage: Linkage) -> Iterator[Line]:
         pivots = dict(zip(structure.pivots, linkage.pivots, strict=True))
         origin = complex(pivots[start]) if on == FIXED else places[on, start]
         direction = complex(linkage.bars[structure.line_of[j]])
-        yield Line(j, on, body.angle, origin, direction, least, greatest)
+        yield SlideLine(j, on, body.angle, origin, direction, least, greatest)
 
 
 def crank_angles(linkage: Linkage, count: int) -> NDArray[np.float64]:

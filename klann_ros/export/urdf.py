@@ -22,9 +22,9 @@ from klann_ros.sanitize.text import printable
 
 from .travel import ExportError, travel
 
-HEADER = '<?xml version="1.0" encoding="utf-8"?>\n'
+URDF_HEADER = '<?xml version="1.0" encoding="utf-8"?>\n'
 PIN, FRAME = 'klann_pin', 'klann_frame'
-COLOURS = {PIN: '0.15 0.15 0.15 1', FRAME: '0.45 0.45 0.48 1'}
+LINK_COLOURS = {PIN: '0.15 0.15 0.15 1', FRAME: '0.45 0.45 0.48 1'}
 # Width of bars, as a part of the longest; sliders are drawn this number of widths long.
 WIDTH, BLOCK = 0.05, 1.6
 
@@ -72,7 +72,7 @@ def urdf(
     """
     taken = {*robot.joint_names(joint_separator)}
     root = Element('robot', name=printable(robot.name))
-    materials = dict(COLOURS)
+    materials = dict(LINK_COLOURS)
     for leg in robot.legs:
         for j in range(len(leg.linkage.structure.bodies)):
             red, green, blue = (part / 255 for part in bytes.fromhex(colour_of(j)[1:]))
@@ -85,7 +85,7 @@ def urdf(
             base_frame, frame_id
         )
     indent(root)
-    return HEADER + tostring(root, encoding='unicode') + '\n'
+    return URDF_HEADER + tostring(root, encoding='unicode') + '\n'
 
 
 class _Leg:

@@ -1,17 +1,17 @@
 """
-Drives: what a page turns, as long as it is there.
+Drives: the crank or the walk that a page controls, with a client watchdog.
 
-A drive belongs to one page at a time, which has asked for it by a button. Whoever was not heard of
-for PATIENCE has lost it, whatever the reason: a page that was closed, a machine that sleeps, a
-cable, a server that is stuck. Nothing here knows ROS or waits for anything: times are given.
+A drive belongs to one page at a time. A page that sends nothing for CLIENT_TIMEOUT loses it, for
+whatever reason: a closed page, a sleeping machine, a cable, a stalled server. Times are arguments:
+nothing here knows ROS or waits.
 """
 
 from dataclasses import dataclass
 from math import isfinite
 
-# A page says ten times a second that it is there [s].
-PATIENCE = 0.35
-# Beyond these a hand is no longer meant [rad/s], [m/s], [rad/s].
+# Pages send a keep-alive ten times a second [s].
+CLIENT_TIMEOUT = 0.35
+# Limits of manual driving [rad/s], [m/s], [rad/s].
 FASTEST_CRANK = 40.0
 FASTEST_WALK = 1.0
 FASTEST_TURN = 3.0
@@ -20,12 +20,12 @@ _LARGEST_ANGLE = 1e6
 
 
 class DriveError(Exception):
-    """What cannot be driven so; the text says why."""
+    """A refused drive command; the text says why."""
 
 
 @dataclass
 class CrankDrive:
-    """A crank that a page turns: to an angle by a slider, or on and on at a speed."""
+    """A crank driven by a page: to an angle by a slider, or at a speed."""
 
     # The page that has it.
     owner: int | None = None
@@ -79,7 +79,7 @@ class CrankDrive:
 
     def is_lost(self, now: float) -> bool:
         """Return whether its page was not heard of for too long."""
-        return self.owner is not None and now - self.alive_at > PATIENCE
+        return self.owner is not None and now - self.alive_at > CLIENT_TIMEOUT
 
 
 @dataclass
@@ -116,7 +116,7 @@ class WalkDrive:
 
     def is_lost(self, now: float) -> bool:
         """Return whether its page was not heard of for too long."""
-        return self.owner is not None and now - self.alive_at > PATIENCE
+        return self.owner is not None and now - self.alive_at > CLIENT_TIMEOUT
 
 
 def crank_at(alpha: float, direction: float, phase: float) -> float:

@@ -19,7 +19,7 @@ ANY = ('0.0.0.0', '::')  # noqa: S104 - a name, bound to only where the user giv
 # Of a web address, where none is written.
 _HTTP = 80
 # Nothing that is asked for here has a longer secret or host.
-_LONGEST = 300
+_MAX_HEADER_LENGTH = 300
 
 
 class ForbiddenError(Exception):
@@ -104,7 +104,7 @@ class Guard:
 
     def knows(self, token: str | None) -> bool:
         """Return whether a secret is the right one; it takes as long for any other."""
-        given = (token or '')[:_LONGEST].encode('utf-8', 'replace')
+        given = (token or '')[:_MAX_HEADER_LENGTH].encode('utf-8', 'replace')
         return compare_digest(given, self.token.encode('ascii'))
 
     def check_reading(self, token: str | None) -> None:
@@ -134,7 +134,7 @@ class Guard:
 
 def _split(host: str) -> tuple[str, int]:
     """Return name and port of a Host header; port -1 if it is malformed."""
-    if len(host) > _LONGEST:
+    if len(host) > _MAX_HEADER_LENGTH:
         return '', -1
     name, colon, port = host.lower().rpartition(':')
     if not colon or port.endswith(']'):

@@ -24,7 +24,7 @@ _UPRIGHT = (pi / 2, 0.0, 0.0)
 # Digits beyond a tenth of a micrometre draw nothing.
 _DIGITS = 7
 _ASSUMED = 'It tells no lengths: the leg is drawn with those of SEM 104, which may not be its own.'
-_UNKNOWN = 'It tells no lengths, and its joints are not those of a Klann leg: it is not drawn.'
+_UNKNOWN_SOLVER = 'Its lengths are unknown, and its joints are not a Klann leg: not drawn.'
 _CHANGED = (
     'Its lengths were changed while it was recorded: the leg is drawn with the last ones, which '
     'are not its own before that.'
@@ -78,7 +78,7 @@ class LiveLeg:
 
 
 @dataclass(frozen=True, eq=False)
-class Solver:
+class LiveSolver:
     """A node that solves legs, with what can be set of them."""
 
     # Its full name.
@@ -120,13 +120,15 @@ def leg_of(name: str) -> str:
     return name.rpartition('.')[0]
 
 
-def solver_of(recorded: SolverParameters) -> Solver:
+def solver_of(recorded: SolverParameters) -> LiveSolver:
     """Return the solver of published parameters, which are untrusted."""
     legs = _legs([recorded], parent(recorded.node))
-    return Solver(recorded.node, legs, _lengths(recorded.parameters, [leg.name for leg in legs]))
+    return LiveSolver(
+        recorded.node, legs, _lengths(recorded.parameters, [leg.name for leg in legs])
+    )
 
 
-def replayed_solver(node: str, topic: str, records: Sequence[SolverParameters]) -> Solver:
+def replayed_solver(node: str, topic: str, records: Sequence[SolverParameters]) -> LiveSolver:
     """
     Return what a player tells of the legs on a topic that it plays.
 
@@ -140,7 +142,7 @@ def replayed_solver(node: str, topic: str, records: Sequence[SolverParameters]) 
     """
     namespace = parent(topic.removeprefix(parent(node)))
     has_changed = any(solver.leg_time for solver in leg_solvers(records, namespace).values())
-    return Solver(
+    return LiveSolver(
         node,
         _legs(records, namespace),
         does='replayed by',
@@ -148,15 +150,15 @@ def replayed_solver(node: str, topic: str, records: Sequence[SolverParameters]) 
     )
 
 
-def assumed_solver(node: str, names: Sequence[str]) -> Solver:
+def assumed_solver(node: str, names: Sequence[str]) -> LiveSolver:
     """Return the Klann legs whose joints a node publishes without telling their lengths."""
     legs = list(published_legs(names, JOINTS))
     leg = KlannLeg(KlannGeometry.sem104())
-    return Solver(
+    return LiveSolver(
         node,
         tuple(LiveLeg(name, leg, joint_separator=mark) for name, mark in legs[:MAX_LEGS]),
         does='published by',
-        note=_ASSUMED if legs else _UNKNOWN,
+        note=_ASSUMED if legs else _UNKNOWN_SOLVER,
     )
 
 

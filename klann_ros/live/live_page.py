@@ -10,30 +10,30 @@ from urllib.parse import quote
 from klann_ros.web.markup import element, joined, Markup
 from klann_ros.web.parts import FRAME, SHARED, text
 
-from .runs import Run
+from .runs import ListedRun
 
-_OWN = Path(__file__).resolve().parent / 'static'
+_STATIC_FILES = Path(__file__).resolve().parent / 'static'
 _UPLOT = SHARED / 'uplot'
 _STYLES = (
     _UPLOT / 'uPlot.min.css',
     *FRAME,
     SHARED / 'drawing.css',
     SHARED / 'tables.css',
-    _OWN / 'live.css',
+    _STATIC_FILES / 'live.css',
 )
 # In this order: each uses what stands above it.
 _SCRIPTS = (
     _UPLOT / 'uPlot.iife.min.js',
     SHARED / 'theme.js',
     SHARED / 'drawing.js',
-    _OWN / 'space.js',
-    _OWN / 'connection.js',
-    _OWN / 'picture.js',
-    _OWN / 'walker.js',
-    _OWN / 'history.js',
-    _OWN / 'drive.js',
-    _OWN / 'tables.js',
-    _OWN / 'live.js',
+    _STATIC_FILES / 'space.js',
+    _STATIC_FILES / 'connection.js',
+    _STATIC_FILES / 'picture.js',
+    _STATIC_FILES / 'walker.js',
+    _STATIC_FILES / 'history.js',
+    _STATIC_FILES / 'drive.js',
+    _STATIC_FILES / 'tables.js',
+    _STATIC_FILES / 'live.js',
 )
 # Nothing is loaded from anywhere else, nothing runs that is not a file of this server, and no
 # other page has this one in itself.
@@ -73,7 +73,7 @@ def _styles() -> Markup:
 def _page() -> str:
     scripts = (element('script', src=f'/static/{path.name}', defer=True) for path in _SCRIPTS)
     licence = Markup(f'<!-- uPlot\n{text(_UPLOT / "LICENSE")}-->')
-    return Template(text(_OWN / 'live.html')).substitute(
+    return Template(text(_STATIC_FILES / 'live.html')).substitute(
         styles=_styles(), scripts=joined([licence, *scripts])
     )
 
@@ -83,7 +83,7 @@ def note_page(note: str) -> str:
     return _small('Review', element('p', note))
 
 
-def list_page(runs: Sequence[Run], token: str) -> str:
+def list_page(runs: Sequence[ListedRun], token: str) -> str:
     """Return a page that lists runs, each of which leads to its review."""
     items = [
         element(

@@ -10,11 +10,11 @@ from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
 from klann_ros.sanitize.text import printable_line
 
-from .protocol import LARGEST
+from .protocol import MAX_MESSAGE_SIZE
 
 # What a socket may have sent since its last whole message [bytes]: old releases of aiohttp put a
 # frame together before they look how large it is.
-MAX_UNREAD = 64 * LARGEST
+MAX_UNREAD = 64 * MAX_MESSAGE_SIZE
 # Minimum time between two log lines [s].
 LOG_PERIOD = 5.0
 

@@ -13,7 +13,7 @@ from time import monotonic
 from typing import Any
 
 # Of a message [bytes].
-LARGEST = 4096
+MAX_MESSAGE_SIZE = 4096
 # So many a second for long, and so many at once: a page says that it has drawn each frame, on
 # screens of 240 Hz too, and as often where its slider is.
 RATE, BURST = 800.0, 1200.0

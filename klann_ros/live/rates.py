@@ -10,7 +10,7 @@ from klann_ros.log.loss import LossCounter
 WINDOW = 2.0
 
 
-class TopicFigures:
+class TopicRate:
     """
     Figures of one topic.
 

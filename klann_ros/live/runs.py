@@ -15,7 +15,7 @@ from klann_ros.sanitize.text import printable
 MOST_RUNS = 500
 _MOST_LOOKED_AT = 20_000
 # A review of a very long run takes a minute; what takes longer is stuck [s].
-PATIENCE = 600.0
+REVIEW_TIMEOUT = 600.0
 # Pages in the cache.
 _MOST_KEPT = 32
 # It leaves the processor to the legs.
@@ -25,7 +25,7 @@ _REVIEW = (
 
 
 @dataclass(frozen=True)
-class Run:
+class ListedRun:
     """A run in the folder."""
 
     name: str
@@ -44,14 +44,14 @@ class Page:
     done: asyncio.Event = field(default_factory=asyncio.Event)
 
 
-def runs_in(folder: str | Path) -> list[Run]:
+def runs_in(folder: str | Path) -> list[ListedRun]:
     """
     Return the runs that are directly in a folder, the newest first.
 
     A link leads out of it, perhaps, and is none; what a run's name says goes nowhere but into a
     comparison.
     """
-    found: list[Run] = []
+    found: list[ListedRun] = []
     with suppress(OSError), os.scandir(folder) as entries:
         for number, entry in enumerate(entries):
             if number >= _MOST_LOOKED_AT:
@@ -59,7 +59,7 @@ def runs_in(folder: str | Path) -> list[Run]:
             with suppress(OSError):
                 if not entry.is_symlink() and _is_run(entry):
                     time = entry.stat(follow_symlinks=False).st_mtime_ns
-                    found.append(Run(entry.name, Path(entry.path), time))
+                    found.append(ListedRun(entry.name, Path(entry.path), time))
     found.sort(key=lambda run: (-run.time, run.name))
     return found[:MOST_RUNS]
 
@@ -103,7 +103,7 @@ class Reviews:
             task.cancel()
         self._temporary.cleanup()
 
-    async def runs(self) -> list[Run]:
+    async def runs(self) -> list[ListedRun]:
         """Return the runs in the folder; the disk may be slow."""
         return await asyncio.get_running_loop().run_in_executor(None, runs_in, self._folder)
 
@@ -127,7 +127,7 @@ class Reviews:
         for key in finished[: max(0, len(self._pages) - _MOST_KEPT + 1)]:
             self._pages.pop(key).file.unlink(missing_ok=True)
 
-    async def _make(self, run: Run, page: Page) -> None:
+    async def _make(self, run: ListedRun, page: Page) -> None:
         async with self._one:
             try:
                 page.state = await self._review(run, page.file)
@@ -135,7 +135,7 @@ class Reviews:
                 page.state = f'the review cannot be made: {printable(error.strerror)}'
             page.done.set()
 
-    async def _review(self, run: Run, file: Path) -> str:
+    async def _review(self, run: ListedRun, file: Path) -> str:
         process = await asyncio.create_subprocess_exec(
             *self._command,
             # What begins with a hyphen is no option.
@@ -147,7 +147,7 @@ class Reviews:
             stderr=asyncio.subprocess.PIPE,
         )
         try:
-            _, said = await asyncio.wait_for(process.communicate(), PATIENCE)
+            _, said = await asyncio.wait_for(process.communicate(), REVIEW_TIMEOUT)
         except asyncio.TimeoutError:
             return 'the review took too long'
         finally:

@@ -14,7 +14,7 @@ from .clients import ChangeNotifier, Client, StateProvider
 from .guard import ForbiddenError, Guard
 from .live_page import FILES, HTML, list_page, note_page, POLICY
 from .malformed import RequestLog, UnreadLimit
-from .protocol import LARGEST
+from .protocol import MAX_MESSAGE_SIZE
 from .runs import Reviews
 
 # More pages at once than anybody looks at.
@@ -137,7 +137,7 @@ class LiveServer:
         await runner.cleanup()
 
     def _app(self) -> web.Application:
-        app = web.Application(middlewares=[self._checked], client_max_size=LARGEST)
+        app = web.Application(middlewares=[self._checked], client_max_size=MAX_MESSAGE_SIZE)
         app.router.add_get('/', self._page)
         app.router.add_get('/static/{name}', self._file)
         app.router.add_get('/socket', self._socket)
@@ -187,7 +187,10 @@ class LiveServer:
         if len(self._clients) >= MOST_PAGES:
             return web.Response(status=503, text='too many pages look already\n')
         socket = web.WebSocketResponse(
-            heartbeat=_HEARTBEAT, max_msg_size=LARGEST, compress=False, timeout=_LAST_WORDS
+            heartbeat=_HEARTBEAT,
+            max_msg_size=MAX_MESSAGE_SIZE,
+            compress=False,
+            timeout=_LAST_WORDS,
         )
         await socket.prepare(request)
         token = _token(request)

@@ -39,7 +39,7 @@ OUTPUT = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
 ARRIVES = 3.5
 
 # Quality of service as parameters: `qos_overrides.TOPIC.publisher.POLICY`, as ROS 2 has it.
-_WORDS = {
+_QOS_WORDS = {
     'history': HistoryPolicy,
     'reliability': ReliabilityPolicy,
     'durability': DurabilityPolicy,
@@ -51,7 +51,7 @@ _DURATIONS = ('deadline', 'lifespan', 'liveliness_lease_duration')
 _COMMON = ('history', 'depth', 'reliability', 'durability')
 _RARE = ('deadline', 'lifespan', 'liveliness', 'liveliness_lease_duration')
 _MOST_DEPTH = 1_000_000
-_LONGEST = 2**63 - 1
+_MAX_NAME_LENGTH = 2**63 - 1
 QOS_USAGE = f"""\
  quality of service of each topic, by its full name:
   qos_overrides./TOPIC.publisher.POLICY, or qos_overrides./TOPIC.subscription.POLICY; policies:
@@ -172,17 +172,17 @@ def _value(node: Node, prefix: str, policy: str, default: Any) -> Any:
     if not node.has_parameter(parameter.name):
         declare(node, [parameter])
     value = node.get_parameter(parameter.name).value
-    if policy in _WORDS:
-        return _WORDS[policy][value.upper()]
+    if policy in _QOS_WORDS:
+        return _QOS_WORDS[policy][value.upper()]
     return Duration(nanoseconds=value) if policy in _DURATIONS else value
 
 
 def _declaration(prefix: str, policy: str, default: Any) -> Declaration:
     name, description = f'{prefix}{policy}', f'{policy} of the topic'
-    if policy in _WORDS:
-        known = [word.name.lower() for word in _WORDS[policy] if word.name != 'UNKNOWN']
+    if policy in _QOS_WORDS:
+        known = [word.name.lower() for word in _QOS_WORDS[policy] if word.name != 'UNKNOWN']
         return Declaration(name, default.name.lower(), description, choices=known)
     if policy in _DURATIONS:
-        limits = (0, _LONGEST)
+        limits = (0, _MAX_NAME_LENGTH)
         return Declaration(name, default.nanoseconds, f'{description} [ns]', limits=limits)
     return Declaration(name, default, description, limits=(1, _MOST_DEPTH))

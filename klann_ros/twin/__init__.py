@@ -18,12 +18,11 @@ from .agreement import Agreement, agreement
 from .engine import NoMujocoError
 from .mjcf import Floor, robot_mjcf
 from .pace import Pace, RealTimeFactor
-from .parts import Crank, Imu, Motors, Sensors, Truth, TwinError
+from .parts import Imu, Motors, Sensors, SimulatedCrank, Truth, TwinError
 from .twin import DivergedError, Twin
 
 __all__ = [
     'Agreement',
-    'Crank',
     'DivergedError',
     'Floor',
     'Imu',
@@ -32,6 +31,7 @@ __all__ = [
     'Pace',
     'RealTimeFactor',
     'Sensors',
+    'SimulatedCrank',
     'Truth',
     'Twin',
     'TwinError',

@@ -17,7 +17,7 @@ from .mjcf import robot_mjcf
 
 Array = NDArray[np.float64]
 # The first part of a turn is not looked at: the servo settles.
-SETTLE = 0.03
+SETTLING_TURNS = 0.03
 # Forces below this part of the greatest are compared by that part of it.
 FAINT = 1e-2
 # Of an arc that is no full turn this part at each end is left out: there it comes to a stop.
@@ -116,7 +116,7 @@ class _Turned:
         foot = self._leg.linkage.structure.foot.lower()
         for step in range(1, steps + 1):
             self._mujoco.mj_step(model, data)
-            if step % every == 0 and step > SETTLE * steps:
+            if step % every == 0 and step > SETTLING_TURNS * steps:
                 self._mujoco.mj_forward(model, data)
                 self._mujoco.mj_rnePostConstraint(model, data)
                 crank, place = data.joint(self._leg.crank_joint), data.site(foot).xpos

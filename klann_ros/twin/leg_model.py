@@ -26,7 +26,7 @@ LEAST_INERTIA = 1e-12
 # Bars are drawn so thick, as a part of the leg's size.
 BAR = 0.012
 # Among this many crank angles the leg's inertia at the crank is greatest and least.
-SAMPLES = 181
+INERTIA_SAMPLES = 181
 
 
 class Stiffness(NamedTuple):
@@ -117,7 +117,7 @@ class LegModel:
 
     def inertias(self) -> tuple[float, float]:
         """Return the least and the greatest inertia that the crank feels [kg m^2]."""
-        inertia, _ = self._dynamics.reduced_inertia(np.linspace(0.0, 2.0 * np.pi, SAMPLES))
+        inertia, _ = self._dynamics.reduced_inertia(np.linspace(0.0, 2.0 * np.pi, INERTIA_SAMPLES))
         there = inertia[np.isfinite(inertia)]
         return float(there.min()), float(there.max())
 

@@ -87,7 +87,7 @@ class Sensors:
                 _must(isfinite(value) and value >= 0.0, name, value, 'finite and >= 0')
 
 
-class Crank(NamedTuple):
+class SimulatedCrank(NamedTuple):
     """A crank as its encoder reads it: the joint's angle [rad] and rate [rad/s]."""
 
     position: float

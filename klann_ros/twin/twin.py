@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .engine import engine
 from .mjcf import FLAT, Floor, robot_mjcf
-from .parts import Crank, Imu, MOTORS, Motors, SENSORS, Sensors, Truth, TwinError
+from .parts import Imu, MOTORS, Motors, SENSORS, Sensors, SimulatedCrank, Truth, TwinError
 
 Array = NDArray[np.float64]
 # Of the engine, for a walker: as accurate as half of it to 0.3 % of its way, at half the cost [s].
@@ -169,7 +169,7 @@ class Twin:
         if not (np.abs(data.qpos).max() < ASTRAY and np.abs(data.qvel).max() < ASTRAY):
             raise DivergedError(f'the simulation became unstable at {self.time:.3f} s')
 
-    def cranks(self) -> dict[str, Crank]:
+    def cranks(self) -> dict[str, SimulatedCrank]:
         """Return what the encoders read, by joint."""
         sensors, count = self._sensors, len(self.joints)
         angles = self._data.qpos[self._angles] + sensors.encoder_offset
@@ -177,7 +177,9 @@ class Twin:
         rates = self._data.qvel[self._rates]
         rates = rates + sensors.velocity_noise * self._random.standard_normal(count)
         pairs = zip(angles.tolist(), rates.tolist(), strict=True)
-        return {joint: Crank(*pair) for joint, pair in zip(self.joints, pairs, strict=True)}
+        return {
+            joint: SimulatedCrank(*pair) for joint, pair in zip(self.joints, pairs, strict=True)
+        }
 
     def efforts(self) -> list[float]:
         """Return the torque that each joint's legs take [N m], without what turns the motor."""

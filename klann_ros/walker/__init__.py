@@ -7,33 +7,33 @@ rates of the cranks and back. A `Walker` is what walker_node is around: a `WalkC
 phase lock, what stops it) and an `Odometry` (where it is, and how far that may be off).
 """
 
-from .controller import Level, Settings, WalkController
+from .controller import ControllerSettings, Level, WalkController
 from .feet import Feet, NoWalkerError
-from .figures import walk_figures, WalkFigures
+from .figures import GaitFigures, walk_figures
 from .imu import imu_reading, ImuReading
-from .limits import Limits
+from .limits import MotionLimits
 from .odometry import Errors, Odometer, Odometry
 from .phase_lock import CrankCommand, PhaseLock
-from .steering import Motion, Rates, Steering
+from .steering import Rates, Steering, Twist2D
 from .walker import Walker
 
 __all__ = [
+    'ControllerSettings',
     'CrankCommand',
     'Errors',
     'Feet',
+    'GaitFigures',
     'ImuReading',
     'Level',
-    'Limits',
-    'Motion',
+    'MotionLimits',
     'NoWalkerError',
     'Odometer',
     'Odometry',
     'PhaseLock',
     'Rates',
-    'Settings',
     'Steering',
+    'Twist2D',
     'WalkController',
-    'WalkFigures',
     'Walker',
     'imu_reading',
     'walk_figures',

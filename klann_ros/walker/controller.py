@@ -8,10 +8,10 @@ from functools import lru_cache
 from math import degrees, inf, isfinite
 
 from .feedback import CrankFeedback
-from .limits import Limits
+from .limits import MotionLimits
 from .motion_feedback import GAIN, MotionFeedback
 from .phase_lock import CrankCommand, INTEGRAL, PhaseLock, PROPORTIONAL
-from .steering import Motion, Rates, Steering
+from .steering import Rates, Steering, Twist2D
 from .watchdog import Backlog, SteadyClock, Watchdog
 
 # A crank is blocked if its rate stays below this part of the commanded one for this time [s].
@@ -24,7 +24,7 @@ MAX_GAP = 0.2
 EVENT_TIME = 3.0
 # Events that wait to be logged.
 MAX_EVENTS = 100
-STANDS = Motion(0.0, 0.0)
+STANDS = Twist2D(0.0, 0.0)
 
 
 class Level(Enum):
@@ -37,13 +37,13 @@ class Level(Enum):
 
 
 @dataclass(frozen=True)
-class Settings:
+class ControllerSettings:
     """
-    Settings of the controller.
+    ControllerSettings of the controller.
 
     Attributes
     ----------
-    limits : Limits
+    limits : MotionLimits
         Of its motion.
     cmd_vel_timeout, feedback_timeout : float
         Older commands, and older feedback of any crank, stop it [s].
@@ -58,7 +58,7 @@ class Settings:
 
     """
 
-    limits: Limits = field(default_factory=Limits)
+    limits: MotionLimits = field(default_factory=MotionLimits)
     cmd_vel_timeout: float = 0.5
     feedback_timeout: float = 0.3
     max_gap: float = MAX_GAP
@@ -80,8 +80,8 @@ class WalkController:
     ----------
     steering : Steering
         The walker's.
-    settings : Settings
-        Limits, timeouts and gains.
+    settings : ControllerSettings
+        MotionLimits, timeouts and gains.
     steady : callable, optional
         Returns the time of a clock that always runs [s]; not needed if the control clock does.
 
@@ -89,7 +89,7 @@ class WalkController:
     ----------
     cranks : list of CrankFeedback
         The cranks, in the order of `Feet.joints`.
-    motion : Motion
+    motion : Twist2D
         The motion that the cranks are driven for just now.
     rejected, late, refused : int
         Commands that were not finite, that were too old, and turns that it cannot follow.
@@ -103,7 +103,7 @@ class WalkController:
     """
 
     def __init__(
-        self, steering: Steering, settings: Settings, steady: SteadyClock | None = None
+        self, steering: Steering, settings: ControllerSettings, steady: SteadyClock | None = None
     ) -> None:
         self.steering, self._settings = steering, settings
         feet = steering.feet
@@ -130,12 +130,12 @@ class WalkController:
         self._blocked: list[str] = []
 
     @property
-    def settings(self) -> Settings:
+    def settings(self) -> ControllerSettings:
         """Return limits, timeouts and gains; they can be replaced at any time."""
         return self._settings
 
     @settings.setter
-    def settings(self, settings: Settings) -> None:
+    def settings(self, settings: ControllerSettings) -> None:
         self._settings = settings
         self.lock.tune(**self._gains)
         self.motion_feedback.gain = settings.motion_gain
@@ -184,14 +184,14 @@ class WalkController:
         if delay > self._settings.cmd_vel_timeout:
             self.late += 1
             return f'cmd_vel waited {delay:.1f} s while this process was paused: too late'
-        self._wanted = Motion(linear, angular)
+        self._wanted = Twist2D(linear, angular)
         self._command_age.feed(now, delay)
         if linear == 0.0 and angular == 0.0:
             # A released stick permits another try.
             self._blocked.clear()
         if angular != 0.0 and not self.steering.can_turn:
             self.refused += 1
-            self._wanted = Motion(linear, 0.0)
+            self._wanted = Twist2D(linear, 0.0)
             return 'it cannot turn: its legs share one crank, or all cranks are on one side'
         return ''
 
@@ -243,10 +243,10 @@ class WalkController:
         if gap > self._settings.feedback_timeout:
             self.motion = STANDS
 
-    def measured(self, motion: Motion, seconds: float) -> None:
+    def measured(self, motion: Twist2D, seconds: float) -> None:
         """Take the mean motion of the body over a time [s]."""
         pace = self.lock.rate_scale
-        commanded = Motion(self.motion.linear * pace, self.motion.angular * pace)
+        commanded = Twist2D(self.motion.linear * pace, self.motion.angular * pace)
         self.motion_feedback.measure(commanded, motion, seconds)
 
     @property
@@ -332,7 +332,7 @@ class WalkController:
         self._commanded = [0.0] * len(self.cranks)
         return CrankCommand(tuple(self.positions), tuple(self._commanded))
 
-    def _approach(self, now: float, dt: float) -> Motion:
+    def _approach(self, now: float, dt: float) -> Twist2D:
         aim, self.limits_hit = self._limited(STANDS if self._is_command_old(now) else self._wanted)
         if self.motion != aim:
             self.motion = self._settings.limits.approach(self.motion, aim, dt)
@@ -341,12 +341,12 @@ class WalkController:
     def _is_command_old(self, now: float) -> bool:
         return self._command_age.age(now) > self._settings.cmd_vel_timeout
 
-    def _limit(self, wanted: Motion) -> tuple[Motion, list[str]]:
+    def _limit(self, wanted: Twist2D) -> tuple[Twist2D, list[str]]:
         """Return the motion that is possible, and what limits it."""
         limits = self._settings.limits
         wanted, hit = limits.motion(wanted)
         share, slow = limits.rates(self.steering.rates(wanted))
-        return Motion(wanted.linear * share, wanted.angular * share), hit + slow
+        return Twist2D(wanted.linear * share, wanted.angular * share), hit + slow
 
     def _crank_rates(self, rates: Rates) -> list[float]:
         share, _ = self._settings.limits.rates(rates)

@@ -13,11 +13,11 @@ from klann_ros.robot import Robot
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .leg_cubics import COLUMNS, leg_cubics, SAMPLES
+from .leg_cubics import COLUMNS, CUBIC_SAMPLES, leg_cubics
 
 Array = NDArray[np.float64]
 # Intervals of a leg's cubics in a radian.
-PER_RADIAN = SAMPLES / TURN
+PER_RADIAN = CUBIC_SAMPLES / TURN
 _POWERS = np.arange(4.0)
 _CUBIC = struct.Struct('=4d')
 _INTERVAL = COLUMNS * _CUBIC.size
@@ -226,7 +226,7 @@ class Feet:
             turned = (cranks[crank] * direction + phase) * PER_RADIAN
             whole = floor(turned)
             t = turned - whole
-            begin = whole % SAMPLES * _INTERVAL
+            begin = whole % CUBIC_SAMPLES * _INTERVAL
             x, y, z, rx, ry, mx, my, mz = [
                 a + t * (b + t * (c + t * d))
                 for a, b, c, d in _CUBIC.iter_unpack(cubics[slice(begin, begin + _INTERVAL)])
@@ -242,5 +242,5 @@ class Feet:
         turned = (angles * self._directions + self._phases) * PER_RADIAN
         whole = np.floor(turned)
         powers = (turned - whole)[..., None] ** _POWERS
-        cubic = self._cubics[self._which, whole.astype(np.int64) % SAMPLES]
+        cubic = self._cubics[self._which, whole.astype(np.int64) % CUBIC_SAMPLES]
         return np.asarray((cubic @ powers[..., None])[..., 0], dtype=np.float64)

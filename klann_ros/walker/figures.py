@@ -14,13 +14,13 @@ from .slip import moved, standing
 from .support import Support, supports, to_polygon
 
 Array = NDArray[np.float64]
-SAMPLES = 720
+TURN_SAMPLES = 720
 # A walker that rests for less of a turn is unstable.
 MIN_RESTS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class WalkFigures:
+class GaitFigures:
     """
     A turn of a walker whose cranks turn alike, forwards, on level ground.
 
@@ -126,7 +126,9 @@ class WalkFigures:
         return {tuple(names[groups[k]]): float(counts[k]) / len(self.alphas) for k in order}
 
 
-def walk_figures(robot: Robot, *, foot_radius: float = 0.0, samples: int = SAMPLES) -> WalkFigures:
+def walk_figures(
+    robot: Robot, *, foot_radius: float = 0.0, samples: int = TURN_SAMPLES
+) -> GaitFigures:
     """
     Return what a walker does over a turn of its cranks.
 
@@ -155,7 +157,7 @@ def walk_figures(robot: Robot, *, foot_radius: float = 0.0, samples: int = SAMPL
     margin = [rest.margin if rest else -to_polygon(points, centre) for points, centre, rest in at]
     attitudes = [(r.height, r.roll, r.pitch) if r else (np.nan,) * 3 for r in rests[:-1]]
     height, roll, pitch = np.array(attitudes, dtype=np.float64).T
-    return WalkFigures(
+    return GaitFigures(
         legs=tuple(leg.name or str(i) for i, leg in enumerate(robot.legs)),
         alphas=alphas[:-1],
         loads=loads,

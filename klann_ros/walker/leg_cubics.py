@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 # Angles a turn between which a cubic is within 1e-9 of a leg's size.
-SAMPLES = 720
+CUBIC_SAMPLES = 720
 # Foot (3), rolling (2), centre of mass (3).
 COLUMNS = 8
 
 
 def leg_cubics(leg: RobotLeg, radius: float) -> Array:
     """
-    Return a leg's turn in base_link, shape (SAMPLES, COLUMNS, 4).
+    Return a leg's turn in base_link, shape (CUBIC_SAMPLES, COLUMNS, 4).
 
     By interval, by column, by power: a + b t + c t^2 + d t^3 for t from 0 to 1 in the interval.
 
@@ -27,9 +27,9 @@ def leg_cubics(leg: RobotLeg, radius: float) -> Array:
         Of its foot, a ball around the linkage's foot [m].
 
     """
-    moving = body_motion(leg.linkage, np.arange(SAMPLES) * (TURN / SAMPLES))
+    moving = body_motion(leg.linkage, np.arange(CUBIC_SAMPLES) * (TURN / CUBIC_SAMPLES))
     at, at_1 = (_columns(leg, moving, radius, order) for order in (0, 1))
-    step = TURN / SAMPLES
+    step = TURN / CUBIC_SAMPLES
     p, q = at, np.roll(at, -1, axis=0)
     v, w = at_1 * step, np.roll(at_1, -1, axis=0) * step
     return np.stack([p, v, 3.0 * (q - p) - 2.0 * v - w, 2.0 * (p - q) + v + w], axis=-1)

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from math import inf
 
-from .steering import Motion, Rates
+from .steering import Rates, Twist2D
 
 
 @dataclass(frozen=True)
-class Limits:
+class MotionLimits:
     """
     What a walker may do.
 
@@ -31,7 +31,7 @@ class Limits:
     max_curvature: float = inf
     max_crank_rate: float = 3.0
 
-    def motion(self, wanted: Motion) -> tuple[Motion, list[str]]:
+    def motion(self, wanted: Twist2D) -> tuple[Twist2D, list[str]]:
         """Return the motion that is allowed, on the same path, and what limits it."""
         hit = []
         linear, angular = wanted
@@ -47,7 +47,7 @@ class Limits:
             if abs(value) > most:
                 hit.append(name)
                 share = min(share, most / abs(value))
-        return Motion(linear * share, angular * share), hit
+        return Twist2D(linear * share, angular * share), hit
 
     def rates(self, wanted: Rates) -> tuple[float, list[str]]:
         """Return which part of these rates the cranks can have, and what limits them."""
@@ -56,7 +56,7 @@ class Limits:
             return 1.0, []
         return self.max_crank_rate / fastest, ['max_crank_rate']
 
-    def approach(self, now: Motion, wanted: Motion, dt: float) -> Motion:
+    def approach(self, now: Twist2D, wanted: Twist2D, dt: float) -> Twist2D:
         """Return the motion after a time; both parts approach the command in proportion."""
         linear, angular = wanted.linear - now.linear, wanted.angular - now.angular
         share = min(
@@ -64,4 +64,4 @@ class Limits:
             self.max_linear_acceleration * dt / abs(linear) if linear else 1.0,
             self.max_angular_acceleration * dt / abs(angular) if angular else 1.0,
         )
-        return Motion(now.linear + share * linear, now.angular + share * angular)
+        return Twist2D(now.linear + share * linear, now.angular + share * angular)

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 POINTS = 4096
 GOLDEN = (5.0**0.5 - 1.0) / 2.0
 # Of derivatives [rad].
-STEP = 1e-5
+PHASE_STEP = 1e-5
 # Largest slope of a facet, and the tolerance of an edge.
 UPRIGHT, ROUNDING = 1e-6, 1e-9
 
@@ -60,7 +60,8 @@ class PhasePoses:
         flat = level(cranks)
         self._arms = np.stack([-flat[..., 1], flat[..., 0]], axis=-1)
         self._slopes = [
-            (level(cranks + STEP * each) - level(cranks - STEP * each)) / (2.0 * STEP)
+            (level(cranks + PHASE_STEP * each) - level(cranks - PHASE_STEP * each))
+            / (2.0 * PHASE_STEP)
             for each in (left, right)
         ]
         self._loads = loads[rests]

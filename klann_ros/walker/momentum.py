@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 from klann_ros.dynamics import GRAVITY
 
-from .slip import Flat, InertiaPrior, low_pass, Standing, Step, step, turned
+from .slip import BodyStep, Flat, InertiaPrior, low_pass, Standing, step, turned
 from .support import Point
 
 # Default friction coefficient, which is unknown: between wet tile and rubber on concrete.
@@ -44,7 +44,7 @@ STARTUP_TIME = 0.2
 # Averaging time of the innovation [s].
 CORRECTING = 1.0
 # After a longer step the velocity is unknown [s].
-LONGEST = 0.1
+MAX_STEP_TIME = 0.1
 
 
 class ImuIncrement(NamedTuple):
@@ -113,7 +113,7 @@ class Momentum:
         height: float,
         seconds: float,
         measured: ImuIncrement,
-    ) -> Step:
+    ) -> BodyStep:
         """
         Return how the body moves from pose to pose.
 
@@ -129,9 +129,9 @@ class Momentum:
             The measurements.
 
         """
-        if seconds > LONGEST:
+        if seconds > MAX_STEP_TIME:
             self.stop()
-        seconds = min(seconds, LONGEST)
+        seconds = min(seconds, MAX_STEP_TIME)
         self._going += seconds
         if self._going < STARTUP_TIME:
             measured = measured._replace(push=None)

@@ -14,7 +14,7 @@ walker hardly turns. Straight on both sides keep one rate, and so the phases of 
 
 from functools import lru_cache
 
-from .steering import Motion, Rates, Steering
+from .steering import Rates, Steering, Twist2D
 
 # The largest part of its rate by which a side is corrected.
 MAX_SHARE = 0.5
@@ -23,7 +23,7 @@ MAX_WINDUP = 6.0
 # A measurement over a longer time is not used [s].
 MAX_INTERVAL = 0.1
 GAIN = 0.5  # [1/s]
-NO_MOTION = Motion(0.0, 0.0)
+NO_MOTION = Twist2D(0.0, 0.0)
 
 
 class MotionFeedback:
@@ -39,7 +39,7 @@ class MotionFeedback:
 
     Attributes
     ----------
-    lag : Motion
+    lag : Twist2D
         The integral of commanded minus measured motion [m, rad].
 
     """
@@ -53,7 +53,7 @@ class MotionFeedback:
         """Forget the lag."""
         self.lag = NO_MOTION
 
-    def measure(self, commanded: Motion, measured: Motion, seconds: float) -> None:
+    def measure(self, commanded: Twist2D, measured: Twist2D, seconds: float) -> None:
         """Add what the motion was short of for a time [s]."""
         if not (self.gain and 0.0 < seconds <= MAX_INTERVAL):
             return
@@ -62,9 +62,9 @@ class MotionFeedback:
             return
         linear = self.lag.linear + (commanded.linear - measured.linear) * seconds
         angular = self.lag.angular + (commanded.angular - measured.angular) * seconds
-        self.lag = Motion(linear, angular if commanded.angular else 0.0)
+        self.lag = Twist2D(linear, angular if commanded.angular else 0.0)
 
-    def rates(self, commanded: Motion) -> Rates:
+    def rates(self, commanded: Twist2D) -> Rates:
         """Return the rates of the sides for a command, with what makes up the lag."""
         if commanded == NO_MOTION:
             return Rates(0.0, 0.0)
@@ -74,9 +74,9 @@ class MotionFeedback:
         most = MAX_WINDUP * MAX_SHARE * max(map(abs, nominal))
         rate = self.gain * max(map(abs, self._steering.rates(self.lag)))
         if rate > most:
-            self.lag = Motion(*(each * most / rate for each in self.lag))
+            self.lag = Twist2D(*(each * most / rate for each in self.lag))
         linear, angular = (c + self.gain * e for c, e in zip(commanded, self.lag, strict=True))
-        corrected = self._steering.rates(Motion(linear, angular))
+        corrected = self._steering.rates(Twist2D(linear, angular))
         share = min(map(_possible_share, nominal, corrected))
         return Rates(*(n + share * (c - n) for n, c in zip(nominal, corrected, strict=True)))
 

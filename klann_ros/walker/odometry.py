@@ -26,8 +26,8 @@ from klann_ros.kinematics.angles import TURN
 from .accelerometer import Accelerometer
 from .feet import Feet
 from .imu import ImuReading, Triple
-from .momentum import ImuIncrement, LONGEST, Momentum
-from .slip import Flat, Standing, standing, Step
+from .momentum import ImuIncrement, MAX_STEP_TIME, Momentum
+from .slip import BodyStep, Flat, Standing, standing
 from .slope import Slope
 from .support import Support, support
 
@@ -38,7 +38,7 @@ LONGEST_STEP, MOST_STEPS = 0.05, 500
 # and by that one where it is felt as well what its velocity changes by.
 SLIP_SCALE_WITH_GYRO, SLIP_SCALE_WITH_ACCEL = 0.5, 0.3
 # Within this time angles that are summed up of rates follow the orientation of the IMU [s].
-SETTLE = 0.5
+COMPLEMENTARY_FILTER_TIME = 0.5
 # Within this a body without one tips onto other feet [s].
 TILT_TIME_CONSTANT = 0.03
 # Within this angles that are summed up of the cranks' rates follow their encoders [s], ...
@@ -169,12 +169,16 @@ class Odometry:
         dt = max(0.0, reading.at - last.at)
         self.accelerometer.read(last, reading)
         # Over a longer silence a rate tells nothing.
-        turned = (reading.yaw_rate + last.yaw_rate) / 2.0 * dt if dt < SETTLE else 0.0
+        turned = (
+            (reading.yaw_rate + last.yaw_rate) / 2.0 * dt
+            if dt < COMPLEMENTARY_FILTER_TIME
+            else 0.0
+        )
         if reading.yaw is not None:
             heading = reading.yaw if self._heading is None else self._heading + turned
             away = (reading.yaw - heading + pi) % TURN - pi
-            turned += min(1.0, dt / SETTLE) * away
-            self._heading = heading + min(1.0, dt / SETTLE) * away
+            turned += min(1.0, dt / COMPLEMENTARY_FILTER_TIME) * away
+            self._heading = heading + min(1.0, dt / COMPLEMENTARY_FILTER_TIME) * away
         self._turned += turned
         self._lean(last, reading, dt)
 
@@ -184,10 +188,10 @@ class Odometry:
             self._attitude_imu = None
             return
         roll, pitch = self._attitude_imu or (reading.roll, reading.pitch)
-        if dt < SETTLE:
+        if dt < COMPLEMENTARY_FILTER_TIME:
             roll += (reading.roll_rate + last.roll_rate) / 2.0 * dt
             pitch += (reading.pitch_rate + last.pitch_rate) / 2.0 * dt
-        share = min(1.0, dt / SETTLE)
+        share = min(1.0, dt / COMPLEMENTARY_FILTER_TIME)
         over = (reading.roll - roll + pi) % TURN - pi
         self._attitude_imu = roll + share * over, pitch + share * (reading.pitch - pitch)
 
@@ -239,7 +243,7 @@ class Odometry:
             seconds = along / sum(map(mul, rates, rates)) if along > 0.0 else inf
         push = self._delta_velocity(rates, seconds * steps)
         each = push and (push[0] / steps, push[1] / steps)
-        last = Step(0.0, 0.0, 0.0, 0.0)
+        last = BodyStep(0.0, 0.0, 0.0, 0.0)
         for k in range(1, steps + 1):
             share = k / steps
             at = [was + share * by for was, by in zip(before, turned, strict=True)]
@@ -265,22 +269,22 @@ class Odometry:
 
     def _follow(
         self, angles: Sequence[float], yaw: float | None, seconds: float, push: Flat | None
-    ) -> Step:
+    ) -> BodyStep:
         feet, rolled, centre = self._feet.pose(angles)
         last, self.rest = self.rest, support(feet, centre, self.rest and self.rest.triple)
         before = self._pose
         if self.rest is None:
             self._pose = None
             self._momentum.stop()
-            return Step(0.0, 0.0, 0.0, 0.0)
+            return BodyStep(0.0, 0.0, 0.0, 0.0)
         attitude = self._lying(self.rest, seconds)
         if self._attitude_imu is not None:
             roll, pitch = attitude[0] - self.rest.roll, attitude[1] - self.rest.pitch
-            self._slope.learn(roll, pitch, min(seconds, LONGEST))
+            self._slope.learn(roll, pitch, min(seconds, MAX_STEP_TIME))
         self._pose = standing(feet, rolled, self.rest, attitude, centre)
         if before is None or last is None:
             self._momentum.stop()
-            return Step(0.0, 0.0, 0.0, 0.0)
+            return BodyStep(0.0, 0.0, 0.0, 0.0)
         height = self.rest.height + sum(map(mul, self.rest.normal, centre))
         measured = ImuIncrement(yaw, self._slope.pull, push)
         step = self._momentum.step(before, self._pose, height, seconds, measured)
@@ -303,7 +307,7 @@ class Odometry:
             )
         return self._attitude
 
-    def _add(self, step: Step, *, measured: bool, has_accelerometer: bool) -> None:
+    def _add(self, step: BodyStep, *, measured: bool, has_accelerometer: bool) -> None:
         middle = self._yaw + step.yaw / 2.0
         c, s = cos(middle), sin(middle)
         dx, dy = c * step.x - s * step.y, s * step.x + c * step.y
@@ -351,7 +355,7 @@ class Odometry:
         own = yaw * yaw + (self._imu_variance or 0.0)
         return (xx, xy, x[3] * yaw), (xy, yy, y[3] * yaw), (x[3] * yaw, y[3] * yaw, own)
 
-    def _estimate(self, step: Step, seconds: float) -> Odometer:
+    def _estimate(self, step: BodyStep, seconds: float) -> Odometer:
         rest, imu, errors = self.rest, self._imu, self.errors
         linear = (step.x / seconds, step.y / seconds)
         slides = step.slid / seconds

@@ -26,14 +26,14 @@ Flat = tuple[float, float]
 Entry = tuple[float, float, float, float, float]
 NOTHING = (0.0,) * 7
 # Relative round-off threshold.
-ROUNDING = 1e-12
+ROUNDOFF = 1e-12
 # Relative tolerance of the iteration, and its limit.
 ITERATIONS, CHANGE = 12, 1e-5
 # Feet that slide by less than this part of the longest step hold.
 HOLDS = 1e-3
 
 
-class Step(NamedTuple):
+class BodyStep(NamedTuple):
     """
     How a body has moved over the ground, in base_link's directions before.
 
@@ -117,7 +117,7 @@ def standing(
     return Standing(rest, flat, middle)
 
 
-def moved(before: Standing, after: Standing) -> Step:
+def moved(before: Standing, after: Standing) -> BodyStep:
     """Return how a body moves from pose to pose."""
     loads = dict.fromkeys((*before.rest.feet, *after.rest.feet), 0.0)
     for rest in (before.rest, after.rest):
@@ -132,7 +132,7 @@ def step(
     loads: Sequence[float],
     yaw: float | None = None,
     inertia: InertiaPrior | None = None,
-) -> Step:
+) -> BodyStep:
     """
     Return how a body moves while its feet move in it.
 
@@ -152,7 +152,7 @@ def step(
     scale = max([abs(dx) + abs(dy) for dx, dy, *_ in feet], default=0.0)
     if inertia is None:
         if scale == 0.0:
-            return Step(0.0, 0.0, 0.0, 0.0)
+            return BodyStep(0.0, 0.0, 0.0, 0.0)
         x, y, turn = _balance(feet, (0.0, 0.0, 0.0), None, NOTHING, yaw)
         least = (HOLDS * scale) ** 2
         free = NOTHING
@@ -191,7 +191,7 @@ def step(
             for dx, dy, jx, jy, load in feet
         ]
     )
-    return Step(x, y, turn, slid)
+    return BodyStep(x, y, turn, slid)
 
 
 def turned(vector: Flat, angle: float) -> Flat:
@@ -244,6 +244,6 @@ def _balance(
     if yaw is None:
         below = sjj - (sjx * sjx + sjy * sjy) / whole
         # Coincident points define no rotation.
-        is_wide = below > ROUNDING * sjj
+        is_wide = below > ROUNDOFF * sjj
         yaw = ((sjx * sx + sjy * sy) / whole - sjd) / below if is_wide else 0.0
     return -(sx + yaw * sjx) / whole, -(sy + yaw * sjy) / whole, yaw

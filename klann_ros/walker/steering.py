@@ -32,7 +32,7 @@ STRAIGHT_POINTS = 720
 MIRRORED = 1e-5
 
 
-class Motion(NamedTuple):
+class Twist2D(NamedTuple):
     """
     How a body moves.
 
@@ -68,7 +68,7 @@ class _Ray(NamedTuple):
     """The motion at one ratio of rates."""
 
     rates: Rates
-    motion: Motion
+    motion: Twist2D
 
 
 class Steering:
@@ -129,19 +129,19 @@ class Steering:
         sides = [(left, of_leg > 0.0), (right, of_leg < 0.0)]
         return are_mirrored(feet, sides, MIRRORED * feet.reach)
 
-    def motion(self, rates: Rates) -> Motion:
+    def motion(self, rates: Rates) -> Twist2D:
         """Return how the body moves at rates of the sides."""
         if rates.left == rates.right or not self.can_turn:
-            return Motion(self.speed * (rates.left + rates.right) / 2.0, 0.0)
+            return Twist2D(self.speed * (rates.left + rates.right) / 2.0, 0.0)
         for a, b in self._cones:
             shares = _shares(rates, a.rates, b.rates)
             if shares is not None:
                 p, q = shares
                 linear = p * a.motion.linear + q * b.motion.linear
-                return Motion(linear, p * a.motion.angular + q * b.motion.angular)
-        return Motion(0.0, 0.0)
+                return Twist2D(linear, p * a.motion.angular + q * b.motion.angular)
+        return Twist2D(0.0, 0.0)
 
-    def rates(self, wanted: Motion) -> Rates:
+    def rates(self, wanted: Twist2D) -> Rates:
         """Return the rates of the sides for a motion; a walker that cannot turn does not."""
         if abs(wanted.angular) < MIN_YAW_RATE or not self.can_turn:
             rate = wanted.linear / self.speed
@@ -158,7 +158,7 @@ class Steering:
     def _cones(self) -> list[tuple[_Ray, _Ray]]:
         """Return neighbouring ratios, all around."""
         rays = self._rays
-        back = [_Ray(Rates(-r.left, -r.right), Motion(-m.linear, -m.angular)) for r, m in rays]
+        back = [_Ray(Rates(-r.left, -r.right), Twist2D(-m.linear, -m.angular)) for r, m in rays]
         return list(pairwise([*rays, *back, rays[0]]))
 
     @cached_property
@@ -172,9 +172,9 @@ class Steering:
         for k, (left, right) in enumerate(RATIOS):
             if self.is_mirrored and k > middle:
                 linear, angular = rays[2 * middle - k].motion
-                motion = Motion(-linear, angular)
+                motion = Twist2D(-linear, angular)
             else:
-                motion = Motion(*poses.mean(left, right))
+                motion = Twist2D(*poses.mean(left, right))
                 if self.is_mirrored and k == 0:
                     motion = motion._replace(angular=0.0)
                 if self.is_mirrored and k == middle:

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from math import inf, nan
 
-from .controller import Level, Settings, WalkController
+from .controller import ControllerSettings, Level, WalkController
 from .imu import ImuReading
 from .odometry import Errors, Odometer, Odometry
-from .steering import Motion, Steering
+from .steering import Steering, Twist2D
 from .watchdog import SteadyClock, Watchdog
 
 
@@ -18,7 +18,7 @@ class Walker:
     ----------
     steering : Steering
         What its cranks make of it.
-    settings : Settings, optional
+    settings : ControllerSettings, optional
         How it is controlled.
     errors : Errors, optional
         How far its odometry may be off.
@@ -41,14 +41,14 @@ class Walker:
     def __init__(
         self,
         steering: Steering,
-        settings: Settings | None = None,
+        settings: ControllerSettings | None = None,
         errors: Errors | None = None,
         *,
         imu_timeout: float = 0.5,
         steady: SteadyClock | None = None,
     ) -> None:
         self.feet = steering.feet
-        self.controller = WalkController(steering, settings or Settings(), steady)
+        self.controller = WalkController(steering, settings or ControllerSettings(), steady)
         self.odometry = Odometry(self.feet, errors)
         self._imu_timeout = imu_timeout
         self._imu_age = Watchdog(steady)
@@ -91,7 +91,7 @@ class Walker:
         seconds = 0.0 if self._at is None else at - self._at
         self._at = at
         found = self.odometry.update(controller.positions, controller.velocities, seconds)
-        controller.measured(Motion(found.linear[0], found.angular), seconds)
+        controller.measured(Twist2D(found.linear[0], found.angular), seconds)
         return found
 
     def verdict(self, now: float) -> tuple[Level, str]:

@@ -6,9 +6,9 @@ from html import escape
 from klann_ros.sanitize.text import printable
 
 # Shown for an unknown number.
-UNKNOWN = '\N{EN DASH}'
+UNKNOWN_NUMBER = '\N{EN DASH}'
 # Longer texts are cut.
-_LONGEST = 20_000
+_MAX_TEXT = 20_000
 # Elements without content, and without an end.
 _VOID = frozenset({'input', 'link', 'meta', 'br'})
 
@@ -47,14 +47,14 @@ def joined(content: Iterable[str]) -> Markup:
 
 def _escaped(text: str) -> str:
     # Marks that turn a line's direction would do that to what stands beside it.
-    return text if isinstance(text, Markup) else escape(printable(text, _LONGEST))
+    return text if isinstance(text, Markup) else escape(printable(text, _MAX_TEXT))
 
 
 def _attribute(key: str, value: str | float | bool) -> str:
     if value is False:
         return ''
     name = key.rstrip('_').replace('_', '-')
-    return f' {name}' if value is True else f' {name}="{escape(printable(value, _LONGEST))}"'
+    return f' {name}' if value is True else f' {name}="{escape(printable(value, _MAX_TEXT))}"'
 
 
 def scrolling_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:

@@ -1,7 +1,7 @@
 """The rules of the live page, each without a server: who, what, how often, how long."""
 
 from klann_ros.kinematics import KlannGeometry, KlannLeg
-from klann_ros.live.drive import crank_at, CrankDrive, DriveError, PATIENCE, WalkDrive
+from klann_ros.live.drive import CLIENT_TIMEOUT, crank_at, CrankDrive, DriveError, WalkDrive
 from klann_ros.live.guard import ForbiddenError, Guard, new_token
 from klann_ros.live.legs import (
     assumed_solver,
@@ -11,7 +11,7 @@ from klann_ros.live.legs import (
     solver_of,
 )
 from klann_ros.live.protocol import Command, parsed, RateLimit
-from klann_ros.live.rates import TopicFigures
+from klann_ros.live.rates import TopicRate
 from klann_ros.live.status_text import recorded, status_text
 from klann_ros.log.run_parameters import (
     replayed_solvers,
@@ -110,15 +110,15 @@ def test_what_a_page_says_is_understood() -> None:
 
 def test_a_drive_is_lost_within_half_a_second_of_silence() -> None:
     # The thread that asks rests for 50 ms at most.
-    assert PATIENCE + 0.05 < 0.5
+    assert CLIENT_TIMEOUT + 0.05 < 0.5
     for drive in (CrankDrive(), WalkDrive()):
         assert not drive.is_lost(1e9)
         if isinstance(drive, CrankDrive):
             drive.take(7, 100.0, 1.0)
         else:
             drive.take(7, 100.0)
-        assert not drive.is_lost(100.0 + PATIENCE)
-        assert drive.is_lost(100.0 + PATIENCE + 1e-6)
+        assert not drive.is_lost(100.0 + CLIENT_TIMEOUT)
+        assert drive.is_lost(100.0 + CLIENT_TIMEOUT + 1e-6)
         drive.alive_at = 101.0
         assert not drive.is_lost(101.2)
 
@@ -248,7 +248,7 @@ def test_a_pose_is_found_in_a_joint_state_or_not_at_all() -> None:
 
 def test_a_topic_knows_its_rate_and_its_losses() -> None:
     now = 0.0
-    figures = TopicFigures(clock=lambda: now)
+    figures = TopicRate(clock=lambda: now)
     figures.publishers = 1
     assert (figures.rate(), figures.silence()) == (0.0, None)
     for number in range(1, 301):

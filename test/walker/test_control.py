@@ -8,13 +8,13 @@ from random import Random
 from hypothesis import given, settings, strategies as st
 from klann_ros.robot import robot_of
 from klann_ros.walker import (
+    ControllerSettings,
     Feet,
     Level,
-    Limits,
-    Motion,
+    MotionLimits,
     Rates,
-    Settings,
     Steering,
+    Twist2D,
     walk_figures,
     WalkController,
 )
@@ -35,7 +35,7 @@ class Bench:
     """A controller with motors; each turns at a factor of its commanded rate."""
 
     def __init__(self, steering: Steering, factors: list[float], **changes: object) -> None:
-        self.control = WalkController(steering, Settings(**changes))  # type: ignore[arg-type]
+        self.control = WalkController(steering, ControllerSettings(**changes))  # type: ignore[arg-type]
         self.factors = factors
         self.positions = [0.0] * len(factors)
         self.rates = [0.0] * len(factors)
@@ -113,7 +113,7 @@ class Bench:
 def test_the_way_back_from_rates_to_a_motion_is_exact(
     steering: Steering, linear: float, angular: float
 ) -> None:
-    wanted = Motion(linear, angular)
+    wanted = Twist2D(linear, angular)
     assert steering.motion(steering.rates(wanted)) == pytest.approx(wanted, abs=1e-9)
 
 
@@ -121,8 +121,8 @@ def test_the_way_back_from_rates_to_a_motion_is_exact(
 def test_left_and_right_mirror_each_other_and_forwards_and_back(name: str) -> None:
     steering = Steering(Feet(robot_of(str(CONFIG / f'{name}.yaml')), foot_radius=0.004))
     for linear, angular in ((0.1, 0.05), (0.1, 0.01), (0.02, 0.05), (0.0, 0.05)):
-        left, right = (steering.rates(Motion(linear, w)) for w in (angular, -angular))
-        back = steering.rates(Motion(-linear, angular))
+        left, right = (steering.rates(Twist2D(linear, w)) for w in (angular, -angular))
+        back = steering.rates(Twist2D(-linear, angular))
         assert (left.left, left.right) == pytest.approx((right.right, right.left), abs=1e-9)
         assert (left.left, left.right) == pytest.approx((-back.right, -back.left), abs=1e-9)
         assert left.right > left.left
@@ -135,9 +135,9 @@ def test_a_walker_that_is_no_mirror_image_steers_by_its_own_sides() -> None:
     moved = replace(front, mount=replace(front.mount, xyz=(x + 0.1, y + 0.1, z)))
     steering = Steering(Feet(replace(robot, legs=(moved, *others))))
     assert not steering.is_mirrored
-    left, right = (steering.rates(Motion(0.05, w)) for w in (0.02, -0.02))
+    left, right = (steering.rates(Twist2D(0.05, w)) for w in (0.02, -0.02))
     assert abs(left.left - right.right) > 1e-3
-    for wanted in (Motion(0.05, 0.02), Motion(0.05, -0.02)):
+    for wanted in (Twist2D(0.05, 0.02), Twist2D(0.05, -0.02)):
         assert steering.motion(steering.rates(wanted)) == pytest.approx(wanted, abs=1e-9)
 
 
@@ -153,7 +153,7 @@ def test_the_mean_motion_has_converged(two_motors: Feet) -> None:
 
 
 def test_straight_on_both_sides_turn_alike(steering: Steering) -> None:
-    rates = steering.rates(Motion(0.15, 0.0))
+    rates = steering.rates(Twist2D(0.15, 0.0))
     assert rates.left == pytest.approx(rates.right)
     assert rates.left == pytest.approx(0.15 / steering.speed)
     assert steering.motion(Rates(-1.0, -1.0)).linear == pytest.approx(-steering.speed)
@@ -166,11 +166,11 @@ def test_what_a_walker_falls_behind_it_makes_up_within_half_of_its_rates(
     steering: Steering,
 ) -> None:
     feedback = MotionFeedback(steering)
-    wanted = Motion(0.1, 0.05)
+    wanted = Twist2D(0.1, 0.05)
     nominal = steering.rates(wanted)
     assert feedback.rates(wanted) == nominal
     for _ in range(100):
-        feedback.measure(wanted, Motion(0.09, 0.02), 0.01)
+        feedback.measure(wanted, Twist2D(0.09, 0.02), 0.01)
     assert feedback.lag == pytest.approx((0.01, 0.03))
     made_up = steering.motion(feedback.rates(wanted))
     assert made_up.angular > 0.055
@@ -185,8 +185,8 @@ def test_what_a_walker_falls_behind_it_makes_up_within_half_of_its_rates(
     feedback.measure(wanted, STANDS, 0.11)
     assert feedback.lag == STANDS
     # Straight on no lag turns it.
-    feedback.measure(Motion(0.1, 0.0), Motion(0.05, 0.1), 0.1)
-    left, right = feedback.rates(Motion(0.1, 0.0))
+    feedback.measure(Twist2D(0.1, 0.0), Twist2D(0.05, 0.1), 0.1)
+    left, right = feedback.rates(Twist2D(0.1, 0.0))
     assert left == right > 0.1 / steering.speed
 
 
@@ -220,13 +220,13 @@ def test_in_a_curve_the_sides_turn_as_the_curve_needs(steering: Steering) -> Non
     bench = Bench(steering, [1.0, 0.95])
     bench.twist = (0.1, 0.04)
     bench.run(10.0)
-    wanted = bench.control.steering.rates(Motion(0.1, 0.04))
+    wanted = bench.control.steering.rates(Twist2D(0.1, 0.04))
     assert bench.run(10.0).worst < 0.02
     assert bench.rates == pytest.approx(list(wanted), rel=0.02)
 
 
 def test_a_curve_that_is_too_fast_stays_the_same_curve(steering: Steering) -> None:
-    limits = Limits(max_linear=0.1, max_angular=1.0, max_crank_rate=1.0)
+    limits = MotionLimits(max_linear=0.1, max_angular=1.0, max_crank_rate=1.0)
     bench = Bench(steering, [1.0, 1.0], limits=limits)
     bench.twist = (0.4, 0.2)
     bench.run(5.0)
@@ -239,19 +239,19 @@ def test_a_curve_that_is_too_fast_stays_the_same_curve(steering: Steering) -> No
 
 
 def test_speed_changes_no_faster_than_it_may(steering: Steering) -> None:
-    bench = Bench(steering, [1.0, 1.0], limits=Limits(max_linear_acceleration=0.1))
+    bench = Bench(steering, [1.0, 1.0], limits=MotionLimits(max_linear_acceleration=0.1))
     assert bench.run(0.5).control.motion.linear == pytest.approx(0.05, abs=0.003)
-    limits = Limits(max_linear_acceleration=0.1, max_angular_acceleration=0.2)
+    limits = MotionLimits(max_linear_acceleration=0.1, max_angular_acceleration=0.2)
     # The slower one holds both on the same curve.
     changes = [(0.5, 0.1, 0.01, 0.002), (0.1, 0.5, 0.004, 0.02), (-0.001, 0.002, -0.001, 0.002)]
     for linear, angular, *motion in changes:
-        assert limits.approach(STANDS, Motion(linear, angular), 0.1) == pytest.approx(motion)
+        assert limits.approach(STANDS, Twist2D(linear, angular), 0.1) == pytest.approx(motion)
 
 
 def test_the_strictest_limit_counts() -> None:
-    limits = Limits(max_linear=0.1, max_angular=0.2)
+    limits = MotionLimits(max_linear=0.1, max_angular=0.2)
     for wanted, motion in (((0.4, 0.4), (0.1, 0.1)), ((-0.2, 0.8), (-0.05, 0.2))):
-        found, active = limits.motion(Motion(*wanted))
+        found, active = limits.motion(Twist2D(*wanted))
         assert found == pytest.approx(motion)
         assert len(active) == 2
 
@@ -265,7 +265,7 @@ def test_a_rate_that_no_crank_has_is_taken_from_the_angles() -> None:
 
 
 def test_a_curvature_that_is_limited_turns_nobody_on_the_spot() -> None:
-    motion, hit = Limits(max_curvature=2.0).motion(Motion(0.0, 0.2))
+    motion, hit = MotionLimits(max_curvature=2.0).motion(Twist2D(0.0, 0.2))
     assert motion == (0.0, 0.0)
     assert hit == ['max_curvature']
 
@@ -291,7 +291,7 @@ def test_a_command_that_is_old_stops_it(steering: Steering) -> None:
 
 
 def test_a_command_that_comes_late_is_none(steering: Steering) -> None:
-    control = WalkController(steering, Settings())
+    control = WalkController(steering, ControllerSettings())
     assert control.command(0.1, 0.0, 1.0, age=0.49) == ''
     assert 'clocks differ' in control.command(0.1, 0.0, 1.0, age=0.51)
     assert control.late == 1
@@ -312,7 +312,7 @@ def test_a_crank_that_falls_silent_stops_all_and_is_named(steering: Steering) ->
 
 
 def test_before_it_hears_of_every_crank_it_commands_nothing(steering: Steering) -> None:
-    control = WalkController(steering, Settings())
+    control = WalkController(steering, ControllerSettings())
     control.command(0.1, 0.0, 0.0)
     control.feedback({'left_crank': (0.0, 0.0)}, 0.0)
     assert control.step(0.0) is None
@@ -406,11 +406,11 @@ def test_an_angle_that_is_none_is_no_feedback(bad: float) -> None:
 
 
 def test_one_motor_refuses_to_turn_and_walks_on(one_motor: Feet) -> None:
-    control = WalkController(Steering(one_motor), Settings())
+    control = WalkController(Steering(one_motor), ControllerSettings())
     assert control.command(0.1, 0.0, 0.0) == ''
     assert 'it cannot turn: its legs share one crank' in control.command(0.1, 0.2, 0.0)
     assert control.refused == 1
-    assert control.steering.rates(Motion(0.1, 0.2)).left > 0.0
+    assert control.steering.rates(Twist2D(0.1, 0.2)).left > 0.0
 
 
 @pytest.mark.parametrize('linear', [0.15, -0.15])
@@ -460,7 +460,7 @@ def test_feedback_that_stopped_during_a_pause_stops_all(steering: Steering) -> N
 def test_an_error_is_made_up_at_no_more_than_the_commanded_rate(
     steering: Steering, error: float, linear: float
 ) -> None:
-    lock = WalkController(steering, Settings()).lock
+    lock = WalkController(steering, ControllerSettings()).lock
     rate = linear / steering.speed
     lock.reset([0.0, error])
     for _ in range(100):
@@ -476,7 +476,7 @@ def test_a_saturated_rate_does_not_change_the_learned_speed_error(
     steering: Steering, error: float, rate: float
 ) -> None:
     """A crank that stays behind, or ahead, by more than can be made up."""
-    lock = WalkController(steering, Settings()).lock
+    lock = WalkController(steering, ControllerSettings()).lock
     rates = [rate, rate]
     lock.reset([0.0, 0.0])
     for _ in range(200):
@@ -501,7 +501,7 @@ def test_timeouts_pass_while_simulated_time_stands_still(
     steering: Steering, feedback: bool
 ) -> None:
     clock = SteadyClock()
-    control = WalkController(steering, Settings(), clock)
+    control = WalkController(steering, ControllerSettings(), clock)
     readings = dict.fromkeys(('left_crank', 'right_crank'), (0.0, 0.5))
     for k in range(200):
         clock.now += DT
@@ -552,7 +552,7 @@ def test_every_position_offset_above_the_noise_is_reported_once_with_its_size(
 
 def test_settings_change_while_it_walks(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 1.0]).run(3.0)
-    bench.control.settings = Settings(Limits(max_linear=0.05), cmd_vel_timeout=0.1)
+    bench.control.settings = ControllerSettings(MotionLimits(max_linear=0.05), cmd_vel_timeout=0.1)
     assert bench.run(2.0).rates == pytest.approx([0.05 / steering.speed] * 2, rel=0.05)
     bench.commands = False
     assert bench.run(0.5).rates == [0.0, 0.0]

@@ -4,7 +4,7 @@ from math import hypot, inf, nan, pi
 
 from hypothesis import given, settings, strategies as st
 from klann_ros.walker import Feet, imu_reading, ImuReading, Odometer, Odometry, Steering, Walker
-from klann_ros.walker.steering import Motion
+from klann_ros.walker.steering import Twist2D
 import numpy as np
 import pytest
 
@@ -49,7 +49,7 @@ def test_mirrored_rates_are_a_mirrored_walk(two_motors: Feet) -> None:
 
 
 def test_it_turns_as_its_steering_says_from_whichever_phase(two_motors: Feet) -> None:
-    rates = Steering(two_motors).rates(Motion(0.05, 0.1))
+    rates = Steering(two_motors).rates(Twist2D(0.05, 0.1))
     turned = []
     for start in (0.0, 1.6, 3.1, 4.7):
         odometry = Odometry(two_motors)

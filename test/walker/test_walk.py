@@ -7,7 +7,7 @@ from pathlib import Path
 from hypothesis import given, settings, strategies as st
 from klann_ros.kinematics import linkage_poses
 from klann_ros.robot import Robot, robot_of
-from klann_ros.walker import Feet, NoWalkerError, walk_figures, WalkFigures
+from klann_ros.walker import Feet, GaitFigures, NoWalkerError, walk_figures
 from klann_ros.walker.momentum import ImuIncrement, Momentum
 from klann_ros.walker.slip import Standing, step
 from klann_ros.walker.support import gravity_aligned, Support, support
@@ -29,17 +29,17 @@ def feet(six: Robot) -> Feet:
 
 
 @pytest.fixture(scope='module')
-def walk(six: Robot) -> WalkFigures:
+def walk(six: Robot) -> GaitFigures:
     return walk_figures(six)
 
 
-def test_walker6_walks_as_its_stance_predicts(walk: WalkFigures) -> None:
+def test_walker6_walks_as_its_stance_predicts(walk: GaitFigures) -> None:
     # 0.1501 m/s at 1 rad/s is what a generator of its own got by least squares over the stance.
     assert walk.speed == pytest.approx(0.1501, rel=0.015)
     assert walk.stride == pytest.approx(2.0 * pi * walk.speed)
 
 
-def test_walker6_lies_on_its_feet_as_its_file_says(walk: WalkFigures) -> None:
+def test_walker6_lies_on_its_feet_as_its_file_says(walk: GaitFigures) -> None:
     tripods = sum(list(walk.on().values())[:2])
     assert tripods == pytest.approx(0.978, abs=0.001)
     assert walk.rests == 1.0
@@ -55,7 +55,7 @@ def test_walker4_tips_as_its_file_says() -> None:
 
 
 def test_a_walker_is_warned_of_that_walks_backwards_or_hardly_stands(
-    six: Robot, walk: WalkFigures
+    six: Robot, walk: GaitFigures
 ) -> None:
     assert walk.warnings == []
     assert six.body is not None
@@ -70,12 +70,12 @@ def test_a_walker_is_warned_of_that_walks_backwards_or_hardly_stands(
     assert any('walks backwards' in warning for warning in upside_down.warnings)
 
 
-def test_a_symmetric_walker_drives_straight(walk: WalkFigures) -> None:
+def test_a_symmetric_walker_drives_straight(walk: GaitFigures) -> None:
     assert walk.yaw == pytest.approx(0.0, abs=1e-9)
     assert abs(walk.advance[-1, 1]) < 0.005 * walk.stride
 
 
-def test_the_second_half_of_the_turn_mirrors_the_first(walk: WalkFigures) -> None:
+def test_the_second_half_of_the_turn_mirrors_the_first(walk: GaitFigures) -> None:
     half = len(walk.alphas) // 2
     assert np.roll(walk.height, half) == pytest.approx(walk.height, abs=1e-9)
     # All but where it tips over, which is an instant.

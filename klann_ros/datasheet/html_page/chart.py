@@ -12,16 +12,16 @@ Array = NDArray[np.float64]
 WIDTH, HEIGHT = 420.0, 210.0
 LEFT, RIGHT, TOP, BOTTOM = 48.0, 8.0, 10.0, 34.0
 # Points of a line that are drawn.
-_MOST = 361
+_MAX_POINTS = 361
 # Between the labels of the horizontal axis [deg].
 _ANGLE_STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0)
-_COLOURS = 7
+_LINE_COLOURS = 7
 # Samples that are nearer have a step between them [rad].
-_STEP = 1e-6
+_TICK_STEPS = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class ChartLine:
     """A line of a chart: its name, its values, and which of the page's colours it has."""
 
     name: str
@@ -42,7 +42,7 @@ class Chart:
     title: str
     unit: str
     angles: Array
-    lines: Sequence[Line]
+    lines: Sequence[ChartLine]
     text: str
     spans: Sequence[tuple[float, float]] = ()
     limits: Sequence[tuple[str, float]] = ()
@@ -62,7 +62,7 @@ class Chart:
 
     def _legend(self) -> Markup:
         keys = [
-            (line.name, f'colour-{line.colour % _COLOURS}{" dashed" * line.is_dashed}')
+            (line.name, f'colour-{line.colour % _LINE_COLOURS}{" dashed" * line.is_dashed}')
             for line in self.lines
         ]
         keys += [(name, 'limit') for name, _ in self.limits if name]
@@ -110,16 +110,16 @@ class Chart:
         low, high = min([low, *near]), max([high, *near])
         return (low, high) if high > low else (0.0, 1.0)
 
-    def _path(self, frame: '_Frame', line: Line) -> Markup:
-        step = max(1, len(self.angles) // (_MOST - 1))
+    def _path(self, frame: '_Frame', line: ChartLine) -> Markup:
+        step = max(1, len(self.angles) // (_MAX_POINTS - 1))
         indices = np.unique(np.append(np.arange(0, len(self.angles), step), len(self.angles) - 1))
         # Both sides of a step are drawn.
-        before = np.flatnonzero(np.diff(self.angles) < _STEP)
+        before = np.flatnonzero(np.diff(self.angles) < _TICK_STEPS)
         indices = np.union1d(indices, [*before, *before + 1]).astype(int)
         degrees, values = np.degrees(self.angles)[indices].tolist(), line.values[indices].tolist()
         if self._reach == (0.0, 360.0):
             degrees, values = [*degrees, 360.0], [*values, values[0]]
-        gap = 5.0 * (frame.x_1 - frame.x_0) / _MOST
+        gap = 5.0 * (frame.x_1 - frame.x_0) / _MAX_POINTS
         parts, last = [], None
         for x, y in zip(degrees, values, strict=True):
             if y - y != 0.0:
@@ -128,7 +128,7 @@ class Chart:
             pen = 'L' if last is not None and x - last < gap else 'M'
             parts.append(f'{pen}{frame.x(x):.1f} {frame.y(y):.1f}')
             last = x
-        kind = f'curve colour-{line.colour % _COLOURS}{" dashed" * line.is_dashed}'
+        kind = f'curve colour-{line.colour % _LINE_COLOURS}{" dashed" * line.is_dashed}'
         return element('path', d=''.join(parts), class_=kind)
 
     def _cursor(self, frame: '_Frame') -> Markup:

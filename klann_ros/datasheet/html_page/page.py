@@ -15,16 +15,16 @@ import numpy as np
 
 from . import sections
 
-_OWN = Path(__file__).resolve().parent / 'static'
-PARTS = Parts(
+_STATIC_FILES = Path(__file__).resolve().parent / 'static'
+PAGE_PARTS = Parts(
     styles=(
         *FRAME,
         SHARED / 'drawing.css',
         SHARED / 'tables.css',
-        _OWN / 'sheet.css',
+        _STATIC_FILES / 'sheet.css',
     ),
     # In this order: each uses what stands above it.
-    scripts=(SHARED / 'theme.js', SHARED / 'drawing.js', _OWN / 'sheet.js'),
+    scripts=(SHARED / 'theme.js', SHARED / 'drawing.js', _STATIC_FILES / 'sheet.js'),
 )
 # Poses a turn of the animation.
 POSES = 360
@@ -33,17 +33,17 @@ POSES = 360
 def page(sheet: DataSheet) -> str:
     """Return the page of a data sheet."""
     data = [_leg(leg, sheet.speed) for leg in sheet.legs]
-    return Template(text(_OWN / 'page.html')).substitute(
+    return Template(text(_STATIC_FILES / 'page.html')).substitute(
         title=element('title', f'Data sheet of {printable(sheet.name)}'),
-        policy=PARTS.policy(),
-        styles=PARTS.style_elements(),
+        policy=PAGE_PARTS.policy(),
+        styles=PAGE_PARTS.style_elements(),
         header=sections.header(sheet),
         notes=sections.notes(sheet),
         legs=sections.legs(sheet),
         cranks=sections.cranks(sheet),
         walking=sections.walking(sheet),
         data=element('script', as_script(data), id='data', type='application/json'),
-        scripts=PARTS.script_elements(),
+        scripts=PAGE_PARTS.script_elements(),
     )
 
 

@@ -9,7 +9,7 @@ from klann_ros.datasheet.sheet import CrankSheet, DataSheet, LegForces, LegSheet
 from klann_ros.web.markup import element, joined, Markup, scrolling_table
 import numpy as np
 
-from .chart import Chart, grid, Line
+from .chart import Chart, ChartLine, grid
 
 
 def header(sheet: DataSheet) -> Markup:
@@ -141,7 +141,7 @@ def _leg_charts(leg: LegSheet) -> Iterator[Chart]:
     spans = _spans(leg)
     if leg.transmission:
         lines = [
-            Line(each.name, np.degrees(each.angles), number, is_dashed=number > 0)
+            ChartLine(each.name, np.degrees(each.angles), number, is_dashed=number > 0)
             for number, each in enumerate(leg.transmission)
         ]
         text = 'How well the links push each other: 90 deg is best, 0 and 180 deg are in line.'
@@ -155,7 +155,7 @@ def _leg_charts(leg: LegSheet) -> Iterator[Chart]:
 
 def _joint_chart(leg: LegSheet, what: str, forces: LegForces) -> Chart:
     lines = [
-        Line(joint.name, joint.force, number, is_dashed=number % 2 > 0)
+        ChartLine(joint.name, joint.force, number, is_dashed=number % 2 > 0)
         for number, joint in enumerate(forces.joints)
     ]
     text = f'How large the force in each joint is, {what}.'
@@ -176,13 +176,13 @@ def _crank_charts(crank: CrankSheet, sheet: DataSheet, leg: LegSheet | None) -> 
     axis = 'crank angle / deg' if leg else f'angle of {crank.joint} / deg'
     angles, moves = columns[0][1].alphas, leg is not None
     lines = [
-        Line(name, turn.torque, number, is_dashed=name == 'empty' and len(columns) > 1)
+        ChartLine(name, turn.torque, number, is_dashed=name == 'empty' and len(columns) > 1)
         for number, (name, turn) in enumerate(columns)
     ]
     text = 'What keeps the speed, counter-clockwise positive.'
     yield Chart('Torque at the crank', 'N m', angles, lines, text, spans, limits, axis, moves)
     lines = [
-        Line(name, turn.power, number, is_dashed=name == 'empty' and len(columns) > 1)
+        ChartLine(name, turn.power, number, is_dashed=name == 'empty' and len(columns) > 1)
         for number, (name, turn) in enumerate(columns)
     ]
     text = 'Negative where the leg drives the motor.'
@@ -248,7 +248,7 @@ def walking(sheet: DataSheet) -> Markup:
         'Static margin',
         'mm',
         walk.alphas,
-        [Line('margin', 1e3 * walk.margin)],
+        [ChartLine('margin', 1e3 * walk.margin)],
         'How far the centre of mass is inside the feet that stand; negative is outside.',
         axis=axis,
         moves=False,
@@ -257,7 +257,7 @@ def walking(sheet: DataSheet) -> Markup:
         'Height of the body',
         'mm',
         walk.alphas,
-        [Line('above its mean', 1e3 * (walk.height - np.nanmean(walk.height)))],
+        [ChartLine('above its mean', 1e3 * (walk.height - np.nanmean(walk.height)))],
         'How the body goes up and down, from its mean.',
         axis=axis,
         moves=False,

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 # Time for a subscriber to match the publisher once the publisher knows of it, and for a driver's
 # lease to be heard before the first message [s].
-SETTLE = 0.3
+DISCOVERY_TIME = 0.3
 # A node that was stopped for longer than this goes on from where it was, without a burst [s].
 LONGEST_CATCH_UP = 0.5
 # After a driver has left elsewhere: how fast a motion within bounds returns to them [rad/s].
@@ -122,7 +122,7 @@ class CrankNode(Node):
         if is_alone or self._is_driven:
             self._begin = None
         elif self._begin is None:
-            self._begin = now + Duration(seconds=SETTLE)
+            self._begin = now + Duration(seconds=DISCOVERY_TIME)
         if self._begin is not None and now >= self._begin:
             self._waiting.cancel()
             self._begin = now

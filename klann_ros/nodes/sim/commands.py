@@ -14,7 +14,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 # How often a complaint about commands is logged at most [s].
-THROTTLE = 2.0
+WARNING_PERIOD = 2.0
 
 
 class CrankCommands:
@@ -83,7 +83,7 @@ class CrankCommands:
         except ValueError as error:
             self.counts['rejected'] += 1
             what = f'{self.topic} is rejected: {error}'
-            self._node.get_logger().warning(what, throttle_duration_sec=THROTTLE)
+            self._node.get_logger().warning(what, throttle_duration_sec=WARNING_PERIOD)
             return
         for joint, velocity in asked.items():
             self._last[joint] = self._now()

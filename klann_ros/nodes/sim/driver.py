@@ -11,7 +11,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 # Between two commands [s].
-PERIOD = 0.1
+COMMAND_PERIOD = 0.1
 # A walker stands for this time first: it learns the bias of its accelerometer [s].
 STANDS = 2.0
 
@@ -42,7 +42,9 @@ class Driver:
         # Without a stamp it is as old as its arrival.
         self._command = TwistStamped()
         self._command.twist.linear.x = linear
-        node.create_timer(PERIOD, self._send, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(
+            COMMAND_PERIOD, self._send, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
 
     def _send(self) -> None:
         if not self._node.count_publishers(self._cranks):

@@ -21,7 +21,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.time import Time
 
-from .commands import as_values, CrankCommands, THROTTLE
+from .commands import as_values, CrankCommands, WARNING_PERIOD
 from .declarations import DRIVES, floor, motors, OUTPUT, PARAMETERS, READINGS, sensors, WORLD
 from .driver import Driver
 from .outputs import RobotOutputs
@@ -110,7 +110,7 @@ class SimNode(Node):
                 self._twin.step((self._tick - self._first) * self._period)
             except DivergedError as error:
                 self._astray = f'{error}; the robot is put back to its start'
-                self.get_logger().error(self._astray, throttle_duration_sec=THROTTLE)
+                self.get_logger().error(self._astray, throttle_duration_sec=WARNING_PERIOD)
                 self._reset()
             self._outputs.publish(self._stamp())
 

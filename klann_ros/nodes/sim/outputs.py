@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from builtin_interfaces.msg import Time
 from klann_ros.nodes.endpoints import create_publisher
-from klann_ros.twin import Crank, Imu, Sensors, Truth, Twin
+from klann_ros.twin import Imu, Sensors, SimulatedCrank, Truth, Twin
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
@@ -58,7 +58,7 @@ class RobotOutputs:
         self._publish_imu(self._twin.imu())
         self._publish_truth(self._twin.truth())
 
-    def _publish_cranks(self, cranks: Sequence[Crank]) -> None:
+    def _publish_cranks(self, cranks: Sequence[SimulatedCrank]) -> None:
         self._crank.position = array('d', [crank.position for crank in cranks])
         self._crank.velocity = array('d', [crank.velocity for crank in cranks])
         # A walker's would carry its weight, and be held against the masses of its legs alone.

@@ -32,7 +32,7 @@ from klann_ros.sanitize.text import printable
 MOST_NAMES, LONGEST_NAME = 5, 40
 _FLOAT64 = {code: struct.Struct(f'{order}d') for code, order in ORDERS.items()}
 # Written little-endian, as on every machine that ROS 2 supports.
-_HEADER = b'\0\1\0\0'
+_CDR_HEADER = b'\0\1\0\0'
 
 
 class JointReading(NamedTuple):
@@ -176,9 +176,9 @@ class JointStateTemplate:
         """Return the message; there are as many velocities as names, or none."""
         if velocities:
             return self._with.pack(
-                _HEADER, sec, nanosec, self._head, *positions, self._middle, *velocities
+                _CDR_HEADER, sec, nanosec, self._head, *positions, self._middle, *velocities
             )
-        return self._without.pack(_HEADER, sec, nanosec, self._head, *positions)
+        return self._without.pack(_CDR_HEADER, sec, nanosec, self._head, *positions)
 
 
 class PointTemplate:
@@ -192,7 +192,7 @@ class PointTemplate:
 
     def fill(self, sec: int, nanosec: int, x: float, y: float) -> bytes:
         """Return the message."""
-        return self._layout.pack(_HEADER, sec, nanosec, self._head, x, y)
+        return self._layout.pack(_CDR_HEADER, sec, nanosec, self._head, x, y)
 
 
 class TwistTemplate(PointTemplate):

@@ -29,10 +29,10 @@ class BadMessageError(KinematicsError):
     """A message that holds no crank angle; the text says why."""
 
 
-class Crank(NamedTuple):
+class CrankInput(NamedTuple):
     """A crank at a moment."""
 
-    # Crank angle [rad].
+    # CrankInput angle [rad].
     alpha: float
     # Its rate [rad/s]; None where it is not known.
     rate: float | None
@@ -64,7 +64,7 @@ class CrankInputs:
         self,
         node: Node,
         joints: Sequence[str],
-        turn: Callable[[Mapping[str, Crank], Stamp], None],
+        turn: Callable[[Mapping[str, CrankInput], Stamp], None],
         reject: Callable[[KinematicsError], None],
     ) -> None:
         self.out_of_order = 0
@@ -107,7 +107,7 @@ class CrankInputs:
     def _on_crank_angle(self, data: bytes, info: Info) -> None:
         self._angles.count(info)
         try:
-            crank = Crank(read_float64(data), None)
+            crank = CrankInput(read_float64(data), None)
         except ValueError as error:
             self._reject(BadMessageError(f'crank_angle: {error}'))
         else:
@@ -123,14 +123,14 @@ class CrankInputs:
                 problem = str(error)
                 continue
             known = velocity is not None and isfinite(velocity)
-            cranks[joint] = Crank(position, velocity if known else None)
+            cranks[joint] = CrankInput(position, velocity if known else None)
             stamp = at[0], at[1]
         if cranks:
             self._answer(cranks, stamp, info)
         else:
             self._reject(BadMessageError(f'crank_state: {problem} (parameter crank_joint)'))
 
-    def _answer(self, cranks: Mapping[str, Crank], stamp: Stamp, info: Info) -> None:
+    def _answer(self, cranks: Mapping[str, CrankInput], stamp: Stamp, info: Info) -> None:
         if stamp == (0, 0):
             stamp = self._now(info)
         if stamp < self._last_stamp:

@@ -16,7 +16,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from .crank_inputs import Crank, CrankInputs, Stamp
+from .crank_inputs import CrankInput, CrankInputs, Stamp
 from .declarations import drive, GEOMETRY, GEOMETRY_NAMES, LEGS, place, PUBLISHED, SETTINGS
 from .diagnostics import SolverDiagnostics
 from .leg_parameters import LegParameters
@@ -84,7 +84,7 @@ class Solver:
 
     # Inputs: ask the legs, answer.
 
-    def _turn(self, cranks: Mapping[str, Crank], stamp: Stamp) -> None:
+    def _turn(self, cranks: Mapping[str, CrankInput], stamp: Stamp) -> None:
         answers = []
         for leg in self._legs:
             crank = cranks.get(leg.crank_joint)

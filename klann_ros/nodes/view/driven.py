@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from klann_ros.live.drive import CrankDrive, WalkDrive
-from klann_ros.live.rates import TopicFigures
+from klann_ros.live.rates import TopicRate
 from klann_ros.nodes.lease import Lease
 
 # Time for the other publishers to yield or fall silent; else nothing is driven [s].
@@ -13,12 +13,12 @@ TAKE_TIME = 2.5
 # Silence after which a publisher that cannot yield counts as idle [s].
 _SILENCE = 1.0
 # Messages sent before the others yielded have arrived after this time [s].
-_SETTLE = 0.1
+_DELIVERY_TIME = 0.1
 # More messages than were sent from here prove another active publisher.
 _MAX_FOREIGN = 5
 CRANK, WALK = 'crank', 'walk'
 # Returns the figures of a topic that is listened to, else None.
-FiguresOf = Callable[[str], TopicFigures | None]
+FiguresOf = Callable[[str], TopicRate | None]
 
 
 @dataclass
@@ -58,7 +58,7 @@ class Driven:
     stops: int = 0
     # Messages sent from here, and what had been sent and received when the drive began.
     sent: int = 0
-    begin: dict[str, tuple[TopicFigures, int]] = field(default_factory=dict)
+    begin: dict[str, tuple[TopicRate, int]] = field(default_factory=dict)
 
     def is_alone(self, now: float, figures: FiguresOf) -> tuple[bool, str]:
         """Return whether all others have yielded or are idle; and why that will not be."""
@@ -70,7 +70,7 @@ class Driven:
         rest = [name for name in self.offer.publishers if name not in yielded]
         if not rest or all(_is_silent(figures(topic)) for topic in self.offer.topics):
             self.alone = self.alone or now
-            return now - self.alone >= _SETTLE, ''
+            return now - self.alone >= _DELIVERY_TIME, ''
         self.alone = None
         if now - self.taking < TAKE_TIME:
             return False, ''
@@ -122,6 +122,6 @@ class Driven:
         }
 
 
-def _is_silent(figures: TopicFigures | None) -> bool:
+def _is_silent(figures: TopicRate | None) -> bool:
     silence = None if figures is None else figures.silence()
     return silence is None or silence >= _SILENCE

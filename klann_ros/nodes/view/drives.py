@@ -9,7 +9,7 @@ from geometry_msgs.msg import TwistStamped
 from klann_ros.live.clients import Answer
 from klann_ros.live.drive import CrankDrive, DriveError, WalkDrive
 from klann_ros.live.protocol import Command
-from klann_ros.live.rates import TopicFigures
+from klann_ros.live.rates import TopicRate
 from klann_ros.nodes.endpoints import OUTPUT
 from klann_ros.nodes.lease import Lease
 from rclpy.node import Node
@@ -52,7 +52,7 @@ class Drives:
         calls: ServiceCalls,
         changed: Callable[[], object],
         crank_angle: Callable[[str], float],
-        figures: Callable[[str], TopicFigures | None],
+        figures: Callable[[str], TopicRate | None],
     ) -> None:
         self._node, self._calls_to_ros, self._changed = node, calls, changed
         self._crank_angle, self._figures = crank_angle, figures

@@ -20,7 +20,7 @@ BUTTONS = {'recorder': ('pause', 'resume', 'split', 'trigger'), 'player': tuple(
 MAX_MACHINES = 12
 
 # Discovery knows a publisher before it knows its node.
-_UNKNOWN = '_UNKNOWN_'
+_UNKNOWN_NODE = '_UNKNOWN_'
 
 Names = Sequence[tuple[str, Sequence[str]]]
 
@@ -59,7 +59,7 @@ class Graph:
     def publishers(self, topic: str) -> list[Any]:
         """Return the publishers of a topic, without this node."""
         infos = _asked(lambda: self._node.get_publishers_info_by_topic(topic))
-        known = (info for info in infos if _UNKNOWN not in info.node_name)
+        known = (info for info in infos if _UNKNOWN_NODE not in info.node_name)
         return [info for info in known if node_of(info) != self._own]
 
     def names_of_publishers(self, topic: str) -> list[str]:

@@ -13,14 +13,14 @@ from klann_ros.live.drive import crank_at
 from klann_ros.live.legs import (
     assumed_solver,
     LiveLeg,
+    LiveSolver,
     MAX_LEGS,
     positions,
     replayed_solver,
-    Solver,
     solver_of,
 )
 from klann_ros.live.protocol import Command
-from klann_ros.live.rates import TopicFigures
+from klann_ros.live.rates import TopicRate
 from klann_ros.live.status_text import recorded, status_text, StatusText
 from klann_ros.log.run_parameters import (
     REPLAYED_PARAMETER,
@@ -79,7 +79,7 @@ class LiveState:
         self._wake: Callable[[], None] | None = None
         self._parts: dict[str, tuple[int, str]] = {}
         self._shown: list[_Shown] = []
-        self._solvers: dict[str, Solver] = {}
+        self._solvers: dict[str, LiveSolver] = {}
         self._replays: dict[str, list[SolverParameters]] = {}
         self._crank_topics: Mapping[str, list[str]] = {}
         self._machines: list[Machine] = []
@@ -207,7 +207,7 @@ class LiveState:
                     return crank_at(pose[2][0], shown.leg.direction, shown.leg.phase)
         return 0.0
 
-    def _figures_of(self, topic: str) -> TopicFigures | None:
+    def _figures_of(self, topic: str) -> TopicRate | None:
         topic_subscription = self._subscriptions.topics.get(topic)
         return None if topic_subscription is None else topic_subscription.figures
 
@@ -260,7 +260,7 @@ class LiveState:
 
     def _update_legs(self) -> None:
         shown: list[_Shown] = []
-        solvers: dict[str, Solver] = {}
+        solvers: dict[str, LiveSolver] = {}
         for topic in self._subscriptions.of_kind(JOINT_STATE):
             known = self._solvers_of(topic)
             solvers.update(known)
@@ -279,7 +279,7 @@ class LiveState:
             )
         self._publish_part('legs', data)
 
-    def _solvers_of(self, topic: SubscribedTopic) -> dict[str, Solver]:
+    def _solvers_of(self, topic: SubscribedTopic) -> dict[str, LiveSolver]:
         """Return whose legs are on a topic, by their keys."""
         found = {}
         for node in self._graph.names_of_publishers(topic.name):

@@ -18,9 +18,9 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 # Timeout of a call [s].
-PATIENCE = 3.0
+CALL_TIMEOUT = 3.0
 # Pending calls at most.
-MOST = 64
+MAX_PENDING_CALLS = 64
 _MAX_CLIENTS = 64
 
 Work = Callable[[], object]
@@ -58,7 +58,7 @@ class ServiceCalls:
     def put(self, work: Work) -> bool:
         """Have something run soon, unless there is too much already; any thread may ask."""
         with self._lock:
-            if len(self._due) >= MOST:
+            if len(self._due) >= MAX_PENDING_CALLS:
                 return False
             self._due.append(work)
         self._guard.trigger()
@@ -70,7 +70,7 @@ class ServiceCalls:
         for call in [call for call in self._calls if now > call.end]:
             self._calls.remove(call)
             call.client.remove_pending_request(call.future)
-            call.answer(False, f'no answer for {PATIENCE:g} s')
+            call.answer(False, f'no answer for {CALL_TIMEOUT:g} s')
 
     def trigger(self, service: str, answer: Answer) -> None:
         """Call a service without arguments."""
@@ -123,11 +123,11 @@ class ServiceCalls:
         done: Callable[[Any], object],
         answer: Answer,
     ) -> None:
-        if len(self._calls) >= MOST:
+        if len(self._calls) >= MAX_PENDING_CALLS:
             answer(False, 'too much is under way already')
             return
         client = self._client(kind, service)
-        call = _Call(client, client.call_async(request), answer, monotonic() + PATIENCE)
+        call = _Call(client, client.call_async(request), answer, monotonic() + CALL_TIMEOUT)
         self._calls.append(call)
 
         def on_done(future: Future) -> None:

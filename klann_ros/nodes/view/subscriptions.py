@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from time import monotonic
 from typing import Any
 
-from klann_ros.live.rates import TopicFigures
+from klann_ros.live.rates import TopicRate
 from klann_ros.nodes.endpoints import message_class, name_refusal, UnknownMessageTypeError
 from klann_ros.nodes.lean_loop import Info, LeanCallbackGroup
 from klann_ros.nodes.process import ROS_ERRORS
@@ -35,7 +35,7 @@ _QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Topics that a page shows at most.
 MAX_TOPICS = 60
 # A walker's legs may answer in messages of their own; they differ in their names [bytes].
-_NAMES = slice(12, 96)
+_JOINT_NAME_BYTES = slice(12, 96)
 _MAX_NAME_SETS = 32
 # A larger message is no leg's [bytes].
 _MAX_MESSAGE_SIZE = 300_000
@@ -58,7 +58,7 @@ class SubscribedTopic:
 
     Attributes
     ----------
-    figures : TopicFigures
+    figures : TopicRate
         Its rate and losses.
 
     """
@@ -72,7 +72,7 @@ class SubscribedTopic:
         on_update: Callable[[], object],
     ) -> None:
         self.name, self.kind = name, kind
-        self.figures = TopicFigures()
+        self.figures = TopicRate()
         self._class = message_class(kind)
         self._newest: dict[object, tuple[float, bytes]] = {}
         self._decoded: dict[object, tuple[bytes, Any]] = {}
@@ -112,7 +112,7 @@ class SubscribedTopic:
         self.figures.add(info['publication_sequence_number'])
         if self._on_update is None or len(data) > _MAX_MESSAGE_SIZE:
             return
-        key = (len(data) if self.kind == JOINT_STATE else 0, data[_NAMES])
+        key = (len(data) if self.kind == JOINT_STATE else 0, data[_JOINT_NAME_BYTES])
         if key not in self._newest and len(self._newest) >= _MAX_NAME_SETS:
             self._newest.clear()
             self._decoded.clear()

@@ -6,14 +6,14 @@ from math import inf
 from typing import Any
 
 from klann_ros.nodes.parameters import Declaration
-from klann_ros.walker import Limits, Settings
+from klann_ros.walker import ControllerSettings, MotionLimits
 from klann_ros.walker.controller import MAX_GAP
 from klann_ros.walker.phase_lock import INTEGRAL, PROPORTIONAL
 
 # A gap in the loop lasts at least this number of command periods.
 MIN_GAP_PERIODS = 3.0
 COMMANDS = ('joint_state', 'velocities')
-_LIMITS, _SETTINGS = Limits(), Settings()
+_LIMITS, _SETTINGS = MotionLimits(), ControllerSettings()
 
 
 def _number(
@@ -24,7 +24,7 @@ def _number(
     )
 
 
-# Limits and gains can be set at run time.
+# MotionLimits and gains can be set at run time.
 _tunable = partial(_number, read_only=False)
 
 
@@ -105,12 +105,12 @@ ODOMETRY = (
 PARAMETERS = (*LIMITS, *CONTROL, *ODOMETRY)
 
 
-def settings(values: Mapping[str, Any]) -> Settings:
+def settings(values: Mapping[str, Any]) -> ControllerSettings:
     """Return the controller's settings."""
     limits = {p.name: values[p.name] for p in LIMITS}
     limits['max_curvature'] = limits['max_curvature'] or inf
-    return Settings(
-        limits=Limits(**limits),
+    return ControllerSettings(
+        limits=MotionLimits(**limits),
         cmd_vel_timeout=values['cmd_vel_timeout'],
         feedback_timeout=values['feedback_timeout'],
         max_gap=max(MAX_GAP, MIN_GAP_PERIODS / values['rate']),

@@ -9,7 +9,7 @@ from typing import BinaryIO
 from urllib.parse import quote
 
 from klann_ros.sanitize.text import counted
-from klann_ros.web.markup import element, Markup, scrolling_table, UNKNOWN
+from klann_ros.web.markup import element, Markup, scrolling_table, UNKNOWN_NUMBER
 from klann_ros.web.parts import FRAME, Parts, SHARED
 
 from .row import FINDINGS, OK, Row, UNREADABLE
@@ -142,4 +142,4 @@ def _row(row: Row, link: str) -> tuple[str, ...]:
 
 
 def _number(value: float | None, form: str) -> str:
-    return UNKNOWN if value is None else format(value, form)
+    return UNKNOWN_NUMBER if value is None else format(value, form)

@@ -11,7 +11,7 @@ from klann_ros.review.model.figures import LegFigures
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.topics import MORE, TopicFigures, WHY_MORE
 from klann_ros.sanitize.text import printable
-from klann_ros.web.markup import element, joined, Markup, scrolling_table, UNKNOWN
+from klann_ros.web.markup import element, joined, Markup, scrolling_table, UNKNOWN_NUMBER
 
 _TOPIC_HEADS = (
     'Topic',
@@ -153,7 +153,7 @@ def _topic(topic: TopicFigures) -> Sequence[str]:
 
 
 def _number(value: float, factor: float, digits: int) -> str:
-    return UNKNOWN if isnan(value) else f'{factor * value:.{digits}f}'
+    return UNKNOWN_NUMBER if isnan(value) else f'{factor * value:.{digits}f}'
 
 
 def _of_run(what: str, number: int, of: int) -> str:
@@ -226,4 +226,4 @@ def _figures(figures: LegFigures) -> Iterator[_Figure]:
 
 
 def _figure(name: str, number: float, form: str, unit: str) -> _Figure:
-    return _Figure(name, UNKNOWN if isnan(number) else format(number, form), unit)
+    return _Figure(name, UNKNOWN_NUMBER if isnan(number) else format(number, form), unit)

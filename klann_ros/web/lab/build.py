@@ -8,7 +8,7 @@ from klann_ros.web.markup import element
 from klann_ros.web.parts import as_script, FRAME, Parts, SHARED, text
 
 _FOLDER = Path(__file__).resolve().parent
-_OWN = _FOLDER / 'static'
+_STATIC_FILES = _FOLDER / 'static'
 
 FILE = _FOLDER / 'lab.html'
 """The page as it is installed; it is under version control, so that no build step makes it."""
@@ -18,7 +18,7 @@ _JS_YAML = SHARED / 'js_yaml'
 SOLVER = (
     _JS_YAML / 'js-yaml.min.js',
     *(
-        _OWN / f'{name}.js'
+        _STATIC_FILES / f'{name}.js'
         for name in (
             'complex',
             'structure',
@@ -40,30 +40,30 @@ SOLVER = (
 )
 """What needs no browser: any linkage, solved as the kinematics does."""
 
-PARTS = Parts(
+LAB_PARTS = Parts(
     is_compact=True,
     styles=(
         *FRAME,
         SHARED / 'drawing.css',
         SHARED / 'tables.css',
-        _OWN / 'lab.css',
+        _STATIC_FILES / 'lab.css',
     ),
     # In this order: each uses what stands above it.
     scripts=(
         SHARED / 'theme.js',
         SHARED / 'drawing.js',
         *SOLVER,
-        _OWN / 'texts.js',
-        _OWN / 'dragging.js',
-        _OWN / 'link.js',
-        _OWN / 'model.js',
-        _OWN / 'scene.js',
-        _OWN / 'panels.js',
-        _OWN / 'turn_chart.js',
-        _OWN / 'decimal_field.js',
-        _OWN / 'numbers.js',
-        _OWN / 'newton.js',
-        _OWN / 'lab.js',
+        _STATIC_FILES / 'texts.js',
+        _STATIC_FILES / 'dragging.js',
+        _STATIC_FILES / 'link.js',
+        _STATIC_FILES / 'model.js',
+        _STATIC_FILES / 'scene.js',
+        _STATIC_FILES / 'panels.js',
+        _STATIC_FILES / 'turn_chart.js',
+        _STATIC_FILES / 'decimal_field.js',
+        _STATIC_FILES / 'numbers.js',
+        _STATIC_FILES / 'newton.js',
+        _STATIC_FILES / 'lab.js',
     ),
 )
 
@@ -71,12 +71,12 @@ PARTS = Parts(
 def lab_page() -> str:
     """Return the page."""
     shipped = {name: text(Path(str(SHIPPED), f'{name}.yaml')) for name in shipped_linkages()}
-    return Template(text(_OWN / 'lab.html')).substitute(
-        policy=PARTS.policy(),
+    return Template(text(_STATIC_FILES / 'lab.html')).substitute(
+        policy=LAB_PARTS.policy(),
         licence=text(_JS_YAML / 'LICENSE').strip(),
-        styles=PARTS.style_elements(),
+        styles=LAB_PARTS.style_elements(),
         data=element('script', as_script(shipped), id='data', type='application/json'),
-        scripts=PARTS.script_elements(),
+        scripts=LAB_PARTS.script_elements(),
     )
 
 

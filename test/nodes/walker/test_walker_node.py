@@ -10,7 +10,7 @@ from domain import own_domain
 from geometry_msgs.msg import Twist, TwistStamped
 from klann_ros.nodes.walker.node import Beat
 from klann_ros.robot import robot_of
-from klann_ros.walker import Feet, Motion, Steering
+from klann_ros.walker import Feet, Steering, Twist2D
 from nav_msgs.msg import Odometry
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
@@ -197,7 +197,7 @@ def test_a_paused_process_goes_on_where_the_cranks_are(
     if not ends:
         motors.until_steady()
     steering = Steering(Feet(robot_of(str(CONFIG / 'walker6_two_motors.yaml'))))
-    wanted = steering.rates(Motion(*twist)) if any(twist) else (0.0, 0.0)
+    wanted = steering.rates(Twist2D(*twist)) if any(twist) else (0.0, 0.0)
     for command in motors.commands[sent:]:
         for rate, commanded in zip(command.velocity, wanted, strict=True):
             # 1 for the commanded rate, 0.4 for a slow motor, 1 to make up an error; phases.
