@@ -57,7 +57,7 @@ def runs_in(folder: str | Path) -> list[ListedRun]:
             if number >= _MOST_LOOKED_AT:
                 break
             with suppress(OSError):
-                if not entry.is_symlink() and _is_run(entry):
+                if _is_run(entry):
                     time = entry.stat(follow_symlinks=False).st_mtime_ns
                     found.append(ListedRun(entry.name, Path(entry.path), time))
     found.sort(key=lambda run: (-run.time, run.name))

@@ -11,7 +11,10 @@ import aiohttp
 from alone import run_alone
 from fake_live_state import MadeUpWorld, Served
 from klann_ros.live.guard import Guard
+from klann_ros.live.malformed import MAX_UNREAD
+from klann_ros.live.protocol import LARGEST
 from klann_ros.live.server import LiveServer, ServerError
+from multidict import CIMultiDict
 import pytest
 
 TAKE = {'id': 1, 'do': 'take', 'what': 'crank:/crank_angle'}
@@ -107,6 +110,37 @@ def test_a_hostile_handshake_is_refused(served: Served, name: str) -> None:
     run(attack)
 
 
+@pytest.mark.parametrize(
+    'twice', [('Origin', 'http://evil.example'), ('Sec-Fetch-Site', 'cross-site')]
+)
+def test_of_two_headers_none_counts(served: Served, twice: tuple[str, str]) -> None:
+    async def attack(session: aiohttp.ClientSession) -> None:
+        own = CIMultiDict({**headers(served), 'Sec-Fetch-Site': 'same-origin'})
+        own.add(*twice)
+        url = f'http://{served.place}/socket?token={served.guard.token}'
+        with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
+            await session.ws_connect(url, headers=own)
+        assert caught.value.status == 403
+
+    run(attack)
+
+
+def test_no_more_pages_are_served_than_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('klann_ros.live.server.MOST_PAGES', 2)
+    server = LiveServer(Guard('127.0.0.1', 0, 'secret'), MadeUpWorld())
+    served = Served(MadeUpWorld(), server)
+
+    async def attack(session: aiohttp.ClientSession) -> None:
+        async with opened(session, served) as first, opened(session, served):
+            with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
+                await session.ws_connect(f'http://{served.place}/socket', headers=headers(served))
+            assert caught.value.status == 503
+            await frame(first)
+
+    run(attack)
+    server.close()
+
+
 @pytest.mark.parametrize('token', ['', 'wrong', 'A' * 32, '%00', '%ff', 'ö', 'x' * 5000])
 def test_who_does_not_know_the_secret_looks_only(served: Served, token: str) -> None:
     async def attack(session: aiohttp.ClientSession) -> None:
@@ -184,6 +218,16 @@ def test_a_frame_of_ten_megabytes_is_not_taken(served: Served) -> None:
             assert (await wanted(honest, TAKE))['done']
 
     run(attack)
+
+
+def test_a_page_may_send_more_than_a_frame_in_whole_messages(served: Served) -> None:
+    async def look(session: aiohttp.ClientSession) -> None:
+        async with opened(session, served) as socket:
+            for _ in range(4 * MAX_UNREAD // LARGEST):
+                await socket.send_str('{}'.ljust(LARGEST // 2))
+            assert (await wanted(socket, TAKE))['done']
+
+    run(look)
 
 
 def test_a_frame_that_never_ends_is_cut_off(served: Served) -> None:

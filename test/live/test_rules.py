@@ -99,6 +99,9 @@ def test_a_page_may_say_so_much_and_no_more() -> None:
     assert [limit.allows() for _ in range(7)] == [True] * 5 + [False] * 2
     now = 0.21
     assert [limit.allows() for _ in range(3)] == [True, True, False]
+    # A long silence saves up no more than the burst.
+    now = 1e6
+    assert [limit.allows() for _ in range(6)] == [True] * 5 + [False]
 
 
 def test_what_a_page_says_is_understood() -> None:
@@ -138,8 +141,9 @@ def test_a_crank_is_taken_where_it_is_and_turns_from_there() -> None:
             drive.turn_to(refused, 21.0)
         with pytest.raises(DriveError):
             drive.spin(refused, 21.0)
-        with pytest.raises(DriveError):
-            WalkDrive().walk(refused, 0.0)
+        for motion in ((refused, 0.0), (0.0, refused)):
+            with pytest.raises(DriveError):
+                WalkDrive().walk(*motion)
 
 
 def test_a_crank_is_found_from_its_leg() -> None:

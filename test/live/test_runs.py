@@ -5,10 +5,13 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 import sys
 
+import aiohttp
 from alone import run_alone
-from fake_live_state import EVIL
+from fake_live_state import EVIL, MadeUpWorld
+from klann_ros.live.guard import Guard
 from klann_ros.live.live_page import list_page
 from klann_ros.live.runs import Page, Reviews, runs_in
+from klann_ros.live.server import LiveServer
 from leg_runs import LegRun
 import pytest
 
@@ -91,11 +94,22 @@ def test_what_cannot_be_reviewed_says_why(tmp_path: Path) -> None:
 
 
 def test_a_real_run_is_reviewed_by_a_real_process(tmp_path: Path) -> None:
+    """The review's scripts get an origin of their own, not the server's."""
     LegRun().write(tmp_path / 'run')
+    server = LiveServer(Guard('127.0.0.1', 0, 'secret'), MadeUpWorld(), str(tmp_path))
 
-    async def look(reviews: Reviews) -> None:
-        page = await made(reviews, 'run')
-        assert page.state == 'ready'
-        assert '<title>Review of run</title>' in page.file.read_text()
+    async def look() -> None:
+        url = f'http://127.0.0.1:{server.guard.port}/runs/run?token=secret'
+        async with aiohttp.ClientSession() as session:
+            while True:
+                async with session.get(url) as answer:
+                    assert answer.status == 200
+                    text = await answer.text()
+                if 'Refresh' not in answer.headers:
+                    break
+        assert '<title>Review of run</title>' in text
+        policy = answer.headers['Content-Security-Policy']
+        assert policy == "sandbox allow-scripts; frame-ancestors 'none'"
 
-    with_reviews(tmp_path, look)
+    run_alone(asyncio.wait_for(look(), 120.0))
+    server.close()

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from hypothesis import given, strategies as st
+from hypothesis import example, given, strategies as st
 from klann_ros.log.loss import LossCounter
 from klann_ros.log.run_parameters import (
     loss_record,
@@ -85,6 +85,8 @@ def test_no_more_is_told_than_was_missing(some: list[Stay], late: bool, known: b
 
 
 @given(stays())
+# Another publisher goes on with the very number of the last.
+@example([Stay(0, [1, 5]), Stay(1, [5, 6])])
 def test_all_is_told_where_it_is_known_who_is_heard(some: list[Stay]) -> None:
     counter = counted(some, late=False, known=True)
     # A number that goes on is believed to be the same one's.

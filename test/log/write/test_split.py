@@ -4,14 +4,17 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 import sys
+from threading import Event
 from time import monotonic, sleep, time_ns
 from types import ModuleType
 
 from klann_ros.log import write
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message
+from klann_ros.log.write import background_writer
 from klann_ros.log.write.background_writer import BackgroundWriter, SplitLimits
 from klann_ros.log.write.writer import RunWriter
+from mcap.reader import make_reader
 import pytest
 from rosbags.highlevel import AnyReader
 import yaml
@@ -121,6 +124,32 @@ def test_the_files_of_a_split_run_follow_each_other_in_time(
     assert spans == sorted(spans)
     assert all(before[1] < after[0] for before, after in pairwise(spans))
     assert writer.counts == {'/one': 200, '/two': 200}
+
+
+def test_a_split_keeps_the_order(
+    tmp_path: Path, runs: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is received while it settles is written in the order in which it came."""
+    settled = Event()
+
+    def settle(seconds: float) -> None:
+        if seconds == background_writer.SETTLE:
+            for message in runs.make_messages(20):
+                background.put(replace(message, log_time=2**62))
+            settled.set()
+
+    monkeypatch.setattr(background_writer, 'sleep', settle)
+    writer = RunWriter(tmp_path / 'run')
+    background = BackgroundWriter(writer, flush_period=0.01, on_failure=lambda: None)
+    background.put(runs.make_messages(1)[0])
+    while writer.file_is_empty:
+        sleep(0.01)
+    background.split()
+    assert settled.wait(20.0)
+    assert background.close() is None
+    with (writer.path / 'run_1.mcap').open('rb') as file:
+        found = make_reader(file).iter_messages(log_time_order=False)
+        assert [message.sequence for *_, message in found] == [*range(1, 21)]
 
 
 def test_what_another_thread_is_told_while_a_split_goes_on_is_never_wrong(

@@ -160,6 +160,26 @@ def test_flushed_messages_are_in_the_file(tmp_path: Path, runs: ModuleType) -> N
     writer.close()
 
 
+def test_only_synced_messages_count_as_written_when_a_sync_fails(
+    tmp_path: Path, runs: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_: int) -> None:
+        raise OSError(5, 'Input/output error')
+
+    writer = RunWriter(tmp_path / 'run')
+    for count in (10, 7):
+        for message in runs.make_messages(count):
+            writer.write(message)
+        if count == 10:
+            writer.flush()
+            monkeypatch.setattr('klann_ros.log.write.durable_file._sync', refuse)
+    with pytest.raises(OSError, match='Input/output error'):
+        writer.flush()
+    assert writer.counts == {'/crank_angle': 10}
+    with pytest.raises(OSError, match='Input/output error'):
+        writer.close()
+
+
 FULL = """
 import os, resource, signal, sys
 sys.path[:0] = {paths!r}
@@ -207,6 +227,7 @@ def test_a_full_disk_is_an_os_error_and_costs_only_what_was_not_flushed(
     with open_log(tmp_path / 'run') as log:
         assert len(list(log.messages())) == flushed
         # The half record was cut off, so the only thing wrong is the missing footer.
+        assert (tmp_path / 'run' / 'run_0.mcap').stat().st_size < limit
         assert len(log.problems) == 1
         assert 'not closed' in log.problem
 
