@@ -132,11 +132,21 @@ def test_an_impact_is_as_long_as_it_is_told() -> None:
         told.rest()
     told.read((500.0, 0.0, GRAVITY))
     assert told.gained() == pytest.approx((0.5, 0.0), abs=1e-9)
-    # In 10 ms it would be 5 m/s.
-    slow = Told()
-    slow.rest()
-    slow.read((500.0, 0.0, GRAVITY))
-    assert slow.gained() is None
+    # In 10 ms it would be more than 1 m/s.
+    for force, is_possible in ((99.0, True), (101.0, False)):
+        slow = Told()
+        slow.rest()
+        slow.read((force, 0.0, GRAVITY))
+        assert (slow.gained() is not None) is is_possible
+
+
+def test_the_bias_follows_the_correction_by_friction() -> None:
+    told = Told()
+    told.rest()
+    # A tenth of the time constant, in which friction corrects by this.
+    told.accelerometer.correct((0.5, -1.0), 1.0)
+    told.read()
+    assert told.gained() == pytest.approx((0.05 * PERIOD, -0.1 * PERIOD), abs=1e-9)
 
 
 def test_what_does_not_say_how_it_lies_is_none() -> None:

@@ -22,6 +22,7 @@ from klann_ros.walker.controller import STANDS
 from klann_ros.walker.feedback import CrankFeedback
 from klann_ros.walker.mean_motion import lattice, PhasePoses, POINTS
 from klann_ros.walker.motion_feedback import MotionFeedback
+from klann_ros.walker.phase_lock import PhaseLock
 from klann_ros.walker.steering import RATIOS
 import numpy as np
 import pytest
@@ -214,6 +215,14 @@ def test_straight_on_cranks_go_back_into_phase_slowly(steering: Steering) -> Non
     first = bench.run(2.0).apart
     assert 30.0 < first < degrees(1.0)
     assert bench.run(15.0).apart < 0.5
+
+
+def test_a_crank_that_turns_backwards_goes_back_into_phase() -> None:
+    lock = PhaseLock((1.0, -1.0), (1.0, -1.0), max_rate=3.0)
+    lock.reset([0.0, -1.0])
+    for _ in range(3000):
+        lock.step(DT, [1.0, -1.0], lock.targets)
+    assert lock.phases() == pytest.approx([0.0, 0.0], abs=0.01)
 
 
 def test_in_a_curve_the_sides_turn_as_the_curve_needs(steering: Steering) -> None:

@@ -88,6 +88,31 @@ def test_doubt_grows_with_the_way_and_stays_while_it_stands(two_motors: Feet) ->
     assert np.all(np.linalg.eigvalsh(further.covariance) >= 0.0)
 
 
+def test_the_covariance_turns_with_the_heading(two_motors: Feet) -> None:
+    """The same walk, begun to the north instead of to the east."""
+    found = []
+    for heading in (0.0, pi / 2.0):
+        odometry = Odometry(two_motors)
+        odometry._yaw = heading
+        for k in range(200):
+            at = odometry.update((0.02 * k, 0.03 * k), (1.0, 1.5))
+        found.append(at)
+    east, north = found
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    assert (north.x, north.y) == pytest.approx((-east.y, east.x))
+    expected = turn @ np.array(east.covariance) @ turn.T
+    assert abs(expected[0, 2]) > 1e-5
+    assert np.array(north.covariance) == pytest.approx(expected, rel=1e-6, abs=1e-12)
+
+
+def test_a_crank_that_disagrees_with_its_rate_is_not_filtered(two_motors: Feet) -> None:
+    odometry = Odometry(two_motors)
+    odometry.update((0.0, 0.0), (1.0, 1.0), 0.01)
+    odometry.update((0.01, 0.51), (1.0, 1.0), 0.01)
+    # Its feet are dragged at once.
+    assert odometry.slid > 0.01
+
+
 def test_on_the_spot_the_feet_are_trusted_less_than_straight_on(two_motors: Feet) -> None:
     _, spot = walked(two_motors, -1.0, 1.0)
     _, straight = walked(two_motors, 1.0, 1.0)

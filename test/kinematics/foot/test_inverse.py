@@ -6,6 +6,7 @@ from typing import Any
 
 from hypothesis import assume, given, settings, strategies as st
 from klann_ros.kinematics import foot_path, klann_poses, KlannGeometry, KlannLeg
+from klann_ros.kinematics.foot.inverse import distinct
 import numpy as np
 import pytest
 from strategies import legs
@@ -26,6 +27,10 @@ def reachable(leg: KlannLeg, where: float) -> float:
 
 def apart(alpha: float, beta: float) -> float:
     return abs(math.remainder(alpha - beta, TURN))
+
+
+def test_0_and_a_turn_are_one_angle() -> None:
+    assert distinct([TURN - 1e-13, 1.0, 0.0, 1.0 + 1e-13]) == [0.0, 1.0]
 
 
 @settings(max_examples=40)

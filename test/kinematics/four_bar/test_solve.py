@@ -206,3 +206,11 @@ def test_a_kite_closes_nowhere_where_a_is_o4() -> None:
     with pytest.raises(UnreachableError, match='A and O4 coincide') as caught:
         FourBar(0.35, 0.35, 0.4, 0.4).solve(0.0)
     assert caught.value.shortfall == 0.0
+
+
+def test_rounding_does_not_open_a_linkage_folded_back_in_line() -> None:
+    """The rocker reaches back over the coupler: in some sizes it is a digit too short."""
+    for size in range(1, 200):
+        pose = FourBar(*(0.1 * size * length for length in (4, 3, 2, 3))).solve(0.0)
+        assert abs(pose.theta3) == pytest.approx(math.pi, abs=1e-6)
+        assert abs(pose.theta4) == pytest.approx(math.pi, abs=1e-6)

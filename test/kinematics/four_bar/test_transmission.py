@@ -5,6 +5,7 @@ import math
 from four_bars import COURSE, crank_angles, four_bars, solved, untimed
 from hypothesis import assume, given, strategies as st
 from klann_ros.kinematics import FourBar, UnreachableError
+from klann_ros.kinematics.four_bar.transmission import TransmissionExtremes
 import pytest
 
 # Coupler and rocker cannot reach everything, on either side.
@@ -53,6 +54,12 @@ def test_the_extremes_are_where_they_are_said_to_be(lengths: tuple[float, ...]) 
     for theta2 in extremes.greatest_at:
         inside = theta2 * (1 - 1e-12)
         assert bar.transmission_angle(inside) == pytest.approx(extremes.greatest, abs=1e-5)
+
+
+def test_good_is_from_40_to_140_degrees() -> None:
+    for least, greatest, good in ((40, 140, True), (39, 140, False), (40, 141, False)):
+        ends = math.radians(least), (0.0,), math.radians(greatest), (math.pi,)
+        assert TransmissionExtremes(*ends).good is good
 
 
 def test_at_the_ends_of_the_reach_it_is_0_and_180_degrees() -> None:

@@ -29,6 +29,14 @@ def test_a_publishers_clock_that_is_off_is_found_once(healthy, make_run, without
     assert review.findings[0].text.startswith("the publisher's clock seems 3.000 s behind")
 
 
+def test_a_publishers_clock_that_is_ahead_by_more_than_the_latency_is_found(
+    healthy, make_run, without
+) -> None:
+    review = review_run(without(make_run(healthy), late=-150 * MS))
+    assert moments(review) == [('clock', None)]
+    assert review.findings[0].text.startswith("the publisher's clock is 0.150 s ahead of")
+
+
 def test_stamps_of_another_clock_are_found(healthy, make_run) -> None:
     healthy.by_crank_state()
     for n in range(400):

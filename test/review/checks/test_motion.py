@@ -96,10 +96,15 @@ def test_several_publishers_of_the_crank_are_named(healthy, make_run) -> None:
     )
 
 
-def test_a_fast_crank_that_rocks_is_turned_by_one(make_script, make_run) -> None:
+@pytest.mark.parametrize(
+    'angle',
+    [lambda n: math.sin(n * math.tau / 8.0), lambda n: 0.1 * n + 0.4 * (n % 2)],
+    ids=['a sine', 'a step of 0.5 rad and one back of 0.3 rad'],
+)
+def test_a_fast_crank_that_rocks_is_turned_by_one(make_script, make_run, angle) -> None:
     script, leg = make_script(), KlannLeg()
     for n in range(400):
-        pose = leg.solve(math.sin(n * math.tau / 8.0))
+        pose = leg.solve(angle(n))
         script.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
     assert checks(review_run(make_run(script))) == []
 
