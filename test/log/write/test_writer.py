@@ -17,6 +17,8 @@ from klann_ros.log.errors import (
     UnwritableError,
 )
 from klann_ros.log.reader import open_log
+from klann_ros.log.write.durable_file import DurableFile
+from klann_ros.log.write.open_folder import OpenFolder
 from klann_ros.log.write.writer import RunWriter
 import pytest
 import yaml
@@ -178,6 +180,30 @@ def test_only_synced_messages_count_as_written_when_a_sync_fails(
     assert writer.counts == {'/crank_angle': 10}
     with pytest.raises(OSError, match='Input/output error'):
         writer.close()
+
+
+def test_half_a_record_is_cut_off_where_nothing_else_looks_at_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write, pieces = os.write, []
+
+    def fill(descriptor: int, data: memoryview) -> int:
+        pieces.append(data)
+        if len(pieces) == 2:
+            raise OSError(28, 'No space left on device')
+        return write(descriptor, data[:60])
+
+    file = DurableFile(OpenFolder(tmp_path), 'file')
+    file.write(b'whole' * 20)
+    file.flush()
+    file.write(b'half' * 20)
+    with monkeypatch.context() as patch:
+        patch.setattr('klann_ros.log.write.durable_file.os.write', fill)
+        with pytest.raises(OSError, match='No space left'):
+            file.flush()
+    assert (tmp_path / 'file').stat().st_size == 160
+    file.close()
+    assert (tmp_path / 'file').read_bytes() == b'whole' * 20
 
 
 FULL = """
