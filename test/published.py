@@ -21,7 +21,7 @@ Values = tuple[float, ...]
 # A shipped linkage without a number of others, and why.
 WITHOUT = dict.fromkeys(
     ['quick_return', 'scotch_yoke', 'slider_crank', 'stephenson'],
-    'Its dimensions are of klann_ros.',
+    'Its dimensions are from klann_ros.',
 )
 
 
@@ -717,7 +717,7 @@ def straight_lines() -> Iterator[Cited]:
             )
     yield Cited(
         'chebyshev_lambda',
-        'how often the foot meets the ideal line',
+        'intersections of the foot path with the ideal line',
         (6.0,),
         '',
         0.0,
@@ -813,13 +813,13 @@ def page() -> str:
     lines = [
         '# Published linkages',
         '',
-        f'{len(linkages)} of the shipped linkages compared with {numbers} published numbers. Our values',
-        'come from the files in `klann_ros/linkages/` and agree within the reading error of the source;',
-        'rows with other lengths than the file state this. `test/kinematics/test_published.py` tests the',
-        'numbers and this page; `python test/published.py` writes it.',
+        f'{len(linkages)} of the shipped linkages compared with {numbers} published numbers. Ours come',
+        'from the files in `klann_ros/linkages/` and agree within the reading error of the',
+        'source; rows with other lengths than the file state this. The numbers and this page are',
+        'tested by `test/kinematics/test_published.py` and written by `python test/published.py`.',
         '',
-        'A pose on a plan is compared at the crank angle of its drawn crank pin, which is itself not',
-        "counted. The numbers are in the plan's units and frame.",
+        'A pose on a plan is compared at the crank angle of its drawn crank pin, which is not',
+        "counted itself. The numbers are in the plan's units and frame.",
         '',
         'Linkages without published numbers:',
         '',
