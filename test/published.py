@@ -102,7 +102,7 @@ SOURCES = {
         'T. Checketts, J. Payne, M. Duke and K. Aycock, Six-Bar-Walking-Mechanism, the notebook'
         " (R1 1.9, R3 4.65, R3' 2.3, R4 2.35, R5 3.65, R6 4.65)",
         'https://github.com/kenaycock/Six-Bar-Walking-Mechanism',
-        'Half the last digit of what is printed; plots read to 0.03 (x), 0.05 (y and angles) and'
+        'Half the last printed digit; plots read to 0.03 (x), 0.05 (y and angles) and'
         ' 5° of the crank.',
     ),
     'Wikibooks': Source(
@@ -813,7 +813,7 @@ def page() -> str:
     lines = [
         '# Published linkages',
         '',
-        f'{len(linkages)} of the shipped linkages compared with {numbers} published numbers. Ours come',
+        f'{len(linkages)} of the shipped linkages against {numbers} published numbers. Ours come',
         'from the files in `klann_ros/linkages/` and agree within the reading error of the',
         'source; rows with other lengths than the file state this. The numbers and this page are',
         'tested by `test/kinematics/test_published.py` and written by `python test/published.py`.',
