@@ -15,11 +15,22 @@ from klann_ros.kinematics import (
     LinkageLeg,
     NoStanceError,
 )
+from klann_ros.kinematics.foot.stance import _Contact, _joined
 import numpy as np
 import pytest
 from strategies import legs
 
 SEM104, PATENT = KlannGeometry.sem104(), KlannGeometry.patent()
+
+
+@pytest.mark.parametrize('holds', [True, False])
+def test_contacts_that_meet_at_the_start_of_the_turn_are_one(holds: bool) -> None:
+    (track,) = foot_path(KlannLeg())._tracks
+    first = _Contact(track, 0.2, 0.5, -1, holds)
+    other = _Contact(track, 1.0, 1.5, -1, holds_lowest=False)
+    last = _Contact(track, 3.0, 0.2 + math.pi, -1, not holds)
+    whole = _Contact(track, 3.0, 0.5 + math.pi, -1, holds_lowest=True)
+    assert _joined([first, other, last]) == [other, whole]
 
 
 def peaucellier(turned: float) -> LinkageLeg:

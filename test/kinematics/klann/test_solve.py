@@ -44,7 +44,7 @@ def test_the_iterates_are_those_of_the_full_newton() -> None:
     np.testing.assert_allclose(pose.x, iterates[-1], rtol=0, atol=1e-15)
 
 
-@pytest.mark.parametrize('degrees', [30, 79, 90, 120, 180])
+@pytest.mark.parametrize('degrees', [30, 79, 90, 120, 180, 10 * 360 + 30])
 def test_a_jump_is_split_and_needs_no_closed_form(
     degrees: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
