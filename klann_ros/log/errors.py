@@ -6,6 +6,9 @@ from typing import TypeAlias
 
 from klann_ros.sanitize.text import printable, printable_line
 
+REFUSED = 'refused: '
+"""How the reason begins when something is not read because of a limit, not of damage."""
+
 AnyPath: TypeAlias = str | PathLike[str]
 
 

@@ -1,11 +1,8 @@
 """
 What a chunk, or messages outside of chunks, hold: found once, read out as it is needed.
 
-What is looked at in vain is limited. A kilobyte can unpack to millions of bytes, and these may be
-no messages: zeros, records of kinds that nobody knows, or what no CRC holds for. So it is counted,
-in bytes: a multiple of those in the file is free, and beyond that there is an amount once for the
-file. A file that is sound never gets there; one that has used it up is still read, but what is
-behind that in it is unpacked to the free multiple only.
+Work spent on undecodable bytes is bounded: see
+:class:`~klann_ros.log.mcap.decompression.DecompressionBudget`.
 """
 
 from array import array
@@ -18,10 +15,13 @@ from typing import BinaryIO, TypeAlias
 
 from klann_ros.log.errors import DamagedError
 from mcap.opcode import Opcode
+from mcap.records import Chunk
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from .decompression import decompress, DecompressionBudget, DecompressionError
 from .layout import is_known, RECORD_HEAD, without_more
+from .parsing import parse
 
 Row: TypeAlias = tuple[int, int, int, int, bytes]
 
@@ -38,29 +38,9 @@ _MAX_UNKNOWN = 32
 # So many of the last ones are left.
 _LEFT = 3
 
-FREE = 64
-"""So many bytes may be unpacked in vain for one in the file."""
-
-_EACH = 16 * 1024
-_ONCE = 256 * 1024 * 1024
 # What a record costs that is stepped over, one that describes something, and what each message
 # pays for those around it [bytes that could be unpacked in that time].
 _RECORD_COST, _DEFINITION_COST, _MESSAGE_PAYS = 256, 1024, 4096
-
-
-class Patience:
-    """How much more may be looked at in vain in one pass over a file."""
-
-    def __init__(self) -> None:
-        self._left = _ONCE
-
-    def allowed(self, packed: int) -> int:
-        """Return how much may be looked at in vain for a chunk of so many bytes in the file."""
-        return max(self._left, 0) + FREE * packed + _EACH
-
-    def spend(self, wasted: int, packed: int) -> None:
-        """Note how much was looked at in vain for a chunk."""
-        self._left -= max(0, wasted - FREE * packed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +103,22 @@ class Content:
         return (self.starts[n] for n in sorted(range(len(times)), key=times.__getitem__))
 
 
+def chunk_content(record: bytes, offset: int, budget: DecompressionBudget) -> Content:
+    """Return the content of a chunk record; the offset is for the error's message."""
+    chunk = parse(Chunk, record, offset)
+    packed = len(chunk.data)
+    try:
+        data = decompress(
+            chunk.data, chunk.compression, chunk.uncompressed_size, chunk.uncompressed_crc, budget
+        )
+    except DecompressionError as error:
+        raise DamagedError(str(error), offset, Opcode.CHUNK) from None
+    verified = chunk.uncompressed_crc != 0
+    content = content_of(data, verified=verified, allowed=budget.allowed(packed))
+    budget.charge(content.wasted, packed)
+    return content
+
+
 def content_of(data: bytes | bytearray, *, verified: bool, allowed: int = sys.maxsize) -> Content:
     """
     Find the records in a chunk's data, up to the first that cannot be.
@@ -132,7 +128,7 @@ def content_of(data: bytes | bytearray, *, verified: bool, allowed: int = sys.ma
     data, verified
         The unpacked bytes, and whether there was a CRC that held.
     allowed
-        How much of them may be of no message, as :class:`Patience` counts.
+        How much of them may be of no message, as the budget counts them.
 
     """
     starts, definitions = array('Q'), array('Q')

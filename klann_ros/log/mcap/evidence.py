@@ -16,9 +16,9 @@ from klann_ros.sanitize.files import next_data
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata
 
-from .chunks import chunk_content
 from .container import read, span_at
-from .content import Patience
+from .content import chunk_content
+from .decompression import DecompressionBudget
 from .layout import fields_end, is_known, RECORD_HEAD, RecordSpan
 from .parsing import crc_of_attachment, parse, parse_attachment, parse_schema
 
@@ -67,10 +67,10 @@ class Evidence:
     which claims the rest of the file, do not make it read the file again for each.
     """
 
-    def __init__(self, file: BinaryIO, size: int, patience: Patience) -> None:
+    def __init__(self, file: BinaryIO, size: int, budget: DecompressionBudget) -> None:
         self.file = file
         self.size = size
-        self._patience = patience
+        self._budget = budget
         self._left = 4 * size
         self._last: tuple[RecordSpan, Inside] | None = None
 
@@ -127,7 +127,7 @@ class Evidence:
     def _is_proven(self, opcode: int, content: bytes) -> bool:
         """Return whether a content has a CRC; raise if it is not what it should be."""
         if opcode == Opcode.CHUNK:
-            chunk = chunk_content(content, 0, self._patience)
+            chunk = chunk_content(content, 0, self._budget)
             if not len(chunk.data) or chunk.broken:
                 raise DamagedError(chunk.broken)
             return True

@@ -15,8 +15,8 @@ from klann_ros.sanitize.text import counted, verb
 from mcap.records import ChunkIndex
 import numpy as np
 
-from .chunks import MAX_RATIO, MIN_LIMIT
 from .content import Content
+from .decompression import MAX_RATIO, MIN_LIMIT
 from .log_file import LogFile
 from .summary import Summary
 
@@ -63,7 +63,8 @@ def _of_all(file: LogFile, topics: Topics) -> Iterator[Message]:
     """
     bounds, number = file.later_starts(), 0
     waiting: list[tuple[int, int, Message]] = []
-    size, limit = 0, max(MIN_LIMIT, MAX_RATIO * file.size)
+    # Two of the largest parts fit, as where they are merged by an index.
+    size, limit = 0, max(MIN_LIMIT, MAX_RATIO * file.size, 2 * file.largest_content())
     with file.open() as stream:
         walk = file.walk(stream)
         for position, (offset, content) in enumerate(walk.contents()):
@@ -102,14 +103,17 @@ def _can_be_merged(file: LogFile) -> bool:
     """
     Return whether the chunks that overlap in time are no more than can be unpacked at once.
 
-    Those of a recorder follow each other, or it has as many bytes in the file.
+    Those of a recorder follow each other, or it has as many bytes in the file. Two of the largest
+    chunks always fit: each is held to the decompression limit by itself.
     """
     begins = [(chunk.message_start_time, chunk.uncompressed_size) for chunk in file.summary.chunks]
     ends = [
         (chunk.message_end_time + 1, -chunk.uncompressed_size) for chunk in file.summary.chunks
     ]
     unpacked = accumulate(size for _, size in sorted(begins + ends))
-    return max(unpacked, default=0) <= max(_MOST_AT_ONCE, MAX_RATIO * file.size)
+    largest = max((chunk.uncompressed_size for chunk in file.summary.chunks), default=0)
+    allowed = max(_MOST_AT_ONCE, MAX_RATIO * file.size, 2 * largest)
+    return max(unpacked, default=0) <= allowed
 
 
 def _is_as_said(file: LogFile, chunk: ChunkIndex, content: Content) -> bool:

@@ -11,9 +11,9 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata
 
 from .channels import Channels
-from .chunks import chunk_content
 from .container import MAGIC, read
-from .content import Content, message_content, Patience
+from .content import chunk_content, Content, message_content
+from .decompression import DecompressionBudget
 from .layout import is_known, least, RECORD_HEAD, RecordSpan
 from .parsing import parse
 
@@ -51,7 +51,7 @@ class GrowingFile:
         self.is_finished, self.problem = False, ''
         self._file = open_plain(path)
         self._next = 0
-        self._channels, self._patience = Channels(), Patience()
+        self._channels, self._budget = Channels(), DecompressionBudget()
 
     def close(self) -> None:
         """Let go of it."""
@@ -94,7 +94,7 @@ class GrowingFile:
 
     def _contents(self, span: RecordSpan) -> Iterator[Message | NamedRecord]:
         if span.opcode == Opcode.CHUNK:
-            content = chunk_content(read(self._file, span), span.offset, self._patience)
+            content = chunk_content(read(self._file, span), span.offset, self._budget)
             self._channels.add_all(content.definitions(), span.offset, verified=content.verified)
             yield from self._messages(content)
         elif span.opcode == Opcode.MESSAGE:

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .channels import Channels
-from .chunks import chunk_content
 from .container import find_footer, MAGIC, read, span_at
-from .content import Content, Patience
+from .content import chunk_content, Content
 from .damage import holes
+from .decompression import DecompressionBudget
 from .evidence import Evidence
 from .parsing import parse, parse_attachment
 from .resync import Search
@@ -76,7 +76,8 @@ class LogFile:
         self._channels: Channels | None = None
         # The earliest log time in each part of a walk.
         self._starts: array[int] | None = None
-        self._patience = Patience()
+        self._largest = 0
+        self._budget = DecompressionBudget()
         self._rotten: set[int] = set()
         try:
             with self.open() as file:
@@ -164,6 +165,7 @@ class LogFile:
         with self.open() as file:
             walk = self.walk(file, channels)
             for _, content in walk.contents():
+                self._largest = max(self._largest, len(content.data))
                 times = np.frombuffer(content.times(), np.uint64)
                 starts.append(int(times.min()) if len(times) else _NEVER - 1)
                 first = min(first, starts[-1])
@@ -179,6 +181,10 @@ class LogFile:
             [span.offset for span in walk.metadata],
             [span.offset for span in walk.attachments],
         )
+
+    def largest_content(self) -> int:
+        """Return the size of the largest part of a walk, unpacked [bytes]; after a survey."""
+        return self._largest
 
     def later_starts(self) -> NDArray[np.uint64]:
         """Return of each part of a walk the earliest log time in the parts behind it [ns]."""
@@ -208,7 +214,7 @@ class LogFile:
         if record is None:
             return None
         try:
-            return chunk_content(record, offset, self._patience)
+            return chunk_content(record, offset, self._budget)
         except DamagedError as damage:
             self._rotten.add(offset)
             self.note(offset, damage.reason)
@@ -235,7 +241,7 @@ class LogFile:
 
     def _check_start(self, start: bytes, file: BinaryIO) -> None:
         """Refuse what is no log; one whose first bytes are damaged has sound chunks in it."""
-        evidence = Evidence(file, self.size, self._patience)
+        evidence = Evidence(file, self.size, self._budget)
         if Search(evidence).chunk(0, self.size) is not None:
             self.note(0, 'its first bytes are not those of an MCAP file')
             return

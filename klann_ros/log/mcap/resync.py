@@ -17,8 +17,8 @@ from klann_ros.log.errors import DamagedError
 from klann_ros.sanitize.files import next_data
 from mcap.opcode import Opcode
 
-from .chunks import COMPRESSIONS
 from .container import span_at
+from .decompression import COMPRESSIONS
 from .evidence import Behind, Evidence, Inside
 from .layout import is_known, least, RecordSpan
 

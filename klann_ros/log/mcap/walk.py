@@ -16,10 +16,10 @@ from mcap.records import Metadata
 
 from .belief import Belief
 from .channels import Channels
-from .chunks import chunk_content
 from .container import MAGIC, name_of, read, span_at
-from .content import Content, message_content, Patience, Stretches
+from .content import chunk_content, Content, message_content, Stretches
 from .damage import is_made_anew, Loss, Losses
+from .decompression import DecompressionBudget
 from .evidence import Evidence
 from .layout import fields_end, is_known, RecordSpan
 from .parsing import parse
@@ -80,8 +80,8 @@ class Walk:
         self._size = size
         self._channels = channels
         self._summary = summary or Summary()
-        self._patience = Patience()
-        self._evidence = Evidence(file, size, self._patience)
+        self._budget = DecompressionBudget()
+        self._evidence = Evidence(file, size, self._budget)
         self._search = Search(self._evidence)
         self._belief = Belief(self._evidence, self._search, self._summary)
         self.wrong, self.remarks = self._belief.wrong, self._belief.remarks
@@ -180,7 +180,7 @@ class Walk:
         try:
             if span.opcode == Opcode.CHUNK:
                 self._chunked = True
-                content = chunk_content(read(self._file, span), span.offset, self._patience)
+                content = chunk_content(read(self._file, span), span.offset, self._budget)
                 self._channels.add_all(
                     content.definitions(), span.offset, verified=content.verified
                 )

@@ -5,10 +5,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
-from klann_ros.log.mcap.chunks import MAX_RATIO, MIN_LIMIT
+from klann_ros.log.mcap.decompression import (
+    decompress_message,
+    DecompressionBudget,
+    DecompressionError,
+)
 from klann_ros.log.records import Message, Topic
 from klann_ros.sanitize.text import printable
-import zstandard
 
 from .block import block_of_messages, MessageBlock
 from .sources import Source, Topics
@@ -83,7 +86,7 @@ class Unpacker:
 
     def __init__(self, tell: Callable[[str], object]) -> None:
         self._tell = tell
-        self._zstd = zstandard.ZstdDecompressor()
+        self._budget = DecompressionBudget()
 
     def message(self, message: Message) -> Message | None:
         """Return a message as it was published; None if it cannot be unpacked."""
@@ -96,13 +99,9 @@ class Unpacker:
         """Return the bytes of a message as they were published; None as :meth:`message`."""
         if not packed.startswith(ZSTD_MAGIC):
             return packed
-        limit = max(MIN_LIMIT, MAX_RATIO * len(packed))
         try:
-            # What the frame claims is asked for before anything is unpacked.
-            if zstandard.frame_content_size(packed) <= limit:
-                return self._zstd.decompress(packed, max_output_size=limit)
-            reason = f'they unpack to more than {limit} bytes, which is the limit'
-        except zstandard.ZstdError as error:
+            return decompress_message(packed, self._budget)
+        except DecompressionError as error:
             reason = str(error)
         self._tell(f'messages of {printable(topic.name)} cannot be unpacked: {reason}')
         return None

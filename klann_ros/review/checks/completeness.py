@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from klann_ros.log.errors import REFUSED
 from klann_ros.review.model.recording import RunRecording
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.topics import TopicRecording
@@ -21,7 +22,11 @@ def check_container(review: Review) -> Iterator[Finding]:
         more = len(recording.problems) - _MOST_PROBLEMS
         also = f'; and {more} more' if more > 0 else ''
         meaning = 'what is judged is what could be read; `recover` makes a whole run of it'
-        yield Finding('container', Severity.ERROR, f'the log is damaged: {shown}{also}', meaning)
+        what = 'the log is damaged'
+        if all(REFUSED in problem for problem in recording.problems):
+            meaning = 'the rest is judged; a machine with more memory can read all of it'
+            what = 'part of the log is refused'
+        yield Finding('container', Severity.ERROR, f'{what}: {shown}{also}', meaning)
     if recording.stopped:
         yield Finding(
             'container',

@@ -152,7 +152,7 @@ class _Following:
             if file.is_finished:
                 return
             if file.problem:
-                self._said(f'{printable(file.path.name)} is damaged: {file.problem}')
+                self._said(f'{printable(file.path.name)} cannot be read on: {file.problem}')
                 return
             if file.is_gone:
                 self._said(f'{printable(file.path.name)} was removed')

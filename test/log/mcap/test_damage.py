@@ -8,7 +8,7 @@ import tracemalloc
 from types import ModuleType
 
 from klann_ros.log.errors import LogError, NotALogError
-from klann_ros.log.mcap.chunks import MIN_LIMIT
+from klann_ros.log.mcap.decompression import MIN_LIMIT
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message
 from mcap.writer import MCAP0_MAGIC

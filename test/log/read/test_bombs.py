@@ -9,7 +9,14 @@ import subprocess
 import sys
 
 from klann_ros.log.definitions import definition
-from klann_ros.log.mcap.chunks import MIN_LIMIT
+from klann_ros.log.errors import NotALogError
+from klann_ros.log.mcap import decompression
+from klann_ros.log.mcap.decompression import MIN_LIMIT
+from klann_ros.log.reader import open_log
+from klann_ros.log.records import Message, Topic
+from klann_ros.log.recovery import recover
+from klann_ros.log.write.writer import RunWriter
+from klann_ros.review.reviewing import review_run
 from mcap_bytes import records as mcap
 from mcap_bytes.hostile import file_of_chunks, HEADER, named_often, overlapping, packed_chunk
 import pytest
@@ -31,8 +38,8 @@ def message(data):
     return mcap.message(1, 1, 1, 1, data)
 
 
-def log(data):
-    return HEADER + packed_chunk(data)
+def log(data, crc=None):
+    return HEADER + packed_chunk(data, crc=crc)
 
 
 def crank(data):
@@ -44,7 +51,7 @@ EMPTY = b'E[] name\n' + b'=' * 80 + b'\nMSG: sensor_msgs/E\n'
 # As many chunks as are more than 200 MB, should somebody hold them all at once, and no more.
 BOMBS = {
     'one big message': lambda: crank(message(bytes(MIN_LIMIT - MB))),
-    'more than the limit': lambda: crank(message(bytes(5 * MIN_LIMIT))),
+    'more than the limit with a false CRC': lambda: log(message(bytes(5 * MIN_LIMIT)), crc=1),
     'a message of empty objects': lambda: log(
         topic('/joint_states', 'sensor_msgs/msg/JointState', EMPTY)
         + message(b'\0\1\0\0\xff\xff\xff\xff' + bytes(30 * MB))
@@ -103,11 +110,39 @@ def test_a_small_file_takes_less_than_200_mb(run, bomb, job) -> None:
     assert used < 200 * MB
 
 
-def test_the_limit_that_was_met_is_told(run, tmp_path: Path) -> None:
-    (tmp_path / 'x.mcap').write_bytes(BOMBS['more than the limit']())
-    code, _, said = run('recover', tmp_path / 'x.mcap')
-    assert code == 2
-    assert f'unpack to more than {MIN_LIMIT} bytes, which is the limit' in said
+@pytest.fixture(scope='module')
+def grid(tmp_path_factory: pytest.TempPathFactory):
+    """Return a run of a map of 7000 x 7000 unknown cells: some kilobytes, packed."""
+    kind = 'nav_msgs/msg/OccupancyGrid'
+    path = tmp_path_factory.mktemp('grid') / 'run'
+    with RunWriter(path) as writer:
+        topic = Topic(name='/map', type=kind, definition=definition(kind))
+        writer.write(Message(topic, b'\0\1\0\0' + bytes(49_000_000), 10**9, 10**9, 0))
+    return path
+
+
+@pytest.mark.parametrize('job', ['recover', 'review', 'play'])
+def test_a_large_message_that_the_recorder_packed_well_is_read(run, grid, job) -> None:
+    _, used, said = run(job, grid)
+    assert used > 49_000_000
+    assert 'damaged' not in said
+    assert 'refused' not in said
+    if job == 'recover':
+        assert 'kept: 1 message in all' in said
+
+
+def test_a_chunk_above_the_memory_limit_is_refused(
+    tmp_path: Path, grid, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(decompression, 'available_memory', lambda: 0)
+    refusal = 'refused: 49 MB unpacked, above the limit of 42 MB'
+    with open_log(grid) as opened:
+        assert list(opened.messages()) == []
+        assert refusal in opened.problem
+    (finding,) = (one.text for one in review_run(grid).findings if refusal in one.text)
+    assert finding.startswith('part of the log is refused')
+    with pytest.raises(NotALogError, match=refusal):
+        recover(grid, tmp_path / 'again')
 
 
 def test_a_large_message_of_a_file_as_large_is_kept(run, tmp_path: Path) -> None:

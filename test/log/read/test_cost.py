@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 from klann_ros.log.errors import LogError
-from klann_ros.log.mcap import chunks, content
+from klann_ros.log.mcap import decompression
 from klann_ros.log.qos import LONGEST, MOST_DIFFERENT, MOST_TEXTS, Qos, qos_to_yaml
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Topic
@@ -89,7 +89,7 @@ def test_zeros_in_a_chunk_are_no_records(read, tmp_path: Path) -> None:
 def test_many_chunks_of_no_use_cost_hardly_more_than_some(
     read, shape, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(content, '_ONCE', 2**22)
+    monkeypatch.setattr(decompression, '_BUDGET', 2**22)
     some, _ = read(file_of_chunks(shape, 2**20, 5))
     many, _ = read(file_of_chunks(shape, 2**20, 25))
     size = len(file_of_chunks(shape, 2**20, 20))
@@ -98,26 +98,28 @@ def test_many_chunks_of_no_use_cost_hardly_more_than_some(
 
 def test_what_is_unpacked_in_vain_is_limited(read, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each unpacks to 10 MB that have another CRC: all of it is needed to know that."""
-    monkeypatch.setattr(content, '_ONCE', 2**25)
+    monkeypatch.setattr(decompression, '_BUDGET', 2**25)
     unpacked = []
-    unpack = chunks._UNPACK['zstd']
+    unpack = decompression._DECOMPRESSORS['zstd']
 
     def count(data, size):
         for piece in unpack(data, size):
             unpacked.append(len(piece))
             yield piece
 
-    monkeypatch.setitem(chunks._UNPACK, 'zstd', count)
+    monkeypatch.setitem(decompression._DECOMPRESSORS, 'zstd', count)
     chunk = packed_chunk(EMPTY * (10 * 2**20 // len(EMPTY)), crc=1)
     read(HEADER + chunk * 30)
     passes = 2
-    assert sum(unpacked) <= passes * (2**25 + 2 * 10 * 2**20 + content.FREE * 31 * len(chunk))
+    assert sum(unpacked) <= passes * (
+        2**25 + 2 * 10 * 2**20 + decompression.FREE_RATIO * 31 * len(chunk)
+    )
 
 
 def test_what_stands_behind_so_much_that_is_of_no_use_is_read_all_the_same(
     read, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(content, '_ONCE', 2**20)
+    monkeypatch.setattr(decompression, '_BUDGET', 2**20)
     _, found = read(
         file_of_chunks('private records', 2**20, 3) + packed_chunk(CHANNEL + EMPTY * 100)
     )
@@ -127,18 +129,18 @@ def test_what_stands_behind_so_much_that_is_of_no_use_is_read_all_the_same(
 def test_a_limit_that_was_met_is_told(
     read, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(content, '_ONCE', 2**20)
+    monkeypatch.setattr(decompression, '_BUDGET', 2**20)
     read(file_of_chunks('private records', 2**20, 3))
     with open_log(tmp_path / 'x.mcap') as log:
         assert any('more records in it that are no messages' in text for text in log.problems)
-        assert any('behind so much that is of no use' in text for text in log.problems)
+        assert any('too many useless bytes' in text for text in log.problems)
 
 
 def test_private_records_around_messages_are_no_waste(
     read, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A recorder may put some of its own beside each message; a sound file has no limit."""
-    monkeypatch.setattr(content, '_ONCE', 2**20)
+    monkeypatch.setattr(decompression, '_BUDGET', 2**20)
     chunk = packed_chunk(CHANNEL + (EMPTY + mcap.record(0x80, b'mine') * 5) * 200)
     _, found = read(HEADER + chunk * 20)
     assert found == 4000

@@ -193,7 +193,7 @@ def test_what_is_no_log_is_said_and_ends_it(tmp_path: Path, content: bytes, prob
     follower = Follower(path)
     follower.until_ended()
     assert follower.error is None
-    assert 'bad_0.mcap is damaged: ' in follower.said[-1]
+    assert 'bad_0.mcap cannot be read on: ' in follower.said[-1]
     assert problem in follower.said[-1]
 
 

@@ -1,0 +1,274 @@
+"""
+Decompression limits: the memory that unpacked chunks and messages may take.
+
+A kilobyte can unpack to gigabytes. The size that a chunk claims is not believed:
+
+- up to ``MIN_LIMIT``, or ``MAX_RATIO`` times its packed size, it is unpacked in pieces;
+- above that, a streaming pass that keeps nothing has to confirm its declared size or CRC;
+- above :func:`memory_limit` it is refused.
+
+:class:`DecompressionBudget` bounds the time spent on bytes that turn out to be useless.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+import os
+from pathlib import Path
+import resource
+from typing import TypeAlias
+import zlib
+
+from klann_ros.log.errors import REFUSED
+from klann_ros.sanitize.text import printable
+from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped] # lz4 has no types
+import zstandard
+
+Bytes: TypeAlias = bytes | bytearray
+Decompress: TypeAlias = Callable[[Bytes, int], Iterator[bytes]]
+
+MIN_LIMIT = 40 * 1024 * 1024
+"""Unpacked size that any chunk or message may have without a proof [bytes]; 1 MB is usual."""
+
+MAX_RATIO = 8
+"""Compression ratio up to which a larger chunk needs no proof, such as a large image."""
+
+MEMORY_SHARE = 8
+"""Part of the available memory that one chunk may fill; `recover` takes three times its size."""
+
+FREE_RATIO = 64
+"""Useless bytes that may be unpacked per packed byte without a charge."""
+
+_FREE_PER_CHUNK = 16 * 1024
+_BUDGET = 256 * 1024 * 1024
+_PIECE_SIZE = 1024 * 1024
+
+
+class DecompressionBudget:
+    """
+    The useless bytes that one pass over a file may still unpack.
+
+    A sound file never uses it up. After that the file is still read, but each chunk may hold only
+    a fixed multiple of useless bytes for each of its packed bytes.
+    """
+
+    def __init__(self) -> None:
+        self._left = _BUDGET
+
+    def allowed(self, packed: int) -> int:
+        """Return the useless bytes that a chunk of a packed size [bytes] may hold."""
+        return max(self._left, 0) + FREE_RATIO * packed + _FREE_PER_CHUNK
+
+    @property
+    def is_exhausted(self) -> bool:
+        """Return whether no useless bytes are left."""
+        return self._left <= 0
+
+    def charge(self, wasted: int, packed: int) -> None:
+        """Subtract the useless bytes of a chunk."""
+        self._left -= max(0, wasted - FREE_RATIO * packed)
+
+
+class DecompressionError(ValueError):
+    """Compressed bytes that are damaged or refused; `unpacked` is the size reached [bytes]."""
+
+    def __init__(self, reason: str, unpacked: int = 0) -> None:
+        super().__init__(reason)
+        self.unpacked = unpacked
+
+
+def decompress(
+    data: Bytes, compression: str, size: int, crc: int, budget: DecompressionBudget
+) -> Bytes:
+    """
+    Unpack the content of a chunk and check it.
+
+    Parameters
+    ----------
+    data, compression
+        The packed bytes and the name of their compression.
+    size, crc
+        The declared unpacked size [bytes] and CRC-32; 0 for no CRC.
+    budget
+        Charged for what is unpacked in vain.
+
+    Raises
+    ------
+    DecompressionError
+        The compression is unknown, the bytes are damaged, or they exceed a limit.
+
+    """
+    try:
+        pieces = _DECOMPRESSORS[compression]
+    except KeyError:
+        raise DecompressionError(
+            f"the compression '{printable(compression)}' is not known"
+        ) from None
+    try:
+        if pieces is None:
+            _check(len(data), zlib.crc32(data) if crc else 0, size, crc)
+            return data
+        return _unpack(pieces, data, size, crc, budget)
+    except DecompressionError as error:
+        budget.charge(error.unpacked or len(data), len(data))
+        raise
+
+
+def _unpack(
+    pieces: Decompress, data: Bytes, size: int, crc: int, budget: DecompressionBudget
+) -> Bytes:
+    packed = len(data)
+    limit = min(max(MIN_LIMIT, MAX_RATIO * packed), budget.allowed(packed))
+    memory = memory_limit() if size > MIN_LIMIT else MIN_LIMIT
+    if max(limit, MIN_LIMIT) < size <= memory and not budget.is_exhausted:
+        for _ in _checked(pieces, data, size, crc, size):
+            pass
+        limit = size
+    unpacked = bytearray()
+    try:
+        for piece in _checked(pieces, data, size, crc, min(limit, max(memory, MIN_LIMIT))):
+            # It grows in place, which takes half the memory of a join.
+            unpacked += piece
+    except MemoryError as error:
+        raise DecompressionError(f'{REFUSED}there is no memory for it', len(unpacked)) from error
+    return unpacked
+
+
+def _checked(pieces: Decompress, data: Bytes, size: int, crc: int, limit: int) -> Iterator[bytes]:
+    """Yield the unpacked pieces; raise where they disagree with the declared size and CRC."""
+    done = found = 0
+    try:
+        for piece in pieces(data, min(limit + 1, _PIECE_SIZE)):
+            done += len(piece)
+            if done > limit:
+                check_memory(size)
+                useless = limit < max(MIN_LIMIT, MAX_RATIO * len(data))
+                reason = f'its {len(data)} bytes unpack to more than {limit} bytes, the limit '
+                reason += 'behind too many useless bytes' if useless else 'without a proof'
+                raise DecompressionError(f'the chunk cannot be unpacked ({reason})', done)
+            if crc:
+                found = zlib.crc32(piece, found)
+            yield piece
+    except (zstandard.ZstdError, RuntimeError) as error:
+        raise DecompressionError(f'the chunk cannot be unpacked ({error})', done) from None
+    _check(done, found, size, crc)
+
+
+def _check(size: int, crc: int, declared_size: int, declared_crc: int) -> None:
+    if crc != declared_crc:
+        reason = f'the CRC of the chunk is {crc:08x}, {declared_crc:08x} is recorded'
+        raise DecompressionError(reason, size)
+    if not crc and size != declared_size:
+        reason = f'the chunk unpacks to {size} bytes, {declared_size} are recorded'
+        raise DecompressionError(reason, size)
+
+
+def decompress_message(data: bytes, budget: DecompressionBudget) -> bytes:
+    """
+    Unpack a message that is a zstd frame by itself.
+
+    Raises
+    ------
+    DecompressionError
+        It is damaged, or exceeds a limit.
+
+    """
+    limit = max(MIN_LIMIT, MAX_RATIO * len(data))
+    try:
+        size = zstandard.frame_content_size(data)
+        if size > MIN_LIMIT:
+            return bytes(decompress(data, 'zstd', size, 0, budget))
+        return zstandard.ZstdDecompressor().decompress(data, max_output_size=limit)
+    except zstandard.ZstdError as error:
+        raise DecompressionError(str(error)) from None
+
+
+def check_memory(size: int) -> None:
+    """Refuse an unpacked size [bytes] above the memory limit by a DecompressionError."""
+    limit = memory_limit()
+    if size > limit:
+        raise DecompressionError(
+            f'{REFUSED}{size / 1e6:.0f} MB unpacked, above the limit of {limit / 1e6:.0f} MB'
+        )
+
+
+def memory_limit() -> int:
+    """Return the largest unpacked size that the available memory allows [bytes]."""
+    return max(MIN_LIMIT, available_memory() // MEMORY_SHARE)
+
+
+def available_memory() -> int:
+    """
+    Return the memory that this process may still take [bytes].
+
+    The least of MemAvailable in /proc/meminfo, the limits of its control groups (versions 1 and
+    2), and RLIMIT_AS.
+    """
+    found = [2**40, *_group_memory()]
+    with suppress(OSError, ValueError, IndexError):
+        found.append(int(_text('/proc/meminfo').split('MemAvailable:')[1].split()[0]) * 1024)
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if soft != resource.RLIM_INFINITY:
+        with suppress(OSError, ValueError):
+            pages = int(_text('/proc/self/statm').split()[0])
+            found.append(soft - pages * os.sysconf('SC_PAGE_SIZE'))
+    return max(0, min(found))
+
+
+def _group_memory() -> Iterator[int]:
+    """Yield the memory that each control group of this process may still take [bytes]."""
+    with suppress(OSError, ValueError):
+        for line in _text('/proc/self/cgroup').splitlines():
+            number, controllers, name = line.split(':', 2)
+            if number == '0':
+                root, limit, usage = '/sys/fs/cgroup', 'memory.max', 'memory.current'
+            elif 'memory' in controllers.split(','):
+                root = '/sys/fs/cgroup/memory'
+                limit, usage = 'memory.limit_in_bytes', 'memory.usage_in_bytes'
+            else:
+                continue
+            # A container may mount its own group as the root.
+            place = Path(root) / name.lstrip('/')
+            for folder in [place, *place.parents][: len(Path(name).parts) + 1]:
+                with suppress(OSError, ValueError):
+                    yield int(_text(folder / limit)) - int(_text(folder / usage)) + _cache(folder)
+
+
+def _cache(folder: Path) -> int:
+    """Return the file cache of a control group, which makes room for programs [bytes]."""
+    with suppress(OSError, ValueError):
+        for line in _text(folder / 'memory.stat').splitlines():
+            key, value = line.split()
+            if key == 'inactive_file':
+                return int(value)
+    return 0
+
+
+def _text(path: str | Path) -> str:
+    return Path(path).read_text(encoding='utf-8')
+
+
+def _decompress_zstd(data: Bytes, size: int) -> Iterator[bytes]:
+    """Yield pieces of at most a size."""
+    with zstandard.ZstdDecompressor().stream_reader(data) as stream:
+        yield from iter(lambda: stream.read(size), b'')
+
+
+def _decompress_lz4(data: Bytes, size: int) -> Iterator[bytes]:
+    """Yield pieces of at most a size."""
+    frame, given = LZ4FrameDecompressor(), data
+    while not frame.eof:
+        piece = frame.decompress(given, max_length=size)
+        given = b''
+        if not piece and frame.needs_input:
+            raise RuntimeError('it is cut off')
+        yield piece
+
+
+_DECOMPRESSORS: dict[str, Decompress | None] = {
+    '': None,
+    'zstd': _decompress_zstd,
+    'lz4': _decompress_lz4,
+}
+
+COMPRESSIONS = tuple(name.encode() for name in _DECOMPRESSORS)
+"""The names of the known compressions, as bytes."""
