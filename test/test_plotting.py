@@ -1,4 +1,4 @@
-"""Plots: what is drawn is what the kinematics say, to the last digit that is drawn."""
+"""Plots: the drawing has the numbers of the kinematics, to the last digit."""
 
 import math
 import os
@@ -36,7 +36,7 @@ BODIES = {
     'upper rocker': 'EF',
     'leg': 'FGH',
 }
-# Of class II: it turns to and fro.
+# Of class II: its crank swings.
 TRIPLE_ROCKER = FourBar(0.180, 0.120, 0.130, 0.140)
 
 
@@ -76,7 +76,7 @@ def test_every_point_of_any_linkage_is_drawn_once_as_its_joint(linkage: Linkage)
     assert sorted(map(tuple, fixed)) == sorted(map(tuple, expected))
 
 
-def test_a_joint_joins_bodies_and_a_mere_point_does_not() -> None:
+def test_a_pin_joins_bodies_and_a_point_does_not() -> None:
     joints = PoseDrawing.of(KlannLeg().solve(1.0)).joints
     assert {kind: ''.join(names) for kind, names in joints.items()} == {
         'pivot': 'ADE',
@@ -99,13 +99,6 @@ def test_no_letter_is_on_a_bar(linkage: Linkage) -> None:
                     assert side @ along < math.cos(math.radians(30.0)), (name, bar)
 
 
-def test_the_plane_is_equally_scaled_and_in_metres() -> None:
-    for plot in (plotting.plot_pose, plotting.plot_foot_path):
-        ax = plot(KlannGeometry.patent(), ax=new_axes())
-        assert ax.get_aspect() == 1
-        assert (ax.get_xlabel(), ax.get_ylabel()) == ('x / m', 'y / m')
-
-
 @pytest.mark.parametrize(
     'given',
     [
@@ -119,14 +112,18 @@ def test_the_plane_is_equally_scaled_and_in_metres() -> None:
     ids=lambda given: type(given).__name__,
 )
 def test_a_linkage_a_geometry_or_a_leg_is_drawn(given: object) -> None:
-    plotting.plot_pose(given, 1.0, ax=new_axes())
-    plotting.plot_foot_path(given, ax=new_axes())
+    for ax in (
+        plotting.plot_pose(given, 1.0, ax=new_axes()),
+        plotting.plot_foot_path(given, ax=new_axes()),
+    ):
+        assert ax.get_aspect() == 1
+        assert (ax.get_xlabel(), ax.get_ylabel()) == ('x / m', 'y / m')
     for what in ('angles', 'transmission', 'condition', 'foot'):
         assert plotting.plot_turn(given, what, ax=new_axes()).lines
 
 
 @pytest.mark.parametrize('wrong', [None, 'jansen', KlannGeometry])
-def test_what_is_no_linkage_is_refused(wrong: object) -> None:
+def test_anything_but_a_linkage_is_refused(wrong: object) -> None:
     for plot in (plotting.plot_pose, plotting.plot_foot_path, plotting.animate):
         with pytest.raises(TypeError, match='is refused: it must be a Linkage'):
             plot(wrong)
@@ -141,7 +138,7 @@ def test_a_leg_keeps_its_last_pose() -> None:
     assert leg.last is pose
 
 
-def test_an_angle_that_cannot_be_reached_is_said_before_anything_is_drawn() -> None:
+def test_an_unreachable_angle_is_refused_before_anything_is_drawn() -> None:
     ax = new_axes()
     with pytest.raises(UnreachableError):
         plotting.plot_pose(TRIPLE_ROCKER, math.pi, ax=ax)
@@ -230,7 +227,7 @@ def test_convergence_is_that_of_newtons_iterates() -> None:
         assert ax.get_yscale() == 'log'
 
 
-def test_what_there_is_not_is_refused_with_what_there_is() -> None:
+def test_an_unknown_quantity_is_refused_with_the_known_ones() -> None:
     with pytest.raises(ValueError, match="'speed' is refused: it must be one of angles, dist"):
         plotting.plot_turn(KlannLeg(), 'speed')
     with pytest.raises(ValueError, match="'speed' is refused: it must be one of errors, corr"):
@@ -324,7 +321,7 @@ def test_without_matplotlib_there_is_one_clear_line(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('alpha', [0.0, 1.0, math.pi / 2])
 @pytest.mark.parametrize('name', ['slider_crank', 'quick_return', 'scotch_yoke'])
-def test_what_slides_is_a_block_along_its_line(name: str, alpha: float) -> None:
+def test_a_sliding_body_is_a_block_along_its_line(name: str, alpha: float) -> None:
     leg = LinkageLeg(shipped_linkage(name))
     artists = PoseArtists(new_axes(), leg.closed_form(2.0))
     pose = leg.closed_form(alpha)

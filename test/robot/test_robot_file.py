@@ -1,4 +1,4 @@
-"""One door for a leg's file, a walker's and a linkage's; what is none is refused in one line."""
+"""The files of a leg, a walker and a linkage; invalid ones are refused in one line."""
 
 from math import pi
 from pathlib import Path
@@ -31,8 +31,12 @@ def test_a_walker_has_its_legs_where_its_file_mounts_them() -> None:
 
 
 @pytest.mark.parametrize('name', ['sem104', 'patent', *shipped_linkages()])
-def test_every_shipped_name_is_a_robot(name: str) -> None:
-    assert robot_of(name).legs[0].linkage.foot
+def test_every_shipped_name_is_a_robot_with_masses(name: str) -> None:
+    (leg,) = robot_of(name).legs
+    assert leg.linkage.foot
+    assert leg.masses is not None
+    # Sliding bodies without a bar included.
+    assert all(body.mass > 0.0 for body in leg.masses.bodies)
 
 
 def test_weight_is_down_in_base_link_however_a_leg_is_mounted(tmp_path: Path) -> None:
@@ -58,15 +62,6 @@ def test_a_leg_without_masses_says_which_are_missing(tmp_path: Path) -> None:
         robot.dynamics(robot.legs[0])
 
 
-@pytest.mark.parametrize('name', shipped_linkages())
-def test_every_shipped_linkage_weighs_something(name: str) -> None:
-    robot = robot_of(name)
-    (leg,) = robot.legs
-    assert leg.masses is not None
-    # Also what slides without a bar.
-    assert all(body.mass > 0.0 for body in leg.masses.bodies)
-
-
 @pytest.mark.parametrize(
     ('text', 'reason'),
     [
@@ -85,7 +80,7 @@ def test_every_shipped_linkage_weighs_something(name: str) -> None:
         ('linkage: not_there.yaml', 'not_there.yaml'),
     ],
 )
-def test_what_is_no_robot_is_refused_in_one_line(text: str, reason: str, tmp_path: Path) -> None:
+def test_an_invalid_robot_is_refused_in_one_line(text: str, reason: str, tmp_path: Path) -> None:
     file = tmp_path / 'robot.yaml'
     file.write_text(text)
     with pytest.raises(RobotFileError, match=reason) as refused:

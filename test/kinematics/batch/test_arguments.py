@@ -80,36 +80,30 @@ def test_out_may_overwrite_the_crank_angles() -> None:
     np.testing.assert_array_equal(klann_poses(SEM104, table[:, 1], out=table).h, expected)
 
 
+THREE = [1.0, 2.0, 3.0]
+
+
 @pytest.mark.parametrize(
-    ('out', 'text'),
+    ('alphas', 'out', 'text'),
     [
-        (np.empty((4, 2)), r'its shape must be \(3, 2\), not \(4, 2\)'),
-        (np.empty((2, 3)), r'its shape must be \(3, 2\)'),
-        (np.empty((3, 2), dtype=np.float32), 'an array of float64, not float32'),
-        (np.empty((3, 2), dtype='>f8'), 'an array of float64'),
-        ([[0.0, 0.0]] * 3, 'an array of float64, not list'),
-        (np.broadcast_to(0.0, (3, 2)), 'it is read-only'),
+        (THREE, np.empty((4, 2)), r'out is refused: its shape must be \(3, 2\), not \(4, 2\)'),
+        (THREE, np.empty((2, 3)), r'out is refused: its shape must be \(3, 2\)'),
+        (THREE, np.empty((3, 2), dtype=np.float32), 'an array of float64, not float32'),
+        (THREE, np.empty((3, 2), dtype='>f8'), 'out is refused: .* an array of float64'),
+        (THREE, [[0.0, 0.0]] * 3, 'an array of float64, not list'),
+        (THREE, np.broadcast_to(0.0, (3, 2)), 'it is read-only'),
+        (np.zeros((3, 4)), np.empty((4, 5, 2))[:3, :4], 'its strides .* without a copy'),
+        *(
+            (alphas, None, '^alphas is refused: it must be an array of real numbers')
+            for alphas in (
+                '1.0', ['1', '2'], [1j], [True], [[1.0], [1.0, 2.0]], [10**400], object(),
+            )
+        ),
     ],
-)
-def test_an_out_that_does_not_fit_is_refused(out: object, text: str) -> None:
-    with pytest.raises(ValueError, match=f'^out is refused: .*{text}'):
-        klann_poses(SEM104, [1.0, 2.0, 3.0], out=out)
-
-
-def test_an_out_that_cannot_be_flattened_is_refused() -> None:
-    out = np.empty((4, 5, 2))[:3, :4]
-    with pytest.raises(ValueError, match=r'its strides .* without a copy'):
-        klann_poses(SEM104, np.zeros((3, 4)), out=out)
-
-
-@pytest.mark.parametrize(
-    'alphas', ['1.0', ['1', '2'], [1j], [True], [[1.0], [1.0, 2.0]], [10**400], object()]
-)
-def test_crank_angles_must_be_real_numbers(alphas: object) -> None:
-    with pytest.raises(
-        ValueError, match=r'^alphas is refused: it must be an array of real numbers'
-    ):
-        klann_poses(SEM104, alphas)
+)  # fmt: skip
+def test_invalid_arrays_are_refused(alphas: object, out: object, text: str) -> None:
+    with pytest.raises(ValueError, match=text):
+        klann_poses(SEM104, alphas, out=out)
 
 
 @pytest.mark.parametrize('geometries', [None, 3.0, [SEM104, None], KlannLeg(), {'l_ab': 1.0}])

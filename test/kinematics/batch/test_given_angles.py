@@ -65,7 +65,7 @@ def test_feet_of_solved_poses_are_theirs(leg) -> None:
 
 @pytest.mark.parametrize('leg', LEGS, ids=NAMES)
 @pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
-def test_an_angle_that_is_not_finite_is_told_by_nan(leg, value) -> None:
+def test_an_angle_that_is_not_finite_gives_nan(leg, value) -> None:
     given_angles = np.zeros((2, len(leg.joint_names)))
     given_angles[1, :] = value
     assert np.isnan(loop_errors(leg, given_angles)).tolist() == [False, True]

@@ -92,19 +92,14 @@ def half_circle() -> CurveLeg:
 @pytest.fixture
 def wavy() -> Callable[[float], CurveLeg]:
     """Make a leg with x = sin u + k/2 sin 2u, u = alpha - 0.1: extremes as near as k is to 1."""
+    sin, cos = math.sin, math.cos
 
     def make(k: float) -> CurveLeg:
         return CurveLeg(
             [
-                lambda t: (
-                    math.sin(t - 0.1) + k / 2 * math.sin(2 * (t - 0.1)),
-                    math.cos(t),
-                ),
-                lambda t: (math.cos(t - 0.1) + k * math.cos(2 * (t - 0.1)), -math.sin(t)),
-                lambda t: (
-                    -math.sin(t - 0.1) - 2 * k * math.sin(2 * (t - 0.1)),
-                    -math.cos(t),
-                ),
+                lambda t: (sin(t - 0.1) + k / 2 * sin(2 * (t - 0.1)), cos(t)),
+                lambda t: (cos(t - 0.1) + k * cos(2 * (t - 0.1)), -sin(t)),
+                lambda t: (-sin(t - 0.1) - 2 * k * sin(2 * (t - 0.1)), -cos(t)),
             ]
         )
 

@@ -161,22 +161,9 @@ def test_no_sample_is_nearer_than_the_nearest(geometry: KlannGeometry, x: float,
     assert math.dist(foot.h, (x, y)) == pytest.approx(nearest.distance, abs=limit)
 
 
-def test_ties_are_all_told(ellipse: Callable[[float, float], Any]) -> None:
+def test_all_ties_are_returned(ellipse: Callable[[float, float], Any]) -> None:
     path = foot_path(ellipse(0.5, 0.25))
     nearest = path.nearest_crank_angle((1.0, -2.0))
     assert nearest.distance == pytest.approx(0.25, abs=1e-15)
     assert nearest.ties == pytest.approx((math.pi / 2, 3 * math.pi / 2), abs=1e-9)
     assert path.nearest_crank_angle((3.0, -2.0)).distance == pytest.approx(1.5, abs=1e-15)
-
-
-@pytest.mark.parametrize('value', [math.nan, math.inf, None, 'a'])
-def test_what_is_no_coordinate_is_refused(value: Any) -> None:
-    path = foot_path(KlannLeg())
-    with pytest.raises(ValueError, match=f'x = {value!r} is refused'):
-        path.crank_angles_at_x(value)
-    with pytest.raises(ValueError, match=f'y = {value!r} is refused'):
-        path.crank_angles_at_height(value)
-    with pytest.raises(ValueError, match='two finite numbers'):
-        path.nearest_crank_angle((0.0, value))
-    with pytest.raises(ValueError, match='two finite numbers'):
-        path.nearest_crank_angle((0.0,))

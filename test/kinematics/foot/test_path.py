@@ -228,22 +228,10 @@ def test_a_half_circle_has_its_figures_up_to_its_singular_ends(half_circle: Any)
     assert path.length == pytest.approx(math.pi / 2, rel=1e-6)
 
 
-@pytest.mark.parametrize('samples', [31, 0, -5, 100.5, '100', None])
-def test_too_few_samples_are_refused(samples: Any) -> None:
-    with pytest.raises(ValueError, match=f'samples = {samples!r} is refused'):
-        foot_path(KlannLeg(), samples=samples)
-
-
 def test_a_leg_that_reaches_nothing_has_no_path(half_circle: Any) -> None:
     half_circle.reachable_arcs = list
     with pytest.raises(NoFootPathError, match='reaches no crank angle'):
         foot_path(half_circle)
-
-
-@pytest.mark.parametrize('wrong', [KlannGeometry(), None, 'jansen'])
-def test_what_has_no_foot_is_refused(wrong: Any) -> None:
-    with pytest.raises(TypeError, match=r'leg = .* is refused: it must be a leg'):
-        foot_path(wrong)
 
 
 def test_a_singular_sample_leaves_a_closed_path_without_an_area(

@@ -221,9 +221,3 @@ def test_a_mirrored_leg_walks_the_other_way(geometry: KlannGeometry) -> None:
     assert other.direction == one.direction
     assert other.duty_factor == pytest.approx(one.duty_factor, abs=1e-6)
     assert other.ground_covered == pytest.approx(one.ground_covered, abs=1e-5)
-
-
-@pytest.mark.parametrize('ground', [0.0, -0.01, 1e-15, math.nan, math.inf, 'a'])
-def test_a_band_of_no_height_is_refused(ground: float) -> None:
-    with pytest.raises(ValueError, match=r'ground = .* is refused'):
-        foot_path(KlannLeg()).stance(ground)
