@@ -12,8 +12,8 @@ from typing import Any
 
 from geometry_msgs.msg import TwistStamped
 from klann_ros.nodes.endpoints import INPUT, OUTPUT
-from klann_ros.nodes.lean_loop import LeanCallbackGroup
 from klann_ros.nodes.process import run
+from klann_ros.nodes.raw_executor import RawCallbackGroup
 from klann_ros.nodes.solver.cdr import JointReader, JointStateTemplate
 from klann_ros.nodes.walker.messages import odometry_template
 from klann_ros.stop_signals import StopSignals
@@ -34,7 +34,7 @@ class Relay(Node):  # type: ignore[misc] # Node is Any
         super().__init__('walker_relay')
         self._odom = self.create_publisher(Odometry, 'odom', OUTPUT)
         self._commands = self.create_publisher(JointState, 'crank_command', OUTPUT)
-        options: dict[str, Any] = {'raw': True, 'callback_group': LeanCallbackGroup()}
+        options: dict[str, Any] = {'raw': True, 'callback_group': RawCallbackGroup()}
         for kind, topic, callback in (
             (JointState, 'crank_state', self._relay_raw if raw else self._relay),
             (Imu, 'imu', self._hear),
@@ -63,7 +63,7 @@ class Relay(Node):  # type: ignore[misc] # Node is Any
 
 if __name__ == '__main__':
     if sys.argv[1] == 'lean':
-        sys.exit(run('relay', lambda _: Relay(raw=True), [''], StopSignals(), lean=True))
+        sys.exit(run('relay', lambda _: Relay(raw=True), [''], StopSignals(), raw=True))
     rclpy.init()
     with suppress(KeyboardInterrupt, ExternalShutdownException):
         rclpy.spin(Relay(raw=False))

@@ -294,8 +294,8 @@ def _joined(bars: Sequence[Segment], cuts: Sequence[Segment]) -> Iterator[Segmen
         )
         _, link, i, k = min(pairs, key=lambda pair: pair[0])
         groups[i] += [link, *groups.pop(k)]
-    kept = [segment for segment in groups[0] if segment[0] != segment[1]] or groups[0][:1]
-    yield from dict.fromkeys(kept)
+    segments = [segment for segment in groups[0] if segment[0] != segment[1]] or groups[0][:1]
+    yield from dict.fromkeys(segments)
 
 
 def _gap(one: Segment, other: Segment) -> tuple[float, Segment]:
@@ -335,15 +335,15 @@ def _pins(  # noqa: PLR0917 - shared state
 
 def _merged(holes: list[Hole]) -> Iterator[Hole]:
     """Yield holes, those at one place as one."""
-    kept: list[Hole] = []
+    merged: list[Hole] = []
     for hole in holes:
         same = next(
-            (k for k, other in enumerate(kept) if abs(other.at - hole.at) < COINCIDENCE), None
+            (k for k, other in enumerate(merged) if abs(other.at - hole.at) < COINCIDENCE), None
         )
         if same is None:
-            kept.append(hole)
+            merged.append(hole)
         else:
-            name = f'{kept[same].name},{hole.name}'.strip(',')
-            widest = max(kept[same].diameter, hole.diameter)
-            kept[same] = Hole(name, kept[same].at, widest)
-    yield from kept
+            name = f'{merged[same].name},{hole.name}'.strip(',')
+            widest = max(merged[same].diameter, hole.diameter)
+            merged[same] = Hole(name, merged[same].at, widest)
+    yield from merged

@@ -33,7 +33,7 @@ class CrankDrive:
     angle: float = 0.0
     speed: float = 0.0
     # When the page was heard of last [s].
-    heard: float = 0.0
+    alive_at: float = 0.0
     _turned: float = 0.0
 
     def take(self, owner: int, now: float, angle: float) -> None:
@@ -92,7 +92,7 @@ class WalkDrive:
     forward: float = 0.0
     turn: float = 0.0
     # When the page was heard of last [s].
-    heard: float = 0.0
+    alive_at: float = 0.0
 
     def take(self, owner: int, now: float, _: float = 0.0) -> None:
         """Give it to a page, at rest."""

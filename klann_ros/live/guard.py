@@ -1,11 +1,10 @@
 """
 Access control: which requests may read, and which may drive a leg.
 
-A page of any web site can ask a server on this machine for something, open a socket to it, and,
-by a name that leads to 127.0.0.1 (DNS rebinding), even read what it answers. So a request must
-name this server as its host; what opens a socket or changes something must come from this server's
-own page; and what turns, sets or stops something must know a secret that only who started the
-server was told.
+A page of any web site can send requests to a server on this machine, open a socket to it and,
+by a name that resolves to 127.0.0.1 (DNS rebinding), read the answers. So the Host header must
+name this server; requests that open a socket or change something must have this server's Origin;
+and commands must carry the session token, which only the printed URL has.
 """
 
 from dataclasses import dataclass

@@ -14,11 +14,11 @@ from typing import Any
 
 # Of a message [bytes].
 MAX_MESSAGE_SIZE = 4096
-# So many a second for long, and so many at once: a page says that it has drawn each frame, on
-# screens of 240 Hz too, and as often where its slider is.
+# Sustained rate and burst of messages: a page acknowledges each frame, on screens of 240 Hz too,
+# and sends its slider as often.
 RATE, BURST = 800.0, 1200.0
-# What may be wanted, and what belongs to it.
-WISHES = {
+# The commands, and the fields of each.
+COMMANDS = {
     'take': ('what',),
     'release': ('what',),
     'turn': ('what', 'value'),
@@ -29,9 +29,9 @@ WISHES = {
     'seek': ('what', 'value'),
     'rate': ('what', 'value'),
 }
-_LONGEST_TEXT = 256
-_MOST_VALUES = 20
-_MOST_NUMBER = 2**53
+_MAX_TEXT = 256
+_MAX_VALUES = 20
+_MAX_NUMBER = 2**53
 
 
 class ProtocolError(Exception):
@@ -44,7 +44,7 @@ class Command:
 
     # Its number, for the answer.
     number: int
-    # One of WISHES.
+    # One of COMMANDS.
     do: str
     # Of what: the name of a drive, a solver, a recorder or a player.
     what: str
@@ -84,10 +84,10 @@ def parsed(text: str) -> Command | int | None:
 
 def _command(said: dict[str, Any]) -> Command:
     do = said.get('do')
-    if not isinstance(do, str) or do not in WISHES:
+    if not isinstance(do, str) or do not in COMMANDS:
         raise ProtocolError('nothing that can be done')
-    if set(said) != {'id', 'do', *WISHES[do]}:
-        raise ProtocolError(f'{do} takes {", ".join(WISHES[do])}')
+    if set(said) != {'id', 'do', *COMMANDS[do]}:
+        raise ProtocolError(f'{do} takes {", ".join(COMMANDS[do])}')
     checks: dict[str, Callable[[Any], Any]] = {
         'what': _text,
         'name': _text,
@@ -96,7 +96,7 @@ def _command(said: dict[str, Any]) -> Command:
         'values': _values,
     }
     return Command(
-        number=_whole(said['id']), do=do, **{key: checks[key](said[key]) for key in WISHES[do]}
+        number=_whole(said['id']), do=do, **{key: checks[key](said[key]) for key in COMMANDS[do]}
     )
 
 
@@ -105,7 +105,7 @@ def _refuse(name: str) -> Any:
 
 
 def _whole(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < _MOST_NUMBER:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < _MAX_NUMBER:
         raise ProtocolError('a whole number >= 0 is missing')
     return value
 
@@ -119,13 +119,13 @@ def _number(value: Any) -> float:
 
 
 def _text(value: Any) -> str:
-    if not isinstance(value, str) or len(value) > _LONGEST_TEXT:
+    if not isinstance(value, str) or len(value) > _MAX_TEXT:
         raise ProtocolError('a short text is missing')
     return value
 
 
 def _values(value: Any) -> dict[str, float | list[int]]:
-    if not isinstance(value, dict) or not 0 < len(value) <= _MOST_VALUES:
+    if not isinstance(value, dict) or not 0 < len(value) <= _MAX_VALUES:
         raise ProtocolError('a mapping of parameters is missing')
     return {
         _text(key): _signs(v) if isinstance(v, list) else _number(v) for key, v in value.items()

@@ -22,8 +22,8 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from .complaints import complaints, endless_file
-from .lean_loop import LeanLoop
 from .parameters import prepare_sets, StartError
+from .raw_executor import RawMessageExecutor
 
 # What users forget to write --ros-args before.
 FOR_ROS = ('-p', '--param', '--params-file', '-r', '--remap', '--log-level', '-e', '--enclave')
@@ -92,8 +92,8 @@ def run(
     argv: Sequence[str],
     stop: StopSignals,
     *,
-    lean: bool = False,
-    rest: float = 0.0,
+    raw: bool = False,
+    batch_period: float = 0.0,
 ) -> int:
     """
     Run a node until a signal stops it, or it asks for its end.
@@ -108,10 +108,10 @@ def run(
         The command line, program name first.
     stop : StopSignals
         The process's signals.
-    lean : bool
-        Whether a LeanLoop runs it: worth it where messages come in, not where timers do the work.
-    rest : float
-        How long that loop rests after all that waited was taken [s].
+    raw : bool
+        Whether a RawMessageExecutor runs it: for nodes that messages drive, not timers.
+    batch_period : float
+        Batching delay of that executor after its queues are drained [s].
 
     Returns
     -------
@@ -142,7 +142,9 @@ def run(
         return _refused(name, error)
     try:
         stop.on_stop(finish)
-        return _run(name, lambda: make_node(finish), finished, for_ros, lean=lean, rest=rest)
+        return _run(
+            name, lambda: make_node(finish), finished, for_ros, raw=raw, batch_period=batch_period
+        )
     finally:
         rclpy.try_shutdown()
 
@@ -153,8 +155,8 @@ def _run(
     finished: Future,
     for_ros: Sequence[str],
     *,
-    lean: bool,
-    rest: float,
+    raw: bool,
+    batch_period: float,
 ) -> int:
     executor = SingleThreadedExecutor()
     report_unit_warnings(lambda text: get_logger(name).warning(text))
@@ -169,7 +171,7 @@ def _run(
         executor.add_node(node)
         # These objects stay: the garbage collector need not scan them again.
         gc.freeze()
-        loop = LeanLoop(executor, plain=not lean, rest=rest)
+        loop = RawMessageExecutor(executor, plain=not raw, batch_period=batch_period)
         spin_on(partial(loop.spin_until_future_complete, finished), node)
     finally:
         executor.remove_node(node)

@@ -16,18 +16,17 @@ from .support import gravity_aligned
 
 # A longer gap between readings invalidates the interval [s]; so does a gap longer than
 # usual by this: what it span at each impact of a foot is lost with a message.
-LONGEST, LATE = 0.03, 1.8
+LONGEST, DROPOUT_RATIO = 0.03, 1.8
 # Smoothing factor of the reading period.
-USUAL = 0.05
+PERIOD_SMOOTHING = 0.05
 # Minimum and maximum calibration time at rest for the bias [s].
-ENOUGH, REST = 0.5, 2.0
+MIN_CALIBRATION_TIME, MAX_CALIBRATION_TIME = 0.5, 2.0
 # A larger bias means other units or axes, or missing gravity [m/s^2].
-WORST = 1.0
-# No foot hits the ground as hard, however short the time that it is told for: level it was a
-# seventh at most [m/s].
-HARDEST = 1.0
-# Within this it follows what friction corrects while it walks: that it grows warm [s].
-FOLLOWS = 10.0
+MAX_BIAS = 1.0
+# Larger impulses are rejected: the largest horizontal impact seen was a seventh of it [m/s].
+MAX_IMPULSE = 1.0
+# Time constant of the bias while walking: it drifts as it warms up [s].
+BIAS_FILTER_TIME = 10.0
 
 
 class Accelerometer:
@@ -37,13 +36,13 @@ class Accelerometer:
         self._has = False
         # In base_link [m/s^2].
         self._bias: Triple = (0.0, 0.0, 0.0)
-        self._rested, self._enough = 0.0, ENOUGH
+        self._rested, self._enough = 0.0, MIN_CALIBRATION_TIME
         self._usual = self._silent = 0.0
         self.miss()
 
     @property
     def _is_believed(self) -> bool:
-        return self._rested >= self._enough and max(map(abs, self._bias)) < WORST
+        return self._rested >= self._enough and max(map(abs, self._bias)) < MAX_BIAS
 
     @property
     def state(self) -> str:
@@ -52,7 +51,7 @@ class Accelerometer:
             return 'none'
         if self._is_believed:
             return 'used'
-        wrong = self._enough > ENOUGH or self._rested >= self._enough
+        wrong = self._enough > MIN_CALIBRATION_TIME or self._rested >= self._enough
         return 'not believed' if wrong else 'unknown until it rests'
 
     def miss(self) -> None:
@@ -62,7 +61,7 @@ class Accelerometer:
 
     def correct(self, corrected: Flat, seconds: float) -> None:
         """Learn of what friction corrects it by, level [m/s^2], for a time [s]."""
-        (x, y, z), share = self._bias, seconds / FOLLOWS
+        (x, y, z), share = self._bias, seconds / BIAS_FILTER_TIME
         self._bias = x - share * corrected[0], y - share * corrected[1], z
 
     def reject(self) -> None:
@@ -70,8 +69,8 @@ class Accelerometer:
         self._rested, self._enough = 0.0, 2.0 * self._enough
 
     def _forget(self) -> None:
-        # What it span besides the weight: in base_link, and of that what is level, without its
-        # error [m/s].
+        # Integral of the specific force without gravity: in base_link, and its horizontal part
+        # without the bias [m/s].
         self._sum: Triple = (0.0, 0.0, 0.0)
         self._level: Flat = (0.0, 0.0)
         self._seconds, self._missed = 0.0, False
@@ -89,13 +88,13 @@ class Accelerometer:
             or reading.pitch is None
             or not 0.0 < seconds < LONGEST
             # NaN compares with nothing.
-            or not all(abs(part) * seconds < HARDEST for part in reading.force)
+            or not all(abs(part) * seconds < MAX_IMPULSE for part in reading.force)
         ):
             self._missed = True
             return
         self._has = True
-        self._missed |= seconds > LATE * (self._usual or seconds)
-        self._usual += USUAL * (seconds - self._usual) if self._usual else seconds
+        self._missed |= seconds > DROPOUT_RATIO * (self._usual or seconds)
+        self._usual += PERIOD_SMOOTHING * (seconds - self._usual) if self._usual else seconds
         roll, pitch = (last.roll + reading.roll) / 2.0, (last.pitch + reading.pitch) / 2.0
         x, y, z = reading.force
         x += GRAVITY * sin(pitch)
@@ -137,7 +136,7 @@ class Accelerometer:
 
     def _learn(self, span: float) -> None:
         self._rested += span
-        share = span / min(self._rested, REST)
+        share = span / min(self._rested, MAX_CALIBRATION_TIME)
         (a, b, c), (x, y, z) = self._bias, self._sum
         self._bias = (
             a + share * (x / span - a),

@@ -31,23 +31,21 @@ from .slip import BodyStep, Flat, Standing, standing
 from .slope import Slope
 from .support import Support, support
 
-# A crank that turned further between two messages is followed in steps [rad], but in no more than
-# so many.
-LONGEST_STEP, MOST_STEPS = 0.05, 500
-# Where the yaw is known, what feet slide moves the body by this part of what it does otherwise;
-# and by that one where it is felt as well what its velocity changes by.
+# Largest crank angle of an integration step [rad], and the largest number of steps.
+LONGEST_STEP, MAX_STEPS = 0.05, 500
+# Scale of the slip uncertainty with a gyro, and with an accelerometer as well.
 SLIP_SCALE_WITH_GYRO, SLIP_SCALE_WITH_ACCEL = 0.5, 0.3
-# Within this time angles that are summed up of rates follow the orientation of the IMU [s].
+# Time constant of the complementary filter between gyro and orientation [s].
 COMPLEMENTARY_FILTER_TIME = 0.5
-# Within this a body without one tips onto other feet [s].
+# Time constant of tipping onto other feet without an IMU [s].
 TILT_TIME_CONSTANT = 0.03
-# Within this angles that are summed up of the cranks' rates follow their encoders [s], ...
-FOLLOWS = 0.1
-# ... where these agree so far [rad].
-AGREES = 0.1
-# A walker rests whose cranks, and which itself, turn by less [rad/s].
-RESTS = 0.1
-# Where friction corrects what is felt by more of what it may, that is wrong: it was 0.1 at most.
+# Time constant of the filter between crank rates and encoders [s], ...
+ENCODER_FILTER_TIME = 0.1
+# ... and the gate of its innovation [rad].
+ENCODER_GATE = 0.1
+# Standstill: cranks and body turn slower than this [rad/s].
+STATIONARY_RATE = 0.1
+# A larger normalised innovation rejects the accelerometer; healthy ones reach 0.1.
 INNOVATION_GATE = 0.25
 
 
@@ -228,11 +226,11 @@ class Odometry:
         # Encoder noise would show up as foot velocity.
         both = zip(before, rates, angles, strict=True)
         away = [was + rate * seconds - is_ for was, rate, is_ in both]
-        if 0.0 < seconds < FOLLOWS and all(abs(each) < AGREES for each in away):
-            share = exp(-seconds / FOLLOWS)
+        if 0.0 < seconds < ENCODER_FILTER_TIME and all(abs(each) < ENCODER_GATE for each in away):
+            share = exp(-seconds / ENCODER_FILTER_TIME)
             angles = [is_ + share * each for is_, each in zip(angles, away, strict=True)]
         turned = [is_ - was for is_, was in zip(angles, before, strict=True)]
-        steps = min(MOST_STEPS, 1 + int(max(map(abs, turned)) / LONGEST_STEP))
+        steps = min(MAX_STEPS, 1 + int(max(map(abs, turned)) / LONGEST_STEP))
         yaw = self._turned / steps if self._imu is not None else None
         self._turned = 0.0
         self._cranks = angles
@@ -264,7 +262,7 @@ class Odometry:
         if self._imu is None:
             return None
         turns = self._imu.yaw_rate, self._imu.roll_rate, self._imu.pitch_rate
-        rests = all(abs(rate) < RESTS for rate in (*rates, *turns))
+        rests = all(abs(rate) < STATIONARY_RATE for rate in (*rates, *turns))
         return self.accelerometer.gained(seconds, rests=rests)
 
     def _follow(

@@ -1,10 +1,10 @@
-"""The lean loop changes nothing that a subscriber can see: the plain executor is its oracle."""
+"""The raw message executor answers as its oracle does, rclpy's plain executor."""
 
 import math
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PointStamped, TwistStamped
-from klann_ros.nodes.lean_loop import PLAIN
+from klann_ros.nodes.raw_executor import PLAIN
 import pytest
 from ros_world import World
 from sensor_msgs.msg import JointState

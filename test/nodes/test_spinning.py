@@ -4,8 +4,8 @@ from functools import partial
 from threading import Thread
 import time
 
-from klann_ros.nodes.lean_loop import LeanCallbackGroup, LeanLoop
 from klann_ros.nodes.process import error_and_place, spin_on
+from klann_ros.nodes.raw_executor import RawCallbackGroup, RawMessageExecutor
 import pytest
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
@@ -56,7 +56,7 @@ def test_a_turn_leaves_nothing_behind(
     node.trouble = trouble
     executor = SingleThreadedExecutor(context=node.own_context)
     executor.add_node(node)
-    loop = LeanLoop(executor, plain=plain)
+    loop = RawMessageExecutor(executor, plain=plain)
     spin_on(partial(loop.spin_until_future_complete, done), node)
     assert node.ticks == TURNS
     assert set(node.callbacks) == {1}
@@ -93,7 +93,7 @@ class Choking(Node):
         self.own_context.init(domain_id=ros.domain)
         super().__init__('choking', context=self.own_context)
         self.choked = 0
-        group = LeanCallbackGroup()
+        group = RawCallbackGroup()
         self.create_subscription(
             Float64, 'there', self._take, 2000, raw=True, callback_group=group
         )
@@ -111,7 +111,7 @@ def test_who_asks_while_a_message_fails_is_answered(ros: World, plain: bool) -> 
     node, done = Choking(ros), Future()
     executor = SingleThreadedExecutor(context=node.own_context)
     executor.add_node(node)
-    loop = LeanLoop(executor, plain=plain)
+    loop = RawMessageExecutor(executor, plain=plain)
     spin = partial(spin_on, partial(loop.spin_until_future_complete, done), node)
     thread = Thread(target=spin)
     thread.start()

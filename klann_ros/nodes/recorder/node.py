@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 LAST_ANSWERS = 1.0
 # Nobody waits for an answer of a recorder: one wake-up for many messages [s]. The queues of its
 # subscriptions hold what comes meanwhile up to 100 kHz.
-REST = 0.02
+BATCH_PERIOD = 0.02
 # How often it is looked what is due of an event [s].
 TICK = 0.1
 
@@ -219,4 +219,4 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         f'{usage({"": PARAMETERS})}\n\n{SERVICES}',
     )
     arguments(parser, argv)
-    return run('recorder_node', RecorderNode, argv, stop, lean=True, rest=REST)
+    return run('recorder_node', RecorderNode, argv, stop, raw=True, batch_period=BATCH_PERIOD)

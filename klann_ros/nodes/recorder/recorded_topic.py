@@ -11,7 +11,7 @@ from klann_ros.log.records import Message, Topic
 from klann_ros.log.write.ledger import Ledger
 from klann_ros.log.write.recording import Pauses
 from klann_ros.nodes.endpoints import DEPTH, message_class
-from klann_ros.nodes.lean_loop import Info
+from klann_ros.nodes.raw_executor import Info
 from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node

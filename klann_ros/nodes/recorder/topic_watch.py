@@ -14,8 +14,8 @@ from klann_ros.log.run_parameters import Pause
 from klann_ros.log.write.ledger import Ledger
 from klann_ros.log.write.recording import Pauses
 from klann_ros.nodes.endpoints import name_refusal, UnknownMessageTypeError
-from klann_ros.nodes.lean_loop import LeanCallbackGroup
 from klann_ros.nodes.process import ros_error, ROS_ERRORS
+from klann_ros.nodes.raw_executor import RawCallbackGroup
 from klann_ros.sanitize.text import printable, printable_line
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -109,7 +109,7 @@ class TopicWatch:
         self._node, self._patterns, self._solvers = node, patterns, solvers
         self._put, self._ledger = put, ledger
         self._pauses, self._diagnostics = pauses, diagnostics
-        self._group = LeanCallbackGroup()
+        self._group = RawCallbackGroup()
         self._refused: set[tuple[str, str]] = set()
         self._complaints: set[str] = set()
         self._unsettled: dict[str, float] = {}

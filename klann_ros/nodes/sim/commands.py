@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Any
 
 from klann_ros.nodes.endpoints import INPUT, overridden
-from klann_ros.nodes.lean_loop import Info, LeanCallbackGroup
+from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.nodes.solver.cdr import JointReader
 from klann_ros.sanitize.text import printable
 from klann_ros.twin import Twin
@@ -55,7 +55,7 @@ class CrankCommands:
             self._on_command,
             overridden(node, 'crank_command', 'subscription', INPUT),
             raw=True,
-            callback_group=LeanCallbackGroup(),
+            callback_group=RawCallbackGroup(),
         )
 
     @property

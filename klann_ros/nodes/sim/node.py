@@ -9,9 +9,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from klann_ros.dynamics import MassError
 from klann_ros.kinematics import KinematicsError
 from klann_ros.nodes.endpoints import create_publisher, create_trigger, QOS_USAGE
-from klann_ros.nodes.lean_loop import LeanCallbackGroup
 from klann_ros.nodes.parameters import declare, must, StartError, usage
 from klann_ros.nodes.process import arguments, run
+from klann_ros.nodes.raw_executor import RawCallbackGroup
 from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable
@@ -84,7 +84,7 @@ class SimNode(Node):
         self._pace = Pace(self._period, self._factor, monotonic())
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         period = self._period / max(1.0, self._factor)
-        self.create_timer(period, self._on_timer, LeanCallbackGroup(), steady)
+        self.create_timer(period, self._on_timer, RawCallbackGroup(), steady)
         self.create_timer(values['diagnostics_period'], self._report, clock=steady)
         self.get_logger().info(f'ready: {self._twin.summary}, by {self._commands.topic}')
 
@@ -190,4 +190,4 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         'Service ~/reset (std_srvs/srv/Trigger): the robot stands where it began.',
     )
     arguments(parser, argv)
-    return run('sim_node', lambda _: SimNode(), argv, stop, lean=True)
+    return run('sim_node', lambda _: SimNode(), argv, stop, raw=True)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 from klann_ros.kinematics import KinematicsError
 from klann_ros.log.loss import LossCounter
 from klann_ros.nodes.endpoints import INPUT, overridden
-from klann_ros.nodes.lean_loop import Info, LeanCallbackGroup
+from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.sanitize.text import printable
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -161,7 +161,7 @@ class _Source:
         self._node = node
         self._profile = overridden(node, topic, 'subscription', INPUT)
         self._arguments = (kind, topic, callback, self._profile)
-        self._group = LeanCallbackGroup()
+        self._group = RawCallbackGroup()
         self._subscription: Subscription | None = None
         self.topic = node.resolve_topic_name(topic)
 

@@ -207,7 +207,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         help='wait for configure and activate, as a managed node does',
     )
     kind = ManagedSolverNode if arguments(parser, argv).lifecycle else SolverNode
-    return run('solver_node', lambda _: kind(), argv, stop, lean=True)
+    return run('solver_node', lambda _: kind(), argv, stop, raw=True)
 
 
 def _help_on_parameters() -> str:

@@ -16,21 +16,21 @@ from klann_ros.web.browser import is_opened
 
 DESCRIPTION = """\
 Show the legs that publish in a browser, live: the pose, the foot, charts, diagnostics, rates.
-It prints one address. Whoever opens it can turn the crank, change lengths, steer a walker, and
+It prints one URL, which lets its user turn the crank, change lengths, steer a walker, and
 press the buttons of a recorder and a player."""
 EPILOG = """\
-It listens on this machine only, unless --host names another address. What it prints holds a
-secret: without it the page only looks, and from another machine it is not shown at all. What is
-sent is not encrypted: over a network that is not yours use ssh -L 8321:127.0.0.1:8321 MACHINE.
-A page drives only after its button was pressed, and what it drives stops within half a second when
-it is closed, hidden, or not heard of any more."""
+It listens on this machine only, unless --host names another address. The URL holds a
+session token: without it a page is read-only, and another machine gets no page at all. The
+connection is not encrypted: over a foreign network use ssh -L 8321:127.0.0.1:8321 MACHINE.
+A page drives only after its button was pressed; its drive stops within half a second when the page
+is closed, hidden or disconnected."""
 NO_SERVER = (
     'view_node: there is no Python module aiohttp here: apt install python3-aiohttp, or '
     "pip install 'klann_ros[view]'"
 )
 # Messages are taken in batches of this time, which no eye sees; at 1 kHz the browser has time
 # for an eighth more frames than half of it does [s].
-REST = 0.006
+BATCH_PERIOD = 0.006
 
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:
@@ -45,7 +45,12 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         print(NO_SERVER, file=sys.stderr)
         return 1
     return run(
-        'view_node', lambda finish: ViewNode(options, finish), argv, stop, lean=True, rest=REST
+        'view_node',
+        lambda finish: ViewNode(options, finish),
+        argv,
+        stop,
+        raw=True,
+        batch_period=BATCH_PERIOD,
     )
 
 

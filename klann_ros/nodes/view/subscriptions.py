@@ -6,8 +6,8 @@ from typing import Any
 
 from klann_ros.live.rates import TopicRate
 from klann_ros.nodes.endpoints import message_class, name_refusal, UnknownMessageTypeError
-from klann_ros.nodes.lean_loop import Info, LeanCallbackGroup
 from klann_ros.nodes.process import ROS_ERRORS
+from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.sanitize.text import printable
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -49,7 +49,7 @@ class SubscribedTopic:
     ----------
     node : rclpy.node.Node
         Who hears it.
-    group : LeanCallbackGroup
+    group : RawCallbackGroup
         Of its subscription.
     name, kind : str
         The topic and its type.
@@ -66,7 +66,7 @@ class SubscribedTopic:
     def __init__(
         self,
         node: Node,
-        group: LeanCallbackGroup,
+        group: RawCallbackGroup,
         name: str,
         kind: str,
         on_update: Callable[[], object],
@@ -141,7 +141,7 @@ class TopicSubscriptions:
     def __init__(self, node: Node, on_update: Callable[[], object]) -> None:
         self.topics: dict[str, SubscribedTopic] = {}
         self._node, self._on_update = node, on_update
-        self._group = LeanCallbackGroup()
+        self._group = RawCallbackGroup()
         self._refused: set[tuple[str, str]] = set()
 
     def look(self, known: Sequence[tuple[str, Sequence[str]]]) -> None:

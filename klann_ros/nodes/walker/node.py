@@ -7,9 +7,9 @@ from typing import Any
 from geometry_msgs.msg import Twist, TwistStamped
 from klann_ros.kinematics import KinematicsError
 from klann_ros.nodes.endpoints import INPUT, overridden, QOS_USAGE
-from klann_ros.nodes.lean_loop import Info, LeanCallbackGroup
 from klann_ros.nodes.parameters import declare, on_change, StartError, usage
 from klann_ros.nodes.process import arguments, run
+from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.nodes.solver.cdr import JointReader
 from klann_ros.sanitize.arguments import ArgumentParser
@@ -114,7 +114,7 @@ class WalkerNode(Node):
         # Inputs drive the outputs, which is quicker, and costs half of what a timer does; where
         # too few arrive, the timer helps.
         self._driven = 0
-        lean = LeanCallbackGroup()
+        lean = RawCallbackGroup()
         clock = self.get_clock() if self._sim else steady
         self._timer = self.create_timer(self._period, self._on_timer, lean, clock)
         self._logged = -EVENT_PERIOD
@@ -131,7 +131,7 @@ class WalkerNode(Node):
             callback,
             overridden(self, topic, 'subscription', INPUT),
             raw=True,
-            callback_group=LeanCallbackGroup(),
+            callback_group=RawCallbackGroup(),
         )
 
     def _summary(self, values: dict[str, Any]) -> str:
@@ -305,4 +305,4 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         f'{usage(groups)}\n its legs: those of solver_node, in the same file\n{QOS_USAGE}',
     )
     arguments(parser, argv)
-    return run('walker_node', lambda _: WalkerNode(), argv, stop, lean=True)
+    return run('walker_node', lambda _: WalkerNode(), argv, stop, raw=True)

@@ -14,7 +14,7 @@ from klann_ros.log.bag_metadata import FILE_NAME as METADATA
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import pause_of, topic_counts
-from klann_ros.nodes.lean_loop import PLAIN
+from klann_ros.nodes.raw_executor import PLAIN
 from klann_ros.review.reviewing import review_run
 import pytest
 from ros_world import Process, RecorderReports, World, world

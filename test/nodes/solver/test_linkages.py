@@ -14,7 +14,7 @@ from klann_ros.kinematics import LinkageLeg, shipped_linkage, shipped_linkages
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER, solver_parameters
-from klann_ros.nodes.lean_loop import LeanLoop
+from klann_ros.nodes.raw_executor import RawMessageExecutor
 from klann_ros.nodes.solver.node import SolverNode
 from klann_ros.review.command import main as review
 import numpy as np
@@ -119,7 +119,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[float, J
         for solver in solvers:
             executor.add_node(solver)
         done = Future()
-        loop = LeanLoop(executor)
+        loop = RawMessageExecutor(executor)
         thread = Thread(target=loop.spin_until_future_complete, args=[done])
         thread.start()
         try:

@@ -8,8 +8,8 @@ share the work:
 - The *loop*, in the caller's thread, waits for the subscriptions and timers of LeanCallbackGroups
   and for one guard condition. It takes what has come and calls the callbacks.
 - The *watch* (executor_watch.py) lets the executor wait for all else: services, clients, simulated
-  time, events, other subscriptions and timers, new entities, the end. It hands what is ready to
-  the loop, and rests until that is done.
+  time, events, other subscriptions and timers, new entities, the end. It hands ready entities to
+  the loop, and pauses until they are done.
 
 So all callbacks run in the caller's thread, one after the other, as a SingleThreadedExecutor runs
 them; a message does not pay for what it does not concern; and whatever rclpy can do goes on
@@ -45,12 +45,12 @@ BURST = 64
 Info = dict[str, Any]
 
 
-class LeanCallbackGroup(MutuallyExclusiveCallbackGroup):
+class RawCallbackGroup(MutuallyExclusiveCallbackGroup):
     """
-    Subscriptions whose messages a LeanLoop takes, and timers that it calls, while there is one.
+    Subscriptions and timers that a RawMessageExecutor serves while there is one.
 
     Subscriptions are made with `raw=True` and a callback that takes bytes and Info, no coroutine.
-    Their events are the loop's too: Fast DDS tells of both by one condition, so that whoever waits
+    Their events are the loop's too: Fast DDS signals both by one condition, so a thread that waits
     for the events wakes up for every message. Timers have a callback without arguments, likewise.
     Put nothing else into the group.
     """
@@ -65,7 +65,7 @@ class LeanCallbackGroup(MutuallyExclusiveCallbackGroup):
         return not self.has_loop and bool(super().can_execute(entity))
 
 
-class LeanLoop:
+class RawMessageExecutor:
     """
     Run the callbacks of an executor's nodes.
 
@@ -75,18 +75,18 @@ class LeanLoop:
         Has the nodes; nothing else may spin it in the meantime.
     plain : bool
         Whether to let the executor do all of it.
-    rest : float
-        Time to rest after all that waited was taken [s]: one wake-up then serves all that comes
-        meanwhile. For whoever needs no answer at once, and has queues that hold so much.
+    batch_period : float
+        Batching delay after the queues are drained [s]: the next wake-up serves all messages of
+        this time. For nodes that need no immediate answer and have deep queues.
 
     """
 
-    def __init__(self, executor: Any, *, plain: bool = False, rest: float = 0.0) -> None:
+    def __init__(self, executor: Any, *, plain: bool = False, batch_period: float = 0.0) -> None:
         self._executor = executor
-        self._rest = rest
+        self._batch_period = batch_period
         self._plain = plain or bool(os.environ.get(PLAIN)) or not _is_possible(executor)
         self._lean: tuple[list[Subscription], list[Timer]] = [], []
-        self._groups: set[LeanCallbackGroup] = set()
+        self._groups: set[RawCallbackGroup] = set()
         self._context_ended = False
         # To ask the context at each message costs four locks; and the watch may tell too late.
         executor.context.on_shutdown(self._end_context)
@@ -169,15 +169,15 @@ class LeanLoop:
 
     def _serve(self, takes: list[Any], events: list[Any], wait_set: Any) -> None:
         """Take what has come, and tell the events, which cost something to ask for."""
-        if not self._rest:
+        if not self._batch_period:
             if not _take(takes, wait_set):
                 self._run_events(events, wait_set)
             return
-        # Who publishes is to be known before its messages are; and after a rest there are always
-        # messages, for which the events must not wait.
+        # Publishers must be known before their messages; after a batching delay there are always
+        # messages, which must not delay the events.
         self._run_events(events, wait_set)
         if _take(takes, wait_set) < BURST:
-            sleep(self._rest)
+            sleep(self._batch_period)
 
     def _hold(self, held: ExitStack) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
         """Return subscriptions' handles and events, how to take, and timers; none is destroyed."""
@@ -210,7 +210,7 @@ class LeanLoop:
 
 
 def _is_lean(entity: Any) -> bool:
-    return isinstance(entity.callback_group, LeanCallbackGroup)
+    return isinstance(entity.callback_group, RawCallbackGroup)
 
 
 def _fill(

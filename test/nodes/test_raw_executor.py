@@ -1,4 +1,4 @@
-"""The lean loop over real DDS, against the plain path as its oracle."""
+"""The raw message executor over real DDS, against the plain path as its oracle."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -6,8 +6,8 @@ import threading
 import time
 from typing import Any
 
-from klann_ros.nodes import lean_loop
-from klann_ros.nodes.lean_loop import LeanCallbackGroup, LeanLoop
+from klann_ros.nodes import raw_executor
+from klann_ros.nodes.raw_executor import RawCallbackGroup, RawMessageExecutor
 import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy import executors
@@ -33,7 +33,7 @@ class Echo(Node):
 
     def __init__(self, context: Context, **options: Any) -> None:
         super().__init__('echo', context=context, **options)
-        self.group = LeanCallbackGroup()
+        self.group = RawCallbackGroup()
         self.taken: list[tuple[bytes, dict[str, Any]]] = []
         self.threads: set[str] = set()
         self.ticks = self.ros_ticks = self.lean_ticks = self.lean_ros_ticks = 0
@@ -112,7 +112,7 @@ class Running:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.echo)
         self.done = Future()
-        self.loop = LeanLoop(self.executor, plain=plain)
+        self.loop = RawMessageExecutor(self.executor, plain=plain)
         self.error: Exception | None = None
         self.start()
 
@@ -248,14 +248,14 @@ def test_simulated_time_moves_clock_and_timers(ros: World, plain: bool) -> None:
 def test_nobody_wakes_up_without_need(ros: World, monkeypatch: pytest.MonkeyPatch) -> None:
     waits: list[str] = []
 
-    class Counting(lean_loop.rclpy_implementation.WaitSet):  # type: ignore[misc, name-defined]
+    class Counting(raw_executor.rclpy_implementation.WaitSet):  # type: ignore[misc, name-defined]
         """A wait set that tells who waits."""
 
         def wait(self, timeout: int) -> None:
             waits.append(threading.current_thread().name)
             super().wait(timeout)
 
-    monkeypatch.setattr(lean_loop.rclpy_implementation, 'WaitSet', Counting)
+    monkeypatch.setattr(raw_executor.rclpy_implementation, 'WaitSet', Counting)
     with running(ros) as run:
         there = ros.probe.publisher(Float64, 'there')
         for timer in run.echo.timers:
@@ -458,17 +458,17 @@ def test_what_a_timer_raises_is_raised(ros: World, is_lean: bool) -> None:
 
 def test_another_rclpy_gets_the_plain_path(ros: World, monkeypatch: pytest.MonkeyPatch) -> None:
     executor = SingleThreadedExecutor(context=ros.probe.context)
-    assert not LeanLoop(executor)._plain
-    assert LeanLoop(executor, plain=True)._plain
+    assert not RawMessageExecutor(executor)._plain
+    assert RawMessageExecutor(executor, plain=True)._plain
     with monkeypatch.context() as patch:
-        patch.setenv(lean_loop.PLAIN, '1')
-        assert LeanLoop(executor)._plain
+        patch.setenv(raw_executor.PLAIN, '1')
+        assert RawMessageExecutor(executor)._plain
     for place, name in [
         (executors, 'ConditionReachedException'),
-        (lean_loop.rclpy_implementation, 'WaitSet'),
+        (raw_executor.rclpy_implementation, 'WaitSet'),
         (executors.Executor, 'wait_for_ready_callbacks'),
     ]:
         with monkeypatch.context() as patch:
             patch.delattr(place, name)
-            assert LeanLoop(executor)._plain
+            assert RawMessageExecutor(executor)._plain
     executor.shutdown()
