@@ -12,7 +12,7 @@ from alone import run_alone
 from fake_live_state import MadeUpWorld, Served
 from klann_ros.live.guard import Guard
 from klann_ros.live.malformed import MAX_UNREAD
-from klann_ros.live.protocol import LARGEST
+from klann_ros.live.protocol import MAX_MESSAGE_SIZE
 from klann_ros.live.server import LiveServer, ServerError
 from multidict import CIMultiDict
 import pytest
@@ -223,8 +223,8 @@ def test_a_frame_of_ten_megabytes_is_not_taken(served: Served) -> None:
 def test_a_page_may_send_more_than_a_frame_in_whole_messages(served: Served) -> None:
     async def look(session: aiohttp.ClientSession) -> None:
         async with opened(session, served) as socket:
-            for _ in range(4 * MAX_UNREAD // LARGEST):
-                await socket.send_str('{}'.ljust(LARGEST // 2))
+            for _ in range(4 * MAX_UNREAD // MAX_MESSAGE_SIZE):
+                await socket.send_str('{}'.ljust(MAX_MESSAGE_SIZE // 2))
             assert (await wanted(socket, TAKE))['done']
 
     run(look)
