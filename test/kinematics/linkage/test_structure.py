@@ -1,5 +1,6 @@
 """The loop equations and their blocks follow from the bodies."""
 
+from importlib.resources import files
 from itertools import pairwise
 
 from klann_ros.kinematics import (
@@ -43,6 +44,22 @@ def test_stephensons_loops_are_coupled() -> None:
     assert not block.is_dyad
     assert len(block.unknowns) == 4
     assert not linkage.is_dyadic
+
+
+def test_coupled_loops_with_two_poses_at_one_crank_angle_are_refused() -> None:
+    """After a turn of this crank the rockers are on their other side."""
+    text = (files('klann_ros.linkages') / 'stephenson.yaml').read_text()
+    for old, new in (
+        ('[180, 200]', '[141, 107]'),
+        ('length: 25}', 'length: 77}'),
+        ('length: 115}', 'length: 94}'),
+        ('from: A, to: C, length: 160', 'from: A, to: C, length: 118'),
+        ('from: B, to: D, length: 160', 'from: B, to: D, length: 86'),
+    ):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    with pytest.raises(GeometryError, match='not back where they were after a turn of the crank'):
+        linkage_from_text(text, 'two turns').branch.x(0.0)
 
 
 @pytest.mark.parametrize('name', ['klann', 'jansen', 'stephenson'])

@@ -98,8 +98,9 @@ def test_the_wrong_sign_is_named(run) -> None:
     assert finding.meaning.startswith('it has the opposite sign')
 
 
-def test_friction_is_neither(run) -> None:
-    (finding,) = review_run(run(TORQUE + 3.0 * np.sign(RATE))).findings
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_friction_is_neither(run, sign: float) -> None:
+    (finding,) = review_run(run(sign * TORQUE + 3.0 * np.sign(RATE))).findings
     assert finding.check == 'effort'
     assert 'friction' in finding.meaning
 

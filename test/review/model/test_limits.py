@@ -1,13 +1,17 @@
 """Each limit changes its check, and a file that holds none is one line."""
 
 from dataclasses import fields
+from math import pi
 
 from findings import checks
 from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.review.checks.poses import WrongPoses
 from klann_ros.review.command import main
 from klann_ros.review.model.comparing import compare
 from klann_ros.review.model.limits import Limits, limits_from_file, LimitsFileError
+from klann_ros.review.model.pose_errors import PoseErrors
 from klann_ros.review.reviewing import review_run
+import numpy as np
 import pytest
 
 MS = 1_000_000
@@ -95,6 +99,13 @@ def test_each_limit_changes_its_check(make_script, make_run, tmp_path, name) -> 
     file = tmp_path / 'limits.yaml'
     file.write_text(''.join(f'{key}: {value}\n' for key, value in limits.items()))
     assert check not in checks(review_run(run, limits=limits_from_file(str(file))))
+
+
+def test_a_nearly_singular_dyad_may_be_off_by_more() -> None:
+    """Its angle follows the rounding of the loop, by the sine of its transmission angle."""
+    off, none = np.full(2, 5e-9), np.zeros(2)
+    errors = PoseErrors(off, none, none, np.array([[pi / 2.0], [0.1]]))
+    assert WrongPoses.of(errors, Limits()).flipped.tolist() == [True, False]
 
 
 @pytest.mark.parametrize(

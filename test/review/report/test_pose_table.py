@@ -34,6 +34,16 @@ def test_all_that_the_package_names_is_there() -> None:
     assert [name for name in face.__all__ if not hasattr(face, name)] == []
 
 
+def test_a_run_of_many_blocks_is_judged_as_one(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (whole,) = review_run(run).legs
+    monkeypatch.setattr('klann_ros.review.model.pose_errors._BLOCK', 7)
+    (parts,) = review_run(run).legs
+    assert whole.errors is not None
+    assert parts.errors is not None
+    np.testing.assert_array_equal(parts.errors.foot_errors, whole.errors.foot_errors)
+    np.testing.assert_array_equal(parts.errors.angle_errors, whole.errors.angle_errors)
+
+
 def test_columns_are_what_the_messages_say(run: Path) -> None:
     (leg,) = review_run(run, rates='f8').legs
     columns, made, solver = pose_arrays(leg), LegRun(), KlannLeg()
