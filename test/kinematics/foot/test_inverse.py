@@ -6,7 +6,8 @@ from typing import Any
 
 from hypothesis import assume, given, settings, strategies as st
 from klann_ros.kinematics import foot_path, klann_poses, KlannGeometry, KlannLeg
-from klann_ros.kinematics.foot.inverse import distinct
+from klann_ros.kinematics.foot.inverse import distinct, turning_points
+from klann_ros.kinematics.foot.track import Coordinate
 import numpy as np
 import pytest
 from strategies import legs
@@ -27,6 +28,14 @@ def reachable(leg: KlannLeg, where: float) -> float:
 
 def apart(alpha: float, beta: float) -> float:
     return abs(math.remainder(alpha - beta, TURN))
+
+
+def test_two_turning_points_between_two_samples_are_found() -> None:
+    """At 80 deg to x the foot turns back twice between neighbouring samples of 32."""
+    along = Coordinate((math.cos(math.radians(80.0)), math.sin(math.radians(80.0))))
+    few, many = (foot_path(KlannLeg(), samples=samples)._tracks[0] for samples in (32, 3000))
+    assert turning_points(few, along) == pytest.approx(turning_points(many, along), abs=1e-9)
+    assert len(turning_points(few, along)) == 4
 
 
 def test_0_and_a_turn_are_one_angle() -> None:
