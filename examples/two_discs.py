@@ -112,7 +112,7 @@ def table(turn: Turn) -> str:
 
 def plot(turn: Turn, path: Path) -> None:
     """Draw both angles against that of the first disc, and the difference of the methods."""
-    from klann_ros.plotting import plot_turn  # noqa: PLC0415 - only who draws needs it
+    from klann_ros.plotting import plot_turn  # noqa: PLC0415 - optional
     from matplotlib.figure import Figure  # noqa: PLC0415 - see above
 
     figure = Figure(figsize=(8, 7), layout='constrained')

@@ -45,6 +45,12 @@ class _WorkerDiedError(TaskError):
     __slots__ = ()
 
 
+class _Task(NamedTuple):
+    number: int
+    item: Any
+    tries: int = 1
+
+
 class _Answer(tuple[Any]):
     """A function's answer, which may itself be a TaskError or None."""
 
@@ -58,12 +64,12 @@ def process_map(
     time_limit: float | None,
 ) -> Iterator[tuple[int, Any]]:
     """Yield as `parallel_map` does."""
-    queue = _Queue(items)
+    new_tasks = (_Task(number, item) for number, item in enumerate(items))
+    retries: list[_Task] = []
     workers: list[_Worker] = []
     try:
         for _ in range(jobs or len(os.sched_getaffinity(0))):
-            task = queue.next_task()
-            if task is None:
+            if (task := next(new_tasks, None)) is None:
                 break
             workers.append(_Worker(function, time_limit, task))
         while workers:
@@ -71,46 +77,27 @@ def process_map(
             timeout = None if deadline == float('inf') else max(0.0, deadline - monotonic())
             wait([worker.connection for worker in workers], timeout)
             for worker in [worker for worker in workers if worker.is_done]:
-                number, answer = worker.task[0], worker.receive()
-                if isinstance(answer, _WorkerDiedError) and queue.retry(worker.task):
-                    answer = None
-                task = queue.next_task()
-                if task is None:
+                done, answer = worker.task, worker.receive()
+                retry = isinstance(answer, _WorkerDiedError) and done.tries < MAX_TRIES
+                if retry:
+                    retries.append(done._replace(tries=done.tries + 1))
+                if (task := retries.pop() if retries else next(new_tasks, None)) is None:
                     workers.remove(worker)
                     worker.stop()
                 else:
                     worker.send(task)
-                if answer is not None:
-                    yield number, answer[0] if isinstance(answer, _Answer) else answer
+                if not retry:
+                    yield done.number, answer[0] if isinstance(answer, _Answer) else answer
     finally:
         for worker in workers:
             worker.kill()
-
-
-class _Queue:
-    """The remaining tasks, those to be retried first."""
-
-    def __init__(self, items: Iterable[Any]) -> None:
-        self._items = enumerate(items)
-        self._retries: list[tuple[int, Any]] = []
-        self._tries: dict[int, int] = {}
-
-    def next_task(self) -> tuple[int, Any] | None:
-        return self._retries.pop() if self._retries else next(self._items, None)
-
-    def retry(self, task: tuple[int, Any]) -> bool:
-        """Queue a task once more; return False after its last try."""
-        tries = self._tries[task[0]] = self._tries.get(task[0], 1) + 1
-        if tries <= MAX_TRIES:
-            self._retries.append(task)
-        return tries <= MAX_TRIES
 
 
 class _Worker:
     """A process and its current task."""
 
     def __init__(
-        self, function: Callable[[Any], Any], time_limit: float | None, task: tuple[int, Any]
+        self, function: Callable[[Any], Any], time_limit: float | None, task: _Task
     ) -> None:
         self._function, self._time_limit = function, time_limit
         self._process: Any = None
@@ -127,14 +114,14 @@ class _Worker:
         # The worker then holds the only copy: the pipe closes when it dies.
         remote_end.close()
 
-    def send(self, task: tuple[int, Any]) -> None:
+    def send(self, task: _Task) -> None:
         """Send a task; to a new process if the old one has died."""
         self.task = task
         try:
-            self.connection.send(task[1])
+            self.connection.send(task.item)
         except OSError:
             self._restart()
-            self.connection.send(task[1])
+            self.connection.send(task.item)
         limit = self._time_limit
         self.deadline = float('inf') if limit is None else monotonic() + limit
 

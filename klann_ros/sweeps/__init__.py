@@ -15,7 +15,7 @@ Chunks already in the folder are not computed again: the same call resumes an in
 """
 
 from collections.abc import Iterator, Mapping
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -189,20 +189,17 @@ def sweep_tolerances(
         np.array(own.numbers), draw.widths, draw.alphas, *settings, own.assembly, own.joint_names
     )
     store = ChunkStore(folder, identity, len(draw.parts))
-    legs = (own, draw.widths.tobytes(), *settings, draw.alphas.tobytes())
-    items = [(legs, part.start, part.stop) for part in draw.parts]
+    items = [(identity, draw, part) for part in draw.parts]
     store.fill(_deviations, items, progress, engine=engine, jobs=jobs, address=address)
     return draw.study(map(store.load, range(store.count)))
 
 
-def _deviations(item: tuple[Any, int, int]) -> dict[str, NDArray[Any]]:
-    legs, start, stop = item
-    return _cached_draw(legs).deviations(slice(start, stop))
-
-
 # A worker draws its legs once, for all its chunks.
-@lru_cache(maxsize=1)
-def _cached_draw(legs: tuple[Linkage, bytes, int, str, int, bytes]) -> ToleranceDraw:
-    linkage, widths, samples, distribution, seed, alphas = legs
-    half_widths, angles = (np.frombuffer(each, dtype=np.float64) for each in (widths, alphas))
-    return ToleranceDraw(linkage, half_widths, samples, distribution, seed, angles)
+_cached_draw: dict[str, ToleranceDraw] = {}
+
+
+def _deviations(item: tuple[str, ToleranceDraw, slice]) -> dict[str, NDArray[Any]]:
+    identity, draw, part = item
+    if identity not in _cached_draw:
+        _cached_draw.clear()
+    return _cached_draw.setdefault(identity, draw).deviations(part)

@@ -213,7 +213,7 @@ def test_masses_that_are_none_are_refused_in_a_line(change: tuple[str, str], mes
     assert '\n' not in str(caught.value)
 
 
-def test_what_is_missing_or_too_much_is_told() -> None:
+def test_invalid_masses_loads_and_times_are_refused() -> None:
     linkage = shipped_linkage('four_bar')
     with pytest.raises(MassError, match='there are 2 masses for 3 bodies'):
         Dynamics(linkage, Masses((BodyMass(), BodyMass())))

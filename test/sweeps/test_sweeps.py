@@ -33,7 +33,7 @@ def test_a_sweep_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     (folder / 'chunk_000003.npz').unlink()
     done: list[tuple[int, int]] = []
     sweep = sweep_poses(
-        LEGS, ALPHAS, folder, chunk=5, jobs=1, progress=lambda *told: done.append(told)
+        LEGS, ALPHAS, folder, chunk=5, jobs=1, progress=lambda *now: done.append(now)
     )
     assert done == [(5, 5)]
     assert kept.stat().st_mtime_ns == before
