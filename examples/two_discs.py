@@ -1,8 +1,8 @@
 """
-Two discs and a bar: the task at the end of SEM 104, lecture 7.
+Two discs and a bar: the exercise at the end of SEM 104, lecture 7.
 
-A disc turns about A and moves, by the bar BC, a disc about D. The angles of the bar and of the
-second disc are computed for a turn of the first, by Newton-Raphson and by the geometric method,
+A disc turning about A drives a disc about D through the bar BC. The angles of the bar and of the
+second disc over a turn of the first are computed by Newton-Raphson and by the geometric method,
 and compared.
 """
 
@@ -16,7 +16,7 @@ from typing import NamedTuple
 from klann_ros.kinematics import FourBar
 import numpy as np
 
-# R_AB, L_BC, L_AD and R_DC of the task [m]: a four-bar with the ground AD and the coupler BC.
+# R_AB, L_BC, L_AD and R_DC of the exercise [m]: a four-bar with the ground AD and the coupler BC.
 R_AB, L_BC, L_AD, R_DC = 0.100, 0.500, 0.500, 0.120
 DISCS = FourBar(ground=L_AD, crank=R_AB, coupler=L_BC, rocker=R_DC)
 
@@ -30,7 +30,7 @@ class Turn(NamedTuple):
     ab : numpy.ndarray, shape (n,)
         Angles of the first disc [rad].
     newton, geometric : numpy.ndarray, shape (n, 2)
-        Angles of the bar BC and of the disc DC by either method, without jumps of 2 pi [rad].
+        Angles of the bar BC and of the disc DC by each method, without jumps of 2 pi [rad].
 
     """
 

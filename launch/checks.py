@@ -1,8 +1,8 @@
 """
-What ends a launch: at once, when something is missing; later, when a node of klann_ros fails.
+Checks that end a launch: before the start if something is missing, later if a node fails.
 
-The other launch files include it before they start anything: whatever can be missing or misspelt
-is looked for here, and told in one line. A process that fails is no error to launch: here it is.
+The other launch files include it first: it checks packages, files and arguments, and reports a
+fault in one line. launch ignores the failure of a process; this file ends the launch.
 """
 
 import asyncio
@@ -23,7 +23,7 @@ from launch_ros.substitutions import ExecutableInPackage
 
 
 def programs(given: dict[str, str]) -> Iterator[tuple[str, str, str]]:
-    """Yield the programs of others that will be started: what needs them, package, executable."""
+    """Yield the external programs to start: the reason, the package, the executable."""
     if given.get('linkage'):
         yield 'linkage:=FILE', 'tf2_ros', 'static_transform_publisher'
     else:
@@ -39,8 +39,8 @@ def programs(given: dict[str, str]) -> Iterator[tuple[str, str, str]]:
 
 
 def files(given: dict[str, str]) -> Iterator[str]:
-    """Yield the arguments that name a file which will be read."""
-    if 'params_file' in given:  # nobody gives it to the checks alone
+    """Yield the arguments that name an input file."""
+    if 'params_file' in given:  # absent where only the checks are launched
         yield 'params_file'
     if given.get('linkage'):
         yield 'linkage'
@@ -49,12 +49,12 @@ def files(given: dict[str, str]) -> Iterator[str]:
 
 
 def asked(given: dict[str, str], flag: str) -> bool:
-    """Tell whether a flag is set; one that this launch does not have is not."""
+    """Tell whether a flag is set; false if this launch does not have it."""
     return given.get(flag, 'false').lower() == 'true'
 
 
 def is_installed(package: str, executable: str, context: LaunchContext) -> bool:
-    """Tell whether a program is there, where launch_ros or a shell looks for it."""
+    """Tell whether launch_ros, or a shell, finds a program."""
     if package == 'xacro':
         return shutil.which(executable) is not None
     try:
@@ -65,38 +65,38 @@ def is_installed(package: str, executable: str, context: LaunchContext) -> bool:
 
 
 def check(context: LaunchContext) -> None:
-    """Refuse what cannot work, while nothing is started."""
+    """Refuse invalid arguments and missing packages before the start."""
     given = context.launch_configurations
-    for what, package, executable in programs(given):
+    for user, package, executable in programs(given):
         if not is_installed(package, executable, context):
             debian = f'ros-{os.environ.get("ROS_DISTRO", "jazzy")}-{package.replace("_", "-")}'
-            raise RuntimeError(f'{what} needs {package}: sudo apt install {debian}')
+            raise RuntimeError(f'{user} needs {package}: sudo apt install {debian}')
     for name in files(given):
-        # A relative path starts where the user is.
+        # A relative path starts in the user's folder.
         path = Path(given[name])
         if not path.is_file():
-            reason = 'it is no plain file' if path.exists() else 'there is no such file'
+            reason = 'it is not a regular file' if path.exists() else 'there is no such file'
             raise RuntimeError(f'{name}:={path}: {reason}')
 
 
 def end_if_failed(event: ProcessExited, context: LaunchContext) -> None:
-    """End the launch when a node of klann_ros has failed; others, such as RViz, may."""
+    """End the launch if a klann_ros node has failed; others, such as RViz, may fail."""
     node = event.action
     if not isinstance(node, Node) or node.node_package != 'klann_ros' or not event.returncode:
         return
-    # Once everything ends, only a run that is not finished matters: whoever is interrupted while
-    # its Python starts, fails as well.
+    # During the shutdown only an unfinished run matters: a node that is interrupted while its
+    # Python starts fails as well.
     if not context.is_shutdown or node.node_executable == 'recorder_node':
         name = node.node_name.lstrip('/')
         raise RuntimeError(f'{name} has failed, exit code {event.returncode}; the launch ends')
 
 
-def end_what_is_forgotten(_event: Shutdown, context: LaunchContext) -> None:
+def wait_for_processes(_event: Shutdown, context: LaunchContext) -> None:
     """
-    Let the launch wait for every process that it has started, which makes it end them.
+    Let the launch wait for all its processes, so that it ends them.
 
-    When an action fails, such as one of a launch file that includes this one, launch forgets what
-    the actions before it have started: it would end, and leave those processes behind.
+    When an action fails, for example in an including launch file, launch forgets the processes of
+    earlier actions: it would end and leave them running.
     """
     for task in asyncio.all_tasks(context.asyncio_loop):
         if 'execute_process' in getattr(task.get_coro(), '__qualname__', ''):
@@ -104,11 +104,11 @@ def end_what_is_forgotten(_event: Shutdown, context: LaunchContext) -> None:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Describe the checks, and the handlers for what fails later."""
+    """Describe the checks, and the handlers of later failures."""
     return LaunchDescription(
         [
             OpaqueFunction(function=check),
             RegisterEventHandler(OnProcessExit(on_exit=end_if_failed)),
-            RegisterEventHandler(OnShutdown(on_shutdown=end_what_is_forgotten)),
+            RegisterEventHandler(OnShutdown(on_shutdown=wait_for_processes)),
         ]
     )

@@ -1,5 +1,5 @@
 """
-A leg that walks: leg.launch.py, and a crank that turns it. Ctrl-C ends it.
+A moving leg: leg.launch.py and a crank_node. Ctrl-C ends it.
 
     ros2 launch klann_ros demo.launch.py view:=true record:=true speed:=3.0
 
@@ -19,7 +19,7 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'speed', default_value='6.283185307179586', description='Rate of the crank [rad/s].'
     ),
-    DeclareLaunchArgument('rate', default_value='100.0', description='Messages a second [Hz].'),
+    DeclareLaunchArgument('rate', default_value='100.0', description='Message rate [Hz].'),
     DeclareLaunchArgument(
         'namespace', default_value='', description='Namespace of the nodes and their topics.'
     ),
@@ -33,13 +33,13 @@ ARGUMENTS = (
 
 
 def check(context: LaunchContext) -> None:
-    """Refuse what is no number before the leg is started."""
+    """Refuse invalid numbers before the leg is started."""
     for name in ('speed', 'rate'):
         text = LaunchConfiguration(name).perform(context)
         try:
             float(text)
         except ValueError:
-            raise RuntimeError(f'{name}:={text} is no number') from None
+            raise RuntimeError(f'{name}:={text} is not a number') from None
 
 
 def generate_launch_description() -> LaunchDescription:

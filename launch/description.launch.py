@@ -1,7 +1,7 @@
 """
-What a viewer needs: the frames of the legs, from their URDF and joint_states; RViz if wanted.
+The frames of the legs, from their URDF and joint_states; optional RViz.
 
-The other launch files include it. A linkage from a file has no URDF: only its plane gets a parent.
+The other launch files include it. A linkage file has no URDF: only its plane gets a parent frame.
 """
 
 from itertools import takewhile
@@ -17,7 +17,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-# What is no truth value would be refused only where it is used, with half of the launch running.
+# Without choices a wrong flag would fail at its first use, with half of the launch running.
 FLAG = ['true', 'false', 'True', 'False']
 SHARE = FindPackageShare('klann_ros')
 ARGUMENTS = (
@@ -43,7 +43,7 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'frame_prefix',
         default_value='',
-        description='Goes before every frame of a leg: one for each namespace, as in left/.',
+        description='Prefix of every frame of a leg, one for each namespace, such as left/.',
     ),
     DeclareLaunchArgument(
         'use_sim_time',
@@ -68,7 +68,7 @@ def frames(context: LaunchContext) -> list[LogInfo | Node]:
 
     if value('linkage'):
         return []
-    # A relative path starts where the user is, for xacro at the file that it reads.
+    # A relative path starts in the user's folder; for xacro, in that of its input file.
     params_file = Path.cwd() / value('params_file')
     command = ['xacro', PathJoinSubstitution([SHARE, 'urdf', 'klann.urdf.xacro']).perform(context)]
     command.append(f'params_file:={params_file}')
@@ -79,7 +79,7 @@ def frames(context: LaunchContext) -> list[LogInfo | Node]:
     )
     said = [''.join(filter(str.isprintable, line)).strip() for line in urdf.stderr.splitlines()]
     if urdf.returncode:
-        # What follows is where in klann.urdf.xacro it was met.
+        # The lines after it are the position in klann.urdf.xacro.
         reason = ' '.join(takewhile(lambda line: not line.startswith('when '), said))
         raise RuntimeError(f'{params_file}: xacro makes no URDF of it: {reason}')
     joint_states = '/'.join(filter(None, ['', value('namespace').strip('/'), 'joint_states']))
@@ -93,9 +93,9 @@ def frames(context: LaunchContext) -> list[LogInfo | Node]:
             {
                 # Without a type the URDF would be read as YAML.
                 'robot_description': ParameterValue(urdf.stdout, value_type=str),
-                # Its default, 20 Hz, is less than smooth.
+                # The default, 20 Hz, is not smooth.
                 'publish_frequency': 200.0,
-                # Its default of 5 messages loses those of 50 ms whenever it is held up.
+                # The default of 5 messages loses messages at every stall above 50 ms.
                 f'qos_overrides.{joint_states}.subscription.depth': 200,
                 'use_sim_time': value('use_sim_time').lower() == 'true',
             }
@@ -105,7 +105,7 @@ def frames(context: LaunchContext) -> list[LogInfo | Node]:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Describe robot_state_publisher, or what stands in for it, and RViz."""
+    """Describe robot_state_publisher, or a static transform, and RViz."""
     checks = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(PathJoinSubstitution([SHARE, 'launch', 'checks.py']))
     )

@@ -1,9 +1,9 @@
 """
-Solve: solver_node, and the frames of its legs; RViz, the live page, a recorder if wanted.
+solver_node and the frames of its legs; optional RViz, live page and recorder.
 
     ros2 launch klann_ros leg.launch.py params_file:=my_leg.yaml rviz:=true slider:=true
 
-A second one in another namespace needs frames of its own: namespace:=left frame_prefix:=left/
+A second leg in another namespace needs its own frames: namespace:=left frame_prefix:=left/
 All arguments, also those of description.launch.py: ros2 launch klann_ros leg.launch.py --show-args
 """
 
@@ -40,7 +40,7 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'frame_prefix',
         default_value='',
-        description='Goes before every frame of a leg: one for each namespace, as in left/.',
+        description='Prefix of every frame of a leg, one for each namespace, such as left/.',
     ),
     DeclareLaunchArgument(
         'use_sim_time',
@@ -67,13 +67,13 @@ ARGUMENTS = (
         'slider',
         default_value='false',
         choices=FLAG,
-        description='Start joint_state_publisher_gui: its slider is the crank. Not with a demo.',
+        description='Start joint_state_publisher_gui with a crank slider. Not with a demo.',
     ),
 )
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Describe the solver and what goes with it."""
+    """Describe the solver and its optional companions."""
     namespace = LaunchConfiguration('namespace')
     use_sim_time = LaunchConfiguration('use_sim_time')
     names = ('params_file', 'linkage', 'namespace', 'frame_id', 'frame_prefix', 'use_sim_time')
@@ -116,7 +116,7 @@ def generate_launch_description() -> LaunchDescription:
         ],
         condition=IfCondition(LaunchConfiguration('record')),
     )
-    # It sees the legs of all namespaces; a second one needs a port of its own.
+    # It shows the legs of all namespaces; a second one needs its own port.
     view = Node(
         package='klann_ros',
         executable='view_node',
@@ -126,7 +126,7 @@ def generate_launch_description() -> LaunchDescription:
         arguments=['--port', LaunchConfiguration('view_port')],
         condition=IfCondition(LaunchConfiguration('view')),
     )
-    # It knows the crank only, so it cannot hear its own answer.
+    # It has the crank joint only, so it does not receive the solver's answer.
     slider = Node(
         package='joint_state_publisher_gui',
         executable='joint_state_publisher_gui',

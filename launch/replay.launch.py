@@ -1,9 +1,9 @@
 """
-Play a run back into a viewer: player_node, the frames of the run's legs, RViz if wanted.
+Play a run back: player_node, the frames of its legs, optional RViz.
 
     ros2 launch klann_ros replay.launch.py log:=runs/first rviz:=true
 
-It ends with the run; with rviz:=true it stays, so that one can go on looking, until Ctrl-C.
+It ends with the run; with rviz:=true it stays until Ctrl-C.
 
 params_file must be that of the run. A replay must not meet live topics nor live frames: end the
 live nodes first, and whatever else publishes /clock. The viewers take the time of the run: without
@@ -25,7 +25,7 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-# Smooth for the eye [Hz].
+# Rate of /clock, for smooth motion in a viewer [Hz].
 CLOCK_RATE = '100.0'
 FLAG = ['true', 'false', 'True', 'False']
 SHARED = ('namespace', 'use_sim_time')
@@ -33,35 +33,35 @@ ARGUMENTS = (
     DeclareLaunchArgument('log', description='The run: its folder, or an .mcap or .db3 file.'),
     DeclareLaunchArgument('play_rate', default_value='1.0', description='2.0 is twice as fast.'),
     DeclareLaunchArgument(
-        'start_offset', default_value='0.0', description='Leave out so much of the start [s].'
+        'start_offset', default_value='0.0', description='Skipped time at the start [s].'
     ),
     DeclareLaunchArgument(
-        'namespace', default_value='', description='Goes before every topic of the run.'
+        'namespace', default_value='', description='Prefix of every topic of the run.'
     ),
     DeclareLaunchArgument(
         'loop',
         default_value='false',
         choices=FLAG,
-        description='Play again and again.',
+        description='Repeat the run.',
     ),
     DeclareLaunchArgument(
         'use_sim_time',
         default_value='true',
         choices=FLAG,
-        description="The run's own time is played on /clock, and the viewers follow it.",
+        description="Publish the run's time on /clock for the viewers.",
     ),
 )
 
 
 def check(context: LaunchContext) -> None:
-    """Refuse a run that is not there before RViz is started."""
+    """Refuse a missing run before RViz is started."""
     log = LaunchConfiguration('log').perform(context)
     if not Path(log).exists():
         raise RuntimeError(f'log:={log}: there is no such file or folder')
 
 
 def player(context: LaunchContext) -> list[Node]:
-    """Return the player; a flag is there or not, which no substitution can say."""
+    """Return the player; a substitution cannot omit a flag."""
 
     def value(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
@@ -69,7 +69,7 @@ def player(context: LaunchContext) -> list[Node]:
     def asked(flag: str) -> bool:
         return value(flag).lower() == 'true'
 
-    # A delay that leaves RViz the time to start.
+    # The delay gives RViz the time to start.
     arguments = [value('log'), '--delay', '2.0', '--rate', value('play_rate')]
     arguments += ['--start-offset', value('start_offset')]
     if asked('loop'):

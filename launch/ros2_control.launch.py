@@ -1,10 +1,10 @@
 """
-A walker whose cranks stock controllers of ros2_control turn, simulated unless sim:=false.
+A walker with standard controllers of ros2_control, simulated unless sim:=false.
 
     ros2 launch klann_ros ros2_control.launch.py
 
-walker_node sends rates to crank_velocity_controller, and reads the cranks from
-joint_state_broadcaster; what is behind them takes crank_command and gives crank_state.
+walker_node commands crank_velocity_controller and reads joint_state_broadcaster. The hardware
+interface publishes crank_command and subscribes to crank_state.
 """
 
 from pathlib import Path
@@ -35,7 +35,7 @@ CONTROLLERS = ('joint_state_broadcaster', 'crank_velocity_controller')
 
 
 def cranks(context: LaunchContext) -> list[Node]:
-    """Return what tells controller_manager of the cranks."""
+    """Return the publisher of the robot description of the cranks."""
     file = PathJoinSubstitution([SHARE, 'urdf', 'cranks.urdf']).perform(context)
     urdf = Path(file).read_text(encoding='utf-8')
     publisher = Node(
@@ -44,14 +44,14 @@ def cranks(context: LaunchContext) -> list[Node]:
         name='crank_description_publisher',
         # Without a type the URDF would be read as YAML.
         parameters=[{'robot_description': ParameterValue(urdf, value_type=str)}],
-        # Nobody else is to take these cranks for the robot.
+        # Separate topics: no other node may take the cranks for the robot.
         remappings=[('robot_description', DESCRIPTION), ('joint_states', 'crank_joints')],
     )
     return [publisher]
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Describe controller_manager, its controllers, and what commands them."""
+    """Describe controller_manager, its controllers, and walker_node."""
     params_file = PathJoinSubstitution([str(Path.cwd()), LaunchConfiguration('params_file')])
     control = PathJoinSubstitution([SHARE, 'config', 'ros2_control.yaml'])
     checks = IncludeLaunchDescription(

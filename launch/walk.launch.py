@@ -3,7 +3,7 @@ A simulated walker that takes cmd_vel: sim_node, walker_node, and what leg.launc
 
     ros2 launch klann_ros walk.launch.py linear:=0.1 rviz:=true
 
-It takes the arguments of leg.launch.py as well: with view:=true the live page steers it.
+It also takes the arguments of leg.launch.py: with view:=true the live page steers the walker.
 """
 
 from pathlib import Path
@@ -36,29 +36,29 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'linear',
         default_value='0.0',
-        description='Speed that sim_node sends as cmd_vel while nobody else does [m/s]; 0: none.',
+        description='Speed of sim_node, without another publisher of cmd_vel [m/s]; 0: none.',
     ),
     DeclareLaunchArgument(
-        'friction', default_value='0.8', description='Friction of the feet on the floor.'
+        'friction', default_value='0.8', description='Friction coefficient of the feet.'
     ),
     DeclareLaunchArgument(
-        'slope', default_value='0.0', description='By how much the floor rises along x [rad].'
+        'slope', default_value='0.0', description='Slope of the floor along x [rad].'
     ),
 )
 
 
 def check(context: LaunchContext) -> None:
-    """Refuse what is no number before the walker is started."""
+    """Refuse invalid numbers before the walker is started."""
     for name in ('linear', 'friction', 'slope'):
         text = LaunchConfiguration(name).perform(context)
         try:
             float(text)
         except ValueError:
-            raise RuntimeError(f'{name}:={text} is no number') from None
+            raise RuntimeError(f'{name}:={text} is not a number') from None
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Describe the robot, what controls it, and what shows it."""
+    """Describe the robot, its controller and its viewers."""
     namespace = LaunchConfiguration('namespace')
     use_sim_time = LaunchConfiguration('use_sim_time')
     params_file = PathJoinSubstitution([str(Path.cwd()), LaunchConfiguration('params_file')])

@@ -3,7 +3,7 @@ A walker with four or six legs: one solver_node for all of them.
 
     ros2 launch klann_ros walker.launch.py walker:=6 crank:=true rviz:=true
 
-It takes the arguments of leg.launch.py as well, and with crank:=true those of demo.launch.py.
+It also takes the arguments of leg.launch.py, and with crank:=true those of demo.launch.py.
 """
 
 from launch import LaunchDescription

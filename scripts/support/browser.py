@@ -1,4 +1,4 @@
-"""The browser that the review's page is tested in: the machine's own, or one brought for it."""
+"""The browser of the page tests: the machine's own, or an installed one."""
 
 import os
 from pathlib import Path
@@ -9,15 +9,15 @@ import sys
 from environment import Environment
 from processes import Command, run
 
-# First the one without what only a window needs: the tests take half of the time.
+# The headless shell first: it halves the time of the tests.
 SHELL = 'chromium-headless-shell'
 NAMES = (SHELL, 'chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable')
 # Debian's, the second where it is too old for the first; Ubuntu's are but ways to snap.
 PACKAGES = (SHELL, 'chromium')
-# For a machine that has no letters.
+# For a machine without fonts.
 FONTS = 'fonts-dejavu-core'
 APT = ('apt-get', '-qq', '--yes')
-# A mirror that hangs must not keep the tests from running [s].
+# A hanging mirror must not block the tests [s].
 TIMEOUT = 300.0
 
 
@@ -25,7 +25,7 @@ def find(prefix: Path = Path(sys.prefix)) -> str | None:
     """Return a Chromium that starts: the machine's own, else Playwright's in an environment."""
     brought = prefix.glob('browsers/*/*/*headless?shell')
     for path in (*filter(None, map(shutil.which, NAMES)), *map(str, brought)):
-        # Ubuntu's chromium-browser may be but a text; Playwright's may miss libraries.
+        # Ubuntu's chromium-browser may be a stub; Playwright's may miss libraries.
         answer = subprocess.run([path, '--version'], capture_output=True, check=False)
         if answer.returncode == 0:
             return path
@@ -33,7 +33,7 @@ def find(prefix: Path = Path(sys.prefix)) -> str | None:
 
 
 def provide(env: Environment, work: Path) -> str | None:
-    """Bring a browser if there is none; return what to do if none can be brought."""
+    """Install a browser if there is none; return advice if that fails."""
     if find(env.folder):
         return None
     playwright = [env.python, '-m', 'playwright', 'install', '--only-shell', 'chromium']

@@ -1,4 +1,4 @@
-"""Every check of the project, one line each; the output only of those that fail."""
+"""Every check of the project, one line each, with the output of failed checks."""
 
 import argparse
 from concurrent.futures import ThreadPoolExecutor
@@ -14,9 +14,9 @@ from source import ROOT
 
 NAMES = ('ruff', 'format', 'ament_flake8', 'mypy', 'ament_pep257', 'docs', 'colcon', 'pytest')
 FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'examples', 'docs')
-# Tests that compute beside those that wait for processes; see test/conftest.py.
+# Computing tests run beside tests that wait for processes; see test/conftest.py.
 WORKERS = ('-n', '4')
-# A check that hangs is ended, so that CI still gets to see its output.
+# A hanging check is ended, so that CI shows its output.
 TIMEOUT = 840.0
 
 
@@ -31,7 +31,7 @@ def main(arguments: list[str]) -> int:
     ):
         work = Path(folder)
         variables = env.variables | world
-        # What is compiled once serves all that the tests start.
+        # All processes of the tests share the compiled files.
         variables.pop('PYTHONDONTWRITEBYTECODE', None)
         if 'colcon' in names:
             # Without it the tests build the package themselves.
@@ -45,14 +45,14 @@ def main(arguments: list[str]) -> int:
         def passes(name: str) -> bool:
             return _passes(name, commands[name], variables, work)
 
-        # One after the other they leave a core idle; the tests have the machine to themselves.
+        # Sequential checks leave a core idle; the tests run alone.
         with ThreadPoolExecutor(2) as pool:
             ok = dict(zip(quick, pool.map(passes, quick), strict=True))
             failed += [name for name in quick if not ok[name]]
         if 'pytest' in names:
             if not passes('pytest'):
                 failed.append('pytest')
-            # So many passed, in so many seconds.
+            # The number of passed tests and the time.
             summary = last_lines(work / 'pytest.txt').strip('= ')
     if failed:
         print(f'failed: {", ".join(failed)}')
@@ -78,7 +78,7 @@ def _parse(arguments: list[str]) -> tuple[list[str], list[str]]:
 
 
 def _commands(env: Environment, work: Path, pytest_arguments: list[str]) -> dict[str, Command]:
-    """Return what ends with 0 when all is well, for each check."""
+    """Return the command of each check; it exits with 0 on success."""
     colcon = [env.python, '-m', 'colcon', '--log-base', work / 'log', 'build', '--paths', ROOT]
     colcon += ['--build-base', work / 'build', '--install-base', work / 'install']
     ruff = env.tool('ruff')
@@ -100,7 +100,7 @@ def _passes(name: str, command: Command, variables: dict[str, str], work: Path) 
     result = {0: 'ok', None: 'TIMED OUT'}.get(code, 'FAILED')
     said = f'{name:14}{result:10}{time.monotonic() - begin:6.1f} s'
     text = output.read_text(encoding='utf-8', errors='replace')
-    # A skipped test proves nothing, so it is named.
+    # A skipped test proves nothing, so it is listed.
     skipped = [f'    {line}' for line in text.splitlines() if line.startswith('SKIPPED')]
     # In one piece: another check may end at the same time.
     print('\n'.join([said, *(skipped if code == 0 else [text])]) + '\n', end='')

@@ -15,13 +15,13 @@ from processes import Command, CommandError, end, last_lines, pause, run, runnin
 from source import ROOT
 
 TURNS = 3
-# Its first message waits for the solver and the recorder: then the run has no ragged start.
+# It waits for the solver and the recorder before its first message, so the run starts clean.
 CRANK = ('mode:=constant', f'revolutions:={TURNS}', 'rate:=200.0', 'min_subscribers:=2')
 WALKER = ('--ros-args', '--params-file', ROOT / 'config' / 'walker6_two_motors.yaml')
-# Writes nothing until the page's button asks for a run of the last seconds.
+# Writes only on a trigger by the page's button: a run of the last seconds.
 KEEP = ('-p', f'output:={ROOT / "runs"}', '-p', 'pre_trigger:=20.0', '-p', 'judge:=false')
 RECORDER = ('--ros-args', *KEEP)
-# What is shown live: what it is, and its nodes with their arguments.
+# The live shows: the title, and the nodes with their arguments.
 SHOWS: dict[str, tuple[str, dict[str, Command]]] = {
     'demo': ('A leg', {'solver_node': (), 'crank_node': (), 'recorder_node': RECORDER}),
     'demo --walk': (
@@ -34,21 +34,21 @@ SHOWS: dict[str, tuple[str, dict[str, Command]]] = {
         },
     ),
 }
-# Three turns take three seconds; the rest is for slow machines to find each other [s].
+# Three turns take three seconds; the rest is for discovery on slow machines [s].
 TIMEOUT = 60.0
 
 
 def main(arguments: list[str]) -> int:
-    """Run the demo; return 0 if the leg walked, the run is reviewed and the picture is drawn."""
+    """Run the demo; return 0 if the turns are recorded, reviewed and drawn."""
     parser = argparse.ArgumentParser(
         prog='scripts/demo',
-        description='Three turns of the crank: solved, recorded, reviewed, drawn.',
+        description='Solve, record, review and draw three turns of the crank.',
     )
     parser.add_argument(
-        '--view', action='store_true', help='a leg in the browser instead, until Ctrl-C'
+        '--view', action='store_true', help='show a leg in the browser until Ctrl-C'
     )
     parser.add_argument(
-        '--walk', action='store_true', help='a simulated robot that walks in the browser instead'
+        '--walk', action='store_true', help='show a simulated walker in the browser until Ctrl-C'
     )
     options = parser.parse_args(arguments)
     if options.view or options.walk:
@@ -61,7 +61,7 @@ def main(arguments: list[str]) -> int:
     ):
         programs, variables = env.folder / 'bin', env.variables | world
         recording.parent.mkdir(exist_ok=True)
-        print(f'Solver, crank and recorder run as three processes for {TURNS} turns ...')
+        print(f'Running solver, crank and recorder as three processes for {TURNS} turns ...')
         _record(recording, programs, variables, Path(work))
         said = _review(recording, programs, variables, Path(work))
     here = os.path.relpath(recording)
@@ -71,17 +71,17 @@ def main(arguments: list[str]) -> int:
     print(f"""
 {said}
 
-The leg walked {TURNS} turns. What there is now:
-  {here}.html    open it in a browser: the leg, animated, and its charts
-  {here}.png    a picture: the leg and the path of its foot
-  {here}    the recorded run (MCAP; also for Foxglove and ros2 bag)
+The leg made {TURNS} turns. Output:
+  {here}.html    page for a browser: animated leg and charts
+  {here}.png    picture: leg and foot path
+  {here}    recorded run (MCAP; also for Foxglove and ros2 bag)
 Play it back:      {player} {quote(here)}
-Look at it again:  {review} {quote(here)}""")
+Review it again:   {review} {quote(here)}""")
     return 0
 
 
 def _view(show: str) -> int:
-    """Let a leg or a robot walk, and show it in a browser; return 0 when it is stopped."""
+    """Show a moving leg or walker in a browser; return 0 after Ctrl-C."""
     what, parts = SHOWS[show]
     with (
         environment(show) as env,
@@ -96,7 +96,7 @@ def _view(show: str) -> int:
             for name, given in parts.items()
         ]
         (ROOT / 'runs').mkdir(exist_ok=True)
-        print(f'{what} walks; this is its page. Ctrl-C ends it.', flush=True)
+        print(f'{what} moves; its page follows. Ctrl-C ends it.', flush=True)
         view = [programs / 'view_node', '--port', '0', '--open', '--runs', ROOT / 'runs']
         nodes.append(stack.enter_context(running(view, variables)))
         try:
@@ -110,7 +110,7 @@ def _view(show: str) -> int:
 
 
 def _record(recording: Path, programs: Path, variables: dict[str, str], work: Path) -> None:
-    """Record the turns; once the crank has made them the other two end as by Ctrl-C."""
+    """Record the turns; then end the other two processes as by Ctrl-C."""
     recorder = (f'output:={recording}',)
     parameters = {'crank_node': CRANK, 'recorder_node': recorder, 'solver_node': ()}
     outputs = {name: work / f'{name}.txt' for name in parameters}
@@ -125,7 +125,7 @@ def _record(recording: Path, programs: Path, variables: dict[str, str], work: Pa
         while all(node.poll() is None for node in nodes.values()) and time.monotonic() < deadline:
             pause()
         turned = nodes['crank_node'].poll() == 0
-        # The last answers are still on their way to the recorder.
+        # The last answers are still in transport.
         pause(0.5)
         codes = {name: end(node) for name, node in nodes.items()}
         pause(0)
@@ -133,17 +133,17 @@ def _record(recording: Path, programs: Path, variables: dict[str, str], work: Pa
         said = [
             f'{name} ended with {codes[name]}: {last_lines(outputs[name], 12)}' for name in codes
         ]
-        raise CommandError('\n'.join(['the crank did not make its turns', *said]))
+        raise CommandError('\n'.join(['the crank did not finish its turns', *said]))
 
 
 def _review(recording: Path, programs: Path, variables: dict[str, str], work: Path) -> str:
-    """Return what `review` says about the run; it draws the picture and the page, too."""
-    # Beside the run: nothing but what was recorded is in its folder.
+    """Return the report of `review`, which also writes the picture and the page."""
+    # Beside the run: its folder holds recorded data only.
     options = ['--picture', f'{recording}.png', '--html', f'{recording}.html']
     command = [programs / 'review', recording, *options]
     output = work / 'review.txt'
     code = run(command, variables, output, TIMEOUT)
-    # A finding, such as a gap on a machine that is busy, is told as any other.
+    # A finding, such as a gap on a busy machine, is a valid report.
     if code not in (0, 1) or not Path(f'{recording}.png').is_file():
-        raise CommandError(f'review came to nothing: {last_lines(output, 12)}')
+        raise CommandError(f'review failed: {last_lines(output, 12)}')
     return last_lines(output, 1000)

@@ -1,4 +1,4 @@
-"""A ROS domain that nobody else on this machine uses."""
+"""A ROS domain without other users on this machine."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -6,7 +6,7 @@ from pathlib import Path
 import random
 from socket import AF_INET, SOCK_DGRAM, socket
 
-# Above 99 the ports would fall into the range that Linux gives to outgoing connections.
+# Above 99 the ports fall into Linux's range of outgoing connections.
 DOMAINS = range(1, 100)
 
 
@@ -14,8 +14,8 @@ DOMAINS = range(1, 100)
 def own_domain() -> Iterator[int]:
     """Yield a domain id; while it is in use no other run gets the same one."""
     for domain in random.sample(DOMAINS, len(DOMAINS)):
-        # DDS gives a domain 250 ports: 10 is the discovery of its first participant, and 249 that
-        # of none. That one says that the domain is taken, before any node has come up.
+        # DDS gives a domain 250 ports: 10 is the discovery of its first one, 249 is unused.
+        # Binding 249 marks the domain as taken before any node starts.
         with socket(AF_INET, SOCK_DGRAM) as claim, socket(AF_INET, SOCK_DGRAM) as discovery:
             with suppress(OSError):
                 claim.bind(('127.0.0.1', 7400 + 250 * domain + 249))
@@ -29,7 +29,7 @@ def own_domain() -> Iterator[int]:
 
 @contextmanager
 def own_world(work: Path) -> Iterator[dict[str, str]]:
-    """Yield the variables of nodes that hear each other and nobody else, and log to `work`."""
+    """Yield the variables of isolated nodes that log to `work`."""
     with own_domain() as domain:
         yield {
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',

@@ -1,4 +1,4 @@
-"""What the commands run in: a folder `.venv-X.Y` in the checkout, made when it is needed."""
+"""The environment of the commands: a folder `.venv-X.Y` in the checkout, made on demand."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -21,7 +21,7 @@ from processes import Command, CommandError, last_lines, pause, run
 import source
 
 VERSION = '.'.join(platform.python_version_tuple()[:2])
-# What each command needs: extras of setup.py, and more requirements in a file.
+# Requirements of each command: extras of setup.py, and a requirements file.
 NEEDS = {
     'demo': ('plot,view', None),
     'demo --walk': ('plot,sim,view', None),
@@ -30,7 +30,7 @@ NEEDS = {
 }
 # 70.1: the first that makes wheels by itself; colcon-core wants one below 80.
 BUILD = 'setuptools>=70.1,<80'
-# For a Python whose venv makes environments without pip, as Debian's does.
+# For a Python with a venv module without pip, such as Debian's.
 PIP = (
     'https://files.pythonhosted.org/packages/44/3c/d717024885424591d5376220b5e836c2d5293ce201'
     '1523c9de23ff7bf068/pip-25.3-py3-none-any.whl'
@@ -38,7 +38,7 @@ PIP = (
 PIP_SHA256 = '9655943313a94722b7774661c21049070f6bbb0a1516bf02f7c8d5d9201514cd'
 NEEDED = 'a network, and Python 3.10 to 3.14 on x86-64 Linux or a sourced ROS 2 Jazzy'
 STAMP = 'klann_ros.txt'
-# What would send an installation elsewhere, and what the wheels of ROS tell their own children.
+# Variables that redirect an installation, or that the wheels of ROS set for child processes.
 FOREIGN = {'PIP_USER', 'PIP_TARGET', 'PIP_PREFIX', 'PIP_CONSTRAINT', 'PYTHONHOME'}
 FOREIGN |= {'_ROS_WHEELS_BOOTSTRAP_COMPLETE'}
 OF_ROS = {'PYTHONPATH', 'AMENT_PREFIX_PATH', 'LD_LIBRARY_PATH', 'COLCON_PREFIX_PATH'}
@@ -46,12 +46,12 @@ OF_ROS |= {'RMW_IMPLEMENTATION', 'ROS_DISTRO'}
 
 
 class PipError(CommandError):
-    """Pip or venv ended by itself, without success."""
+    """Pip or venv failed."""
 
 
 @dataclass(frozen=True)
 class Environment:
-    """Where an environment is, what pip has to keep to, and the NumPy of a ROS that is sourced."""
+    """An environment: its folder, pip's constraints, and the NumPy of a sourced ROS."""
 
     folder: Path
     constraints: str
@@ -65,10 +65,10 @@ class Environment:
     @property
     def variables(self) -> dict[str, str]:
         """Return the variables for its programs."""
-        # Where wheels are used, nothing of a ROS that is sourced for another Python.
+        # With wheels, nothing from a ROS sourced for another Python.
         foreign = FOREIGN if self.numpy else FOREIGN | OF_ROS
         variables = {key: value for key, value in os.environ.items() if key not in foreign}
-        # ~/.local must not put a NumPy of its own over the one that ROS was built for.
+        # A NumPy in ~/.local must not shadow the one that ROS was built for.
         variables |= {'VIRTUAL_ENV': str(self.folder), 'PYTHONNOUSERSITE': '1'}
         first = {'PATH': self.folder / 'bin', 'AMENT_PREFIX_PATH': self.folder}
         if self.numpy:
@@ -79,15 +79,15 @@ class Environment:
         return variables
 
     def tool(self, name: str) -> Command:
-        """Return how to start a Python tool, also one that a sourced ROS's Python brought."""
+        """Return the command of a Python tool, also one of a sourced ROS's Python."""
         script = self.folder / 'bin' / name
-        # -P: the checkout is the working folder, but the installed klann_ros is what counts.
+        # -P: the checkout is the working folder, but the installed klann_ros is tested.
         return [script] if script.exists() else [self.python, '-P', '-m', name]
 
 
 @contextmanager
 def environment(command: str) -> Iterator[Environment]:
-    """Make what `command` needs, unless it is there already, and keep it as it is while in use."""
+    """Make the environment of `command` if needed, and lock it while in use."""
     names = os.environ.get('PIP_CONSTRAINT', '').split()
     constraints = '\n'.join(Path(name).read_text(encoding='utf-8') for name in names)
     numpy = _numpy_of_sourced_ros()
@@ -96,11 +96,11 @@ def environment(command: str) -> Iterator[Environment]:
         folder += '-' + hashlib.sha256(constraints.encode()).hexdigest()[:6]
     env = Environment(source.ROOT / folder, constraints, numpy)
     env.folder.mkdir(exist_ok=True)
-    # Its users share a lock on the folder, and who makes it has that alone.
+    # Users share a lock on the folder; the maker holds it exclusively.
     lock = os.open(env.folder, os.O_RDONLY)
     try:
         _acquire(lock, fcntl.LOCK_SH, env)
-        # On the way from one lock to the other somebody else may come first.
+        # Another command may take the lock in between.
         while not _installed(env).issuperset(_goal(env, command)):
             _acquire(lock, fcntl.LOCK_EX, env)
             if not _installed(env).issuperset(_goal(env, command)):
@@ -158,16 +158,16 @@ def _make(env: Environment, command: str) -> None:
     what = f'klann_ros and what scripts/{command} needs into {env.folder.name}'
     print(f'Installing {what} (Python {platform.python_version()}, {kind}) ...')
     (made, goal), installed = _goal(env, command), _installed(env)
-    # Without a stamp it is made from nothing: so ends what is interrupted from here on.
+    # Without a stamp it is rebuilt from scratch, as after an interruption from here on.
     (env.folder / STAMP).unlink(missing_ok=True)
     try:
         _install(env, command, made in installed)
     except BaseException as error:
         if made in installed and isinstance(error, PipError):
-            # pip fetches and builds before it changes anything: what was there still works.
+            # pip fetches and builds before it changes anything: the old environment still works.
             _stamp(env, installed)
         else:
-            # What is half made would fail later, in other words. The folder itself is the lock.
+            # An incomplete environment would fail later. The folder itself is the lock.
             for path in env.folder.iterdir():
                 shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
         raise
@@ -183,7 +183,7 @@ def _stamp(env: Environment, lines: set[str]) -> None:
 def _install(env: Environment, command: str, is_made: bool) -> None:
     with tempfile.TemporaryDirectory(prefix='klann_ros-') as folder:
         work = Path(folder)
-        # What is never imported need not be compiled; what is, Python compiles by itself.
+        # Python compiles modules at their first import.
         pip = [env.python, '-m', 'pip', 'install', '--quiet', '--no-input', '--no-compile']
         if not is_made:
             _make_venv(env, work)

@@ -9,7 +9,7 @@ import sys
 
 from processes import CommandError, listen
 
-# Loaded once somebody listens for Ctrl-C.
+# Loaded after the handler of Ctrl-C is installed.
 COMMANDS = {'demo': 'demo:main', 'test': 'checks:main'}
 COMMANDS |= {'fuzz': 'measuring:fuzz', 'benchmark': 'measuring:benchmark'}
 
@@ -18,7 +18,7 @@ if __name__ == '__main__':
     try:
         sys.exit(pkgutil.resolve_name(COMMANDS[sys.argv[1]])(sys.argv[2:]))
     except BrokenPipeError:
-        # The reader of our output has gone (scripts/test | head): nothing more can be said.
+        # The reader of the output has gone (scripts/test | head).
         sys.exit(1)
     except (CommandError, OSError) as error:
         print(f'scripts/{sys.argv[1]}: {error}', file=sys.stderr)

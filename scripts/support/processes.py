@@ -14,13 +14,13 @@ Command = Sequence[object]  # texts and paths
 Process = subprocess.Popen[bytes]
 Variables = Mapping[str, str]
 
-# How long a process may take to end: by itself after SIGINT, then after SIGTERM [s].
+# Timeouts of a process to end after SIGINT, then after SIGTERM [s].
 GRACE = {signal.SIGINT: 8.0, signal.SIGTERM: 3.0}
 _received: list[int] = []
 
 
 class CommandError(Exception):
-    """What a command cannot go on from, told to its user without a traceback."""
+    """A fatal error of a command, printed without a traceback."""
 
     exit_code = 1
 
@@ -35,7 +35,7 @@ def listen() -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda received, _frame: _received.append(received))
     if nohup:
-        # Not SIG_IGN: children would inherit it, and what they do on SIGHUP is tested.
+        # Not SIG_IGN: children would inherit it, and their reaction to SIGHUP is tested.
         signal.signal(signal.SIGHUP, lambda _received, _frame: None)
 
 
@@ -92,13 +92,13 @@ def end(process: Process) -> int:
             os.killpg(process.pid, number)
             with suppress(subprocess.TimeoutExpired):
                 process.wait(grace)
-    # What is left of the group when its leader has gone has nobody to wait for it.
+    # Nothing waits for the rest of a group without its leader.
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
     return process.wait()
 
 
 def last_lines(output: Path, count: int = 1) -> str:
-    """Return the end of what a process has written."""
+    """Return the last lines of a process's output."""
     text = output.read_text(encoding='utf-8', errors='replace')
     return '\n'.join(text.strip().splitlines()[-count:])

@@ -1,4 +1,4 @@
-"""The files that make up the package: what an installation depends on."""
+"""The files of the package, on which an installation depends."""
 
 from collections.abc import Iterator
 import hashlib
@@ -8,7 +8,7 @@ import shutil
 ROOT = Path(__file__).resolve().parents[2]
 
 # Whatever setup.py installs or reads. test/packaging compares the result with colcon's, which
-# builds from the checkout itself, so a name that is missing here does not go unnoticed.
+# builds from the checkout itself, so a missing name is detected.
 FOLDERS = ('config', 'foxglove', 'klann_ros', 'launch', 'resource', 'rviz', 'urdf')
 FILES = ('LICENSE', '*.cfg', '*.md', '*.py', '*.rst', '*.toml', '*.xml', 'scripts/launchers/*')
 

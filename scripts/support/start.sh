@@ -9,7 +9,7 @@ fail() {
 
 command -v "$python" >/dev/null ||
     fail "$1" "$python: no such Python; name one of 3.10 or newer, as in PYTHON=python3.12"
-# Found is not enough: a pyenv shim may exist and fail. -E and -S: nobody's settings, no .pth files.
+# A pyenv shim may exist and fail. -E and -S: no user settings, no .pth files.
 said=$("$python" -ES -c 'import sys
 print("%d.%d" % sys.version_info[:2])
 sys.exit(3 * (sys.version_info < (3, 10)))' 2>&1)
