@@ -49,7 +49,7 @@ EXTRAS['test'] = [
 setup(
     name=NAME,
     version='0.1.0',
-    description='Crank-driven leg linkages on ROS 2: solved, simulated, recorded, replayed, reviewed',
+    description='Crank-driven leg linkages: kinematics, simulation, ROS 2 nodes, logs, review',
     long_description=(HERE / 'README.md').read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',
     license='Apache-2.0',
