@@ -71,25 +71,25 @@ def body_motion(linkage: Linkage, alphas: ArrayLike) -> BodyMotion:
 def body_motion_at(linkage: Linkage, angles: FloatArray, x: FloatArray) -> BodyMotion:
     """Return the motion through poses, by all coordinates, shapes (k,) and (n - 1, k)."""
     structure = linkage.structure
-    u = np.array(joints.vectors(structure, [angles, *x]))
+    u = np.array(joints.body_vectors(structure, [angles, *x]))
     n = len(u)
     x_1, x_2 = np.zeros((n, angles.size)), np.zeros((n, angles.size))
     x_1[0] = 1.0
     u_1, u_2 = np.zeros_like(u), np.zeros_like(u)
-    u_1[0] = joints.moved(structure, u, x_1, 0)
+    u_1[0] = joints.vector_velocity(structure, u, x_1, 0)
     u_2[0] = -u[0]
     for own, closing in closing_blocks(linkage, u):
         for j in own:
-            u_1[j] = joints.carried(structure, u, x_1, j, own)
+            u_1[j] = joints.known_velocity(structure, u, x_1, j, own)
         x_1[own] = closing(u_1)
         for j in own:
-            u_1[j] = joints.moved(structure, u, x_1, j)
-        bent = joints.bent(structure, u, x_1)
+            u_1[j] = joints.vector_velocity(structure, u, x_1, j)
+        bent = joints.velocity_product(structure, u, x_1)
         for j in own:
-            u_2[j] = bent[j] + joints.carried(structure, u, x_2, j, own)
+            u_2[j] = bent[j] + joints.known_velocity(structure, u, x_2, j, own)
         x_2[own] = closing(u_2)
         for j in own:
-            u_2[j] = bent[j] + joints.moved(structure, u, x_2, j)
+            u_2[j] = bent[j] + joints.vector_velocity(structure, u, x_2, j)
     rotation = [
         np.array([_rotation(structure, x, j) + 0.0 * angles for j in range(n)]) for x in (x_1, x_2)
     ]

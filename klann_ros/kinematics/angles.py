@@ -7,7 +7,7 @@ from .errors import CrankAngleError
 
 TURN = 2.0 * pi
 # Where the tangent of a nearly singular pose leads many turns away, angles lose digits.
-FAR = 2.0 * TURN
+MAX_UNWRAPPED = 2.0 * TURN
 # Beyond this the last digit of a crank angle is worth more than 1e-10 rad.
 MAX_CRANK_ANGLE = 1e6
 

@@ -8,13 +8,13 @@ from typing import NamedTuple
 from .angles import TURN
 
 # How often a clearance is sampled over an arc.
-SAMPLES = 360
-GOLDEN = (5.0**0.5 - 1.0) / 2.0
+SAMPLES_PER_ARC = 360
+GOLDEN_RATIO = (5.0**0.5 - 1.0) / 2.0
 
 Arc = tuple[float, float]
 
 
-class Sample(NamedTuple):
+class ArcSample(NamedTuple):
     """A crank angle [rad], and whether its clearance is not negative."""
 
     alpha: float
@@ -46,13 +46,13 @@ def _samples(arc: Arc) -> list[float]:
     """Return angles over an arc: the denser the nearer its ends, where clearances are steep."""
     middle, half = (arc[0] + arc[1]) / 2.0, (arc[1] - arc[0]) / 2.0
     if 2.0 * half >= TURN:
-        return [arc[0] + k * TURN / SAMPLES for k in range(SAMPLES + 1)]
+        return [arc[0] + k * TURN / SAMPLES_PER_ARC for k in range(SAMPLES_PER_ARC + 1)]
     # At the very ends the first dyad is in line, and rounding decides whether it closes.
     half *= 1.0 - 1e-12
-    return [middle - half * cos(pi * k / SAMPLES) for k in range(SAMPLES + 1)]
+    return [middle - half * cos(pi * k / SAMPLES_PER_ARC) for k in range(SAMPLES_PER_ARC + 1)]
 
 
-def _with_extrema(clearance: Callable[[float], float], angles: list[float]) -> list[Sample]:
+def _with_extrema(clearance: Callable[[float], float], angles: list[float]) -> list[ArcSample]:
     """Sample a clearance at angles, and at the peaks and dips that those on two sides may hide."""
     first, last = angles[0], angles[-1]
     if last - first >= TURN:
@@ -69,22 +69,22 @@ def _with_extrema(clearance: Callable[[float], float], angles: list[float]) -> l
             found.append(_peak(lambda alpha: -clearance(alpha), left, right))
     turned = (alpha if alpha >= first else alpha + TURN for alpha in found)
     pairs = zip(angles, values, strict=True)
-    samples = [Sample(alpha, value >= 0.0) for alpha, value in pairs if alpha >= first]
-    return sorted([*samples, *(Sample(alpha, clearance(alpha) >= 0.0) for alpha in turned)])
+    samples = [ArcSample(alpha, value >= 0.0) for alpha, value in pairs if alpha >= first]
+    return sorted([*samples, *(ArcSample(alpha, clearance(alpha) >= 0.0) for alpha in turned)])
 
 
 def _peak(function: Callable[[float], float], left: float, right: float) -> float:
     """Return where a function with one peak between two angles is greatest (golden section)."""
-    a, b = right - GOLDEN * (right - left), left + GOLDEN * (right - left)
+    a, b = right - GOLDEN_RATIO * (right - left), left + GOLDEN_RATIO * (right - left)
     at_a, at_b = function(a), function(b)
     while right - left > 1e-9:
         if at_a > at_b:
             right, b, at_b = b, a, at_a
-            a = right - GOLDEN * (right - left)
+            a = right - GOLDEN_RATIO * (right - left)
             at_a = function(a)
         else:
             left, a, at_a = a, b, at_b
-            b = left + GOLDEN * (right - left)
+            b = left + GOLDEN_RATIO * (right - left)
             at_b = function(b)
     return (left + right) / 2.0
 
@@ -99,7 +99,7 @@ def _boundary(clearance: Callable[[float], float], closes: float, fails: float) 
     return closes
 
 
-def normal(arcs: list[Arc]) -> list[Arc]:
+def normalize_arcs(arcs: list[Arc]) -> list[Arc]:
     """Bring the arcs' starts into [0, 2 pi), sort them, and join the two ends of the turn."""
     turned = sorted(
         # A turn added and taken away again would cost the last digit.

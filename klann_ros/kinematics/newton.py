@@ -154,10 +154,10 @@ MAX_ITERATIONS = 10
 COARSE_TOLERANCE = 1e-3
 COARSE_ITERATIONS = 6
 # Half a turn is 9 parts of 0.35 rad; what takes more is cheaper seeded anew.
-MAX_PARTS = 9
+MAX_SUBSTEPS = 9
 
 
-class Settings(NamedTuple):
+class FollowSettings(NamedTuple):
     """
     How a leg is led from pose to pose.
 
@@ -167,25 +167,30 @@ class Settings(NamedTuple):
 
     tolerance: float
     max_crank_step: float
-    max_parts: int = MAX_PARTS
+    max_parts: int = MAX_SUBSTEPS
 
 
-def track(  # noqa: PLR0917 - as they are called
-    refine: Callable[..., Any],
-    ahead: Callable[..., Any],
-    seed: Callable[[float], tuple[float, ...]],
+def follow_branch(  # noqa: PLR0917 - as they are called
+    correct: Callable[..., Any],
+    predict: Callable[..., Any],
+    initial_guess: Callable[[float], tuple[float, ...]],
     alpha: float,
     last: Any,
-    settings: Settings,
+    settings: FollowSettings,
 ) -> Any:
     """
-    Return the pose at a driving angle, led there from the last pose along the assembly branch.
+    Return the pose at a driving angle, on the assembly branch of the last pose.
 
-    The step from the last pose, less whole turns, is made in parts of at most `max_crank_step`,
-    each guessed along the tangent of the one before. Where there is no last pose, a part fails, or
-    the pose is singular, so that its sign does not tell the branch, `seed` gives the guess, and
-    Newton-Raphson confirms it; else a NotConvergedError. `seed` raises where there is no pose;
-    `refine` and `ahead` are those of a `Step`.
+    The step from the last pose, less whole turns, is split into parts of at most
+    `max_crank_step`, each predicted along the tangent and corrected. Without a last pose, after a
+    failed part, and from a singular pose, whose sign does not tell the branch, `initial_guess`
+    gives the guess. `correct` and `predict` are those of `StepFunctions`.
+
+    Raises
+    ------
+    NotConvergedError
+        Newton-Raphson does not confirm the initial guess.
+
     """
     tolerance, max_crank_step, max_parts = settings
     if last is not None:
@@ -194,19 +199,23 @@ def track(  # noqa: PLR0917 - as they are called
             step = remainder(step, TURN)
         if abs(step) <= max_parts * max_crank_step:
             parts = max(1, ceil(abs(step) / max_crank_step))
-            pose = _follow(ahead, alpha, last, tolerance, (step, parts))
+            pose = _predict_and_correct(predict, alpha, last, tolerance, (step, parts))
             if pose is not None and not isnan(pose.coefficients[0]):
                 return pose
-    guess = seed(alpha)
-    pose = refine(alpha, guess, tolerance, MAX_ITERATIONS)
+    guess = initial_guess(alpha)
+    pose = correct(alpha, guess, tolerance, MAX_ITERATIONS)
     if pose is None:
         reason = 'it does not confirm the closed form'
         raise NotConvergedError(alpha, np.array([guess]), reason)
     return pose
 
 
-def _follow(
-    ahead: Callable[..., Any], alpha: float, last: Any, tolerance: float, steps: tuple[float, int]
+def _predict_and_correct(
+    predict: Callable[..., Any],
+    alpha: float,
+    last: Any,
+    tolerance: float,
+    steps: tuple[float, int],
 ) -> Any:
     """Return the pose at a driving angle, a step in so many parts from the last; None if lost."""
     step, parts = steps
@@ -217,7 +226,7 @@ def _follow(
         limits = (
             (COARSE_TOLERANCE, COARSE_ITERATIONS) if remaining else (tolerance, MAX_ITERATIONS)
         )
-        pose = ahead(between, step, last.x, last.coefficients, *limits)
+        pose = predict(between, step, last.x, last.coefficients, *limits)
         if pose is None:
             return None
         spent += pose.iterations

@@ -12,7 +12,7 @@ from .angles import TURN
 from .errors import GeometryError
 
 # Beyond these the product of four lengths is no number any more.
-SMALLEST, LARGEST = 1e-60, 1e60
+MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-60, 1e60
 _WORDS = {2: 'two', 4: 'four'}
 
 
@@ -38,8 +38,9 @@ def positive(name: str, length: float) -> None:
 
 def representable(name: str, value: float) -> None:
     """Refuse what has no square, or loses its digits in the product of four lengths."""
-    if value != 0.0 and not SMALLEST <= abs(value) <= LARGEST:
-        msg = f'{name} = {value:g} m is refused: it must be within {SMALLEST:g} .. {LARGEST:g} m'
+    if value != 0.0 and not MIN_MAGNITUDE <= abs(value) <= MAX_MAGNITUDE:
+        limits = f'{MIN_MAGNITUDE:g} .. {MAX_MAGNITUDE:g} m'
+        msg = f'{name} = {value:g} m is refused: it must be within {limits}'
         raise GeometryError(msg)
 
 
@@ -53,7 +54,7 @@ def factor(value: Any) -> float:
 
 
 def bend(name: str, angle: float) -> None:
-    """Refuse a bend beyond a turn [rad] with a GeometryError: degrees, most likely."""
+    """Refuse a bend beyond a turn [rad] with a GeometryError: degrees, maximum likely."""
     if not abs(angle) <= TURN:
         msg = (
             f'{name} = {angle:g} rad is refused: a bend must be within +-2 pi rad; '
@@ -62,10 +63,10 @@ def bend(name: str, angle: float) -> None:
         raise GeometryError(msg)
 
 
-def setting(name: str, value: float, most: float = math.inf) -> float:
-    """Return a solver's setting [rad]; a ValueError if it is not finite, > 0, at most `most`."""
-    if not (isinstance(value, Real) and 0.0 < value <= most and value < math.inf):
-        limit = '' if most == math.inf else f' and at most {most:g} rad'
+def setting(name: str, value: float, maximum: float = math.inf) -> float:
+    """Return a solver's setting [rad]; a ValueError unless it is finite, > 0 and <= maximum."""
+    if not (isinstance(value, Real) and 0.0 < value <= maximum and value < math.inf):
+        limit = '' if maximum == math.inf else f' and at most {maximum:g} rad'
         msg = f'{name} = {value!r} is refused: it must be finite, > 0{limit}'
         raise ValueError(msg)
     return float(value)
@@ -82,10 +83,10 @@ def rate(name: str, value: float) -> None:
         raise ValueError(msg)
 
 
-def count(name: str, value: int, least: int) -> int:
-    """Return how many are wanted; a ValueError for no whole number, or less than `least`."""
-    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
-        msg = f'{name} = {value!r} is refused: it must be a whole number, at least {least}'
+def count(name: str, value: int, minimum: int) -> int:
+    """Return how many are wanted; a ValueError for no whole number, or less than `minimum`."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < minimum:
+        msg = f'{name} = {value!r} is refused: it must be a whole number, at least {minimum}'
         raise ValueError(msg)
     return int(value)
 

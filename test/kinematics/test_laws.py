@@ -105,7 +105,7 @@ def test_many_at_once_are_the_same_as_one_by_one(
     for kernel in ('numpy', 'numba'):
         poses = linkage_poses(variants, at, angles=True, points=True, kernel=kernel)
         for i, j in np.ndindex(*poses.reason.shape):
-            if variants.refused[i]:
+            if variants.error_codes[i]:
                 continue
             try:
                 pose = leg_of(variants[i]).closed_form(at[j])
@@ -263,9 +263,9 @@ def turned_about(linkage: Linkage) -> Linkage:
     bodies = (crank, *(body._replace(clockwise=not body.clockwise) for body in others))
     structure = replace(linkage.structure, bodies=bodies)
     start = None
-    if linkage.given_start is not None:
-        pairs = zip(linkage.structure.bodies[1:], linkage.given_start[1:], strict=True)
-        start = [linkage.given_start[0], *(x if body.slides else -x for body, x in pairs)]
+    if linkage.start_guess is not None:
+        pairs = zip(linkage.structure.bodies[1:], linkage.start_guess[1:], strict=True)
+        start = [linkage.start_guess[0], *(x if body.slides else -x for body, x in pairs)]
     return Linkage(structure, linkage.numbers, assembly=linkage.assembly, start=start)
 
 

@@ -10,7 +10,7 @@ from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.blocks import Block
 from klann_ros.kinematics.linkage.linkage import Linkage
-from klann_ros.kinematics.linkage.step import TRUSTED
+from klann_ros.kinematics.linkage.step import MAX_BRANCH_JUMP
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 
@@ -25,7 +25,7 @@ def fill_coupled(variants: Variants, rows: slice, alphas: AnyArray, results: Lin
     i = rows.start
     try:
         linkage = variants[i] if len(variants) > 1 else variants.base
-        branch = linkage.branch if not variants.refused[i] else None
+        branch = linkage.branch if not variants.error_codes[i] else None
     except GeometryError:
         branch = None
     if branch is not None:
@@ -54,7 +54,7 @@ class _Solution:
                 continue
             if guesses is None:
                 guesses = linkage.branch.guesses(alphas)
-            heads = [linkage.head_bodies.index(j) - 1 for j in block.unknowns]
+            heads = [linkage.prefix_bodies.index(j) - 1 for j in block.unknowns]
             self._place_loops(block, guesses[heads])
 
     def store(self, results: LinkagePoses) -> None:
@@ -85,11 +85,11 @@ class _Solution:
         return np.array([each + np.zeros(self._alphas.size) for each in others])
 
     def _place_dyad(self, block: Block, sign: int) -> None:
-        (a, b), vector, dyad = block.unknowns, -self._others(block)[0], block.placing
+        (a, b), vector, dyad = block.unknowns, -self._others(block)[0], block.dyad_solver
         self._u[a], self._u[b] = dyad.place(self._u, vector, sign)
         gone = np.isnan(self._u[a]) | np.isnan(self._u[b])
         reasons = (unreachable(block.number, far=far) for far in (True, False))
-        self._fail(gone, np.where(dyad.is_far(vector), *reasons))
+        self._fail(gone, np.where(dyad.is_too_far(vector), *reasons))
 
     def _place_loops(self, block: Block, guesses: FloatArray) -> None:
         """Refine guesses of the angles, shape (number of unknowns, k)."""
@@ -110,7 +110,7 @@ class _Solution:
             turns = np.linalg.solve(matrix, -right)[..., 0].T
             x = np.where(converged, x, x + turns)
             converged |= np.abs(turns / sizes).max(axis=0) <= STEP_TOLERANCE
-        lost = ~(converged & (np.abs((x - guesses) / sizes).max(axis=0) <= TRUSTED))
+        lost = ~(converged & (np.abs((x - guesses) / sizes).max(axis=0) <= MAX_BRANCH_JUMP))
         self._fail(lost, open_loops(block.number))
         self._move(block, x)
 
@@ -119,7 +119,7 @@ class _Solution:
         # Rotating bodies first: they orient the sliding ones.
         slides = [self._structure.bodies[j].slides for j in block.unknowns]
         for _, j, line in sorted(zip(slides, block.unknowns, range(len(x)), strict=True)):
-            self._u[j] = joints.vector(self._structure, self._u, j, x[line])
+            self._u[j] = joints.body_vector(self._structure, self._u, j, x[line])
 
     def _errors(self, block: Block) -> ComplexArray:
         """Return the closure error of each loop of a block."""
@@ -147,10 +147,10 @@ def rates(linkage: Linkage, u: ComplexArray) -> tuple[FloatArray, ComplexArray]:
     for own, closing in closing_blocks(linkage, u):
         for j in own:
             # Carried by bodies that are solved already.
-            u_1[j] = joints.carried(structure, u, x_1, j, own)
+            u_1[j] = joints.known_velocity(structure, u, x_1, j, own)
         x_1[own] = closing(u_1)
         for j in own:
-            u_1[j] = joints.moved(structure, u, x_1, j)
+            u_1[j] = joints.vector_velocity(structure, u, x_1, j)
     singular = np.isnan(x_1).any(axis=0)
     x_1[:, singular] = u_1[:, singular] = np.nan
     return x_1, u_1

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 from klann_ros.kinematics.arrays import AnyArray, BoolArray, ByteArray, ComplexArray, FloatArray
 from klann_ros.kinematics.linkage import joints
-from klann_ros.kinematics.linkage.dyads import Closing, closing, cross, Pair
+from klann_ros.kinematics.linkage.dyads import cross, Dyad, dyad_solver, DyadSolver
 from klann_ros.kinematics.linkage.equations import path_terms
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
@@ -79,7 +79,7 @@ class PinnedDyads:
         if gone is not None:
             h[gone] = np.nan
             reason[gone] = self._reasons(rows, crank)[gone]
-            reason[self._variants.refused[rows] != 0] = Reason.REFUSED
+            reason[self._variants.error_codes[rows] != 0] = Reason.REFUSED
         for array in self._store(rows, columns, found[2:]):
             if gone is not None:
                 array[gone] = np.nan
@@ -212,8 +212,8 @@ class SlidingDyads:
         )
         self._signs = variants.signs[:, rows, None]
         self._loops = [self._row(structure.paths.loops[k]) for (k,) in structure.paths.rows]
-        self.solvers: list[Closing] = [
-            closing(Pair(structure, (group[0], group[1]), terms, constant))
+        self.solvers: list[DyadSolver] = [
+            dyad_solver(Dyad(structure, (group[0], group[1]), terms, constant))
             for group, (terms, constant) in zip(structure.groups, self._loops, strict=True)
         ]
 
@@ -236,21 +236,21 @@ class SlidingDyads:
         structure, zero = self.structure, np.zeros(np.shape(u[-1]))
         x_1, u_1 = [zero] * len(u), [zero] * len(u)
         x_1[0] = zero + 1.0
-        u_1[0] = joints.moved(structure, u, x_1, 0)
+        u_1[0] = joints.vector_velocity(structure, u, x_1, 0)
         for k, (a, b) in enumerate(structure.groups):
             terms, _ = self._loops[k]
             for j in (a, b):
-                u_1[j] = zero + joints.carried(structure, u, x_1, j, (a, b))
+                u_1[j] = zero + joints.known_velocity(structure, u, x_1, j, (a, b))
             opened = sum(w * u_1[j] for j, w in terms.items())
             solver = self.solvers[k]
-            p, q = solver.pair.columns(u)
+            p, q = solver.dyad.jacobian_columns(u)
             determinant = cross(p, q)
-            sine = determinant / solver.lengths(self.closure_vector(k, u))
-            least = np.sqrt(solver.pair.rounding / solver.least_length)
+            sine = determinant / solver.column_lengths(self.closure_vector(k, u))
+            least = np.sqrt(solver.dyad.rounding / solver.min_length)
             determinant = np.where(np.abs(sine) <= least, np.nan, determinant)
             x_1[a], x_1[b] = cross(q, opened) / determinant, cross(opened, p) / determinant
             for j in (a, b):
-                u_1[j] = joints.moved(structure, u, x_1, j)
+                u_1[j] = joints.vector_velocity(structure, u, x_1, j)
         return x_1, u_1
 
     def point(self, u: list[Any], which: int, *, moved: bool = False) -> Any:
@@ -264,7 +264,7 @@ class SlidingDyads:
         why: ByteArray = np.zeros(np.shape(u[-1]), dtype=np.uint8)
         for k, (a, b) in enumerate(self.structure.groups):
             gone = (np.isnan(u[a]) | np.isnan(u[b])) & (why == 0)
-            far = gone & self.solvers[k].is_far(self.closure_vector(k, u))
+            far = gone & self.solvers[k].is_too_far(self.closure_vector(k, u))
             why[gone] = unreachable(k + 1, far=False)
             why[far] = unreachable(k + 1, far=True)
         return why
@@ -282,7 +282,7 @@ def fill_sliding(variants: Variants, rows: slice, alphas: AnyArray, results: Lin
     u = [np.broadcast_to(each, results.reason.shape) for each in u]
     why = dyads.reasons(u)
     why[np.broadcast_to(~within, why.shape)] = Reason.CRANK_ANGLE
-    why[variants.refused[rows] != 0] = Reason.REFUSED
+    why[variants.error_codes[rows] != 0] = Reason.REFUSED
     results.reason[...] = why
     x_1, u_1 = dyads.derivatives(u) if results.h_1 is not None else ([], [])
 

@@ -14,7 +14,7 @@ Vectors: TypeAlias = joints.Vectors
 def vectors(leg: Any, angles: FloatArray) -> list[FloatArray]:
     """Return the bodies' vectors u of each pose, the common input of the other functions."""
     with np.errstate(invalid='ignore', over='ignore'):
-        return joints.vectors(as_linkage(leg).structure, [*angles.T])
+        return joints.body_vectors(as_linkage(leg).structure, [*angles.T])
 
 
 def loop_errors(leg: Any, angles: FloatArray, u: Vectors | None = None) -> FloatArray:

@@ -11,7 +11,7 @@ from klann_ros.kinematics.arrays import FloatArray, IndexArray
 from klann_ros.kinematics.errors import KinematicsError
 from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 from klann_ros.kinematics.linkage.reach import reachable_arcs
-from klann_ros.kinematics.linkage.structure import by_name, Dimension, Structure
+from klann_ros.kinematics.linkage.structure import Dimension, dimension_places, Structure
 from klann_ros.kinematics.linkage.variants import Variants
 from klann_ros.kinematics.searches import last_nonnegative, minimum_near
 import numpy as np
@@ -235,7 +235,7 @@ class TurnLosses:
     def __init__(self, linkage: Linkage, names: list[str], farthest: FloatArray) -> None:
         self._linkage, self._farthest = linkage, farthest
         dimensions = linkage.structure.dimensions
-        places = by_name(dimensions)
+        places = dimension_places(dimensions)
         self._places = np.array([places[name] for name in names], dtype=np.intp)
         self._own = np.array(linkage.numbers)[self._places]
         self._is_bend = np.array([dimensions[place].unit == 'rad' for place in self._places])

@@ -9,8 +9,14 @@ from typing import Any
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage.linkage import Linkage
-from klann_ros.kinematics.linkage.reach import tie
-from klann_ros.kinematics.linkage.structure import Bar, Body, by_name, Dimension, Structure
+from klann_ros.kinematics.linkage.reach import length_rounding
+from klann_ros.kinematics.linkage.structure import (
+    Bar,
+    Body,
+    Dimension,
+    dimension_places,
+    Structure,
+)
 from klann_ros.sanitize.text import did_you_mean
 
 LENGTHS = ('ground', 'crank', 'coupler', 'rocker')
@@ -71,7 +77,7 @@ class FourBarGeometry:
         object.__setattr__(self, 'assembly', _sign(self.assembly))
         longest = max(self.lengths)
         others = sum(sorted(self.lengths)[:3])
-        if longest >= others - tie(self.lengths):
+        if longest >= others - length_rounding(self.lengths):
             name = LENGTHS[self.lengths.index(longest)]
             msg = (
                 f'these lengths are refused: at no crank angle does the linkage close and move, '
@@ -109,7 +115,7 @@ class FourBarGeometry:
 
         """
         new = {**(changes or {}), **numbers}
-        by_name(STRUCTURE.dimensions, new)
+        dimension_places(STRUCTURE.dimensions, new)
         lengths = dict(zip(LENGTHS, self.lengths, strict=True)) | new
         return FourBarGeometry(**lengths, assembly=self.assembly)
 

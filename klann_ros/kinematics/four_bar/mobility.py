@@ -5,7 +5,7 @@ from math import atan2, cos, nan, pi, sin
 from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN, wrap
-from klann_ros.kinematics.linkage.reach import limits, tie
+from klann_ros.kinematics.linkage.reach import crank_limits, length_rounding
 
 from .geometry import FourBarGeometry
 
@@ -68,7 +68,7 @@ class Grashof:
     def class_(self) -> str:
         """Return 'I' (s + l < p + q), 'II' (>) or 'III' (equal, but for rounding)."""
         margin = self.margin
-        if abs(margin) <= tie(self.lengths):
+        if abs(margin) <= length_rounding(self.lengths):
             return 'III'
         return 'I' if margin > 0.0 else 'II'
 
@@ -80,7 +80,7 @@ class Grashof:
         In classes I and III two links turn fully against each other if one of them is a shortest
         one, and oscillate otherwise; in class II all oscillate.
         """
-        shortest = min(self.lengths) + tie(self.lengths)
+        shortest = min(self.lengths) + length_rounding(self.lengths)
         short = [length <= shortest for length in self.lengths]
         held = Roles._fields.index(self.fixed)
         grashof = self.class_ != 'II'
@@ -98,7 +98,7 @@ class Grashof:
         """
         if self.class_ != 'III':
             return ''
-        tolerance = tie(self.lengths)
+        tolerance = length_rounding(self.lengths)
         l_1, l_2, l_3, l_4 = self.lengths
         if max(self.lengths) - min(self.lengths) <= tolerance:
             return 'rhombus'
@@ -224,7 +224,7 @@ def rocker_limits(geometry: FourBarGeometry, motion: str) -> RockerLimits:
     """Return the limits of the rocker; only a motion of 'crank-rocker' has a time ratio."""
     points = {point.kind: point for point in _of_rocker(geometry)}
     stretched, folded = points.get(STRETCHED), points.get(FOLDED)
-    near, far = limits(_reversed(geometry))
+    near, far = crank_limits(_reversed(geometry))
     # Within near .. far on one side of the ground, or through it where there is no limit.
     swing = (far - near) if near > 0.0 and far < pi else 2.0 * (far - near)
     ratio = nan
@@ -235,7 +235,7 @@ def rocker_limits(geometry: FourBarGeometry, motion: str) -> RockerLimits:
 
 
 def _of_crank(geometry: FourBarGeometry) -> list[DeadPoint]:
-    near, far = limits(geometry.lengths)
+    near, far = crank_limits(geometry.lengths)
     found = []
     for angle, kind, exists in ((near, FOLDED, near > 0.0), (far, STRETCHED, far < pi)):
         for theta2 in (-angle, angle) if exists else ():
@@ -245,7 +245,7 @@ def _of_crank(geometry: FourBarGeometry) -> list[DeadPoint]:
 
 
 def _of_rocker(geometry: FourBarGeometry) -> list[DeadPoint]:
-    near, far = limits(_reversed(geometry))
+    near, far = crank_limits(_reversed(geometry))
     found = []
     if near > 0.0:
         # Crank and coupler point to B, or away from it; that decides on which side of the ground

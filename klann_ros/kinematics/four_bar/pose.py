@@ -3,8 +3,8 @@
 from math import atan2, dist
 
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.linkage.pose import Entry, LinkageMotion, LinkagePose
-from klann_ros.kinematics.linkage.reach import opening
+from klann_ros.kinematics.linkage.pose import LinkageMotion, LinkagePose, PoseEntry
+from klann_ros.kinematics.linkage.reach import triangle_angle
 
 Vector = tuple[float, float]
 
@@ -20,9 +20,9 @@ class FourBarPose(LinkagePose):
 
     __slots__ = ()
 
-    theta2 = Entry('joints', 0)
-    theta3 = Entry('x', 0)
-    theta4 = Entry('x', 1)
+    theta2 = PoseEntry('joints', 0)
+    theta3 = PoseEntry('x', 0)
+    theta4 = PoseEntry('x', 1)
 
     @property
     def transmission_angle(self) -> float:
@@ -55,7 +55,7 @@ class FourBarPose(LinkagePose):
 
         """
         numbers = self.linkage.dimensions
-        return opening(self.z, numbers['rocker'], numbers['coupler'])
+        return triangle_angle(self.z, numbers['rocker'], numbers['coupler'])
 
     @property
     def beta(self) -> float:
@@ -99,9 +99,9 @@ class FourBarMotion(LinkageMotion):
 
     __slots__ = ()
 
-    theta2 = Entry('joints', 0)
-    theta3 = Entry('joints', 1)
-    theta4 = Entry('joints', 2)
+    theta2 = PoseEntry('joints', 0)
+    theta3 = PoseEntry('joints', 1)
+    theta4 = PoseEntry('joints', 2)
 
     def coupler_point(self, u: float, v: float) -> Vector:
         """Return that of the pose's coupler point at u, v (x, y) [m/s] or [m/s^2]."""

@@ -7,16 +7,16 @@ from typing import Any, NamedTuple
 from klann_ros.kinematics.angles import crank_angle
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.batch.poses import linkage_poses
-from klann_ros.kinematics.linkage.dyads import TOUCHES
-from klann_ros.kinematics.linkage.pose import placed, seed
-from klann_ros.kinematics.linkage.reach import limits, opening
+from klann_ros.kinematics.linkage.dyads import TANGENCY_TOLERANCE
+from klann_ros.kinematics.linkage.pose import closed_form_vectors, initial_guess
+from klann_ros.kinematics.linkage.reach import crank_limits, triangle_angle
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .geometry import FourBarGeometry
 
 # Good practice for large forces.
-LEAST, GREATEST = radians(40.0), radians(140.0)
+MIN_TRANSMISSION_ANGLE, MAX_TRANSMISSION_ANGLE = radians(40.0), radians(140.0)
 
 
 class TransmissionExtremes(NamedTuple):
@@ -41,7 +41,7 @@ class TransmissionExtremes(NamedTuple):
     @property
     def good(self) -> bool:
         """Return whether it stays within 40 .. 140 deg, as good practice has it."""
-        return self.least >= LEAST and self.greatest <= GREATEST
+        return self.least >= MIN_TRANSMISSION_ANGLE and self.greatest <= MAX_TRANSMISSION_ANGLE
 
 
 def transmission_angle(geometry: FourBarGeometry, theta2: float) -> float:
@@ -60,15 +60,15 @@ def transmission_angle(geometry: FourBarGeometry, theta2: float) -> float:
     theta2 = crank_angle(theta2)
     (dyad,) = geometry.linkage.blocks
     a = complex(*geometry.crank_pin(theta2))
-    if -dyad.placing.clearance(geometry.ground - a) > TOUCHES * dyad.rounding:
-        placed(geometry.linkage, theta2)  # which says by how much they do not meet
+    if -dyad.dyad_solver.clearance(geometry.ground - a) > TANGENCY_TOLERANCE * dyad.rounding:
+        closed_form_vectors(geometry.linkage, theta2)  # which says by how much they do not meet
     l_3, l_4 = geometry.coupler, geometry.rocker
-    return opening(l_3, l_4, abs(geometry.ground - a))
+    return triangle_angle(l_3, l_4, abs(geometry.ground - a))
 
 
 def transmission_extremes(geometry: FourBarGeometry) -> TransmissionExtremes:
     """Return the least and the greatest transmission angle, and where; mu grows with |theta2|."""
-    near, far = limits(geometry.lengths)
+    near, far = crank_limits(geometry.lengths)
     # At the ends of what can be reached coupler and rocker are in line.
     least = transmission_angle(geometry, 0.0) if near == 0.0 else 0.0
     greatest = transmission_angle(geometry, pi) if far == pi else pi
@@ -91,7 +91,7 @@ def mechanical_advantage(geometry: FourBarGeometry, theta2: float) -> float:
     where coupler and rocker are in line; NaN where all links are, at a change point.
     """
     theta2 = crank_angle(theta2)
-    return float(advantages(geometry, theta2, *seed(geometry.linkage, theta2)))
+    return float(advantages(geometry, theta2, *initial_guess(geometry.linkage, theta2)))
 
 
 def advantages(geometry: FourBarGeometry, theta2: Any, theta3: Any, theta4: Any) -> Any:
@@ -111,7 +111,7 @@ COLUMNS = ('theta2', 'theta3', 'theta4', 'alpha', 'beta', 'Z', 'mu', 'T4/T2')
 # A four-bar's lengths may be in any unit, so Z has none.
 UNITS = ('[deg]',) * 5 + ('', '[deg]', '[1]')
 # What `str` shows: a table for the eye; the arrays have all.
-MOST_ROWS = 100
+MAX_ROWS = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,11 +156,11 @@ class FourBarTable:
         places = (2, 2, 2, 2, 2, 6, 2, 4)
         lines = [''.join(f'{name:>12}' for name in COLUMNS)]
         lines += [''.join(f'{unit:>12}' for unit in UNITS)]
-        for row in rows[:MOST_ROWS].tolist():
+        for row in rows[:MAX_ROWS].tolist():
             cells = (f'{v:12.{n}f}' for v, n in zip(row, places, strict=True))
             lines.append(''.join(cells))
-        if len(rows) > MOST_ROWS:
-            lines.append(f'... and {len(rows) - MOST_ROWS} more')
+        if len(rows) > MAX_ROWS:
+            lines.append(f'... and {len(rows) - MAX_ROWS} more')
         return '\n'.join(lines)
 
 
@@ -178,10 +178,10 @@ def four_bar_table(geometry: FourBarGeometry, theta2: ArrayLike) -> FourBarTable
         'theta2': given,
         'theta3': theta3.copy(),
         'theta4': theta4.copy(),
-        'alpha': openings(z, geometry.rocker, geometry.coupler),
+        'alpha': triangle_angles(z, geometry.rocker, geometry.coupler),
         'beta': beta,
         'z': z,
-        'transmission_angle': openings(geometry.coupler, geometry.rocker, z),
+        'transmission_angle': triangle_angles(geometry.coupler, geometry.rocker, z),
         'mechanical_advantage': advantages(geometry, given, theta3, theta4),
     }
     for column in columns.values():
@@ -189,8 +189,8 @@ def four_bar_table(geometry: FourBarGeometry, theta2: ArrayLike) -> FourBarTable
     return FourBarTable(**columns)
 
 
-def openings(p: float | FloatArray, q: float, opposite: float | FloatArray) -> FloatArray:
-    """Return the angles between two sides of triangles; see `reach.opening`."""
+def triangle_angles(p: float | FloatArray, q: float, opposite: float | FloatArray) -> FloatArray:
+    """Return the angles between two sides of triangles; see `reach.triangle_angle`."""
     near = (opposite - (p - q)) * (opposite + (p - q))
     far = (p + q - opposite) * (p + q + opposite)
     angles: FloatArray = 2.0 * np.arctan2(

@@ -12,7 +12,13 @@ from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage.assemblies import assemblies
 from klann_ros.kinematics.linkage.linkage import Linkage
 from klann_ros.kinematics.linkage.reach import closes_somewhere
-from klann_ros.kinematics.linkage.structure import Bar, Body, by_name, Dimension, Structure
+from klann_ros.kinematics.linkage.structure import (
+    Bar,
+    Body,
+    Dimension,
+    dimension_places,
+    Structure,
+)
 from klann_ros.sanitize.text import printable
 from klann_ros.sanitize.units import warn_of_lengths
 
@@ -176,7 +182,7 @@ class KlannGeometry:
 
         """
         new: dict[str, Any] = {**(changes or {}), **numbers}
-        by_name(STRUCTURE.dimensions, new)
+        dimension_places(STRUCTURE.dimensions, new)
         return replace(self, **new)
 
     def scaled(self, factor: float) -> 'KlannGeometry':

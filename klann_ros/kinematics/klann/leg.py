@@ -1,7 +1,7 @@
 """The Klann leg: its angles by the textbook's names."""
 
 from klann_ros.kinematics.linkage.leg import Leg
-from klann_ros.kinematics.linkage.pose import Entry, LinkageMotion, LinkagePose
+from klann_ros.kinematics.linkage.pose import LinkageMotion, LinkagePose, PoseEntry
 
 from .geometry import KlannGeometry, STRUCTURE
 
@@ -19,10 +19,10 @@ class KlannPose(LinkagePose):
 
     __slots__ = ()
 
-    gamma = Entry('x', 0)
-    beta = Entry('x', 1)
-    delta = Entry('x', 2)
-    theta = Entry('x', 3)
+    gamma = PoseEntry('x', 0)
+    beta = PoseEntry('x', 1)
+    delta = PoseEntry('x', 2)
+    theta = PoseEntry('x', 3)
 
 
 class KlannMotion(LinkageMotion):
@@ -30,11 +30,11 @@ class KlannMotion(LinkageMotion):
 
     __slots__ = ()
 
-    alpha = Entry('joints', 0)
-    gamma = Entry('joints', 1)
-    beta = Entry('joints', 2)
-    delta = Entry('joints', 3)
-    theta = Entry('joints', 4)
+    alpha = PoseEntry('joints', 0)
+    gamma = PoseEntry('joints', 1)
+    beta = PoseEntry('joints', 2)
+    delta = PoseEntry('joints', 3)
+    theta = PoseEntry('joints', 4)
 
 
 class KlannLeg(Leg[KlannPose, KlannMotion]):

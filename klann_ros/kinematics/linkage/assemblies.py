@@ -23,15 +23,15 @@ from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
 
 from .linkage import as_linkage, Linkage
-from .pose import closed_pose, LinkagePose, placed
+from .pose import closed_form_vectors, closed_pose, LinkagePose
 from .reach import closes_somewhere, reachable_arcs
 
 # Starting points of the search for coupled loops, and what of them counts as converged [rad, m].
-STARTS, TOLERANCE, ITERATIONS = 400, 1e-10, 30
+START_COUNT, TOLERANCE, ITERATIONS = 400, 1e-10, 30
 # Poses nearer than this are the same.
-SAME = 1e-6
+SAME_POSE_TOLERANCE = 1e-6
 # Assemblies that a line of text names.
-MOST_NAMED = 4
+MAX_NAMED = 4
 
 
 def assemblies(linkage: Any) -> list[tuple[int, ...]]:
@@ -108,24 +108,24 @@ def assembly_poses(linkage: Any, alpha: float) -> list[LinkagePose]:
 
 def possible_assemblies(linkage: Linkage) -> Iterator[tuple[int, ...]]:
     """Yield what `assemblies` returns, one after the other: of ten dyads there are a thousand."""
-    signs = product(*_ways(linkage))
+    signs = product(*_block_signs(linkage))
     return (one for one in signs if closes_somewhere(linkage.in_assembly(one)))
 
 
-def _ways(linkage: Linkage) -> list[tuple[int, ...]]:
+def _block_signs(linkage: Linkage) -> list[tuple[int, ...]]:
     """Return the signs that each block can have: two lines meet in one way only."""
     return [(1, -1) if block.two_branches else (1,) for block in linkage.blocks]
 
 
 def _of_dyads(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
     stuck: tuple[int, ...] = ()
-    for signs in product(*_ways(linkage)):
+    for signs in product(*_block_signs(linkage)):
         # What fails at a dyad fails whatever the signs from there on.
         if stuck and signs[: len(stuck) - 1] == stuck[:-1]:
             continue
         one = linkage.in_assembly(signs)
         try:
-            u = placed(one, alpha)
+            u = closed_form_vectors(one, alpha)
         except UnreachableError as error:
             stuck = signs[: error.dyad]
             continue
@@ -136,7 +136,9 @@ def _of_coupled_loops(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
     found: list[FloatArray] = []
     for guess in _guesses(linkage):
         x = _newton(linkage, alpha, guess)
-        if x is None or any(_apart(linkage, x, other) <= SAME for other in found):
+        if x is None or any(
+            _max_difference(linkage, x, other) <= SAME_POSE_TOLERANCE for other in found
+        ):
             continue
         found.append(x)
         start = [alpha, *x.tolist()]
@@ -159,7 +161,7 @@ def _guesses(linkage: Linkage) -> FloatArray:
     for _ in range(60):
         root = (1.0 + root) ** (1.0 / (count + 1))
     steps = root ** -np.arange(1.0, count + 1)
-    guesses: FloatArray = np.arange(1, STARTS + 1)[:, None] * steps % 1.0
+    guesses: FloatArray = np.arange(1, START_COUNT + 1)[:, None] * steps % 1.0
     # Distances within what the linkage can reach, most likely.
     largest = [2.0 * linkage.size if body.slides else pi for body in linkage.structure.bodies[1:]]
     spread: FloatArray = (2.0 * guesses - 1.0) * np.array(largest)
@@ -182,23 +184,23 @@ def _newton(linkage: Linkage, alpha: float, guess: FloatArray) -> FloatArray | N
     return np.array([x if body.slides else wrap(x) for body, x in found])
 
 
-def _apart(linkage: Linkage, x: Any, other: Any) -> float:
+def _max_difference(linkage: Linkage, x: Any, other: Any) -> float:
     """Return by how much two poses differ at most, modulo whole turns [rad]: see `joints`."""
-    return max(map(abs, linkage.differences(x, other)))
+    return max(map(abs, linkage.coordinate_differences(x, other)))
 
 
-def nearest_assembly(linkage: Linkage, start: tuple[float, ...]) -> float:
+def distance_to_assembly(linkage: Linkage, start: tuple[float, ...]) -> float:
     """Return how far a start is from the nearest assembly at its crank angle; inf for none."""
     alpha, *x = start
     # Where Newton-Raphson leads to comes first: there may be thousands of assemblies.
     reached = _newton(linkage, alpha, np.array(x))
-    nearest = [_apart(linkage, reached, x)] if reached is not None else []
+    nearest = [_max_difference(linkage, reached, x)] if reached is not None else []
     if linkage.is_dyadic and len(linkage.structure.groups) <= 8:
-        nearest += [_apart(linkage, pose.x, x) for pose in _of_dyads(linkage, alpha)]
+        nearest += [_max_difference(linkage, pose.x, x) for pose in _of_dyads(linkage, alpha)]
     return float(min(nearest, default=np.inf))
 
 
-def _elsewhere(linkage: Linkage, shown: Callable[[float], float], unit: str) -> str:
+def _describe_reachable(linkage: Linkage, shown: Callable[[float], float], unit: str) -> str:
     """Return in words where the crank of a linkage of dyads can be."""
     possible = next(possible_assemblies(linkage), None) if linkage.is_dyadic else None
     if possible is None:
@@ -208,21 +210,21 @@ def _elsewhere(linkage: Linkage, shown: Callable[[float], float], unit: str) -> 
     return f', in {list(possible)} it does at {" and ".join(texts)}'
 
 
-def named_assemblies(linkage: Linkage, alpha: float, *, in_degrees: bool) -> str:
+def describe_assemblies(linkage: Linkage, alpha: float, *, in_degrees: bool) -> str:
     """Return in words which assemblies there are at a crank angle, and their angles."""
     shown, unit = (degrees, 'deg') if in_degrees else (float, 'rad')
     at = f'{linkage.joint_names[0]} = {shown(alpha):g} {unit}'
     every = _of_dyads(linkage, alpha) if linkage.is_dyadic else _of_coupled_loops(linkage, alpha)
-    poses = list(islice(every, MOST_NAMED + 1))
+    poses = list(islice(every, MAX_NAMED + 1))
     if not poses:
-        return f'in no assembly it closes at {at}{_elsewhere(linkage, shown, unit)}'
+        return f'in no assembly it closes at {at}{_describe_reachable(linkage, shown, unit)}'
     texts = []
-    for pose in poses[:MOST_NAMED]:
+    for pose in poses[:MAX_NAMED]:
         pairs = list(zip(linkage.structure.bodies[1:], pose.x, strict=True))
         angles = [f'{body.angle} {shown(x):.4g}' for body, x in pairs if not body.slides]
         lengths = [f'{body.angle} {x:.4g}' for body, x in pairs if body.slides]
         told = [', '.join(angles) + f' {unit}'] if angles else []
         told += [', '.join(lengths) + ' m'] if lengths else []
         texts.append(f'{list(pose.linkage.assembly)} ({", ".join(told)})')
-    more = ' and others' if len(poses) > MOST_NAMED else ''
+    more = ' and others' if len(poses) > MAX_NAMED else ''
     return f'at {at} there are the assemblies {"; ".join(texts)}{more}'

@@ -19,8 +19,8 @@ from typing import Any
 from klann_ros.kinematics.errors import UnreachableError
 import numpy as np
 
-from .dyads import Closing, closing, cross, longest, Pair, ROUNDING
-from .joints import column, Vectors
+from .dyads import cross, Dyad, dyad_solver, DyadSolver, max_vector_length, RELATIVE_ROUNDING
+from .joints import jacobian_column, Vectors
 from .structure import Structure
 
 Terms = Mapping[int, complex]
@@ -57,32 +57,39 @@ class Block:
     @property
     def two_branches(self) -> bool:
         """Return whether a dyad can be put together in two ways; its sign is +1 where not."""
-        return self.closing is None or self.closing.two_branches
+        return self._dyad is None or self._dyad.two_branches
 
     @property
     def sense(self) -> int:
-        """Return the product of its angles' senses: which way they are measured is no branch."""
+        """Return the product of its angles' senses: their sign convention is no assembly mode."""
         turning = (j for j in self.unknowns if not self.structure.bodies[j].slides)
         return prod(self.structure.senses[j] for j in turning)
 
     @cached_property
-    def closing(self) -> Closing | None:
-        """Return how a dyad is placed; None where loops are coupled."""
+    def _dyad(self) -> DyadSolver | None:
+        """Return the solver of a dyad; None where loops are coupled."""
         if len(self.rows) > 1:
             return None
         (terms, constant), (a, b) = self.rows[0], self.unknowns
-        return closing(Pair(self.structure, (a, b), terms, constant))
+        return dyad_solver(Dyad(self.structure, (a, b), terms, constant))
+
+    @property
+    def dyad_solver(self) -> DyadSolver:
+        """Return the solver of a dyad, its geometric method; see `dyads`."""
+        if self._dyad is None:
+            raise AssertionError('coupled loops are no dyad')
+        return self._dyad
 
     @cached_property
     def rounding(self) -> float:
         """Return what its loops can lose to rounding [m]."""
-        return float(ROUNDING * longest(self.structure, self.rows))
+        return float(RELATIVE_ROUNDING * max_vector_length(self.structure, self.rows))
 
     @cached_property
     def scale(self) -> float:
         """Return what its determinant is divided by to be a sine; of two circles r_a r_b."""
-        if self.closing is not None:
-            return self.closing.scale
+        if self._dyad is not None:
+            return self._dyad.scale
         own = np.array([[abs(terms.get(j, 0.0)) for j in self.unknowns] for terms, _ in self.rows])
         # Rows first: a small loop would make all of it look singular.
         longest = own.max(axis=1)
@@ -92,8 +99,8 @@ class Block:
     @cached_property
     def rounding_of_sine(self) -> float:
         """Return the sine that rounding alone can make of 0, near the middle of the reach."""
-        if self.closing is not None:
-            return self.rounding / self.closing.least_length
+        if self._dyad is not None:
+            return self.rounding / self._dyad.min_length
         links = [abs(terms[j]) for terms, _ in self.rows for j in self.unknowns if j in terms]
         return self.rounding / max(links)
 
@@ -109,12 +116,12 @@ class Block:
 
     # Of a dyad.
 
-    def way(self, u: Vectors) -> Any:
+    def closure_vector(self, u: Vectors) -> Any:
         """Return what a dyad's W_a u_a + W_b u_b must be, by all others [m]."""
-        known, way = self._known
+        known, closure = self._known
         for j, w in known:
-            way = way + w * u[j]
-        return -way
+            closure = closure + w * u[j]
+        return -closure
 
     @cached_property
     def _known(self) -> tuple[tuple[tuple[int, complex], ...], complex]:
@@ -135,38 +142,32 @@ class Block:
             They do not meet, or everywhere.
 
         """
-        way, found = self.way(u), self.placing
-        u_a, u_b = found.place(u, way, sign)
+        closure, found = self.closure_vector(u), self.dyad_solver
+        u_a, u_b = found.place(u, closure, sign)
         if u_a != u_a or u_b != u_b:  # noqa: PLR0124 - NaN
-            short = max(0.0, -float(found.clearance(way, u)))
-            far = bool(found.is_far(way))
+            short = max(0.0, -float(found.clearance(closure, u)))
+            far = bool(found.is_too_far(closure))
             raise UnreachableError(alpha, self.number, short, far, self.names)
         return complex(u_a), complex(u_b)
-
-    @property
-    def placing(self) -> Closing:
-        """Return how a dyad is placed."""
-        if self.closing is None:
-            raise AssertionError('coupled loops are no dyad')
-        return self.closing
 
     # Figures of a pose, given the vectors of all bodies; or of many, given arrays of them.
 
     def jacobian(self, u: Any) -> Any:
         """Return its part of Phi, shape (..., 2 k, 2 k) [m/rad]: of each loop x, then y."""
         rows = [
-            [column(self.structure, terms, u, i) for i in self.unknowns] for terms, _ in self.rows
+            [jacobian_column(self.structure, terms, u, i) for i in self.unknowns]
+            for terms, _ in self.rows
         ]
         table = np.array([part for r in rows for part in (np.real(r), np.imag(r))])
         return np.moveaxis(table, (0, 1), (-2, -1))
 
     def sine(self, u: Any) -> Any:
         """Return the determinant over `scale`, in [-1, 1]; its sign is the assembly."""
-        if self.closing is None:
+        if self._dyad is None:
             return np.linalg.det(self.jacobian(u)) / self.scale
         if self.slides:
-            p, q = self.closing.pair.columns(u)
-            sine = self.sense * cross(p, q) / self.closing.lengths(self.way(u))
+            p, q = self._dyad.dyad.jacobian_columns(u)
+            sine = self.sense * cross(p, q) / self._dyad.column_lengths(self.closure_vector(u))
             return sine if self.two_branches else abs(sine)
         p, q = self.links(u)
         return (p.imag * q.real - p.real * q.imag) / self.scale
@@ -183,9 +184,9 @@ class Block:
         Of a link and a line it is the angle between the ways in which its end can move by the one
         and by the other: the same for two links.
         """
-        if self.closing is None:
+        if self._dyad is None:
             return np.arcsin(np.minimum(1.0, np.abs(self.sine(u))))
-        return self.closing.transmission_angle(u, outside=self.outside)
+        return self._dyad.transmission_angle(u, outside=self.outside)
 
     def clearance(self, u: Vectors) -> float:
         """
@@ -193,12 +194,12 @@ class Block:
 
         Of coupled loops it is the least singular value of their part of Phi [m/rad].
         """
-        if self.closing is not None:
-            return float(self.closing.clearance(self.way(u), u))
+        if self._dyad is not None:
+            return float(self._dyad.clearance(self.closure_vector(u), u))
         jacobian = self.jacobian(u)
         return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
 
-    def gap(self, u: Vectors) -> float:
+    def closure_error(self, u: Vectors) -> float:
         """Return by how much its loops are open [m]."""
         gaps = [sum((w * u[j] for j, w in terms.items()), c) for terms, c in self.rows]
         return hypot(*(part for gap in gaps for part in (gap.real, gap.imag)))

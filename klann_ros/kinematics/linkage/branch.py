@@ -19,25 +19,25 @@ from klann_ros.kinematics.errors import GeometryError, LoopsOpenError
 import numpy as np
 
 from .equations import LoopEquations
-from .step import step, TRUSTED
+from .step import MAX_BRANCH_JUMP, step_functions
 
 # Between the table's poses [rad]: an eighth of what a tangent of the Klann leg may lead astray.
-STEP = 0.05
+BRANCH_STEP = 0.05
 # Where steps smaller than this fail the branch ends [rad].
-SHORTEST = 1e-9
+MIN_BRANCH_STEP = 1e-9
 TOLERANCE, ITERATIONS = 1e-9, 6
 # Of what a step returns: see LinkagePose, which is above all this.
-X_AND_RATES = itemgetter(1, 5)
+_X_AND_COEFFICIENTS = itemgetter(1, 5)
 
 
-class Row(NamedTuple):
+class BranchSample(NamedTuple):
     """A pose: crank angle, the other angles and their derivatives [rad]."""
 
     alpha: float
     x: tuple[float, ...]
     x_1: tuple[float, ...]
 
-    def ahead(self, step: float) -> tuple[float, ...]:
+    def predict(self, step: float) -> tuple[float, ...]:
         """Return the angles a step of the crank further on, to first order."""
         return tuple(x + step * x_1 for x, x_1 in zip(self.x, self.x_1, strict=True))
 
@@ -63,20 +63,20 @@ class Branch:
     """
 
     def __init__(self, linkage: LoopEquations, start: Sequence[float], block: int) -> None:
-        self._block, self._refine = block, step(linkage, tuple).refine
+        self._block, self._correct = block, step_functions(linkage, tuple).correct
         alpha, *x = start
-        first = self._row(alpha, tuple(x))
+        first = self._sample(alpha, tuple(x))
         if first is None:
             msg = (
                 'its coupled loops cannot be followed from the start: it is nearly singular there'
             )
             raise GeometryError(msg)
-        rows = self._walk(first, 1.0)
-        if not _is_closed(linkage, rows):
-            rows = _one_turn([*reversed(self._walk(first, -1.0)[1:]), *rows], alpha)
-        self._rows = rows
-        self._first, self._last = rows[0].alpha, rows[-1].alpha
-        self._is_turn = _is_closed(linkage, rows)
+        samples = self._follow(first, 1.0)
+        if not _is_closed_turn(linkage, samples):
+            samples = _one_turn([*reversed(self._follow(first, -1.0)[1:]), *samples], alpha)
+        self._samples = samples
+        self._first, self._last = samples[0].alpha, samples[-1].alpha
+        self._is_turn = _is_closed_turn(linkage, samples)
         self._check_seam()
 
     @property
@@ -91,53 +91,53 @@ class Branch:
         A LoopsOpenError says that the crank angle is not on the branch.
         """
         at = self._within(alpha)
-        near = self._near(at)
+        near = self._nearest_sample(at)
         if self._first <= at <= self._last:
-            row = self._refined(alpha, near.ahead(at - near.alpha))
-            if row is not None:
-                return row.x
+            sample = self._corrected(alpha, near.predict(at - near.alpha))
+            if sample is not None:
+                return sample.x
         raise LoopsOpenError(alpha, self._block, alpha + near.alpha - at)
 
     def guesses(self, alphas: FloatArray) -> FloatArray:
         """Return guesses of the angles at many crank angles, shape (n - 1, k); NaN beyond it."""
-        rows = [np.array(column) for column in zip(*self._rows, strict=True)]
+        samples = [np.array(column) for column in zip(*self._samples, strict=True)]
         at = self._first + np.remainder(alphas - self._first, TURN)
-        right = np.searchsorted(rows[0], at).clip(1, len(self._rows) - 1)
-        near = right - (at - rows[0][right - 1] < rows[0][right] - at)
-        found = rows[1][near] + (at - rows[0][near])[:, None] * rows[2][near]
+        right = np.searchsorted(samples[0], at).clip(1, len(self._samples) - 1)
+        near = right - (at - samples[0][right - 1] < samples[0][right] - at)
+        found = samples[1][near] + (at - samples[0][near])[:, None] * samples[2][near]
         found[at > self._last] = np.nan
         angles: FloatArray = found.T
         return angles
 
-    def _row(self, alpha: float, guess: tuple[float, ...]) -> Row | None:
+    def _sample(self, alpha: float, guess: tuple[float, ...]) -> BranchSample | None:
         """Return the pose at a crank angle; None where the guess does not lead to it safely."""
-        row = self._refined(alpha, guess)
-        return None if row is None or isnan(row.x_1[0]) else row
+        sample = self._corrected(alpha, guess)
+        return None if sample is None or isnan(sample.x_1[0]) else sample
 
-    def _refined(self, alpha: float, guess: tuple[float, ...]) -> Row | None:
-        found = self._refine(alpha, guess, TOLERANCE, ITERATIONS)
-        return None if found is None else Row(alpha, *X_AND_RATES(found))
+    def _corrected(self, alpha: float, guess: tuple[float, ...]) -> BranchSample | None:
+        found = self._correct(alpha, guess, TOLERANCE, ITERATIONS)
+        return None if found is None else BranchSample(alpha, *_X_AND_COEFFICIENTS(found))
 
-    def _walk(self, first: Row, direction: float) -> list[Row]:
+    def _follow(self, first: BranchSample, direction: float) -> list[BranchSample]:
         """Return the poses from the first on, for a whole turn or until the branch ends."""
-        rows, length = [first], STEP
-        while abs(rows[-1].alpha - first.alpha) < TURN and length > SHORTEST:
-            guess = rows[-1].ahead(direction * length)
-            row = self._row(rows[-1].alpha + direction * length, guess)
-            if row is None:
+        samples, length = [first], BRANCH_STEP
+        while abs(samples[-1].alpha - first.alpha) < TURN and length > MIN_BRANCH_STEP:
+            guess = samples[-1].predict(direction * length)
+            sample = self._sample(samples[-1].alpha + direction * length, guess)
+            if sample is None:
                 length /= 2.0
             else:
-                rows.append(row)
-                length = min(STEP, 2.0 * length)
-        return rows
+                samples.append(sample)
+                length = min(BRANCH_STEP, 2.0 * length)
+        return samples
 
     def _check_seam(self) -> None:
         """Refuse a crank that can turn on to where the linkage is put together in another way."""
-        if self._is_turn or self._last - self._first < TURN - 2.0 * STEP:
+        if self._is_turn or self._last - self._first < TURN - 2.0 * BRANCH_STEP:
             return
         try:
-            self.x(self._first + 2.0 * STEP)
-            self.x(self._last - 2.0 * STEP)
+            self.x(self._first + 2.0 * BRANCH_STEP)
+            self.x(self._last - 2.0 * BRANCH_STEP)
         except LoopsOpenError:
             return
         msg = (
@@ -151,24 +151,24 @@ class Branch:
         middle = (self._first + self._last) / 2.0
         return alpha - TURN * round((alpha - middle) / TURN)
 
-    def _near(self, at: float) -> Row:
-        i = bisect_left(self._rows, at, key=lambda row: row.alpha)
-        neighbours = self._rows[slice(max(0, i - 1), i + 1)]
-        return min(neighbours, key=lambda row: abs(row.alpha - at))
+    def _nearest_sample(self, at: float) -> BranchSample:
+        i = bisect_left(self._samples, at, key=lambda sample: sample.alpha)
+        neighbours = self._samples[slice(max(0, i - 1), i + 1)]
+        return min(neighbours, key=lambda sample: abs(sample.alpha - at))
 
 
-def _is_closed(linkage: LoopEquations, rows: Sequence[Row]) -> bool:
-    """Return whether rows are a whole turn, after which the loops are back where they were."""
-    start, end = rows[0], rows[-1]
+def _is_closed_turn(linkage: LoopEquations, samples: Sequence[BranchSample]) -> bool:
+    """Return whether samples are a whole turn, after which the loops are back where they were."""
+    start, end = samples[0], samples[-1]
     if end.alpha - start.alpha < TURN:
         return False
-    back = end.ahead(start.alpha + TURN - end.alpha)
-    return max(map(abs, linkage.differences(back, start.x))) <= TRUSTED
+    back = end.predict(start.alpha + TURN - end.alpha)
+    return max(map(abs, linkage.coordinate_differences(back, start.x))) <= MAX_BRANCH_JUMP
 
 
-def _one_turn(rows: list[Row], start: float) -> list[Row]:
-    """Return the rows of one turn around the start; on a longer branch an angle has two poses."""
-    if rows[-1].alpha - rows[0].alpha < TURN:
-        return rows
-    first = min(max(rows[0].alpha, start - pi), rows[-1].alpha - TURN)
-    return [row for row in rows if first <= row.alpha <= first + TURN]
+def _one_turn(samples: list[BranchSample], start: float) -> list[BranchSample]:
+    """Return one turn of samples around the start; a longer branch has two poses at an angle."""
+    if samples[-1].alpha - samples[0].alpha < TURN:
+        return samples
+    first = min(max(samples[0].alpha, start - pi), samples[-1].alpha - TURN)
+    return [sample for sample in samples if first <= sample.alpha <= first + TURN]

@@ -1,5 +1,5 @@
 """
-How a dyad is placed without iteration: the geometric method for each pair of joints.
+How a dyad is placed without iteration: the geometric method for each dyad of joints.
 
 A dyad closes one loop by two bodies a and b, W_a u_a + W_b u_b = M, where M is known. Two that
 turn are where two circles meet. Where one or both slide it is a circle and a line, a circle around
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .joints import column, frame, Vectors
+from .joints import carrier_rotation, jacobian_column, Vectors
 from .structure import Structure
 
 Point = tuple[float, float]
@@ -73,12 +73,12 @@ def dyad_clearance(p: Point, q: Point, r_p: float, r_q: float) -> float:
 
 
 # Of the longest of a loop.
-ROUNDING = 8.0 * float_info.epsilon
+RELATIVE_ROUNDING = 8.0 * float_info.epsilon
 # What misses by less than this part of a loop's rounding touches.
-TOUCHES = 0.75
+TANGENCY_TOLERANCE = 0.75
 
 
-class Pair(NamedTuple):
+class Dyad(NamedTuple):
     """Two bodies that close a loop."""
 
     # Whose bodies they are.
@@ -93,12 +93,12 @@ class Pair(NamedTuple):
     @property
     def length(self) -> Any:
         """Return the longest vector of the loop [m]."""
-        return longest(self.structure, [(self.terms, self.constant)])
+        return max_vector_length(self.structure, [(self.terms, self.constant)])
 
     @property
     def rounding(self) -> Any:
         """Return what the loop can lose to rounding [m]."""
-        return ROUNDING * self.length
+        return RELATIVE_ROUNDING * self.length
 
     @property
     def slides(self) -> tuple[bool, bool]:
@@ -106,14 +106,14 @@ class Pair(NamedTuple):
         a, b = (self.structure.bodies[j].slides for j in self.bodies)
         return a, b
 
-    def turning_first(self, sign: Any) -> tuple[int, int, Any]:
+    def order_turning_first(self, sign: Any) -> tuple[int, int, Any]:
         """Return the body that turns, the one that slides, and the sign for this order."""
         a, b = self.bodies
         return (b, a, -sign) if self.slides[0] else (a, b, sign)
 
-    def columns(self, u: Vectors) -> tuple[Any, Any]:
+    def jacobian_columns(self, u: Vectors) -> tuple[Any, Any]:
         """Return by what the loop opens with the coordinate of a, and of b."""
-        a, b = (column(self.structure, self.terms, u, i) for i in self.bodies)
+        a, b = (jacobian_column(self.structure, self.terms, u, i) for i in self.bodies)
         return a, b
 
 
@@ -123,9 +123,9 @@ class TwoCircles:
     # Whether there are two ways to put it together.
     two_branches = True
 
-    def __init__(self, pair: Pair) -> None:
-        self.pair = pair
-        self.radii = abs(pair.terms[pair.bodies[0]]), abs(pair.terms[pair.bodies[1]])
+    def __init__(self, dyad: Dyad) -> None:
+        self.dyad = dyad
+        self.radii = abs(dyad.terms[dyad.bodies[0]]), abs(dyad.terms[dyad.bodies[1]])
 
     @property
     def scale(self) -> float:
@@ -133,71 +133,71 @@ class TwoCircles:
         return self.radii[0] * self.radii[1]
 
     @property
-    def least_length(self) -> float:
+    def min_length(self) -> float:
         """Return the shorter one [m]."""
         return min(self.radii)
 
-    def place(self, _: Vectors, way: Any, sign: Any) -> tuple[Any, Any]:
+    def place(self, _: Vectors, closure: Any, sign: Any) -> tuple[Any, Any]:
         """Return u_a and u_b; NaN where it does not close."""
-        (a, b), terms, (r_a, r_b) = self.pair.bodies, self.pair.terms, self.radii
-        if isinstance(way, np.ndarray):
-            d = way.real**2 + way.imag**2
+        (a, b), terms, (r_a, r_b) = self.dyad.bodies, self.dyad.terms, self.radii
+        if isinstance(closure, np.ndarray):
+            d = closure.real**2 + closure.imag**2
             heron = ((r_a + r_b) ** 2 - d) * (d - (r_a - r_b) ** 2)
             excess = (r_a - r_b) * (r_a + r_b) + 1j * sign * np.sqrt(heron)
-            joint = way * (0.5 + excess / (2.0 * d))
-            return joint / terms[a], (way - joint) / terms[b]
-        meet = dyad_joint((0.0, 0.0), (way.real, way.imag), r_a, r_b, sign)
+            joint = closure * (0.5 + excess / (2.0 * d))
+            return joint / terms[a], (closure - joint) / terms[b]
+        meet = dyad_joint((0.0, 0.0), (closure.real, closure.imag), r_a, r_b, sign)
         if meet is not None:
             at = complex(*meet)
-        elif -self.clearance(way) <= TOUCHES * self.pair.rounding < abs(way):
+        elif -self.clearance(closure) <= TANGENCY_TOLERANCE * self.dyad.rounding < abs(closure):
             # In line: a change-point linkage, such as a parallelogram, passes such poses.
-            folded_back = abs(way) < max(r_a, r_b) and r_a < r_b
-            at = (-r_a if folded_back else r_a) * way / abs(way)
+            folded_back = abs(closure) < max(r_a, r_b) and r_a < r_b
+            at = (-r_a if folded_back else r_a) * closure / abs(closure)
         else:
             return complex(np.nan), complex(np.nan)
-        return at / terms[a], (way - at) / terms[b]
+        return at / terms[a], (closure - at) / terms[b]
 
-    def clearance(self, way: Any, _: Vectors = ()) -> Any:
+    def clearance(self, closure: Any, _: Vectors = ()) -> Any:
         """Return how far the ends are inside its reach [m]; negative outside."""
-        if isinstance(way, np.ndarray):
+        if isinstance(closure, np.ndarray):
             r_a, r_b = self.radii
-            return np.minimum(r_a + r_b - abs(way), abs(way) - abs(r_a - r_b))
-        return dyad_clearance((0.0, 0.0), (way.real, way.imag), *self.radii)
+            return np.minimum(r_a + r_b - abs(closure), abs(closure) - abs(r_a - r_b))
+        return dyad_clearance((0.0, 0.0), (closure.real, closure.imag), *self.radii)
 
-    def is_far(self, way: Any) -> Any:
+    def is_too_far(self, closure: Any) -> Any:
         """Return whether it is too far, rather than too near, for it to close."""
-        return abs(way) > sum(self.radii)
+        return abs(closure) > sum(self.radii)
 
-    def lengths(self, _: Any) -> float:
+    def column_lengths(self, _: Any) -> float:
         """Return the product of its columns' lengths [m^2]."""
         return self.scale
 
     def transmission_angle(self, u: Vectors, *, outside: bool) -> Any:
         """Return the angle between the links at their joint, or outside of it [rad]."""
-        (a, b), terms = self.pair.bodies, self.pair.terms
+        (a, b), terms = self.dyad.bodies, self.dyad.terms
         along = np.abs(np.angle(terms[b] * u[b] * np.conj(terms[a] * u[a])))
         return along if outside else np.pi - along
 
 
-class _Sliding:
+class _SlidingDyad:
     """What dyads have in common in which a body slides."""
 
     two_branches = True
 
-    def __init__(self, pair: Pair) -> None:
-        self.pair = pair
+    def __init__(self, dyad: Dyad) -> None:
+        self.dyad = dyad
 
-    def is_far(self, way: Any) -> Any:
+    def is_too_far(self, closure: Any) -> Any:
         """Return whether it is too far, rather than too near, for it to close."""
-        return np.zeros(np.shape(way), dtype=bool)
+        return np.zeros(np.shape(closure), dtype=bool)
 
     def transmission_angle(self, u: Vectors, **_: bool) -> Any:
         """Return the angle between the ways in which its bodies can move their joint [rad]."""
-        p, q = self.pair.columns(u)
+        p, q = self.dyad.jacobian_columns(u)
         return np.abs(np.angle(q * np.conj(p)))
 
 
-class CircleAndLine(_Sliding):
+class CircleAndLine(_SlidingDyad):
     """
     A link that turns, and a body that slides along a known line: the slider-crank's.
 
@@ -205,36 +205,38 @@ class CircleAndLine(_Sliding):
     line, so x_b = p +- sqrt(r^2 - q^2).
     """
 
-    def __init__(self, pair: Pair) -> None:
-        super().__init__(pair)
-        self._link, self._slider, self._order = pair.turning_first(1)
-        self.scale = self.least_length = abs(pair.terms[self._link])
+    def __init__(self, dyad: Dyad) -> None:
+        super().__init__(dyad)
+        self._link, self._slider, self._order = dyad.order_turning_first(1)
+        self.scale = self.min_length = abs(dyad.terms[self._link])
 
-    def place(self, u: Vectors, way: Any, sign: Any) -> tuple[Any, Any]:
+    def place(self, u: Vectors, closure: Any, sign: Any) -> tuple[Any, Any]:
         """Return u_a and u_b; NaN where it does not close."""
-        pair, r = self.pair, self.scale
-        f = frame(pair.structure, u, self._slider)
-        line = pair.terms[self._slider] * f
-        m = way * np.conj(line)
-        on = -self._order * sign * _root(pair, r, abs(m.imag))
-        link = (on + 1j * m.imag) * line / pair.terms[self._link]
-        return _ordered(pair, link, (m.real - on) * f)
+        dyad, r = self.dyad, self.scale
+        f = carrier_rotation(dyad.structure, u, self._slider)
+        line = dyad.terms[self._slider] * f
+        m = closure * np.conj(line)
+        on = -self._order * sign * _clamped_root(dyad, r, abs(m.imag))
+        link = (on + 1j * m.imag) * line / dyad.terms[self._link]
+        return _ordered(dyad, link, (m.real - on) * f)
 
-    def clearance(self, way: Any, u: Vectors = ()) -> Any:
+    def clearance(self, closure: Any, u: Vectors = ()) -> Any:
         """Return how much longer the link is than it must be to reach the line [m]."""
-        line = self.pair.terms[self._slider] * frame(self.pair.structure, u, self._slider)
-        return self.scale - abs((way * np.conj(line)).imag)
+        line = self.dyad.terms[self._slider] * carrier_rotation(
+            self.dyad.structure, u, self._slider
+        )
+        return self.scale - abs((closure * np.conj(line)).imag)
 
-    def is_far(self, way: Any) -> Any:
+    def is_too_far(self, closure: Any) -> Any:
         """Return whether it is too far, rather than too near, for it to close."""
-        return np.ones(np.shape(way), dtype=bool)
+        return np.ones(np.shape(closure), dtype=bool)
 
-    def lengths(self, _: Any) -> float:
+    def column_lengths(self, _: Any) -> float:
         """Return the product of its columns' lengths [m]."""
         return self.scale
 
 
-class LineOnLink(_Sliding):
+class LineOnLink(_SlidingDyad):
     """
     A body that slides along a link that turns: the inverted slider-crank's.
 
@@ -242,81 +244,83 @@ class LineOnLink(_Sliding):
     the imaginary part of c, so p + x_b = +- sqrt(|M|^2 - q^2).
     """
 
-    def __init__(self, pair: Pair) -> None:
-        super().__init__(pair)
-        self._link, self._slider, self._order = pair.turning_first(1)
-        self._c = pair.terms.get(self._link, 0.0) * np.conj(pair.terms[self._slider])
-        self.scale = self.least_length = pair.length
+    def __init__(self, dyad: Dyad) -> None:
+        super().__init__(dyad)
+        self._link, self._slider, self._order = dyad.order_turning_first(1)
+        self._c = dyad.terms.get(self._link, 0.0) * np.conj(dyad.terms[self._slider])
+        self.scale = self.min_length = dyad.length
 
-    def place(self, _: Vectors, way: Any, sign: Any) -> tuple[Any, Any]:
+    def place(self, _: Vectors, closure: Any, sign: Any) -> tuple[Any, Any]:
         """Return u_a and u_b; NaN where it does not close, or everywhere."""
-        pair = self.pair
-        on = -self._order * sign * _root(pair, abs(way), abs(self._c.imag))
+        dyad = self.dyad
+        on = -self._order * sign * _clamped_root(dyad, abs(closure), abs(self._c.imag))
         with np.errstate(invalid='ignore', divide='ignore'):
-            turned = way / ((on + 1j * self._c.imag) * pair.terms[self._slider])
+            turned = closure / ((on + 1j * self._c.imag) * dyad.terms[self._slider])
             turned = turned / abs(turned)
-        return _ordered(pair, turned, (on - self._c.real) * turned)
+        return _ordered(dyad, turned, (on - self._c.real) * turned)
 
-    def clearance(self, way: Any, _: Vectors = ()) -> Any:
+    def clearance(self, closure: Any, _: Vectors = ()) -> Any:
         """Return how much further off than the line the end is from the link's pivot [m]."""
-        return abs(way) - abs(self._c.imag)
+        return abs(closure) - abs(self._c.imag)
 
-    def lengths(self, way: Any) -> Any:
+    def column_lengths(self, closure: Any) -> Any:
         """Return the product of its columns' lengths [m]."""
-        return abs(way)
+        return abs(closure)
 
 
-class TwoLines(_Sliding):
+class TwoLines(_SlidingDyad):
     """Two bodies that slide along known lines, which meet once: the Scotch yoke's."""
 
     two_branches = False
     scale = 1.0
 
-    def __init__(self, pair: Pair) -> None:
-        super().__init__(pair)
-        self.least_length = pair.length
+    def __init__(self, dyad: Dyad) -> None:
+        super().__init__(dyad)
+        self.min_length = dyad.length
 
-    def place(self, u: Vectors, way: Any, _: Any) -> tuple[Any, Any]:
+    def place(self, u: Vectors, closure: Any, _: Any) -> tuple[Any, Any]:
         """Return u_a and u_b; NaN where the lines are parallel."""
-        pair = self.pair
-        frames = [frame(pair.structure, u, j) for j in pair.bodies]
-        a, b = (pair.terms[j] * f for j, f in zip(pair.bodies, frames, strict=True))
+        dyad = self.dyad
+        frames = [carrier_rotation(dyad.structure, u, j) for j in dyad.bodies]
+        a, b = (dyad.terms[j] * f for j, f in zip(dyad.bodies, frames, strict=True))
         sine = cross(a, b)
         sine = np.where(abs(sine) <= 1e-12, np.nan, sine)
-        return cross(way, b) / sine * frames[0], cross(a, way) / sine * frames[1]
+        return cross(closure, b) / sine * frames[0], cross(a, closure) / sine * frames[1]
 
-    def clearance(self, way: Any, _: Vectors = ()) -> Any:
+    def clearance(self, closure: Any, _: Vectors = ()) -> Any:
         """Return infinity: two lines meet however far off."""
-        return np.full(np.shape(way), np.inf)[()]
+        return np.full(np.shape(closure), np.inf)[()]
 
-    def lengths(self, _: Any) -> float:
+    def column_lengths(self, _: Any) -> float:
         """Return the product of its columns' lengths."""
         return 1.0
 
 
-Closing = TwoCircles | CircleAndLine | LineOnLink | TwoLines
+DyadSolver = TwoCircles | CircleAndLine | LineOnLink | TwoLines
 
 
-def closing(pair: Pair) -> Closing:
-    """Return how a pair of bodies is placed."""
-    if not pair.structure.slides or pair.slides == (False, False):
-        return TwoCircles(pair)
-    if pair.slides == (True, True):
-        return TwoLines(pair)
-    link, slider, _ = pair.turning_first(1)
-    if pair.structure.frames[slider] == link:
-        return LineOnLink(pair)
-    return CircleAndLine(pair)
+def dyad_solver(dyad: Dyad) -> DyadSolver:
+    """Return how a dyad of bodies is placed."""
+    if not dyad.structure.slides or dyad.slides == (False, False):
+        return TwoCircles(dyad)
+    if dyad.slides == (True, True):
+        return TwoLines(dyad)
+    link, slider, _ = dyad.order_turning_first(1)
+    if dyad.structure.frames[slider] == link:
+        return LineOnLink(dyad)
+    return CircleAndLine(dyad)
 
 
-def _ordered(pair: Pair, link: Any, slider: Any) -> tuple[Any, Any]:
-    return (slider, link) if pair.slides[0] else (link, slider)
+def _ordered(dyad: Dyad, link: Any, slider: Any) -> tuple[Any, Any]:
+    return (slider, link) if dyad.slides[0] else (link, slider)
 
 
-def _root(pair: Pair, p: Any, q: Any) -> Any:
+def _clamped_root(dyad: Dyad, p: Any, q: Any) -> Any:
     """Return the root of p^2 - q^2; NaN where q is longer by more than rounding."""
     beyond = p - q
-    beyond = np.where((-TOUCHES * pair.rounding <= beyond) & (beyond < 0.0), 0.0, beyond)
+    beyond = np.where(
+        (-TANGENCY_TOLERANCE * dyad.rounding <= beyond) & (beyond < 0.0), 0.0, beyond
+    )
     return np.sqrt(np.where(beyond < 0.0, np.nan, beyond * (p + q)))
 
 
@@ -325,7 +329,9 @@ def cross(p: Any, q: Any) -> Any:
     return np.imag(np.conj(p) * q)
 
 
-def longest(structure: Structure, rows: Sequence[tuple[Mapping[int, complex], complex]]) -> Any:
+def max_vector_length(
+    structure: Structure, rows: Sequence[tuple[Mapping[int, complex], complex]]
+) -> Any:
     """Return the longest vector of loops [m]; those along lines have no length of their own."""
     if structure.slides:
         bodies = structure.bodies

@@ -18,7 +18,7 @@ import numpy as np
 
 from . import joints
 from .blocks import Block
-from .dyads import longest
+from .dyads import max_vector_length
 from .structure import FIXED, Structure
 from .topology import Path
 
@@ -202,16 +202,16 @@ class LoopEquations:
     @cached_property
     def size(self) -> float:
         """Return its longest vector [m]: what distances of what slides are measured against."""
-        return float(longest(self.structure, self.rows))
+        return float(max_vector_length(self.structure, self.rows))
 
     # Of poses.
 
     def line(self, u: joints.Vectors, j: int) -> Any:
         """Return the unit vector along the line that a body slides along."""
         structure = self.structure
-        return self.bars[structure.line_of[j]] * joints.frame(structure, u, j)
+        return self.bars[structure.line_of[j]] * joints.carrier_rotation(structure, u, j)
 
-    def differences(self, x: Sequence[float], other: Sequence[float]) -> list[float]:
+    def coordinate_differences(self, x: Sequence[float], other: Sequence[float]) -> list[float]:
         """Return the differences of two poses' other coordinates [rad]; lengths by its size."""
         return [
             (a - b) / self.size if body.slides else wrap(a - b)
@@ -265,14 +265,14 @@ class LoopEquations:
         q_u, q = self.point_equations
         return _plane(q_u @ self.vectors(alpha, x) + q)
 
-    def points_moved(self, vectors: ComplexArray) -> FloatArray:
+    def point_velocities(self, vectors: ComplexArray) -> FloatArray:
         """Return the points' derivative, shape (p, 2), from that of the bodies' vectors."""
         return _plane(self.point_equations[0] @ vectors)
 
     def vectors(self, alpha: Any, x: Any) -> ComplexArray:
         """Return u_j of every body, shape (n,): exp(i s_j phi_j), or what slides: see `joints`."""
         if self.structure.slides:
-            return np.array(joints.vectors(self.structure, [alpha, *x]))
+            return np.array(joints.body_vectors(self.structure, [alpha, *x]))
         u: ComplexArray = np.exp(self._i_s * np.array([alpha, *x]))
         return u
 
@@ -284,7 +284,7 @@ class LoopEquations:
     def _jacobian(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         u, w = self.vectors(alpha, x), self.equations[0]
         if self.structure.slides:
-            return _real_rows(w @ joints.tangents(self.structure, u))
+            return _real_rows(w @ joints.vector_jacobian(self.structure, u))
         return _real_rows(w * (self._i_s * u))
 
 
@@ -293,8 +293,8 @@ def _checked(structure: Structure, numbers: Sequence[float]) -> tuple[float, ...
     checked = []
     for dimension, number in zip(structure.dimensions, numbers, strict=True):
         # Nearly every number is one that nothing is wrong with.
-        largest = TURN if dimension.kind == 'bend' else validation.LARGEST
-        if type(number) is float and validation.SMALLEST <= number <= largest:
+        largest = TURN if dimension.kind == 'bend' else validation.MAX_MAGNITUDE
+        if type(number) is float and validation.MIN_MAGNITUDE <= number <= largest:
             checked.append(number)
             continue
         value = validation.finite(dimension.name, number)

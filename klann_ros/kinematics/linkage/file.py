@@ -14,7 +14,15 @@ from klann_ros.sanitize.text import did_you_mean, printable, printable_line
 from klann_ros.sanitize.units import warn_of_lengths
 from klann_ros.sanitize.yaml_text import LONGEST, parse, YamlError
 
-from .file_checks import check_start, complaint, every_bar, IN_DEGREES, misspelt, reached, stated
+from .file_checks import (
+    body_bars,
+    check_start_names,
+    DEGREES_HINT,
+    describe_misspelling,
+    linkage_from_signs,
+    linkage_from_start,
+    schema_error,
+)
 from .linkage import Linkage
 from .structure import Bar, Body, Brace, Structure
 
@@ -134,7 +142,7 @@ def linkage_from_text(text: str, name: str) -> Linkage:
 
 
 def _validate(content: Any) -> None:
-    wrong = complaint(content)
+    wrong = schema_error(content)
     if wrong:
         raise GeometryError(wrong)
 
@@ -150,13 +158,13 @@ def _linkage(content: Mapping[str, Any]) -> Linkage:
         raise GeometryError(msg)
     order = _order(content)
     if start is not None:
-        check_start(start, order)
+        check_start_names(start, order)
     try:
         structure = _structure(content, bodies)
         _ = structure.groups
     except GeometryError as error:
-        raise GeometryError(f'{error}{misspelt(content, _structure)}') from error
-    bars = [bar for name in order for bar in every_bar(bodies[name])]
+        raise GeometryError(f'{error}{describe_misspelling(content, _structure)}') from error
+    bars = [bar for name in order for bar in body_bars(bodies[name])]
     _check_bends(content, turn)
     given: dict[str, Callable[[int], float]] = {
         'length': lambda place: metre * bars[place]['length'],
@@ -177,12 +185,12 @@ def _linkage(content: Mapping[str, Any]) -> Linkage:
     )
     signs = content.get('assembly')
     if start is None:
-        return stated(plain, signs or ())
-    given_start = [
+        return linkage_from_signs(plain, signs or ())
+    start_guess = [
         metre * start[body.angle] if body.slides else turn(start[body.angle])
         for body in structure.bodies
     ]
-    return reached(plain, given_start, signs, in_degrees=turn is radians)
+    return linkage_from_start(plain, start_guess, signs, in_degrees=turn is radians)
 
 
 def _warn_of_lengths(
@@ -209,7 +217,7 @@ def _structure(content: Mapping[str, Any], bodies: Mapping[str, Any]) -> Structu
 
 def _body(name: str, content: Mapping[str, Any]) -> Body:
     bars = []
-    for bar in every_bar(content):
+    for bar in body_bars(content):
         brace = Brace(bar['brace']['from'], bar['brace']['side']) if 'brace' in bar else None
         bars.append(Bar(bar['from'], bar['to'], brace))
     along = content['slides']['along'] if 'slides' in content else ''
@@ -222,6 +230,6 @@ def _check_bends(content: Mapping[str, Any], turn: Callable[[float], float]) -> 
         given['slides.direction'] = body.get('slides', {}).get('direction')
         for place, angle in given.items():
             if angle is not None and abs(turn(angle)) > TURN:
-                limit = '+-360 deg' if turn is radians else f'+-2 pi rad; {IN_DEGREES}'
+                limit = '+-360 deg' if turn is radians else f'+-2 pi rad; {DEGREES_HINT}'
                 msg = f'bodies.{name}.{place}: {angle:g} must be within {limit}'
                 raise GeometryError(msg)

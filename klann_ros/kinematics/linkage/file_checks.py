@@ -13,17 +13,17 @@ from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import GeometryError, NotAssembledError
 from klann_ros.sanitize.text import did_you_mean, listed
 
-from .assemblies import MOST_NAMED, named_assemblies, nearest_assembly, possible_assemblies
+from .assemblies import describe_assemblies, distance_to_assembly, MAX_NAMED, possible_assemblies
 from .linkage import Linkage
 from .reach import closes_somewhere
 from .structure import Structure
 
 # A drawing is as good as this [rad].
-NEAR = radians(30.0)
-IN_DEGREES = 'for degrees write units: {angle: deg}'
+MAX_START_ERROR = radians(30.0)
+DEGREES_HINT = 'for degrees write units: {angle: deg}'
 
 
-def check_start(start: Mapping[str, float], bodies: Sequence[str]) -> None:
+def check_start_names(start: Mapping[str, float], bodies: Sequence[str]) -> None:
     """Refuse a start that has not an angle for every body, and for nothing else."""
     for name in start:
         if name not in bodies:
@@ -36,7 +36,7 @@ def check_start(start: Mapping[str, float], bodies: Sequence[str]) -> None:
             raise GeometryError(msg)
 
 
-def misspelt(content: Mapping[str, Any], structure: Callable[..., Structure]) -> str:
+def describe_misspelling(content: Mapping[str, Any], structure: Callable[..., Structure]) -> str:
     """
     Return in words which point of a file may be misspelt; empty for none.
 
@@ -48,7 +48,9 @@ def misspelt(content: Mapping[str, Any], structure: Callable[..., Structure]) ->
     alone = [(name, p) for name, own in points.items() for p in own if places.count(p) == 1]
     for name, point in alone:
         others = [other for other in dict.fromkeys(places) if other not in points[name]]
-        fit = [other for other in others if _joins(content, name, {point: other}, structure)]
+        fit = [
+            other for other in others if _forms_linkage(content, name, {point: other}, structure)
+        ]
         # Above all one that nothing else leads to, such as a pivot.
         fit = [other for other in fit if places.count(other) == 1] or fit
         hint = did_you_mean(point, fit or others)
@@ -61,17 +63,17 @@ def misspelt(content: Mapping[str, Any], structure: Callable[..., Structure]) ->
 
 
 def _points(body: Mapping[str, Any]) -> list[str]:
-    bars = every_bar(body)
+    bars = body_bars(body)
     return list(dict.fromkeys(point for bar in bars for point in (bar['from'], bar['to'])))
 
 
-def every_bar(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def body_bars(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return the bars of a body in a file, the line that it slides along being the first."""
     line = [body['slides']] if 'slides' in body else []
     return [*line, *body.get('bars', ())]
 
 
-def _joins(
+def _forms_linkage(
     content: Mapping[str, Any],
     name: str,
     renamed: Mapping[str, str],
@@ -93,7 +95,7 @@ def _joins(
     return True
 
 
-def reached(
+def linkage_from_start(
     plain: Linkage, start: Sequence[float], signs: Sequence[int] | None, *, in_degrees: bool
 ) -> Linkage:
     """
@@ -123,10 +125,10 @@ def reached(
     try:
         made = Linkage(plain.structure, plain.numbers, start=start, name=words[0], source=words[1])
     except NotAssembledError as error:
-        there = named_assemblies(plain, start[0], in_degrees=in_degrees)
+        there = describe_assemblies(plain, start[0], in_degrees=in_degrees)
         raise GeometryError(f'{error}; {there}') from error
     if signs is not None and made.assembly != tuple(signs):
-        there = named_assemblies(plain, start[0], in_degrees=in_degrees)
+        there = describe_assemblies(plain, start[0], in_degrees=in_degrees)
         msg = (
             f'the start leads to the assembly {list(made.assembly)}, and {list(signs)} is stated: '
             f'leave one of them out; {there}'
@@ -135,7 +137,7 @@ def reached(
     return made
 
 
-def stated(plain: Linkage, signs: Sequence[int]) -> Linkage:
+def linkage_from_signs(plain: Linkage, signs: Sequence[int]) -> Linkage:
     """Return a linkage without a start in the assembly that is stated, if it closes anywhere."""
     if not plain.is_dyadic:
         msg = 'it has no start, which its coupled loops need: no assembly tells their branch'
@@ -143,7 +145,7 @@ def stated(plain: Linkage, signs: Sequence[int]) -> Linkage:
     count = len(plain.structure.groups)
     if len(signs) == count and closes_somewhere(plain.in_assembly(signs)):
         return plain.in_assembly(signs)
-    possible = ', '.join(str(list(one)) for one in islice(possible_assemblies(plain), MOST_NAMED))
+    possible = ', '.join(str(list(one)) for one in islice(possible_assemblies(plain), MAX_NAMED))
     if not possible:
         raise GeometryError('it closes at no crank angle, in whatever assembly: check its lengths')
     msg = f'assembly {signs} is refused: possible are {possible}'
@@ -159,23 +161,23 @@ def _check_degrees(linkage: Linkage, start: tuple[float, ...]) -> None:
     """Refuse a start [rad] that can only be degrees."""
     slides = [body.slides for body in linkage.structure.bodies]
     beyond = any(abs(x) > TURN for x, slide in zip(start, slides, strict=True) if not slide)
-    near = nearest_assembly(linkage, start) <= NEAR
+    near = distance_to_assembly(linkage, start) <= MAX_START_ERROR
     if near and not beyond:
         return
     pairs = zip(start, slides, strict=True)
     as_degrees = tuple(x if slide else radians(x) for x, slide in pairs)
-    near_in_degrees = nearest_assembly(linkage, as_degrees) <= NEAR
+    near_in_degrees = distance_to_assembly(linkage, as_degrees) <= MAX_START_ERROR
     if near_in_degrees or (beyond and not near):
         given = ', '.join(f'{n} {a:g}' for n, a in zip(linkage.joint_names, start, strict=True))
-        there = named_assemblies(linkage, as_degrees[0], in_degrees=True)
+        there = describe_assemblies(linkage, as_degrees[0], in_degrees=True)
         msg = (
-            f'the start ({given}) is in radians near no pose in which it closes; {IN_DEGREES}; '
+            f'the start ({given}) is in radians near no pose in which it closes; {DEGREES_HINT}; '
             f'{there}'
         )
         raise GeometryError(msg)
 
 
-# What a complaint is about is Any: its types hold a marker for what is not set.
+# What a schema_error is about is Any: its types hold a marker for what is not set.
 TYPES = {
     'array': 'a list',
     'boolean': 'true or false',
@@ -185,7 +187,7 @@ TYPES = {
 }
 
 
-def complaint(content: Any) -> str:
+def schema_error(content: Any) -> str:
     """Return what is wrong with a file's content, and where; empty when nothing is."""
     if content is None:
         return f'it is empty: it must have {", ".join([*_schema()["required"], "start"])}'

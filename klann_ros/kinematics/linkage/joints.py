@@ -26,23 +26,23 @@ from .structure import FIXED, Structure
 Vectors: TypeAlias = Any
 
 
-def vectors(structure: Structure, x: Sequence[Any]) -> list[Any]:
+def body_vectors(structure: Structure, x: Sequence[Any]) -> list[Any]:
     """Return u_j of every body by its coordinates, the crank's first [rad, m]."""
     u: list[Any] = [None] * len(structure.bodies)
     # What turns first: what slides is turned by it.
     for j in sorted(range(len(u)), key=lambda j: structure.bodies[j].slides):
-        u[j] = vector(structure, u, j, x[j])
+        u[j] = body_vector(structure, u, j, x[j])
     return u
 
 
-def vector(structure: Structure, u: Vectors, j: int, x: Any) -> Any:
+def body_vector(structure: Structure, u: Vectors, j: int, x: Any) -> Any:
     """Return u_j of a body by its coordinate, and by the vectors of those that turn."""
     if structure.bodies[j].slides:
-        return x * frame(structure, u, j)
+        return x * carrier_rotation(structure, u, j)
     return np.exp(1j * structure.senses[j] * np.asarray(x))
 
 
-def frame(structure: Structure, u: Vectors, j: int) -> Any:
+def carrier_rotation(structure: Structure, u: Vectors, j: int) -> Any:
     """Return the vector of what a body that slides is turned with."""
     own = structure.frames[j]
     return 1.0 if own == FIXED else u[own]
@@ -51,7 +51,7 @@ def frame(structure: Structure, u: Vectors, j: int) -> Any:
 def coordinate(structure: Structure, u: Vectors, j: int) -> Any:
     """Return x_j of a body by the vectors of all: an angle in (-pi, pi], or a distance."""
     if structure.bodies[j].slides:
-        return np.real(u[j] * np.conj(frame(structure, u, j)))
+        return np.real(u[j] * np.conj(carrier_rotation(structure, u, j)))
     if isinstance(u[j], complex):
         return wrap(structure.senses[j] * phase(u[j]))
     angle = structure.senses[j] * np.angle(u[j])
@@ -59,48 +59,50 @@ def coordinate(structure: Structure, u: Vectors, j: int) -> Any:
     return angle
 
 
-def tangent(structure: Structure, u: Vectors, j: int, i: int) -> Any:
+def partial_derivative(structure: Structure, u: Vectors, j: int, i: int) -> Any:
     """Return du_j/dx_i."""
     if structure.bodies[j].slides:
         if i == j:
-            return frame(structure, u, j)
+            return carrier_rotation(structure, u, j)
         # What it is turned by turns it too.
         return 1j * structure.senses[i] * u[j] if i == structure.frames[j] else 0.0
     return 1j * structure.senses[j] * u[j] if i == j else 0.0
 
 
-def column(structure: Structure, terms: Mapping[int, complex], u: Vectors, i: int) -> Any:
+def jacobian_column(structure: Structure, terms: Mapping[int, complex], u: Vectors, i: int) -> Any:
     """Return by what a sum of W_j u_j changes with the coordinate of a body."""
     if not structure.slides:
         return 1j * structure.senses[i] * terms.get(i, 0.0) * u[i]
-    parts = (w * tangent(structure, u, j, i) for j, w in terms.items())
+    parts = (w * partial_derivative(structure, u, j, i) for j, w in terms.items())
     return sum(parts) + np.zeros(np.shape(u[i]))
 
 
-def tangents(structure: Structure, u: Vectors) -> Any:
+def vector_jacobian(structure: Structure, u: Vectors) -> Any:
     """Return du_j/dx_i for every j and i of one pose, shape (n, n)."""
     n = range(len(structure.bodies))
     table = np.zeros((len(n), len(n)), dtype=np.complex128)
     for j in n:
         for i in {j, structure.frames[j]} - {FIXED}:
-            table[j, i] = tangent(structure, u, j, i)
+            table[j, i] = partial_derivative(structure, u, j, i)
     return table
 
 
-def moved(structure: Structure, u: Vectors, x_1: Any, j: int) -> Any:
+def vector_velocity(structure: Structure, u: Vectors, x_1: Any, j: int) -> Any:
     """Return du_j of a body by the derivatives of the coordinates."""
     own = {j, structure.frames[j]} - {FIXED}
-    return sum(tangent(structure, u, j, i) * x_1[i] for i in own)
+    return sum(partial_derivative(structure, u, j, i) * x_1[i] for i in own)
 
 
-def carried(structure: Structure, u: Vectors, x_1: Any, j: int, unknown: Sequence[int]) -> Any:
+def known_velocity(
+    structure: Structure, u: Vectors, x_1: Any, j: int, unknown: Sequence[int]
+) -> Any:
     """Return the part of du_j that is known before some bodies' derivatives are."""
     f = structure.frames[j]
     known = f not in {j, FIXED, *unknown}
-    return tangent(structure, u, j, f) * x_1[f] if known else 0.0
+    return partial_derivative(structure, u, j, f) * x_1[f] if known else 0.0
 
 
-def bent(structure: Structure, u: Vectors, rates: Any) -> list[Any]:
+def velocity_product(structure: Structure, u: Vectors, rates: Any) -> list[Any]:
     """Return the part of d2u_j/dt2 that the rates dx/dt make."""
     found = []
     for j, body in enumerate(structure.bodies):

@@ -11,23 +11,23 @@ from klann_ros.kinematics.arcs import Arc
 from klann_ros.kinematics.errors import ImmobileDirectionError, SingularPoseError
 from klann_ros.kinematics.newton import (
     COARSE_TOLERANCE,
+    follow_branch,
+    FollowSettings,
     MAX_ITERATIONS,
-    MAX_PARTS,
-    Settings,
-    track,
+    MAX_SUBSTEPS,
 )
 from klann_ros.sanitize.text import listed
 import numpy as np
 
-from .branch import STEP
+from .branch import BRANCH_STEP
 from .linkage import Linkage
-from .pose import closed_pose, LinkageMotion, LinkagePose, placed, seed
+from .pose import closed_form_vectors, closed_pose, initial_guess, LinkageMotion, LinkagePose
 from .reach import reachable_arcs
-from .step import step
+from .step import step_functions
 from .textbook import Textbook
 
 # Below this part of |dH/dalpha| the component along a direction is rounding.
-ROUNDING = 8.0 * float_info.epsilon
+MIN_COMPONENT_RATIO = 8.0 * float_info.epsilon
 PoseT = TypeVar('PoseT', bound=LinkagePose)
 MotionT = TypeVar('MotionT', bound=LinkageMotion)
 
@@ -75,16 +75,18 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
         largest = validation.setting('max_crank_step', max_crank_step)
         if not linkage.is_dyadic:
             # Its tangents lead astray sooner where loops are coupled; and it is followed once.
-            largest = min(largest, STEP)
+            largest = min(largest, BRANCH_STEP)
             _ = linkage.branch
         # A seed of coupled loops costs less than two parts.
-        self._settings = Settings(tolerance, largest, MAX_PARTS if linkage.is_dyadic else 1)
+        self._settings = FollowSettings(
+            tolerance, largest, MAX_SUBSTEPS if linkage.is_dyadic else 1
+        )
         self._last: PoseT | None = None
         self._make()
 
     def _make(self) -> None:
-        functions = step(self._linkage, self.pose_class)
-        self._refine, self._ahead = functions.refine, functions.ahead
+        functions = step_functions(self._linkage, self.pose_class)
+        self._correct, self._predict = functions.correct, functions.predict
         self._velocity, self._acceleration = functions.velocity, functions.acceleration
 
     def __repr__(self) -> str:
@@ -92,7 +94,7 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the functions, which are made anew."""
-        made = ('_refine', '_ahead', '_velocity', '_acceleration')
+        made = ('_correct', '_predict', '_velocity', '_acceleration')
         return {name: value for name, value in self.__dict__.items() if name not in made}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -153,18 +155,18 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
         if last is not None and type(alpha) is float and abs(alpha) <= MAX_CRANK_ANGLE:
             by, largest = alpha - last[0], settings[1]
             if -largest <= by <= largest:
-                pose = self._ahead(alpha, by, last[1], last[5], settings[0], MAX_ITERATIONS)
+                pose = self._predict(alpha, by, last[1], last[5], settings[0], MAX_ITERATIONS)
                 # The derivatives of a singular pose are NaN, which is not itself.
                 if pose is not None and pose[5][0] == pose[5][0]:
                     self._last = pose
                     return pose  # type: ignore[no-any-return]  # of its class
-        functions = self._refine, self._ahead, self._seed
-        pose = track(*functions, crank_angle(alpha), last, settings)
+        functions = self._correct, self._predict, self._initial_guess
+        pose = follow_branch(*functions, crank_angle(alpha), last, settings)
         self._last = pose
         return pose  # type: ignore[no-any-return]  # as above
 
-    def _seed(self, alpha: float) -> tuple[float, ...]:
-        return seed(self._linkage, alpha)
+    def _initial_guess(self, alpha: float) -> tuple[float, ...]:
+        return initial_guess(self._linkage, alpha)
 
     def closed_form(self, alpha: float) -> PoseT:
         """
@@ -183,7 +185,7 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
 
         """
         alpha = crank_angle(alpha)
-        found = closed_pose(self._linkage, placed(self._linkage, alpha), alpha)
+        found = closed_pose(self._linkage, closed_form_vectors(self._linkage, alpha), alpha)
         return self.pose_class(*found)  # type: ignore[return-value]  # of its class
 
     def residual(self, alpha: float, x: Sequence[float]) -> float:
@@ -317,7 +319,7 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
         validation.rate('torque', torque)
         u, v = validation.unit('direction', direction)
         along = u * h_1[0] + v * h_1[1]
-        if abs(along) <= ROUNDING * hypot(*h_1):
+        if abs(along) <= MIN_COMPONENT_RATIO * hypot(*h_1):
             raise ImmobileDirectionError(h_1, (u, v))
         return -torque / along
 

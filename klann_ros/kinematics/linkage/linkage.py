@@ -14,12 +14,12 @@ import numpy as np
 
 from .branch import Branch
 from .equations import LoopEquations
-from .structure import by_name, Structure
+from .structure import dimension_places, Structure
 
 # The start is a guess of a pose at which the linkage closes: nothing a few corrections do not do.
-START_ITERATIONS = 50
+MAX_START_ITERATIONS = 50
 # Of |sin| between two links, at the start: nearer to in line it does not say which branch.
-LEAST_START_SINE = 1e-6
+MIN_START_SINE = 1e-6
 
 
 class Linkage(LoopEquations):
@@ -61,7 +61,7 @@ class Linkage(LoopEquations):
     ) -> None:
         super().__init__(structure, numbers)
         self.name, self.source = name, source
-        self.given_start = None if start is None else tuple(map(float, start))
+        self.start_guess = None if start is None else tuple(map(float, start))
         self.assembly = self._signs() if assembly is None else self._checked_signs(assembly)
 
     def __eq__(self, other: object) -> bool:
@@ -74,13 +74,13 @@ class Linkage(LoopEquations):
         return f'<Linkage {self.name!r}: {", ".join(self.joint_names)}>'
 
     def __reduce__(self) -> tuple[Any, ...]:
-        branch, names = (self.assembly, self.given_start), (self.name, self.source)
-        return _made, (self.structure, self.numbers, *branch, *names)
+        branch, names = (self.assembly, self.start_guess), (self.name, self.source)
+        return _remake, (self.structure, self.numbers, *branch, *names)
 
     @property
     def _key(self) -> tuple[Any, ...]:
         """Return what its motion depends on: the start matters where loops are coupled."""
-        start = None if self.is_dyadic else self.given_start
+        start = None if self.is_dyadic else self.start_guess
         return self.structure, self.numbers, self.assembly, start
 
     def varied(self, changes: Mapping[str, float] | None = None, **named: float) -> 'Linkage':
@@ -112,7 +112,7 @@ class Linkage(LoopEquations):
         if not self.is_dyadic:
             msg = 'its loops are coupled: take the linkage of one of its assembly_poses'
             raise GeometryError(msg)
-        return _made(self.structure, self.numbers, assembly, None, self.name, self.source)
+        return _remake(self.structure, self.numbers, assembly, None, self.name, self.source)
 
     def with_foot(self, point: str) -> 'Linkage':
         """
@@ -125,7 +125,7 @@ class Linkage(LoopEquations):
 
         """
         numbers, made = self.numbers, self.structure.with_foot(point)
-        return _made(made, numbers, self.assembly, self.given_start, self.name, self.source)
+        return _remake(made, numbers, self.assembly, self.start_guess, self.name, self.source)
 
     def with_coupler_point(self, body: str, u: float, v: float, name: str = 'P') -> 'Linkage':
         """
@@ -153,7 +153,7 @@ class Linkage(LoopEquations):
             return self.with_foot(start)
         made = self.structure.with_point(name, body, start)
         numbers = (*self.numbers, abs(place), phase(place))
-        return _made(made, numbers, self.assembly, self.given_start, self.name, self.source)
+        return _remake(made, numbers, self.assembly, self.start_guess, self.name, self.source)
 
     def scaled(self, factor: float) -> 'Linkage':
         """
@@ -173,12 +173,12 @@ class Linkage(LoopEquations):
 
     def _varied(self, changes: Mapping[str, float], start: Sequence[float]) -> 'Linkage':
         """Return it with some numbers replaced; the start is that of coupled loops."""
-        numbers, places = list(self.numbers), by_name(self.structure.dimensions, changes)
+        numbers, places = list(self.numbers), dimension_places(self.structure.dimensions, changes)
         for name, value in changes.items():
             numbers[places[name]] = value
         # The signs say how it is put together; only coupled loops need a start beside them.
         assembly, given = (self.assembly, None) if self.is_dyadic else (None, start)
-        return _made(self.structure, numbers, assembly, given, self.name, self.source)
+        return _remake(self.structure, numbers, assembly, given, self.name, self.source)
 
     def mirrored(self) -> 'Linkage':
         """Return the linkage mirrored in the x axis: every angle has the other sign."""
@@ -196,17 +196,17 @@ class Linkage(LoopEquations):
             blocks = zip(self.blocks, self.assembly, strict=True)
             signs = tuple(sign if block.slides else -sign for block, sign in blocks)
         made = self.structure.mirrored()
-        return _made(made, numbers, signs, start, self.name, self.source)
+        return _remake(made, numbers, signs, start, self.name, self.source)
 
     @cached_property
     def start(self) -> tuple[float, ...]:
         """Return the pose that Newton-Raphson reaches from the start, the crank's angle first."""
-        return self._assembled()
+        return self._solve_start()
 
     # Coupled loops.
 
     @cached_property
-    def head_bodies(self) -> tuple[int, ...]:
+    def prefix_bodies(self) -> tuple[int, ...]:
         """Return the bodies that are placed up to the last coupled loops, the crank first."""
         coupled = [k for k, rows in enumerate(self.structure.paths.rows) if len(rows) > 1]
         placed = self.structure.groups[: coupled[-1] + 1] if coupled else ()
@@ -216,21 +216,21 @@ class Linkage(LoopEquations):
     def branch(self) -> Branch:
         """Return the branch of its coupled loops; it takes some 10 ms to be followed."""
         number = max(block.number for block in self.blocks if not block.is_dyad)
-        head = self._head(number)
+        head = self._prefix(number)
         return Branch(head, head.start, number)
 
-    def _head(self, count: int) -> 'Linkage':
+    def _prefix(self, count: int) -> 'Linkage':
         """Return the linkage of the first so many blocks, in which all else is left out."""
         if count == len(self.blocks):
             return self
-        structure = self.structure.head(count)
+        structure = self.structure.prefix(count)
         given = dict(zip(self.structure.slots, self.numbers, strict=True))
-        bars = [n for n, (body, _) in enumerate(self.structure.bars) if body in self.head_bodies]
+        bars = [n for n, (body, _) in enumerate(self.structure.bars) if body in self.prefix_bodies]
         numbers = [
             given.get((d.kind, d.place if d.kind in ('x', 'y') else bars[d.place]), 0.0)
             for d in structure.dimensions
         ]
-        start = [self.start[j] for j in self.head_bodies]
+        start = [self.start[j] for j in self.prefix_bodies]
         return Linkage(structure, numbers, assembly=self.assembly[:count], start=start)
 
     def _checked_signs(self, assembly: Sequence[int]) -> tuple[int, ...]:
@@ -246,10 +246,10 @@ class Linkage(LoopEquations):
             raise GeometryError(msg)
         return tuple(map(int, signs))
 
-    def _assembled(self) -> tuple[float, ...]:
-        if self.given_start is None:
+    def _solve_start(self) -> tuple[float, ...]:
+        if self.start_guess is None:
             raise GeometryError('it has no start, which its coupled loops need')
-        alpha, *guess = self.given_start
+        alpha, *guess = self.start_guess
         try:
             iterates = newton_raphson(
                 lambda x: self.f(alpha, x),
@@ -257,7 +257,7 @@ class Linkage(LoopEquations):
                 np.array(guess),
                 alpha=alpha,
                 tolerance=1e-9,
-                max_iterations=START_ITERATIONS,
+                max_iterations=MAX_START_ITERATIONS,
             )
         except NotConvergedError as error:
             w, c = self.equations
@@ -277,7 +277,7 @@ class Linkage(LoopEquations):
         u = self.vectors(self.start[0], self.start[1:])
         sines = [block.sine(u) for block in self.blocks]
         pairs = zip(sines, self.blocks, strict=True)
-        if any(abs(s) <= max(LEAST_START_SINE, b.singular_sine) for s, b in pairs):
+        if any(abs(s) <= max(MIN_START_SINE, b.singular_sine) for s, b in pairs):
             msg = 'its start pose is singular, which leaves the branch open: give another'
             raise NotAssembledError(msg)
         return tuple(1 if sine > 0.0 else -1 for sine in sines)
@@ -301,7 +301,7 @@ def as_linkage(given: Any) -> Linkage:
     return linkage
 
 
-def _made(  # noqa: PLR0917 - what a pickle holds, in its order
+def _remake(  # noqa: PLR0917 - what a pickle holds, in its order
     structure: Structure,
     numbers: Sequence[float],
     assembly: Sequence[int] | None,

@@ -12,7 +12,7 @@ from . import joints
 from .linkage import Linkage
 
 
-def placed(linkage: Linkage, alpha: float) -> list[complex]:
+def closed_form_vectors(linkage: Linkage, alpha: float) -> list[complex]:
     """
     Return the vectors of all bodies at a crank angle [rad], in the linkage's assembly.
 
@@ -29,24 +29,24 @@ def placed(linkage: Linkage, alpha: float) -> list[complex]:
         if known is None:
             known = linkage.branch.x(alpha)
         x = [alpha, *[0.0] * (len(senses) - 1)]
-        for j in linkage.head_bodies[1:]:
-            x[j] = known[linkage.head_bodies.index(j) - 1]
-        moved = joints.vectors(linkage.structure, x)
+        for j in linkage.prefix_bodies[1:]:
+            x[j] = known[linkage.prefix_bodies.index(j) - 1]
+        moved = joints.body_vectors(linkage.structure, x)
         for j in block.unknowns:
             u[j] = complex(moved[j])
     return u
 
 
-def seed(linkage: Linkage, alpha: float) -> tuple[float, ...]:
+def initial_guess(linkage: Linkage, alpha: float) -> tuple[float, ...]:
     """Return the other coordinates at a crank angle; parameters and errors as `placed`."""
-    u, structure = placed(linkage, alpha), linkage.structure
+    u, structure = closed_form_vectors(linkage, alpha), linkage.structure
     return tuple(float(joints.coordinate(structure, u, j)) for j in range(1, len(u)))
 
 
 Vector = tuple[float, float]
 
 
-class Entry:
+class PoseEntry:
     """A name for one number of a pose or a motion: which of `x` or `joints` it is."""
 
     def __init__(self, field: str, place: int) -> None:
@@ -95,7 +95,8 @@ class LinkagePose(NamedTuple):
 
     def __repr__(self) -> str:
         # `linkage`, `coefficients` and the rest are there to be asked for.
-        return f'{type(self).__name__}({_named(self.linkage, self.joints)}, h={_short(self.h)})'
+        joints = _format_joints(self.linkage, self.joints)
+        return f'{type(self).__name__}({joints}, h={_format_vector(self.h)})'
 
     @property
     def crank_angle(self) -> float:
@@ -173,31 +174,31 @@ class LinkageMotion(NamedTuple):
     velocity: 'LinkageMotion | None' = None
 
     def __repr__(self) -> str:
-        named = _named(self.pose.linkage, self.joints)
-        return f'{type(self).__name__}({named}, h={_short(self.h)})'
+        named = _format_joints(self.pose.linkage, self.joints)
+        return f'{type(self).__name__}({named}, h={_format_vector(self.h)})'
 
     @property
     def vectors(self) -> ComplexArray:
         """Return that of the bodies' vectors, shape (n,), complex: see `joints`."""
         structure, u = self.pose.linkage.structure, self.pose.vectors
-        moved: ComplexArray = joints.tangents(structure, u) @ np.array(self.joints)
+        moved: ComplexArray = joints.vector_jacobian(structure, u) @ np.array(self.joints)
         if self.velocity is not None:
-            moved += joints.bent(structure, u, self.velocity.joints)
+            moved += joints.velocity_product(structure, u, self.velocity.joints)
         return moved
 
     @property
     def points(self) -> FloatArray:
         """Return that of every point, shape (p, 2) [m/s] or [m/s^2]; made at each use."""
-        return self.pose.linkage.points_moved(self.vectors)
+        return self.pose.linkage.point_velocities(self.vectors)
 
 
-def _named(linkage: Linkage, numbers: Sequence[float]) -> str:
+def _format_joints(linkage: Linkage, numbers: Sequence[float]) -> str:
     """Return numbers with the joints' names, as far as one reads them."""
     pairs = zip(linkage.joint_names, numbers, strict=True)
     return ', '.join(f'{name}={number:.7g}' for name, number in pairs)
 
 
-def _short(vector: Vector) -> str:
+def _format_vector(vector: Vector) -> str:
     return f'({vector[0]:.7g}, {vector[1]:.7g})'
 
 
@@ -208,7 +209,7 @@ def closed_pose(linkage: Linkage, u: Sequence[complex], alpha: float) -> Linkage
     rows, constant = linkage.point_rows[linkage.foot]
     foot = sum((w * u[j] for j, w in rows.items()), constant)
     sines = tuple(float(abs(block.sine(u))) for block in linkage.blocks)
-    residual = float(np.hypot.reduce([block.gap(u) for block in linkage.blocks]))
+    residual = float(np.hypot.reduce([block.closure_error(u) for block in linkage.blocks]))
     rates = _coefficients(linkage, alpha, x, u)
     return LinkagePose(alpha, x, (foot.real, foot.imag), 0, residual, rates, sines, linkage)
 

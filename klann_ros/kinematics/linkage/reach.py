@@ -6,12 +6,12 @@ from sys import float_info
 from typing import Any
 
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arcs import Arc, arcs_inside, normal
+from klann_ros.kinematics.arcs import Arc, arcs_inside, normalize_arcs
 from klann_ros.kinematics.errors import LoopsOpenError, UnreachableError
 
 from .blocks import Block
 from .linkage import as_linkage, Linkage
-from .pose import placed
+from .pose import closed_form_vectors
 
 Lengths = tuple[float, float, float, float]
 
@@ -51,12 +51,12 @@ def reachable_arcs(linkage: Any) -> list[Arc]:
     else:
         arcs, rest = [(0.0, TURN)], linkage.blocks
     if not rest:
-        return normal([_cut(arc) for arc in arcs] if linkage.is_dyadic else arcs)
+        return normalize_arcs([_trim_ends(arc) for arc in arcs] if linkage.is_dyadic else arcs)
 
     def clearance(alpha: float) -> float:
         """Return the clearance of the dyad that fails [m], or else the least of the others."""
         try:
-            u = placed(linkage, alpha)
+            u = closed_form_vectors(linkage, alpha)
         except UnreachableError as error:
             # Where the ends of a dyad coincide nothing closes, although nothing is short.
             return min(-error.shortfall, -float_info.min)
@@ -64,13 +64,15 @@ def reachable_arcs(linkage: Any) -> list[Arc]:
             return -float_info.min
         return float(max(0.0, min(block.clearance(u) for block in rest)))
 
-    return normal([found for arc in arcs for found in arcs_inside(clearance, arc)])
+    return normalize_arcs([found for arc in arcs for found in arcs_inside(clearance, arc)])
 
 
 def closes_somewhere(linkage: Linkage) -> bool:
     """Return whether there is a crank angle at all at which every loop closes."""
     # Nearly every linkage closes at one of a few angles; only the others are searched.
-    return any(_closes(linkage, k * TURN / 8.0) for k in range(8)) or bool(reachable_arcs(linkage))
+    return any(_closes_at(linkage, k * TURN / 8.0) for k in range(8)) or bool(
+        reachable_arcs(linkage)
+    )
 
 
 def is_driven(block: Block) -> bool:
@@ -84,9 +86,9 @@ def driven_arcs(block: Block) -> list[Arc]:
     terms, constant = block.rows[0]
     a, b = block.unknowns
     lengths = abs(constant), abs(terms[0]), abs(terms[a]), abs(terms[b])
-    if not closes(lengths):
+    if not four_bar_closes(lengths):
         return []
-    least, greatest = limits(lengths) if constant else (0.0, pi)
+    least, greatest = crank_limits(lengths) if constant else (0.0, pi)
     # Where the crank points to the fixed end.
     toward = block.structure.senses[0] * phase(-constant / terms[0])
     if least == 0.0 and greatest == pi:
@@ -98,14 +100,14 @@ def driven_arcs(block: Block) -> list[Arc]:
     return [(toward + least, toward + greatest), (toward - greatest, toward - least)]
 
 
-def closes(lengths: Lengths) -> bool:
+def four_bar_closes(lengths: Lengths) -> bool:
     """Return whether a four-bar closes at any crank angle at all, but for rounding."""
     l_1, l_2, l_3, l_4 = lengths
-    rounding = tie(lengths)
+    rounding = length_rounding(lengths)
     return l_1 + l_2 >= abs(l_3 - l_4) - rounding and abs(l_1 - l_2) <= l_3 + l_4 + rounding
 
 
-def limits(lengths: Lengths) -> tuple[float, float]:
+def crank_limits(lengths: Lengths) -> tuple[float, float]:
     """
     Return the least and the greatest angle from the ground at which a four-bar's crank closes it.
 
@@ -116,35 +118,35 @@ def limits(lengths: Lengths) -> tuple[float, float]:
     limited.
     """
     l_1, l_2, l_3, l_4 = lengths
-    folded, stretched, rounding = abs(l_3 - l_4), l_3 + l_4, tie(lengths)
+    folded, stretched, rounding = abs(l_3 - l_4), l_3 + l_4, length_rounding(lengths)
     passes_folded = abs(l_1 - l_2) >= folded - rounding
     passes_stretched = l_1 + l_2 <= stretched + rounding
-    least = 0.0 if passes_folded else opening(l_1, l_2, folded)
-    greatest = pi if passes_stretched else opening(l_1, l_2, stretched)
+    least = 0.0 if passes_folded else triangle_angle(l_1, l_2, folded)
+    greatest = pi if passes_stretched else triangle_angle(l_1, l_2, stretched)
     return least, greatest
 
 
-def tie(lengths: Lengths) -> float:
+def length_rounding(lengths: Lengths) -> float:
     """Return the difference of two sums of two lengths that is rounding and no difference [m]."""
     return 4.0 * float_info.epsilon * max(lengths)
 
 
-def _closes(linkage: Linkage, alpha: float) -> bool:
+def _closes_at(linkage: Linkage, alpha: float) -> bool:
     try:
-        placed(linkage, alpha)
+        closed_form_vectors(linkage, alpha)
     except (UnreachableError, LoopsOpenError):
         return False
     return True
 
 
-def _cut(arc: Arc) -> Arc:
+def _trim_ends(arc: Arc) -> Arc:
     """Return an arc without its very ends."""
     start, end = arc
     cut = 0.0 if end - start >= TURN else 5e-13 * (end - start)
     return start + cut, end - cut
 
 
-def opening(p: float, q: float, opposite: float) -> float:
+def triangle_angle(p: float, q: float, opposite: float) -> float:
     """
     Return the angle between two sides of a triangle, in [0, pi] [rad].
 

@@ -1,58 +1,327 @@
 """
-Newton-Raphson and the derivatives of a linkage, as straight-line code that is made for it.
+Newton-Raphson and the derivatives of a linkage, as generated straight-line code.
 
-Which bodies are in which loop is known when a linkage is made, and never changes. So the loops
-over bodies, signs and blocks are run once, while a source text is written (`step_text`); what is
-left is arithmetic on local names, as one would write it by hand. One text serves all linkages of a
-structure: their numbers are its constants. No name of a user's file is in it, only indices.
+The topology of a linkage is known when it is made, and never changes. So a code generator runs the
+loops over bodies, signs and blocks once, while it writes the source; only arithmetic on local
+names is left. One source serves all linkages of a structure, with their numbers as its constants.
+It holds no name of a user's file, only indices.
+
+The names in the source are those of `step_source`, and e are the corrections of the coordinates
+less their sign, q the coefficients dx/dalpha. Phi is block lower triangular, so forward
+substitution, block by block, makes the corrections of the full Newton of `Linkage.f`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 import linecache
-from math import cos, hypot, nan, pi, sin
+from math import cos, hypot, inf, nan, pi, sin
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics.angles import FAR, wrap
+from klann_ros.kinematics.angles import MAX_UNWRAPPED, wrap
 
 from .equations import LoopEquations
-from .step_text import Writer
+from .step_source import BlockSource, elimination_source, format_sum, LoopVectors, Sum, Term
 from .structure import Structure
 
 # A guess of coupled loops that needs more correction may have left its branch [rad].
-TRUSTED = 0.05
+MAX_BRANCH_JUMP = 0.05
 
 
-class Step(NamedTuple):
+class StepFunctions(NamedTuple):
     """The functions of a linkage."""
 
     # Of alpha, the other angles, the tolerance [rad] and the most iterations: the pose; None where
     # it does not converge, or not on the branch.
-    refine: Callable[..., Any]
+    correct: Callable[..., Any]
     # Of alpha, a step of the crank, and the x and coefficients of the pose before it: the same as
-    # `refine`, from the guess along the tangent.
-    ahead: Callable[..., Any]
+    # `correct`, from the guess along the tangent.
+    predict: Callable[..., Any]
     # Of alpha, x, coefficients and the crank's rate: the rates of all angles, and of the foot.
     velocity: Callable[..., Any]
     # Of alpha, x, coefficients, the crank's rate and its change: the same, once more.
     acceleration: Callable[..., Any]
 
 
-_made: dict[Structure, tuple[Writer, Callable[..., Any]]] = {}
+class CodeGenerator:
+    """Writes the text for a structure, and tells the constants of a linkage in its order."""
+
+    def __init__(self, structure: Structure) -> None:
+        self._structure = structure
+        self._vectors = LoopVectors(structure)
+        self._source = BlockSource(structure, self._vectors)
+        self._lines: list[str] = []
+
+    def constants(self, linkage: LoopEquations) -> dict[str, float]:
+        """Return the constants that the text names, of a linkage of this structure."""
+        found = self._vectors.constants(linkage.bars)
+        fixed = {f'c{k}': constant for k, (_, constant) in enumerate(linkage.rows)}
+        for name, constant in (*fixed.items(), ('h', linkage.point_rows[linkage.foot][1])):
+            found |= {f'{name}x': constant.real, f'{name}y': constant.imag}
+        for b, (block, sign) in enumerate(zip(linkage.blocks, linkage.assembly, strict=True)):
+            # The determinant's sign, and what of it is rounding, or singular.
+            found |= {f'rounding{b}': block.rounding, f'sign{b}': sign * self._source.sine_sign(b)}
+            found |= {f'least{b}': -block.rounding_of_sine * block.scale}
+            found |= {f'singular{b}': block.singular_sine * block.scale}
+            found |= {f'inverse{b}': 1.0 / block.scale}
+            if block.dyad_solver is not None and not block.dyad_solver.two_branches:
+                # It closes in one way only, whichever sign that has.
+                found[f'least{b}'] = -inf
+        if self._structure.slides:
+            found['size'] = linkage.size
+        return found
+
+    @property
+    def _is_coupled(self) -> bool:
+        return any(len(loops) > 1 for _, loops in self._source.blocks)
+
+    # The text.
+
+    def source(self, constants: Iterable[str]) -> str:
+        """Return the whole text, for constants of these names."""
+        self._lines = []
+        sizes = {len(group) for group, loops in self._source.blocks if len(loops) > 1}
+        for size in sorted(sizes):
+            self._lines += elimination_source(size)
+        self._write(0, f'def make(kind, linkage, {", ".join(constants)}):')
+        others = range(1, len(self._structure.bodies))
+        guess, tangent = _tuple('p', others), _tuple('q', others)
+        self._write(
+            1, 'def correct(p0, guess, tolerance, max_iterations):', f'    {guess} = guess'
+        )
+        self._write_newton()
+        self._write(
+            1,
+            'def predict(p0, step, x, coefficients, tolerance, max_iterations):',
+            f'    {guess} = x',
+            f'    {tangent} = coefficients',
+        )
+        for j in others:
+            self._write(2, f'p{j} += step * q{j}')
+        self._write_newton()
+        self._write(1, 'def velocity(p0, x, coefficients, rate):')
+        self._write_motion(second=False)
+        self._write(1, 'def acceleration(p0, x, coefficients, rate, change):')
+        self._write_motion(second=True)
+        self._write(1, 'return correct, predict, velocity, acceleration')
+        return '\n'.join(self._lines) + '\n'
+
+    def _write(self, indent: int, *lines: str) -> None:
+        self._lines += ['    ' * indent + line for line in lines]
+
+    def _write_solution(
+        self, indent: int, block: int, opened: Sequence[Sum], letter: str
+    ) -> dict[int, Term]:
+        lines, changes = self._source.solution(block, opened, letter)
+        self._write(indent, *lines)
+        return changes
+
+    def _write_vectors(self, bodies: Iterable[int], wanted: set[int], indent: int) -> None:
+        self._write(indent, *self._vectors.lines(bodies, wanted))
+
+    def _write_newton(self) -> None:
+        """Write the iterations, and the pose that they end at."""
+        others = range(1, len(self._structure.bodies))
+        if self._is_coupled:
+            self._write(2, f'{_tuple("o", others)} = {_tuple("p", others)}')
+        if self._structure.slides:
+            # Distances are as precise as angles, in the linkage's size.
+            self._write(2, 'length_tolerance = tolerance * size')
+        self._write_vectors([0], self._vectors.in_loops, 2)
+        for k, terms in enumerate(self._vectors.loops):
+            crank = [terms[0]] if 0 in terms else []
+            for axis in 'xy' if crank else '':
+                parts = [(sign, f'v{v}{axis}') for sign, v in crank]
+                self._write(2, f'k{k}{axis} = {format_sum([(1, f"c{k}{axis}"), *parts])}')
+        self._write(2, 'converged = False', 'for iterations in range(1, max_iterations + 1):')
+        self._write_vectors(others, self._vectors.in_loops, 3)
+        for k, terms in enumerate(self._vectors.loops):
+            for axis in 'xy':
+                parts = [(sign, f'v{v}{axis}') for j, (sign, v) in terms.items() if j]
+                fixed = f'{"k" if 0 in terms else "c"}{k}{axis}'
+                self._write(3, f'f{k}{axis} = {format_sum([(1, fixed), *parts])}')
+        self._write(3, *self._source.determinants())
+        closed = [
+            f'-rounding{b} <= f{k}{axis} <= rounding{b}'
+            for b, (_, loops) in enumerate(self._source.blocks)
+            for k in loops
+            for axis in 'xy'
+        ]
+        self._write(3, f'if converged or ({" and ".join(closed)}):', '    break')
+        dyads = [
+            f'D{b} == 0.0' for b, (_, loops) in enumerate(self._source.blocks) if len(loops) == 1
+        ]
+        if dyads:
+            self._write(3, f'if {" or ".join(dyads)}:', '    return None')
+        turns = self._write_corrections()
+        for j, (sign, name) in turns.items():
+            self._write(3, f'p{j} {"+" if sign > 0 else "-"}= {name}')
+        limits = [
+            'length_tolerance' if body.slides else 'tolerance' for body in self._structure.bodies
+        ]
+        small = [f'-{limits[j]} <= e{j} <= {limits[j]}' for j in others]
+        self._write(3, f'converged = {" and ".join(small)}')
+        self._write(2, 'else:')
+        self._write(3, 'return None')
+        self._write_pose(others)
+
+    def _write_corrections(self) -> dict[int, Term]:
+        """Write the corrections of all angles; return their names."""
+        turns: dict[int, Term] = {}
+        for block, (_, loops) in enumerate(self._source.blocks):
+            opened = []
+            for k in loops:
+                x, y = self._vectors.first_derivative(self._vectors.loops[k], turns)
+                opened.append(([(1, f'f{k}x'), *x], [(1, f'f{k}y'), *y]))
+            turns |= self._write_solution(3, block, opened, 'e')
+            if len(loops) > 1:
+                self._write(3, f'if D{block} == 0.0:', '    return None')
+        return turns
+
+    def _write_pose(self, others: Sequence[int]) -> None:
+        self._write_coefficients()
+        blocks = range(len(self._structure.groups))
+        for b in blocks:
+            self._write(2, f'signed{b} = D{b} * sign{b}')
+        self._write(
+            2, f'if {" or ".join(f"signed{b} < least{b}" for b in blocks)}:', '    return None'
+        )
+        if self._is_coupled:
+            # The signs alone do not tell the branches of coupled loops apart.
+            sizes = [' * size' if body.slides else '' for body in self._structure.bodies]
+            trusted = [
+                f'-MAX_BRANCH_JUMP{sizes[j]} <= p{j} - o{j} <= MAX_BRANCH_JUMP{sizes[j]}'
+                for j in others
+            ]
+            self._write(2, f'if not ({" and ".join(trusted)}):', '    return None')
+        self._write_wrap()
+        singular = [
+            f'abs(signed{b}) <= singular{b}'
+            if self._source.slides(b)
+            else f'signed{b} <= singular{b}'
+            for b in blocks
+        ]
+        self._write(
+            2,
+            f'if {" or ".join(singular)}:',
+            f'    coefficients = ({"nan, " * len(others)})',
+        )
+        gaps = ', '.join(f'f{k}{axis}' for k in range(len(self._vectors.loops)) for axis in 'xy')
+        # The columns of what slides along a link are as long as the distance is.
+        sines = ', '.join(
+            f'abs(signed{b}) / (hypot(g{b}x, g{b}y) * hypot(h{b}x, h{b}y))'
+            if self._source.slides(b) and len(loops) == 1
+            else f'abs(signed{b}) * inverse{b}'
+            for b, (_, loops) in enumerate(self._source.blocks)
+        )
+        foot = []
+        for axis in 'xy':
+            parts = [(sign, f'v{v}{axis}') for sign, v in self._vectors.foot.values()]
+            foot.append(format_sum([(1, f'h{axis}'), *parts]))
+        self._write(
+            2,
+            'return new(kind, (',
+            f'    p0, {_tuple("p", others)}, ({", ".join(foot)}), iterations,',
+            f'    hypot({gaps}), coefficients, ({sines},), linkage,',
+            '))',
+        )
+
+    def _write_wrap(self) -> None:
+        """Write what brings angles into (-pi, pi]."""
+        turning = [j for j, body in enumerate(self._structure.bodies) if j and not body.slides]
+        if not turning:
+            return
+        inside = [f'-pi < p{j} <= pi' for j in turning]
+        self._write(2, f'if not ({" and ".join(inside)}):')
+        near = [f'-MAX_UNWRAPPED < p{j} < MAX_UNWRAPPED' for j in turning]
+        self._write(3, f'if not ({" and ".join(near)}):', '    return None')
+        for j in turning:
+            self._write(3, f'p{j} = wrap(p{j})')
+
+    def _write_coefficients(self) -> None:
+        """Write the derivatives by the crank angle, by the same substitution; and the foot."""
+        others = range(1, len(self._structure.bodies))
+        rest = self._vectors.in_foot - self._vectors.in_loops
+        # LoopVectors of the foot alone, before the angles are wrapped.
+        self._write_vectors(range(len(self._structure.bodies)), rest, 2)
+        zero = [
+            f'D{b} == 0.0' for b, (_, loops) in enumerate(self._source.blocks) if len(loops) == 1
+        ]
+        indent = 2
+        if zero:
+            self._write(
+                2, f'if {" or ".join(zero)}:', f'    coefficients = ({"nan, " * len(others)})'
+            )
+            coupled = [b for b, (_, loops) in enumerate(self._source.blocks) if len(loops) > 1]
+            for b in coupled:
+                self._write(3, f'D{b} = 0.0')
+            self._write(2, 'else:')
+            indent = 3
+        rates: dict[int, Term] = {0: (1, '')}
+        for block, (_, loops) in enumerate(self._source.blocks):
+            opened = [self._vectors.first_derivative(self._vectors.loops[k], rates) for k in loops]
+            rates |= self._write_solution(indent, block, opened, 'q')
+        signed = [f'{"-" if rates[j][0] < 0 else ""}{rates[j][1]}' for j in others]
+        self._write(indent, f'coefficients = ({", ".join(signed)},)')
+
+    def _write_motion(self, *, second: bool) -> None:
+        """Write the rates, or their changes, of the angles and of the foot."""
+        others = range(1, len(self._structure.bodies))
+        bodies = range(len(self._structure.bodies))
+        self._write(
+            2, f'{_tuple("p", others)} = x', f'{_tuple("q", others)} = coefficients', 'q0 = rate'
+        )
+        for j in others:
+            self._write(2, f'q{j} *= rate')
+        if not second:
+            self._write_vectors(bodies, self._vectors.in_foot, 2)
+            foot = self._vectors.first_derivative(
+                self._vectors.foot, {j: (1, f'q{j}') for j in bodies}
+            )
+            ends = ', '.join(format_sum(axis) for axis in foot)
+            self._write(2, f'return {_tuple("q", bodies)}, ({ends})')
+            return
+        self._write_vectors(bodies, self._vectors.in_loops | self._vectors.in_foot, 2)
+        self._write(2, *self._source.determinants())
+        for j in bodies:
+            self._write(2, f's{j} = q{j} * q{j}')
+        squares = {j: f's{j}' for j in bodies}
+        changes: dict[int, Term] = {0: (1, 'change')}
+        for block, (_, loops) in enumerate(self._source.blocks):
+            opened = []
+            for k in loops:
+                turned = self._vectors.first_derivative(self._vectors.loops[k], changes)
+                slowed = self._vectors.velocity_products(self._vectors.loops[k], squares)
+                opened.append((turned[0] + slowed[0], turned[1] + slowed[1]))
+            changes |= self._write_solution(2, block, opened, 'e')
+        turned, slowed = (
+            self._vectors.first_derivative(self._vectors.foot, changes),
+            self._vectors.velocity_products(self._vectors.foot, squares),
+        )
+        ends = ', '.join(format_sum(turned[axis] + slowed[axis]) for axis in (0, 1))
+        signed = [f'{"-" if changes[j][0] < 0 else ""}{changes[j][1]}' for j in others]
+        self._write(2, f'return (change, {", ".join(signed)}), ({ends})')
 
 
-def step(linkage: LoopEquations, kind: type[tuple[Any, ...]]) -> Step:
+def _tuple(letter: str, numbers: Iterable[int]) -> str:
+    return f'({", ".join(f"{letter}{j}" for j in numbers)},)'
+
+
+_functions: dict[Structure, tuple[CodeGenerator, Callable[..., Any]]] = {}
+
+
+def step_functions(linkage: LoopEquations, kind: type[tuple[Any, ...]]) -> StepFunctions:
     """Return the functions of a linkage, for a class of poses."""
-    if linkage.structure not in _made:
-        writer = Writer(linkage.structure)
-        text = writer.text(writer.constants(linkage))
-        name = f'<klann_ros step {len(_made)}>'
+    if linkage.structure not in _functions:
+        generator = CodeGenerator(linkage.structure)
+        text = generator.source(generator.constants(linkage))
+        name = f'<klann_ros step {len(_functions)}>'
         # So that a traceback, or a reader, can see the text.
         linecache.cache[name] = (len(text), None, text.splitlines(keepends=True), name)
         names: dict[str, Any] = {
-            'cos': cos, 'sin': sin, 'hypot': hypot, 'wrap': wrap, 'pi': pi, 'nan': nan, 'FAR': FAR,
-            'TRUSTED': TRUSTED, 'new': tuple.__new__,
+            'cos': cos, 'sin': sin, 'hypot': hypot, 'wrap': wrap, 'pi': pi, 'nan': nan,
+            'MAX_UNWRAPPED': MAX_UNWRAPPED, 'MAX_BRANCH_JUMP': MAX_BRANCH_JUMP,
+            'new': tuple.__new__,
         }  # fmt: skip
         exec(compile(text, name, 'exec'), names)  # noqa: S102 - of indices alone
-        _made[linkage.structure] = writer, names['make']
-    writer, make = _made[linkage.structure]
-    return Step(*make(kind, linkage, **writer.constants(linkage)))
+        _functions[linkage.structure] = generator, names['make']
+    generator, make = _functions[linkage.structure]
+    return StepFunctions(*make(kind, linkage, **generator.constants(linkage)))

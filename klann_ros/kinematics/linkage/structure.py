@@ -135,23 +135,25 @@ class Structure:
     outside: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        _must(bool(self.bodies), 'there are no bodies: the first is the crank')
+        _require(bool(self.bodies), 'there are no bodies: the first is the crank')
         for body in self.bodies:
             _check_body(body)
         names = self.angles
         for name in names:
-            _must(names.count(name) == 1, f'there are two bodies called {name}')
+            _require(names.count(name) == 1, f'there are two bodies called {name}')
         self._check_slides()
         moving = (point for body in self.bodies for point in body.points)
         points = tuple(dict.fromkeys([*self.pivots, *moving]))
         crank, known, fixed = self.crank.points[0], ', '.join(points), ', '.join(self.pivots)
         turns = crank in self.pivots
         slides = self.crank.slides
-        _must(not slides, f'the crank {self.crank.angle} slides: what is driven must turn')
-        _must(turns, f'the crank starts from {crank}, which is no pivot: these are {fixed}')
-        _must(self.foot not in self.pivots, f'the foot {self.foot} is a pivot and does not move')
+        _require(not slides, f'the crank {self.crank.angle} slides: what is driven must turn')
+        _require(turns, f'the crank starts from {crank}, which is no pivot: these are {fixed}')
+        _require(
+            self.foot not in self.pivots, f'the foot {self.foot} is a pivot and does not move'
+        )
         near = did_you_mean(self.foot, points)
-        _must(self.foot in points, f'the foot {self.foot} is none of the points: {known}{near}')
+        _require(self.foot in points, f'the foot {self.foot} is none of the points: {known}{near}')
         object.__setattr__(self, 'points', self.points or points)
         object.__setattr__(self, 'dimensions', self.dimensions or tuple(_dimensions(self)))
         object.__setattr__(self, '_hash', hash((self.pivots, self.bodies, self.foot)))
@@ -229,7 +231,7 @@ class Structure:
     @cached_property
     def line_of(self) -> dict[int, int]:
         """Return of each body that slides which bar its line is."""
-        return {j: n for j, n in self._firsts.items() if self.bodies[j].slides}
+        return {j: n for j, n in self._first_bars.items() if self.bodies[j].slides}
 
     @cached_property
     def lines(self) -> frozenset[int]:
@@ -239,7 +241,7 @@ class Structure:
     @cached_property
     def straight(self) -> frozenset[int]:
         """Return the bars that lie along their bodies' angles: the first of each that turns."""
-        return frozenset(n for j, n in self._firsts.items() if not self.bodies[j].slides)
+        return frozenset(n for j, n in self._first_bars.items() if not self.bodies[j].slides)
 
     @cached_property
     def carriers(self) -> tuple[int, ...]:
@@ -250,7 +252,7 @@ class Structure:
         )
 
     @cached_property
-    def _firsts(self) -> dict[int, int]:
+    def _first_bars(self) -> dict[int, int]:
         """Return the first bar of each body."""
         return {body: number for number, (body, _) in reversed([*enumerate(self.bars)])}
 
@@ -305,8 +307,8 @@ class Structure:
         """
         near = did_you_mean(angle, self.angles)
         there_are = f'there are {", ".join(self.angles)}{near}'
-        _must(angle in self.angles, f'{angle}: no such body; {there_are}')
-        _must(name not in self.points, f'the point {name} is there already')
+        _require(angle in self.angles, f'{angle}: no such body; {there_are}')
+        _require(name not in self.points, f'the point {name} is there already')
         j = self.angles.index(angle)
         own = self.bodies[j]
         added = 1 + max(n for n, (body, _) in enumerate(self.bars) if body == j)
@@ -324,12 +326,12 @@ class Structure:
     def mirrored(self) -> 'Structure':
         """Return it with every brace on the other side of its bar."""
         turned = (
-            [bar._replace(brace=_other_side(bar.brace)) for bar in b.bars] for b in self.bodies
+            [bar._replace(brace=_opposite_brace(bar.brace)) for bar in b.bars] for b in self.bodies
         )
         pairs = zip(self.bodies, turned, strict=True)
         return replace(self, bodies=tuple(body._replace(bars=tuple(bars)) for body, bars in pairs))
 
-    def head(self, blocks: int) -> 'Structure':
+    def prefix(self, blocks: int) -> 'Structure':
         """Return the part of it that the first so many blocks place."""
         kept = (0, *(j for group in self.groups[:blocks] for j in group))
         bodies = tuple(body for j, body in enumerate(self.bodies) if j in kept)
@@ -344,14 +346,14 @@ class Structure:
                 continue
             text, along = f'{body.angle} slides along {body.along}', body.along
             seen = {body.angle}
-            _must(body.angle != GROUND, f'a body cannot be called {GROUND}')
-            _must(along == GROUND or along in owners, f'{text}, which is no body: {known}')
+            _require(body.angle != GROUND, f'a body cannot be called {GROUND}')
+            _require(along == GROUND or along in owners, f'{text}, which is no body: {known}')
             points = self.pivots if along == GROUND else owners[along].points
             start = body.bars[0].start
             there = ', '.join(points)
-            _must(start in points, f'{text} from {start}, which is none of its points: {there}')
+            _require(start in points, f'{text} from {start}, which is none of its points: {there}')
             while along != GROUND and owners[along].slides:
-                _must(along not in seen, f'{text}, which slides along it in turn')
+                _require(along not in seen, f'{text}, which slides along it in turn')
                 seen.add(along)
                 along = owners[along].along
 
@@ -414,41 +416,43 @@ def _names_of_slide(
     return p, slider.angle, ''.join(link.points[:2]), ''
 
 
-def _other_side(brace: Brace | None) -> Brace | None:
+def _opposite_brace(brace: Brace | None) -> Brace | None:
     return brace and brace._replace(side='left' if brace.side == 'right' else 'right')
 
 
 def _check_body(body: Body) -> None:
-    _must(bool(body.bars), f'body {body.angle} has no bars')
+    _require(bool(body.bars), f'body {body.angle} has no bars')
     line = body.bars[0]
     have = [line.end if body.slides else line.start]
     if body.slides:
         text = f'the line {line.start}-{line.end} of body {body.angle}'
-        _must(line.brace is None, f'{text} has a brace: it needs a direction')
-        _must(line.start != line.end, f'{text} has only one point')
+        _require(line.brace is None, f'{text} has a brace: it needs a direction')
+        _require(line.start != line.end, f'{text} has only one point')
     for bar in body.rigid:
         text = f'bar {bar.start}-{bar.end} of body {body.angle}'
         known = f'it has {", ".join(have)}{did_you_mean(bar.start, have)}'
         missing = f'{text} starts from a point that the body does not have yet: {known}'
-        _must(bar.start in have, missing)
-        _must(bar.end not in have, f'{text} ends at a point that the body has already')
+        _require(bar.start in have, missing)
+        _require(bar.end not in have, f'{text} ends at a point that the body has already')
         if bar.brace is not None:
             near = did_you_mean(bar.brace.start, have)
             missing = f'bodies.{body.angle}: {bar.brace.start} is no point of it yet'
-            _must(bar.brace.start in have, f'{missing}, so nothing can be braced from it{near}')
+            _require(bar.brace.start in have, f'{missing}, so nothing can be braced from it{near}')
         have.append(bar.end)
 
 
-def _must(condition: bool, otherwise: str) -> None:
+def _require(condition: bool, otherwise: str) -> None:
     if not condition:
         raise GeometryError(otherwise)
 
 
-def by_name(dimensions: Sequence[Dimension], wanted: Iterable[str] = ()) -> dict[str, int]:
+def dimension_places(
+    dimensions: Sequence[Dimension], wanted: Iterable[str] = ()
+) -> dict[str, int]:
     """Return the place of each dimension under its name; a GeometryError where one is wanting."""
     places = {dimension.name: number for number, dimension in enumerate(dimensions)}
     unknown = [name for name in wanted if name not in places]
     hint = did_you_mean(unknown[0], places) if unknown else ''
     there_are = f'there are {", ".join(places)}{hint}'
-    _must(not unknown, f'{", ".join(unknown)}: no such dimension; {there_are}')
+    _require(not unknown, f'{", ".join(unknown)}: no such dimension; {there_are}')
     return places

@@ -23,7 +23,7 @@ from typing import NamedTuple
 from klann_ros.kinematics.errors import GeometryError
 
 # All subsets of the bodies are tried.
-MOST_BODIES = 25
+MAX_BODIES = 25
 
 Group = tuple[int, ...]
 
@@ -127,8 +127,8 @@ def _loops(graph: _Graph, bodies: Iterable[int]) -> int:
 
 
 def _check_connected(graph: _Graph) -> None:
-    if len(graph.bodies) > MOST_BODIES:
-        msg = f'there are {len(graph.bodies)} bodies: more than {MOST_BODIES} are not solved'
+    if len(graph.bodies) > MAX_BODIES:
+        msg = f'there are {len(graph.bodies)} bodies: more than {MAX_BODIES} are not solved'
         raise GeometryError(msg)
     reached: set[str | int] = {-1, *graph.pivots}
     rest = list(range(len(graph.bodies)))

@@ -7,20 +7,20 @@ from typing import Any
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import BoolArray, ByteArray, IndexArray
 from klann_ros.kinematics.errors import GeometryError
-from klann_ros.kinematics.validation import LARGEST, SMALLEST
+from klann_ros.kinematics.validation import MAX_MAGNITUDE, MIN_MAGNITUDE
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .equations import link_vectors, NO_TRIANGLE
 from .linkage import Linkage
-from .structure import by_name
+from .structure import dimension_places
 
 # Why a variant is refused: the texts of `Variants.reason`.
 NOT_FINITE, NOT_POSITIVE, BEYOND_MEASURE, OPEN, BEYOND_TURN = 1, 2, 3, 4, 5
 _WHY = {
     NOT_FINITE: 'it must be a finite number',
     NOT_POSITIVE: 'a length must be > 0',
-    BEYOND_MEASURE: f'it must be within {SMALLEST:g} .. {LARGEST:g} m',
+    BEYOND_MEASURE: f'it must be within {MIN_MAGNITUDE:g} .. {MAX_MAGNITUDE:g} m',
     OPEN: NO_TRIANGLE,
     BEYOND_TURN: 'a bend must be within +-2 pi rad: are degrees meant?',
 }
@@ -49,7 +49,7 @@ class Variants:
         Their numbers [m, rad].
     refused : numpy.ndarray of uint8, shape (n,)
         0 for a linkage, else why it is none: see `reason`.
-    culprits : numpy.ndarray of int, shape (n,)
+    invalid_dimensions : numpy.ndarray of int, shape (n,)
         Which of its numbers is wrong.
 
     Raises
@@ -61,7 +61,7 @@ class Variants:
     --------
     >>> from klann_ros.kinematics import KlannGeometry
     >>> variants = Variants(KlannGeometry.sem104().linkage, {'l_bc': [0.34, 0.35, -1.0]})
-    >>> len(variants), variants.refused.tolist(), variants.reason(2)
+    >>> len(variants), variants.error_codes.tolist(), variants.reason(2)
     (3, [0, 0, 2], 'l_bc = -1.0 is refused: a length must be > 0')
 
     """
@@ -74,7 +74,7 @@ class Variants:
         assembly: ArrayLike | None = None,
     ) -> None:
         self.base = base
-        places = by_name(base.structure.dimensions, changes)
+        places = dimension_places(base.structure.dimensions, changes)
         try:
             arrays = [np.asarray(values, dtype=np.float64) for values in changes.values()]
             given = np.broadcast_arrays(*arrays) if arrays else []
@@ -90,7 +90,7 @@ class Variants:
         signs = base.assembly if assembly is None else assembly
         table = np.asarray(signs, dtype=np.float64)
         self.signs = np.repeat(table[:, None], count[0], axis=1) if table.ndim == 1 else table
-        self.refused, self.culprits = self._check()
+        self.error_codes, self.invalid_dimensions = self._check()
 
     @classmethod
     def of(cls, linkages: Iterable[Linkage]) -> 'Variants':
@@ -115,8 +115,8 @@ class Variants:
         made.numbers = np.array([one.numbers for one in every]).T
         made.signs = np.array([one.assembly for one in every], dtype=np.float64).T
         # Each was checked when it was made.
-        made.refused = np.zeros(len(every), dtype=np.uint8)
-        made.culprits = np.zeros(len(every), dtype=np.intp)
+        made.error_codes = np.zeros(len(every), dtype=np.uint8)
+        made.invalid_dimensions = np.zeros(len(every), dtype=np.intp)
         return made
 
     def __len__(self) -> int:
@@ -138,18 +138,20 @@ class Variants:
 
     def reason(self, i: int) -> str:
         """Return why one of them is refused; empty for a linkage."""
-        code = int(self.refused[i])
+        code = int(self.error_codes[i])
         if not code:
             return ''
-        dimension = self.base.structure.dimensions[self.culprits[i]]
-        value = float(self.numbers[self.culprits[i], i])
+        dimension = self.base.structure.dimensions[self.invalid_dimensions[i]]
+        value = float(self.numbers[self.invalid_dimensions[i], i])
         return f'{dimension.name} = {value!r} is refused: {_WHY[code]}'
 
     @cached_property
     def vectors(self) -> tuple[list[Any], list[Any]]:
         """Return their pivots and bars: see `link_vectors`; NaN for those that are refused."""
         numbers = (
-            np.where(self.refused, np.nan, self.numbers) if self.refused.any() else self.numbers
+            np.where(self.error_codes, np.nan, self.numbers)
+            if self.error_codes.any()
+            else self.numbers
         )
         return link_vectors(self.base.structure, [*numbers])
 
@@ -170,7 +172,7 @@ class Variants:
                 refuse(place, ~(values > 0.0), NOT_POSITIVE)
             if dimension.unit == 'm':
                 size = np.abs(values)
-                within = (values == 0.0) | ((size >= SMALLEST) & (size <= LARGEST))
+                within = (values == 0.0) | ((size >= MIN_MAGNITUDE) & (size <= MAX_MAGNITUDE))
                 refuse(place, ~within, BEYOND_MEASURE)
             else:
                 refuse(place, ~(np.abs(values) <= TURN), BEYOND_TURN)

@@ -108,7 +108,7 @@ def test_points_along_a_bar_change_neither_blocks_nor_arcs(name: str) -> None:
         of = place if kind in ('x', 'y') else old[place]
         quarter = kind == 'length' and of in structure.straight
         numbers.append(given.get((kind, of), 0.0) / (4 if quarter else 1))
-    finer = Linkage(finer_structure, numbers, start=plain.given_start)
+    finer = Linkage(finer_structure, numbers, start=plain.start_guess)
     assert unknowns(finer) == unknowns(plain)
     assert finer.assembly == plain.assembly
     assert LinkageLeg(finer).reachable_arcs() == LinkageLeg(plain).reachable_arcs()

@@ -1,6 +1,13 @@
-"""What a step's text is made of: vectors, sums of them, and the solution of equations."""
+"""
+Source text of a step: the vectors of a structure, their derivatives, and a block's linear step.
+
+The names in the text: p are the coordinates, c and s their cosines and sines, v the vectors
+W_kj u_j (each once, however many loops it is in), l the directions of sliding bodies, f the loop
+equations, D the determinants, g and h the Jacobian's columns of a sliding dyad.
+"""
 
 from collections.abc import Iterable, Sequence
+from math import prod
 
 from .structure import FIXED, Structure
 
@@ -14,7 +21,7 @@ Bars = tuple[tuple[int, int], ...]
 Terms = dict[int, tuple[int, int]]
 
 
-class Vectors:
+class LoopVectors:
     """
     The vectors W_kj u_j of a structure, each once, however many loops it is in.
 
@@ -58,7 +65,7 @@ class Vectors:
             own = [(v, bars) for (j, bars), v in numbers if j == body and v in wanted]
             if self._structure.bodies[body].slides:
                 for v, _ in own:
-                    lines += self._slid(body, v)
+                    lines += self._sliding_lines(body, v)
                 continue
             c, s = 'c', 's'
             if any(frame == body for j, frame in enumerate(self._structure.frames) if j != body):
@@ -81,7 +88,7 @@ class Vectors:
                     ]
         return lines
 
-    def turned(self, terms: Terms, rates: dict[int, Term]) -> Sum:
+    def first_derivative(self, terms: Terms, rates: dict[int, Term]) -> Sum:
         """Return the sum of W_j du_j over the bodies that have a rate: see `joints`."""
         x, y = [], []
         for body, (sign, v) in terms.items():
@@ -99,7 +106,7 @@ class Vectors:
                 y.append((sign * times, f'l{v}y{factor}'))
         return x, y
 
-    def slowed(self, terms: Terms, squares: dict[int, str]) -> Sum:
+    def velocity_products(self, terms: Terms, squares: dict[int, str]) -> Sum:
         """Return the sum of what the rates' squares and products alone add to W_j d2u_j."""
         x, y = [], []
         for body, (sign, v) in terms.items():
@@ -113,7 +120,7 @@ class Vectors:
                     y.append((turned, f'l{v}x * 2.0 * q{body} * q{frame}'))
         return x, y
 
-    def _slid(self, body: int, v: int) -> list[str]:
+    def _sliding_lines(self, body: int, v: int) -> list[str]:
         """Return what computes the vector of a body that slides, and that along its line."""
         frame = self._structure.frames[body]
         along = [f'l{v}x = a{v}', f'l{v}y = b{v}']
@@ -142,14 +149,118 @@ class Vectors:
         return found
 
 
-def joined(terms: Sequence[Term]) -> str:
+class BlockSource:
+    """
+    Source of a block's linear step: the changes of its coordinates that open its loops by -r.
+
+    Newton's corrections, the coefficients dx/dalpha and the accelerations are all such steps;
+    they differ in r alone, and so does a derivative by a dimension. With A = W_a u_a and
+    B = W_b u_b a dyad of two turning links takes
+
+        d_a = -s_a (B . r) / (A x B),    d_b = s_b (A . r) / (A x B),
+
+    a sliding one Cramer's rule, and coupled loops Gauss's elimination with pivots.
+    """
+
+    def __init__(self, structure: Structure, vectors: LoopVectors) -> None:
+        self._structure = structure
+        self._vectors = vectors
+        self.blocks = tuple(zip(structure.groups, structure.paths.rows, strict=True))
+
+    def is_coupled(self, block: int) -> bool:
+        """Return whether a block has several loops."""
+        return len(self.blocks[block][1]) > 1
+
+    def slides(self, block: int) -> bool:
+        """Return whether a body of a block slides."""
+        return any(self._structure.bodies[j].slides for j in self.blocks[block][0])
+
+    def sine_sign(self, block: int) -> int:
+        """Return the sign between the determinant D and the block's sine."""
+        group, loops = self.blocks[block]
+        if self.is_coupled(block):
+            return 1
+        if self.slides(block):
+            turning = (j for j in group if not self._structure.bodies[j].slides)
+            return prod(self._structure.senses[j] for j in turning)
+        terms = self._vectors.loops[loops[0]]
+        a, b = group
+        return -terms[a][0] * terms[b][0]
+
+    def determinants(self) -> list[str]:
+        """Return the lines of the dyads' determinants; `solution` has those of coupled loops."""
+        lines = []
+        for block, (group, loops) in enumerate(self.blocks):
+            if self.is_coupled(block):
+                continue
+            own = self._vectors.loops[loops[0]]
+            if not self.slides(block):
+                (_, p), (_, q) = (own[j] for j in group)
+                lines.append(f'D{block} = v{p}x * v{q}y - v{p}y * v{q}x')
+                continue
+            for side, j in zip('gh', group, strict=True):
+                column = self._vectors.first_derivative(own, {j: (1, '')})
+                for axis, terms in zip('xy', column, strict=True):
+                    lines.append(f'{side}{block}{axis} = {format_sum(terms)}')
+            lines.append(f'D{block} = g{block}x * h{block}y - g{block}y * h{block}x')
+        return lines
+
+    def solution(
+        self, block: int, opened: Sequence[Sum], letter: str
+    ) -> tuple[list[str], dict[int, Term]]:
+        """Return the lines that solve a block for the openings r, and its changes by body."""
+        group, loops = self.blocks[block]
+        lines, right = [], []
+        for k, sums in zip(loops, opened, strict=True):
+            for axis, terms in zip('xy', sums, strict=True):
+                text = format_sum(terms)
+                if not text.isidentifier():
+                    lines.append(f'r{k}{axis} = {text}')
+                    text = f'r{k}{axis}'
+                right.append(text)
+        if self.is_coupled(block):
+            changes = ', '.join(f'{letter}{j}' for j in group)
+            given = ', '.join([*self._entries(block), *right])
+            lines.append(f'D{block}, {changes} = solve{len(group)}({given})')
+            return lines, {j: (-1, f'{letter}{j}') for j in group}
+        (a, b), own, (x, y) = group, self._vectors.loops[loops[0]], right
+        if self.slides(block):
+            g, h = f'g{block}', f'h{block}'
+            lines += [
+                f'{letter}{a} = ({x} * {h}y - {y} * {h}x) / D{block}',
+                f'{letter}{b} = ({g}x * {y} - {g}y * {x}) / D{block}',
+            ]
+            return lines, {a: (-1, f'{letter}{a}'), b: (-1, f'{letter}{b}')}
+        (sign_a, p), (sign_b, q) = own[a], own[b]
+        lines += [
+            f'{letter}{a} = (v{q}x * {x} + v{q}y * {y}) / D{block}',
+            f'{letter}{b} = (v{p}x * {x} + v{p}y * {y}) / D{block}',
+        ]
+        senses = self._structure.senses
+        return lines, {
+            a: (-senses[a] * sign_a, f'{letter}{a}'),
+            b: (senses[b] * sign_b, f'{letter}{b}'),
+        }
+
+    def _entries(self, block: int) -> list[str]:
+        """Return the entries of a block's Jacobian, row by row."""
+        group, loops = self.blocks[block]
+        entries = []
+        for k in loops:
+            own = self._vectors.loops[k]
+            columns = [self._vectors.first_derivative(own, {j: (1, '')}) for j in group]
+            entries += [format_sum(column[axis]) for axis in (0, 1) for column in columns]
+        return entries
+
+
+def format_sum(terms: Sequence[Term]) -> str:
     """Return a sum of signed products; 0.0 for none."""
     ordered = sorted(terms, key=lambda term: -term[0])
     text = ''.join(f' {"+" if sign > 0 else "-"} {product}' for sign, product in ordered)
     return {' + ': '', ' - ': '-'}[text[:3]] + text[3:] if text else '0.0'
 
 
-def elimination(n: int) -> list[str]:
+def elimination_source(n: int) -> list[str]:
     """Return a function that solves n equations by Gauss's elimination with row pivots."""
     rows = [[f'm{i}_{j}' for j in range(n)] + [f'b{i}'] for i in range(n)]
     given = ', '.join([*(name for row in rows for name in row[:-1]), *(row[-1] for row in rows)])
