@@ -62,7 +62,7 @@ class CodeGenerator:
             found |= {f'least{b}': -block.rounding_of_sine * block.scale}
             found |= {f'singular{b}': block.singular_sine * block.scale}
             found |= {f'inverse{b}': 1.0 / block.scale}
-            if block.dyad_solver is not None and not block.dyad_solver.two_branches:
+            if not block.two_branches:
                 # It closes in one way only, whichever sign that has.
                 found[f'least{b}'] = -inf
         if self._structure.slides:
