@@ -13,26 +13,25 @@ KlannMotion(alpha=2, gamma=..., theta=..., h=(-0.3882752, 0.04400816))
 >>> round(foot_path(leg).stride, 6)
 0.490957
 
-What there is, by what one asks for. Angles are in rad, lengths in m.
+The interface by subject. Angles are in rad, lengths in m.
 
 =====================  ================================================================
-Legs that are solved   `KlannLeg`, `FourBar`, `LinkageLeg`: `solve`, `closed_form`,
+Solvers                `KlannLeg`, `FourBar`, `LinkageLeg`: `solve`, `closed_form`,
                        `newton`, `velocity`, `acceleration`, `crank_torque`,
                        `foot_force`, `reachable_arcs`
-What they are made of  `KlannGeometry`, `FourBarGeometry`, `Linkage`; `shipped_linkage`,
+Geometry               `KlannGeometry`, `FourBarGeometry`, `Linkage`; `shipped_linkage`,
                        `shipped_linkages`, `linkage_from_file`, `linkage_from_text`
-What they answer       `KlannPose`, `FourBarPose`, `LinkagePose`, their motions;
+Results                `KlannPose`, `FourBarPose`, `LinkagePose`, their motions;
                        `Iterations`
-How they are put       `assemblies`, `assembly_poses`, `reachable_arcs`
-together
+Assembly modes         `assemblies`, `assembly_poses`, `reachable_arcs`
 The foot               `foot_path`: `FootPath`, `Stance`, `Nearest`
-Many at once           `linkage_poses`, `klann_poses`: `LinkagePoses`, `Reason`;
+Batches                `linkage_poses`, `klann_poses`: `LinkagePoses`, `Reason`;
                        `Variants`
-Lengths that are off   `turns_fully`, `length_margins`: `Margin`;
+Tolerances             `turns_fully`, `length_margins`: `Margin`;
                        `tolerance_study`: `ToleranceStudy`
-The four-bar's course  `Grashof`, `DeadPoint`, `RockerLimits`, `TransmissionExtremes`,
+The four-bar           `Grashof`, `DeadPoint`, `RockerLimits`, `TransmissionExtremes`,
                        `FourBarTable`
-What can go wrong      `KinematicsError`: `GeometryError`, `LinkageFileError`,
+Errors                 `KinematicsError`: `GeometryError`, `LinkageFileError`,
                        `CrankAngleError`, `UnreachableError`, `LoopsOpenError`,
                        `NotConvergedError`, ...
 =====================  ================================================================

@@ -6,7 +6,7 @@ from typing import SupportsFloat
 from .errors import CrankAngleError
 
 TURN = 2.0 * pi
-# Where the tangent of a nearly singular pose leads many turns away, angles lose digits.
+# The tangent of a nearly singular pose may lead many turns away, where angles lose digits.
 MAX_UNWRAPPED = 2.0 * TURN
 # Beyond this the last digit of a crank angle is worth more than 1e-10 rad.
 MAX_CRANK_ANGLE = 1e6
@@ -29,8 +29,8 @@ def wrap(angle: float) -> float:
 
 
 def crank_angle(alpha: SupportsFloat) -> float:
-    """Return a crank angle as a float [rad]; a CrankAngleError if it is none within +-1e6 rad."""
-    # Nearly every crank angle is a float, and is not looked at twice.
+    """Return a crank angle [rad] as a float; raises if not finite or |alpha| > 1e6."""
+    # The fast path: nearly every crank angle is a float.
     number = alpha if type(alpha) is float else _number(alpha)
     # NaN fails every comparison.
     if not -MAX_CRANK_ANGLE <= number <= MAX_CRANK_ANGLE:
@@ -39,7 +39,7 @@ def crank_angle(alpha: SupportsFloat) -> float:
 
 
 def _number(alpha: SupportsFloat) -> float:
-    """Return NaN for what is no number; float() would take text as well, such as '1_0' for 10."""
+    """Return a float, NaN unless it is a number; float() would accept text such as '1_0'."""
     try:
         return nan if isinstance(alpha, str | bytes | bytearray) else float(alpha)
     except (TypeError, ValueError, OverflowError):

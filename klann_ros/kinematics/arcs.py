@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from .angles import TURN
 
-# How often a clearance is sampled over an arc.
+# Clearance samples over an arc.
 SAMPLES_PER_ARC = 360
 GOLDEN_RATIO = (5.0**0.5 - 1.0) / 2.0
 
@@ -23,7 +23,7 @@ class ArcSample(NamedTuple):
 
 def arcs_inside(clearance: Callable[[float], float], arc: Arc = (0.0, TURN)) -> list[Arc]:
     """
-    Return the parts of an arc (start, end) [rad] at which a clearance is not negative.
+    Return the parts of an arc (start, end) [rad] where a clearance is not negative.
 
     It is a function of the angle; sampled, its peaks and dips between samples are searched, and
     its zeros are bisected to 1e-13 of the angle.
@@ -47,7 +47,7 @@ def _samples(arc: Arc) -> list[float]:
     middle, half = (arc[0] + arc[1]) / 2.0, (arc[1] - arc[0]) / 2.0
     if 2.0 * half >= TURN:
         return [arc[0] + k * TURN / SAMPLES_PER_ARC for k in range(SAMPLES_PER_ARC + 1)]
-    # At the very ends the first dyad is in line, and rounding decides whether it closes.
+    # At the very ends the first dyad is singular, and rounding decides whether it closes.
     half *= 1.0 - 1e-12
     return [middle - half * cos(pi * k / SAMPLES_PER_ARC) for k in range(SAMPLES_PER_ARC + 1)]
 
@@ -64,7 +64,7 @@ def _with_extrema(clearance: Callable[[float], float], angles: list[float]) -> l
     for left, right, before, value, after in neighbours:
         if value < 0.0 and before <= value >= after:
             found.append(_peak(clearance, left, right))
-        # What has no limit, as where two lines meet, has no dip.
+        # An infinite clearance, as of two lines, has no dip.
         elif 0.0 <= value < inf and before >= value <= after:
             found.append(_peak(lambda alpha: -clearance(alpha), left, right))
     turned = (alpha if alpha >= first else alpha + TURN for alpha in found)

@@ -1,8 +1,8 @@
 """
-What can go wrong in the kinematics: one class a cause, each carrying its numbers.
+Errors of the kinematics: one class for each cause, with its numbers.
 
-The text is made when it is asked for, from the same arguments that the error was raised with; so
-an error costs little where it is only counted, and it can be pickled.
+`__str__` formats the text from the attributes, so an error that is only counted costs little, and
+it can be pickled.
 """
 
 from dataclasses import dataclass
@@ -17,24 +17,24 @@ class KinematicsError(Exception):
 
 
 class GeometryError(KinematicsError, ValueError):
-    """A geometry that is no linkage; the text says which condition fails."""
+    """An invalid linkage geometry; the text says which condition fails."""
 
 
 class NotAssembledError(GeometryError):
-    """A start from which no pose is reached that says which assembly is meant."""
+    """A start that leads to no pose of a definite assembly mode."""
 
 
 @dataclass(eq=False, repr=False)
 class CrankAngleError(KinematicsError, ValueError):
     """
-    A crank angle that is no angle: not finite, or too large to mean anything.
+    An invalid crank angle: not finite, or beyond the limit of precision.
 
     Attributes
     ----------
     alpha : object
         The crank angle as received [rad].
     limit : float
-        The largest magnitude that is taken [rad].
+        The largest allowed magnitude [rad].
 
     """
 
@@ -57,24 +57,24 @@ class CrankAngleError(KinematicsError, ValueError):
 @dataclass(eq=False, repr=False)
 class UnreachableError(KinematicsError):
     """
-    A crank angle at which a dyad cannot close.
+    An unreachable crank angle: a dyad cannot close there.
 
     Attributes
     ----------
     alpha : float
         Crank angle [rad].
     dyad : int
-        Which block of the linkage it is, from 1. Of the Klann leg, 1: coupler BC and rocker DC,
+        Number of the block in the linkage, from 1. Of the Klann leg, 1: coupler BC and rocker DC,
         from B and D; 2: rocker EF and leg FG, from E and G.
     shortfall : float
-        How far the ends of the dyad are out of its reach [m], >= 0; 0 where they coincide and the
+        Distance of the dyad's ends beyond its reach [m], >= 0; 0 where they coincide and the
         links are equally long, so that the dyad closes in every direction.
     stretched : bool
         True when they are too far apart for the links stretched out, False when they are too
         close together for the links folded.
     names : tuple of str
-        What the dyad's two ends and its two links are called. Where one joint slides: the end and
-        what slides, the link, and no other; or the link's pivot, what slides along it, and it.
+        Names of the dyad's two ends and two links. With a sliding joint: the end, the slider, the
+        link and ''; or the link's pivot, the slider on it, the link and ''.
 
     """
 
@@ -94,7 +94,7 @@ class UnreachableError(KinematicsError):
             near = f'closer together than |{link_1} - {link_2}|'
             why = f'{p} and {q} are {self.shortfall:.6g} m {near}'
         else:
-            why = f'{p} and {q} coincide, and the pose is not definite'
+            why = f'{p} and {q} coincide, and the pose is indefinite'
         where = f'crank angle {self.alpha:.6f} rad ({math.degrees(self.alpha):.3f} deg)'
         return f'{where} cannot be reached: dyad {self.dyad} does not close, {why}'
 
@@ -111,16 +111,16 @@ class UnreachableError(KinematicsError):
 @dataclass(eq=False, repr=False)
 class LoopsOpenError(KinematicsError):
     """
-    A crank angle at which coupled loops do not close on the branch that they are on.
+    A crank angle beyond the assembly branch of coupled loops.
 
     Attributes
     ----------
     alpha : float
         Crank angle [rad].
     block : int
-        Which of the linkage's blocks, from 1.
+        Number of the block in the linkage, from 1.
     nearest : float
-        The nearest crank angle at which they close [rad].
+        The nearest crank angle where they close [rad].
 
     """
 
@@ -148,7 +148,7 @@ class NotConvergedError(KinematicsError):
     iterates : numpy.ndarray, shape (k, n)
         Every iterate [rad], the guess first.
     reason : str
-        What stopped it.
+        The cause.
 
     """
 
@@ -166,7 +166,7 @@ class NotConvergedError(KinematicsError):
 @dataclass(eq=False, repr=False)
 class SingularPoseError(KinematicsError):
     """
-    A pose without a velocity: Phi cannot be inverted, as where a dyad is stretched or folded.
+    A singular pose: Phi has no inverse, so no velocity exists; a dyad is stretched or folded.
 
     Attributes
     ----------
@@ -187,7 +187,7 @@ class SingularPoseError(KinematicsError):
 @dataclass(eq=False, repr=False)
 class ImmobileDirectionError(KinematicsError):
     """
-    A direction in which the foot does not move, so that any force along it is balanced.
+    A direction without foot motion: any force along it is balanced.
 
     Attributes
     ----------

@@ -40,7 +40,7 @@ def newton_raphson(
     alpha : float
         The driving angle, for the error's text [rad].
     tolerance : float or None
-        The largest correction at which it has converged [rad]; None for any.
+        Convergence limit of the correction [rad]; None for any.
     max_iterations : int
         How many corrections it may make.
     residual : float, optional
@@ -84,21 +84,21 @@ def newton_raphson(
             if residual is None or np.abs(f(iterates[-1])).max() < residual:
                 return np.array(iterates)
             last = f'|f| is not below {residual:g} m'
-    reason = f'{last or "nothing was done"} after {max_iterations} iterations'
+    reason = f'{last or "no iteration was made"} after {max_iterations} iterations'
     raise NotConvergedError(alpha, np.array(iterates), reason)
 
 
 @dataclass(frozen=True, eq=False)
 class Iterations:
     """
-    A run of Newton-Raphson, as one writes it down; all arrays are read-only.
+    A run of Newton-Raphson: iterates, residuals, Jacobians; all arrays are read-only.
 
     Attributes
     ----------
     alpha : float
         The driving angle [rad].
     names, units : tuple of str
-        What the unknowns are called, and their units: 'rad', or 'm' of what slides.
+        Names and units of the unknowns: 'rad', or 'm' for a sliding distance.
     x : numpy.ndarray, shape (k, n)
         The iterates, the guess first.
     f : numpy.ndarray, shape (k, n)
@@ -117,7 +117,7 @@ class Iterations:
 
     @property
     def corrections(self) -> FloatArray:
-        """Return what was added to each iterate but the last, shape (k - 1, n) [rad, m]."""
+        """Return the correction of each iterate but the last, shape (k - 1, n) [rad, m]."""
         return np.diff(self.x, axis=0)
 
     @property
@@ -148,21 +148,21 @@ class Iterations:
         return '\n'.join(lines)
 
 
-# A warm start that needs more is better seeded anew.
+# A warm start that needs more restarts from the closed form.
 MAX_ITERATIONS = 10
-# While a large step is split, the poses between only have to stay on the branch.
+# Limits of the intermediate poses of a split step, which only have to stay on the branch.
 COARSE_TOLERANCE = 1e-3
 COARSE_ITERATIONS = 6
-# Half a turn is 9 parts of 0.35 rad; what takes more is cheaper seeded anew.
+# Half a turn is 9 parts of 0.35 rad; for a larger step the closed form is cheaper.
 MAX_SUBSTEPS = 9
 
 
 class FollowSettings(NamedTuple):
     """
-    How a leg is led from pose to pose.
+    Tolerance and step limits of `follow_branch`.
 
-    The largest correction of a converged pose, the largest step of the crank that is made at once
-    [rad], and in how many of them a step is made at most; one of more is seeded.
+    The largest correction of a converged pose [rad], the largest undivided step of the crank
+    [rad], and the largest number of parts; a larger step restarts from the closed form.
     """
 
     tolerance: float
@@ -217,7 +217,7 @@ def _predict_and_correct(
     tolerance: float,
     steps: tuple[float, int],
 ) -> Any:
-    """Return the pose at a driving angle, a step in so many parts from the last; None if lost."""
+    """Return the pose at a driving angle, (step, parts) from the last; None if a part fails."""
     step, parts = steps
     step /= parts
     spent = 0

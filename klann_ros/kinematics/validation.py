@@ -1,4 +1,4 @@
-"""What users give, checked: the value as it is computed with, or one line that says why not."""
+"""Checks of users' values: the value for the computation, or an error of one line."""
 
 from collections.abc import Sequence
 import math
@@ -11,7 +11,7 @@ import numpy as np
 from .angles import TURN
 from .errors import GeometryError
 
-# Beyond these the product of four lengths is no number any more.
+# Beyond these the product of four lengths over- or underflows.
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-60, 1e60
 _WORDS = {2: 'two', 4: 'four'}
 
@@ -37,7 +37,7 @@ def positive(name: str, length: float) -> None:
 
 
 def representable(name: str, value: float) -> None:
-    """Refuse what has no square, or loses its digits in the product of four lengths."""
+    """Refuse a number whose products over- or underflow with a GeometryError."""
     if value != 0.0 and not MIN_MAGNITUDE <= abs(value) <= MAX_MAGNITUDE:
         limits = f'{MIN_MAGNITUDE:g} .. {MAX_MAGNITUDE:g} m'
         msg = f'{name} = {value:g} m is refused: it must be within {limits}'
@@ -45,7 +45,7 @@ def representable(name: str, value: float) -> None:
 
 
 def factor(value: Any) -> float:
-    """Return a factor of a size; a GeometryError for what is no finite number > 0."""
+    """Return a scale factor; raises a GeometryError unless it is finite and > 0."""
     number = finite('factor', value)
     if number <= 0.0:
         msg = f'factor = {value!r} is refused: it must be > 0'
@@ -84,7 +84,7 @@ def rate(name: str, value: float) -> None:
 
 
 def count(name: str, value: int, minimum: int) -> int:
-    """Return how many are wanted; a ValueError for no whole number, or less than `minimum`."""
+    """Return a count; raises a ValueError unless it is a whole number >= minimum."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < minimum:
         msg = f'{name} = {value!r} is refused: it must be a whole number, at least {minimum}'
         raise ValueError(msg)

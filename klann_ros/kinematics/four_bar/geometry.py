@@ -92,7 +92,7 @@ class FourBarGeometry:
 
     @cached_property
     def linkage(self) -> Linkage:
-        """Return it as a linkage, which is what solves it."""
+        """Return it as a linkage, the form that is solved."""
         return Linkage(STRUCTURE, self.lengths, assembly=(self.assembly,), name='Four-bar')
 
     def varied(
@@ -120,7 +120,7 @@ class FourBarGeometry:
         return FourBarGeometry(**lengths, assembly=self.assembly)
 
     def scaled(self, factor: float) -> 'FourBarGeometry':
-        """Return it so many times as large; a GeometryError for no positive factor."""
+        """Return it scaled by a factor; raises a GeometryError unless it is positive."""
         factor = validation.factor(factor)
         return self.varied({name: factor * getattr(self, name) for name in LENGTHS})
 
@@ -140,7 +140,7 @@ class FourBarGeometry:
         return FourBarGeometry(held, driven, across, other, sign)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the linkage, which is made anew."""
+        """Leave out the linkage: it is made on first use."""
         return {**dict(zip(LENGTHS, self.lengths, strict=True)), 'assembly': self.assembly}
 
     def crank_pin(self, theta2: float) -> tuple[float, float]:

@@ -77,7 +77,7 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         return self._made(self._geometry.varied(changes, **numbers))
 
     def scaled(self, factor: float) -> 'FourBar':
-        """Return the four-bar so many times as large; a GeometryError for no positive factor."""
+        """Return the four-bar scaled by a factor; raises a GeometryError unless it is positive."""
         return self._made(self._geometry.scaled(factor))
 
     def mirrored(self) -> 'FourBar':

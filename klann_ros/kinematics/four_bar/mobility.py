@@ -16,7 +16,7 @@ FIXED, ROTATES, OSCILLATES = 'fixed', 'rotates', 'oscillates'
 
 class Roles(NamedTuple):
     """
-    What each link does: 'fixed', 'rotates' or 'oscillates'.
+    The role of each link: 'fixed', 'rotates' or 'oscillates'.
 
     A link rotates if there is a motion of the linkage in which it turns fully against the fixed
     one. That includes motions through the change points of class III, where the assembly changes:
@@ -33,7 +33,7 @@ class Roles(NamedTuple):
 @dataclass(frozen=True)
 class Grashof:
     """
-    The kind of a four-bar linkage, from s + l against p + q.
+    The class of a four-bar linkage by Grashof's law, s + l against p + q.
 
     s and l are the shortest and the longest link, p and q the other two.
 
@@ -42,7 +42,7 @@ class Grashof:
     lengths : tuple of float
         L1 to L4: ground, crank, coupler, rocker [m].
     fixed : str
-        Which of them is held: 'ground', or another one for an inversion.
+        The fixed link: 'ground', or another one for an inversion.
 
     References
     ----------
@@ -75,7 +75,7 @@ class Grashof:
     @property
     def roles(self) -> Roles:
         """
-        Return what each link does, by its name.
+        Return the role of each link by its name.
 
         In classes I and III two links turn fully against each other if one of them is a shortest
         one, and oscillate otherwise; in class II all oscillate.
@@ -91,7 +91,7 @@ class Grashof:
     @property
     def shape(self) -> str:
         """
-        Return what makes a linkage of class III special, '' in the other classes.
+        Return the special shape of a linkage of class III, '' in the other classes.
 
         'rhombus' (all equal), 'parallelogram' (opposite links equal; the antiparallelogram is its
         other assembly), 'kite' (neighbours equal: the deltoid), or 'change-point'.
@@ -112,7 +112,7 @@ class Grashof:
     @property
     def motion(self) -> str:
         """
-        Return what the fixed link's two neighbours do.
+        Return the motion of the fixed link's two neighbours.
 
         'crank-rocker', 'rocker-crank', 'double crank', 'double rocker' (only the coupler turns),
         or 'triple rocker' (nothing does). Of an inversion, the next link in the order ground,
@@ -146,7 +146,7 @@ DRIVERS = ('crank', 'rocker')
 
 class DeadPoint(NamedTuple):
     """
-    A pose in which the driver cannot go on: the two other moving links are in line.
+    A dead point: the driver stops where the two other moving links are in line.
 
     Attributes
     ----------
@@ -178,7 +178,7 @@ class RockerLimits(NamedTuple):
     stretched, folded : DeadPoint or None
         The two limit positions of this assembly; None where the rocker has no such limit.
     swing : float
-        How far the rocker can turn between its limits, 2 pi for one that turns fully [rad]. Where
+        Angle of the rocker between its limits, 2 pi for one that turns fully [rad]. Where
         it has only one kind of limit it swings through to the mirrored one, which the other
         assembly has.
     time_ratio : float

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from .geometry import FourBarGeometry
 
-# Good practice for large forces.
+# Transmission angle limits of good practice for large forces.
 MIN_TRANSMISSION_ANGLE, MAX_TRANSMISSION_ANGLE = radians(40.0), radians(140.0)
 
 
@@ -110,16 +110,16 @@ def advantages(geometry: FourBarGeometry, theta2: Any, theta3: Any, theta4: Any)
 COLUMNS = ('theta2', 'theta3', 'theta4', 'alpha', 'beta', 'Z', 'mu', 'T4/T2')
 # A four-bar's lengths may be in any unit, so Z has none.
 UNITS = ('[deg]',) * 5 + ('', '[deg]', '[1]')
-# What `str` shows: a table for the eye; the arrays have all.
+# Rows of the printed table; the arrays have all.
 MAX_ROWS = 100
 
 
 @dataclass(frozen=True, eq=False)
 class FourBarTable:
     """
-    The course's quantities at many crank angles; NaN where the crank cannot be.
+    The course's quantities at many crank angles; NaN at unreachable ones.
 
-    All arrays have the shape of the crank angles that were asked for, and are read-only.
+    All arrays have the shape of the given crank angles, and are read-only.
 
     Attributes
     ----------
@@ -168,7 +168,7 @@ def four_bar_table(geometry: FourBarGeometry, theta2: ArrayLike) -> FourBarTable
     """Return the table of a four-bar; see `FourBar.table`."""
     poses = linkage_poses(geometry, theta2, angles=True, points=True)
     if poses.angles is None or poses.points is None:
-        raise AssertionError('both were asked for')
+        raise AssertionError('both are requested')
     given = np.array(theta2, dtype=np.float64)
     theta3, theta4 = np.moveaxis(poses.angles, -1, 0)
     to_a = poses.points[..., 1, :] - poses.points[..., 3, :]

@@ -77,15 +77,15 @@ class KlannGeometry:
         Bend of the coupler at C and of the leg at G [rad], signed, within +-2 pi; of degrees
         `math.radians` makes them.
     assembly : tuple of int
-        The signs (+1 or -1) of sin(gamma + beta) and of sin(delta + theta): how each dyad is put
-        together.
+        The signs (+1 or -1) of sin(gamma + beta) and of sin(delta + theta): the assembly
+        mode of each dyad.
 
     Raises
     ------
     GeometryError
         A value is not a finite number, a length is not positive or beyond all measure, a bend is
-        beyond 2 pi, an assembly sign is not +1 or -1, or there is no crank angle at all at which
-        both dyads close. A ValueError.
+        beyond 2 pi, an assembly sign is not +1 or -1, or both dyads close at
+        no crank angle. A ValueError.
 
     References
     ----------
@@ -158,7 +158,7 @@ class KlannGeometry:
 
     @cached_property
     def linkage(self) -> Linkage:
-        """Return the leg as a linkage, which is what solves it."""
+        """Return the leg as a linkage, the form that is solved."""
         numbers = [getattr(self, name) for name in NUMBERS]
         return Linkage(STRUCTURE, numbers, assembly=self.assembly, name='Klann leg')
 
@@ -186,7 +186,7 @@ class KlannGeometry:
         return replace(self, **new)
 
     def scaled(self, factor: float) -> 'KlannGeometry':
-        """Return the leg so many times as large; a GeometryError for no positive factor."""
+        """Return the leg scaled by a factor; raises a GeometryError unless it is positive."""
         factor = validation.factor(factor)
         return self.varied({name: factor * getattr(self, name) for name in LENGTHS + COORDINATES})
 
@@ -201,7 +201,7 @@ class KlannGeometry:
         return replace(self, **turned, assembly=(-first, -second))
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the linkage, which is made anew."""
+        """Leave out the linkage: it is made on first use."""
         return self.as_dict()
 
     def as_dict(self) -> dict[str, Any]:
@@ -211,7 +211,7 @@ class KlannGeometry:
 
 
 PRESETS = {'sem104': KlannGeometry.sem104, 'patent': KlannGeometry.patent}
-"""What makes the legs that are known by a name."""
+"""The makers of named legs."""
 
 
 def _signs(assembly: Any) -> tuple[int, int]:

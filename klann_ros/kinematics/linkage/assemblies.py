@@ -1,9 +1,9 @@
 """
-The ways in which a linkage can be put together.
+The assembly modes of a linkage.
 
-Each dyad closes in two ways, its joint on one side of its ends or on the other; the signs of all
-are the assembly. Coupled loops have more, which no sign tells apart: Newton-Raphson looks for
-them from many starting points.
+Each dyad has two, its joint on one side of its ends or on the other; the signs of all dyads are
+the assembly. Coupled loops have more, which signs do not distinguish: Newton-Raphson searches them
+from many starting points.
 """
 
 from collections.abc import Callable, Iterator
@@ -51,7 +51,7 @@ def assemblies(linkage: Any) -> list[tuple[int, ...]]:
     Raises
     ------
     GeometryError
-        Its loops are coupled: no signs tell how it is put together; see `assembly_poses`.
+        Its loops are coupled: no signs distinguish its assemblies; see `assembly_poses`.
     TypeError
         `linkage` is none of these.
 
@@ -69,7 +69,7 @@ def assembly_poses(linkage: Any, alpha: float) -> list[LinkagePose]:
     """
     Return the pose of every assembly at a crank angle.
 
-    Each pose's `linkage` is the one put together so: `LinkageLeg(pose.linkage)` goes on from it.
+    Each pose's `linkage` has its assembly mode: `LinkageLeg(pose.linkage)` continues from it.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def assembly_poses(linkage: Any, alpha: float) -> list[LinkagePose]:
 
 
 def possible_assemblies(linkage: Linkage) -> Iterator[tuple[int, ...]]:
-    """Yield what `assemblies` returns, one after the other: of ten dyads there are a thousand."""
+    """Yield `assemblies` one by one: ten dyads have a thousand."""
     signs = product(*_block_signs(linkage))
     return (one for one in signs if closes_somewhere(linkage.in_assembly(one)))
 
@@ -118,16 +118,16 @@ def _block_signs(linkage: Linkage) -> list[tuple[int, ...]]:
 
 
 def _of_dyads(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
-    stuck: tuple[int, ...] = ()
+    failed: tuple[int, ...] = ()
     for signs in product(*_block_signs(linkage)):
         # What fails at a dyad fails whatever the signs from there on.
-        if stuck and signs[: len(stuck) - 1] == stuck[:-1]:
+        if failed and signs[: len(failed) - 1] == failed[:-1]:
             continue
         one = linkage.in_assembly(signs)
         try:
             u = closed_form_vectors(one, alpha)
         except UnreachableError as error:
-            stuck = signs[: error.dyad]
+            failed = signs[: error.dyad]
             continue
         yield closed_pose(one, u, alpha)
 
@@ -185,12 +185,12 @@ def _newton(linkage: Linkage, alpha: float, guess: FloatArray) -> FloatArray | N
 
 
 def _max_difference(linkage: Linkage, x: Any, other: Any) -> float:
-    """Return by how much two poses differ at most, modulo whole turns [rad]: see `joints`."""
+    """Return the largest coordinate difference of two poses, modulo whole turns [rad]."""
     return max(map(abs, linkage.coordinate_differences(x, other)))
 
 
 def distance_to_assembly(linkage: Linkage, start: tuple[float, ...]) -> float:
-    """Return how far a start is from the nearest assembly at its crank angle; inf for none."""
+    """Return the distance of a start to the nearest assembly at its crank angle; inf for none."""
     alpha, *x = start
     # Where Newton-Raphson leads to comes first: there may be thousands of assemblies.
     reached = _newton(linkage, alpha, np.array(x))
@@ -201,7 +201,7 @@ def distance_to_assembly(linkage: Linkage, start: tuple[float, ...]) -> float:
 
 
 def _describe_reachable(linkage: Linkage, shown: Callable[[float], float], unit: str) -> str:
-    """Return in words where the crank of a linkage of dyads can be."""
+    """Return in words the reachable arcs of a linkage of dyads."""
     possible = next(possible_assemblies(linkage), None) if linkage.is_dyadic else None
     if possible is None:
         return ''
@@ -223,8 +223,8 @@ def describe_assemblies(linkage: Linkage, alpha: float, *, in_degrees: bool) -> 
         pairs = list(zip(linkage.structure.bodies[1:], pose.x, strict=True))
         angles = [f'{body.angle} {shown(x):.4g}' for body, x in pairs if not body.slides]
         lengths = [f'{body.angle} {x:.4g}' for body, x in pairs if body.slides]
-        told = [', '.join(angles) + f' {unit}'] if angles else []
-        told += [', '.join(lengths) + ' m'] if lengths else []
-        texts.append(f'{list(pose.linkage.assembly)} ({", ".join(told)})')
+        shown_x = [', '.join(angles) + f' {unit}'] if angles else []
+        shown_x += [', '.join(lengths) + ' m'] if lengths else []
+        texts.append(f'{list(pose.linkage.assembly)} ({", ".join(shown_x)})')
     more = ' and others' if len(poses) > MAX_NAMED else ''
     return f'at {at} there are the assemblies {"; ".join(texts)}{more}'

@@ -1,5 +1,5 @@
 """
-What of a linkage is solved one after the other: dyads, and coupled loops.
+Blocks of a linkage, solved one after the other: dyads, and coupled loops.
 
 Position, velocity and acceleration all come down to one linear step: by which turns d of its
 bodies does a block open its loops by a given -r,
@@ -30,15 +30,15 @@ Terms = Mapping[int, complex]
 class Block:
     """Loops that are solved together: one of a dyad, several where they are coupled."""
 
-    # Which block of the linkage, from 1.
+    # Its number in the linkage, from 1.
     number: int
-    # Of each loop what the bodies add to it, and what the pivots do [m].
+    # The coefficients of the bodies, and the constant, of each loop [m].
     rows: tuple[tuple[Terms, complex], ...]
     # The bodies that it places.
     unknowns: tuple[int, ...]
     # The linkage's.
     structure: Structure
-    # What the two ends and the two links of a dyad are called.
+    # Names of the two ends and the two links of a dyad.
     names: tuple[str, str, str, str]
     # Whether a dyad's transmission angle is measured outside of its joint.
     outside: bool = False
@@ -56,7 +56,7 @@ class Block:
 
     @property
     def two_branches(self) -> bool:
-        """Return whether a dyad can be put together in two ways; its sign is +1 where not."""
+        """Return whether it has two assembly modes; with a single one its sign is +1."""
         return self._dyad is None or self._dyad.two_branches
 
     @property
@@ -82,12 +82,12 @@ class Block:
 
     @cached_property
     def rounding(self) -> float:
-        """Return what its loops can lose to rounding [m]."""
+        """Return the rounding of its loops [m]."""
         return float(RELATIVE_ROUNDING * max_vector_length(self.structure, self.rows))
 
     @cached_property
     def scale(self) -> float:
-        """Return what its determinant is divided by to be a sine; of two circles r_a r_b."""
+        """Return the ratio of its determinant to its sine; of two circles r_a r_b."""
         if self._dyad is not None:
             return self._dyad.scale
         own = np.array([[abs(terms.get(j, 0.0)) for j in self.unknowns] for terms, _ in self.rows])
@@ -98,7 +98,7 @@ class Block:
 
     @cached_property
     def rounding_of_sine(self) -> float:
-        """Return the sine that rounding alone can make of 0, near the middle of the reach."""
+        """Return the rounding of the sine near the middle of the reach."""
         if self._dyad is not None:
             return self.rounding / self._dyad.min_length
         links = [abs(terms[j]) for terms, _ in self.rows for j in self.unknowns if j in terms]
@@ -107,7 +107,7 @@ class Block:
     @property
     def singular_sine(self) -> float:
         """
-        Return the sine that rounding alone can make.
+        Return the smallest sine above rounding at any pose.
 
         Near the reach of a dyad the sine's square is proportional to the distance from it. Below
         this sine Phi is known to be small and nothing else, and no velocity follows from it.
@@ -117,7 +117,7 @@ class Block:
     # Of a dyad.
 
     def closure_vector(self, u: Vectors) -> Any:
-        """Return what a dyad's W_a u_a + W_b u_b must be, by all others [m]."""
+        """Return a dyad's W_a u_a + W_b u_b as the other bodies require it [m]."""
         known, closure = self._known
         for j, w in known:
             closure = closure + w * u[j]
@@ -125,7 +125,7 @@ class Block:
 
     @cached_property
     def _known(self) -> tuple[tuple[tuple[int, complex], ...], complex]:
-        """Return what a dyad's loop consists of besides the two, and what the pivots do [m]."""
+        """Return a dyad's loop without its own two bodies: coefficients and constant [m]."""
         terms, constant = self.rows[0]
         return tuple((j, w) for j, w in terms.items() if j not in self.unknowns), constant
 
@@ -181,8 +181,7 @@ class Block:
         """
         Return the angle between a dyad's links; of coupled loops asin(sine) [rad].
 
-        Of a link and a line it is the angle between the ways in which its end can move by the one
-        and by the other: the same for two links.
+        Of a link and a line it is the angle between the two motions that they allow the joint.
         """
         if self._dyad is None:
             return np.arcsin(np.minimum(1.0, np.abs(self.sine(u))))
@@ -190,7 +189,7 @@ class Block:
 
     def clearance(self, u: Vectors) -> float:
         """
-        Return how far a dyad's ends are inside its reach [m].
+        Return the clearance of a dyad's ends within its reach [m].
 
         Of coupled loops it is the least singular value of their part of Phi [m/rad].
         """
@@ -200,6 +199,6 @@ class Block:
         return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
 
     def closure_error(self, u: Vectors) -> float:
-        """Return by how much its loops are open [m]."""
+        """Return the norm of its loops' closure errors [m]."""
         gaps = [sum((w * u[j] for j, w in terms.items()), c) for terms, c in self.rows]
         return hypot(*(part for gap in gaps for part in (gap.real, gap.imag)))

@@ -1,5 +1,5 @@
 """
-The branch of coupled loops: what a linkage reaches from its start when the crank is turned.
+The assembly branch of coupled loops: the poses that the crank reaches from the start.
 
 There is no closed form for coupled loops. Their branch is followed once, in small steps, without
 passing a singular pose, and kept as a table. A guess at any crank angle is the nearest pose in it,
@@ -21,12 +21,12 @@ import numpy as np
 from .equations import LoopEquations
 from .step import MAX_BRANCH_JUMP, step_functions
 
-# Between the table's poses [rad]: an eighth of what a tangent of the Klann leg may lead astray.
+# Crank step between the table's poses [rad]: 1/8 of the safe tangent step of the Klann leg.
 BRANCH_STEP = 0.05
-# Where steps smaller than this fail the branch ends [rad].
+# The branch ends where smaller steps fail [rad].
 MIN_BRANCH_STEP = 1e-9
 TOLERANCE, ITERATIONS = 1e-9, 6
-# Of what a step returns: see LinkagePose, which is above all this.
+# Fields of a corrected pose: see LinkagePose.
 _X_AND_COEFFICIENTS = itemgetter(1, 5)
 
 
@@ -110,7 +110,7 @@ class Branch:
         return angles
 
     def _sample(self, alpha: float, guess: tuple[float, ...]) -> BranchSample | None:
-        """Return the pose at a crank angle; None where the guess does not lead to it safely."""
+        """Return the pose at a crank angle; None if the guess fails or it is singular."""
         sample = self._corrected(alpha, guess)
         return None if sample is None or isnan(sample.x_1[0]) else sample
 
@@ -132,7 +132,7 @@ class Branch:
         return samples
 
     def _check_seam(self) -> None:
-        """Refuse a crank that can turn on to where the linkage is put together in another way."""
+        """Refuse a branch that overlaps itself after a turn in another assembly mode."""
         if self._is_turn or self._last - self._first < TURN - 2.0 * BRANCH_STEP:
             return
         try:

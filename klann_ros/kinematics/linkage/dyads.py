@@ -1,5 +1,5 @@
 """
-How a dyad is placed without iteration: the geometric method for each dyad of joints.
+Dyads, and the geometric method that places their two bodies without iteration.
 
 A dyad closes one loop by two bodies a and b, W_a u_a + W_b u_b = M, where M is known. Two that
 turn are where two circles meet. Where one or both slide it is a circle and a line, a circle around
@@ -64,7 +64,7 @@ def dyad_joint(p: Point, q: Point, r_p: float, r_q: float, sign: int) -> Point |
 
 def dyad_clearance(p: Point, q: Point, r_p: float, r_q: float) -> float:
     """
-    Return how far the ends P and Q are inside the dyad's reach [m]; negative when outside.
+    Return the clearance of the ends P and Q within the dyad's reach [m]; negative outside.
 
     The reach is |r_p - r_q| <= |PQ| <= r_p + r_q. Parameters as in `dyad_joint`.
     """
@@ -72,9 +72,9 @@ def dyad_clearance(p: Point, q: Point, r_p: float, r_q: float) -> float:
     return min(r_p + r_q - d, d - abs(r_p - r_q))
 
 
-# Of the longest of a loop.
+# Rounding of a loop, as a part of its longest vector.
 RELATIVE_ROUNDING = 8.0 * float_info.epsilon
-# What misses by less than this part of a loop's rounding touches.
+# Tangency tolerance, as a part of a loop's rounding.
 TANGENCY_TOLERANCE = 0.75
 
 
@@ -85,9 +85,9 @@ class Dyad(NamedTuple):
     structure: Structure
     # a and b.
     bodies: tuple[int, int]
-    # What they, and others, add to the loop: the W_j [m].
+    # The loop's coefficients W_j [m].
     terms: Mapping[int, complex]
-    # What does not move adds to it [m].
+    # The loop's constant [m].
     constant: complex
 
     @property
@@ -97,7 +97,7 @@ class Dyad(NamedTuple):
 
     @property
     def rounding(self) -> Any:
-        """Return what the loop can lose to rounding [m]."""
+        """Return the rounding of the loop [m]."""
         return RELATIVE_ROUNDING * self.length
 
     @property
@@ -112,7 +112,7 @@ class Dyad(NamedTuple):
         return (b, a, -sign) if self.slides[0] else (a, b, sign)
 
     def jacobian_columns(self, u: Vectors) -> tuple[Any, Any]:
-        """Return by what the loop opens with the coordinate of a, and of b."""
+        """Return the Jacobian's columns of the loop for a and b."""
         a, b = (jacobian_column(self.structure, self.terms, u, i) for i in self.bodies)
         return a, b
 
@@ -120,7 +120,7 @@ class Dyad(NamedTuple):
 class TwoCircles:
     """Two bodies that turn: a joint at the distance r_a from one end and r_b from the other."""
 
-    # Whether there are two ways to put it together.
+    # Whether it has two assembly modes.
     two_branches = True
 
     def __init__(self, dyad: Dyad) -> None:
@@ -158,7 +158,7 @@ class TwoCircles:
         return at / terms[a], (closure - at) / terms[b]
 
     def clearance(self, closure: Any, _: Vectors = ()) -> Any:
-        """Return how far the ends are inside its reach [m]; negative outside."""
+        """Return the clearance of the ends within its reach [m]; negative outside."""
         if isinstance(closure, np.ndarray):
             r_a, r_b = self.radii
             return np.minimum(r_a + r_b - abs(closure), abs(closure) - abs(r_a - r_b))
@@ -180,7 +180,7 @@ class TwoCircles:
 
 
 class _SlidingDyad:
-    """What dyads have in common in which a body slides."""
+    """The common part of dyads with a sliding body."""
 
     two_branches = True
 
@@ -192,7 +192,7 @@ class _SlidingDyad:
         return np.zeros(np.shape(closure), dtype=bool)
 
     def transmission_angle(self, u: Vectors, **_: bool) -> Any:
-        """Return the angle between the ways in which its bodies can move their joint [rad]."""
+        """Return the angle between the motions of the joint that its bodies allow [rad]."""
         p, q = self.dyad.jacobian_columns(u)
         return np.abs(np.angle(q * np.conj(p)))
 
@@ -221,7 +221,7 @@ class CircleAndLine(_SlidingDyad):
         return _ordered(dyad, link, (m.real - on) * f)
 
     def clearance(self, closure: Any, u: Vectors = ()) -> Any:
-        """Return how much longer the link is than it must be to reach the line [m]."""
+        """Return the excess of the link's length over its distance to the line [m]."""
         line = self.dyad.terms[self._slider] * carrier_rotation(
             self.dyad.structure, u, self._slider
         )
@@ -260,7 +260,7 @@ class LineOnLink(_SlidingDyad):
         return _ordered(dyad, turned, (on - self._c.real) * turned)
 
     def clearance(self, closure: Any, _: Vectors = ()) -> Any:
-        """Return how much further off than the line the end is from the link's pivot [m]."""
+        """Return the distance of the end from the link's pivot less that of the line [m]."""
         return abs(closure) - abs(self._c.imag)
 
     def column_lengths(self, closure: Any) -> Any:
@@ -288,7 +288,7 @@ class TwoLines(_SlidingDyad):
         return cross(closure, b) / sine * frames[0], cross(a, closure) / sine * frames[1]
 
     def clearance(self, closure: Any, _: Vectors = ()) -> Any:
-        """Return infinity: two lines meet however far off."""
+        """Return infinity: two lines always meet."""
         return np.full(np.shape(closure), np.inf)[()]
 
     def column_lengths(self, _: Any) -> float:
@@ -300,7 +300,7 @@ DyadSolver = TwoCircles | CircleAndLine | LineOnLink | TwoLines
 
 
 def dyad_solver(dyad: Dyad) -> DyadSolver:
-    """Return how a dyad of bodies is placed."""
+    """Return the solver of a dyad by its joints."""
     if not dyad.structure.slides or dyad.slides == (False, False):
         return TwoCircles(dyad)
     if dyad.slides == (True, True):

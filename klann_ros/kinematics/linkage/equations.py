@@ -45,7 +45,7 @@ def link_vectors(
     places: dict[tuple[int, str], Vector] = {}
     for number, (body, bar) in enumerate(structure.bars):
         if number in structure.lines:
-            # Its length is what the body slides by: see `joints`.
+            # Its length is the sliding distance: see `joints`.
             bars.append(polar(1.0, given.get(('bend', number), 0.0)))
             places[body, bar.end] = 0j
             continue
@@ -86,7 +86,7 @@ def triangle_apex(base: Vector, r_p: Any, r_q: Any, side: int) -> Vector:
 def path_terms(
     structure: Structure, path: Path, pivots: Sequence[Vector], bars: Sequence[Vector]
 ) -> tuple[dict[int, Vector], Vector]:
-    """Return what each body adds to a path, by its number, and what does not move adds [m]."""
+    """Return the coefficients of the bodies along a path, by index, and its constant [m]."""
     bodies: dict[int, Vector] = {}
     for number, times in path.bars:
         body = structure.carriers[number]
@@ -116,14 +116,14 @@ class LoopEquations:
     Parameters
     ----------
     structure : Structure
-        What is joined to what.
+        Its bodies and joints.
     numbers : sequence of float
         Its dimensions, in the structure's order [m, rad].
 
     Attributes
     ----------
     assembly : tuple of int
-        The sign (+1 or -1) of each block's sine: how it is put together.
+        The assembly mode: the sign (+1 or -1) of each block's sine.
 
     Raises
     ------
@@ -157,7 +157,7 @@ class LoopEquations:
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
-        """Return what is solved, in this order."""
+        """Return the blocks, in the order of their solution."""
         structure = self.structure
         made = zip(structure.groups, structure.paths.rows, structure.dyad_names, strict=True)
         return tuple(
@@ -184,24 +184,24 @@ class LoopEquations:
 
     @cached_property
     def rows(self) -> tuple[tuple[dict[int, complex], complex], ...]:
-        """Return of each loop what the bodies add to it, and what the pivots do [m]."""
+        """Return the coefficients of the bodies and the constant of each loop [m]."""
         paths = self.structure.paths.loops
         return tuple(path_terms(self.structure, p, self.pivots, self.bars) for p in paths)
 
     @cached_property
     def point_rows(self) -> tuple[tuple[dict[int, complex], complex], ...]:
-        """Return of each point what the bodies add to it, and what its pivot does [m]."""
+        """Return the coefficients of the bodies and the constant of each point [m]."""
         paths = self.structure.paths.points
         return tuple(path_terms(self.structure, p, self.pivots, self.bars) for p in paths)
 
     @property
     def foot(self) -> int:
-        """Return which of the points is the foot."""
+        """Return the index of the foot among the points."""
         return self.structure.points.index(self.structure.foot)
 
     @cached_property
     def size(self) -> float:
-        """Return its longest vector [m]: what distances of what slides are measured against."""
+        """Return its longest vector [m], the scale of sliding distances."""
         return float(max_vector_length(self.structure, self.rows))
 
     # Of poses.
@@ -270,7 +270,7 @@ class LoopEquations:
         return _plane(self.point_equations[0] @ vectors)
 
     def vectors(self, alpha: Any, x: Any) -> ComplexArray:
-        """Return u_j of every body, shape (n,): exp(i s_j phi_j), or what slides: see `joints`."""
+        """Return u_j of every body, shape (n,): see `joints`."""
         if self.structure.slides:
             return np.array(joints.body_vectors(self.structure, [alpha, *x]))
         u: ComplexArray = np.exp(self._i_s * np.array([alpha, *x]))

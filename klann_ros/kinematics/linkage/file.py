@@ -26,7 +26,7 @@ from .file_checks import (
 from .linkage import Linkage
 from .structure import Bar, Body, Brace, Structure
 
-# What a linkage has, and no parameter file.
+# The keys of a linkage, and of no parameter file.
 _KEYS = {'pivots', 'bodies', 'crank', 'foot'}
 LENGTH_UNITS = {'m': 1.0, 'cm': 0.01, 'mm': 0.001}
 SHIPPED = resources.files('klann_ros') / 'linkages'
@@ -68,7 +68,7 @@ def _parsed(name: str) -> Linkage:
 
 def linkage_from_file(path: str | Path) -> Linkage:
     """
-    Return the linkage in a YAML file; `schema.json` says what is in it.
+    Return the linkage in a YAML file; `schema.json` is its format.
 
     Parameters
     ----------
@@ -104,14 +104,14 @@ def linkage_text(path: str | Path) -> str:
             stem = Path(path).stem
             hint = f'; shipped are {", ".join(names)}{did_you_mean(stem, names)}'
             hint = f'; the shipped one is called {stem}' if stem in names else hint
-        # What is no UTF-8, and a path that is none, are ValueErrors.
+        # Invalid UTF-8 and invalid paths are ValueErrors.
         reason = getattr(error, 'strerror', None) or error
         msg = f'{printable(path)} cannot be read: {printable(reason)}{hint}'
         raise LinkageFileError(msg) from error
 
 
 def is_linkage(content: Any) -> bool:
-    """Return whether a file's content is meant to be a linkage: one of its keys is enough."""
+    """Return whether a file's content has a key of a linkage."""
     return isinstance(content, Mapping) and not _KEYS.isdisjoint(content)
 
 
@@ -124,7 +124,7 @@ def linkage_from_text(text: str, name: str) -> Linkage:
     text : str
         The YAML.
     name : str
-        What it is called in errors.
+        Its name in errors.
 
     Raises
     ------
@@ -175,7 +175,7 @@ def _linkage(content: Mapping[str, Any]) -> Linkage:
     }
     _warn_of_lengths(structure, given, units)
     numbers = [given[dimension.kind](dimension.place) for dimension in structure.dimensions]
-    # Put together in any way: what its numbers are is checked before its start is.
+    # In any assembly: its numbers are checked before its start.
     plain = Linkage(
         structure,
         numbers,

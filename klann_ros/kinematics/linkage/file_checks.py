@@ -18,7 +18,7 @@ from .linkage import Linkage
 from .reach import closes_somewhere
 from .structure import Structure
 
-# A drawing is as good as this [rad].
+# Reading error of a start from a drawing [rad].
 MAX_START_ERROR = radians(30.0)
 DEGREES_HINT = 'for degrees write units: {angle: deg}'
 
@@ -38,7 +38,7 @@ def check_start_names(start: Mapping[str, float], bodies: Sequence[str]) -> None
 
 def describe_misspelling(content: Mapping[str, Any], structure: Callable[..., Structure]) -> str:
     """
-    Return in words which point of a file may be misspelt; empty for none.
+    Return a hint at a misspelt point of a file; empty for none.
 
     It is one that joins nothing, where another name would. `structure` makes a structure of a
     file's content and bodies.
@@ -177,7 +177,7 @@ def _check_degrees(linkage: Linkage, start: tuple[float, ...]) -> None:
         raise GeometryError(msg)
 
 
-# What a schema_error is about is Any: its types hold a marker for what is not set.
+# jsonschema types an error's attributes with a marker for unset ones: hence Any.
 TYPES = {
     'array': 'a list',
     'boolean': 'true or false',
@@ -188,7 +188,7 @@ TYPES = {
 
 
 def schema_error(content: Any) -> str:
-    """Return what is wrong with a file's content, and where; empty when nothing is."""
+    """Return the first error of a file's content, with its place; empty if there is none."""
     if content is None:
         return f'it is empty: it must have {", ".join([*_schema()["required"], "start"])}'
     # jsonschema takes longer to load than everything else of the kinematics.

@@ -1,7 +1,7 @@
 """
-How bodies can move: the one place that knows what kinds of joint there are.
+The joints of a linkage: body vectors u_j and their derivatives for turning and sliding bodies.
 
-Every body has one coordinate x_j and one vector u_j, by which all that is fixed to it is placed.
+Every body has one coordinate x_j and one vector u_j, which places all its points.
 One that turns by an angle has u_j = exp(i s_j x_j), with s_j = -1 where its angle is measured
 clockwise. One that slides along a line by a distance has u_j = x_j u_f: the line is turned with
 the body f that it is on, its frame, and the ground has u_f = 1. So loops and points are the same
@@ -29,21 +29,21 @@ Vectors: TypeAlias = Any
 def body_vectors(structure: Structure, x: Sequence[Any]) -> list[Any]:
     """Return u_j of every body by its coordinates, the crank's first [rad, m]."""
     u: list[Any] = [None] * len(structure.bodies)
-    # What turns first: what slides is turned by it.
+    # Rotating bodies first: they carry the sliding ones.
     for j in sorted(range(len(u)), key=lambda j: structure.bodies[j].slides):
         u[j] = body_vector(structure, u, j, x[j])
     return u
 
 
 def body_vector(structure: Structure, u: Vectors, j: int, x: Any) -> Any:
-    """Return u_j of a body by its coordinate, and by the vectors of those that turn."""
+    """Return u_j of a body by its coordinate and the vectors of turning bodies."""
     if structure.bodies[j].slides:
         return x * carrier_rotation(structure, u, j)
     return np.exp(1j * structure.senses[j] * np.asarray(x))
 
 
 def carrier_rotation(structure: Structure, u: Vectors, j: int) -> Any:
-    """Return the vector of what a body that slides is turned with."""
+    """Return the rotation of the carrier of a sliding body, as a unit vector."""
     own = structure.frames[j]
     return 1.0 if own == FIXED else u[own]
 
@@ -64,13 +64,13 @@ def partial_derivative(structure: Structure, u: Vectors, j: int, i: int) -> Any:
     if structure.bodies[j].slides:
         if i == j:
             return carrier_rotation(structure, u, j)
-        # What it is turned by turns it too.
+        # The rotation of its carrier rotates it as well.
         return 1j * structure.senses[i] * u[j] if i == structure.frames[j] else 0.0
     return 1j * structure.senses[j] * u[j] if i == j else 0.0
 
 
 def jacobian_column(structure: Structure, terms: Mapping[int, complex], u: Vectors, i: int) -> Any:
-    """Return by what a sum of W_j u_j changes with the coordinate of a body."""
+    """Return the derivative of a sum of W_j u_j by the coordinate of body i."""
     if not structure.slides:
         return 1j * structure.senses[i] * terms.get(i, 0.0) * u[i]
     parts = (w * partial_derivative(structure, u, j, i) for j, w in terms.items())
@@ -96,14 +96,14 @@ def vector_velocity(structure: Structure, u: Vectors, x_1: Any, j: int) -> Any:
 def known_velocity(
     structure: Structure, u: Vectors, x_1: Any, j: int, unknown: Sequence[int]
 ) -> Any:
-    """Return the part of du_j that is known before some bodies' derivatives are."""
+    """Return the part of du_j that follows from the bodies already solved."""
     f = structure.frames[j]
     known = f not in {j, FIXED, *unknown}
     return partial_derivative(structure, u, j, f) * x_1[f] if known else 0.0
 
 
 def velocity_product(structure: Structure, u: Vectors, rates: Any) -> list[Any]:
-    """Return the part of d2u_j/dt2 that the rates dx/dt make."""
+    """Return the part of d2u_j/dt2 that is quadratic in the rates dx/dt."""
     found = []
     for j, body in enumerate(structure.bodies):
         own = structure.frames[j]

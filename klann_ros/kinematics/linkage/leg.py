@@ -1,4 +1,4 @@
-"""A linkage as an object that is solved: it remembers the last good pose, and nothing else."""
+"""A leg solves a linkage; its only state is the last good pose."""
 
 from collections.abc import Sequence
 from math import hypot, isnan
@@ -36,13 +36,13 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
     """
     A linkage that is solved for one crank angle after the other.
 
-    `LinkageLeg` is one of any linkage; `KlannLeg` and `FourBar` differ from it in what their
-    angles are called, and in what they are made from.
+    `LinkageLeg` takes any linkage; `KlannLeg` and `FourBar` have named angles and are made from
+    their dimensions.
 
     Parameters
     ----------
     linkage : Linkage
-        What it solves.
+        The linkage to solve.
     tolerance : float
         Largest correction of a converged pose [rad].
     max_crank_step : float
@@ -54,7 +54,7 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
     ValueError
         `tolerance` is not above 0 and at most 1e-3 rad, or `max_crank_step` not finite and > 0.
     GeometryError
-        Coupled loops are put together in another way after a turn, or are nearly singular at the
+        Coupled loops change their assembly mode within a turn, or are nearly singular at the
         start.
     TypeError
         `linkage` is no Linkage.
@@ -74,7 +74,7 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
         tolerance = validation.setting('tolerance', tolerance, COARSE_TOLERANCE)
         largest = validation.setting('max_crank_step', max_crank_step)
         if not linkage.is_dyadic:
-            # Its tangents lead astray sooner where loops are coupled; and it is followed once.
+            # Coupled loops leave their tangents sooner; their branch is followed once.
             largest = min(largest, BRANCH_STEP)
             _ = linkage.branch
         # A seed of coupled loops costs less than two parts.
@@ -93,7 +93,7 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
         return f'{type(self).__name__}({self._linkage!r})'
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the functions, which are made anew."""
+        """Leave out the functions: `__setstate__` makes them."""
         made = ('_correct', '_predict', '_velocity', '_acceleration')
         return {name: value for name, value in self.__dict__.items() if name not in made}
 
@@ -104,7 +104,7 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
 
     @property
     def linkage(self) -> Linkage:
-        """Return what it solves."""
+        """Return the linkage."""
         return self._linkage
 
     @property
@@ -114,7 +114,7 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
 
     @property
     def assembly(self) -> tuple[int, ...]:
-        """Return the sign of each block's sine: how it is put together."""
+        """Return the assembly mode: the sign of each block's sine."""
         return self._linkage.assembly
 
     @property
@@ -147,11 +147,11 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
         LoopsOpenError
             Coupled loops do not close at this crank angle on their branch.
         NotConvergedError
-            Newton-Raphson does not confirm what it was seeded with.
+            Newton-Raphson does not confirm its initial guess.
 
         """
         last, settings = self._last, self._settings
-        # What comes a thousand times a second: a small step from a pose that is not singular.
+        # The hot path: a small step from a pose that is not singular.
         if last is not None and type(alpha) is float and abs(alpha) <= MAX_CRANK_ANGLE:
             by, largest = alpha - last[0], settings[1]
             if -largest <= by <= largest:
@@ -194,7 +194,7 @@ class Leg(Textbook, Generic[PoseT, MotionT]):
 
     def reachable_arcs(self) -> list[Arc]:
         """
-        Return the arcs of crank angles at which every loop closes.
+        Return the arcs of crank angles where every loop closes.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""A linkage ready to be solved: its structure, its numbers, its branch."""
+"""A linkage: its structure, its dimensions, its assembly mode or branch."""
 
 from cmath import phase
 from collections.abc import Mapping, Sequence
@@ -16,9 +16,9 @@ from .branch import Branch
 from .equations import LoopEquations
 from .structure import dimension_places, Structure
 
-# The start is a guess of a pose at which the linkage closes: nothing a few corrections do not do.
+# Newton-Raphson needs only a few corrections from a usable start.
 MAX_START_ITERATIONS = 50
-# Of |sin| between two links, at the start: nearer to in line it does not say which branch.
+# Of |sin| between two links at the start: below it the assembly mode is undefined.
 MIN_START_SINE = 1e-6
 
 
@@ -29,17 +29,17 @@ class Linkage(LoopEquations):
     Parameters
     ----------
     structure : Structure
-        What is joined to what.
+        Its bodies and joints.
     numbers : sequence of float
         Its dimensions, in the structure's order [m, rad].
     assembly : sequence of int, optional
-        The sign (+1 or -1) of each block's sine: how it is put together.
+        The assembly mode: the sign (+1 or -1) of each block's sine.
     start : sequence of float, optional
         An angle for every body, the crank's first [rad]: at the crank's, Newton-Raphson starts
         from the others. Where it leads to is the assembly, if none is given; and coupled loops
         are on the branch that goes on from there.
     name, source : str
-        What it is called, and where its numbers are from.
+        Its name, and the source of its numbers.
 
     Raises
     ------
@@ -79,7 +79,7 @@ class Linkage(LoopEquations):
 
     @property
     def _key(self) -> tuple[Any, ...]:
-        """Return what its motion depends on: the start matters where loops are coupled."""
+        """Return all that its motion depends on; the start matters only for coupled loops."""
         start = None if self.is_dyadic else self.start_guess
         return self.structure, self.numbers, self.assembly, start
 
@@ -92,7 +92,7 @@ class Linkage(LoopEquations):
         Raises
         ------
         GeometryError
-            It is no linkage any more, or there is no such number.
+            The result is no linkage, or there is no such dimension.
 
         """
         new = {**(changes or {}), **named}
@@ -100,13 +100,13 @@ class Linkage(LoopEquations):
 
     def in_assembly(self, assembly: Sequence[int]) -> 'Linkage':
         """
-        Return the linkage put together in another way: see `assemblies`.
+        Return the linkage in another assembly mode: see `assemblies`.
 
         Raises
         ------
         GeometryError
-            There is not one sign, +1 or -1, for each block; or its loops are coupled, where only
-            a start says how it is put together: see `assembly_poses`.
+            There is not one sign, +1 or -1, for each block; or its loops are coupled, whose
+            assembly mode only a start defines: see `assembly_poses`.
 
         """
         if not self.is_dyadic:
@@ -157,7 +157,7 @@ class Linkage(LoopEquations):
 
     def scaled(self, factor: float) -> 'Linkage':
         """
-        Return the linkage so many times as large.
+        Return the linkage scaled by a factor.
 
         Raises
         ------
@@ -176,7 +176,7 @@ class Linkage(LoopEquations):
         numbers, places = list(self.numbers), dimension_places(self.structure.dimensions, changes)
         for name, value in changes.items():
             numbers[places[name]] = value
-        # The signs say how it is put together; only coupled loops need a start beside them.
+        # The signs define its assembly mode; only coupled loops need a start as well.
         assembly, given = (self.assembly, None) if self.is_dyadic else (None, start)
         return _remake(self.structure, numbers, assembly, given, self.name, self.source)
 
@@ -185,14 +185,14 @@ class Linkage(LoopEquations):
         turned = {'y': -1.0, 'bend': -1.0}
         pairs = zip(self.structure.dimensions, self.numbers, strict=True)
         numbers = [turned.get(dimension.kind, 1.0) * number for dimension, number in pairs]
-        # Only coupled loops need a start; what its signs are then follows from it.
+        # Only coupled loops need a start; their signs follow from it.
         start = None
         if not self.is_dyadic:
             bodies = zip(self.structure.bodies, self.start, strict=True)
             start = [x if body.slides else -x for body, x in bodies]
         signs = None
         if self.is_dyadic:
-            # A distance is what it was in the mirror, and an angle is not.
+            # A mirror keeps distances and reverses angles.
             blocks = zip(self.blocks, self.assembly, strict=True)
             signs = tuple(sign if block.slides else -sign for block, sign in blocks)
         made = self.structure.mirrored()
@@ -220,7 +220,7 @@ class Linkage(LoopEquations):
         return Branch(head, head.start, number)
 
     def _prefix(self, count: int) -> 'Linkage':
-        """Return the linkage of the first so many blocks, in which all else is left out."""
+        """Return the subchain of the first blocks as a linkage."""
         if count == len(self.blocks):
             return self
         structure = self.structure.prefix(count)
@@ -285,7 +285,7 @@ class Linkage(LoopEquations):
 
 def as_linkage(given: Any) -> Linkage:
     """
-    Return the linkage that is meant: itself, or that of a geometry or a leg.
+    Return a linkage itself, or that of a geometry or a leg.
 
     Raises
     ------

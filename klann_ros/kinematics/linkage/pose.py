@@ -71,16 +71,16 @@ class LinkagePose(NamedTuple):
     h : tuple of float
         The foot (x, y) [m].
     iterations : int
-        Newton iterations spent, the last of which only confirms; 0 for the closed form.
+        Newton iterations, the last of which only confirms; 0 for the closed form.
     residual : float
-        Euclidean norm of f at this pose [m]: by how much the loops do not close.
+        Euclidean norm of f at this pose [m]: the closure error.
     coefficients : tuple of float
         Kinematic coefficients dx/dalpha [1, m/rad]; NaN at a singular pose.
     sines : tuple of float
         `|sin|` of each dyad's transmission angle: 1 transmits best, 0 is singular. Of coupled
-        loops what stands for it: see `Block`.
+        loops their normalised determinant: see `Block`.
     linkage : Linkage
-        What it is a pose of.
+        The linkage.
 
     """
 
@@ -94,7 +94,7 @@ class LinkagePose(NamedTuple):
     linkage: Linkage
 
     def __repr__(self) -> str:
-        # `linkage`, `coefficients` and the rest are there to be asked for.
+        # The other fields are left out for brevity.
         joints = _format_joints(self.linkage, self.joints)
         return f'{type(self).__name__}({joints}, h={_format_vector(self.h)})'
 
@@ -133,7 +133,7 @@ class LinkagePose(NamedTuple):
     @property
     def clearances(self) -> tuple[float, ...]:
         """
-        Return how far each dyad's ends are inside its reach [m].
+        Return the clearance of each dyad's ends within its reach [m].
 
         Of coupled loops it is the least singular value of their part of Phi [m/rad].
         """
@@ -142,12 +142,12 @@ class LinkagePose(NamedTuple):
 
     @property
     def distance_to_singularity(self) -> float:
-        """Return the least of the clearances: how much a pivot may be off before it jams [m]."""
+        """Return the least clearance, the error of a pivot that jams the linkage [m]."""
         return min(self.clearances)
 
     @property
     def condition(self) -> float:
-        """Condition number of Phi in the 2-norm: how much Newton amplifies a residual."""
+        """Condition number of Phi in the 2-norm: the amplification of a residual."""
         return float(np.linalg.cond(self.linkage.phi(self[0], self.x)))
 
 
@@ -162,7 +162,7 @@ class LinkageMotion(NamedTuple):
     h : tuple of float
         Of the foot (x, y) [m/s] or [m/s^2].
     pose : LinkagePose
-        What moves.
+        The pose.
     velocity : LinkageMotion or None
         The velocity that goes with an acceleration.
 
@@ -193,7 +193,7 @@ class LinkageMotion(NamedTuple):
 
 
 def _format_joints(linkage: Linkage, numbers: Sequence[float]) -> str:
-    """Return numbers with the joints' names, as far as one reads them."""
+    """Return numbers with the joints' names, to 7 digits."""
     pairs = zip(linkage.joint_names, numbers, strict=True)
     return ', '.join(f'{name}={number:.7g}' for name, number in pairs)
 
@@ -203,7 +203,7 @@ def _format_vector(vector: Vector) -> str:
 
 
 def closed_pose(linkage: Linkage, u: Sequence[complex], alpha: float) -> LinkagePose:
-    """Return the pose whose bodies have these vectors, by circles and not by iteration."""
+    """Return the pose of body vectors from the geometric method."""
     structure = linkage.structure
     x = tuple(float(joints.coordinate(structure, u, j)) for j in range(1, len(u)))
     rows, constant = linkage.point_rows[linkage.foot]

@@ -1,4 +1,4 @@
-"""Where a linkage's crank can be: the arcs of crank angles at which every loop closes."""
+"""The reach of a linkage's crank: the arcs of crank angles where every loop closes."""
 
 from cmath import phase
 from math import atan2, pi, sqrt
@@ -18,7 +18,7 @@ Lengths = tuple[float, float, float, float]
 
 def reachable_arcs(linkage: Any) -> list[Arc]:
     """
-    Return the arcs of crank angles at which every loop closes in the linkage's assembly.
+    Return the arcs of crank angles where every loop closes in the linkage's assembly mode.
 
     Of a dyad that the crank alone drives they follow in closed form, less 1e-12 of their length,
     since rounding decides what closes at their very ends; within them the others' clearance is
@@ -54,7 +54,7 @@ def reachable_arcs(linkage: Any) -> list[Arc]:
         return normalize_arcs([_trim_ends(arc) for arc in arcs] if linkage.is_dyadic else arcs)
 
     def clearance(alpha: float) -> float:
-        """Return the clearance of the dyad that fails [m], or else the least of the others."""
+        """Return the clearance of the dyad that fails [m], else the least of all."""
         try:
             u = closed_form_vectors(linkage, alpha)
         except UnreachableError as error:
@@ -68,7 +68,7 @@ def reachable_arcs(linkage: Any) -> list[Arc]:
 
 
 def closes_somewhere(linkage: Linkage) -> bool:
-    """Return whether there is a crank angle at all at which every loop closes."""
+    """Return whether every loop closes at any crank angle."""
     # Nearly every linkage closes at one of a few angles; only the others are searched.
     return any(_closes_at(linkage, k * TURN / 8.0) for k in range(8)) or bool(
         reachable_arcs(linkage)
@@ -82,7 +82,7 @@ def is_driven(block: Block) -> bool:
 
 
 def driven_arcs(block: Block) -> list[Arc]:
-    """Return the arcs at which a dyad closes that the crank alone drives [rad]."""
+    """Return the arcs where a dyad closes that the crank alone drives [rad]."""
     terms, constant = block.rows[0]
     a, b = block.unknowns
     lengths = abs(constant), abs(terms[0]), abs(terms[a]), abs(terms[b])
@@ -101,7 +101,7 @@ def driven_arcs(block: Block) -> list[Arc]:
 
 
 def four_bar_closes(lengths: Lengths) -> bool:
-    """Return whether a four-bar closes at any crank angle at all, but for rounding."""
+    """Return whether a four-bar closes at any crank angle, within rounding."""
     l_1, l_2, l_3, l_4 = lengths
     rounding = length_rounding(lengths)
     return l_1 + l_2 >= abs(l_3 - l_4) - rounding and abs(l_1 - l_2) <= l_3 + l_4 + rounding
@@ -109,7 +109,7 @@ def four_bar_closes(lengths: Lengths) -> bool:
 
 def crank_limits(lengths: Lengths) -> tuple[float, float]:
     """
-    Return the least and the greatest angle from the ground at which a four-bar's crank closes it.
+    Return the least and the greatest crank angle of a four-bar, from the ground.
 
     Both are in [0, pi] [rad]. |A O4| grows with the angle, so the least is where coupler and
     rocker are folded, |A O4| = |L3 - L4|, and the greatest where they are stretched out, |A O4| =
@@ -127,7 +127,7 @@ def crank_limits(lengths: Lengths) -> tuple[float, float]:
 
 
 def length_rounding(lengths: Lengths) -> float:
-    """Return the difference of two sums of two lengths that is rounding and no difference [m]."""
+    """Return the rounding of a difference of two sums of two lengths [m]."""
     return 4.0 * float_info.epsilon * max(lengths)
 
 

@@ -59,7 +59,7 @@ class LoopVectors:
     def lines(self, bodies: Iterable[int], wanted: set[int]) -> list[str]:
         """Return what computes the vectors that are wanted, of some bodies."""
         lines = []
-        # What slides is turned by what turns.
+        # Sliding bodies follow the turning ones that carry them.
         for body in sorted(bodies, key=lambda j: self._structure.bodies[j].slides):
             numbers = self._numbers.items()
             own = [(v, bars) for (j, bars), v in numbers if j == body and v in wanted]
@@ -69,7 +69,7 @@ class LoopVectors:
                 continue
             c, s = 'c', 's'
             if any(frame == body for j, frame in enumerate(self._structure.frames) if j != body):
-                # What slides along it asks for them again.
+                # Bodies that slide along it use them as well.
                 c, s = f'C{body}', f'S{body}'
                 lines += [f'{c} = cos(p{body})', f'{s} = sin(p{body})']
             elif len(own) == 1 and self._is_straight(own[0][1]):

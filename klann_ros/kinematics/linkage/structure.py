@@ -1,4 +1,4 @@
-"""What a linkage is made of, without a number: bodies that turn or slide, pivots, the foot."""
+"""The structure of a linkage, without a number: bodies that turn or slide, pivots, the foot."""
 
 from collections.abc import Iterable, Sequence, Set as AbstractSet
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from klann_ros.sanitize.text import did_you_mean
 from .topology import assembly_order, Group, loop_paths, Path
 
 UNITS = {'length': 'm', 'brace': 'm', 'x': 'm', 'y': 'm', 'bend': 'rad'}
-# What is slid along where no body is; and its number, where bodies have theirs.
+# The ground's name as what a body slides along, and its index among those of the bodies.
 GROUND, FIXED = 'ground', -1
 
 
@@ -47,7 +47,7 @@ class Body(NamedTuple):
     bars: tuple[Bar, ...]
     # Whether its angle is measured clockwise.
     clockwise: bool = False
-    # What people call it; its angle's name where left out.
+    # Its label; its angle's name by default.
     label: str = ''
     # The body that it slides along, or GROUND, with whose angle its bars turn; empty for a body
     # that turns by an angle of its own.
@@ -111,7 +111,7 @@ class Dimension(NamedTuple):
 @dataclass(frozen=True)
 class Structure:
     """
-    A linkage without its numbers: what is joined to what.
+    The topology of a linkage: bodies, joints and names of dimensions, without numbers.
 
     Raises
     ------
@@ -126,10 +126,10 @@ class Structure:
     bodies: tuple[Body, ...]
     # The point that is published.
     foot: str
-    # Every point, in the order in which they are told; the pivots first where left out.
+    # Every point, in published order; by default the pivots come first.
     points: tuple[str, ...] = ()
-    # The numbers by the names that users know, in their order; what is not among them is 0. All of
-    # them, named by their points, where left out.
+    # The dimensions by their users' names; one that is left out is 0. By default all of them,
+    # named by their points.
     dimensions: tuple[Dimension, ...] = ()
     # The blocks, from 1, whose transmission angle is measured outside of the joint.
     outside: tuple[int, ...] = ()
@@ -147,7 +147,7 @@ class Structure:
         crank, known, fixed = self.crank.points[0], ', '.join(points), ', '.join(self.pivots)
         turns = crank in self.pivots
         slides = self.crank.slides
-        _require(not slides, f'the crank {self.crank.angle} slides: what is driven must turn')
+        _require(not slides, f'the crank {self.crank.angle} slides: a crank must turn')
         _require(turns, f'the crank starts from {crank}, which is no pivot: these are {fixed}')
         _require(
             self.foot not in self.pivots, f'the foot {self.foot} is a pivot and does not move'
@@ -159,11 +159,11 @@ class Structure:
         object.__setattr__(self, '_hash', hash((self.pivots, self.bodies, self.foot)))
 
     def __hash__(self) -> int:
-        """Return what was computed once: a structure is looked up for each of its linkages."""
+        """Return the cached hash: a structure is a key of every linkage."""
         return self._hash  # type: ignore[attr-defined, no-any-return]  # set above
 
     def __reduce__(self) -> tuple[type['Structure'], tuple[object, ...]]:
-        """Leave out what other processes compute for themselves, and hash otherwise."""
+        """Leave out what other processes compute and hash for themselves."""
         named = (self.foot, self.points, self.dimensions, self.outside)
         return Structure, (self.pivots, self.bodies, *named)
 
@@ -179,12 +179,12 @@ class Structure:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Return what people call the bodies."""
+        """Return the labels of the bodies."""
         return tuple(body.label or body.angle for body in self.bodies)
 
     @property
     def slots(self) -> tuple[tuple[str, int], ...]:
-        """Return of each dimension its kind and its place."""
+        """Return the kind and the place of each dimension."""
         return tuple((dimension.kind, dimension.place) for dimension in self.dimensions)
 
     @cached_property
@@ -194,13 +194,13 @@ class Structure:
 
     @cached_property
     def along(self) -> tuple[int | None, ...]:
-        """Return what each body slides along, FIXED for the ground; None for one that turns."""
+        """Return the body that each one slides along, FIXED for the ground, None if it turns."""
         names = {**{name: j for j, name in enumerate(self.angles)}, GROUND: FIXED, '': None}
         return tuple(names[body.along] for body in self.bodies)
 
     @cached_property
     def frames(self) -> tuple[int, ...]:
-        """Return with which body each one turns: itself, the one it slides along, or FIXED."""
+        """Return the body each one rotates with: itself, the one it slides along, or FIXED."""
         return tuple(self._frame(j) for j in range(len(self.bodies)))
 
     @cached_property
@@ -230,7 +230,7 @@ class Structure:
 
     @cached_property
     def line_of(self) -> dict[int, int]:
-        """Return of each body that slides which bar its line is."""
+        """Return the bar of the line of each body that slides."""
         return {j: n for j, n in self._first_bars.items() if self.bodies[j].slides}
 
     @cached_property
@@ -245,7 +245,7 @@ class Structure:
 
     @cached_property
     def carriers(self) -> tuple[int, ...]:
-        """Return of each bar the body whose vector it multiplies, FIXED for none: see `joints`."""
+        """Return the body whose vector each bar multiplies, FIXED for none: see `joints`."""
         return tuple(
             body if number in self.lines else self.frames[body]
             for number, (body, _) in enumerate(self.bars)
@@ -271,7 +271,7 @@ class Structure:
 
     @cached_property
     def paths(self) -> 'Paths':
-        """Return the loops and the ways to the points, along bars."""
+        """Return the loops and the paths to the points, along bars."""
         bars = [(body, bar.start, bar.end) for body, bar in self.bars]
         loops, points = loop_paths(self.pivots, bars, [(0,), *self.groups])
         closing = [[(name, path) for name, path in group] for group in loops[1:]]
@@ -285,7 +285,7 @@ class Structure:
 
     @cached_property
     def dyad_names(self) -> tuple[tuple[str, str, str, str], ...]:
-        """Return what the ends and the links of each block are called, by their points."""
+        """Return the names of the ends and links of each block, made of their points."""
         placed = {*self.pivots, *self.crank.points}
         found = []
         for group in self.groups:
@@ -295,7 +295,7 @@ class Structure:
         return tuple(found)
 
     def with_foot(self, foot: str) -> 'Structure':
-        """Return it with another of its points as foot; a GeometryError where that is none."""
+        """Return it with another point as foot; raises a GeometryError if it has no such point."""
         return replace(self, foot=foot)
 
     def with_point(self, name: str, angle: str, start: str) -> 'Structure':
@@ -332,9 +332,9 @@ class Structure:
         return replace(self, bodies=tuple(body._replace(bars=tuple(bars)) for body, bars in pairs))
 
     def prefix(self, blocks: int) -> 'Structure':
-        """Return the part of it that the first so many blocks place."""
-        kept = (0, *(j for group in self.groups[:blocks] for j in group))
-        bodies = tuple(body for j, body in enumerate(self.bodies) if j in kept)
+        """Return the subchain of the first blocks."""
+        placed = (0, *(j for group in self.groups[:blocks] for j in group))
+        bodies = tuple(body for j, body in enumerate(self.bodies) if j in placed)
         return Structure(self.pivots, bodies, bodies[0].points[-1])
 
     def _check_slides(self) -> None:
@@ -359,11 +359,11 @@ class Structure:
 
 
 class Paths(NamedTuple):
-    """The loops of a structure, and the ways to its points."""
+    """The loops of a structure, and the paths to its points."""
 
-    # Each closes at a point: the way over its last bar less the point's own.
+    # Each closes at a point: the path over its last bar less the point's own.
     loops: tuple[Path, ...]
-    # At which point.
+    # The points where they close.
     closing: tuple[str, ...]
     # Which loops each group of bodies closes.
     rows: tuple[tuple[int, ...], ...]
@@ -372,7 +372,7 @@ class Paths(NamedTuple):
 
 
 def _dimensions(structure: Structure) -> list[Dimension]:
-    """Return all numbers of a structure, named by points; bodies part what has the same name."""
+    """Return all dimensions, named by points, and by bodies where names coincide."""
     found = []
     for number, (body, bar) in enumerate(structure.bars):
         angle = structure.bodies[body].angle
@@ -408,7 +408,7 @@ def _names(a: Body, b: Body, placed: AbstractSet[str]) -> tuple[str, str, str, s
 def _names_of_slide(
     link: Body, slider: Body, placed: AbstractSet[str]
 ) -> tuple[str, str, str, str]:
-    """Return the placed end, what slides, and the link between them; there is no second link."""
+    """Return the placed end, the slider and the link between them; there is no second link."""
     p = next((point for point in (*link.points, *slider.points) if point in placed), '?')
     if slider.along == link.angle:
         pinned = next((point for point in slider.points if point in placed), slider.points[0])

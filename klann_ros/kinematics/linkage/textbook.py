@@ -15,11 +15,11 @@ from .linkage import Linkage
 
 
 class Textbook:
-    """What a leg has of the textbook; it neither reads nor sets the last pose."""
+    """The textbook methods of a leg; they neither read nor set the last pose."""
 
     @property
     def linkage(self) -> Linkage:
-        """Return what it solves."""
+        """Return the linkage."""
         raise NotImplementedError
 
     @property
@@ -108,7 +108,7 @@ class Textbook:
         max_iterations : int
             How many corrections it may make.
         tolerance : float, optional
-            The largest correction of every angle at which it has converged [rad]; the leg's where
+            Convergence limit of every correction [rad]; the leg's where
             neither it nor `residual` is given.
         residual : float, optional
             What every `|f|` must be below [m]: the stop of the four-bar's course.
@@ -158,7 +158,7 @@ class Textbook:
         self, alpha: float, guess: Sequence[float] | FloatArray, **stop: Any
     ) -> Iterations:
         """
-        Return a run of `newton` with everything that one writes down of it; `print` shows it.
+        Return a run of `newton` with f, Phi and the corrections; `print` shows it as a table.
 
         Parameters
         ----------

@@ -47,9 +47,9 @@ def assembly_order(
     Return the groups of bodies in the order in which they are placed; the crank is body 0.
 
     Two bodies are a dyad, four or more coupled loops. A GeometryError says why the crank does not
-    move the linkage in one definite way: the loops have fewer or more equations than unknown
-    angles, as a whole or in a part. Bodies are given by their points, by their names in errors,
-    and by what they slide along: a body, -1 for the ground, None for one that turns.
+    determine the motion: the loops have fewer or more equations than unknown angles, as a whole
+    or in a part. Bodies are given by their points, by their names in errors,
+    and by the body that they slide along: -1 for the ground, None if they turn.
     """
     graph = _Graph(pivots, bodies, names, along)
     _check_connected(graph)
@@ -101,12 +101,12 @@ def _next_group(graph: _Graph, known: Group, rest: Group) -> Group:
 
 
 def _stands(graph: _Graph, bodies: Group) -> bool:
-    """Return whether all that bodies slide along is among them: it says how they are turned."""
+    """Return whether the carriers of all sliding bodies are among them."""
     return all(graph.along[j] in {None, -1, *bodies} for j in bodies)
 
 
 def _loops(graph: _Graph, bodies: Iterable[int]) -> int:
-    """Return how many independent loops some bodies and the ground close."""
+    """Return the number of independent loops of some bodies and the ground."""
     parent: dict[str, str] = {}
 
     def root(node: str) -> str:

@@ -15,7 +15,7 @@ from .equations import link_vectors, NO_TRIANGLE
 from .linkage import Linkage
 from .structure import dimension_places
 
-# Why a variant is refused: the texts of `Variants.reason`.
+# Error codes of a variant; `Variants.reason` has their texts.
 NOT_FINITE, NOT_POSITIVE, BEYOND_MEASURE, OPEN, BEYOND_TURN = 1, 2, 3, 4, 5
 _WHY = {
     NOT_FINITE: 'it must be a finite number',
@@ -28,10 +28,10 @@ _WHY = {
 
 class Variants:
     """
-    Linkages that differ in their numbers alone: thousands a millisecond.
+    Linkages that differ in their dimensions alone: thousands a millisecond.
 
-    All are checked at once, as one linkage is when it is made; but whether a crank angle exists at
-    all at which they close is left to who solves them.
+    All are checked at once, like a single linkage; whether they close at any crank angle is left
+    to the solver.
 
     Parameters
     ----------
@@ -48,9 +48,9 @@ class Variants:
     numbers : numpy.ndarray, shape (number of dimensions, n)
         Their numbers [m, rad].
     refused : numpy.ndarray of uint8, shape (n,)
-        0 for a linkage, else why it is none: see `reason`.
+        0 for a valid linkage, else the code of its error: see `reason`.
     invalid_dimensions : numpy.ndarray of int, shape (n,)
-        Which of its numbers is wrong.
+        Index of the dimension that is invalid.
 
     Raises
     ------
@@ -137,7 +137,7 @@ class Variants:
         return self.base.varied(changes)
 
     def reason(self, i: int) -> str:
-        """Return why one of them is refused; empty for a linkage."""
+        """Return the error message of one of them; empty for a valid linkage."""
         code = int(self.error_codes[i])
         if not code:
             return ''
@@ -156,7 +156,7 @@ class Variants:
         return link_vectors(self.base.structure, [*numbers])
 
     def _check(self) -> tuple[ByteArray, IndexArray]:
-        """Return why each is refused, and for which of its numbers."""
+        """Return the error code of each, and the index of its invalid dimension."""
         refused = np.zeros(len(self), dtype=np.uint8)
         which = np.zeros(len(self), dtype=np.intp)
         structure = self.base.structure
