@@ -94,7 +94,7 @@ class UnreachableError(KinematicsError):
             near = f'closer together than |{link_1} - {link_2}|'
             why = f'{p} and {q} are {self.shortfall:.6g} m {near}'
         else:
-            why = f'{p} and {q} coincide, and the pose is indefinite'
+            why = f'{p} and {q} coincide, and the pose is not definite'
         where = f'crank angle {self.alpha:.6f} rad ({math.degrees(self.alpha):.3f} deg)'
         return f'{where} cannot be reached: dyad {self.dyad} does not close, {why}'
 

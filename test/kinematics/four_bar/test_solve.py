@@ -25,7 +25,7 @@ def test_a_turn_agrees_with_the_closed_form(
     angles = [math.radians(direction * k / 2) for k in range(721)]
     expected = [bar.closed_form(theta2) for theta2 in angles]
     bar.solve(angles[0])
-    monkeypatch.setattr(leg_module, 'seed', None)  # calling it raises TypeError
+    monkeypatch.setattr(leg_module, 'initial_guess', None)  # calling it raises TypeError
     poses = [bar.solve(theta2) for theta2 in angles]
     assert max(map(difference, poses, expected)) <= 1e-12
     assert max(pose.residual for pose in poses) <= 1e-15
@@ -95,7 +95,7 @@ def test_a_jump_is_split_and_needs_no_closed_form(
         bar.solve(math.radians(start))
         expected = bar.closed_form(math.radians(start + degrees))
         with monkeypatch.context() as patch:
-            patch.setattr(leg_module, 'seed', None)
+            patch.setattr(leg_module, 'initial_guess', None)
             pose = bar.solve(math.radians(start + degrees))
         assert difference(pose, expected) <= 1e-12
 
