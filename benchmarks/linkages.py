@@ -18,7 +18,7 @@ from support.aims import exit_code, is_met, SMOKE
 
 HERE = Path(__file__).resolve().parent
 ROUNDS = 1 if SMOKE else 15
-# One way shall take at most so many times as long a pose as another of the same checkout. Jansen's
+# Maximum ratios of the times per pose of two solvers of the same checkout. Jansen's
 # leg has three dyads, the Klann leg two.
 AIMS = (
     ('jansen warm', 'klann warm', 1.3 * 3 / 2),

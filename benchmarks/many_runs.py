@@ -19,7 +19,7 @@ from support.long_run import write_long_run
 from support.opening import opening
 
 REVIEW = 'import sys; from klann_ros.executables import review; sys.exit(review())'
-# Every so many runs there is one with a fault, of each kind in turn.
+# The period of runs with a fault, of each kind in turn.
 EVERY = 2 if SMOKE else 50
 RUN_SECONDS = 5.0 if SMOKE else 600.0
 # The aims: time of a thousand [s], the memory of the largest process [MB], and how long the index

@@ -22,7 +22,7 @@ MOST = (20e-6, 5e-3, 1e-3, 1e-2)
 
 
 def main() -> int:
-    """Print the table; return 1 if something is beyond what is held."""
+    """Print the table; return 1 if a value exceeds its bound."""
     time_step = float(sys.argv[1]) if len(sys.argv) > 1 else 2e-4
     print(f'time step {time_step * 1e3:g} ms; rms in % of the rms over the turn')
     print(

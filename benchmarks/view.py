@@ -144,7 +144,7 @@ def server() -> bool:
                 p99, cost = {}, {}
                 for count in (0, STALLED)[:: 1 if number % 2 else -1]:
                     pages = [stalled(url) for _ in range(count)]
-                    # To open them costs something; to have them is what is measured.
+                    # Opening them costs CPU; the measurement covers open ones only.
                     time.sleep(SETTLED)
                     size, spent = memory(pid), cpu(pid)
                     figures = node.measure(RATE, SECONDS)

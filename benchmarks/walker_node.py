@@ -4,7 +4,7 @@ What a simulated walk costs: walker_node a core, odom after crank_state, sim_nod
     python3 benchmarks/walker_node.py [--seconds S]
 
 sim_node has one core to itself as far as the machine lets it; walker_node and the probe have the
-others. Latencies are between the middleware's stamps of what was published; the probe takes it
+others. Latencies are between the publication stamps of the middleware; the probe takes them
 afterwards, for it would wake up together with walker_node.
 
 Beside walker_node stand two relays that take and publish the same, and compute nothing: one in the

@@ -3,7 +3,7 @@ Kill a recorder again and again at random moments: a crash costs at most a secon
 
     python benchmarks/support/kill.py [TIMES]
 
-A crank of 1 kHz turns a solver; recorder_node takes all topics. For each topic is told how much
+A crank of 1 kHz turns a solver; recorder_node takes all topics. For each topic it prints how much
 time lies between the kill and the last message in the file, and how many are missing before it.
 """
 
@@ -35,7 +35,7 @@ def start(name: str, *parameters: str, output: int | None = None) -> subprocess.
 
 
 def killed(folder: Path, seconds: float) -> dict[str, tuple[float, int]]:
-    """Record for some time, kill; return by topic what is lost [s], and missing before."""
+    """Record, kill; return the lost time [s] of each topic, and the gaps before."""
     recorder = start('recorder_node', f'output:={folder}', 'all_topics:=true', output=-3)
     while not _heard(folder):
         time.sleep(0.1)

@@ -33,17 +33,17 @@ FEET = _topic('/point_h', 'geometry_msgs/msg/PointStamped')
 
 def write_long_run(folder: Path, seconds: float, rate: float, text: str = '') -> None:
     """
-    Write a run of so many seconds with so many crank messages a second.
+    Write a run of a duration and a crank message rate.
 
     `text` is a linkage's file; where left out it is a run of the Klann leg.
     """
     count = round(seconds * rate)
     if text:
-        linkage, told = linkage_from_text(text, 'the benchmark'), {LINKAGE_PARAMETER: text}
+        linkage, values = linkage_from_text(text, 'the benchmark'), {LINKAGE_PARAMETER: text}
     else:
         geometry = KlannGeometry()
-        linkage, told = geometry.linkage, geometry.as_dict()
-    record = solver_record(SolverParameters('/solver_node', START, told))
+        linkage, values = geometry.linkage, geometry.as_dict()
+    record = solver_record(SolverParameters('/solver_node', START, values))
     with RunWriter(folder) as run:
         run.add_metadata(SOLVER_RECORD, record)
         for begin in range(0, count, _BLOCK):

@@ -116,7 +116,7 @@ class NodeUnderTest:
         self._context.try_shutdown()
 
     def _turn(self, rate: float, count: int) -> list[float]:
-        """Publish so many angles; return when, and keep when the answers came [s]."""
+        """Publish a number of angles; return their times, and store those of the answers [s]."""
         for received in self._received:
             received.clear()
         sent = []

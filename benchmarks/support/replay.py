@@ -67,7 +67,7 @@ class Replay:
 
 
 def write_log(path: Path, topics: int, rate: float, seconds: float) -> Path:
-    """Write a run with so many topics of a rate [Hz], whose messages take turns."""
+    """Write a run with a number of topics of one rate [Hz], with interleaved messages."""
     names = [
         (Topic(f'/topic_{k}', name, definition(name)), serialize_message(KINDS[k % 3]))
         for k, name in ((k, _name(KINDS[k % 3])) for k in range(topics))

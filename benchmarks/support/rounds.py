@@ -32,7 +32,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Aim:
-    """One way shall take at most so many times as long a pose as another; None: only reported."""
+    """Maximum ratio of the times per pose of two solvers; None: only reported."""
 
     way: str
     other: str
@@ -53,7 +53,7 @@ def run(ways: Sequence[Way], expected: np.ndarray, rounds: int) -> None:
 
 
 def report(ways: Sequence[Way], aims: Sequence[Aim]) -> bool:
-    """Print what was measured and whether the aims are met; return that."""
+    """Print the results; return whether the aims are met."""
     print(f'{"":36} {"poses":>9} {"us a pose":>10} {"best":>9} {"error/m":>9}')
     for way in ways:
         error = '' if way.error is None else f'{way.error:.1e}'

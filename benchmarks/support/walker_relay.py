@@ -30,7 +30,7 @@ class Relay(Node):  # type: ignore[misc] # Node is Any
     """Answer each crank_state with an odom and a crank_command, all of them zeros."""
 
     def __init__(self, *, raw: bool) -> None:
-        """Make what is published once."""
+        """Make the messages once."""
         super().__init__('walker_relay')
         self._odom = self.create_publisher(Odometry, 'odom', OUTPUT)
         self._commands = self.create_publisher(JointState, 'crank_command', OUTPUT)

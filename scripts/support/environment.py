@@ -138,7 +138,7 @@ def _acquire(lock: int, kind: int, env: Environment) -> None:
 
 
 def _goal(env: Environment, command: str) -> tuple[str, str]:
-    """Return the stamp's lines once all is there: what it was made from, what was installed."""
+    """Return the stamp's lines of a complete environment: its inputs and its packages."""
     extras, more = NEEDS[command]
     parts = [env.constraints, env.numpy, extras, more.read_text('utf-8') if more else '']
     installed = hashlib.sha256('\0'.join([*parts, source.digest()]).encode()).hexdigest()

@@ -257,7 +257,7 @@ def test_3_iterations_return_numbers_where_there_is_no_pose() -> None:
         except UnreachableError as error:
             missing[k] = error.shortfall
     assert list(missing) == list(range(154, 178))
-    assert says('from 154 to 177, 24 of them')
+    assert says('the 24 whole degrees from 154 to 177')
     assert says(f'{1e3 * min(missing.values()):.2f} to {1e3 * max(missing.values()):.2f} mm')
     for k, shortfall in missing.items():
         with pytest.raises(NotConvergedError) as caught:
