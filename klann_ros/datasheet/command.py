@@ -1,16 +1,22 @@
 """`describe`: the data sheet of a leg or a walker before it is built."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
-import sys
+from functools import partial
+from typing import BinaryIO
 
 from klann_ros.dynamics import MassError, rods
-from klann_ros.review.report.outputs import Output, OutputError, outputs
 from klann_ros.robot import Robot, robot_of, RobotFileError
-from klann_ros.sanitize.arguments import ArgumentParser, path
-from klann_ros.sanitize.text import printable, printable_line
+from klann_ros.sanitize.arguments import (
+    ArgumentParser,
+    NOT_READ,
+    NOT_WRITTEN,
+    path,
+    print_error,
+    run_command,
+)
+from klann_ros.sanitize.outputs import OutputError, outputs, save_all
 
 from . import html_page, json_report
 from .computing import data_sheet, SPEED
@@ -18,7 +24,14 @@ from .motor import motor_from_file, MotorFileError
 from .sheet import DataSheet, SheetError
 from .text import text
 
-CANNOT, NOT_READ, NOT_WRITTEN = 1, 2, 3
+CANNOT = 1
+ERROR_CODES: dict[type[Exception], int] = {
+    OutputError: NOT_WRITTEN,
+    RobotFileError: NOT_READ,
+    MotorFileError: NOT_READ,
+    MassError: NOT_READ,
+    SheetError: NOT_READ,
+}
 DESCRIPTION = """\
 Describe a leg or a walker before it is built: bars, the path of the foot, transmission angles,
 masses, the torque at the crank, what the joints carry, and whether a motor can turn it.
@@ -34,26 +47,13 @@ OUT cannot be written."""
 def main(argv: Sequence[str] | None = None) -> int:
     """Describe a robot; return the exit code."""
     options = _parser().parse_args(argv)
-    try:
-        return _describe(options)
-    except OutputError as error:
-        return _fail(error, NOT_WRITTEN)
-    except (RobotFileError, MotorFileError, MassError, SheetError) as error:
-        return _fail(error, NOT_READ)
-
-
-def _fail(error: Exception, code: int) -> int:
-    print(f'describe: {printable_line(error)}', file=sys.stderr)
-    return code
+    return run_command('describe', partial(_describe, options), ERROR_CODES)
 
 
 def _describe(options: argparse.Namespace) -> int:
     asked = {f'--{name}': getattr(options, name) for name in ('html', 'json')}
-    files = outputs(asked, [given for given in (options.file, options.motor) if given])
-    for file in files:
-        if Path(file.path).suffix.lower() in ('.yaml', '.yml'):
-            what = 'a file of parameters or a linkage may be there, which FILE may name'
-            raise OutputError(f'{file.option} {printable(file.path)} is refused: {what}')
+    inputs = [given for given in (options.file, options.motor) if given]
+    files = outputs(asked, inputs, refuse_yaml=True)
     motor = motor_from_file(options.motor) if options.motor is not None else None
     robot = robot_of(options.file)
     sheet = data_sheet(
@@ -64,8 +64,13 @@ def _describe(options: argparse.Namespace) -> int:
         margins=options.margins,
     )
     print(text(sheet), end='')
-    saved = [_is_saved(file, sheet) for file in files]
-    if not all(saved):
+    views = {'--html': html_page.page, '--json': json_report.report}
+    errors = save_all(
+        files, {option: partial(_save, view, sheet) for option, view in views.items()}
+    )
+    for error in errors:
+        print_error('describe', error)
+    if errors:
         return NOT_WRITTEN
     return 0 if sheet.motor_turns else CANNOT
 
@@ -78,16 +83,9 @@ def _weighed(robot: Robot, density: float) -> Robot:
     return replace(robot, legs=tuple(leg if leg.masses else made for leg, made in pairs))
 
 
-def _is_saved(file: Output, sheet: DataSheet) -> bool:
-    """Write a file; report a failure, since the other output may still succeed."""
-    made = html_page.page(sheet) if file.option == '--html' else json_report.report(sheet)
-    try:
-        # A path may hold bytes that are no text.
-        file.save(lambda out: out.write(made.encode(errors='replace')))
-    except OutputError as error:
-        _fail(error, NOT_WRITTEN)
-        return False
-    return True
+def _save(view: Callable[[DataSheet], str], sheet: DataSheet, file: BinaryIO) -> None:
+    # A path may hold bytes that are no text.
+    file.write(view(sheet).encode(errors='replace'))
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -6,7 +6,7 @@ from typing import Any
 from klann_ros import __version__
 from klann_ros.dynamics import TurnOfForces
 from klann_ros.kinematics import Stance
-from klann_ros.review.report.json_report import finite
+from klann_ros.sanitize.outputs import finite
 
 from .motor import MotorVerdict
 from .sheet import (

@@ -1,16 +1,15 @@
 """`export`: a robot as MJCF and URDF, and its plates for the cutter as SVG and DXF."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
-from pathlib import Path
 import sys
 from typing import BinaryIO
 
-from klann_ros.review.report.outputs import Output, OutputError, outputs
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.robot.robot import SEPARATORS
-from klann_ros.sanitize.arguments import ArgumentParser, path
+from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, NOT_WRITTEN, path, run_command
+from klann_ros.sanitize.outputs import OutputError, outputs
 from klann_ros.sanitize.text import counted, printable, printable_line
 from klann_ros.twin import robot_mjcf
 
@@ -23,7 +22,6 @@ from .plates import plates, slot_conflict
 from .svg import svg
 from .urdf import urdf
 
-NOT_READ, NOT_WRITTEN = 2, 3
 HOLE, THICKNESS, WASHER = 3.2, 3.0, 0.5
 # Default width: this multiple of the hole, but at least this part of the longest plate.
 HOLES, PART = 3.0, 0.04
@@ -48,27 +46,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     asked = {f'--{name}': getattr(options, name) for name in FORMATS}
     if not any(asked.values()):
         parser.error(f'no output is given; one of {", ".join(asked)} is needed')
-    try:
-        robot = robot_of(options.file)
-        return _export(robot, options, outputs(asked, [options.file]))
-    except (OutputError, NoEzdxfError) as error:
-        return _fail(error, NOT_WRITTEN)
-    except (RobotFileError, ValueError) as error:
-        # All of them carry the reason in their text.
-        return _fail(error, NOT_READ)
+    codes = {
+        OutputError: NOT_WRITTEN,
+        NoEzdxfError: NOT_WRITTEN,
+        RobotFileError: NOT_READ,
+        ValueError: NOT_READ,
+    }
+    return run_command('export', partial(_export, options, asked), codes)
 
 
-def _fail(error: Exception, code: int) -> int:
-    print(f'export: {printable_line(error)}', file=sys.stderr)
-    return code
-
-
-def _export(robot: Robot, options: argparse.Namespace, files: list[Output]) -> int:
-    for file in files:
-        if Path(file.path).suffix.lower() in ('.yaml', '.yml'):
-            what = 'a file of parameters or a linkage may be there, which FILE may name'
-            raise OutputError(f'{file.option} {printable(file.path)} is refused: {what}')
-    # All of it before any of it is written: so one that fails leaves nothing half done.
+def _export(options: argparse.Namespace, asked: Mapping[str, str | None]) -> int:
+    robot = robot_of(options.file)
+    files = outputs(asked, [options.file], refuse_yaml=True)
+    # All contents before the first file is written: an error leaves no partial set.
     made = _made(robot, options)
     for file in files:
         file.save(partial(_write, made[file.option]))

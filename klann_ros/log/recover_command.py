@@ -1,11 +1,12 @@
 """The command ``recover``: a readable run out of a damaged one."""
 
 from collections.abc import Sequence
+from functools import partial
 import os
 from pathlib import Path
 import sys
 
-from klann_ros.sanitize.arguments import ArgumentParser, path
+from klann_ros.sanitize.arguments import ArgumentParser, path, print_error, run_command
 from klann_ros.sanitize.text import counted, LONGEST_LINE, printable, printable_line
 
 from .errors import LogError, NotALogError
@@ -17,6 +18,7 @@ NOT_WRITTEN = 1
 NOTHING_READ = 2
 SOMETHING_LOST = 3
 INTERRUPTED = 130
+ERROR_CODES = {NotALogError: NOTHING_READ, LogError: NOT_WRITTEN, OSError: NOT_WRITTEN}
 
 _EPILOG = """
 exit code: 0 nothing was discarded (a run that was only not closed included), 3 something was,
@@ -37,13 +39,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = _parser().parse_args(argv)
     output = arguments.output or default_output(Path(arguments.log))
     try:
-        recovery = recover(arguments.log, output)
-    except NotALogError as error:
-        return _fail(str(error), NOTHING_READ)
-    except (LogError, OSError) as error:
-        return _fail(str(error), NOT_WRITTEN)
+        return run_command('recover', partial(_recover, arguments.log, output), ERROR_CODES)
     except KeyboardInterrupt:
-        return _fail('interrupted, nothing was written', INTERRUPTED)
+        print_error('recover', 'interrupted, nothing was written')
+        return INTERRUPTED
+
+
+def _recover(log: str, output: Path) -> int:
+    recovery = recover(log, output)
     _tell(recovery, output)
     return SOMETHING_LOST if recovery.lost else NOTHING_LOST
 
@@ -67,11 +70,6 @@ def _parser() -> ArgumentParser:
         help='the folder of the new run, which must not exist (default: LOG_recovered)',
     )
     return parser
-
-
-def _fail(reason: str, code: int) -> int:
-    print(f'recover: {printable_line(reason)}', file=sys.stderr)
-    return code
 
 
 def _tell(recovery: Recovery, output: Path) -> None:

@@ -1,5 +1,5 @@
 """
-What happened in a run, and whether it can be trusted; knows nothing of ROS.
+Review of a recorded run, without ROS: load -> model -> checks -> report.
 
 >>> from klann_ros.review import pose_arrays, review_run
 >>> review = review_run('runs/first', rates='f8')  # a folder, or a file of any recorder
@@ -19,12 +19,12 @@ With pandas, `pose_frame(review)` is a DataFrame of all legs, of which
 
 ======================  ===============================================================
 A run                   `review_run`: `Review`, its `ReviewedLeg`s and `TopicFigures`
-What is wrong with it   `Finding`, `Severity`; `Limits`, `limits_from_file`
+Its findings            `Finding`, `Severity`; `Limits`, `limits_from_file`
 Its poses               `pose_arrays`, `pose_frame`
 Two runs                `compare`: `Comparison`, `Difference`
-The robot to hold it    `klann_ros.robot.robot_of`: by the name of a file or of a
-against                 shipped leg
-What can go wrong       `klann_ros.log.errors.LogError`: `NotALogError`,
+A reference robot       `klann_ros.robot.robot_of`: by the name of a file or of a
+                        shipped leg
+Errors                  `klann_ros.log.errors.LogError`: `NotALogError`,
                         `LimitsFileError`; `NoPandasError`
 ======================  ===============================================================
 """
@@ -35,7 +35,7 @@ from typing import Any, TYPE_CHECKING
 if TYPE_CHECKING:
     from klann_ros.log.errors import NotALogError
 
-    from .model.comparing import compare, Comparison, Difference
+    from .model.compare import compare, Comparison, Difference
     from .model.limits import Limits, limits_from_file, LimitsFileError
     from .model.review import Finding, Review, ReviewedLeg, Severity
     from .model.topics import TopicFigures
@@ -62,8 +62,8 @@ __all__ = [
 ]
 
 _PLACES = {
-    'Comparison': '.model.comparing',
-    'Difference': '.model.comparing',
+    'Comparison': '.model.compare',
+    'Difference': '.model.compare',
     'Finding': '.model.review',
     'Limits': '.model.limits',
     'LimitsFileError': '.model.limits',
@@ -73,7 +73,7 @@ _PLACES = {
     'ReviewedLeg': '.model.review',
     'Severity': '.model.review',
     'TopicFigures': '.model.topics',
-    'compare': '.model.comparing',
+    'compare': '.model.compare',
     'limits_from_file': '.model.limits',
     'pose_arrays': '.report.pose_table',
     'pose_frame': '.report.pose_table',
@@ -86,7 +86,7 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for: the live page knows a leg by its parameters, and reads no log."""
+    """Import a public name on first use: the live page needs `load.solvers` only."""
     if name not in _PLACES:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     return getattr(import_module(_PLACES[name], __name__), name)

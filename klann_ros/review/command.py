@@ -12,16 +12,24 @@ import tempfile
 from klann_ros.log.errors import LogError
 from klann_ros.log.read.run_files import LOG_HELP
 from klann_ros.review.live.follow import follow
-from klann_ros.review.model.comparing import compare
+from klann_ros.review.model.compare import compare
 from klann_ros.review.model.limits import Limits, limits_from_file, NAMES
 from klann_ros.review.model.review import Review
 from klann_ros.review.page import page
-from klann_ros.review.report.outputs import Output, OutputError, outputs, Save
-from klann_ros.review.report.picture import NoPictureError, picture_format, save_picture
+from klann_ros.review.report.picture import picture_format, save_picture
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.robot.file import preset_names
-from klann_ros.sanitize.arguments import ArgumentParser, command_words, path
-from klann_ros.sanitize.text import printable, printable_line
+from klann_ros.sanitize.arguments import (
+    ArgumentParser,
+    command_words,
+    NOT_READ,
+    NOT_WRITTEN,
+    path,
+    print_error,
+    run_command,
+)
+from klann_ros.sanitize.outputs import OutputError, outputs, Save, save_all
+from klann_ros.sanitize.text import printable
 from klann_ros.web.browser import is_opened
 from tqdm import tqdm
 
@@ -30,7 +38,7 @@ from .report import json_report, pose_table, text
 from .reviewing import Progress, review_run
 
 # What takes less than this shows nothing [s].
-_PATIENCE = 1.0
+_PROGRESS_DELAY = 1.0
 
 
 @contextmanager
@@ -38,7 +46,12 @@ def progress() -> Iterator[Progress]:
     """Show a bar on stderr, if that is a terminal and it takes long; yield what moves it."""
     form = '{desc}: {percentage:3.0f} %|{bar}| {remaining}'
     with tqdm(
-        total=1.0, bar_format=form, delay=_PATIENCE, leave=False, file=sys.stderr, disable=None
+        total=1.0,
+        bar_format=form,
+        delay=_PROGRESS_DELAY,
+        leave=False,
+        file=sys.stderr,
+        disable=None,
     ) as bar:
 
         def tell(what: str, part: float) -> None:
@@ -50,7 +63,10 @@ def progress() -> Iterator[Progress]:
         yield tell
 
 
-NOT_READ, NOT_WRITTEN = 2, 3
+ERROR_CODES = {
+    OutputError: NOT_WRITTEN,
+    **dict.fromkeys((LogError, OSError, RobotFileError), NOT_READ),
+}
 DESCRIPTION = """\
 Review a run: how the leg moved, what was lost, and whether every pose is right.
 
@@ -77,22 +93,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(given)
     if options.follow and options.log2:
         parser.error('--follow takes one run')
-    try:
-        return _review(options)
-    except (OutputError, NoPictureError) as error:
-        return _fail(error, NOT_WRITTEN)
-    except (LogError, OSError, RobotFileError) as error:
-        return _fail(error, NOT_READ)
-
-
-def _fail(error: Exception, code: int) -> int:
-    print(f'review: {printable_line(error)}', file=sys.stderr)
-    return code
+    return run_command('review', partial(_review, options), ERROR_CODES)
 
 
 def _review(options: argparse.Namespace) -> int:
     if options.open and not options.html:
-        options.html = _own_place(options.log)
+        options.html = _temporary_page(options.log)
     inputs = options.log, options.log2, options.geometry, options.limits
     files = outputs(
         {f'--{name}': getattr(options, name) for name in ('json', 'html', 'csv', 'picture')},
@@ -103,7 +109,9 @@ def _review(options: argparse.Namespace) -> int:
     limits = limits_from_file(options.limits) if options.limits is not None else Limits()
     if options.follow:
         _follow(options.log, limits)
-    reviews = [_one(path, options, robot, limits) for path in (options.log, options.log2) if path]
+    reviews = [
+        _review_one(path, options, robot, limits) for path in (options.log, options.log2) if path
+    ]
     comparison = compare(*reviews) if len(reviews) == 2 else None
     colour = _wants_colour()
     print('\n\n'.join(text.report(review, colour=colour) for review in reviews))
@@ -115,8 +123,10 @@ def _review(options: argparse.Namespace) -> int:
         '--csv': partial(pose_table.save_csv, reviews[0]),
         '--picture': partial(save_picture, reviews[0], form),
     }
-    saved = [_is_saved(file, savers[file.option]) for file in files]
-    if not all(saved):
+    errors = save_all(files, savers)
+    for error in errors:
+        print_error('review', error)
+    if errors:
         return NOT_WRITTEN
     if options.open:
         _open(options.html)
@@ -130,21 +140,23 @@ def _follow(path: str, limits: Limits) -> None:
         follow(
             path,
             limits,
-            found=_tell_now,
+            found=_print_now,
             said=lambda text: print(f'review: {text}', file=sys.stderr, flush=True),
         )
     # Who reads no further (`| head -1`) wants no more of it either.
     except (KeyboardInterrupt, BrokenPipeError):
-        print('review: followed no further; this is what is there', file=sys.stderr, flush=True)
+        print(
+            'review: stopped following; the report of the run so far', file=sys.stderr, flush=True
+        )
 
 
-def _tell_now(line: str) -> None:
+def _print_now(line: str) -> None:
     """Print a line at once: the report is caught on its way, to be written when all is known."""
     out = sys.__stdout__ or sys.stdout
     print(line, file=out, flush=True)
 
 
-def _one(
+def _review_one(
     path: str,
     options: argparse.Namespace,
     robot: Robot | None,
@@ -156,7 +168,7 @@ def _one(
         return review_run(path, robot=robot, limits=limits, rates=rates, progress=tell)
 
 
-def _own_place(log: str) -> str:
+def _temporary_page(log: str) -> str:
     """Return where a page goes that nobody has named a place for."""
     # It stays: the browser reads it when this process is gone.
     folder = tempfile.mkdtemp(prefix='klann_ros-review-')
@@ -167,16 +179,6 @@ def _open(html: str) -> None:
     place = Path(html).absolute()
     if not is_opened(place.as_uri()):
         print(f'review: no browser here; the page is {printable(place)}', file=sys.stderr)
-
-
-def _is_saved(file: Output, save: Save) -> bool:
-    """Write a file; say what is wrong if that cannot be done, for the others may be."""
-    try:
-        file.save(save)
-    except (OutputError, NoPictureError) as error:
-        _fail(error, NOT_WRITTEN)
-        return False
-    return True
 
 
 def _wants_colour() -> bool:

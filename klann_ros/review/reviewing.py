@@ -1,4 +1,4 @@
-"""A review from a log's path to its findings: load, solve again, judge."""
+"""From the path of a log to its review: load, solve, check."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -7,13 +7,13 @@ from functools import partial
 from klann_ros.log.errors import AnyPath
 from klann_ros.log.reader import open_log
 from klann_ros.review.load.load import load
-from klann_ros.review.model.answering import answering
+from klann_ros.review.model.answers import match_answers, unanswered
 from klann_ros.review.model.limits import Limits
-from klann_ros.review.model.pose_errors import pose_errors
+from klann_ros.review.model.poses import pose_errors
 from klann_ros.review.model.recording import LegRecording, RunRecording
 from klann_ros.review.model.review import Review, ReviewedLeg
-from klann_ros.review.model.simulated_time import resolution
-from klann_ros.review.model.unanswered import Silence, silences, unanswered
+from klann_ros.review.model.times import resolution
+from klann_ros.review.model.topics import find_gaps, Gap
 from klann_ros.review.model.walks import walk_figures
 from klann_ros.robot import Robot
 from klann_ros.sanitize.text import printable
@@ -21,7 +21,7 @@ import numpy as np
 
 from .checks import Check, CHECKS, findings
 
-# Is given what is being done, and how much of it is done, from 0 to 1.
+# Gets the name of the current step, and its progress from 0 to 1.
 Progress = Callable[[str, float], object]
 
 
@@ -41,60 +41,59 @@ def review_run(
     path : str or path
         A run's folder, or a file of any recorder's.
     robot : Robot, optional
-        What the run is held against, legs and masses, instead of those that it tells.
+        Reference legs and masses, instead of those in the run.
     limits : Limits, optional
-        What is still all right.
+        Limits of the checks.
     rates : str
-        Whether the velocities of the joints are wanted: 'f8' as they are, 'f4' in half the memory,
-        '' not at all.
+        Type of the joint velocities: 'f8', 'f4' for half the memory, '' for none.
     progress : callable, optional
-        Is called now and then.
+        Called during the review.
 
     Raises
     ------
     NotALogError
-        The path is no log that can be read.
+        The path is no readable log.
 
     """
-    tell = progress or (lambda _, __: None)
+    report = progress or (lambda _, __: None)
     with open_log(path) as log:
-        recording = load(log, robot, rates=rates, progress=lambda part: tell('reading', part))
-    return reviewed(recording, limits or Limits(), tell)
+        recording = load(log, robot, rates=rates, progress=lambda part: report('reading', part))
+    return review_recording(recording, limits or Limits(), report)
 
 
-def reviewed(
+def review_recording(
     recording: RunRecording,
     limits: Limits,
-    tell: Progress = lambda _, __: None,
+    report: Progress = lambda _, __: None,
     checks: Sequence[Check] = CHECKS,
 ) -> Review:
-    """Return the review of what a run holds, with what some checks find."""
-    # A log may hold any number: what overflows is infinite, and what has no value is NaN.
+    """Return the review of a recording, with the findings of some checks."""
+    # A log may hold any number: overflow gives infinity or NaN.
     with np.errstate(over='ignore', invalid='ignore'):
         tick = resolution(recording.clock)
-        quiet = tuple(one for topic in recording.topics for one in silences(topic, limits, tick))
+        gaps = tuple(gap for topic in recording.topics for gap in find_gaps(topic, limits, tick))
         review = Review(
             recording,
-            tuple(_reviewed(each, recording, quiet, tell) for each in recording.legs),
-            quiet,
+            tuple(_review_leg(each, recording, gaps, report) for each in recording.legs),
+            gaps,
             limits,
             tuple(map(walk_figures, recording.walks)),
         )
         return replace(review, findings=findings(review, checks))
 
 
-def _reviewed(
-    leg: LegRecording, recording: RunRecording, quiet: Sequence[Silence], tell: Progress
+def _review_leg(
+    leg: LegRecording, recording: RunRecording, gaps: Sequence[Gap], report: Progress
 ) -> ReviewedLeg:
     evaluated, errors = leg.evaluated(), None
     if leg.solver.leg is not None and len(evaluated.poses):
         what = f'solving {printable(leg.title) or "the poses"} again'
-        errors = pose_errors(evaluated, leg.solver.leg, partial(tell, what))
-    answers = answering(evaluated)
+        errors = pose_errors(evaluated, leg.solver.leg, partial(report, what))
+    answers = match_answers(evaluated)
     return ReviewedLeg(
         leg,
         evaluated,
         errors,
         answers,
-        unanswered(recording, evaluated, answers, quiet),
+        unanswered(recording, evaluated, answers, gaps),
     )

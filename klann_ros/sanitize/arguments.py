@@ -5,6 +5,7 @@ A refusal shows an argument, and runs nothing of it: the argument may be a file 
 """
 
 import argparse
+from collections.abc import Callable, Mapping
 import errno
 import os
 import sys
@@ -14,6 +15,9 @@ from typing import Any, NoReturn
 from klann_ros import __version__
 
 from .text import printable, printable_line
+
+NOT_READ, NOT_WRITTEN = 2, 3
+"""Exit codes: an input is refused; an output cannot be written."""
 
 
 def path(text: str) -> str:
@@ -37,6 +41,22 @@ def path(text: str) -> str:
         # A null byte is refused where the file is opened.
         pass
     return text
+
+
+def print_error(program: str, error: object) -> None:
+    """Print an error of a program in one line."""
+    print(f'{program}: {printable_line(error)}', file=sys.stderr)
+
+
+def run_command(
+    program: str, command: Callable[[], int], codes: Mapping[type[Exception], int]
+) -> int:
+    """Return the exit code of a command; an error of `codes`, first match, is printed."""
+    try:
+        return command()
+    except tuple(codes) as error:
+        print_error(program, error)
+        return next(code for kind, code in codes.items() if isinstance(error, kind))
 
 
 def command_words() -> list[str]:

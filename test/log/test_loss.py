@@ -132,7 +132,7 @@ def test_nothing_is_known_without_numbers_or_of_several_at_once() -> None:
         (TopicCount(5, 5, unheard=3), '3 were lost'),
         (
             TopicCount(5, 5, early=20),
-            '0 were lost; 20 were sent before the recorder heard their publishers',
+            '0 were lost; 20 were sent before the recorder discovered their publishers',
         ),
         (
             TopicCount(5, 5, left=1),

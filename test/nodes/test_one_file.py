@@ -15,8 +15,8 @@ from klann_ros.kinematics.linkage.file import SHIPPED
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.nodes.solver.leg_parameters import LegParameters
-from klann_ros.review.load.klann_urdf import klann_legs_in_urdf
 from klann_ros.review.load.solvers import published_legs
+from klann_ros.review.load.urdf import klann_legs_in_urdf
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.robot.file import solver_section

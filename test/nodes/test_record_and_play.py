@@ -366,7 +366,7 @@ def test_what_a_new_publisher_sent_before_it_was_heard_is_no_loss_and_told(
     assert numbers[0] > 1
     lost = numbers[-1] - numbers[0] + 1 - len(numbers)
     assert (count.lost, count.early, count.left) == (lost, numbers[0] - 1, 1)
-    early = f'{count.early} were sent before the recorder heard their publishers'
+    early = f'{count.early} were sent before the recorder discovered their publishers'
     assert f'; {early}; 1 publisher left (/crank_angle), and of what' in recorder.errors
 
 

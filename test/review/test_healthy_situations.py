@@ -146,7 +146,7 @@ def test_no_run_has_a_fault_and_notes_tell_what_happened(seen: dict[str, Any]) -
         assert faults(review) == []
         checks = {finding.check for finding in review.findings}
         assert checks >= {'restart', 'stall'}
-        assert 'told' not in checks
+        assert 'recorder_finding' not in checks
         # What is claimed was there to be judged.
         legs = {leg.recording.title: len(leg.evaluated.poses) for leg in review.legs}
         assert len(legs) == count

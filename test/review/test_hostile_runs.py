@@ -123,7 +123,7 @@ def messages(draw):
     return number, data, draw(times), draw(times), sequence
 
 
-def write(path: Path, contents, told) -> None:
+def write(path: Path, contents, recorder_findings) -> None:
     with path.open('wb') as file:
         writer = Writer(file, chunk_size=300)
         writer.start('ros2')
@@ -133,19 +133,19 @@ def write(path: Path, contents, told) -> None:
             channels.append(writer.register_channel(name, 'cdr', schema))
         for number, data, log_time, publish_time, sequence in contents:
             writer.add_message(channels[number], log_time, data, publish_time, sequence)
-        for name, record in told:
+        for name, record in recorder_findings:
             writer.add_metadata(name, record)
         writer.finish()
 
 
 @settings(max_examples=30)
 @given(st.lists(messages(), max_size=25), records)
-def test_a_review_ends_with_a_report(contents, told) -> None:
+def test_a_review_ends_with_a_report(contents, recorder_findings) -> None:
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         # What overflows or is no number is meant to be seen, not to be warned of.
         warnings.simplefilter('error')
         path = Path(folder, 'log.mcap')
-        write(path, contents, told)
+        write(path, contents, recorder_findings)
         out = [f'--csv={folder}/run.csv', f'--json={folder}/run.json']
         with redirect_stdout(StringIO()) as said:
             assert main([str(path), str(path), *out]) in (0, 1)

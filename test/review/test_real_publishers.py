@@ -72,7 +72,7 @@ def test_two_cranks_are_no_clock_set_back_and_named(reviews: dict[str, Review]) 
     assert (topic.lost, topic.shared) == (None, True)
     # There is no solver in this run.
     assert checks(review) == ['poses', 'jump']
-    said = 'several turn the crank at once (/crank_angle): each has an angle of its own'
+    said = 'multiple publishers set the crank at once (/crank_angle), each with its own angle'
     assert review.findings[1].meaning == said
 
 
@@ -88,7 +88,7 @@ def test_two_solvers_are_named(reviews: dict[str, Review]) -> None:
     text = review.findings[0].text
     assert text.startswith('two solvers (/first, /second) answer on /joint_states: ')
     (leg,) = review.legs
-    answers, asked = leg.answering.answers, leg.answering.asked
-    assert text.endswith(f': {answers} answers to {asked} questions')
+    answers, asked = leg.answers.count, leg.answers.asked
+    assert text.endswith(f': {answers} answers to {asked} crank angles')
     # The last question may have been answered by one of them only when the recorder stopped.
     assert 2 * asked - 2 <= answers <= 2 * asked

@@ -70,7 +70,9 @@ def test_a_flipped_branch_is_found_at_its_time(healthy, make_run, assembly) -> N
     review = review_run(make_run(healthy))
     # Both loops close, and it is the wrong pose all the same.
     assert moments(review) == [('branch', 0.5)]
-    assert review.findings[0].text.startswith('1 of 400 poses is not the assembly of the leg')
+    assert review.findings[0].text.startswith(
+        '1 of 400 poses is in another assembly mode than the leg'
+    )
 
 
 @pytest.mark.parametrize('place', range(5))
@@ -192,7 +194,7 @@ def test_a_run_without_geometry_takes_a_file(healthy, make_run, capsys) -> None:
     healthy.geometry = None
     run = str(make_run(healthy))
     assert main([run]) == 1
-    assert 'WARNING geometry: the run does not tell the geometry' in capsys.readouterr().out
+    assert 'WARNING geometry: the run does not contain the geometry' in capsys.readouterr().out
     assert main([run, '--geometry', str(ROOT / 'config' / 'sem104.yaml')]) == 0
     assert main([run, '--geometry', str(ROOT / 'config' / 'patent.yaml')]) == 1
     capsys.readouterr()
@@ -206,7 +208,7 @@ def test_a_geometry_file_that_holds_none_is_one_line(
     file.write_text(content)
     assert main([str(make_run(healthy)), '--geometry', str(file)]) == 2
     error = capsys.readouterr().err
-    assert error.startswith(f'review: {file} holds no geometry: ')
+    assert error.startswith(f'review: {file} holds no robot: ')
     assert error.count('\n') == 1
 
 

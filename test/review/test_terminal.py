@@ -13,7 +13,7 @@ import pytest
 
 CODE = 'import sys; from klann_ros.executables import review; sys.exit(review())'
 # Shows a bar at once, whatever the machine takes for it.
-EAGER = 'import klann_ros.review.command as p; p._PATIENCE = 0.0; '
+EAGER = 'import klann_ros.review.command as p; p._PROGRESS_DELAY = 0.0; '
 ESCAPE = '\x1b['
 
 

@@ -35,7 +35,7 @@ ALLOWED = {
         'log',
         'web',
     },
-    'export': {'sanitize', 'kinematics', 'dynamics', 'plotting', 'robot', 'twin', 'review'},
+    'export': {'sanitize', 'kinematics', 'dynamics', 'plotting', 'robot', 'twin'},
     'live': {'sanitize', 'kinematics', 'log', 'robot', 'review', 'web'},
     'datasheet': {
         'sanitize',
@@ -44,7 +44,6 @@ ALLOWED = {
         'robot',
         'walker',
         'web',
-        'review',
     },
     'stop_signals': set(),
     'nodes': {

@@ -69,12 +69,6 @@ def _sqlite(path: Path, unpacked: TemporaryFile | None) -> Storage:
 STORAGES: dict[bytes, Kind] = {MAGIC: McapStorage, SQLITE_MAGIC: _sqlite}
 """What reads a file, by the bytes with which it starts."""
 
-MAGICS = (*STORAGES, ZSTD_MAGIC)
-"""How files begin that hold what was recorded."""
-
-LONGEST_MAGIC = max(map(len, MAGICS))
-"""So many bytes of a file tell whether it does [bytes]."""
-
 # What reads a file whose first bytes are damaged, by its name; MCAP if that does not tell either.
 _BY_SUFFIX: dict[str, Kind] = {'.db3': _sqlite}
 _START = 512

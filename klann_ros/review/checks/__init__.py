@@ -1,19 +1,16 @@
-"""What is wrong with a run: each file a kind of check, CHECKS all of them."""
+"""The checks of a review, one file for each kind; CHECKS lists them all."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import TypeAlias
 
 from klann_ros.review.model.review import Finding, Review
 
-from .answers import check_answers
+from .answers import check_answers, check_solvers
 from .clocks import check_clocks, check_order
-from .completeness import check_container, check_losses, check_told
-from .gaps import check_gaps
-from .motion import check_motion
+from .completeness import check_container, check_gaps, check_losses, check_recorder_findings
+from .motion import check_motion, check_walking
 from .poses import check_poses
-from .solvers import check_solvers
 from .torques import check_torques
-from .walking import check_walking
 
 Check: TypeAlias = Callable[[Review], Iterator[Finding]]
 
@@ -29,12 +26,12 @@ CHECKS: tuple[Check, ...] = (
     check_motion,
     check_torques,
     check_walking,
-    check_told,
+    check_recorder_findings,
 )
-"""Each yields what it finds in a review; the cause at its source first."""
+"""Each yields findings of a review; causes come before their effects."""
 
 
 def findings(review: Review, checks: Sequence[Check] = CHECKS) -> tuple[Finding, ...]:
-    """Return what is wrong with a run, the gravest first; nothing for a healthy one."""
+    """Return the findings of a run, by falling severity."""
     found = (finding for check in checks for finding in check(review))
     return tuple(sorted(found, key=lambda finding: -finding.severity))

@@ -1,57 +1,54 @@
-"""Order, latency and stamps: whether the times in the run fit together."""
+"""Check times: order, latency, and the offset of clocks."""
 
 from collections.abc import Collection, Iterator
 
-from klann_ros.review.model.recording import Series
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
-from klann_ros.review.model.simulated_time import CLOCK, offsets
-from klann_ros.review.model.times import overlap
+from klann_ros.review.model.times import CLOCK, offsets, overlaps, Series
 from klann_ros.review.model.topics import TopicFigures, TopicRecording
 from klann_ros.sanitize.text import listed, printable, times, verb
 import numpy as np
 
 from .motion import back_and_forth
 
-# A latency is of a clock that is off if it hardly changes: so much from the median to the 99th
-# percentile, as a part of it.
-_STEADY = 0.2
-# Fewer messages tell nothing of the sort.
-_LEAST = 10
+# A steady latency means a clock offset: largest distance from the median to the 99th percentile,
+# as a part of the median.
+_MAX_LATENCY_SPREAD = 0.2
+# Messages that a latency needs.
+_MIN_MESSAGES = 10
 
 
 def check_clocks(review: Review) -> Iterator[Finding]:
-    """Yield which clocks are off, and what came late."""
+    """Yield clock offsets and late messages."""
     both = zip(review.topics, review.recording.topics, strict=True)
     off = [topic for topic, recorded in both if _clock_is_off(topic, recorded, review)]
     yield from _latency(review, {topic.name for topic in off})
     if off:
         yield _publishers_clock(off)
     else:
-        # Stamps come from the publisher's clock as a rule, which would be said twice.
+        # Stamps usually have the publisher's clock: one finding is enough.
         yield from _stamps(review)
 
 
 def check_order(review: Review) -> Iterator[Finding]:
-    """Yield times that go back."""
+    """Yield log times and stamps that go back."""
     back = [topic for topic in review.recording.topics if len(topic.set_back)]
     if back:
         often = times(max(len(topic.set_back) for topic in back))
         by = max(int(topic.set_back[:, 1].max()) for topic in back) / 1e9
         names = listed(topic.name for topic in back)
         text = f'the log times go back {often}, by {by:.3g} s or more, on {names}'
-        meaning = "the recorder's clock was set back, or the log was put together of others"
+        meaning = "the recorder's clock was set back, or the log was merged from others"
         first = min(int(topic.set_back[0, 0]) for topic in back)
         time = review.recording.since_start(first)
         yield Finding('order', Severity.WARNING, text, meaning, time)
-        # By the times of the log the stamps are out of order then, too.
         return
-    overtaken = {topic.name for topic in review.recording.topics if topic.overtaken}
+    reordered = {topic.name for topic in review.recording.topics if topic.reordered}
     for leg in review.legs:
-        if leg.recording.solver.sim_time or leg.answering.surplus.solvers > 1:
+        if leg.recording.solver.sim_time or leg.answers.duplicates.solvers > 1:
             continue
-        # Two that turn the crank are found as such.
+        # `check_motion` finds two sources.
         if (
-            overtaken & leg.recording.pose_topics
+            reordered & leg.recording.pose_topics
             or back_and_forth(leg.evaluated, review.limits).size
         ):
             continue
@@ -66,7 +63,7 @@ def check_order(review: Review) -> Iterator[Finding]:
 
 
 def _clock_is_off(topic: TopicFigures, recorded: TopicRecording, review: Review) -> bool:
-    if _known(recorded) < _LEAST:
+    if _known(recorded) < _MIN_MESSAGES:
         return False
     if topic.latency_p50 < -review.limits.latency:
         return True
@@ -78,40 +75,40 @@ def _known(recorded: TopicRecording) -> int:
 
 
 def _is_steady(topic: TopicFigures) -> bool:
-    return topic.latency_p99 - topic.latency_p50 <= _STEADY * topic.latency_p50
+    return topic.latency_p99 - topic.latency_p50 <= _MAX_LATENCY_SPREAD * topic.latency_p50
 
 
 def _publishers_clock(topics: list[TopicFigures]) -> Finding:
     worst = max(topics, key=lambda topic: abs(topic.latency_p50))
     off = worst.latency_p50
     names = listed(topic.name for topic in topics)
-    # Nothing comes before it was published; but what takes long may take equally long.
+    # A negative latency proves an offset; a steady positive one only suggests it.
     side = 'seems {:.3f} s behind' if off > 0 else 'is {:.3f} s ahead of'
     text = f"the publisher's clock {side.format(abs(off))} the recorder's ({names})"
-    meaning = 'two machines, two clocks: no latency can be told; let them agree (chrony, ptp)'
+    meaning = 'two machines with different clocks hide the latency; synchronise them (chrony, ptp)'
     return Finding('clock', Severity.WARNING, text, meaning)
 
 
-def _latency(review: Review, untold: Collection[str]) -> Iterator[Finding]:
+def _latency(review: Review, skipped: Collection[str]) -> Iterator[Finding]:
     limit = review.limits.latency
     for topic, recorded in zip(review.topics, review.recording.topics, strict=True):
-        is_late = topic.latency_p99 > limit and _known(recorded) >= _LEAST
-        if topic.name in untold or not (recorded.is_periodic and is_late):
+        is_late = topic.latency_p99 > limit and _known(recorded) >= _MIN_MESSAGES
+        if topic.name in skipped or not (recorded.is_periodic and is_late):
             continue
-        # What waited while the recorder stalled says nothing of the way.
-        times, holes = recorded.times, review.recording.holes
-        latencies = np.where(overlap(times, times, holes), np.nan, recorded.latencies)
+        # Messages that waited for a stalled recorder do not count.
+        times, unrecorded = recorded.times, review.recording.unrecorded
+        latencies = np.where(overlaps(times, times, unrecorded), np.nan, recorded.latencies)
         known = int(np.count_nonzero(~np.isnan(latencies)))
-        if known < _LEAST or np.nanpercentile(latencies, 99.0) <= limit:
+        if known < _MIN_MESSAGES or np.nanpercentile(latencies, 99.0) <= limit:
             continue
         late = latencies > limit
         text = (
             f'{int(late.sum())} of {known} messages of {printable(topic.name)} took more than '
             f'{limit:g} s to arrive, up to {float(np.nanmax(latencies)):.3f} s'
         )
-        meaning = 'the recorder, or the network, did not keep up'
+        meaning = 'the recorder or the network was overloaded'
         if topic.latency_p50 > limit and _is_steady(topic):
-            meaning = 'all about equally long: a long way, or clocks that do not agree'
+            meaning = 'all take about equally long: a slow link, or unsynchronised clocks'
         time = review.recording.since_start(recorded.times[int(np.argmax(late))])
         yield Finding('latency', Severity.WARNING, text, meaning, time)
 
@@ -124,12 +121,14 @@ def _stamps(review: Review) -> Iterator[Finding]:
             side = 'behind' if off < 0 else 'ahead of'
             of = CLOCK if leg.recording.solver.sim_time else "the log's clock"
             text = f'the stamps of the poses are {abs(off):.3f} s {side} {of}'
-            meaning = 'inputs of another clock, or as old as that; tf and viewers may drop them'
+            meaning = (
+                'the inputs have another clock, or are that old; tf and viewers may drop the poses'
+            )
             yield Finding('clock', Severity.WARNING, text, meaning, leg=leg.recording.title)
 
 
 def _offset(leg: ReviewedLeg, clock: Series) -> float:
-    """Return how far the stamps are ahead of their clock, in the median [s]; 0 if unknown."""
+    """Return the median offset of the stamps to their clock [s]; 0 if unknown."""
     poses = leg.evaluated.poses
     if not len(poses) or (leg.recording.solver.sim_time and not len(clock)):
         return 0.0

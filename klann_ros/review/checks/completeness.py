@@ -1,27 +1,30 @@
-"""Whether the log is whole: damage, what was lost on its way, and what a review needs."""
+"""Check completeness: damage, lost messages, gaps and missing poses."""
 
 from collections.abc import Iterator
+from itertools import groupby
+from operator import attrgetter
 
 from klann_ros.log.errors import REFUSED
-from klann_ros.review.model.recording import RunRecording
+from klann_ros.review.model.answers import MAX_RESPONSE_TIME, refused_intervals
+from klann_ros.review.model.recording import LegRecording, RunRecording
 from klann_ros.review.model.review import Finding, Review, Severity
-from klann_ros.review.model.topics import TopicRecording
+from klann_ros.review.model.times import CLOCK, Interval, merge_intervals, pauses
+from klann_ros.review.model.topics import exclude_intervals, Gap, TopicRecording
 from klann_ros.robot.file import preset_names
-from klann_ros.sanitize.text import counted, printable, printable_line, verb
+from klann_ros.sanitize.text import counted, listed, printable, printable_line, verb
 
-_MOST_PROBLEMS = 3
-# So many of what the recorder told are repeated.
-_MOST_TOLD = 10
+_MAX_PROBLEMS = 3
+_MAX_RECORDER_FINDINGS = 10
 
 
 def check_container(review: Review) -> Iterator[Finding]:
-    """Yield what is wrong with the log as a log."""
+    """Yield damage of the log, and missing poses."""
     recording = review.recording
     if recording.problems:
-        shown = '; '.join(recording.problems[:_MOST_PROBLEMS])
-        more = len(recording.problems) - _MOST_PROBLEMS
+        shown = '; '.join(recording.problems[:_MAX_PROBLEMS])
+        more = len(recording.problems) - _MAX_PROBLEMS
         also = f'; and {more} more' if more > 0 else ''
-        meaning = 'what is judged is what could be read; `recover` makes a whole run of it'
+        meaning = 'only the readable part is judged; `recover` restores a complete run'
         what = 'the log is damaged'
         if all(REFUSED in problem for problem in recording.problems):
             meaning = 'the rest is judged; a machine with more memory can read all of it'
@@ -31,38 +34,42 @@ def check_container(review: Review) -> Iterator[Finding]:
         yield Finding(
             'container',
             Severity.WARNING,
-            f'the recording ended before its time: {recording.stopped}',
-            'what came later is not in the run',
+            f'the recording ended early: {recording.stopped}',
+            'later messages are not in the run',
         )
     for failed in recording.undecoded:
         yield Finding(
             'decode',
             Severity.ERROR,
             f'{counted(failed.count, "message")} of {printable(failed.topic)} cannot be decoded',
-            'the bytes are not what the type says, or joints have no positions; left out',
+            'the bytes do not match the type, or joints have no positions; they are ignored',
             recording.since_start(failed.time),
         )
     yield from _poses(review)
 
 
-def check_told(review: Review) -> Iterator[Finding]:
-    """Yield what the recorder found while it recorded, which is judged again by what is there."""
+def check_recorder_findings(review: Review) -> Iterator[Finding]:
+    """Yield the findings of the recorder, whose run is judged again as a whole."""
     recording = review.recording
-    for number, told in enumerate(recording.told):
-        left = len(recording.told) - number
-        if number == _MOST_TOLD:
-            text = f'the recorder told {left} more meanwhile'
-            yield Finding('told', Severity.NOTE, text, 'they are in the run (klann_ros.finding)')
+    for number, recorder_findings in enumerate(recording.recorder_findings):
+        left = len(recording.recorder_findings) - number
+        if number == _MAX_RECORDER_FINDINGS:
+            text = f'the recorder reported {left} more findings'
+            yield Finding(
+                'recorder_finding', Severity.NOTE, text, 'they are in the run (klann_ros.finding)'
+            )
             return
-        what = ' of '.join(printable(part) for part in (told.check, told.leg) if part)
-        text = f'the recorder told meanwhile: {printable_line(told.text)} ({what})'
-        meaning = 'said on /diagnostics when it was seen; the run as a whole is judged beside it'
-        time = recording.since_start(told.time)
-        yield Finding('told', Severity.NOTE, text, meaning, time)
+        what = ' of '.join(
+            printable(part) for part in (recorder_findings.check, recorder_findings.leg) if part
+        )
+        text = f'the recorder reported: {printable_line(recorder_findings.text)} ({what})'
+        meaning = 'it was on /diagnostics during the recording; the whole run is judged separately'
+        time = recording.since_start(recorder_findings.time)
+        yield Finding('recorder_finding', Severity.NOTE, text, meaning, time)
 
 
 def _poses(review: Review) -> Iterator[Finding]:
-    """Yield that there are none, or nothing to judge them by."""
+    """Yield missing poses, and missing geometry."""
     there_are = any(len(leg.recording.poses) for leg in review.legs)
     if not there_are:
         text = 'there is no pose in the run (no joint_states of a leg)'
@@ -72,17 +79,17 @@ def _poses(review: Review) -> Iterator[Finding]:
         title = leg.recording.title
         if there_are and not len(leg.recording.poses):
             text = 'there is no pose of this leg in the run'
-            meaning = 'its solver has it; nobody told an angle of its crank joint, it seems'
+            meaning = 'its solver defines it; its crank joint was probably never published'
             yield Finding('poses', Severity.NOTE, text, meaning, leg=title)
         elif there_are and leg.recording.solver.leg is None:
-            text = 'the run does not tell the geometry'
+            text = 'the run does not contain the geometry'
             legs = ', '.join(preset_names())
             meaning = f'no pose can be judged; give the leg by --geometry FILE, or one of {legs}'
             yield Finding('geometry', Severity.WARNING, text, meaning, leg=title)
 
 
 def check_losses(review: Review) -> Iterator[Finding]:
-    """Yield the topics of which messages are missing by their sequence numbers."""
+    """Yield the topics with missing sequence numbers."""
     recording = review.recording
     for topic in recording.topics:
         if topic.lost:
@@ -97,31 +104,143 @@ def check_losses(review: Review) -> Iterator[Finding]:
             yield Finding(
                 'lost',
                 Severity.WARNING,
-                f'{_messages(topic.early, topic)} sent before the recorder heard their publishers',
-                'who publishes at once does not wait for discovery (crank_node: min_subscribers)',
+                f'{_messages(topic.early, topic)} sent before the recorder discovered their '
+                'publishers',
+                'the publisher did not wait for discovery (crank_node: min_subscribers)',
             )
-        # One may leave at the end; who leaves before may have taken something along.
-        if topic.left > 1 and topic.lost is not None:
+        # One publisher may leave at the end of the run.
+        if topic.publishers_left > 1 and topic.lost is not None:
             name = printable(topic.name)
             yield Finding(
                 'lost',
                 Severity.NOTE,
-                f'{counted(topic.left, "publisher")} of {name} left during the run',
-                'of what each sent last, and of those that nobody heard, nothing is known',
+                f'{counted(topic.publishers_left, "publisher")} of {name} left during the run',
+                "losses at the end of a publisher's life cannot be detected",
             )
 
 
 def _meaning(topic: TopicRecording, recording: RunRecording) -> str:
-    """Return where the messages were lost, and what is known of why."""
-    on_the_way = 'published and never reached the run: a shallow queue, or an overload'
+    """Return where the messages were lost, and the known reason."""
+    in_transit = 'published and did not reach the run: a short queue, or an overload'
     if not topic.dropped:
-        return f'they were {on_the_way}'
-    why = '; '.join(filter(None, (recording.harmed, recording.stopped)))
+        return f'they were {in_transit}'
+    why = '; '.join(filter(None, (recording.file_fault, recording.stopped)))
     why = why or 'its queue was full, or the disk refused them'
-    elsewhere = (topic.lost or 0) - topic.dropped
-    others = f', {elsewhere} were {on_the_way}' if elsewhere > 0 else ''
-    return f'the recorder had received {topic.dropped} of them{others}. What it tells: {why}'
+    rest = (topic.lost or 0) - topic.dropped
+    others = f', {rest} were {in_transit}' if rest > 0 else ''
+    return f'the recorder had received {topic.dropped} of them{others}. Its reason: {why}'
 
 
 def _messages(number: int, topic: TopicRecording) -> str:
     return f'{counted(number, "message")} of {printable(topic.name)} {verb(number, "was", "were")}'
+
+
+# Topics of a solver beside the poses.
+_FOOT_TOPICS = ('point_h', 'velocity_h')
+
+
+def check_gaps(review: Review) -> Iterator[Finding]:
+    """Yield gaps within the run, restarts of publishers, stalls, and poses that ended early."""
+    excused = _excused_intervals(review)
+    found = [
+        gap
+        for (topic,), own in groupby(review.gaps, key=attrgetter('topics'))
+        for gap in exclude_intervals(list(own), excused.get(topic, review.recording.unrecorded))
+    ]
+    answers = {topic for leg in review.legs for topic in answer_topics(leg.recording)}
+    # A restart of a solver leaves inputs without answer: that is a gap.
+    restarts = [one for one in found if one.is_restart and answers.isdisjoint(one.topics)]
+    gaps = [one for one in found if one not in restarts]
+    if gaps:
+        yield _gap(review, _join(gaps))
+    if restarts:
+        yield _restart(review, _join(restarts))
+    for stall in review.recording.stalls:
+        meaning = 'the gap is excused; messages published meanwhile may be lost'
+        time = review.recording.since_start(stall.begin)
+        yield Finding('stall', Severity.NOTE, printable_line(stall.reason), meaning, time)
+    yield from _ended(review)
+
+
+def _excused_intervals(review: Review) -> dict[str, tuple[Interval, ...]]:
+    """Return by topic when a gap is no fault: no valid input, a restart, a pause or damage."""
+    recording = review.recording
+    paused = [*recording.unrecorded, *pauses(recording.clock)]
+    found = {topic.name: [*paused] for topic in recording.topics if topic.name != CLOCK}
+    for leg in review.legs:
+        own = refused_intervals(leg.evaluated, leg.answers)
+        restarts = recording.restarts_on(leg.recording.crank_topics)
+        own += [(begin, end + MAX_RESPONSE_TIME) for begin, end in restarts]
+        for topic in answer_topics(leg.recording):
+            found.setdefault(topic, [*paused]).extend(own)
+    return {topic: merge_intervals(intervals) for topic, intervals in found.items()}
+
+
+def answer_topics(leg: LegRecording) -> list[str]:
+    """Return the topics of a leg's solver."""
+    place = f'{leg.namespace}/{leg.name}'.rstrip('/')
+    return [*leg.pose_topics, *(f'{place}/{name}' for name in _FOOT_TOPICS)]
+
+
+def _join(gaps: list[Gap]) -> list[Gap]:
+    """Join overlapping gaps of several topics: they have one cause."""
+    joined: list[Gap] = []
+    for gap in sorted(gaps):
+        last = joined[-1] if joined else None
+        if last is not None and gap.begin < last.end:
+            topics = tuple(dict.fromkeys((*last.topics, *gap.topics)))
+            joined[-1] = Gap(last.begin, max(last.end, gap.end), topics)
+        else:
+            joined.append(gap)
+    return joined
+
+
+def _gap(review: Review, gaps: list[Gap]) -> Finding:
+    recording, longest = review.recording, max(gaps, key=attrgetter('length'))
+    what = f'nothing on {listed(longest.topics)} for {longest.length:.3f} s'
+    if len(gaps) > 1:
+        at = recording.since_start(longest.begin)
+        what = f'{len(gaps)} gaps; the longest: {what} at {at:.3f} s'
+    count = _unanswered(review)
+    if count:
+        angles = verb(count, 'crank angle was', 'crank angles were')
+        what += f'; {count} {angles} not answered meanwhile'
+    meaning = 'the publisher stalled, or messages could not reach the recorder'
+    time = recording.since_start(gaps[0].begin)
+    return Finding('gap', Severity.WARNING, what, meaning, time)
+
+
+def _restart(review: Review, gaps: list[Gap]) -> Finding:
+    recording, first = review.recording, gaps[0]
+    text = f'another publisher of {listed(first.topics)} began {first.length:.3f} s after the last'
+    meaning = 'a node was shut down and started again; the time between is no gap'
+    return Finding('restart', Severity.NOTE, text, meaning, recording.since_start(first.begin))
+
+
+def _unanswered(review: Review) -> int:
+    """Return the number of crank angles without answer in gaps; legs on one crank share them."""
+    counts: dict[frozenset[str], int] = {}
+    for leg in review.legs:
+        topics = leg.recording.crank_topics
+        counts[topics] = max(counts.get(topics, 0), leg.unanswered.in_gaps)
+    return sum(counts.values())
+
+
+def _ended(review: Review) -> Iterator[Finding]:
+    """Yield poses that ended while the crank angles went on."""
+    recording = review.recording
+    for leg in review.legs:
+        poses, cranks = leg.evaluated.poses, leg.evaluated.cranks
+        if not (len(poses) and len(cranks)):
+            continue
+        silent = (int(cranks.times[-1]) - int(poses.times[-1])) / 1e9
+        if silent > review.limits.stale_time:
+            after = counted(leg.answers.late, 'crank angle')
+            yield Finding(
+                'stale',
+                Severity.WARNING,
+                f'the poses ended {silent:.1f} s before the crank did; {after} came after them',
+                'the solver stopped, refused every angle, or its poses did not reach the recorder',
+                recording.since_start(poses.times[-1]),
+                leg.recording.title,
+            )

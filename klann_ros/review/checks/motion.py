@@ -1,44 +1,36 @@
-"""Whether the crank and the foot moved as a leg can: jumps, drift, standstill."""
+"""Check motion: jumps and standstill of the crank, drift of the path, tracking of a walker."""
 
 from collections.abc import Iterator
-from math import nan
+from math import degrees, nan
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
+from klann_ros.kinematics.arrays import BoolArray, FloatArray, IndexArray
 from klann_ros.review.model.limits import Limits
-from klann_ros.review.model.pairing import pairs
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Finding, Review, Severity
-from klann_ros.review.model.times import (
-    Flags,
-    Floats,
-    intervals,
-    median,
-    merged,
-    overlap,
-    RowIndices,
-)
+from klann_ros.review.model.times import median, merge_intervals, overlaps, pairs, time_steps
 from klann_ros.sanitize.text import listed, times as times_
 import numpy as np
 
 _TURN = 2 * np.pi
-# A change that is so many times the usual one is a jump, and not a fast crank.
-_UNUSUAL = 5.0
-# An interval that is so many times the usual one: a message is missing, or two are.
-_LATE = 1.5
-# No two messages are nearer to each other, as a rule [s].
-_INSTANT = 1e-6
-# The path is compared between the first and the last so many parts of a run.
-_PARTS = 4
-# Between crank angles so near the path is a straight line, to a tenth of a millimetre [rad^2].
-_NEAR = 1e-4
-# Who jumps there and back so often, and so great a part of the time, is two.
-_SEVERAL, _OFTEN = 10, 0.1
-# A crank that does not move for so long stands still [s].
-_STANDSTILL = 2.0
+# A jump exceeds the median change by this factor.
+_JUMP_RATIO = 5.0
+# An interval with missing messages exceeds the median by this factor.
+_MISSING_RATIO = 1.5
+# Shortest plausible period of messages [s].
+_MIN_PERIOD = 1e-6
+# Drift compares the first and the last of this number of parts.
+_DRIFT_PARTS = 4
+# Interpolation is exact to 0.1 mm below this product of distances [rad^2].
+_MAX_CHORD = 1e-4
+# Jumps there and back of two sources: their number, and their share of all steps.
+_MIN_SWAPS, _MIN_SWAP_SHARE = 10, 0.1
+# Shortest standstill of a crank that is reported [s].
+_MIN_STANDSTILL = 2.0
 
 
 def check_motion(review: Review) -> Iterator[Finding]:
-    """Yield how the motion is not that of a leg."""
+    """Yield jumps and standstill of the crank, and drift of the foot path."""
     for leg in review.legs:
         if len(leg.evaluated.cranks):
             swaps = back_and_forth(leg.evaluated, review.limits)
@@ -48,39 +40,38 @@ def check_motion(review: Review) -> Iterator[Finding]:
                 else _jumps(review, leg.evaluated)
             )
             yield from _standstill(review, leg.evaluated)
-        # Else the geometry has judged every foot, and more strictly; two solvers have two legs.
-        alone = leg.answering.surplus.solvers == 1
+        # With a geometry `check_poses` judges every foot; two solvers may have two legs.
+        alone = leg.answers.duplicates.solvers == 1
         if leg.errors is None and len(leg.evaluated.feet) and alone:
             yield from _drift(review, leg.evaluated)
 
 
-def back_and_forth(leg: LegRecording, limits: Limits) -> RowIndices:
-    """Return after which inputs the crank jumps, and at once back: two sources have two angles."""
+def back_and_forth(leg: LegRecording, limits: Limits) -> IndexArray:
+    """Return the inputs after which the crank jumps and immediately back: two sources."""
     steps = np.diff(leg.cranks.values[:, 0])
     there, back = steps[:-1], steps[1:]
-    # NaN and what is infinite is no jump.
     swaps = (np.minimum(np.abs(there), np.abs(back)) > limits.crank_jump) & (
         np.abs(there + back) < np.abs(there) / 2
     )
     rows = np.flatnonzero(swaps)
-    return rows if len(rows) > max(_SEVERAL, _OFTEN * len(steps)) else rows[:0]
+    return rows if len(rows) > max(_MIN_SWAPS, _MIN_SWAP_SHARE * len(steps)) else rows[:0]
 
 
-def _swaps(review: Review, leg: LegRecording, rows: RowIndices) -> Iterator[Finding]:
+def _swaps(review: Review, leg: LegRecording, rows: IndexArray) -> Iterator[Finding]:
     by = np.abs(np.diff(leg.cranks.values[:, 0])[rows]).max()
     text = f'the crank angle jumps back and forth {times_(rows.size)}, by up to {by:.3g} rad'
     shared = any(t.shared for t in review.recording.topics if t.name in leg.crank_topics)
     several = shared or len(leg.crank_topics) > 1
     where = f' ({listed(sorted(leg.crank_topics))})'
-    meaning = f'several turn the crank at once{where}: each has an angle of its own'
+    meaning = f'multiple publishers set the crank at once{where}, each with its own angle'
     if not several:
-        meaning = f'two sources turn the crank by turns, or an encoder slips{where}'
+        meaning = f'two sources alternate, or an encoder slips{where}'
     time = review.recording.since_start(leg.cranks.times[rows[0] + 1])
     yield Finding('jump', Severity.WARNING, text, meaning, time, leg.title)
 
 
 def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
-    # What is no crank angle is rejected, and found as such; NaN fails the comparison as well.
+    # `check_answers` finds invalid angles; NaN fails the comparison.
     alphas, times = leg.cranks.values[:, 0], leg.cranks.times
     valid = np.abs(alphas) <= MAX_CRANK_ANGLE
     if not valid.all():
@@ -88,41 +79,41 @@ def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
     if len(alphas) < 2:
         return
     steps = np.abs(np.diff(alphas))
-    usual, period = median(steps), median(intervals(times))
-    limit = max(review.limits.crank_jump, _UNUSUAL * usual)
+    usual, period = median(steps), median(time_steps(times))
+    limit = max(review.limits.crank_jump, _JUMP_RATIO * usual)
     rows = np.flatnonzero(steps > limit)
-    # Nor did one that another publisher turns from then on.
+    # A new publisher may start at another angle.
     restarts = review.recording.restarts_on(leg.crank_topics)
-    holes = merged([*review.recording.holes, *restarts])
-    rows = rows[~overlap(times[rows], times[rows + 1], holes)]
-    # A crank that turned on unseen, while messages were lost or held up, did not jump.
+    unrecorded = merge_intervals([*review.recording.unrecorded, *restarts])
+    rows = rows[~overlaps(times[rows], times[rows + 1], unrecorded)]
+    # The crank turns on while messages are lost or delayed.
     waits = (times[rows + 1] - times[rows]) / 1e9
-    unseen = waits > max(_LATE * period, review.limits.gap_time)
-    turned = _LATE * usual / max(period, _INSTANT) * waits * unseen
+    unseen = waits > max(_MISSING_RATIO * period, review.limits.gap_time)
+    turned = _MISSING_RATIO * usual / max(period, _MIN_PERIOD) * waits * unseen
     rows = rows[steps[rows] - turned > limit]
     if rows.size:
         text = f'the crank angle jumps {times_(rows.size)}, by up to {steps[rows].max():.3g} rad'
-        meaning = 'it was set so, an encoder slips, or inputs were lost before they were published'
+        meaning = 'the angle was set, an encoder slips, or inputs were lost before publishing'
         time = review.recording.since_start(times[rows[0] + 1])
         yield Finding('jump', Severity.WARNING, text, meaning, time, leg.title)
 
 
 def _standstill(review: Review, leg: LegRecording) -> Iterator[Finding]:
-    """Yield a crank that says the same for long, and moves at other times."""
+    """Yield a long standstill of a crank that moves at other times."""
     alphas, times = leg.cranks.values[:, 0], leg.cranks.times
     changes = np.flatnonzero(alphas[1:] != alphas[:-1])
     if not changes.size:
         return
-    steps = intervals(times)
-    # While nothing is said nobody knows.
-    said = steps <= max(Limits.gap_periods * median(steps), Limits.gap_time)
-    told = np.concatenate([[0.0], np.cumsum(steps * said)])
+    steps = time_steps(times)
+    # The time of gaps does not count.
+    regular = steps <= max(Limits.gap_periods * median(steps), Limits.gap_time)
+    elapsed = np.concatenate([[0.0], np.cumsum(steps * regular)])
     firsts, lasts = np.append(0, changes + 1), np.append(changes, len(times) - 1)
-    still = told[lasts] - told[firsts]
+    still = elapsed[lasts] - elapsed[firsts]
     longest = int(np.argmax(still))
-    if still[longest] > _STANDSTILL:
+    if still[longest] > _MIN_STANDSTILL:
         text = f'the crank stands still for {still[longest]:.1f} s, while its angle is published'
-        meaning = 'as it should be if nobody turned it; else its sensor is frozen'
+        meaning = 'expected at rest; otherwise the sensor is frozen'
         time = review.recording.since_start(times[firsts[longest]])
         yield Finding('frozen', Severity.NOTE, text, meaning, time, leg.title)
 
@@ -130,37 +121,42 @@ def _standstill(review: Review, leg: LegRecording) -> Iterator[Finding]:
 def _drift(review: Review, leg: LegRecording) -> Iterator[Finding]:
     drift = path_drift(leg)
     if drift > review.limits.path_drift:
-        text = f'the path of the foot moves by {drift:.3g} m from the first to the last part'
-        meaning = 'the same crank angle gives another foot than before: a length has changed'
+        text = f'the foot path drifts by {drift:.3g} m from the first to the last part'
+        meaning = 'equal crank angles give different foot positions: a length has changed'
         yield Finding('drift', Severity.WARNING, text, meaning, leg=leg.title)
 
 
 def path_drift(leg: LegRecording) -> float:
     """
-    Return how far apart the paths of the first and the last quarter of a run are [m].
+    Return the distance between the foot paths of the first and the last quarter [m].
 
-    The greatest distance at the same crank angle, interpolated; NaN for less than a turn in each.
+    The largest one at equal crank angles, interpolated; NaN if a quarter has less than a turn.
     """
     alphas, feet = _feet_by_angle(leg)
-    quarter = len(alphas) // _PARTS
+    quarter = len(alphas) // _DRIFT_PARTS
     first, last = slice(0, quarter), slice(len(alphas) - quarter, len(alphas))
-    if any(np.ptp(alphas[part]) < _TURN for part in (first, last) if quarter) or quarter < _PARTS:
+    if (
+        any(np.ptp(alphas[part]) < _TURN for part in (first, last) if quarter)
+        or quarter < _DRIFT_PARTS
+    ):
         return nan
     known, is_exact = _interpolated(alphas[first], feet[first], alphas[last])
     apart = np.hypot(*(feet[last] - known).T)[is_exact]
     return float(apart.max()) if apart.size else nan
 
 
-def _feet_by_angle(leg: LegRecording) -> tuple[Floats, Floats]:
-    """Return crank angles and feet of the poses that have one, in the order of time."""
+def _feet_by_angle(leg: LegRecording) -> tuple[FloatArray, FloatArray]:
+    """Return crank angle and foot of each pose with a foot, in the order of time."""
     of_feet, of_poses = pairs(leg.feet.stamps, leg.poses.stamps)
     alphas, feet = leg.poses.values[of_poses, 0], leg.feet.values[of_feet]
     finite = np.isfinite(alphas) & np.isfinite(feet).all(axis=1)
     return alphas[finite], feet[finite]
 
 
-def _interpolated(alphas: Floats, feet: Floats, at: Floats) -> tuple[Floats, Flags]:
-    """Return the feet at crank angles between known ones, and where these are near enough."""
+def _interpolated(
+    alphas: FloatArray, feet: FloatArray, at: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return interpolated feet, and where the interpolation is exact enough."""
     turned, wanted = np.mod(alphas, _TURN), np.mod(at, _TURN)
     order = np.argsort(turned)
     known = np.concatenate([turned[order[-1:]] - _TURN, turned[order], turned[order[:1]] + _TURN])
@@ -170,5 +166,44 @@ def _interpolated(alphas: Floats, feet: Floats, at: Floats) -> tuple[Floats, Fla
     share = np.divide(left, left + right, out=np.zeros_like(left), where=left + right > 0)
     found = feet[rows[after - 1]] * (1 - share)[:, np.newaxis]
     found += feet[rows[after]] * share[:, np.newaxis]
-    # The error of the interpolation is this half product times how sharply the path bends.
-    return found, left * right / 2 < _NEAR
+    # The error is this half product times the curvature of the path.
+    return found, left * right / 2 < _MAX_CHORD
+
+
+def check_walking(review: Review) -> Iterator[Finding]:
+    """Yield crank lag, phase error and odometry error above their limits."""
+    limits, since = review.limits, review.recording.since_start
+    for walk in review.walks:
+        title = walk.namespace.lstrip('/')
+        if walk.crank_lag > limits.crank_lag and walk.lag_time is not None:
+            yield Finding(
+                'crank_lag',
+                Severity.WARNING,
+                f'a crank was up to {degrees(walk.crank_lag):.3g} deg off its command',
+                'its motor is too weak or blocked, or its encoder jumped',
+                since(walk.lag_time),
+                title,
+            )
+        if walk.phase_error > limits.phase and walk.phase_time is not None:
+            yield Finding(
+                'phase',
+                Severity.WARNING,
+                f'the phase between two cranks was up to {degrees(walk.phase_error):.3g} deg '
+                'off its command',
+                'the gait was not kept; the body may lose its support',
+                since(walk.phase_time),
+                title,
+            )
+        if (
+            walk.odometry_error > limits.odometry * walk.distance
+            and walk.odometry_time is not None
+        ):
+            yield Finding(
+                'odometry',
+                Severity.WARNING,
+                f'odometry was up to {walk.odometry_error:.3g} m off the ground truth over '
+                f'{walk.distance:.3g} m, its heading up to {degrees(walk.heading_error):.3g} deg',
+                'the feet slipped, crank angles were lost, or it turned without an IMU',
+                since(walk.odometry_time),
+                title,
+            )

@@ -1,24 +1,24 @@
-"""Whether each pose is the right one for its crank angle, and each foot that of its pose."""
+"""Check each pose against its crank angle, and each foot against its pose."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from klann_ros.kinematics.arrays import BoolArray, FloatArray
 from klann_ros.review.model.limits import Limits
-from klann_ros.review.model.pairing import are_among, pairs
-from klann_ros.review.model.pose_errors import PoseErrors
+from klann_ros.review.model.poses import PoseErrors
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
-from klann_ros.review.model.times import Flags, Floats
+from klann_ros.review.model.times import isin, pairs
 from klann_ros.sanitize.text import verb
 import numpy as np
 
 
 class WrongPoses(NamedTuple):
-    """Which poses are wrong, and why; no pose for two reasons."""
+    """Flags of the wrong poses by fault; the faults exclude each other."""
 
-    garbled: Flags
-    open_: Flags
-    unreachable: Flags
-    flipped: Flags
+    garbled: BoolArray
+    open_: BoolArray
+    unreachable: BoolArray
+    flipped: BoolArray
 
     @classmethod
     def of(cls, errors: PoseErrors, limits: Limits) -> 'WrongPoses':
@@ -30,33 +30,33 @@ class WrongPoses(NamedTuple):
         flipped = closed & (errors.angle_errors * sines > limits.angle)
         return cls(garbled, open_, closed & np.isnan(errors.angle_errors), flipped)
 
-    def any(self) -> Flags:  # noqa: A003, RUF100 - as NumPy calls it
-        """Return which poses are wrong for whatever reason."""
-        found: Flags = np.logical_or.reduce(self)
+    def any(self) -> BoolArray:  # noqa: A003, RUF100 - as NumPy calls it
+        """Return the poses with any fault."""
+        found: BoolArray = np.logical_or.reduce(self)
         return found
 
 
 def wrong_poses(leg: ReviewedLeg, errors: PoseErrors, limits: Limits) -> WrongPoses:
-    """Return which poses are wrong, but for those of a second solver, which are found as such."""
+    """Return the wrong poses, without those of a second solver."""
     wrong = WrongPoses.of(errors, limits)
-    excused = leg.answering.surplus.excused(wrong.any())
+    explained = leg.answers.duplicates.explained(wrong.any())
     for flags in wrong:
-        flags[excused] = False
+        flags[explained] = False
     return wrong
 
 
 class _Fault(NamedTuple):
-    """Which poses or feet have a fault, and how to say it."""
+    """A fault: flags of poses or feet, and its texts."""
 
     check: str
-    which: Flags
+    which: BoolArray
     verbs: tuple[str, str]
     text: str
     meaning: str
 
 
 def check_poses(review: Review) -> Iterator[Finding]:
-    """Yield what is wrong with poses; of one pose the first thing only, as the rest follows."""
+    """Yield wrong poses and feet; each pose has one fault at most."""
     for leg in review.legs:
         if leg.errors is None:
             continue
@@ -86,33 +86,34 @@ def _poses(errors: PoseErrors, wrong: WrongPoses) -> Iterator[_Fault]:
         wrong.garbled,
         ('has', 'have'),
         'an angle that is not finite',
-        'solver_node never publishes such a pose: something else does',
+        'solver_node never publishes such a pose: another node did',
     )
     yield _Fault(
         'closure',
         wrong.open_,
         ('does', 'do'),
         f'not close the loops{_by_up_to(errors.residuals, wrong.open_, "m")}',
-        'the leg that was solved is not the one that it is held against',
+        'the poses are of a leg with other dimensions',
     )
     yield _Fault(
         'reach',
         wrong.unreachable,
         ('stands', 'stand'),
         'at a crank angle that the leg cannot reach',
-        'they close all the same, within the limit: the leg is at its very limit there',
+        'the loops still close within the limit: the crank is at the end of its range',
     )
     yield _Fault(
         'branch',
         wrong.flipped,
         ('is', 'are'),
-        f'not the assembly of the leg{_by_up_to(errors.angle_errors, wrong.flipped, "rad")}',
-        'the loops close, but the leg is put together the other way: the branch flipped',
+        'in another assembly mode than the leg'
+        f'{_by_up_to(errors.angle_errors, wrong.flipped, "rad")}',
+        'the loops close, but in another assembly mode: the branch flipped',
     )
 
 
 def _feet(
-    leg: ReviewedLeg, errors: PoseErrors, limits: Limits, wrong_poses_: Flags
+    leg: ReviewedLeg, errors: PoseErrors, limits: Limits, wrong_poses_: BoolArray
 ) -> Iterator[_Fault]:
     garbled = np.isinf(errors.foot_errors)
     yield _Fault(
@@ -126,20 +127,20 @@ def _feet(
         'foot',
         wrong,
         ('is', 'are'),
-        f'not where the angles of their poses put them{by}',
-        'angles and foot contradict each other: the bent bodies, or GH, are others',
+        f'not at the position that the angles of their poses give{by}',
+        'angles and foot contradict each other: the bent bodies, or GH, have other dimensions',
     )
 
 
-def _by_up_to(errors: Floats, which: Flags, unit: str) -> str:
-    """Return how great some errors are at most, in words."""
+def _by_up_to(errors: FloatArray, which: BoolArray, unit: str) -> str:
+    """Return the largest of some errors in words."""
     return f' (by up to {errors[which].max():.3g} {unit})' if which.any() else ''
 
 
-def _follow(leg: ReviewedLeg, wrong: Flags) -> Flags:
-    """Return which feet belong to wrong poses, or nobody knows to which."""
+def _follow(leg: ReviewedLeg, wrong: BoolArray) -> BoolArray:
+    """Return the feet of wrong poses, and those without a unique pose."""
     of_feet, of_poses = pairs(leg.evaluated.feet.stamps, leg.evaluated.poses.stamps)
-    several = leg.evaluated.poses.stamps[leg.answering.surplus.rows]
-    follow = are_among(leg.evaluated.feet.stamps, several)
+    several = leg.evaluated.poses.stamps[leg.answers.duplicates.rows]
+    follow = isin(leg.evaluated.feet.stamps, several)
     follow[of_feet] |= wrong[of_poses]
     return follow

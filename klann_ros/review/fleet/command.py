@@ -1,4 +1,4 @@
-"""`review --each`: many runs, a row a run."""
+"""`review --each`: many runs, one row each."""
 
 import argparse
 from collections.abc import Sequence
@@ -12,24 +12,38 @@ from klann_ros.engines import EngineError, ENGINES
 from klann_ros.log.errors import LogError
 from klann_ros.log.reader import open_log
 from klann_ros.review.model.limits import Limits, limits_from_file
-from klann_ros.review.report.outputs import Output, OutputError, outputs, Save
 from klann_ros.robot import robot_of, RobotFileError
-from klann_ros.sanitize.arguments import ArgumentParser, path
-from klann_ros.sanitize.text import counted, printable, printable_line
+from klann_ros.sanitize.arguments import (
+    ArgumentParser,
+    NOT_READ,
+    NOT_WRITTEN,
+    path,
+    print_error,
+    run_command,
+)
+from klann_ros.sanitize.outputs import OutputError, outputs, Save, save_all
+from klann_ros.sanitize.text import counted, printable
 from tqdm import tqdm
 
 from .expectations import Expectations, expectations_from_file
-from .index_page import save_index
-from .judging import judged_each, Task, written
-from .junit import save_junit
-from .row import EXIT_CODES, FINDINGS, OK, Row, UNREADABLE
-from .runs import find_runs, FoundRun
-from .table import check_table, rows_from_table, save_table, TableError
+from .judge import find_runs, FoundRun, judge_unordered, Task, written
+from .reports import save_index, save_junit
+from .table import (
+    check_table,
+    EXIT_CODES,
+    FINDINGS,
+    OK,
+    Row,
+    rows_from_table,
+    save_table,
+    TableError,
+    UNREADABLE,
+)
 
 OPTION = '--each'
-NOT_READ, NOT_WRITTEN, INTERRUPTED = 2, 3, 130
+INTERRUPTED = 130
 # So many runs with something to say are told in the terminal.
-_MOST_LINES = 50
+_MAX_LINES = 50
 DESCRIPTION = """\
 Review many runs, each alone and in parallel: a row a run.
 
@@ -42,17 +56,8 @@ there); 3 what was asked for cannot be written."""
 def main(argv: Sequence[str]) -> int:
     """Review many runs; return the exit code."""
     options = _parser().parse_args(argv)
-    try:
-        return _each(options)
-    except OutputError as error:
-        return _fail(error, NOT_WRITTEN)
-    except (EngineError, LogError, OSError, RobotFileError) as error:
-        return _fail(error, NOT_READ)
-
-
-def _fail(error: object, code: int) -> int:
-    print(f'review: {printable_line(error)}', file=sys.stderr)
-    return code
+    refused = dict.fromkeys((EngineError, LogError, OSError, RobotFileError), NOT_READ)
+    return run_command('review', partial(_each, options), {OutputError: NOT_WRITTEN, **refused})
 
 
 def _each(options: argparse.Namespace) -> int:
@@ -87,9 +92,9 @@ def _each(options: argparse.Namespace) -> int:
         '--junit': partial(save_junit, told),
         '--html': partial(save_index, told, options.html or '', links),
     }
-    faults += [fault for file in files if (fault := _fault(file, savers[file.option]))]
-    for fault in faults[:_MOST_LINES]:
-        _fail(fault, NOT_WRITTEN)
+    faults += map(str, save_all(files, savers))
+    for fault in faults[:_MAX_LINES]:
+        print_error('review', fault)
     if not is_whole:
         return INTERRUPTED
     return NOT_WRITTEN if faults else max(row.exit_code for row in told)
@@ -115,7 +120,7 @@ def _judge(
         'time_limit': options.time_limit,
         'address': options.ray_address,
     }
-    judged = judged_each([tasks[number] for number in left], **engine)
+    judged = judge_unordered([tasks[number] for number in left], **engine)
     with tqdm(
         judged, total=len(left), unit='run', delay=1.0, leave=False, file=sys.stderr, disable=None
     ) as bar:
@@ -174,14 +179,6 @@ def _plain(name: str) -> str:
     return re.sub(r'[^A-Za-z0-9.-]+', '_', name)[:80].strip('.') or 'run'
 
 
-def _fault(file: Output, save: Save) -> str:
-    try:
-        file.save(save)
-    except OutputError as error:
-        return str(error)
-    return ''
-
-
 def _report(rows: Sequence[Row], asked: int) -> str:
     """Return what is worth telling in a terminal."""
     counts = ', '.join(
@@ -189,9 +186,9 @@ def _report(rows: Sequence[Row], asked: int) -> str:
         for verdict, words in ((OK, 'ok'), (FINDINGS, 'with findings'), (UNREADABLE, 'unreadable'))
     )
     worst = sorted((row for row in rows if row.reason), key=lambda row: -EXIT_CODES[row.verdict])
-    lines = [f'{row.verdict:<10}  {row.run}: {row.reason}' for row in worst[:_MOST_LINES]]
-    if len(worst) > _MOST_LINES:
-        lines.append(f'... and {len(worst) - _MOST_LINES} more: --table has them all')
+    lines = [f'{row.verdict:<10}  {row.run}: {row.reason}' for row in worst[:_MAX_LINES]]
+    if len(worst) > _MAX_LINES:
+        lines.append(f'... and {len(worst) - _MAX_LINES} more: --table has them all')
     return '\n'.join([f'{counted(len(rows), "run")} of {asked}: {counts}', *lines])
 
 

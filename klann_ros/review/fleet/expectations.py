@@ -1,4 +1,4 @@
-"""What runs are expected to hold, beyond the limits of a review: a file of --expect."""
+"""Expectations of a fleet of runs: topics, allowed findings and a baseline."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from klann_ros.log.errors import LogError
-from klann_ros.review.model.comparing import compare
+from klann_ros.review.model.compare import compare
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.topics import TopicFigures
 from klann_ros.sanitize.files import read_plain
@@ -73,7 +73,7 @@ class Expectations:
                     CHECK,
                     Severity.ERROR if name not in known else Severity.WARNING,
                     f'{printable(name)} {text}',
-                    'the run is not what --expect says that it has to be',
+                    'the run does not meet the expectations (--expect)',
                 )
         if baseline is not None:
             for difference in compare(baseline, review).differences:
@@ -81,25 +81,25 @@ class Expectations:
                     BASELINE,
                     Severity.WARNING,
                     difference.text,
-                    'it differs from the baseline, which is the first run of the text',
+                    'it differs from the baseline, the first run in the text',
                     leg=difference.leg,
                 )
 
 
 def _unmet(topic: TopicFigures | None, expected: ExpectedTopic) -> Iterator[str]:
     if topic is None:
-        yield 'is not there'
+        yield 'is missing'
         return
     # Who has one message, or none, has no rate.
     rate = topic.rate if isfinite(topic.rate) else 0.0
     if rate < expected.min_rate:
         yield f'has {rate:.4g} Hz, at least {expected.min_rate:g} Hz are expected'
     if topic.longest_gap > expected.max_gap:
-        yield f'is silent for {topic.longest_gap:.4g} s, at most {expected.max_gap:g} s may be'
+        yield f'has a gap of {topic.longest_gap:.4g} s, at most {expected.max_gap:g} s are allowed'
     lost = topic.lost or 0
     share = lost / (lost + topic.count) if lost else 0.0
     if share > expected.max_lost:
-        yield f'lost {share:.3%} of its messages, at most {expected.max_lost:.3%} may be'
+        yield f'lost {share:.3%} of its messages, at most {expected.max_lost:.3%} are allowed'
 
 
 def expectations_from_file(path: str) -> Expectations:

@@ -53,13 +53,13 @@ def follow(path: str, limits: Limits, *, found: Say, said: Say) -> None:
         It cannot be read.
 
     """
-    judging = _Judging(limits, found)
-    for record in _Following(Path(path), said).records():
+    judging = _FollowJudge(limits, found)
+    for record in _FileFollower(Path(path), said).records():
         judging.take(record)
     judging.ask()
 
 
-class _Judging:
+class _FollowJudge:
     """Asks the judge by the clock of the log, that is as fast as the run can be read."""
 
     def __init__(self, limits: Limits, found: Say) -> None:
@@ -99,7 +99,7 @@ class _Judging:
 _STEP = round(STEP * 1e9)
 
 
-class _Following:
+class _FileFollower:
     """Reads the files of a run one after the other, each as it grows."""
 
     def __init__(self, path: Path, said: Say) -> None:
@@ -158,12 +158,14 @@ class _Following:
                 self._said(f'{printable(file.path.name)} was removed')
                 return
             if was_written and not is_written:
-                self._said(f'{printable(file.path.name)} was not finished, and nobody writes it')
+                self._said(
+                    f'{printable(file.path.name)} is unfinished, and its recorder has stopped'
+                )
                 return
-            self._tell_quiet()
+            self._report_stall()
             sleep(PERIOD)
 
-    def _tell_quiet(self) -> None:
+    def _report_stall(self) -> None:
         if not self._is_quiet and monotonic() - self._growth > QUIET:
             self._is_quiet = True
             self._said(f'nothing new for {QUIET:g} s; Ctrl-C ends it')

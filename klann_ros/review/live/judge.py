@@ -10,18 +10,17 @@ from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import Pause, SolverParameters
 from klann_ros.review.checks import CHECKS
 from klann_ros.review.checks.clocks import check_clocks
-from klann_ros.review.checks.completeness import check_losses
-from klann_ros.review.checks.gaps import answer_topics
+from klann_ros.review.checks.completeness import answer_topics, check_losses
 from klann_ros.review.load.load import load
 from klann_ros.review.load.solvers import leg_solvers, parent
-from klann_ros.review.model.comparing import dimensions
+from klann_ros.review.model.answers import MAX_RESPONSE_TIME
+from klann_ros.review.model.compare import leg_dimensions
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.recording import RunRecording
 from klann_ros.review.model.review import Severity
-from klann_ros.review.model.times import intervals, median
+from klann_ros.review.model.times import median, time_steps
 from klann_ros.review.model.topics import TopicRecording
-from klann_ros.review.model.unanswered import SOON
-from klann_ros.review.reviewing import reviewed
+from klann_ros.review.reviewing import review_recording
 from klann_ros.sanitize.text import counted, printable, verb
 
 from .window import Window
@@ -153,7 +152,7 @@ class LiveJudge:
 
     def excuse(self, pause: Pause) -> None:
         """Take a time in which the recorder paused or stalled: silence is no fault then."""
-        self._window.excuse(pause.begin, pause.end + SOON)
+        self._window.excuse(pause.begin, pause.end + MAX_RESPONSE_TIME)
 
     def findings(
         self,
@@ -195,7 +194,7 @@ class LiveJudge:
         if not any(len(leg.poses) for leg in recording.legs):
             # Whoever turns a crank may do so before there is a solver.
             return
-        for finding in reviewed(recording, self._limits, checks=_CHECKS).findings:
+        for finding in review_recording(recording, self._limits, checks=_CHECKS).findings:
             if finding.is_fault and finding.check not in _LEFT_OUT:
                 time = recording.start + round((finding.time or 0.0) * 1e9)
                 yield LiveFinding(finding.check, finding.severity, finding.text, time, finding.leg)
@@ -215,7 +214,7 @@ class LiveJudge:
             if not topic.is_periodic:
                 continue
             if len(topic.times) >= _LEAST:
-                period = median(intervals(topic.times))
+                period = median(time_steps(topic.times))
                 if period <= _LONGEST_PERIOD:
                     self._topics[topic.name] = _Topic(int(topic.times[-1]), period)
             elif len(topic.times) and topic.name in self._topics:
@@ -229,16 +228,16 @@ class LiveJudge:
                 del self._topics[name]
                 self._starts.pop(name, None)
                 continue
-            excused = max((end for _, end in self._window.holes), default=0)
-            silent = (now - max(topic.last, excused)) / 1e9
+            explained = max((end for _, end in self._window.holes), default=0)
+            silent = (now - max(topic.last, explained)) / 1e9
             longest = max(self._limits.gap_periods * topic.period, self._limits.gap_time)
             if (topic.last - self._starts.get(name, 0)) / 1e9 < self._limits.start_time:
                 longest = max(longest, LENGTH)
-            if silent > longest + _ON_ITS_WAY and self._is_awaited(name, longest):
+            if silent > longest + _ON_ITS_WAY and self._is_expected(name, longest):
                 text = f'nothing on {printable(name)} for {silent:.1f} s'
                 yield LiveFinding('gap', Severity.WARNING, text, topic.last, name)
 
-    def _is_awaited(self, name: str, longest: float) -> bool:
+    def _is_expected(self, name: str, longest: float) -> bool:
         """Return whether a topic should go on: answers only if there are questions since."""
         if name not in self._questions:
             return True
@@ -265,7 +264,7 @@ def _changes(before: SolverParameters, after: SolverParameters) -> Iterator[Live
     space = parent(after.node)
     old, new = (leg_solvers([told], space) for told in (before, after))
     for name in old.keys() & new.keys():
-        one, other = dimensions(old[name]), dimensions(new[name])
+        one, other = leg_dimensions(old[name]), leg_dimensions(new[name])
         words = [
             f'{key} is {value}, was {one.get(key, "unknown")}'
             for key, value in other.items()

@@ -8,12 +8,12 @@ from pathlib import Path
 from klann_ros.log.read.block import block_of_messages, HEAD, MessageBlock
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
-from klann_ros.review.load.gathering import may_be_of_a_leg
-from klann_ros.review.model.times import Hole, merged
+from klann_ros.review.load.legs import is_leg_topic
+from klann_ros.review.model.times import Interval, merge_intervals
 import numpy as np
 
 # The channels of a block are numbers of 16 bits.
-_MOST_TOPICS = 2**16
+_MAX_TOPICS = 2**16
 
 
 class Window:
@@ -42,7 +42,7 @@ class Window:
         """Begin empty."""
         self.metadata: dict[str, list[Mapping[str, str]]] = {}
         # When silence is no fault: log times [ns].
-        self.holes: tuple[Hole, ...] = ()
+        self.holes: tuple[Interval, ...] = ()
         self._length = round(length * 1e9)
         self._most, self._most_bytes = most, most_bytes
         self._new: deque[Message] = deque(maxlen=most)
@@ -86,7 +86,7 @@ class Window:
 
     def excuse(self, begin: int, end: int) -> None:
         """Add a time in which nothing could be received."""
-        self.holes = merged([*self.holes, (begin, end)])
+        self.holes = merge_intervals([*self.holes, (begin, end)])
 
     def solver(self, node: str) -> SolverParameters | None:
         """Return what a solver has, as far as it was told."""
@@ -139,12 +139,12 @@ class Window:
         """Give a topic a number; of what tells nothing of a leg only the times are kept."""
         if id(topic) not in self._channels:
             number = len(self._channels)
-            if number >= _MOST_TOPICS:
-                msg = f'more than {_MOST_TOPICS} topics'
+            if number >= _MAX_TOPICS:
+                msg = f'more than {_MAX_TOPICS} topics'
                 raise ValueError(msg)
             self._channels[id(topic)] = number, topic
             self.types[topic.name] = topic.type
-            self._topics[number] = topic if may_be_of_a_leg(topic) else Topic(topic.name, '')
+            self._topics[number] = topic if is_leg_topic(topic) else Topic(topic.name, '')
 
 
 def _since(block: MessageBlock, time: int) -> MessageBlock:

@@ -1,4 +1,4 @@
-"""From a log to a recording: what concerns legs decoded, all the rest counted."""
+"""From a log to a recording: messages of legs are decoded, all others counted."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
+from klann_ros.kinematics.arrays import IndexArray
 from klann_ros.log.read.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import (
@@ -17,35 +18,34 @@ from klann_ros.log.run_parameters import (
     told_finding,
     ToldFinding,
 )
-from klann_ros.review.model.recording import (
-    Drive,
-    LegRecording,
+from klann_ros.review.model.answers import MAX_RESPONSE_TIME
+from klann_ros.review.model.recording import Drive, LegRecording, RunRecording
+from klann_ros.review.model.times import (
+    Interval,
+    is_simulated,
+    is_time_of_log,
+    LAST_TIME,
+    merge_intervals,
     no_series,
-    RunRecording,
     Series,
 )
-from klann_ros.review.model.simulated_time import is_simulated, is_time_of_log
-from klann_ros.review.model.times import Hole, LAST_TIME, merged, RowIndices
 from klann_ros.review.model.topics import TopicRecording
-from klann_ros.review.model.unanswered import SOON
 from klann_ros.robot import Robot
 from klann_ros.sanitize.text import printable_line
 import numpy as np
 
-from .columns import Shared
-from .gathering import ALL_JOINTS, Gathering
-from .other_topics import Descriptions, Iterations, SimulatedTime
-from .solvers import Metadata, solver_records
-from .topics import recorded_losses, TopicTally
-from .walks import Walks
-from .weights import dynamics_of
+from .legs import ALL_JOINTS, LegCollector
+from .series import ArrayPool, ClockCollector, Iterations, WalkCollector
+from .solvers import Metadata, solver_records, with_dynamics
+from .topics import recorded_losses, TopicCollector
+from .urdf import Descriptions
 
-# A greater latency is from one clock to another [s].
+# A larger latency mixes two clocks [s].
 MAX_LATENCY = 3600.0
 
 
 class Loadable(Protocol):
-    """What can be loaded: an open log, or what looks like one. See `klann_ros.log.reader.Log`."""
+    """A source of messages, such as `klann_ros.log.reader.Log`."""
 
     path: Path
 
@@ -67,11 +67,11 @@ class Loadable(Protocol):
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """Return what is wrong with it."""
+        """Return its faults."""
 
     @property
-    def holes(self) -> tuple[Hole, ...]:
-        """Return the log times of what is damaged."""
+    def holes(self) -> tuple[Interval, ...]:
+        """Return the damaged intervals, log times [ns]."""
 
     def blocks(self, progress: Callable[[float], object] | None = None) -> Iterator[MessageBlock]:
         """Yield the messages in large pieces."""
@@ -84,34 +84,36 @@ def load(
     rates: str = '',
     progress: Callable[[float], object] | None = None,
 ) -> RunRecording:
-    """Decode a log; see `review_run`. `progress` gets how much was read, from 0 to 1."""
+    """Decode a log; see `review_run`. `progress` gets the read share, 0 to 1."""
     records = solver_records(log.metadata)
-    gathering = Gathering(records, robot, rates=rates)
-    tally, iterations, descriptions = TopicTally(), Iterations(), Descriptions()
-    walks, simulated = Walks(), SimulatedTime()
+    legs_ = LegCollector(records, robot, rates=rates)
+    topics_, iterations, descriptions = TopicCollector(), Iterations(), Descriptions()
+    walks, simulated = WalkCollector(), ClockCollector()
     for block in log.blocks(progress):
         for topic, rows in by_topic(block):
-            tally.add(topic, block, rows)
-            pieces = gathering.add(topic, block, rows)
+            topics_.add(topic, block, rows)
+            pieces = legs_.add(topic, block, rows)
             iterations.add(topic, block, rows)
             descriptions.add(topic, block, rows)
             simulated.add(topic, block, rows)
             walks.add(topic, block, rows, pieces)
-    # Reading finds what an index hides, so this comes last.
+    # Damage is known after reading only.
     pauses = [*_pauses(log.metadata.get(PAUSE_RECORD, ()))]
-    # After a stall of the recorder all others have to run again, too.
-    ends = ((pause.begin, pause.end + (SOON if pause.reason else 0)) for pause in pauses)
-    holes = merged([*ends, *log.holes])
-    shared = Shared()
-    topics = tally.topics(recorded_losses(log.metadata), holes)
+    # After a stall of the recorder, the solver needs time to answer.
+    ends = (
+        (pause.begin, pause.end + (MAX_RESPONSE_TIME if pause.reason else 0)) for pause in pauses
+    )
+    unrecorded = merge_intervals([*ends, *log.holes])
+    shared = ArrayPool()
+    topics = topics_.topics(recorded_losses(log.metadata), unrecorded)
     clock = simulated.series()
     if is_time_of_log(clock):
         topics = tuple(map(_without_wall_times, topics))
-    drives = gathering.efforts
+    drives = legs_.efforts
     legs = [
-        # What nobody asks for is not weighed.
-        leg if not drives else replace(leg, solver=dynamics_of(leg, records, robot))
-        for leg in _legs(gathering, iterations, descriptions, shared, clock)
+        # Masses serve the efforts only.
+        leg if not drives else replace(leg, solver=with_dynamics(leg, records, robot))
+        for leg in _legs(legs_, iterations, descriptions, shared, clock)
     ]
     return RunRecording(
         path=str(log.path),
@@ -120,29 +122,31 @@ def load(
         end=min(log.end_time, LAST_TIME),
         topics=tuple(replace(topic, times=shared.one(topic.times)) for topic in topics),
         problems=log.problems,
-        undecoded=(*gathering.undecoded(), *walks.undecoded()),
-        holes=holes,
+        undecoded=(*legs_.undecoded(), *walks.undecoded()),
+        unrecorded=unrecorded,
         stalls=tuple(pause for pause in pauses if pause.reason),
         clock=clock,
         legs=tuple(legs),
         walks=tuple(walks.walks(shared)),
-        stopped=_harm(log, 'stopped'),
-        harmed=_harm(log, 'harmed'),
-        drives=tuple(_drives(gathering, legs, shared)),
-        told=tuple(_told(log)),
+        stopped=_file_faults(log, 'stopped'),
+        file_fault=_file_faults(log, 'harmed'),
+        drives=tuple(_drives(legs_, legs, shared)),
+        recorder_findings=tuple(_recorder_findings(log)),
     )
 
 
-def _told(log: Loadable) -> Iterator[ToldFinding]:
-    """Yield what the recorder told while it recorded."""
+def _recorder_findings(log: Loadable) -> Iterator[ToldFinding]:
+    """Yield the findings of the recorder."""
     for record in log.metadata.get(FINDING_RECORD, ()):
         with suppress(ValueError):
             yield told_finding(record)
 
 
-def _drives(gathering: Gathering, legs: Sequence[LegRecording], shared: Shared) -> Iterator[Drive]:
-    """Yield the joints that tell efforts, with the legs that they turn."""
-    for (namespace, joint), columns in gathering.efforts.items():
+def _drives(
+    legs_: LegCollector, legs: Sequence[LegRecording], shared: ArrayPool
+) -> Iterator[Drive]:
+    """Yield the joints with efforts, with their legs."""
+    for (namespace, joint), columns in legs_.efforts.items():
         there = [(k, leg) for k, leg in enumerate(legs) if leg.namespace == namespace]
         own = [k for k, leg in there if leg.crank_pose_joint == joint]
         turned = own or [k for k, leg in there if leg.solver.crank_joint == joint]
@@ -150,14 +154,14 @@ def _drives(gathering: Gathering, legs: Sequence[LegRecording], shared: Shared) 
             yield Drive(joint, tuple(turned), not own, columns.series(shared))
 
 
-def _harm(log: Loadable, key: str) -> str:
-    """Return what the recorder tells of what was done to it, in one line."""
+def _file_faults(log: Loadable, key: str) -> str:
+    """Return the file faults that the recorder noted, in one line."""
     found = (record.get(key, '') for record in log.metadata.get(HARM_RECORD, ()))
     return printable_line('; '.join(filter(None, found)))
 
 
-def by_topic(block: MessageBlock) -> Iterator[tuple[Topic, RowIndices]]:
-    """Yield the topics in a block that are known, and which messages are theirs."""
+def by_topic(block: MessageBlock) -> Iterator[tuple[Topic, IndexArray]]:
+    """Yield the known topics of a block, with the rows of their messages."""
     channels = block.heads['channel']
     order = np.argsort(channels, kind='stable')
     ordered = channels[order]
@@ -169,33 +173,33 @@ def by_topic(block: MessageBlock) -> Iterator[tuple[Topic, RowIndices]]:
 
 
 def _legs(
-    gathering: Gathering,
+    legs_: LegCollector,
     iterations: Iterations,
     descriptions: Descriptions,
-    shared: Shared,
+    shared: ArrayPool,
     clock: Series,
 ) -> Iterator[LegRecording]:
-    """Yield the legs of solvers with poses; where there is none at all, what else is of a leg."""
-    feet = {namespace: columns.series(shared) for namespace, columns in gathering.feet.items()}
-    cranks = {place: columns.series(shared) for place, columns in gathering.cranks.items()}
-    unstamped = {place: times.array() for place, times in gathering.unstamped.items()}
-    places = gathering.places() or sorted({(namespace, '') for namespace, _ in cranks})
+    """Yield the legs of solvers with poses; without any, legs with inputs or feet only."""
+    feet = {namespace: columns.series(shared) for namespace, columns in legs_.feet.items()}
+    cranks = {place: columns.series(shared) for place, columns in legs_.cranks.items()}
+    unstamped = {place: times.array() for place, times in legs_.unstamped.items()}
+    places = legs_.places() or sorted({(namespace, '') for namespace, _ in cranks})
     for namespace, name in places or [(path, '') for path in sorted(feet)]:
-        solver = gathering.solver(namespace, name)
-        columns = gathering.poses.get((namespace, name))
+        solver = legs_.solver(namespace, name)
+        columns = legs_.poses.get((namespace, name))
         poses = columns.series(shared) if columns else no_series(len(solver.joint_names))
         if solver.leg is None:
             solver = descriptions.described(solver, namespace, name, poses)
         if is_simulated(poses, clock):
             solver = replace(solver, sim_time=True)
-        rates = gathering.rates.get((namespace, name))
+        rates = legs_.rates.get((namespace, name))
         joints = [(namespace, joint) for joint in (ALL_JOINTS, solver.crank_joint)]
         yield LegRecording(
             namespace,
             name,
             solver,
-            frozenset(gathering.pose_topics.get((namespace, name), ())),
-            frozenset().union(*(gathering.crank_topics.get(joint, ()) for joint in joints)),
+            frozenset(legs_.pose_topics.get((namespace, name), ())),
+            frozenset().union(*(legs_.crank_topics.get(joint, ()) for joint in joints)),
             cranks=_merged([cranks[joint] for joint in joints if joint in cranks]),
             poses=poses,
             iterations=iterations.series(name),
@@ -223,14 +227,14 @@ def _merged(inputs: list[Series]) -> Series:
 
 
 def _pauses(records: Iterable[Mapping[str, str]]) -> Iterator[Pause]:
-    """Yield the pauses and stalls of the recorder, as its records say."""
+    """Yield the recorded pauses and stalls of the recorder."""
     for record in records:
         with suppress(ValueError):
             yield pause_of(record)
 
 
 def _without_wall_times(topic: TopicRecording) -> TopicRecording:
-    """Return a topic without latencies from the wall time of sending to a simulated log time."""
+    """Return a topic without latencies between wall time and simulated time."""
     with np.errstate(invalid='ignore'):
         mixed = np.abs(topic.latencies) > MAX_LATENCY
     return replace(topic, latencies=np.where(mixed, np.float32(np.nan), topic.latencies))

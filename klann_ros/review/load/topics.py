@@ -1,20 +1,21 @@
-"""How the messages of each topic came: when, how late, and what is missing."""
+"""Reception of each topic: times, latencies, sequence numbers and clock steps."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 import re
+from typing import Any
 
+from klann_ros.kinematics.arrays import BoolArray, IndexArray, IntArray
 from klann_ros.log.read.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import LOSS_RECORD, topic_counts, TopicCount
-from klann_ros.review.model.times import Hole, LAST_TIME, nanoseconds, overlap, RowIndices, Times
+from klann_ros.review.model.times import Interval, LAST_TIME, nanoseconds, overlaps
 from klann_ros.review.model.topics import TopicRecording
 import numpy as np
 from numpy.typing import NDArray
 
-from .columns import GrowingArray
-from .order import clock_steps
+from .series import GrowingArray
 from .solvers import Metadata
 
 # As words or, until Humble, as a number of rmw.
@@ -22,7 +23,7 @@ _LATCHED = re.compile('durability: *(transient_local|1)\\b')
 
 
 @dataclass
-class _Seen:
+class _TopicState:
     times: GrowingArray = field(default_factory=partial(GrowingArray, np.int64))
     latencies: GrowingArray = field(default_factory=partial(GrowingArray, np.float32))
     back: GrowingArray = field(default_factory=partial(GrowingArray, np.int64, 3))
@@ -30,9 +31,9 @@ class _Seen:
     published_end: int = 0
     publishers: int = 0
     latched: bool = False
-    # On a latched topic, since when its publisher is heard.
-    heard_since: int = 0
-    # By the sequence numbers, which begin at 1; 0 is what recorders write that know none.
+    # On a latched topic, when its publisher was discovered.
+    discovered: int = 0
+    # Last sequence number; they begin at 1, and 0 means unknown.
     last: int = 0
     numbered: int = 0
     missing: GrowingArray = field(default_factory=partial(GrowingArray, np.int64, 3))
@@ -40,16 +41,16 @@ class _Seen:
     restarts: GrowingArray = field(default_factory=partial(GrowingArray, np.int64, 2))
     early: int = 0
 
-    def add(self, heads: NDArray[np.void], rows: RowIndices) -> None:
-        """Add some messages by what stands before their bytes."""
-        # Of each what is needed: whole heads take thrice the time.
+    def add(self, heads: NDArray[np.void], rows: IndexArray) -> None:
+        """Add messages by their headers."""
+        # Column by column: whole headers take three times as long.
         times, published = (nanoseconds(heads[key][rows]) for key in ('log_time', 'publish_time'))
         numbers = heads['sequence'][rows].astype(np.int64)
-        # Who knows no such time should write the log time; some write nothing.
+        # Without a publish time, recorders write the log time or 0.
         unknown = (published == 0) | (published == times)
         published = np.where(published > 0, published, times)
         if not self.times:
-            self.end, self.published_end, self.heard_since = times[0], published[0], times[0]
+            self.end, self.published_end, self.discovered = times[0], published[0], times[0]
         before = np.concatenate([[self.end], times[:-1]])
         back = np.flatnonzero(times < before)
         published_before = np.concatenate([[self.published_end], published[:-1]])
@@ -57,26 +58,26 @@ class _Seen:
         self.back.add(np.column_stack([len(self.times) + back, *by]))
         latencies = np.where(unknown, np.nan, (times - published) / 1e9)
         if self.latched:
-            latencies[published < self._heard_since(times, numbers)] = np.nan
+            latencies[published < self._discovery_times(times, numbers)] = np.nan
         self.end, self.published_end = int(times[-1]), int(published[-1])
         self.times.add(times)
         self.latencies.add(latencies)
         self._count(numbers, before, times)
 
-    def _heard_since(self, times: Times, numbers: NDArray[np.int64]) -> Times:
-        """Return since when the publisher of each message is heard [ns]."""
+    def _discovery_times(self, times: IntArray, numbers: NDArray[np.int64]) -> IntArray:
+        """Return when the publisher of each message was discovered [ns]."""
         before = np.concatenate([[self.last], numbers[:-1]])
-        # Whose numbers do not go on is another one, who may have published long before.
+        # A restart of the numbers is another publisher, maybe an older one.
         first = np.where(
             (before > 0) & (numbers > 0) & (numbers <= before), np.arange(len(times)), -1
         )
         first = np.maximum.accumulate(first)
-        since: Times = np.where(first < 0, self.heard_since, times[first])
-        self.heard_since = int(since[-1])
+        since: IntArray = np.where(first < 0, self.discovered, times[first])
+        self.discovered = int(since[-1])
         return since
 
-    def _count(self, numbers: NDArray[np.int64], befores: Times, times: Times) -> None:
-        """Note what is missing between the numbers of messages."""
+    def _count(self, numbers: NDArray[np.int64], befores: IntArray, times: IntArray) -> None:
+        """Count missing sequence numbers and restarts."""
         before = np.concatenate([[self.last], numbers[:-1]])
         self.last = int(numbers[-1])
         self.numbered += int(np.count_nonzero(numbers))
@@ -95,50 +96,50 @@ class _Seen:
 
     @property
     def is_numbered(self) -> bool:
-        """Return whether the numbers are one publisher's, so that they tell what is missing."""
+        """Return whether the sequence numbers are those of one publisher."""
         return bool(self.numbered) and not self.is_shared
 
     @property
     def is_shared(self) -> bool:
         """Return whether there were several publishers at once."""
-        # A publisher that starts anew goes back once, the numbers of two at a time do so for ever.
+        # A restarted publisher steps back once; those of two publishers do so repeatedly.
         return self.steps_back > 1 or self.publishers > 1
 
 
-class TopicTally:
-    """Keeps the times and numbers of every topic's messages."""
+class TopicCollector:
+    """Collects times and sequence numbers of every topic."""
 
     def __init__(self) -> None:
-        self._seen: dict[tuple[str, str], _Seen] = {}
+        self._seen: dict[tuple[str, str], _TopicState] = {}
         self._offers: dict[str, tuple[int, bool]] = {}
 
-    def add(self, topic: Topic, block: MessageBlock, rows: RowIndices) -> None:
+    def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> None:
         """Count a topic's messages in a block."""
-        seen = self._seen.setdefault((topic.name, topic.type), _Seen())
-        # The files of a split run may know a topic by different profiles.
+        seen = self._seen.setdefault((topic.name, topic.type), _TopicState())
+        # The files of a split run may have different profiles of a topic.
         publishers, latched = self._offer(topic.qos)
         seen.publishers = max(seen.publishers, publishers)
         seen.latched = seen.latched or latched
         seen.add(block.heads, rows)
 
     def _offer(self, qos: str) -> tuple[int, bool]:
-        """Return how many publishers a text tells of, and whether one is latched."""
+        """Return the number of publishers in a QoS text, and whether one is latched."""
         if qos not in self._offers:
             is_latched = _LATCHED.search(qos) is not None
             self._offers[qos] = qos.count('history:'), is_latched
         return self._offers[qos]
 
     def topics(
-        self, recorded: Mapping[str, TopicCount], holes: Sequence[Hole]
+        self, recorded: Mapping[str, TopicCount], unrecorded: Sequence[Interval]
     ) -> tuple[TopicRecording, ...]:
-        """Return every topic, with the losses that the recorder itself has counted."""
+        """Return all topics, with the losses that the recorder counted."""
         found = [
-            _topic(name, kind, seen, recorded.get(name), holes)
+            _topic(name, kind, seen, recorded.get(name), unrecorded)
             for (name, kind), seen in self._seen.items()
         ]
         self._seen.clear()
         names = {topic.name for topic in found}
-        # A topic of which nothing at all arrived is lost as well.
+        # A topic without any received message is lost, too.
         nothing, none = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.float32)
         missing = [
             TopicRecording(
@@ -151,26 +152,30 @@ class TopicTally:
 
 
 def _topic(
-    name: str, kind: str, seen: _Seen, recorded: TopicCount | None, holes: Sequence[Hole]
+    name: str,
+    kind: str,
+    seen: _TopicState,
+    recorded: TopicCount | None,
+    unrecorded: Sequence[Interval],
 ) -> TopicRecording:
     times, latencies = seen.times.array(), seen.latencies.array()
     back = seen.back.array()
-    # Numbers of two publishers may look like those of one: the recorder knows better.
+    # Numbers of two publishers may look like those of one; the recorder counts publishers.
     is_alone = seen.is_numbered and (recorded is None or recorded.unheard is not None)
-    set_back = back[clock_steps(latencies, back, alone=is_alone)]
+    set_back = back[recorder_clock_steps(latencies, back, alone=is_alone)]
     set_back = np.column_stack([times[set_back[:, 0]], set_back[:, 1]])
     if len(back):
         order = np.argsort(times, kind='stable')
         times, latencies = times[order], latencies[order]
     missing = seen.missing.array()
     if seen.is_numbered:
-        # What is missing where the log has a hole never was on its way, or is damaged.
-        missing = missing[~overlap(missing[:, 0], missing[:, 1], holes)]
+        # Numbers missing at a pause or at damage are no loss.
+        missing = missing[~overlaps(missing[:, 0], missing[:, 1], unrecorded)]
     else:
         missing = missing[:0]
-    lost, early, left, shared = _losses(seen, recorded, int(missing[:, 2].sum()))
+    lost, early, publishers_left, shared = _losses(seen, recorded, int(missing[:, 2].sum()))
     if seen.latched and not seen.numbered:
-        # Publishers repeat what they sent before they were heard, and no number tells which.
+        # Latched messages from before the discovery cannot be told from later ones.
         latencies = np.full_like(latencies, np.nan)
     return TopicRecording(
         name=name,
@@ -179,31 +184,31 @@ def _topic(
         latencies=latencies,
         lost=lost,
         early=early,
-        left=left,
+        publishers_left=publishers_left,
         shared=shared,
         missing=missing,
         restarts=seen.restarts.array()[: 0 if shared else None],
         set_back=set_back,
-        overtaken=len(back) - len(set_back),
+        reordered=len(back) - len(set_back),
         dropped=0 if recorded is None else recorded.dropped,
     )
 
 
 def _losses(
-    seen: _Seen, recorded: TopicCount | None, missing: int
+    seen: _TopicState, recorded: TopicCount | None, missing: int
 ) -> tuple[int | None, int, int, bool]:
-    """Return what was lost, what was early, who left, and whether there were several at once."""
+    """Return lost, early, publishers that left, and whether there are several at once."""
     if recorded is not None:
         unknown = recorded.unheard is None
         return recorded.lost, recorded.early, recorded.left, unknown
     if not seen.is_numbered:
         return None, 0, 0, seen.is_shared
-    # Who starts anew has left before.
+    # A restarted publisher has left before.
     return missing, 0 if seen.latched else seen.early, seen.steps_back, False
 
 
 def recorded_losses(metadata: Metadata) -> dict[str, TopicCount]:
-    """Return what the recorder says about lost messages, by topic."""
+    """Return the losses that the recorder counted, by topic."""
     known: dict[str, TopicCount] = {}
     for record in metadata.get(LOSS_RECORD, ()):
         known.update(_counts(record))
@@ -216,9 +221,90 @@ def _counts(record: Mapping[str, str]) -> dict[str, TopicCount]:
     except ValueError:
         return {}
     numbers = {name: (c.lost or 0, c.dropped, c.early, c.left) for name, c in counts.items()}
-    # Less than none is no count, and nobody counts so far.
+    # Negative or huge counts are invalid.
     return {
         name: count
         for name, count in counts.items()
         if min(numbers[name]) >= 0 and max(numbers[name]) <= LAST_TIME
     }
+
+
+# Recorders empty one queue after the other, and retransmissions come late: so messages are
+# reordered without a clock step, by up to this [ns], or this with several publishers [ns].
+_MAX_REORDERING, _MAX_SHARED_REORDERING = 5_000_000, 100_000_000
+# Messages before and after a step whose smallest latency is compared.
+_LATENCY_WINDOW = 1000
+# Percentile of the latency that is compared as well.
+_LATENCY_PERCENTILE = 90.0
+# Messages that a comparison needs.
+_MIN_MESSAGES = 20
+
+
+def recorder_clock_steps(
+    latencies: NDArray[np.float32], steps: IntArray, *, alone: bool
+) -> BoolArray:
+    """
+    Return the steps back of log times that are steps of the recorder's clock.
+
+    Either the publish times step back, too (same machine), or all later latencies are smaller.
+
+    Parameters
+    ----------
+    latencies : numpy.ndarray of float32, shape (n,)
+        Times from publishing to receiving in the order of the log [s]; NaN for unknown.
+    steps : numpy.ndarray, shape (k, 3)
+        Message logged earlier than its predecessor, step of the log time, and step of the publish
+        time, usually negative [ns].
+    alone : bool
+        Whether there is a single publisher.
+
+    """
+    rows, back, published_back = steps.T
+    likely: BoolArray = back >= _MAX_REORDERING
+    if not likely.any():
+        return likely
+    both = (published_back >= back / 2) & (alone | (back > _MAX_SHARED_REORDERING))
+    clocks: BoolArray = likely & (both | _latency_drops(latencies, rows, back))
+    return clocks
+
+
+def _latency_drops(latencies: NDArray[np.float32], rows: IntArray, back: IntArray) -> BoolArray:
+    """Return the rows where the latency drops permanently by about `back` [ns]."""
+    least = _rolling_min(latencies, _LATENCY_WINDOW)
+    before = least[np.maximum(rows - _LATENCY_WINDOW, 0)]
+    # At the start there are fewer before.
+    early = rows < _LATENCY_WINDOW
+    if early.any():
+        before[early] = np.fmin.accumulate(latencies[:_LATENCY_WINDOW])[rows[early] - 1]
+    enough = (rows >= _MIN_MESSAGES) & (len(latencies) - rows >= _MIN_MESSAGES)
+    # A large clock offset leaves few digits of the float32 latency.
+    coarse = np.spacing(np.abs(before)).astype(np.float64) * 1e9 > back / 8
+    with np.errstate(invalid='ignore'):
+        found: BoolArray = enough & ~coarse & _is_about(before, least[rows], back)
+    # With two publishers one may start late, while the other goes on.
+    for i in np.flatnonzero(found)[:_LATENCY_WINDOW].tolist():
+        row = int(rows[i])
+        before_it, since = latencies[:row][-_LATENCY_WINDOW:], latencies[row:][:_LATENCY_WINDOW]
+        most = (
+            np.nanpercentile(before_it, _LATENCY_PERCENTILE),
+            np.nanpercentile(since, _LATENCY_PERCENTILE),
+        )
+        found[i] = _is_about(*most, back[i])
+    return found
+
+
+def _is_about(before: Any, after: Any, by: Any) -> Any:
+    return np.abs((before - np.float64(after)) * 1e9 - by) <= by / 2
+
+
+def _rolling_min(values: NDArray[np.float32], count: int) -> NDArray[np.float32]:
+    """Return the minimum of each value and its successors, `count` values, without NaN."""
+    size = -(-len(values) // count) * count
+    padded = np.full(size + count, np.inf, dtype=values.dtype)
+    padded[: len(values)] = np.where(np.isnan(values), np.inf, values)
+    blocks = padded.reshape(-1, count)
+    # The least of a stretch is that of the end of a block, and of the begin of the next one.
+    ends = np.minimum.accumulate(blocks[:, ::-1], axis=1)[:, ::-1].ravel()
+    begins = np.minimum.accumulate(blocks, axis=1).ravel()
+    last = slice(count - 1, count - 1 + len(values))
+    return np.minimum(ends[: len(values)], begins[last])

@@ -1,1 +1,1 @@
-"""What a review knows of a run: what was recorded, and what follows from that."""
+"""The model of a run: its recording, and figures derived from it."""

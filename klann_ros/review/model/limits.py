@@ -1,4 +1,4 @@
-"""What is still all right: the limits of the checks, and a file to change them."""
+"""Limits of the checks, and the YAML file that changes them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -13,30 +13,30 @@ from klann_ros.sanitize.yaml_text import LONGEST, parse
 
 
 class LimitsFileError(LogError):
-    """A file that holds no limits; the text says why."""
+    """A file without valid limits; the text gives the reason."""
 
 
 @dataclass(frozen=True)
 class Limits:
     """
-    The limits of the checks; each is the greatest value that is no finding.
+    The limits of the checks: the largest values without a finding.
 
     Attributes
     ----------
     gap_periods, gap_time : float
-        A silence on a topic is a gap if it is longer than so many periods, and than this [s].
+        An interval without messages is a gap above this number of periods, and this time [s].
     start_time : float
-        A silence that begins so soon after its topic's first message is no gap: nodes start [s].
+        No gap begins within this time of the topic's first message: nodes start [s].
     stale_time : float
-        A topic is stale if it ends so long before the run does [s].
+        A topic that ends earlier than this before the run is stale [s].
     latency : float
-        Time from publishing to receiving that one message in a hundred may exceed [s].
+        Time from publishing to receiving, 99th percentile [s].
     clock_offset : float
         Difference of a stamp from the time of publishing, in the median [s].
     closure : float
-        By how much the loops of a recorded pose may not close [m].
+        Closure error of a recorded pose [m].
     angle : float
-        Difference of an angle from the one solved again [rad], for a dyad that is not singular.
+        Difference of an angle from the solved one [rad], times the sine of the transmission angle.
     foot : float
         Distance of point_h from the foot of its pose [m].
     crank_jump : float
@@ -44,13 +44,12 @@ class Limits:
     path_drift : float
         Distance between the foot's paths in the first and the last part of the run [m].
     crank_lag, phase : float
-        Difference of a walker's crank from its command, and of two cranks' distance from what was
-        commanded [rad].
+        Difference of a walker's crank, and of the phase of two cranks, from the command [rad].
     odometry : float
         Distance of odometry from the ground truth, as a part of the way.
     torque : float
         Difference of a crank's effort from the torque that the masses of its legs take, as a part
-        of the greatest such torque in the run; besides what is not known of the motion.
+        of the largest such torque in the run; three standard errors come on top.
     compare_path, compare_angle : float
         Differences of two runs at the same crank angle: of the feet [m], of the angles [rad].
     compare_length : float
@@ -85,7 +84,7 @@ NAMES = tuple(field.name for field in fields(Limits))
 
 def limits_from_file(path: str) -> Limits:
     """
-    Return the limits in a YAML file: a mapping of those that are to be others.
+    Return the limits in a YAML file: a mapping of those that differ from the defaults.
 
     Raises
     ------

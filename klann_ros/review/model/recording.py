@@ -1,90 +1,58 @@
-"""What a run holds, decoded to arrays: the model that everything else of a review works on."""
+"""A recorded run, decoded to arrays."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 from klann_ros.dynamics import Dynamics
 from klann_ros.kinematics import AnyLeg
+from klann_ros.kinematics.arrays import FloatArray, IntArray
 from klann_ros.kinematics.klann.leg import JOINTS
 from klann_ros.log.run_parameters import Pause, ToldFinding
 import numpy as np
 
-from .pairing import pairs
-from .times import Floats, Hole, Times
+from .times import Interval, no_series, pairs, Series
 from .topics import TopicRecording
 
 
 @dataclass(frozen=True)
 class Undecoded:
-    """Messages of a topic that do not hold what their type says."""
+    """Messages of a topic that do not match their type."""
 
     # The topic's name.
     topic: str
-    # How many there are.
+    # Their number.
     count: int
     # Log time of the first [ns].
     time: int
-
-
-@dataclass(frozen=True, eq=False)
-class Series:
-    """What messages of one kind say, in the order of their log times."""
-
-    # Shape (n,): log times [ns], the clock of the run.
-    times: Times
-    # Shape (n,): header stamps, or what stands for them [ns]: they tell which answer belongs to
-    # which input, and may be of another clock than the log times.
-    stamps: Times
-    # Shape (n, k): what they say.
-    values: Floats
-
-    def __post_init__(self) -> None:
-        for array in (self.times, self.stamps, self.values):
-            array.setflags(write=False)
-
-    def __len__(self) -> int:
-        return len(self.times)
-
-    def since(self, time: int) -> 'Series':
-        """Return what was logged at a time or later."""
-        first = int(np.searchsorted(self.times, time))
-        return Series(self.times[first:], self.stamps[first:], self.values[first:])
-
-
-def no_series(width: int) -> Series:
-    """Return a series without any row."""
-    nothing = np.empty(0, dtype=np.int64)
-    return Series(nothing, nothing.copy(), np.empty((0, width)))
 
 
 @dataclass(frozen=True)
 class LegSolver:
     """The solver of a leg."""
 
-    # The joint that turns its crank.
+    # The joint of its crank.
     crank_joint: str = 'crank'
-    # Whether it stamps by a simulated clock what has no stamp.
+    # Whether it stamps unstamped inputs by a simulated clock.
     sim_time: bool = False
-    # What it solves at last; None where the run does not tell.
+    # Its last leg; None if unknown.
     leg: AnyLeg | None = None
-    # The log time since which it has it [ns]; 0 when it never had another.
+    # Log time of the last change of the leg [ns]; 0 for none.
     leg_time: int = 0
     # The leg's crank angle is direction * crank + phase [rad].
     direction: float = 1
     phase: float = 0.0
-    # Full names of the nodes that solve it, as far as the run tells; without any, direction and
-    # phase are not told either.
+    # Full names of the solver nodes, if known; without any, direction and phase are unknown.
     nodes: tuple[str, ...] = ()
-    # Who tells the leg; '' where nobody does.
+    # Source of the leg; '' if unknown.
     source: str = ''
-    # What stands between the leg's name and its joint's in JointState.
+    # Separator of leg and joint names in JointState.
     joint_separator: str = '/'
-    # The leg with its masses, as it is mounted; None where nobody tells them.
+    # The leg with its masses, as mounted; None if unknown.
     dynamics: Dynamics | None = field(default=None, compare=False)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Return the names of its angles, the crank's first; a Klann leg's where nobody tells."""
+        """Return the names of its angles, the crank's first; a Klann leg's by default."""
         return JOINTS if self.leg is None else self.leg.joint_names
 
     def published_joints(self, name: str) -> tuple[str, ...]:
@@ -102,14 +70,14 @@ class LegSolver:
 
 @dataclass(frozen=True, eq=False)
 class LegRecording:
-    """What a run says of a leg."""
+    """The data of a leg in a run."""
 
-    # Where it publishes, and its name; '' for the root, and for the unnamed leg.
+    # Its namespace and name; '' for the root, and for the unnamed leg.
     namespace: str
     name: str
-    # What the run tells of its solver, or what it is held against.
+    # Its solver in the run, or the reference.
     solver: LegSolver
-    # Where its poses and its crank inputs come from.
+    # Topics of its poses and its crank inputs.
     pose_topics: frozenset[str]
     crank_topics: frozenset[str]
     # Crank inputs, before direction and phase [rad], values of shape (k, 1).
@@ -118,18 +86,17 @@ class LegRecording:
     poses: Series
     # H (x, y) [m], values of shape (m, 2).
     feet: Series
-    # Shape (n, number of angles) or (0, 0): the velocities of the poses [rad/s], NaN where not
-    # told; only if they were asked for, and in floats of half the size where that will do.
-    rates: Floats = field(default_factory=lambda: np.empty((0, 0)))
+    # Shape (n, number of angles) or (0, 0): velocities of the poses [rad/s], NaN for unknown; only
+    # on request, as f8 or f4.
+    rates: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     # The most Newton iterations since the report before, values of shape (k, 1).
     iterations: Series = field(default_factory=lambda: no_series(1))
-    # Log times of other crank inputs, whose answers nobody can tell: they have no stamp, and a
-    # simulated clock gave one to their answers [ns].
-    unstamped: Times = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    # Log times of inputs without a stamp, whose answers have simulated stamps [ns].
+    unstamped: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     @property
     def title(self) -> str:
-        """Return how to call it: '' for the unnamed leg in the root namespace."""
+        """Return its title: '' for the unnamed leg in the root namespace."""
         return '/'.join(part for part in (self.namespace.lstrip('/'), self.name) if part)
 
     @property
@@ -137,7 +104,7 @@ class LegRecording:
         """Return the name under which its crank's angle is published."""
         return self.solver.published_joints(self.name)[0]
 
-    def paired_feet(self) -> Floats:
+    def paired_feet(self) -> FloatArray:
         """Return the foot H of each pose, shape (n, 2) [m]; NaN where there is none."""
         feet = np.full((len(self.poses), 2), np.nan)
         of_feet, of_poses = pairs(self.feet.stamps, self.poses.stamps)
@@ -145,7 +112,7 @@ class LegRecording:
         return feet
 
     def evaluated(self) -> 'LegRecording':
-        """Return the part of the run that its leg holds for."""
+        """Return the part of the run since the last change of the leg."""
         since = self.solver.leg_time
         if not since:
             return self
@@ -162,13 +129,13 @@ class LegRecording:
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """A joint whose efforts the run has, and which turns cranks."""
+    """A joint with recorded efforts that drives cranks."""
 
     # Its name.
     joint: str
-    # The legs that it turns, by their places in the run.
+    # Indices of its legs in the run.
     legs: tuple[int, ...]
-    # Whether its angle is the cranks' before direction and phase; else it is the leg's own.
+    # Whether its angle is an input, before direction and phase; else the leg's crank angle.
     is_input: bool
     # Angles [rad] and efforts [N m], values of shape (k, 2).
     efforts: Series
@@ -176,13 +143,13 @@ class Drive:
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """What a run says of a walking robot in a namespace."""
+    """The data of a walker in a namespace."""
 
     namespace: str
-    # x, y and yaw of the body [m, rad], as odometry has it, and in truth where somebody knows.
+    # x, y and yaw of the body [m, rad], by odometry and by ground truth.
     odometry: Series
     truth: Series
-    # By joint, the angles of the cranks [rad]: as commanded, and as they were.
+    # Crank angles by joint [rad]: commanded and measured.
     commands: Mapping[str, Series]
     states: Mapping[str, Series]
 
@@ -191,7 +158,7 @@ class Walk:
 class RunRecording:
     """A run, decoded."""
 
-    # Where it is.
+    # Its path.
     path: str
     # Its files, and their sizes [bytes].
     files: tuple[tuple[str, int], ...]
@@ -200,28 +167,27 @@ class RunRecording:
     end: int
     # All topics.
     topics: tuple[TopicRecording, ...]
-    # What is wrong with the container, one line each.
+    # Faults of the container, one line each.
     problems: tuple[str, ...]
-    # What concerns a leg by its topic, and cannot be decoded.
+    # Undecodable messages on topics of a leg.
     undecoded: tuple[Undecoded, ...]
-    # Where the log has nothing for reasons of its own, a pause or damage: log times in order [ns].
-    holes: tuple[Hole, ...]
+    # Pauses of the recorder and damage of the log: intervals of log times in order [ns].
+    unrecorded: tuple[Interval, ...]
     # The legs.
     legs: tuple[LegRecording, ...]
-    # What ended the recording before its time, and what somebody took away meanwhile, as the
-    # recorder tells; '' for nothing.
+    # Reason of an early end, and faults of the file meanwhile, by the recorder; '' for none.
     stopped: str = ''
-    harmed: str = ''
-    # The joints that turn cranks and tell efforts.
+    file_fault: str = ''
+    # Joints with efforts that drive cranks.
     drives: tuple[Drive, ...] = ()
-    # Robots that walk.
+    # Walkers.
     walks: tuple[Walk, ...] = ()
-    # When the recorder itself did not run, and why.
+    # Stalls of the recorder, with their reasons.
     stalls: tuple[Pause, ...] = ()
-    # The simulated time by log times, values of shape (k, 0); empty where nobody published it.
+    # Simulated time by log times, values of shape (k, 0); empty without /clock.
     clock: Series = field(default_factory=lambda: no_series(0))
-    # What the recorder found, and told, while it recorded.
-    told: tuple[ToldFinding, ...] = ()
+    # Findings of the recorder during the recording.
+    recorder_findings: tuple[ToldFinding, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -232,11 +198,11 @@ class RunRecording:
         """Return a log time from the start of the run [s]."""
         return (int(log_time) - self.start) / 1e9
 
-    def restarts_on(self, names: Collection[str]) -> list[Hole]:
-        """Return between which log times [ns] publishers of some topics were started again."""
+    def restarts_on(self, names: Collection[str]) -> list[Interval]:
+        """Return the restarts of publishers on some topics: intervals of log times [ns]."""
         restarts = (t.restarts.tolist() for t in self.topics if t.name in names)
         return [(begin, end) for pairs_ in restarts for begin, end in pairs_]
 
     def lost_on(self, names: Collection[str]) -> int:
-        """Return how many messages of some topics were lost, as far as is known."""
+        """Return the known number of lost messages on some topics."""
         return sum(topic.lost or 0 for topic in self.topics if topic.name in names)

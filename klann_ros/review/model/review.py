@@ -1,50 +1,47 @@
-"""A reviewed run: what it holds, its figures, and what is wrong with it."""
+"""A reviewed run: recording, figures and findings."""
 
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 
+from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
-from .answering import Answering
-from .figures import leg_figures, LegFigures
+from .answers import Answers, Unanswered
 from .limits import Limits
-from .pose_errors import PoseErrors
+from .poses import leg_figures, LegFigures, PoseErrors
 from .recording import LegRecording, RunRecording
-from .times import Floats
-from .topics import TopicFigures
-from .unanswered import Silence, Unanswered
+from .topics import Gap, TopicFigures
 from .walks import WalkFigures
 
 
 class Severity(IntEnum):
-    """How grave it is."""
+    """Severity of a finding."""
 
-    NOTE = 0  # worth knowing, and no fault
-    WARNING = 1  # the run is not what it should be
-    ERROR = 2  # what the run says is wrong
+    NOTE = 0  # information, no fault
+    WARNING = 1  # a fault of the run
+    ERROR = 2  # wrong data in the run
 
 
 @dataclass(frozen=True)
 class Finding:
     """
-    Something that is wrong with a run.
+    A finding of a check.
 
     Attributes
     ----------
     check : str
-        Which check found it.
+        Name of the check.
     severity : Severity
-        How grave it is.
+        Its severity.
     text : str
-        What it is.
+        Description.
     meaning : str
-        What it means for whoever reads it.
+        Meaning or likely cause.
     time : float or None
-        When it was first seen, from the start of the run by the clock of the log [s]; None for
-        the run as a whole.
+        First occurrence, log time from the start of the run [s]; None for the whole run.
     leg : str
-        Of which leg it is; '' for the only one, or the run as a whole.
+        Its leg; '' for the only one, or the whole run.
 
     """
 
@@ -69,33 +66,33 @@ class ReviewedLeg:
     Attributes
     ----------
     recording : LegRecording
-        All that the run says of it.
+        Its whole recording.
     evaluated : LegRecording
-        The part of it that its geometry holds for.
+        The part since the last change of its geometry.
     errors : PoseErrors or None
-        How far that part is from its poses solved again; None where the run does not tell the leg.
+        Errors of that part against the solved poses; None for an unknown leg.
     answering : Answering
-        What it was asked in that part, and what came of it.
+        Its inputs in that part, and their answers.
     unanswered : Unanswered
-        Which of that should have an answer and has none.
+        Inputs without an expected answer.
 
     """
 
     recording: LegRecording
     evaluated: LegRecording
     errors: PoseErrors | None
-    answering: Answering
+    answers: Answers
     unanswered: Unanswered
 
     @cached_property
     def figures(self) -> LegFigures:
         """Return its figures."""
-        # A log may hold any number: what overflows is infinite, and what has no value is NaN.
+        # A log may hold any number: overflow gives infinity or NaN.
         with np.errstate(over='ignore', invalid='ignore'):
             return leg_figures(self.evaluated, self.errors)
 
-    def for_all_poses(self, values: Floats) -> Floats:
-        """Return values of the evaluated poses for all recorded ones; NaN for the others."""
+    def for_all_poses(self, values: FloatArray) -> FloatArray:
+        """Return values of the evaluated poses for all poses; NaN for the others."""
         before = len(self.recording.poses) - len(values)
         unknown = np.full((before, *values.shape[1:]), np.nan)
         return np.concatenate([unknown, values]) if before else values
@@ -109,23 +106,23 @@ class Review:
     Attributes
     ----------
     recording : RunRecording
-        What it holds.
+        Its recording.
     legs : tuple of ReviewedLeg
         Its legs.
-    silences : tuple of Silence
-        When each topic that has a period said nothing, whatever the reason.
+    gaps : tuple of Gap
+        The gaps of each periodic topic, whatever their reason.
     limits : Limits
-        What it was held against.
+        The limits of the checks.
     walks : tuple of WalkFigures
-        How robots walked.
+        Figures of the walkers.
     findings : tuple of Finding
-        What is wrong with it, the gravest first.
+        Its findings, by falling severity.
 
     """
 
     recording: RunRecording
     legs: tuple[ReviewedLeg, ...]
-    silences: tuple[Silence, ...]
+    gaps: tuple[Gap, ...]
     limits: Limits
     walks: tuple[WalkFigures, ...] = ()
     findings: tuple[Finding, ...] = ()
@@ -137,5 +134,5 @@ class Review:
 
     @property
     def is_healthy(self) -> bool:
-        """Return whether nothing is wrong."""
+        """Return whether there is no fault."""
         return not any(finding.is_fault for finding in self.findings)

@@ -1,33 +1,32 @@
-"""Times of a run in nanoseconds, and the stretches in which a log has nothing to say."""
+"""Times, series over time, pairs of equal stamps, and simulated time."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
+from klann_ros.kinematics.arrays import BoolArray, FloatArray, IndexArray, IntArray
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Times = NDArray[np.int64]
-RowIndices = NDArray[np.intp]
-Flags = NDArray[np.bool_]
 # Differences of two times fit in 64 bits with a sign; this one is in the year 2116.
 LAST_TIME = 2**62
-Hole = tuple[int, int]
-"""From when to when [ns]."""
+Interval = tuple[int, int]
+"""Begin and end [ns]."""
 
 
-def nanoseconds(times: NDArray[np.uint64]) -> Times:
-    """Return times as numbers with a sign: a log may hold any 64 bits."""
-    signed: Times = np.minimum(times, np.uint64(LAST_TIME)).astype(np.int64)
+def nanoseconds(times: NDArray[np.uint64]) -> IntArray:
+    """Return times as signed integers: a log may hold any 64 bits."""
+    signed: IntArray = np.minimum(times, np.uint64(LAST_TIME)).astype(np.int64)
     return signed
 
 
-def intervals(times: Times) -> Floats:
+def time_steps(times: IntArray) -> FloatArray:
     """Return the times between messages, shape (n - 1,) [s]."""
     return np.diff(times) / 1e9
 
 
-def median(values: Floats) -> float:
-    """Return the median of numbers, none of them NaN; NumPy's takes long for what it looks at."""
+def median(values: FloatArray) -> float:
+    """Return the median of numbers without NaN, faster than np.median."""
     middle = len(values) // 2
     if len(values) % 2:
         return float(np.partition(values, middle)[middle])
@@ -35,10 +34,12 @@ def median(values: Floats) -> float:
     return float((both[middle - 1] + both[middle]) / 2.0)
 
 
-def merged(holes: Iterable[Hole]) -> tuple[Hole, ...]:
-    """Return the holes in the order of time [ns], those that overlap as one."""
-    found: list[Hole] = []
-    bounded = ([max(-LAST_TIME, min(time, LAST_TIME)) for time in hole] for hole in holes)
+def merge_intervals(intervals: Iterable[Interval]) -> tuple[Interval, ...]:
+    """Return sorted intervals [ns], overlapping ones merged."""
+    found: list[Interval] = []
+    bounded = (
+        [max(-LAST_TIME, min(time, LAST_TIME)) for time in interval] for interval in intervals
+    )
     for begin, end in sorted(bounded):
         if found and begin <= found[-1][1]:
             found[-1] = found[-1][0], max(found[-1][1], end)
@@ -47,29 +48,200 @@ def merged(holes: Iterable[Hole]) -> tuple[Hole, ...]:
     return tuple(found)
 
 
-def overlap(begins: Times, ends: Times, holes: Sequence[Hole]) -> Flags:
-    """Return which stretches from begins to ends, shape (n,) [ns], touch a hole; holes joined."""
-    if not holes:
+def overlaps(begins: IntArray, ends: IntArray, intervals: Sequence[Interval]) -> BoolArray:
+    """Return whether [begin, end], shape (n,) [ns], touches one of the merged intervals."""
+    if not intervals:
         return np.zeros(len(begins), dtype=bool)
-    starts, stops = np.array(holes, dtype=np.int64).T
-    # The first hole that ends at a stretch's begin or later is the only one that can matter.
+    starts, stops = np.array(intervals, dtype=np.int64).T
+    # Only the first interval that ends at the begin or later can overlap.
     first = np.searchsorted(stops, begins)
-    known = first < len(holes)
-    touched: Flags = known & (starts[np.where(known, first, 0)] <= ends)
+    known = first < len(intervals)
+    touched: BoolArray = known & (starts[np.where(known, first, 0)] <= ends)
     return touched
 
 
-def covered(begins: Times, ends: Times, holes: Sequence[Hole]) -> Times:
-    """Return how much of stretches from begins to ends, shape (n,) [ns], is in holes; joined."""
-    if not holes:
+def covered_time(begins: IntArray, ends: IntArray, intervals: Sequence[Interval]) -> IntArray:
+    """Return the time of [begin, end], shape (n,) [ns], that merged intervals cover."""
+    if not intervals:
         return np.zeros(len(begins), dtype=np.int64)
-    starts, stops = np.array(holes, dtype=np.int64).T
+    starts, stops = np.array(intervals, dtype=np.int64).T
     before = np.concatenate([[0], np.cumsum(stops - starts)])
 
-    def until(times: Times) -> Times:
+    def until(times: IntArray) -> IntArray:
         count = np.searchsorted(starts, times, side='right')
         rest = np.maximum(stops[np.maximum(count, 1) - 1] - times, 0)
-        found: Times = before[count] - np.where(count > 0, rest, 0)
+        found: IntArray = before[count] - np.where(count > 0, rest, 0)
         return found
 
     return until(ends) - until(begins)
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Values of messages in the order of their log times."""
+
+    # Shape (n,): log times [ns], the clock of the run.
+    times: IntArray
+    # Shape (n,): header stamps, or their substitute [ns]: they match answers with inputs, and may
+    # have another clock than the log times.
+    stamps: IntArray
+    # Shape (n, k): values.
+    values: FloatArray
+
+    def __post_init__(self) -> None:
+        for array in (self.times, self.stamps, self.values):
+            array.setflags(write=False)
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def since(self, time: int) -> 'Series':
+        """Return the rows logged at a time or later."""
+        first = int(np.searchsorted(self.times, time))
+        return Series(self.times[first:], self.stamps[first:], self.values[first:])
+
+
+def no_series(width: int) -> Series:
+    """Return a series without any row."""
+    nothing = np.empty(0, dtype=np.int64)
+    return Series(nothing, nothing.copy(), np.empty((0, width)))
+
+
+class _Groups(NamedTuple):
+    """Rows by stamp: the stamps, each once, where its rows begin in `order`, how many it has."""
+
+    stamps: IntArray
+    begins: IndexArray
+    counts: IndexArray
+    order: IndexArray
+
+
+def pairs(first: IntArray, second: IntArray) -> tuple[IndexArray, IndexArray]:
+    """
+    Return the pairs of rows with equal stamps, in the order of the second.
+
+    Under a simulated clock many rows share a stamp: then the k-th row belongs to the k-th. If the
+    counts of a stamp differ, none of its rows is paired.
+    """
+    if len(first) == len(second) and (first == second).all() and is_monotonic(first):
+        rows = np.arange(len(first), dtype=np.intp)
+        return rows, rows
+    a, b = _groups(first), _groups(second)
+    _, in_a, in_b = np.intersect1d(a.stamps, b.stamps, assume_unique=True, return_indices=True)
+    equal = a.counts[in_a] == b.counts[in_b]
+    in_a, in_b = in_a[equal], in_b[equal]
+    of_a, of_b = _rows(a, in_a), _rows(b, in_b)
+    by_b = np.argsort(of_b, kind='stable')
+    return of_a[by_b], of_b[by_b]
+
+
+def alone(stamps: IntArray) -> IndexArray:
+    """Return the rows with a unique stamp."""
+    if is_monotonic(stamps):
+        return np.arange(len(stamps))
+    groups = _groups(stamps)
+    return np.sort(groups.order[groups.begins[groups.counts == 1]])
+
+
+def match_stamps(stamps: IntArray, single: IntArray) -> tuple[IndexArray, IndexArray]:
+    """Return the rows with a stamp in the unique stamps `single`, and its index there."""
+    if not len(single):
+        return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
+    # Usually sorted; intersect1d needs five times the memory.
+    order = None if is_monotonic(single) else np.argsort(single, kind='stable')
+    ordered = single if order is None else single[order]
+    place = np.searchsorted(ordered, stamps)
+    np.minimum(place, len(ordered) - 1, out=place)
+    known = np.flatnonzero(ordered[place] == stamps)
+    return known, place[known] if order is None else order[place[known]]
+
+
+def isin(stamps: IntArray, among: IntArray) -> BoolArray:
+    """Return whether each stamp is in `among`, as np.isin."""
+    found = np.zeros(len(stamps), dtype=bool)
+    found[match_stamps(stamps, among if is_monotonic(among) else np.unique(among))[0]] = True
+    return found
+
+
+class StampCounts(NamedTuple):
+    """Number of occurrences of each stamp."""
+
+    # Shape (k,): the unique stamps of the first, sorted.
+    stamps: IntArray
+    # Index of each of the first in `stamps`.
+    of_first: IndexArray
+    # Shape (k,): count of each in the first, and in the second.
+    first: IndexArray
+    second: IndexArray
+
+
+def count_stamps(first: IntArray, second: IntArray) -> StampCounts:
+    """Count each stamp of the first in both arrays."""
+    stamps, of_first, counts = np.unique(first, return_inverse=True, return_counts=True)
+    ordered = np.sort(second)
+    begins, ends = (np.searchsorted(ordered, stamps, side=side) for side in ('left', 'right'))
+    return StampCounts(stamps, of_first, counts, ends - begins)
+
+
+def is_monotonic(stamps: IntArray) -> bool:
+    """Return whether each stamp is later than the one before."""
+    return bool((np.diff(stamps) > 0).all())
+
+
+def _groups(stamps: IntArray) -> _Groups:
+    order = np.argsort(stamps, kind='stable')
+    found, begins, counts = np.unique(stamps[order], return_index=True, return_counts=True)
+    return _Groups(found, begins, counts, order)
+
+
+def _rows(groups: _Groups, which: IndexArray) -> IndexArray:
+    """Return the rows of some groups, one group after the other."""
+    begins, counts = groups.begins[which], groups.counts[which]
+    ends = np.cumsum(counts)
+    within = np.arange(ends[-1] if len(ends) else 0) - np.repeat(ends - counts, counts)
+    rows: IndexArray = groups.order[np.repeat(begins, counts) + within]
+    return rows
+
+
+CLOCK = '/clock'
+# Log times are simulated if they agree with /clock in the median [s].
+_CLOCK_TOLERANCE = 0.5
+# A paused simulation: largest rate of simulated time, shortest duration [s].
+_MAX_PAUSE_RATE, _MIN_PAUSE = 0.1, 0.05
+
+
+def is_time_of_log(clock: Series) -> bool:
+    """Return whether log times are simulated (`ros2 bag record --use-sim-time`)."""
+    return bool(len(clock)) and abs(median((clock.times - clock.stamps) / 1e9)) < _CLOCK_TOLERANCE
+
+
+def is_simulated(series: Series, clock: Series) -> bool:
+    """Return whether the stamps of a series are nearer to /clock than to the log times."""
+    if not (len(series) and len(clock)) or is_time_of_log(clock):
+        return False
+    return abs(median(offsets(series, clock))) < abs(median((series.stamps - series.times) / 1e9))
+
+
+def offsets(series: Series, clock: Series) -> FloatArray:
+    """Return the offsets of the stamps to /clock at their log times [s]."""
+    start, zero = int(clock.times[0]), int(clock.stamps[0])
+    since, shown = (clock.times - start) / 1e9, (clock.stamps - zero) / 1e9
+    found: FloatArray = (series.stamps - zero) / 1e9 - np.interp(
+        (series.times - start) / 1e9, since, shown
+    )
+    return found
+
+
+def resolution(clock: Series) -> float:
+    """Return the step of simulated log times [s]; 0 for others."""
+    if len(clock) < 2 or not is_time_of_log(clock):
+        return 0.0
+    return median(np.diff(clock.stamps) / 1e9)
+
+
+def pauses(clock: Series) -> Iterator[Interval]:
+    """Yield the pauses of simulated time, log times [ns]."""
+    passed, shown = (np.diff(times) / 1e9 for times in (clock.times, clock.stamps))
+    stood = (shown <= 0.0) | ((passed > _MIN_PAUSE) & (shown < _MAX_PAUSE_RATE * passed))
+    for row in np.flatnonzero(stood).tolist():
+        yield int(clock.times[row]), int(clock.times[row + 1])

@@ -1,20 +1,24 @@
-"""A topic of a run: how its messages came, and its figures: how many, how often, how late."""
+"""A topic of a run: reception, rate, latency, losses and gaps."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import nan
+from typing import NamedTuple
 
+from klann_ros.kinematics.arrays import FloatArray, IntArray
 import numpy as np
 from numpy.typing import NDArray
 
-from .times import intervals, median, Times
+from .limits import Limits
+from .times import covered_time, Interval, median, time_steps
 
-# Sent on events, not at a rate: markers, logs, parameter events, states of nodes; joysticks and
-# commands while somebody drives.
+# Sent on events, not at a rate: markers, logs, parameter events, node states, joysticks and
+# commands of a driver.
 _EVENT_PACKAGES = ('visualization_msgs/', 'rcl_interfaces/', 'lifecycle_msgs/')
 _EVENT_TYPES = ('sensor_msgs/msg/Joy', 'geometry_msgs/msg/Twist')
 _COMMAND = 'cmd_vel'
-# Sent at a rate, however long they stall.
+# Sent at a rate, with long stalls at most.
 _STREAMS = (
     'sensor_msgs/',
     'geometry_msgs/',
@@ -23,51 +27,49 @@ _STREAMS = (
     'std_msgs/msg/Float64',
 )
 
-MORE = '+'
-"""Stands behind a number of lost messages that is the least."""
-WHY_MORE = 'publishers left, and of what they sent last nothing is known'
+LOWER_BOUND_MARK = '+'
+"""Marks a lower bound of lost messages."""
+LOWER_BOUND_REASON = 'publishers left: losses at the end of their life cannot be detected'
 
 
 @dataclass(frozen=True, eq=False)
 class TopicRecording:
-    """How the messages of a topic came."""
+    """Reception of the messages of a topic."""
 
-    # The topic and its message type; the type is '' if nothing of it is in the run.
+    # The topic and its message type; '' without messages.
     name: str
     type: str  # noqa: A003, RUF100 - as all tools call it; ruff lets it be
     # Shape (n,): log times, sorted [ns].
-    times: Times
-    # Shape (n,): times from publishing to receiving [s]; NaN of what a latched publisher sent
-    # before it was heard, which waited for whoever would come.
+    times: IntArray
+    # Shape (n,): times from publishing to receiving [s]; NaN of latched messages from before the
+    # discovery of their publisher.
     latencies: NDArray[np.float32]
-    # Messages lost on the way into the run; None where nobody can tell.
+    # Messages lost on the way into the run; None for unknown.
     lost: int | None
-    # What publishers that came later had sent before the recorder heard them.
+    # Messages of later publishers from before their discovery.
     early: int = 0
-    # How many publishers left: of what each sent last nothing is known.
-    left: int = 0
-    # Whether several publishers were there at once, as their numbers or the recorder tell.
+    # Publishers that left; losses at the end of their life cannot be detected.
+    publishers_left: int = 0
+    # Whether several publishers were active at once.
     shared: bool = False
-    # Shape (k, 3): where sequence numbers are missing: the log times before and after [ns], and
-    # how many.
-    missing: Times = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
-    # Shape (k, 2): where the recorder's clock was set back: the log times after that, and by how
-    # much at least [ns].
-    set_back: Times = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
-    # Shape (k, 2): where one publisher ended and another began: the log times before and after
-    # [ns]; known only where no two publish at once.
-    restarts: Times = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
-    # How many other messages are logged earlier than the one before them in the file: those of
-    # several publishers come in turns, and some are sent again.
-    overtaken: int = 0
-    # How many of those that are lost the recorder had received.
+    # Shape (k, 3): missing sequence numbers: log times before and after [ns], and their count.
+    missing: IntArray = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
+    # Shape (k, 2): steps back of the recorder's clock: log times after, and least size [ns].
+    set_back: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    # Shape (k, 2): restarts of the publisher: log times before and after [ns]; only where no two
+    # publish at once.
+    restarts: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    # Number of other messages logged earlier than their predecessor in the file: several
+    # publishers interleave, and retransmissions come late.
+    reordered: int = 0
+    # Number of lost messages that the recorder had received.
     dropped: int = 0
-    # Log time of the topic's first message where these are not all [ns]; 0 for the first of these.
+    # Log time of the topic's first message in a window of a run [ns]; 0 for the first of these.
     first: int = 0
 
     @property
     def lost_at(self) -> int | None:
-        """Return the log time of the first message behind a gap in the numbers [ns]."""
+        """Return the log time after the first missing sequence number [ns]."""
         return int(self.missing[0, 1]) if len(self.missing) else None
 
     @property
@@ -106,14 +108,13 @@ class TopicFigures:
     longest_gap : float
         Longest time between two messages [s].
     latency_p50, latency_p99 : float
-        Time from publishing to receiving that half of the messages, and all but one in a hundred,
-        do not exceed [s]; NaN where no latency is known.
+        Median and 99th percentile of the time from publishing to receiving [s]; NaN for unknown.
     lost : int or None
-        Messages lost on the way into the run; None where nobody can tell.
+        Messages lost on the way into the run; None for unknown.
     early : int
-        What publishers that came later had sent before the recorder heard them.
+        Messages of later publishers from before their discovery.
     publishers_left : int
-        How many publishers left: of what each sent last nothing is known, and `lost` is the least.
+        Publishers that left; with any, `lost` is a lower bound.
 
     """
 
@@ -131,14 +132,14 @@ class TopicFigures:
 
     @property
     def lost_in_words(self) -> str:
-        """Return how many were lost, with a + where more may have been; ? for unknown."""
+        """Return the lost messages, with '+' for a lower bound; '?' for unknown."""
         if self.lost is None:
             return '?'
-        return f'{self.lost}{MORE}' if self.publishers_left else str(self.lost)
+        return f'{self.lost}{LOWER_BOUND_MARK}' if self.publishers_left else str(self.lost)
 
 
 def _figures(topic: TopicRecording) -> TopicFigures:
-    steps = intervals(topic.times)
+    steps = time_steps(topic.times)
     latencies = topic.latencies[~np.isnan(topic.latencies)]
     p50, p99 = np.percentile(latencies, [50.0, 99.0]) if len(latencies) else (nan, nan)
     return TopicFigures(
@@ -152,5 +153,94 @@ def _figures(topic: TopicRecording) -> TopicFigures:
         latency_p99=float(p99),
         lost=topic.lost,
         early=topic.early,
-        publishers_left=topic.left,
+        publishers_left=topic.publishers_left,
     )
+
+
+# Messages that a period needs.
+_MIN_MESSAGES = 10
+# Percentile of the intervals of a periodic topic that is within the default limits.
+_REGULAR_PERCENTILE = 90.0
+_DEFAULT_LIMITS = Limits()
+# A bursty topic has no rate: its regular intervals cover less than this share of the time, and on
+# average less than this between two gaps [s].
+_MIN_REGULAR_SHARE, _MIN_REGULAR_TIME = 0.25, 0.5
+# A gap is a loss if this share of its possible messages is known to be missing.
+_LOSS_SHARE = 0.5
+
+
+class Gap(NamedTuple):
+    """
+    A gap: begin and end [ns], topics, and the longest interval that is no gap [s].
+
+    `is_restart`: a gap between two publishers, the first of which was shut down.
+    """
+
+    begin: int
+    end: int
+    topics: tuple[str, ...]
+    max_interval: float = 0.0
+    is_restart: bool = False
+
+    @property
+    def length(self) -> float:
+        """Return its length [s]."""
+        return (self.end - self.begin) / 1e9
+
+
+def find_gaps(topic: TopicRecording, limits: Limits, resolution: float = 0.0) -> Iterator[Gap]:
+    """
+    Yield the gaps of a periodic topic, without those explained by lost messages.
+
+    Parameters
+    ----------
+    topic : TopicRecording
+        Its recording.
+    limits : Limits
+        Limits of the checks.
+    resolution : float
+        Step of the log times [s].
+
+    """
+    if len(topic.times) < _MIN_MESSAGES or not topic.is_periodic:
+        return
+    steps = time_steps(topic.times)
+    period = max(median(steps), resolution)
+    max_interval = _max_interval(period, limits)
+    rows = np.flatnonzero(steps > max_interval)
+    if not rows.size or not _has_rate(topic, steps, period):
+        return
+    # Starting nodes delay each other.
+    starts = np.array([topic.first or topic.times[0], *topic.restarts[:, 1]])
+    last_start = starts[np.searchsorted(starts, topic.times[rows], side='right') - 1]
+    rows = rows[topic.times[rows] - last_start >= limits.start_time * 1e9]
+    restarts = {begin for begin, _ in topic.restarts.tolist()}
+    lost = {begin: count for begin, _, count in topic.missing.tolist()}
+    for begin, end in zip(topic.times[rows].tolist(), topic.times[rows + 1].tolist(), strict=True):
+        gap = Gap(begin, end, (topic.name,), max_interval, begin in restarts)
+        if lost.get(begin, 0) * period < _LOSS_SHARE * gap.length:
+            yield gap
+
+
+def _has_rate(topic: TopicRecording, steps: FloatArray, period: float) -> bool:
+    """Return whether intervals [s] are regular, gaps aside."""
+    usual = _max_interval(period, _DEFAULT_LIMITS)
+    if float(np.percentile(steps, _REGULAR_PERCENTILE)) > usual:
+        return False
+    if topic.is_stream:
+        return True
+    regular, silent = float(steps[steps <= usual].sum()), steps[steps > usual]
+    is_present = regular >= _MIN_REGULAR_SHARE * float(steps.sum())
+    return is_present or regular >= _MIN_REGULAR_TIME * (len(silent) + 1)
+
+
+def exclude_intervals(found: Sequence[Gap], intervals: Sequence[Interval]) -> list[Gap]:
+    """Return the gaps that are too long even without the time of merged intervals in them."""
+    begins, ends = (np.array([one[i] for one in found], dtype=np.int64) for i in (0, 1))
+    rest = (ends - begins) / 1e9 - covered_time(begins, ends, intervals) / 1e9
+    return [gap for gap, time in zip(found, rest.tolist(), strict=True) if time > gap.max_interval]
+
+
+def _max_interval(period: float, limits: Limits) -> float:
+    """Return the longest interval that is no gap [s]."""
+    return max(limits.gap_periods * period, limits.gap_time)

@@ -1,44 +1,45 @@
-"""A robot that walks: what it was told, what its cranks did, and where it thinks it is."""
+"""Figures of a walker: distance, odometry error, crank lag and phase error."""
 
 from dataclasses import dataclass
 from math import nan
 from typing import Any
 
+from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
-from .recording import Series, Walk
-from .times import Floats
+from .recording import Walk
+from .times import Series
 
-# Fewer messages, or a shorter way [m], tell nothing.
-_LEAST, _SHORTEST = 10, 0.05
+# Smallest number of messages, and shortest distance [m], of a walk.
+_MIN_MESSAGES, _MIN_DISTANCE = 10, 0.05
 
 
 @dataclass(frozen=True)
 class WalkFigures:
     """
-    How a robot walked; NaN for what the run does not tell.
+    Figures of a walker; NaN for unknown.
 
     Attributes
     ----------
     namespace : str
-        Whose figures they are.
-    way : float
-        Length of its way: in truth, or else by odometry [m].
+        Its namespace.
+    distance : float
+        Distance travelled, by the ground truth or else by odometry [m].
     odometry_error : float
-        Largest distance of odometry from the truth, both from where they began [m].
+        Largest distance of odometry from the ground truth, both relative to their start [m].
     heading_error : float
         Largest difference of the headings [rad].
     crank_lag : float
         Largest difference of a crank from its command [rad].
     phase_error : float
-        Largest difference of two cranks' distance from what was commanded [rad].
+        Largest error of the phase between two cranks [rad].
     odometry_time, lag_time, phase_time : int or None
         Log times of these largest ones [ns].
 
     """
 
     namespace: str
-    way: float = nan
+    distance: float = nan
     odometry_error: float = nan
     heading_error: float = nan
     crank_lag: float = nan
@@ -49,39 +50,45 @@ class WalkFigures:
 
 
 def walk_figures(walk: Walk) -> WalkFigures:
-    """Return how a robot walked."""
+    """Return the figures of a walker."""
     return WalkFigures(walk.namespace, **_odometry(walk), **_cranks(walk))
 
 
 def _odometry(walk: Walk) -> dict[str, Any]:
-    told, truth = walk.odometry, walk.truth
-    if len(truth) < _LEAST or len(told) < _LEAST:
-        return {'way': _way(told.values)} if len(told) >= _LEAST else {}
-    within = (told.stamps >= truth.stamps.min()) & (told.stamps <= truth.stamps.max())
-    if np.count_nonzero(within) < _LEAST:
-        return {'way': _way(truth.values)}
-    there = _at(truth, told.stamps[within])
-    apart = _from_start(told.values[within]) - _from_start(there)
+    odometry, truth = walk.odometry, walk.truth
+    if len(truth) < _MIN_MESSAGES or len(odometry) < _MIN_MESSAGES:
+        return (
+            {'distance': _distance_travelled(odometry.values)}
+            if len(odometry) >= _MIN_MESSAGES
+            else {}
+        )
+    within = (odometry.stamps >= truth.stamps.min()) & (odometry.stamps <= truth.stamps.max())
+    if np.count_nonzero(within) < _MIN_MESSAGES:
+        return {'distance': _distance_travelled(truth.values)}
+    there = _interpolate(truth, odometry.stamps[within])
+    apart = _relative_to(odometry.values[within]) - _relative_to(there)
     distance = np.hypot(apart[:, 0], apart[:, 1])
     heading = np.abs(np.unwrap(apart[:, 2]))
     worst = int(np.argmax(distance))
     return {
-        'way': _way(there),
+        'distance': _distance_travelled(there),
         'odometry_error': float(distance[worst]),
         'heading_error': float(heading.max()),
-        'odometry_time': int(told.times[within][worst]),
+        'odometry_time': int(odometry.times[within][worst]),
     }
 
 
 def _cranks(walk: Walk) -> dict[str, Any]:
-    """Return how far cranks were from their commands, and from each other's."""
-    behind: dict[str, tuple[Floats, Series]] = {}
+    """Return the largest crank lag and phase error."""
+    behind: dict[str, tuple[FloatArray, Series]] = {}
     for joint, command in walk.commands.items():
         state = walk.states.get(joint)
-        if state is None or len(state) < _LEAST or len(command) < _LEAST:
+        if state is None or len(state) < _MIN_MESSAGES or len(command) < _MIN_MESSAGES:
             continue
         within = (command.stamps >= state.stamps.min()) & (command.stamps <= state.stamps.max())
-        lag = np.where(within, _at(state, command.stamps)[:, 0] - command.values[:, 0], 0.0)
+        lag = np.where(
+            within, _interpolate(state, command.stamps)[:, 0] - command.values[:, 0], 0.0
+        )
         behind[joint] = lag, command
     if not behind:
         return {}
@@ -98,27 +105,27 @@ def _cranks(walk: Walk) -> dict[str, Any]:
     return found
 
 
-def ways(walk: Walk) -> dict[str, Series]:
-    """
-    Return where a robot was, seen from where it was when all that tell it had begun.
-
-    By who tells it: 'odometry', and 'ground truth' where there is one.
-    """
-    told = {'odometry': walk.odometry, 'ground truth': walk.truth}
-    told = {name: series for name, series in told.items() if len(series) >= _LEAST}
-    if not told:
+def body_paths(walk: Walk) -> dict[str, Series]:
+    """Return the paths by 'odometry' and 'ground truth', relative to their common start."""
+    paths = {'odometry': walk.odometry, 'ground truth': walk.truth}
+    paths = {name: series for name, series in paths.items() if len(series) >= _MIN_MESSAGES}
+    if not paths:
         return {}
-    begin = np.array([max(int(series.stamps.min()) for series in told.values())])
+    begin = np.array([max(int(series.stamps.min()) for series in paths.values())])
     return {
         name: Series(
-            series.times, series.stamps, _from_start(series.values, _at(series, begin)[0])
+            series.times,
+            series.stamps,
+            _relative_to(series.values, _interpolate(series, begin)[0]),
         )
-        for name, series in told.items()
+        for name, series in paths.items()
     }
 
 
-def _at(series: Series, stamps: 'np.ndarray[tuple[int], np.dtype[np.int64]]') -> Floats:
-    """Return the values between those of a series, by their stamps."""
+def _interpolate(
+    series: Series, stamps: 'np.ndarray[tuple[int], np.dtype[np.int64]]'
+) -> FloatArray:
+    """Return a series interpolated at some stamps."""
     order = np.argsort(series.stamps, kind='stable')
     at = (series.stamps[order] - series.stamps[order[0]]) / 1e9
     asked = (stamps - series.stamps[order[0]]) / 1e9
@@ -126,17 +133,17 @@ def _at(series: Series, stamps: 'np.ndarray[tuple[int], np.dtype[np.int64]]') ->
     return np.column_stack(columns)
 
 
-def _from_start(poses: Floats, start: Floats | None = None) -> Floats:
-    """Return poses (x, y, yaw) as seen from one, or from the first."""
+def _relative_to(poses: FloatArray, start: FloatArray | None = None) -> FloatArray:
+    """Return poses (x, y, yaw) relative to one, or to the first."""
     start = poses[0] if start is None else start
     x, y, yaw = (poses - start).T
     cosine, sine = np.cos(start[2]), np.sin(start[2])
     return np.column_stack([cosine * x + sine * y, cosine * y - sine * x, yaw])
 
 
-def _way(poses: Floats) -> float:
-    """Return the length of a way; what is shorter than a body sways is none."""
-    # Noise of each pose adds up: so many of them are looked at.
+def _distance_travelled(poses: FloatArray) -> float:
+    """Return the length of a path; NaN below the sway of a body."""
+    # A subset of the poses, as the noise of each adds up.
     some = np.vstack([poses[:: max(1, len(poses) // 200)], poses[-1:]])
-    way = float(np.hypot(*np.diff(some[:, :2], axis=0).T).sum())
-    return way if way >= _SHORTEST else nan
+    length = float(np.hypot(*np.diff(some[:, :2], axis=0).T).sum())
+    return length if length >= _MIN_DISTANCE else nan

@@ -1,23 +1,70 @@
-"""A leg as the page has it: its shape, and its poses, of long runs those that tell the most."""
+"""The data of a leg in its page: shape and poses, thinned out and packed in base64."""
 
+from base64 import b64encode
 from collections.abc import Sequence
+from math import pi
 from typing import Any
 
 from klann_ros.kinematics import AnyLeg
-from klann_ros.review.model.figures import path_of
+from klann_ros.kinematics.arrays import FloatArray, IndexArray, IntArray
 from klann_ros.review.model.limits import Limits
+from klann_ros.review.model.poses import linkage_foot_path
 from klann_ros.review.model.review import Review, ReviewedLeg
-from klann_ros.review.model.times import Floats, RowIndices, Times
 from klann_ros.web.shape import leg_shape
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from . import packed
+Packed = dict[str, Any]
+
+# The greatest of 32 bits, and what stands for a number that there is none of.
+_MOST = 2**31 - 1
+_NONE = -(2**31)
+_TURN = 2.0 * pi
 
 
-def kept_rows(
-    count: int, columns: Sequence[Floats], most: int, needed: ArrayLike = ()
-) -> RowIndices:
+def pack_floats(values: NDArray[Any]) -> Packed:
+    """Return numbers to the seventh digit; NaN stays what it is."""
+    with np.errstate(over='ignore'):
+        return _packed('f32', values.astype('<f4'))
+
+
+def pack_times(seconds: FloatArray) -> Packed:
+    """Return times to the microsecond, or to 2^-31 of the longest."""
+    longest = float(seconds.max(initial=0.0))
+    return _scaled(seconds, max(1e-6, longest / _MOST))
+
+
+def pack_angles(radians: FloatArray) -> Packed:
+    """Return angles modulo a turn, to 2^-32 of it: 1.5e-9 rad, less than 1e-8 of any length."""
+    with np.errstate(invalid='ignore', over='ignore'):
+        parts = radians / _TURN
+        # Of more turns than these no double tells the part.
+        parts = np.where(np.abs(parts) <= _MOST, parts - np.round(parts), np.nan)
+        return _scaled(parts * _TURN, _TURN / 2.0**32)
+
+
+def pack_turns(radians: FloatArray) -> Packed:
+    """Return the whole turns that `angles` leaves out."""
+    with np.errstate(invalid='ignore', over='ignore'):
+        return _scaled(np.round(radians / _TURN), 1.0)
+
+
+def _scaled(values: FloatArray, scale: float) -> Packed:
+    with np.errstate(invalid='ignore', over='ignore'):
+        counts = np.round(values / scale)
+        known = np.abs(counts) <= _MOST + 1.0
+    counts = np.where(known, np.clip(counts, -_MOST, _MOST), _NONE)
+    packed = _packed('i32', counts.astype('<i4'))
+    return {**packed, 'scale': scale}
+
+
+def _packed(kind: str, array: NDArray[Any]) -> Packed:
+    return {'kind': kind, 'data': b64encode(array.tobytes()).decode('ascii')}
+
+
+def thin_rows(
+    count: int, columns: Sequence[FloatArray], most: int, needed: ArrayLike = ()
+) -> IndexArray:
     """
     Return the rows to keep, rising: all of them where they are no more than `most`.
 
@@ -44,33 +91,33 @@ def kept_rows(
     rows = [even, np.asarray(needed, dtype=np.intp)]
     for column in columns:
         rows += [_greatest(column, stretches), _greatest(-column, stretches)]
-    kept: RowIndices = np.unique(np.concatenate(rows))
+    kept: IndexArray = np.unique(np.concatenate(rows))
     return kept
 
 
-def _greatest(column: Floats, stretches: int) -> RowIndices:
+def _greatest(column: FloatArray, stretches: int) -> IndexArray:
     """Return where the greatest value of each stretch is."""
     size = -(-len(column) // stretches)
     known = np.where(np.isnan(column), -np.inf, column)
     whole = len(known) // size
     begins = np.arange(whole) * size
     table = known[slice(whole * size)].reshape(whole, size)
-    rows: RowIndices = begins + table.argmax(axis=1)
+    rows: IndexArray = begins + table.argmax(axis=1)
     rest = known[slice(whole * size, None)]
     return np.append(rows, whole * size + rest.argmax()) if rest.size else rows
 
 
-def drawn_leg(leg: AnyLeg) -> dict[str, Any]:
+def leg_drawing(leg: AnyLeg) -> dict[str, Any]:
     """Return a leg's shape, with the path that its foot has by the geometry."""
     return {**leg_shape(leg), **_path(leg)}
 
 
 def _path(leg: AnyLeg) -> dict[str, Any]:
     """Return the path that the foot has by the geometry, and whether it ends where it began."""
-    path = path_of(leg.linkage)
+    path = linkage_foot_path(leg.linkage)
     if path is None:
         return {'path': None}
-    return {'path': [packed.floats(s) for s in path.h.T], 'closed': path.full_turn}
+    return {'path': [pack_floats(s) for s in path.h.T], 'closed': path.full_turn}
 
 
 # What a number takes in the page, before base64 [bytes].
@@ -93,20 +140,20 @@ def pose_rows(leg: ReviewedLeg, review: Review, most_bytes: float) -> dict[str, 
     # A time, the whole turns and the crank's part of one more; the others are columns.
     most = int(most_bytes / (_SIZE * (3 + len(columns))))
     gaps = _gaps(poses.times, review.limits)
-    rows = kept_rows(count, columns, most, [*gaps, *(gaps + 1), *_found(leg, review)])
+    rows = thin_rows(count, columns, most, [*gaps, *(gaps + 1), *_found(leg, review)])
     kept = poses.values[rows]
     return {
         'of': count,
-        'times': packed.times((poses.times[rows] - review.recording.start) / 1e9),
-        'turns': packed.turns(kept[:, 0]),
+        'times': pack_times((poses.times[rows] - review.recording.start) / 1e9),
+        'turns': pack_turns(kept[:, 0]),
         'angles': [
-            packed.floats(column) if slides else packed.angles(column)
+            pack_floats(column) if slides else pack_angles(column)
             for column, slides in zip(kept.T, leg.recording.solver.slides, strict=True)
         ],
-        'rates': [packed.floats(column) for column in rates[rows].T] if has_rates else None,
-        'foot': [packed.floats(column) for column in feet[rows].T],
-        'residuals': packed.floats(residuals[rows]),
-        'transmission': [packed.floats(column) for column in mu[rows].T],
+        'rates': [pack_floats(column) for column in rates[rows].T] if has_rates else None,
+        'foot': [pack_floats(column) for column in feet[rows].T],
+        'residuals': pack_floats(residuals[rows]),
+        'transmission': [pack_floats(column) for column in mu[rows].T],
         # After these rows there is nothing for a while.
         'gaps': np.searchsorted(rows, gaps).tolist(),
     }
@@ -116,16 +163,16 @@ def foot_rows(leg: ReviewedLeg, review: Review, most_bytes: float) -> dict[str, 
     """Return a leg's feet without poses."""
     feet = leg.recording.feet
     columns = list(feet.values.T)
-    rows = kept_rows(len(feet), columns, int(most_bytes / (3 * _SIZE)))
+    rows = thin_rows(len(feet), columns, int(most_bytes / (3 * _SIZE)))
     return {
         'of': len(feet),
-        'times': packed.times((feet.times[rows] - review.recording.start) / 1e9),
-        'foot': [packed.floats(column[rows]) for column in columns],
+        'times': pack_times((feet.times[rows] - review.recording.start) / 1e9),
+        'foot': [pack_floats(column[rows]) for column in columns],
         'gaps': [],
     }
 
 
-def _gaps(times: Times, limits: Limits) -> RowIndices:
+def _gaps(times: IntArray, limits: Limits) -> IndexArray:
     """Return the rows after which there is a gap, as the check for gaps has it."""
     steps = np.diff(times) / 1e9
     if not steps.size:
@@ -134,7 +181,7 @@ def _gaps(times: Times, limits: Limits) -> RowIndices:
     return np.flatnonzero(steps > limit)
 
 
-def _found(leg: ReviewedLeg, review: Review) -> RowIndices:
+def _found(leg: ReviewedLeg, review: Review) -> IndexArray:
     """Return the poses at which something was found: whoever jumps there shall see them."""
     seconds = [finding.time for finding in review.findings if finding.time is not None]
     moments = review.recording.start + np.array(seconds) * 1e9

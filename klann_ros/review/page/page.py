@@ -1,17 +1,21 @@
-"""A review as one HTML file that opens offline."""
+"""The page of a review: one HTML file that opens offline."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from datetime import datetime, timezone
+from math import degrees, isnan
 from pathlib import Path
 from string import Template
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
-from klann_ros.review.model.comparing import Comparison
-from klann_ros.review.model.review import Review
-from klann_ros.review.report.json_report import finite
-from klann_ros.web.markup import element, joined, Markup
+from klann_ros.review.model.compare import Comparison
+from klann_ros.review.model.poses import LegFigures
+from klann_ros.review.model.review import Finding, Review, Severity
+from klann_ros.review.model.topics import LOWER_BOUND_MARK, LOWER_BOUND_REASON, TopicFigures
+from klann_ros.sanitize.outputs import finite
+from klann_ros.sanitize.text import printable
+from klann_ros.web.markup import element, joined, Markup, scrolling_table, UNKNOWN_NUMBER
 from klann_ros.web.parts import as_script, FRAME, Parts, SHARED, text
 
-from . import sections
 from .run_data import run_data
 
 _OWN = Path(__file__).resolve().parent / 'static'
@@ -78,11 +82,227 @@ def page(
         title=element('title', f'Review of {names}'),
         policy=PARTS.policy(),
         styles=PARTS.style_elements(),
-        header=sections.header(reviews, comparison),
-        tiles=sections.figures(reviews),
-        findings=sections.findings(reviews),
-        differences=sections.differences(comparison),
-        topics=sections.topics(reviews),
+        header=header(reviews, comparison),
+        tiles=figures(reviews),
+        findings=findings(reviews),
+        differences=differences(comparison),
+        topics=topics(reviews),
         data=element('script', as_script(finite(data)), id='data', type='application/json'),
         scripts=joined([licence, PARTS.script_elements()]),
     )
+
+
+_TOPIC_HEADS = (
+    'Topic',
+    'Messages',
+    'Rate / Hz',
+    'Longest gap / ms',
+    'Latency p50 / ms',
+    'p99 / ms',
+    'Lost',
+)
+# A mark beside the colour: some see none.
+_MARKS = {Severity.ERROR: '✕', Severity.WARNING: '!', Severity.NOTE: 'i'}
+
+
+def header(reviews: Sequence[Review], comparison: Comparison | None) -> Markup:
+    """Return what the page is about, and whether all is well."""
+    runs = joined(_run(review, n) for n, review in enumerate(reviews))
+    faults = sum(finding.is_fault for review in reviews for finding in review.findings)
+    verdicts = [_verdict(faults, 'finding', 'Healthy', 'nothing found')]
+    if comparison is not None:
+        count = len(comparison.differences)
+        verdicts.append(_verdict(count, 'difference', 'Alike', 'no difference'))
+    title = ' and '.join(Path(review.recording.path).name for review in reviews)
+    return element('header', element('div', element('h1', title), runs), *verdicts)
+
+
+def findings(reviews: Sequence[Review]) -> Markup:
+    """Return the findings, the gravest first; those with a time are buttons that lead there."""
+    return joined(
+        element(
+            'section',
+            element('h2', _of_run('Findings', n, len(reviews))),
+            element('ul', *map(_finding, review.findings), class_='findings'),
+        )
+        for n, review in enumerate(reviews)
+        if review.findings
+    )
+
+
+def differences(comparison: Comparison | None) -> Markup:
+    """Return in what two runs differ, and what could not be compared."""
+    if comparison is None:
+        return Markup()
+    items = [
+        element(
+            'li',
+            element('strong', found.what),
+            ' ',
+            element('span', f'{_of(found.leg)}{found.text}'),
+            class_='warning',
+        )
+        for found in comparison.differences
+    ]
+    content = (
+        element('ul', *items, class_='findings')
+        if items
+        else element('p', f'{comparison.alike.capitalize()}.', class_='quiet')
+    )
+    remarks = (element('p', remark, class_='quiet') for remark in comparison.remarks)
+    return element('section', element('h2', 'Differences'), content, *remarks)
+
+
+def topics(reviews: Sequence[Review]) -> Markup:
+    """Return a table of the topics."""
+    return joined(
+        element(
+            'section',
+            element('h2', name),
+            scrolling_table(name, _TOPIC_HEADS, map(_topic, review.topics)),
+            _legend(review.topics),
+        )
+        for n, review in enumerate(reviews)
+        for name in [_of_run('Topics', n, len(reviews))]
+    )
+
+
+def _run(review: Review, number: int) -> Markup:
+    recording = review.recording
+    began = datetime.fromtimestamp(recording.start / 1e9, timezone.utc)
+    size = sum(size for _, size in recording.files) / 1e6
+    about = f'{began:%Y-%m-%d %H:%M:%S} UTC · {recording.duration:.2f} s · {size:.1f} MB'
+    key = element('span', class_=f'key key-{number}', aria_hidden='true')
+    return element(
+        'p', key, element('strong', recording.path, class_='path'), ' ', element('span', about)
+    )
+
+
+def _verdict(count: int, what: str, none: str, meaning: str) -> Markup:
+    """Return the verdict: so many of what there should be none of."""
+    if not count:
+        return element(
+            'p', element('strong', f'✓ {none}'), element('span', meaning), class_='verdict good'
+        )
+    counted = f'{count} {what}{"s" if count > 1 else ""}'
+    return element(
+        'p', element('strong', f'! {counted}'), element('span', 'see below'), class_='verdict bad'
+    )
+
+
+def _finding(finding: Finding) -> Markup:
+    kind = finding.severity.name.lower()
+    mark = element('span', _MARKS[finding.severity], class_='mark', aria_hidden='true')
+    parts = [
+        element('strong', f'{finding.severity.name.capitalize()}: {finding.check}'),
+        ' ',
+        element('span', f'{_of(finding.leg)}{finding.text}'),
+        element('em', finding.meaning),
+    ]
+    if finding.time is None:
+        return element('li', mark, element('div', *parts), class_=kind)
+    when = element('span', f'at {finding.time:.3f} s →', class_='when')
+    button = element(
+        'button',
+        *parts,
+        when,
+        type='button',
+        data_time=repr(finding.time),
+        data_leg=printable(finding.leg),
+    )
+    return element('li', mark, button, class_=kind)
+
+
+def _legend(topics_: Sequence[TopicFigures]) -> Markup:
+    if not any(topic.lost_in_words.endswith(LOWER_BOUND_MARK) for topic in topics_):
+        return Markup()
+    return element('p', f'{LOWER_BOUND_MARK}: {LOWER_BOUND_REASON}.', class_='quiet')
+
+
+def _topic(topic: TopicFigures) -> Sequence[str]:
+    return (
+        topic.name,
+        str(topic.count),
+        _number(topic.rate, 1.0, 1),
+        _number(topic.longest_gap, 1e3, 1),
+        _number(topic.latency_p50, 1e3, 2),
+        _number(topic.latency_p99, 1e3, 2),
+        'unknown' if topic.lost is None else topic.lost_in_words,
+    )
+
+
+def _number(value: float, factor: float, digits: int) -> str:
+    return UNKNOWN_NUMBER if isnan(value) else f'{factor * value:.{digits}f}'
+
+
+def _of_run(what: str, number: int, of: int) -> str:
+    return f'{what} of run {"AB"[number]}' if of > 1 else what
+
+
+def _of(title: str) -> str:
+    return f'{title}: ' if title else ''
+
+
+class _Figure(NamedTuple):
+    """A figure: its name, its value, its unit or what it is of."""
+
+    name: str
+    value: str
+    unit: str
+
+
+def figures(reviews: Sequence[Review]) -> Markup:
+    """Return the key figures of every leg, of two runs both: tiles of one, a table of several."""
+    legs = [
+        (_leg_title(leg.recording.title, n, len(reviews)), leg)
+        for n, review in enumerate(reviews)
+        for leg in review.legs
+    ]
+    if not legs:
+        return Markup()
+    rows = [(title, list(_figures(leg.figures))) for title, leg in legs]
+    if len(legs) > 1:
+        heads = ['Leg', *(f'{figure.name}, {figure.unit}' for figure in rows[0][1])]
+        texts = ([title, *(figure.value for figure in row)] for title, row in rows)
+        content = scrolling_table('Figures', heads, texts)
+    else:
+        content = element('dl', *map(_tile, rows[0][1]), class_='tiles')
+    sources = {title: leg.recording.solver.source for title, leg in legs}
+    told = {title: source for title, source in sources.items() if source}
+    if len(set(told.values())) == 1:
+        # Once where all legs have their geometry from there.
+        told = {'': next(iter(told.values()))}
+    lines = (
+        f'{title}{": " * bool(title)}the geometry is that of {source}.'
+        for title, source in told.items()
+    )
+    return element(
+        'section',
+        element('h2', 'Figures'),
+        content,
+        *(element('p', line, class_='quiet') for line in lines),
+    )
+
+
+def _leg_title(title: str, number: int, of: int) -> str:
+    return ', '.join(filter(None, (_of_run('', number, of).removeprefix(' of '), title)))
+
+
+def _tile(figure: _Figure) -> Markup:
+    value = element('dd', element('b', figure.value), ' ', element('span', figure.unit))
+    return element('div', element('dt', figure.name), value)
+
+
+def _figures(figures: LegFigures) -> Iterator[_Figure]:
+    mu = degrees(figures.worst_transmission_angle)
+    yield _figure('Turns', figures.turns, '.3f', 'of the crank')
+    yield _figure('Stride', 1e3 * figures.stride, '.1f', 'mm')
+    yield _figure('Lift', 1e3 * figures.lift, '.1f', 'mm')
+    yield _figure('Duty', figures.duty_factor, '.1%', 'on the ground')
+    yield _figure('Straightness', figures.straightness, '.2%', 'off, of the stance')
+    yield _figure('Transmission', mu, '.1f', 'deg from in line')
+    yield _figure('Residual', figures.worst_residual, '.1e', 'm, worst')
+
+
+def _figure(name: str, number: float, form: str, unit: str) -> _Figure:
+    return _Figure(name, UNKNOWN_NUMBER if isnan(number) else format(number, form), unit)

@@ -1,19 +1,28 @@
-"""A reviewed run as the page's scripts have it: numbers and names, no words."""
+"""The data of a run in its page: topics, legs, walkers, and the texts of charts."""
 
 from collections.abc import Iterable, Iterator
 from math import degrees, isnan
 from typing import Any
 
+from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.review.model.recording import Walk
 from klann_ros.review.model.review import Review, ReviewedLeg
-from klann_ros.review.model.times import Floats, intervals
+from klann_ros.review.model.times import Series, time_steps
 from klann_ros.review.model.topics import TopicRecording
+from klann_ros.review.model.walks import body_paths, WalkFigures
 from klann_ros.sanitize.text import printable, verb
 import numpy as np
 from numpy.typing import NDArray
 
-from . import packed
-from .leg_data import drawn_leg, foot_rows, pose_rows
-from .walk_data import walks_data
+from .leg_data import (
+    foot_rows,
+    leg_drawing,
+    pack_angles,
+    pack_floats,
+    pack_times,
+    pose_rows,
+    thin_rows,
+)
 
 # What the ways of walking robots may take, of all numbers.
 WALKS = 0.125
@@ -47,26 +56,26 @@ def chart_texts(leg: ReviewedLeg) -> dict[str, str]:
     return {name: f'{text}.' for name, text in texts.items()}
 
 
-def _of(rates: Floats, which: NDArray[np.bool_]) -> Floats:
+def _of(rates: FloatArray, which: NDArray[np.bool_]) -> FloatArray:
     """Return the rates of some joints; none where none are recorded."""
     return rates[which] if len(rates) else rates
 
 
-def _iterations(most: Floats) -> str:
+def _iterations(most: FloatArray) -> str:
     known = most[np.isfinite(most)]
     return f'The solver reports {known.max():.0f} at most' if known.size else 'Nothing is recorded'
 
 
-def _metres(size: Floats) -> str:
+def _metres(size: FloatArray) -> str:
     return f'{size[0]:.4f} m in x and {size[1]:.4f} m in y'
 
 
-def _ranges(names: Iterable[str], rows: Iterable[Floats], unit: str) -> str:
+def _ranges(names: Iterable[str], rows: Iterable[FloatArray], unit: str) -> str:
     found = list(_found(names, rows, unit))
     return '; '.join(found) if found else 'Nothing is recorded'
 
 
-def _found(names: Iterable[str], rows: Iterable[Floats], unit: str) -> Iterator[str]:
+def _found(names: Iterable[str], rows: Iterable[FloatArray], unit: str) -> Iterator[str]:
     for name, values in zip(names, rows, strict=False):
         known = values[np.isfinite(values)]
         if known.size:
@@ -81,7 +90,7 @@ def timing(topic: TopicRecording) -> dict[str, Any]:
     """Return the histograms of a topic."""
     return {
         'name': printable(topic.name),
-        'intervals': histogram(intervals(topic.times)),
+        'intervals': histogram(time_steps(topic.times)),
         'latencies': histogram(topic.latencies[~np.isnan(topic.latencies)]),
     }
 
@@ -152,13 +161,69 @@ def _leg(leg: ReviewedLeg, review: Review, most_bytes: float) -> dict[str, Any]:
         'title': printable(recording.title),
         'joints': list(map(printable, solver.joint_names)),
         'slides': solver.slides,
-        'shape': drawn_leg(solver.leg) if solver.leg is not None else None,
+        'shape': leg_drawing(solver.leg) if solver.leg is not None else None,
         # Before that it had another shape, and is not drawn [s].
         'since': (solver.leg_time - start) / 1e9 if solver.leg_time else 0.0,
         'rows': rows(leg, review, most_bytes),
         'iterations': {
-            'times': packed.times((recording.iterations.times - start) / 1e9),
-            'most': packed.floats(recording.iterations.values[:, 0]),
+            'times': pack_times((recording.iterations.times - start) / 1e9),
+            'most': pack_floats(recording.iterations.values[:, 0]),
         },
         'texts': chart_texts(leg),
     }
+
+
+# A time, x, y and yaw, four bytes each, before base64.
+_SIZE = 16
+
+
+def walks_data(review: Review, most_bytes: float) -> list[dict[str, Any]]:
+    """
+    Return the ways of the robots of a run.
+
+    Parameters
+    ----------
+    review : Review
+        The run.
+    most_bytes : float
+        What all of them may take, before base64; see `kept_rows`.
+
+    """
+    found = zip(review.recording.walks, review.walks, strict=True)
+    told = [(walk, figures, body_paths(walk)) for walk, figures in found]
+    most = int(most_bytes / (_SIZE * max(1, sum(len(lines) for *_, lines in told))))
+    start = review.recording.start
+    return [
+        {
+            'title': printable(walk.namespace),
+            'text': _text(walk, figures),
+            'lines': [
+                {'name': name, **_line(series, start, most)} for name, series in lines.items()
+            ],
+        }
+        for walk, figures, lines in told
+        if lines
+    ]
+
+
+def _line(series: Series, start: int, most: int) -> dict[str, Any]:
+    x, y, yaw = series.values.T
+    rows = thin_rows(len(series), [x, y], most)
+    return {
+        'times': pack_times((series.times[rows] - start) / 1e9),
+        'at': [pack_floats(x[rows]), pack_floats(y[rows])],
+        'yaw': pack_angles(yaw[rows]),
+    }
+
+
+def _text(walk: Walk, figures: WalkFigures) -> str:
+    name = printable(walk.namespace)
+    who = f'The robot {name}' if name else 'The robot'
+    if isnan(figures.distance):
+        return f'{who} stays where it is'
+    if isnan(figures.odometry_error):
+        return f'{who} goes {figures.distance:.2f} m'
+    return (
+        f'{who} goes {figures.distance:.2f} m; odometry is up to {figures.odometry_error:.3f} m '
+        f'off the ground truth, and {degrees(figures.heading_error):.1f} deg'
+    )

@@ -1,15 +1,14 @@
 """A review as JSON, for machines."""
 
-from collections.abc import Mapping
 from dataclasses import asdict
 import json
-from math import isfinite
 from typing import Any, BinaryIO
 
 from klann_ros import __version__
-from klann_ros.review.model.answering import Cause
-from klann_ros.review.model.comparing import Comparison
+from klann_ros.review.model.answers import Cause
+from klann_ros.review.model.compare import Comparison
 from klann_ros.review.model.review import Review, ReviewedLeg
+from klann_ros.sanitize.outputs import finite
 
 # Counts up when what stands in the report changes its meaning.
 VERSION = 1
@@ -57,28 +56,17 @@ def report(review: Review, comparison: Comparison | None = None) -> str:
 
 def _crank_angles(leg: ReviewedLeg) -> dict[str, int | None]:
     """Return what became of what a leg was asked; None where the run does not tell."""
-    found, left = leg.answering, leg.unanswered
+    found, left = leg.answers, leg.unanswered
     counts: dict[str, int | None] = {
         'before_the_first_answer': found.early,
         'asked': found.asked,
         'answered': found.asked - len(found.rows),
         'no_angle': len(found.of(Cause.NO_ANGLE)),
         'out_of_reach': len(found.of(Cause.OUT_OF_REACH)),
-        'unanswered_in_silences': left.in_silences,
-        'unanswered_at_holes': left.at_holes,
-        'unanswered_as_answers_were_lost': left.lost,
-        'unanswered_elsewhere': left.unexplained,
+        'unanswered_in_gaps': left.in_gaps,
+        'unanswered_while_unrecorded': left.unrecorded,
+        'unanswered_by_lost_answers': left.lost,
+        'unanswered_unexplained': left.unexplained,
         'after_the_last_answer': found.late,
     }
     return counts if len(leg.evaluated.cranks) else dict.fromkeys(counts)
-
-
-def finite(value: Any) -> Any:
-    """Return a value that JSON can hold: it knows neither NaN nor infinity."""
-    if isinstance(value, float):
-        return value if isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {key: finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(item) for item in value]
-    return value

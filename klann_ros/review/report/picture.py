@@ -9,6 +9,7 @@ from klann_ros.plotting import plot_pose
 from klann_ros.plotting.plane import legend_beside, PALE
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Review
+from klann_ros.sanitize.outputs import OutputError
 from klann_ros.sanitize.text import printable
 import numpy as np
 
@@ -16,7 +17,7 @@ import numpy as np
 LARGEST = 1e60
 
 
-class NoPictureError(Exception):
+class NoPictureError(OutputError):
     """A picture that cannot be made; the text says why."""
 
 
@@ -62,7 +63,7 @@ def save_picture(review: Review, form: str, file: BinaryIO) -> None:
         raise NoPictureError('there is no leg in the run')
     recording = review.legs[0].evaluated
     if recording.solver.leg is None:
-        raise NoPictureError('a picture needs a geometry, and the run tells none: --geometry FILE')
+        raise NoPictureError('a picture needs a geometry, and the run has none: --geometry FILE')
     pose = _last_that_closes(recording, recording.solver.leg)
     from matplotlib.figure import Figure  # noqa: PLC0415 - optional, and slow to import
 

@@ -5,8 +5,8 @@ import csv
 from io import TextIOWrapper
 from typing import Any, BinaryIO, TextIO, TYPE_CHECKING
 
+from klann_ros.kinematics.arrays import FloatArray, IntArray
 from klann_ros.review.model.review import Review, ReviewedLeg
-from klann_ros.review.model.times import Floats, Times
 from klann_ros.sanitize.text import printable
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +122,7 @@ def _heads(units: Mapping[str, str]) -> list[str]:
     ]
 
 
-def _columns(leg: ReviewedLeg, joints: Iterable[str]) -> list[Floats]:
+def _columns(leg: ReviewedLeg, joints: Iterable[str]) -> list[FloatArray]:
     """Return what stands below the heads; NaN for joints that another leg has."""
     recording, names = leg.recording, leg.recording.solver.joint_names
     unknown = np.broadcast_to(np.nan, len(recording.poses))
@@ -149,7 +149,7 @@ def _cell(text: str) -> str:
     return f"'{shown}" if shown.startswith(_FORMULA) else shown
 
 
-def _seconds(times: Times) -> list[str]:
+def _seconds(times: IntArray) -> list[str]:
     """Return times [ns] as seconds, to the last digit."""
     return [
         f'{"-" if time < 0 else ""}{abs(time) // _NS}.{abs(time) % _NS:09d}'

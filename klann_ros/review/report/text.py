@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterator, Sequence
 from math import degrees, isnan
 
-from klann_ros.review.model.comparing import Comparison
+from klann_ros.review.model.compare import Comparison
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
-from klann_ros.review.model.topics import MORE, TopicFigures, WHY_MORE
+from klann_ros.review.model.topics import LOWER_BOUND_MARK, LOWER_BOUND_REASON, TopicFigures
 from klann_ros.review.model.walks import WalkFigures
 from klann_ros.sanitize.text import counted, printable, printable_line
 
@@ -66,8 +66,8 @@ def _topics(topics: Sequence[TopicFigures], paint: _Paint) -> Iterator[str]:
             f'{_number(topic.latency_p50 * 1e3, 14, 2)}  '
             f'{_number(topic.latency_p99 * 1e3, 7, 2)}  {topic.lost_in_words:>4}'
         )
-    if any(topic.lost_in_words.endswith(MORE) for topic in topics):
-        yield paint(f'{MORE}: {WHY_MORE}', _FAINT)
+    if any(topic.lost_in_words.endswith(LOWER_BOUND_MARK) for topic in topics):
+        yield paint(f'{LOWER_BOUND_MARK}: {LOWER_BOUND_REASON}', _FAINT)
 
 
 def _leg(leg: ReviewedLeg, paint: _Paint) -> Iterator[str]:
@@ -91,7 +91,7 @@ def _leg(leg: ReviewedLeg, paint: _Paint) -> Iterator[str]:
 
 def _walk(walk: WalkFigures, paint: _Paint) -> Iterator[str]:
     rows = (
-        ('way of the body', walk.way, 1.0, 'm'),
+        ('way of the body', walk.distance, 1.0, 'm'),
         ('odometry, worst', walk.odometry_error, 1.0, 'm off the ground truth'),
         ('heading, worst', walk.heading_error, degrees(1.0), 'deg off the ground truth'),
         ('crank, worst', walk.crank_lag, degrees(1.0), 'deg off its command'),
@@ -114,7 +114,7 @@ def _findings(review: Review, paint: _Paint) -> Iterator[str]:
         if left_out:
             since = review.recording.since_start(leg.recording.solver.leg_time)
             yield (
-                f'{_of(leg.recording.title)}the leg changed during the run; the poses before '
+                f'{_of(leg.recording.title)}the leg changed during the run; poses before '
                 f'{since:.2f} s were not judged'
             )
 

@@ -183,7 +183,7 @@ def test_what_is_latched_and_the_solver_are_in_every_run(seen: dict[str, Any]) -
 
 def test_review_repeats_what_the_recorder_told(seen: dict[str, Any]) -> None:
     review = review_run(seen['gap'][0])
-    texts = [finding.text for finding in review.findings if finding.check == 'told']
+    texts = [finding.text for finding in review.findings if finding.check == 'recorder_finding']
     assert any('nothing on /' in text for text in texts)
 
 

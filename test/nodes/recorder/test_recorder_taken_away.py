@@ -162,7 +162,7 @@ def test_a_folder_is_made_anew_and_followed(stage: Stage) -> None:
     assert (end['count'].written, end['count'].dropped) == (200, 100)
     (lost,) = (f for f in review_run(recording.folder).findings if f.check == 'lost')
     assert lost.text.startswith(f'100 messages of {TOPIC} were lost')
-    assert 'the recorder had received 100 of them. What it tells: ' in lost.meaning
+    assert 'the recorder had received 100 of them. Its reason: ' in lost.meaning
     assert f'{ros.folder}/second was removed while it was recorded' in lost.meaning
 
 

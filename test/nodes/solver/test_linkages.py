@@ -260,7 +260,7 @@ def test_its_run_explains_itself_and_is_reviewed(
 
     # Held against a linkage of other lengths, every pose is wrong.
     other = tmp_path / 'other.yaml'
-    astray = 'feet (point_h) are not where the angles of their poses put them'
+    astray = 'feet (point_h) are not at the position that the angles of their poses give'
     changed, now, said = {
         'jansen': ('length: 49.0', 'length: 49.5', astray),
         'stephenson': ('bend: -60', 'bend: -61', astray),

@@ -17,7 +17,7 @@ def test_a_pose_for_another_crank_angle_is_found(healthy, make_run) -> None:
     review = review_run(make_run(healthy))
     assert moments(review) == [('alpha', 0.5)]
     (finding,) = review.findings
-    assert finding.text == '1 of 400 poses is not for the crank angle that was asked'
+    assert finding.text == '1 of 400 poses is at another crank angle than their input'
 
 
 @pytest.mark.parametrize('parameters', [{'phase': 0.5}, {'direction': -1}])
@@ -38,7 +38,7 @@ def test_a_stamp_that_two_inputs_share_tells_no_angle(healthy, make_run) -> None
 def test_what_is_no_crank_angle_is_found_as_such(healthy, make_run, alpha) -> None:
     healthy.unanswered = [(healthy.answers[100].stamp + 1000, alpha)]
     assert found(make_run(healthy)) == [
-        'rejected: 1 of 401 crank angles was none: not finite, or beyond 1e6 rad',
+        'rejected: 1 of 401 crank angles was invalid: not finite, or beyond 1e6 rad',
     ]
 
 

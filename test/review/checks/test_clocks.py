@@ -137,4 +137,4 @@ def test_a_steady_latency_is_not_blamed_on_the_recorder(healthy, make_run, witho
     assert finding.text == (
         '400 of 400 messages of /crank_angle took more than 0.1 s to arrive, up to 0.300 s'
     )
-    assert finding.meaning == 'all about equally long: a long way, or clocks that do not agree'
+    assert finding.meaning == 'all take about equally long: a slow link, or unsynchronised clocks'

@@ -42,7 +42,7 @@ def test_a_rotten_chunk_is_its_own_finding_and_no_other(chunked, which, is_close
     review = review_run(run)
     assert checks(review) == ['container']
     assert 'chunk' in review.findings[0].text
-    lost, ((start, end),) = struct.unpack_from('<QQ', data, begin), review.recording.holes
+    lost, ((start, end),) = struct.unpack_from('<QQ', data, begin), review.recording.unrecorded
     assert (start, end) == lost
     assert review.legs[0].recording.poses.times.size < 400
 

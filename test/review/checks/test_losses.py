@@ -47,12 +47,12 @@ def judged(healthy, make_run, capsys, count: TopicCount, **harm: str) -> list[st
 
 
 def test_what_was_taken_away_is_no_shallow_queue(healthy, make_run, capsys) -> None:
-    harmed = harm_record('', ['run_0.mcap was removed while it was recorded'])
-    said = judged(healthy, make_run, capsys, TopicCount(400, 300, dropped=100), **harmed)
+    file_fault = harm_record('', ['run_0.mcap was removed while it was recorded'])
+    said = judged(healthy, make_run, capsys, TopicCount(400, 300, dropped=100), **file_fault)
     text, meaning = said[-2:]
     assert text.startswith('100 messages of /crank_angle were lost')
     assert meaning == (
-        'the recorder had received 100 of them. What it tells: run_0.mcap was removed while it '
+        'the recorder had received 100 of them. Its reason: run_0.mcap was removed while it '
         'was recorded'
     )
 
@@ -60,10 +60,10 @@ def test_what_was_taken_away_is_no_shallow_queue(healthy, make_run, capsys) -> N
 def test_a_full_disk_is_told_and_what_else_was_lost(healthy, make_run, capsys) -> None:
     stopped = harm_record('the disk is full', [])
     said = judged(healthy, make_run, capsys, TopicCount(400, 397, dropped=3, unheard=4), **stopped)
-    assert 'the recording ended before its time: the disk is full' in said
+    assert 'the recording ended early: the disk is full' in said
     assert said[-1] == (
-        'the recorder had received 3 of them, 4 were published and never reached the run: a '
-        'shallow queue, or an overload. What it tells: the disk is full'
+        'the recorder had received 3 of them, 4 were published and did not reach the run: a '
+        'shallow queue, or an overload. Its reason: the disk is full'
     )
 
 
@@ -71,7 +71,7 @@ def test_what_a_strangers_run_says_of_itself_is_shown_in_one_line(
     healthy, make_run, capsys
 ) -> None:
     said = judged(healthy, make_run, capsys, TopicCount(9, 1, dropped=8), stopped='a\x1b[2J\nb')
-    assert r'the recording ended before its time: a\x1b[2J b' in said
+    assert r'the recording ended early: a\x1b[2J b' in said
 
 
 def test_a_topic_that_is_lost_altogether_is_told(healthy, make_run, capsys) -> None:
@@ -108,11 +108,11 @@ def test_what_publishers_sent_before_they_were_heard_is_told(healthy, make_run, 
     output = capsys.readouterr().out
     early, left = re.findall('^[A-Z]+ lost: (.*)', output, re.MULTILINE)
     of_cranks = '20 messages of /crank_angle were'
-    assert early == f'{of_cranks} sent before the recorder heard their publishers'
+    assert early == f'{of_cranks} sent before the recorder discovered their publishers'
     assert left == '2 publishers of /crank_angle left during the run'
     shown = re.findall(r'^/\S+ .* ([0-9+?]+)$', output, re.MULTILINE)
     assert shown == ['0+', '0+', '?']
-    assert '+: publishers left, and of what they sent last nothing is known\n' in output
+    assert '+: publishers left: losses at the end of their life cannot be detected\n' in output
 
 
 def test_a_count_of_all_needs_no_explanation(healthy, make_run, capsys) -> None:

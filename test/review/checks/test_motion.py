@@ -78,7 +78,7 @@ def test_two_sources_that_turn_the_crank_are_found(healthy, make_run) -> None:
     assert moments(review) == [('jump', 0.005)]
     text = 'the crank angle jumps back and forth 398 times, by up to 1.03 rad'
     assert review.findings[0].text == text
-    assert review.findings[0].meaning.startswith('two sources turn the crank by turns, or')
+    assert review.findings[0].meaning.startswith('two sources alternate, or')
 
 
 def test_several_publishers_of_the_crank_are_named(healthy, make_run) -> None:
@@ -92,7 +92,7 @@ def test_several_publishers_of_the_crank_are_named(healthy, make_run) -> None:
     (finding,) = review_run(make_run(by_turns(healthy, 2.0, every=3))).findings
     assert finding.check == 'jump'
     assert finding.meaning == (
-        'several turn the crank at once (/crank_state): each has an angle of its own'
+        'multiple publishers set the crank at once (/crank_state), each with its own angle'
     )
 
 

@@ -44,14 +44,14 @@ def test_two_solvers_are_one_finding(healthy, make_run) -> None:
     review = review_run(make_run(healthy))
     assert moments(review) == [('solvers', 0.0)]
     (finding,) = review.findings
-    assert finding.text == 'two solvers answer on /joint_states: 800 answers to 400 questions'
+    assert finding.text == 'two solvers answer on /joint_states: 800 answers to 400 crank angles'
     assert finding.severity == Severity.WARNING
 
 
 def test_three_solvers_are_three(healthy, make_run) -> None:
     healthy.others += [answers(healthy), answers(healthy)]
     assert found(make_run(healthy)) == [
-        'solvers: three solvers answer on /joint_states: 1200 answers to 400 questions'
+        'solvers: three solvers answer on /joint_states: 1200 answers to 400 crank angles'
     ]
 
 
@@ -66,14 +66,14 @@ def test_two_solvers_of_different_legs_are_one_finding(healthy, make_run) -> Non
     who, _, rest = finding.text.partition(' answer on ')
     assert who == 'two solvers (/second, /solver_node)'
     # The first answers were before the second leg was told, and are not judged.
-    assert rest.startswith('/joint_states: 798 answers to 399 questions, up to ')
+    assert rest.startswith('/joint_states: 798 answers to 399 crank angles, up to ')
     assert re.search(r', up to 0\.0\S+ rad and 0\.0\S+ m apart$', rest)
 
 
 def test_another_shank_is_told_by_the_feet(healthy, make_run) -> None:
     healthy.others.append(answers(healthy, KlannGeometry(l_gh=0.44)))
     assert found(make_run(healthy)) == [
-        f'{TWO_SOLVERS}: 800 answers to 400 questions, up to 0.01 m apart'
+        f'{TWO_SOLVERS}: 800 answers to 400 crank angles, up to 0.01 m apart'
     ]
 
 
@@ -97,7 +97,7 @@ def test_a_wrong_pose_of_both_is_found_all_the_same(healthy, make_run) -> None:
         script.answers[100].pose[2] += 1e-3
     closure, solvers = found(make_run(healthy))
     assert closure.startswith('closure: 2 of 800 poses do not close the loops')
-    assert solvers == f'{TWO_SOLVERS}: 800 answers to 400 questions'
+    assert solvers == f'{TWO_SOLVERS}: 800 answers to 400 crank angles'
 
 
 def test_a_wrong_pose_of_one_of_two_solvers_is_told_as_their_distance(healthy, make_run) -> None:
@@ -105,7 +105,7 @@ def test_a_wrong_pose_of_one_of_two_solvers_is_told_as_their_distance(healthy, m
     healthy.answers[100].pose[2] += 1e-3
     (finding,) = review_run(make_run(healthy)).findings
     assert (finding.check, finding.severity) == ('solvers', Severity.ERROR)
-    assert finding.text.endswith('800 answers to 400 questions, up to 0.001 rad apart')
+    assert finding.text.endswith('800 answers to 400 crank angles, up to 0.001 rad apart')
 
 
 def test_a_solver_that_joined_midway_is_told_with_its_moment(healthy, make_run) -> None:
@@ -114,7 +114,7 @@ def test_a_solver_that_joined_midway_is_told_with_its_moment(healthy, make_run) 
     healthy.others.append(second)
     review = review_run(make_run(healthy))
     assert moments(review) == [('solvers', 1.0)]
-    said = 'two solvers answer on /joint_states: 600 answers to 400 questions'
+    said = 'two solvers answer on /joint_states: 600 answers to 400 crank angles'
     assert review.findings[0].text == said
 
 
@@ -180,7 +180,7 @@ def test_two_solvers_are_told_under_a_simulated_clock(simulated, make_run) -> No
         second.change(n, header_stamp=50 * MS * (1 + (n + 3) // 10))
     simulated.others.append(second)
     assert found(make_run(simulated)) == [
-        'solvers: two solvers answer on /joint_states: 800 answers to 400 questions'
+        'solvers: two solvers answer on /joint_states: 800 answers to 400 crank angles'
     ]
 
 

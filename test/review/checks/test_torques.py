@@ -10,11 +10,12 @@ from typing import Any
 from findings import checks
 from klann_ros.dynamics import Dynamics, rods
 from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.review.checks.torques import crank_motion, torques
 from klann_ros.review.command import main
 from klann_ros.review.model.limits import Limits
-from klann_ros.review.model.recording import Drive, LegRecording, LegSolver, no_series, Series
+from klann_ros.review.model.recording import Drive, LegRecording, LegSolver
 from klann_ros.review.model.review import Severity
-from klann_ros.review.model.torques import crank_motion, torques
+from klann_ros.review.model.times import no_series, Series
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import robot_of
 from leg_runs import make, START, STATE, STORE

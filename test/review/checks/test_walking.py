@@ -11,7 +11,7 @@ from walk_runs import Walking, WAY
 
 
 @pytest.fixture
-def reviewed(tmp_path: Path) -> Any:
+def review_recording(tmp_path: Path) -> Any:
     return lambda walking: review_run(walking.write(tmp_path / 'run'))
 
 
@@ -19,34 +19,34 @@ def checks(review: Review) -> set[str]:
     return {finding.check for finding in review.findings} & {'odometry', 'crank_lag', 'phase'}
 
 
-def test_a_walk_without_a_fault_has_figures_and_no_finding(reviewed: Any) -> None:
-    review = reviewed(Walking(scale=1.01))
+def test_a_walk_without_a_fault_has_figures_and_no_finding(review_recording: Any) -> None:
+    review = review_recording(Walking(scale=1.01))
     (walk,) = review.walks
-    assert walk.way == pytest.approx(WAY, rel=1e-6)
+    assert walk.distance == pytest.approx(WAY, rel=1e-6)
     assert walk.odometry_error == pytest.approx(0.01 * WAY, rel=1e-6)
     assert walk.heading_error == pytest.approx(0.0, abs=1e-12)
     assert (walk.crank_lag, walk.phase_error) == pytest.approx((0.0, 0.0), abs=1e-12)
     assert checks(review) == set()
 
 
-def test_a_heading_that_goes_around_is_no_difference(reviewed: Any) -> None:
+def test_a_heading_that_goes_around_is_no_difference(review_recording: Any) -> None:
     # Between the messages that tell the truth, one of which comes before a turn and one after it.
-    (walk,) = reviewed(Walking(turning=3.0, late=4_000_000)).walks
+    (walk,) = review_recording(Walking(turning=3.0, late=4_000_000)).walks
     assert walk.heading_error == pytest.approx(0.0, abs=1e-9)
 
 
-def test_odometry_that_is_far_from_the_truth_is_found(reviewed: Any) -> None:
-    review = reviewed(Walking(scale=1.1))
+def test_odometry_that_is_far_from_the_truth_is_found(review_recording: Any) -> None:
+    review = review_recording(Walking(scale=1.1))
     (finding,) = (each for each in review.findings if each.check == 'odometry')
-    assert finding.text.startswith('odometry was up to 0.2 m off the ground truth on a way of 2 m')
+    assert finding.text.startswith('odometry was up to 0.2 m off the ground truth over 2 m')
     assert finding.time == pytest.approx(3.99, abs=1e-3)
 
 
-def test_without_ground_truth_nobody_is_blamed(reviewed: Any) -> None:
-    review = reviewed(Walking(scale=1.1, truth=False))
+def test_without_ground_truth_nobody_is_blamed(review_recording: Any) -> None:
+    review = review_recording(Walking(scale=1.1, truth=False))
     (walk,) = review.walks
     assert np.isnan(walk.odometry_error)
-    assert walk.way == pytest.approx(1.1 * WAY, rel=1e-6)
+    assert walk.distance == pytest.approx(1.1 * WAY, rel=1e-6)
     assert checks(review) == set()
 
 
@@ -55,16 +55,16 @@ def test_without_ground_truth_nobody_is_blamed(reviewed: Any) -> None:
     [((0.5, 0.5), {'crank_lag'}), ((0.3, 0.0), {'phase'}), ((0.5, 0.0), {'crank_lag', 'phase'})],
 )
 def test_cranks_that_are_not_where_they_should_be_are_found(
-    lag: tuple[float, float], found: set[str], reviewed: Any
+    lag: tuple[float, float], found: set[str], review_recording: Any
 ) -> None:
-    review = reviewed(Walking(lag=lag))
+    review = review_recording(Walking(lag=lag))
     assert checks(review) == found
     times = [each.time for each in review.findings if each.check in found]
     assert times == pytest.approx([3.0] * len(found), abs=1e-3)
 
 
-def test_a_message_that_is_none_is_counted_and_the_rest_is_judged(reviewed: Any) -> None:
-    review = reviewed(Walking(cut=10))
+def test_a_message_that_is_none_is_counted_and_the_rest_is_judged(review_recording: Any) -> None:
+    review = review_recording(Walking(cut=10))
     assert {(each.topic, each.count) for each in review.recording.undecoded} == {
         ('/odom', 1),
         ('/ground_truth', 1),
@@ -72,6 +72,6 @@ def test_a_message_that_is_none_is_counted_and_the_rest_is_judged(reviewed: Any)
     assert checks(review) == set()
 
 
-def test_what_cranks_are_to_do_is_no_question_to_a_solver(reviewed: Any) -> None:
-    review = reviewed(Walking())
+def test_what_cranks_are_to_do_is_no_question_to_a_solver(review_recording: Any) -> None:
+    review = review_recording(Walking())
     assert all('/crank_command' not in leg.recording.crank_topics for leg in review.legs)

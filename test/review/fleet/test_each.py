@@ -18,7 +18,7 @@ from klann_ros.review.fleet import (
     ExpectationsFileError,
     find_runs,
     judge,
-    judge_each,
+    judge_runs,
     Row,
     Task,
 )
@@ -69,7 +69,7 @@ def review(*arguments: object, **options: Any) -> subprocess.Popen[str]:
 
 
 @pytest.fixture(scope='module')
-def reviewed(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def review_recording(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with all that is said of the runs."""
     out = tmp_path_factory.mktemp('out')
     outputs = [f'--{kind}={out / name}' for kind, name in _OUTPUTS.items()]
@@ -83,8 +83,8 @@ def reviewed(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 _OUTPUTS = {'table': 'table.csv', 'junit': 'junit.xml', 'html': 'index.html'}
 
 
-def test_each_run_is_a_row_with_its_reason(reviewed: Path) -> None:
-    rows = rows_from_table(str(reviewed / 'table.csv'))
+def test_each_run_is_a_row_with_its_reason(review_recording: Path) -> None:
+    rows = rows_from_table(str(review_recording / 'table.csv'))
     assert {Path(row.run).name: row.verdict for row in rows} == VERDICTS
     reasons = {Path(row.run).name: row.reason for row in rows}
     assert reasons['good'] == ''
@@ -124,17 +124,17 @@ def test_a_folder_that_cannot_be_searched_is_a_row(
 
 
 def test_rows_are_the_same_byte_for_byte_however_many_make_them(
-    runs: Path, reviewed: Path, tmp_path: Path
+    runs: Path, review_recording: Path, tmp_path: Path
 ) -> None:
     table = tmp_path / 'table.csv'
     assert each.main(['--each', str(runs), '--table', str(table), '--jobs', '1']) == 2
-    assert table.read_bytes() == (reviewed / 'table.csv').read_bytes()
+    assert table.read_bytes() == (review_recording / 'table.csv').read_bytes()
 
 
-def test_a_parquet_table_is_the_csv(reviewed: Path, tmp_path: Path) -> None:
+def test_a_parquet_table_is_the_csv(review_recording: Path, tmp_path: Path) -> None:
     duckdb = pytest.importorskip('duckdb')
     pandas = pytest.importorskip('pandas')
-    rows = rows_from_table(str(reviewed / 'table.csv'))
+    rows = rows_from_table(str(review_recording / 'table.csv'))
     place = tmp_path / 'table.parquet'
     each.check_table(str(place))
     with place.open('wb') as file:
@@ -146,22 +146,22 @@ def test_a_parquet_table_is_the_csv(reviewed: Path, tmp_path: Path) -> None:
     assert duckdb.sql(query).fetchall() == [('findings', 3), ('ok', 1), ('unreadable', 3)]
 
 
-def test_the_junit_file_is_read_by_a_public_parser(reviewed: Path) -> None:
+def test_the_junit_file_is_read_by_a_public_parser(review_recording: Path) -> None:
     junitparser = pytest.importorskip('junitparser')
-    (suite,) = junitparser.JUnitXml.fromfile(str(reviewed / 'junit.xml'))
+    (suite,) = junitparser.JUnitXml.fromfile(str(review_recording / 'junit.xml'))
     assert (suite.tests, suite.failures, suite.errors) == (7, 3, 3)
     results = {case.name: [type(found).__name__ for found in case.result] for case in suite}
     words = {'ok': [], 'findings': ['Failure'], 'unreadable': ['Error']}
     assert results == {name: words[verdict] for name, verdict in VERDICTS.items()}
 
 
-def test_the_index_leads_to_the_page_of_each_run(reviewed: Path) -> None:
-    text = (reviewed / 'index.html').read_text()
+def test_the_index_leads_to_the_page_of_each_run(review_recording: Path) -> None:
+    text = (review_recording / 'index.html').read_text()
     assert '<img onerror' not in text
     links = [part.partition('"')[0] for part in text.split('href="')[1:]]
     assert len(links) == 4
     for link in links:
-        assert '<title>Review of' in (reviewed / link).read_text()
+        assert '<title>Review of' in (review_recording / link).read_text()
 
 
 def test_ctrl_c_leaves_a_table_and_resume_goes_on(runs: Path, tmp_path: Path) -> None:
@@ -215,8 +215,8 @@ def judged(run: Path, expected: Any) -> Row:
     [
         ('topics: {/joint_states: {min_rate: 150, max_gap: 0.05, max_lost: 0}}', []),
         ('topics: {/joint_states: {min_rate: 250}}', ['has 200 Hz, at least 250 Hz']),
-        ('topics: {/joint_states: {max_gap: 0.001}}', ['is silent for 0.00502 s']),
-        ('topics: {/imu: }', ['/imu is not there']),
+        ('topics: {/joint_states: {max_gap: 0.001}}', ['has a gap of 0.00502 s']),
+        ('topics: {/imu: }', ['/imu is missing']),
     ],
 )
 def test_what_is_expected_and_not_there_is_found(
@@ -263,7 +263,7 @@ def test_expectations_that_are_none_are_refused_in_one_line(
 
 def test_rows_come_in_the_order_of_the_tasks(runs: Path) -> None:
     found = find_runs([str(runs / 'wrong'), str(runs / 'good')])
-    rows = list(judge_each([Task(run) for run in found], jobs=2))
+    rows = list(judge_runs([Task(run) for run in found], jobs=2))
     assert [Path(row.run).name for row in rows] == ['wrong', 'good']
 
 

@@ -80,8 +80,8 @@ def run(tmp_path: Path) -> Iterator[RunWriter]:
 def begun(folder: Path) -> RunWriter:
     """Return a run in which there is only what the solver is."""
     made = RunWriter(folder)
-    told = SolverParameters('/solver_node', START, GEOMETRY)
-    made.add_metadata(SOLVER_RECORD, solver_record(told), in_every_file=True)
+    recorder_findings = SolverParameters('/solver_node', START, GEOMETRY)
+    made.add_metadata(SOLVER_RECORD, solver_record(recorder_findings), in_every_file=True)
     made.flush()
     return made
 
@@ -174,7 +174,7 @@ def test_a_recorder_that_was_killed_ends_it(
     # The end of its process takes the lock away.
     monkeypatch.setattr(following, '_is_written', lambda _: False)
     follower.until_ended()
-    assert follower.said[-1] == 'run_0.mcap was not finished, and nobody writes it'
+    assert follower.said[-1] == 'run_0.mcap is unfinished, and its recorder has stopped'
 
 
 @pytest.mark.parametrize(
@@ -256,7 +256,7 @@ def test_ctrl_c_ends_it_with_the_review_of_what_is_there(run: RunWriter) -> None
     process.send_signal(signal.SIGINT)
     output, errors = process.communicate(timeout=LIMIT)
     assert ' ERROR nan: ' in first
-    assert 'review: followed no further; this is what is there' in errors
+    assert 'review: stopped following; the report of the run so far' in errors
     assert 'not closed' in output
     assert process.returncode == 1
 

@@ -26,12 +26,12 @@ def solver(time: int = START, **changed: float) -> SolverParameters:
 
 def judged(
     messages: Iterable[Message],
-    *told: SolverParameters,
+    *recorder_findings: SolverParameters,
     until: int = LENGTH,
     published: list[str] | None = None,
 ) -> list[tuple[float, LiveFinding]]:
     """Return what is found and when [s], asked every half second until a time."""
-    judge, left, later = LiveJudge(), [*messages], [*told]
+    judge, left, later = LiveJudge(), [*messages], [*recorder_findings]
     found, step = [], round(STEP * 1e9)
     for now in range(START + step, START + until + step, step):
         while later and later[0].time <= now:
@@ -148,8 +148,10 @@ def test_several_publishers_of_a_topic_lose_nothing(numbers: list[int]) -> None:
 def test_the_losses_that_a_recorder_counts_are_told_once() -> None:
     judge = LiveJudge()
     judge.add_all(with_reports(1, 2, 9)[:1])
-    told = [judge.findings(START + SECOND, None, {'/diagnostics': n}) for n in (0, 2, 2, 3)]
-    texts = [[each.text for each in findings] for findings in told]
+    recorder_findings = [
+        judge.findings(START + SECOND, None, {'/diagnostics': n}) for n in (0, 2, 2, 3)
+    ]
+    texts = [[each.text for each in findings] for findings in recorder_findings]
     two, one = '2 messages of /diagnostics were lost', '1 message of /diagnostics was lost'
     assert texts == [[], [two], [], [one]]
 

@@ -10,8 +10,7 @@ from klann_ros.log.read import block as blocks
 from klann_ros.log.read.packed_messages import is_packed
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Topic
-from klann_ros.review.load.layouts import CRANK_ANGLE, FOOT, JOINT_STATE
-from klann_ros.review.load.pieces import _FIELDS, TopicReader
+from klann_ros.review.load.decode import _FIELDS, CRANK_ANGLE, FOOT, JOINT_STATE, TopicReader
 from mcap.reader import NonSeekingReader
 from mcap.records import Schema
 from mcap.writer import CompressionType, Writer

@@ -64,11 +64,11 @@ def source(run: Path) -> str:
 def test_a_robot_description_tells_the_geometry(untold, make_run, capsys, tmp_path) -> None:
     run, report = make_run(untold(URDF)), tmp_path / 'report.json'
     assert main([str(run), '--json', str(report)]) == 0
-    told = '/robot_description, put together as its poses are'
+    recorder_findings = '/robot_description, put together as its poses are'
     output = capsys.readouterr().out
-    assert f'the geometry is that of {told}\n' in output
+    assert f'the geometry is that of {recorder_findings}\n' in output
     assert 'nothing found: every pose is the right one' in output
-    assert json.loads(report.read_text())['legs'][0]['geometry_source'] == told
+    assert json.loads(report.read_text())['legs'][0]['geometry_source'] == recorder_findings
 
 
 def test_a_leg_put_together_the_other_way_is_taken_as_its_poses_are(untold, make_run) -> None:
@@ -153,7 +153,7 @@ HOSTILE = '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">]>' + URDF
 
 @pytest.mark.parametrize('words', ['', 'x' * 70_000, HOSTILE, '<robot name="arm"/>'])
 def test_a_description_of_something_else_tells_nothing(untold, make_run, words) -> None:
-    assert found(make_run(untold(words))) == ['geometry: the run does not tell the geometry']
+    assert found(make_run(untold(words))) == ['geometry: the run does not contain the geometry']
 
 
 def test_a_description_that_cannot_be_read_tells_nothing(untold, make_run) -> None:

@@ -21,7 +21,7 @@ def changed(make_script):
 def test_only_what_is_younger_than_the_change_is_judged(changed, make_run, capsys) -> None:
     assert main([str(make_run(changed))]) == 0
     output = capsys.readouterr().out
-    line = 'the leg changed during the run; the poses before 1.00 s were not judged\n'
+    line = 'the leg changed during the run; poses before 1.00 s were not judged\n'
     assert line in output
     assert 'nothing found: each of the 200 judged poses is the right one' in output
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import given, HealthCheck, settings, strategies as st
 from klann_ros.kinematics import KlannGeometry
-from klann_ros.review.load.klann_urdf import klann_legs_in_urdf, LONGEST
+from klann_ros.review.load.urdf import klann_legs_in_urdf, MAX_DESCRIPTION_SIZE
 import pytest
 from strategies import legs
 import xacro
@@ -29,9 +29,9 @@ def described(file: Path, **options: str) -> str:
 
 
 def numbers(geometry: KlannGeometry) -> dict[str, Any]:
-    told = geometry.as_dict()
-    del told['assembly']
-    return told
+    recorder_findings = geometry.as_dict()
+    del recorder_findings['assembly']
+    return recorder_findings
 
 
 @pytest.mark.parametrize('name', ['klann', 'walker4', 'walker6'])
@@ -56,8 +56,11 @@ def test_legs_with_lengths_and_frames_of_their_own_are_told_apart(tmp_path: Path
     file = tmp_path / 'walker.yaml'
     shared = {'legs': ['left', 'right'], 'left': {'l_gh': 0.1 + 0.2}, 'right': {'x_e': -0.1}}
     file.write_text(yaml.safe_dump({'/**': {'ros__parameters': {'l_ab': 0.11, **shared}}}))
-    told = {**numbers(SEM104), 'l_ab': 0.11}
-    expected = {'left': {**told, 'l_gh': 0.1 + 0.2}, 'right': {**told, 'x_e': -0.1}}
+    recorder_findings = {**numbers(SEM104), 'l_ab': 0.11}
+    expected = {
+        'left': {**recorder_findings, 'l_gh': 0.1 + 0.2},
+        'right': {**recorder_findings, 'x_e': -0.1},
+    }
     for options in ({}, {'frame_prefix': 'a/', 'base_frame': 'trunk', 'frame_id': 'plane'}):
         assert klann_legs_in_urdf(described(file, **options)) == expected
 
@@ -112,7 +115,9 @@ def test_what_is_no_such_leg_is_none(change: tuple[str, str]) -> None:
     assert klann_legs_in_urdf(changed) == expected
 
 
-@pytest.mark.parametrize('text', ['', 'robot', '<robot/>', '<a>' * 50_000, '\n' * (LONGEST + 1)])
+@pytest.mark.parametrize(
+    'text', ['', 'robot', '<robot/>', '<a>' * 50_000, '\n' * (MAX_DESCRIPTION_SIZE + 1)]
+)
 def test_what_is_no_robot_has_no_legs(text: str) -> None:
     assert klann_legs_in_urdf(text) == {}
 

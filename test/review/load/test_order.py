@@ -6,7 +6,7 @@ from findings import checks, found
 from hypothesis import example, given, settings, strategies as st
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import LOSS_RECORD, loss_record, TopicCount
-from klann_ros.review.load.order import clock_steps
+from klann_ros.review.load.topics import recorder_clock_steps
 from klann_ros.review.reviewing import review_run
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def steps(sources: np.ndarray, received: np.ndarray) -> np.ndarray:
 def clocks(sources: np.ndarray, received: np.ndarray, *, alone: bool) -> np.ndarray:
     latencies = ((received - sources) / 1e9).astype(np.float32)
     back = steps(sources, received)
-    return back[clock_steps(latencies, back, alone=alone), 0]
+    return back[recorder_clock_steps(latencies, back, alone=alone), 0]
 
 
 @settings(max_examples=60, deadline=None)
@@ -128,7 +128,7 @@ def test_two_publishers_that_overtake_each_other_are_no_finding(
     both = sorted([*late, *second], key=by_source)
     review = review_run(write_messages(run, both))
     (topic,) = [each for each in review.recording.topics if each.name == '/crank_angle']
-    assert topic.overtaken == 399 + 1
+    assert topic.reordered == 399 + 1
     assert 'order' not in checks(review)
 
 

@@ -71,7 +71,7 @@ def test_what_is_missing_is_said(foreign, capsys) -> None:
     assert main([run]) == 1
     output = capsys.readouterr().out
     assert output.count('WARNING') == 1
-    assert 'WARNING geometry: the run does not tell the geometry\n' in output
+    assert 'WARNING geometry: the run does not contain the geometry\n' in output
     assert 'give the leg by --geometry FILE, or one of sem104, patent, andrews' in output
     # Nobody counted, and no number tells.
     lines = [line for line in output.splitlines() if line.startswith('/')][1:]

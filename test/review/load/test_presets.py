@@ -81,7 +81,7 @@ def write(
     namespace: str,
     parameters: dict,
     *,
-    told: dict | None = None,
+    recorder_findings: dict | None = None,
     count: int = 120,
 ) -> Path:
     """Write a run of a solver with such parameters, as solver_node publishes."""
@@ -96,7 +96,9 @@ def write(
     }
     state, point = JointStateTemplate(joints), PointTemplate('leg_plane')
     with RunWriter(folder) as run:
-        solver = SolverParameters(f'{namespace}/solver_node', START, told or parameters)
+        solver = SolverParameters(
+            f'{namespace}/solver_node', START, recorder_findings or parameters
+        )
         run.add_metadata(SOLVER_RECORD, solver_record(solver))
         for n, alpha in enumerate(crank_angles(parameters, count)):
             stamp = START + n * PERIOD
@@ -141,6 +143,8 @@ def test_what_is_shipped_gives_a_healthy_run(tmp_path, path, namespace) -> None:
 def test_a_leg_of_a_walker_that_is_driven_otherwise_is_found(tmp_path, change) -> None:
     parameters = parameters_of(ROOT / 'config' / 'walker4.yaml')
     # The poses are those of one walker, the record is that of another.
-    run = write(tmp_path / 'run', '', {**parameters, **change}, told=parameters, count=50)
+    run = write(
+        tmp_path / 'run', '', {**parameters, **change}, recorder_findings=parameters, count=50
+    )
     (finding,) = review_run(run).findings
     assert (finding.check, finding.leg) == ('alpha', next(iter(change)).partition('.')[0])

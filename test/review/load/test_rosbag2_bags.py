@@ -21,10 +21,10 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope='module')
 def wanted(run: Path) -> dict[str, Any]:
-    return reviewed(run)
+    return review_recording(run)
 
 
-def reviewed(log: Path) -> dict[str, Any]:
+def review_recording(log: Path) -> dict[str, Any]:
     report = log.parent / 'report.json'
     assert main([str(log), '--geometry', str(GEOMETRY), '--json', str(report)]) == 0
     found: dict[str, Any] = json.loads(report.read_text())
@@ -35,12 +35,12 @@ def reviewed(log: Path) -> dict[str, Any]:
 def test_a_bag_of_any_kind_has_the_figures_of_the_run(
     kind: Any, run: Path, wanted: dict[str, Any], tmp_path: Path
 ) -> None:
-    found = reviewed(convert(run, tmp_path / 'bag', *kind))
+    found = review_recording(convert(run, tmp_path / 'bag', *kind))
     assert found['legs'] == wanted['legs']
     assert found['findings'] == wanted['findings'] == []
-    for topic, told in zip(found['topics'], wanted['topics'], strict=True):
+    for topic, recorder_findings in zip(found['topics'], wanted['topics'], strict=True):
         for key in ('name', 'count', 'rate', 'longest_gap'):
-            assert topic[key] == told[key]
+            assert topic[key] == recorder_findings[key]
         # Neither the source time nor a number of the message is in the bag.
         assert topic['latency_p50'] is None
         assert topic['lost'] is None

@@ -5,7 +5,7 @@ from pathlib import Path
 from klann_ros.kinematics import KlannGeometry, linkage_from_file, LinkageLeg
 from klann_ros.kinematics.klann.geometry import COORDINATES, LENGTHS
 from klann_ros.review.command import main
-from klann_ros.review.model.comparing import compare, dimensions
+from klann_ros.review.model.compare import compare, leg_dimensions
 from klann_ros.review.model.recording import LegSolver
 from klann_ros.review.reviewing import review_run
 import pytest
@@ -82,11 +82,13 @@ def test_another_phase_is_named(healthy, make_script, differences) -> None:
 def test_a_geometry_that_one_run_does_not_tell_is_no_other(
     make_script, differences, which
 ) -> None:
-    told, untold = make_script(), make_script(KlannGeometry(l_gh=0.4343))
+    recorder_findings, untold = make_script(), make_script(KlannGeometry(l_gh=0.4343))
     untold.geometry = None
-    found = differences(*((untold, told) if which == 'first' else (told, untold)))
+    found = differences(
+        *((untold, recorder_findings) if which == 'first' else (recorder_findings, untold))
+    )
     assert [each.what for each in found.differences] == ['path']
-    said = f'the {which} run does not tell its geometry, so no lengths were compared'
+    said = f'the {which} run does not contain its geometry: lengths not compared'
     assert found.remarks == (said,)
 
 
@@ -96,7 +98,7 @@ def test_without_any_geometry_that_is_said(healthy, make_run, capsys) -> None:
     assert main([run, run]) == 1
     output = capsys.readouterr().out
     assert 'the two runs do not differ, as far as they can be compared\n' in output
-    assert 'neither run tells the geometry, so no motion was compared' in output
+    assert 'neither run contains the geometry: motion not compared' in output
     sem104 = str(ROOT / 'config' / 'sem104.yaml')
     assert main([run, run, '--geometry', sem104]) == 0
     assert 'the two runs do not differ\n' in capsys.readouterr().out
@@ -129,7 +131,7 @@ def test_another_linkage_is_one_difference(healthy, make_script, differences) ->
     other.parameters['linkage_description'] = jansen
     (found,) = differences(healthy, other).differences
     kinds = 'Klann leg in the first run, Jansen leg in the second'
-    assert (found.what, found.text) == ('linkage', f'the leg has other bars: {kinds}')
+    assert (found.what, found.text) == ('linkage', f'the linkages differ: {kinds}')
 
 
 def test_the_bars_of_a_linkage_have_names(tmp_path) -> None:
@@ -137,7 +139,7 @@ def test_the_bars_of_a_linkage_have_names(tmp_path) -> None:
     longer = tmp_path / 'jansen.yaml'
     longer.write_text(text.replace('length: 50.0', 'length: 50.5'))
     before, after = (
-        dimensions(LegSolver(leg=LinkageLeg(linkage_from_file(path))))
+        leg_dimensions(LegSolver(leg=LinkageLeg(linkage_from_file(path))))
         for path in (ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml', longer)
     )
     changed = [name for name in before if before[name] != after[name]]

@@ -3,7 +3,7 @@
 from collections import defaultdict
 
 from hypothesis import example, given, strategies as st
-from klann_ros.review.model.pairing import alone, are_among, many_to_one, pairs
+from klann_ros.review.model.times import alone, isin, match_stamps, pairs
 import numpy as np
 
 stamps = st.lists(st.integers(-3, 8), max_size=12).map(lambda some: np.array(some, dtype=np.int64))
@@ -44,7 +44,7 @@ def test_each_row_finds_its_stamp(some, single, random) -> None:
     shuffled = single.tolist()
     random.shuffle(shuffled)
     single = np.array(shuffled, dtype=np.int64)
-    known, places = many_to_one(some, single)
+    known, places = match_stamps(some, single)
     assert known.tolist() == [row for row, stamp in enumerate(some.tolist()) if stamp in shuffled]
     assert (single[places] == some[known]).all()
 
@@ -52,4 +52,4 @@ def test_each_row_finds_its_stamp(some, single, random) -> None:
 @given(either, either)
 def test_what_is_found_is_among_the_others(some, others) -> None:
     expected = [stamp in set(others.tolist()) for stamp in some.tolist()]
-    assert are_among(some, others).tolist() == expected
+    assert isin(some, others).tolist() == expected

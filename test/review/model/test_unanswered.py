@@ -141,17 +141,24 @@ def test_the_number_of_unanswered_crank_angles_is_true(runs: Runs, fate: Fates) 
     (leg,) = review.legs
     asked = [n for n in range(COUNT) if fate.has_question(n)]
     truth = [n for n in asked if not fate.has_answer(n)]
-    told = leg.unanswered
-    assert (leg.answering.asked, leg.answering.answers) == (len(asked), len(asked) - len(truth))
-    assert told.count == len(truth)
-    shares = told.in_silences, told.at_holes, told.lost, told.unexplained
+    recorder_findings = leg.unanswered
+    assert (leg.answers.asked, leg.answers.count) == (len(asked), len(asked) - len(truth))
+    assert recorder_findings.count == len(truth)
+    shares = (
+        recorder_findings.in_gaps,
+        recorder_findings.unrecorded,
+        recorder_findings.lost,
+        recorder_findings.unexplained,
+    )
     assert sum(shares) == len(truth)
     assert min(shares) >= 0
-    assert told.lost <= len(fate.lost)
+    assert recorder_findings.lost <= len(fate.lost)
     for finding in review.findings:
         if finding.check == 'answers':
             whole, _, parts = finding.text.partition(' not answered')
-            numbers = [int(n) for n in re.findall(r'[0-9]+(?= (?:in|at|whose|elsewhere))', parts)]
+            numbers = [
+                int(n) for n in re.findall(r'[0-9]+(?= (?:in|at|whose|unexplained))', parts)
+            ]
             assert int(whole.split()[0]) == len(truth)
             assert sum(numbers) == (len(truth) if parts else 0)
 
@@ -178,7 +185,7 @@ def test_of_questions_with_one_stamp_as_many_are_missing_as_answers_are(
 
     review = review_run(runs.write(fate, stamped))
     (leg,) = review.legs
-    assert leg.answering.asked == COUNT
+    assert leg.answers.asked == COUNT
     assert leg.unanswered.count == len(single)
 
 
@@ -206,7 +213,7 @@ def test_answers_lost_on_their_way_are_a_share_of_those_that_are_missing(
     assert lost == 'lost: 2 messages of /joint_states were lost'
     whole, _, shares = answers.partition(' crank angles were not answered: ')
     assert whole == 'answers: 5 of 405'
-    assert shares == '2 whose answers were lost on their way into the log, 3 elsewhere'
+    assert shares == '2 whose answers were lost on their way into the log, 3 unexplained'
 
 
 @pytest.mark.parametrize('several', [True, False])
@@ -221,8 +228,8 @@ def test_no_solver_is_blamed_where_answers_may_have_been_lost(healthy, make_run,
     (finding,) = review.findings
     assert (finding.check, finding.severity) == ('answers', Severity.NOTE)
     assert finding.text == '2 of 402 crank angles were not answered'
-    why = 'several publish there' if several else 'its messages have no numbers'
-    assert finding.meaning.endswith(f'of /joint_states no loss is known, as {why}')
+    why = 'it has several publishers' if several else 'its messages have no sequence numbers'
+    assert finding.meaning.endswith(f'losses of /joint_states are unknown, as {why}')
     assert review.is_healthy
 
 
@@ -230,7 +237,7 @@ def test_one_solver_that_does_not_answer_is_named_still(healthy, make_run) -> No
     review = review_run(make_run(healthy_but(healthy, 30)))
     assert checks(review) == ['answers']
     assert review.findings[0].severity == Severity.WARNING
-    assert 'or the question was lost on its way' in review.findings[0].meaning
+    assert 'or its input was lost' in review.findings[0].meaning
 
 
 def test_the_report_for_machines_has_all_parts(healthy, make_run) -> None:
@@ -248,9 +255,9 @@ def test_the_report_for_machines_has_all_parts(healthy, make_run) -> None:
         'answered': 350,
         'no_angle': 0,
         'out_of_reach': 0,
-        'unanswered_in_silences': 50,
-        'unanswered_at_holes': 0,
-        'unanswered_as_answers_were_lost': 0,
-        'unanswered_elsewhere': 2,
+        'unanswered_in_gaps': 50,
+        'unanswered_while_unrecorded': 0,
+        'unanswered_by_lost_answers': 0,
+        'unanswered_unexplained': 2,
         'after_the_last_answer': 0,
     }

@@ -34,7 +34,7 @@ def test_what_could_not_be_compared_is_in_the_page(run: Path, runs, tmp_path: Pa
     main([str(run), str(untold), '--html', str(tmp_path / 'page.html')])
     written = (tmp_path / 'page.html').read_text(encoding='utf-8')
     assert 'The two runs do not differ, as far as they can be compared.' in written
-    assert 'the second run does not tell its geometry' in written
+    assert 'the second run does not contain its geometry' in written
 
 
 def test_a_page_that_cannot_be_written_is_said_in_a_line(run: Path, capsys) -> None:

@@ -13,8 +13,7 @@ from klann_ros.kinematics import (
     shipped_linkages,
     UnreachableError,
 )
-from klann_ros.review.page import packed
-from klann_ros.review.page.leg_data import kept_rows
+from klann_ros.review.page.leg_data import pack_angles, pack_times, pack_turns, thin_rows
 from klann_ros.review.page.run_data import A_DECADE, FIRST, histogram
 from klann_ros.web.markup import element, joined, Markup
 from klann_ros.web.parts import as_script
@@ -40,8 +39,8 @@ def unpacked(column: dict) -> np.ndarray:
 @given(st.lists(st.floats(-1e9, 1e9), min_size=1))
 def test_an_angle_is_its_turns_and_its_part_of_one_more(values: list[float]) -> None:
     radians = np.array(values)
-    turns = unpacked(packed.turns(radians))
-    again = unpacked(packed.angles(radians)) + math.tau * turns
+    turns = unpacked(pack_turns(radians))
+    again = unpacked(pack_angles(radians)) + math.tau * turns
     assert again == pytest.approx(radians, rel=1e-15, abs=2e-9)
 
 
@@ -49,7 +48,7 @@ def test_an_angle_is_its_turns_and_its_part_of_one_more(values: list[float]) -> 
 @given(st.lists(any_float, min_size=1))
 def test_whatever_is_no_angle_is_none(values: list[float]) -> None:
     radians = np.array(values)
-    known = np.isfinite(unpacked(packed.angles(radians)))
+    known = np.isfinite(unpacked(pack_angles(radians)))
     assert (known == (np.abs(radians) / math.tau <= 2**31 - 1)).all()
 
 
@@ -58,7 +57,7 @@ def test_whatever_is_no_angle_is_none(values: list[float]) -> None:
 def test_times_are_known_to_a_microsecond_or_their_last_digit(values: list[float]) -> None:
     seconds = np.array(values)
     allowed = max(0.51e-6, 0.51 * seconds.max() / (2**31 - 1))
-    assert np.abs(unpacked(packed.times(seconds)) - seconds).max() <= allowed
+    assert np.abs(unpacked(pack_times(seconds)) - seconds).max() <= allowed
 
 
 @unhurried
@@ -70,7 +69,7 @@ def test_times_are_known_to_a_microsecond_or_their_last_digit(values: list[float
 def test_the_greatest_and_the_least_are_kept(values: list[float], most: int, data) -> None:
     column = np.array(values)
     needed = data.draw(st.lists(st.integers(0, len(values) - 1), max_size=3))
-    rows = kept_rows(len(column), [column], most, needed)
+    rows = thin_rows(len(column), [column], most, needed)
     assert (np.diff(rows) > 0).all()
     assert {0, len(column) - 1, *needed} <= set(rows.tolist())
     assert len(rows) <= max(most, 4) + 4 + len(needed)
@@ -83,7 +82,7 @@ def test_the_greatest_and_the_least_are_kept(values: list[float], most: int, dat
 def test_every_stretch_keeps_its_peak() -> None:
     column = np.zeros(100_000)
     column[5_003::10_000] = 1.0
-    rows = kept_rows(len(column), [column], 1000)
+    rows = thin_rows(len(column), [column], 1000)
     assert len(rows) <= 1010
     assert column[rows].sum() == 10
 

@@ -16,10 +16,10 @@ CRANK_ANGLES = (
     'answered',
     'no_angle',
     'out_of_reach',
-    'unanswered_in_silences',
-    'unanswered_at_holes',
-    'unanswered_as_answers_were_lost',
-    'unanswered_elsewhere',
+    'unanswered_in_gaps',
+    'unanswered_while_unrecorded',
+    'unanswered_by_lost_answers',
+    'unanswered_unexplained',
     'after_the_last_answer',
 )
 # What stands in it, and of which type; machines rely on it.

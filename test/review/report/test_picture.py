@@ -30,7 +30,8 @@ def test_a_leg_that_closes_nowhere_is_one_line(make_script, make_run, tmp_path, 
     out = tmp_path / 'leg.png'
     assert main([str(make_run(run)), '--geometry', str(file), '--picture', str(out)]) == 3
     error = capsys.readouterr().err
-    assert error == 'review: there is no pose in the run at which this leg can be drawn\n'
+    reason = 'there is no pose in the run at which this leg can be drawn'
+    assert error == f'review: --picture {out} cannot be written: {reason}\n'
     assert not out.exists()
 
 

@@ -1,4 +1,4 @@
-"""Two runs side by side: what differs, and by how much."""
+"""Compare two runs: dimensions of the legs, and motion at equal crank angles."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -6,15 +6,15 @@ from math import inf, isfinite
 from typing import NamedTuple
 
 from klann_ros.kinematics import AnyLeg
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.batch.given_angles import feet
 from klann_ros.sanitize.text import printable
 import numpy as np
 
 from .limits import Limits
-from .pose_errors import solved_blocks
+from .poses import solve_blocks
 from .recording import LegSolver
 from .review import Review, ReviewedLeg
-from .times import Floats
 
 
 class Dimension(NamedTuple):
@@ -28,8 +28,8 @@ class Dimension(NamedTuple):
         return f'{self.value:.9g} {self.unit}'.rstrip()
 
 
-def dimensions(solver: LegSolver) -> dict[str, Dimension | str]:
-    """Return all of a leg, as far as it is told."""
+def leg_dimensions(solver: LegSolver) -> dict[str, Dimension | str]:
+    """Return all known dimensions of a leg."""
     leg = solver.leg
     found: dict[str, Dimension | str] = {
         'direction': Dimension(solver.direction),
@@ -49,20 +49,20 @@ def dimensions(solver: LegSolver) -> dict[str, Dimension | str]:
 @dataclass(frozen=True)
 class Difference:
     """
-    Something in which two runs differ by more than the limit.
+    A difference of two runs above the limit.
 
     Attributes
     ----------
     what : str
-        What differs.
+        The differing quantity.
     text : str
-        How, in words.
+        Description.
     size : float
-        By how much, second minus first where it has a sign; infinite where there is no number.
+        Second minus first where it has a sign; infinite without a number.
     unit : str
         Of the size.
     leg : str
-        Of which leg; '' for the only one, or the run as a whole.
+        The leg; '' for the only one, or the whole run.
 
     """
 
@@ -81,11 +81,11 @@ class Comparison:
     Attributes
     ----------
     paths : tuple of str
-        Where the runs are.
+        Paths of the runs.
     differences : tuple of Difference
-        What differs; nothing for a run and itself.
+        The differences; none for a run and itself.
     remarks : tuple of str
-        What could not be compared, and why.
+        Parts that could not be compared, with the reason.
 
     """
 
@@ -95,13 +95,13 @@ class Comparison:
 
     @property
     def alike(self) -> str:
-        """Return what it means that there is no difference: no more than could be compared."""
+        """Return the text for no difference."""
         as_far = ', as far as they can be compared' if self.remarks else ''
         return f'the two runs do not differ{as_far}'
 
 
 def compare(first: Review, second: Review) -> Comparison:
-    """Return in what two runs differ: their legs' dimensions, and their motion at equal cranks."""
+    """Compare the dimensions of legs, and their motion at equal crank angles."""
     ones, others = (
         {leg.recording.title: leg for leg in review.legs} for review in (first, second)
     )
@@ -109,17 +109,17 @@ def compare(first: Review, second: Review) -> Comparison:
     return Comparison(
         (first.recording.path, second.recording.path),
         (
-            *_lonely(ones, others),
+            *_unmatched_legs(ones, others),
             *(found for pair in pairs_ for found in _differences(first.limits, *pair)),
         ),
         tuple(remark for pair in pairs_ for remark in _remarks(*pair)),
     )
 
 
-def _lonely(
+def _unmatched_legs(
     ones: Mapping[str, ReviewedLeg], others: Mapping[str, ReviewedLeg]
 ) -> Iterator[Difference]:
-    """Yield the legs that are in one run only."""
+    """Yield the legs of one run only."""
     for which, own, foreign in (('first', ones, others), ('second', others, ones)):
         for title in own:
             if title not in foreign:
@@ -128,7 +128,7 @@ def _lonely(
 
 
 def _differences(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterator[Difference]:
-    # A leg that is not told is no other leg.
+    # An unknown leg does not differ.
     if one.recording.solver.leg and other.recording.solver.leg:
         yield from _dimensions(limits, one, other)
     yield from _motion(limits, one, other)
@@ -136,10 +136,10 @@ def _differences(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterat
 
 def _dimensions(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterator[Difference]:
     title = one.recording.title
-    before, after = dimensions(one.recording.solver), dimensions(other.recording.solver)
+    before, after = leg_dimensions(one.recording.solver), leg_dimensions(other.recording.solver)
     if before.keys() != after.keys():
         kinds = f'{before["linkage"]} in the first run, {after["linkage"]} in the second'
-        yield Difference('linkage', f'the leg has other bars: {kinds}', inf, '', title)
+        yield Difference('linkage', f'the linkages differ: {kinds}', inf, '', title)
         return
     for name, a in before.items():
         b = after[name]
@@ -154,21 +154,21 @@ def _dimensions(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterato
 
 
 def _remarks(one: ReviewedLeg, other: ReviewedLeg) -> Iterator[str]:
-    """Yield what of a leg could not be compared."""
+    """Yield the parts of a leg that could not be compared."""
     of = f'{printable(one.recording.title)}: ' if one.recording.title else ''
-    untold = [
+    unknown = [
         which
         for which, leg in (('first', one), ('second', other))
         if leg.recording.solver.leg is None
     ]
-    if len(untold) == 2:
-        yield f'{of}neither run tells the geometry, so no motion was compared (--geometry FILE)'
-    elif untold:
-        yield f'{of}the {untold[0]} run does not tell its geometry, so no lengths were compared'
+    if len(unknown) == 2:
+        yield f'{of}neither run contains the geometry: motion not compared (--geometry FILE)'
+    elif unknown:
+        yield f'{of}the {unknown[0]} run does not contain its geometry: lengths not compared'
 
 
 def _motion(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterator[Difference]:
-    """Yield how far the motion of one run is from what the leg of the other does at its cranks."""
+    """Yield the distance of the motion in one run from the leg of the other."""
     leg, title = one.recording.solver.leg, one.recording.title
     moved = other
     if leg is None:
@@ -188,7 +188,7 @@ def _distances(moved: ReviewedLeg, leg: AnyLeg, limits: Limits) -> tuple[float, 
     """
     Return the largest differences of a run from a leg: angles [rad], feet [m].
 
-    What is wrong by the run's own geometry is a finding in that run, and no difference.
+    Poses that are wrong by the geometry of their own run are findings, not differences.
     """
     run, errors = moved.evaluated, moved.errors
     sound, right = np.ones(len(run.poses), dtype=bool), np.ones(len(run.feet), dtype=bool)
@@ -196,7 +196,7 @@ def _distances(moved: ReviewedLeg, leg: AnyLeg, limits: Limits) -> tuple[float, 
         sound = errors.angle_errors <= limits.compare_angle
         right = errors.foot_errors <= limits.compare_path
     worst_angle = worst_foot = 0.0
-    for block in solved_blocks(run, leg):
+    for block in solve_blocks(run, leg):
         sound_here = sound[block.rows]
         worst_angle = max(worst_angle, _worst(block.angle_errors(leg)[sound_here]))
         both = right[block.of_feet] & sound_here[block.of_poses]
@@ -207,6 +207,6 @@ def _distances(moved: ReviewedLeg, leg: AnyLeg, limits: Limits) -> tuple[float, 
     return worst_angle, worst_foot
 
 
-def _worst(values: Floats) -> float:
+def _worst(values: FloatArray) -> float:
     worst = float(np.fmax.reduce(values, axis=None, initial=0.0))
     return worst if isfinite(worst) else inf

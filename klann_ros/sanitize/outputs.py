@@ -1,48 +1,48 @@
 """
-The files that a review writes: none that it reads, and each whole or not at all.
+The output files of a command: checked before the work begins, each written whole or not at all.
 
-They are looked at before the review begins, since it may take minutes. What is written goes to a
-file beside its place, which it takes at once: a full disk leaves the page of before.
+No input and no log is overwritten. The content goes to a temporary file beside the target, which
+replaces it in one step: a full disk leaves the previous file.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 import errno
+from math import isfinite
 import os
 from pathlib import Path
 import secrets
 import stat
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
-from klann_ros.log.read.opening import LONGEST_MAGIC, MAGICS
-from klann_ros.sanitize.files import is_plain, is_within, open_plain
-from klann_ros.sanitize.text import printable
+from .files import is_plain, is_within, open_plain
+from .text import printable
 
 Save = Callable[[BinaryIO], object]
+# First bytes of MCAP, SQLite and zstd files, which hold logs.
+LOG_MAGICS = (b'\x89MCAP0\r\n', b'SQLite format 3\x00', b'\x28\xb5\x2f\xfd')
 
 
 class OutputError(Exception):
-    """A file that cannot be written; the text says which, and why."""
+    """An output that cannot be written; the text names it and the reason."""
 
 
 @dataclass(frozen=True)
 class Output:
-    """A file to be written."""
+    """An output file: its option, such as '--html', and its path as given."""
 
-    # Which one, such as '--html'.
     option: str
-    # As it was given.
     path: str
 
     def save(self, save: Save) -> None:
-        """Write the file; an OutputError where it cannot be, and what was there before stays."""
-        with self._told(), self._opened() as file:
+        """Write the file; an OutputError leaves the previous one."""
+        with self._reported(), self._opened() as file:
             save(file)
 
     def check(self, inputs: Sequence[str]) -> None:
-        """Find out whether it may and can be written, by what is read; an OutputError if not."""
-        with self._told():
+        """Raise an OutputError if it is an input, or cannot be written."""
+        with self._reported():
             for given in inputs:
                 if is_within(self.path, given):
                     inside = 'inside ' if Path(given).is_dir() else ''
@@ -64,7 +64,7 @@ class Output:
         return is_within(self.path, other.path) or _place(self.path) == _place(other.path)
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _reported(self) -> Iterator[None]:
         try:
             yield
         except (OSError, ValueError, OutputError) as error:
@@ -75,7 +75,7 @@ class Output:
     @contextmanager
     def _opened(self) -> Iterator[BinaryIO]:
         if _is_special(self.path):
-            # A pipe that nobody reads is not waited for; one that is read takes its time.
+            # A pipe without a reader is an error; one with a reader may be slow.
             descriptor = os.open(self.path, os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
             os.set_blocking(descriptor, True)
             with os.fdopen(descriptor, 'wb') as file:
@@ -94,9 +94,11 @@ class Output:
             raise
 
 
-def outputs(given: Mapping[str, str | None], inputs: Sequence[str]) -> list[Output]:
+def outputs(
+    given: Mapping[str, str | None], inputs: Sequence[str], *, refuse_yaml: bool = False
+) -> list[Output]:
     """
-    Return the files to be written, all of which can be.
+    Return the output files, after a check that all can be written.
 
     Parameters
     ----------
@@ -104,15 +106,20 @@ def outputs(given: Mapping[str, str | None], inputs: Sequence[str]) -> list[Outp
         The path of each option.
     inputs : sequence of str
         The files and folders that are read.
+    refuse_yaml : bool
+        Whether .yaml and .yml are refused: a robot file may name others.
 
     Raises
     ------
     OutputError
-        One of them cannot be written, or is read, or two of them are one.
+        An output is an input, or cannot be written, or two of them are one file.
 
     """
     found = [Output(option, path) for option, path in given.items() if path is not None]
     for number, output in enumerate(found):
+        if refuse_yaml and Path(output.path).suffix.lower() in ('.yaml', '.yml'):
+            what = 'a file of parameters or a linkage may be there, which FILE may name'
+            raise OutputError(f'{output.option} {printable(output.path)} is refused: {what}')
         output.check(inputs)
         for other in found[:number]:
             if output.is_same(other):
@@ -120,19 +127,30 @@ def outputs(given: Mapping[str, str | None], inputs: Sequence[str]) -> list[Outp
     return found
 
 
+def save_all(files: Iterable[Output], savers: Mapping[str, Save]) -> list[OutputError]:
+    """Write each file by the saver of its option; return the errors, one of which stops none."""
+    errors = []
+    for file in files:
+        try:
+            file.save(savers[file.option])
+        except OutputError as error:  # noqa: PERF203, RUF100 - of each file
+            errors.append(error)
+    return errors
+
+
 def _place(path: str) -> Path:
-    """Return where a file really is: what leads there by a link stays a link."""
+    """Return the file behind a link, which itself stays."""
     return Path(os.path.realpath(path))
 
 
 def _new_beside(place: Path) -> tuple[int, Path]:
-    """Open a new file in the folder of another, as what that one is going to be."""
+    """Open a temporary file beside the target."""
     old = place.stat() if place.exists() else None
     if old is not None and not stat.S_ISREG(old.st_mode):
         raise OutputError('it is a folder' if place.is_dir() else 'it is no regular file')
     if not place.parent.is_dir():
         raise OutputError(f'there is no folder {printable(place.parent)}')
-    beside = place.with_name(f'.review-{secrets.token_hex(8)}.new')
+    beside = place.with_name(f'.klann-{secrets.token_hex(8)}.new')
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
     descriptor = os.open(beside, flags, 0o666)
     if old is not None:
@@ -142,7 +160,7 @@ def _new_beside(place: Path) -> tuple[int, Path]:
 
 
 def _is_special(path: str) -> bool:
-    """Return whether a path is a pipe or a device, which is written as it is."""
+    """Return whether a path is a pipe or a device, which is written directly."""
     try:
         mode = Path(path).stat().st_mode
     except OSError:
@@ -158,11 +176,22 @@ def _is_open_as(path: str, descriptor: int) -> bool:
 
 
 def _check_old(path: str) -> None:
-    """Refuse to replace a file that is a log, or that this process writes to already."""
+    """Refuse to replace a log, or a file that this process has open as stdout or stderr."""
     with suppress(PermissionError), open_plain(path) as file:
-        if file.read(LONGEST_MAGIC).startswith(MAGICS):
+        if file.read(max(map(len, LOG_MAGICS))).startswith(LOG_MAGICS):
             raise OutputError('it is a log, and no log is overwritten')
     if any(_is_open_as(path, descriptor) for descriptor in (1, 2)):
         raise OutputError('the report itself goes there')
     if not os.access(path, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+
+def finite(value: Any) -> Any:
+    """Return a value that JSON can hold: NaN and infinity become None."""
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    return value

@@ -1,0 +1,266 @@
+"""Collect series block by block: solver iterations, /clock and walkers."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+from klann_ros.kinematics.arrays import FloatArray, IndexArray, IntArray
+from klann_ros.log.read.block import MessageBlock
+from klann_ros.log.records import Topic
+from klann_ros.review.model.recording import Undecoded, Walk
+from klann_ros.review.model.times import CLOCK, nanoseconds, no_series, Series
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from .decode import COMMAND, DecodedRows, decoder, JOINT_STATE, log_times, ODOMETRY, TopicReader
+
+_INITIAL_ROWS = 1024
+
+
+class GrowingArray:
+    """
+    An array that grows by rows, with half the memory of joined small arrays.
+
+    Parameters
+    ----------
+    kind : data type
+        Of the numbers.
+    width : int
+        Numbers of a row; 0 for rows that are numbers themselves.
+
+    """
+
+    def __init__(self, kind: DTypeLike, width: int = 0) -> None:
+        self._columns = (width,) if width else ()
+        self._rows: NDArray[Any] = np.empty((_INITIAL_ROWS, *self._columns), dtype=kind)
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, rows: ArrayLike) -> None:
+        """Append rows."""
+        new = np.asarray(rows)
+        begin, self._count = self._count, self._count + len(new)
+        if self._count > len(self._rows):
+            # realloc moves pages, not bytes; untouched pages cost nothing.
+            room = max(self._count, len(self._rows) * 3 // 2)
+            self._rows.resize((room, *self._columns), refcheck=False)
+        self._rows[slice(begin, self._count)] = new
+
+    def array(self) -> NDArray[Any]:
+        """Return all rows; nothing can be added any more."""
+        self._rows.resize((self._count, *self._columns), refcheck=False)
+        return self._rows
+
+
+class ArrayPool:
+    """Shares equal arrays of times, which saves memory."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[int, int, int], list[IntArray]] = {}
+
+    def one(self, times: IntArray) -> IntArray:
+        """Return an array with these times."""
+        if not len(times):
+            return times
+        alike = self._known.setdefault((len(times), int(times[0]), int(times[-1])), [])
+        for known in alike:
+            if np.array_equal(known, times):
+                return known
+        alike.append(times)
+        return times
+
+
+class SeriesColumns:
+    """
+    Builds a series of log times, stamps and numbers, block by block.
+
+    Parameters
+    ----------
+    width : int
+        Numbers of a row.
+    kind : data type
+        Of the numbers.
+
+    """
+
+    def __init__(self, width: int, kind: DTypeLike = np.float64) -> None:
+        self._times = GrowingArray(np.int64)
+        self._stamps = GrowingArray(np.int64)
+        self._values = GrowingArray(kind, width)
+
+    def add(self, times: IntArray, stamps: IntArray, values: FloatArray) -> None:
+        """Add rows: log times and stamps [ns], shape (n,), and values, shape (n, width)."""
+        self._times.add(times)
+        self._stamps.add(stamps)
+        self._values.add(values)
+
+    def series(self, shared: ArrayPool) -> Series:
+        """Return all rows by their log times; nothing can be added any more."""
+        times, stamps, values = (
+            column.array() for column in (self._times, self._stamps, self._values)
+        )
+        if (np.diff(times) < 0).any():
+            order = np.argsort(times, kind='stable')
+            times, stamps, values = times[order], stamps[order], values[order]
+        return Series(shared.one(times), shared.one(stamps), values)
+
+
+STATE = 'crank_state'
+ODOMETRY_NAME, TRUTH_NAME = 'odom', 'ground_truth'
+
+
+class WalkCollector:
+    """Collects the data of walkers, by their namespaces."""
+
+    def __init__(self) -> None:
+        self._poses: dict[tuple[str, str], SeriesColumns] = defaultdict(partial(SeriesColumns, 3))
+        self._cranks: dict[tuple[str, str, str], SeriesColumns] = defaultdict(
+            partial(SeriesColumns, 1)
+        )
+        self._readers: dict[Topic, TopicReader] = {}
+
+    def add(
+        self, topic: Topic, block: MessageBlock, rows: IndexArray, pieces: Iterable[DecodedRows]
+    ) -> None:
+        """Add the messages of a topic in a block; joint states come decoded."""
+        space, _, name = topic.name.rpartition('/')
+        if topic.type == ODOMETRY and name in (ODOMETRY_NAME, TRUTH_NAME):
+            if topic not in self._readers:
+                self._readers[topic] = TopicReader(topic)
+            for piece in self._readers[topic].read(block, rows):
+                poses = _planar(piece.values)
+                known = np.isfinite(poses).all(axis=1)
+                times = log_times(block, piece)
+                self._poses[space, name].add(times[known], piece.stamps[known], poses[known])
+        elif topic.type == JOINT_STATE and name in (COMMAND, STATE):
+            for piece in pieces:
+                self._add_cranks(space, name, block, piece)
+
+    def _add_cranks(self, space: str, name: str, block: MessageBlock, piece: DecodedRows) -> None:
+        if len(piece.names) != piece.values.shape[1]:
+            return
+        times = log_times(block, piece)
+        for k, joint in enumerate(piece.names):
+            column = piece.values[:, slice(k, k + 1)]
+            known = np.isfinite(column[:, 0])
+            self._cranks[space, name, joint].add(times[known], piece.stamps[known], column[known])
+
+    def walks(self, shared: ArrayPool) -> Iterator[Walk]:
+        """Yield the robots with odometry, ground truth or crank commands."""
+        poses = {
+            place: _unwrapped(columns.series(shared)) for place, columns in self._poses.items()
+        }
+        cranks = {place: columns.series(shared) for place, columns in self._cranks.items()}
+        commanded = {space for space, name, _ in cranks if name == COMMAND}
+        nothing = Series(
+            np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty((0, 3))
+        )
+        for space in sorted({space for space, _ in poses} | commanded):
+            of_name = {
+                name: {joint: s for (at, which, joint), s in cranks.items() if (at, which) == one}
+                for name, one in ((name, (space, name)) for name in (COMMAND, STATE))
+            }
+            yield Walk(
+                space,
+                poses.get((space, ODOMETRY_NAME), nothing),
+                poses.get((space, TRUTH_NAME), nothing),
+                of_name[COMMAND],
+                of_name[STATE],
+            )
+
+    def undecoded(self) -> tuple[Undecoded, ...]:
+        """Return the topics with undecodable messages."""
+        return tuple(
+            Undecoded(topic.name, reader.failed, reader.failed_at)
+            for topic, reader in self._readers.items()
+            if reader.failed
+        )
+
+
+def _planar(poses: FloatArray) -> FloatArray:
+    """Return x, y and yaw of poses, shape (n, 7) [m, rad]."""
+    x, y, _, qx, qy, qz, qw = poses.T
+    yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    return np.column_stack([x, y, yaw])
+
+
+def _unwrapped(poses: Series) -> Series:
+    """Return poses with unwrapped yaw."""
+    x, y, yaw = poses.values.T
+    values = np.column_stack([x, y, np.unwrap(yaw)])
+    return Series(poses.times, poses.stamps, values)
+
+
+DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+
+
+# Name of an unnamed leg in diagnostics.
+_UNNAMED = 'leg'
+
+
+class Iterations:
+    """Collects solver iterations from diagnostics: the maximum since the last report."""
+
+    def __init__(self) -> None:
+        self._columns: dict[str, SeriesColumns] = defaultdict(partial(SeriesColumns, 1))
+        self._solvers: dict[str, set[str]] = defaultdict(set)
+        self._decoders: dict[Topic, Any] = {}
+
+    def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> None:
+        """Add the messages of a topic in a block."""
+        if topic.type != DIAGNOSTICS:
+            return
+        if topic not in self._decoders:
+            self._decoders[topic] = decoder(topic)
+        for row in rows.tolist():
+            # Invalid messages are ignored.
+            with suppress(Exception):
+                message = self._decoders[topic](block.message(row))
+                self._report(message, nanoseconds(block.heads['log_time'][[row]]))
+
+    def series(self, name: str) -> Series:
+        """Return the iterations of a leg; none if several solvers have one of its name."""
+        name = name or _UNNAMED
+        if name not in self._columns or len(self._solvers[name]) > 1:
+            return no_series(1)
+        return self._columns[name].series(ArrayPool())
+
+    def _report(self, message: Any, time: 'np.ndarray[Any, np.dtype[np.int64]]') -> None:
+        for status in message.status:
+            solver, _, leg = str(status.name).rpartition(': ')
+            for value in status.values:
+                if solver and value.key == 'iterations':
+                    self._solvers[leg].add(solver)
+                    self._columns[leg].add(time, time, np.array([[float(value.value)]]))
+
+
+# An encapsulation of 4 bytes, seconds, and nanoseconds; little endian if the second byte is odd.
+_CLOCK_SIZE = 12
+
+
+class ClockCollector:
+    """Collects simulated time: log times and values of /clock [ns]."""
+
+    def __init__(self) -> None:
+        self._times, self._values = GrowingArray(np.int64), GrowingArray(np.int64)
+
+    def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> None:
+        """Add a topic's messages in a block."""
+        if (topic.name, topic.type) != (CLOCK, 'rosgraph_msgs/msg/Clock'):
+            return
+        rows = rows[block.sizes[rows] == _CLOCK_SIZE]
+        data = block.rows(rows, _CLOCK_SIZE)
+        rows, data = rows[data[:, 1] % 2 == 1], data[data[:, 1] % 2 == 1]
+        seconds, rest = (np.ascontiguousarray(data[:, k : k + 4]).view('<u4') for k in (4, 8))
+        self._times.add(nanoseconds(block.heads['log_time'][rows]))
+        self._values.add(seconds[:, 0].astype(np.int64) * 10**9 + rest[:, 0])
+
+    def series(self) -> Series:
+        """Return it by log times: the stamps are the simulated times."""
+        times, values = self._times.array(), self._values.array()
+        order = np.argsort(times, kind='stable')
+        return Series(times[order], values[order], np.empty((len(times), 0)))

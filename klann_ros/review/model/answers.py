@@ -1,0 +1,272 @@
+"""Crank inputs and their answers: refused, unanswered and duplicate."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+from klann_ros.kinematics import linkage_poses, Reason
+from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
+from klann_ros.kinematics.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from klann_ros.sanitize.text import counted
+import numpy as np
+
+from .recording import LegRecording, RunRecording
+from .times import (
+    alone,
+    count_stamps,
+    Interval,
+    is_monotonic,
+    isin,
+    match_stamps,
+    merge_intervals,
+    overlaps,
+    StampCounts,
+)
+from .topics import exclude_intervals, Gap
+
+
+class Cause(IntEnum):
+    """Why an input has no answer."""
+
+    NO_ANGLE = 0  # not finite, or out of range
+    OUT_OF_REACH = 1
+    UNKNOWN = 2  # an answer is missing
+
+
+class Duplicates(NamedTuple):
+    """Inputs with several answers."""
+
+    # Shape (n,): their poses.
+    rows: IndexArray
+    # Shape (n,): the input of each, from 0.
+    inputs: IndexArray
+    # Shape (n,): whether the stamp belongs to one input only.
+    alone: BoolArray
+    # Number of solvers, if most inputs have equally many answers; else 1.
+    solvers: int
+
+    def explained(self, wrong: BoolArray) -> IndexArray:
+        """Return the wrong poses whose input has a right answer, too."""
+        is_wrong = wrong[self.rows]
+        answered = np.zeros(int(self.inputs.max(initial=-1)) + 1, dtype=bool)
+        answered[self.inputs[~is_wrong]] = True
+        explained: IndexArray = self.rows[is_wrong & answered[self.inputs]]
+        return explained
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """The crank inputs of a leg, and their answers."""
+
+    # Number of inputs before the first answer, up to the last, and after it: the edges of a run
+    # are no fault.
+    early: int
+    asked: int
+    late: int
+    # Number of answers in between.
+    count: int
+    # Indices of the inputs without answer.
+    rows: IndexArray
+    # The Cause of each.
+    causes: IndexArray
+    # Inputs with several answers.
+    duplicates: Duplicates
+
+    def of(self, cause: Cause) -> IndexArray:
+        """Return the inputs without answer for a cause."""
+        rows: IndexArray = self.rows[self.causes == cause]
+        return rows
+
+
+_NONE = np.empty(0, dtype=np.intp)
+_NO_DUPLICATES = Duplicates(_NONE, _NONE, np.empty(0, dtype=bool), 1)
+# Inputs with several answers that make a second solver.
+_MIN_DUPLICATES = 5
+
+
+def match_answers(leg: LegRecording) -> Answers:
+    """Match the crank inputs of a leg with its poses."""
+    asked, answers = leg.cranks.stamps, leg.poses.stamps
+    if not len(answers):
+        return Answers(len(asked), 0, 0, 0, _NONE, _NONE, _NO_DUPLICATES)
+    early, late = asked < answers.min(), asked > answers.max()
+    inside = np.flatnonzero(~(early | late))
+    ends = int(np.count_nonzero(early)), int(np.count_nonzero(late))
+    if is_monotonic(asked) and is_monotonic(answers):
+        rows = inside[~isin(asked[inside], answers)]
+        causes, count, duplicates = _causes(leg, rows), len(inside) - len(rows), _NO_DUPLICATES
+    else:
+        stamps = count_stamps(asked[inside], answers)
+        rows, causes = _unanswered(leg, inside, stamps)
+        count, duplicates = int(stamps.second.sum()), _duplicates(answers, stamps)
+    return Answers(ends[0], len(inside), ends[1], count, rows, causes, duplicates)
+
+
+def find_duplicates(stamps: IntArray) -> Duplicates:
+    """Return the answers with equal stamps, for a run without inputs."""
+    return (
+        _NO_DUPLICATES
+        if is_monotonic(stamps)
+        else _duplicates(stamps, count_stamps(np.unique(stamps), stamps))
+    )
+
+
+def requested_angles(leg: LegRecording) -> tuple[IndexArray, FloatArray]:
+    """
+    Return the poses with a unique input, and the leg angle that it requests [rad].
+
+    Without direction and phase in the run, only if most poses have the angle of the crank itself.
+    """
+    rows = alone(leg.cranks.stamps)
+    known, of_cranks = match_stamps(leg.poses.stamps, leg.cranks.stamps[rows])
+    asked = _leg_angles(leg, leg.cranks.values[rows[of_cranks], 0])
+    if not leg.solver.nodes and 2 * np.count_nonzero(leg.poses.values[known, 0] != asked) > len(
+        known
+    ):
+        return known[:0], asked[:0]
+    return known, asked
+
+
+def _leg_angles(leg: LegRecording, alphas: FloatArray) -> FloatArray:
+    """Return direction * angle + phase, as solver_node computes it."""
+    return leg.solver.direction * alphas + leg.solver.phase
+
+
+def _unanswered(
+    leg: LegRecording, inside: IndexArray, stamps: StampCounts
+) -> tuple[IndexArray, IndexArray]:
+    """
+    Return the inputs without answer, and their causes.
+
+    Where a stamp has fewer answers than inputs, the unsolvable ones lack theirs, or else the last.
+    """
+    lacking = stamps.first - stamps.second
+    rows = np.flatnonzero(lacking[stamps.of_first] > 0)
+    causes, groups = _causes(leg, inside[rows]), stamps.of_first[rows]
+    order = np.lexsort([-rows, causes == Cause.UNKNOWN, groups])
+    rows, causes, groups = rows[order], causes[order], groups[order]
+    place = np.arange(len(rows)) - np.searchsorted(groups, groups)
+    missing = np.flatnonzero((place < lacking[groups]) | (causes != Cause.UNKNOWN))
+    missing = missing[np.argsort(rows[missing])]
+    found: IndexArray = inside[rows[missing]]
+    return found, causes[missing]
+
+
+def _duplicates(answers: IntArray, stamps: StampCounts) -> Duplicates:
+    """Return the answers to inputs with several."""
+    many = stamps.second > stamps.first
+    if not many.any():
+        return _NO_DUPLICATES
+    places = np.searchsorted(stamps.stamps, answers)
+    np.minimum(places, len(stamps.stamps) - 1, out=places)
+    rows = np.flatnonzero(many[places] & (stamps.stamps[places] == answers))
+    first, last = np.flatnonzero(many)[[0, -1]]
+    share = np.count_nonzero(many) / (last + 1 - first)
+    each = stamps.second[many] / stamps.first[many]
+    is_steady = np.count_nonzero(many) >= _MIN_DUPLICATES and share >= 0.5
+    solvers = max(2, round(float(np.median(each)))) if is_steady else 1
+    return Duplicates(rows, places[rows], stamps.first[places[rows]] == 1, solvers)
+
+
+def _causes(leg: LegRecording, rows: IndexArray) -> IndexArray:
+    """Return the cause of each missing answer."""
+    if not rows.size:
+        return rows
+    alphas, solved = _leg_angles(leg, leg.cranks.values[rows, 0]), leg.solver.leg
+    if solved is None or not (leg.solver.nodes or len(requested_angles(leg)[0])):
+        # The leg angle is unknown, but a crank angle out of range is invalid for any leg.
+        is_angle = np.abs(alphas) <= MAX_CRANK_ANGLE
+        return np.where(is_angle, Cause.UNKNOWN, Cause.NO_ANGLE).astype(np.intp)
+    reasons = linkage_poses(solved, alphas).reason
+    known = [reasons == Reason.CRANK_ANGLE, reasons != Reason.SOLVED]
+    return np.select(known, [Cause.NO_ANGLE, Cause.OUT_OF_REACH], Cause.UNKNOWN)
+
+
+# Longest time from an input to its answer [ns].
+MAX_RESPONSE_TIME = 200_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Unanswered:
+    """Inputs without an expected answer, by their cause."""
+
+    # Number of inputs in gaps of the poses, and of these gaps.
+    in_gaps: int
+    gaps: int
+    # Number of others at pauses of the recorder, or at damage of the log.
+    unrecorded: int
+    # Largest number of others whose answers were lost on the way into the log.
+    lost: int
+    # Indices of the others; `lost` of them are explained.
+    other_rows: IndexArray
+
+    @property
+    def count(self) -> int:
+        """Return the total."""
+        return self.in_gaps + self.unrecorded + len(self.other_rows)
+
+    @property
+    def unexplained(self) -> int:
+        """Return the number without explanation."""
+        return len(self.other_rows) - self.lost
+
+    def __str__(self) -> str:
+        """Return the parts in words, which add up to the total; nothing for a single part."""
+        shares = (
+            (self.in_gaps, f'in {counted(self.gaps, "gap")}'),
+            (self.unrecorded, 'at pauses or damage of the log'),
+            (self.lost, 'whose answers were lost on their way into the log'),
+        )
+        parts = [f'{count} {what}' for count, what in shares if count]
+        return f': {", ".join(parts)}, {self.unexplained} unexplained' if parts else ''
+
+
+def unanswered(
+    recording: RunRecording,
+    leg: LegRecording,
+    answers: Answers,
+    gaps: Sequence[Gap],
+) -> Unanswered:
+    """
+    Return the inputs of a leg without an expected answer.
+
+    Parameters
+    ----------
+    recording : RunRecording
+        The run.
+    leg : LegRecording
+        Its judged part.
+    answering : Answering
+        The matched inputs of that part.
+    gaps : sequence of Gap
+        The gaps of all topics.
+
+    """
+    rows = answers.of(Cause.UNKNOWN)
+    times = leg.cranks.times[rows]
+    begins, ends = times - MAX_RESPONSE_TIME, times + MAX_RESPONSE_TIME
+    unrecorded = overlaps(begins, ends, recording.unrecorded)
+    own = [gap for gap in gaps if not leg.pose_topics.isdisjoint(gap.topics)]
+    excused = merge_intervals([*recording.unrecorded, *refused_intervals(leg, answers)])
+    pose_gaps = merge_intervals((gap.begin, gap.end) for gap in exclude_intervals(own, excused))
+    in_gaps = ~unrecorded & overlaps(times, times, pose_gaps)
+    other_rows = rows[~unrecorded & ~in_gaps]
+    ends = np.array([end for _, end in pose_gaps], dtype=np.int64)
+    which = np.searchsorted(ends, times[in_gaps])
+    return Unanswered(
+        int(np.count_nonzero(in_gaps)),
+        len(np.unique(which)),
+        int(np.count_nonzero(unrecorded)),
+        min(recording.lost_on(leg.pose_topics), len(other_rows)),
+        other_rows,
+    )
+
+
+def refused_intervals(leg: LegRecording, answers: Answers) -> list[Interval]:
+    """Return the intervals of unsolvable inputs, log times [ns]."""
+    times = leg.cranks.times
+    rows = answers.rows[answers.causes != Cause.UNKNOWN]
+    begins = times[np.maximum(rows - 1, 0)]
+    ends = times[np.minimum(rows + 1, len(times) - 1)]
+    return list(zip(begins.tolist(), ends.tolist(), strict=True))

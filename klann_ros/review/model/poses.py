@@ -1,0 +1,221 @@
+"""Recorded poses against the solved ones, and the figures of a leg."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from math import inf, nan
+from typing import NamedTuple
+
+from klann_ros.kinematics import (
+    AnyLeg,
+    foot_path,
+    KinematicsError,
+    Linkage,
+    linkage_poses,
+    LinkageLeg,
+)
+from klann_ros.kinematics.arrays import FloatArray, IndexArray
+from klann_ros.kinematics.batch.given_angles import (
+    differences,
+    feet,
+    loop_errors,
+    transmission_angles,
+    vectors,
+)
+from klann_ros.kinematics.foot.path import FootPath
+from klann_ros.kinematics.foot.stance import Stance
+import numpy as np
+
+from .recording import LegRecording
+from .times import median, pairs
+
+# Poses solved at once, which bounds the memory.
+_BLOCK_SIZE = 65536
+_LARGEST = np.finfo(np.float64).max
+
+
+@dataclass(frozen=True, eq=False)
+class PoseErrors:
+    """Errors of recorded poses against the solved ones."""
+
+    # Shape (n,): largest difference of the angles from the solved ones, modulo a turn [rad], or of
+    # a distance in the linkage's size; NaN for an unreachable crank angle, infinite for an angle
+    # that is not finite.
+    angle_errors: FloatArray
+    # Shape (n,): norm of f at the recorded pose [m]; infinite where an angle is not finite.
+    residuals: FloatArray
+    # Shape (m,): distance of H from the foot of its pose [m]; NaN without a unique finite pose,
+    # infinite where H is not finite.
+    foot_errors: FloatArray
+    # Shape (n, number of dyads): those of the solved poses, in [0, pi] [rad]; NaN for none.
+    transmission_angles: FloatArray
+
+
+class SolvedBlock(NamedTuple):
+    """Some recorded poses, and the solved ones at their crank angles."""
+
+    # Their rows.
+    rows: slice
+    # Shape (k, number of angles) [rad]: recorded, and by the closed form, which shares no equation
+    # with the solver; NaN for an unreachable crank angle.
+    recorded: FloatArray
+    solved: FloatArray
+    # Rows of the recorded feet that belong to them, and their poses in the block.
+    of_feet: IndexArray
+    of_poses: IndexArray
+
+    def angle_errors(self, leg: AnyLeg) -> FloatArray:
+        """Return the error of each angle but the crank's, modulo a turn [rad]."""
+        apart: FloatArray = np.abs(differences(leg, self.recorded[:, 1:], self.solved[:, 1:]))
+        return apart
+
+
+def solve_blocks(recording: LegRecording, leg: AnyLeg) -> Iterator[SolvedBlock]:
+    """Solve every recorded pose again, from its crank angle alone, block by block."""
+    poses = recording.poses.values
+    of_feet, of_poses = pairs(recording.feet.stamps, recording.poses.stamps)
+    for begin in range(0, len(poses), _BLOCK_SIZE):
+        end = min(begin + _BLOCK_SIZE, len(poses))
+        recorded = poses[slice(begin, end)]
+        solved = linkage_poses(leg, recorded[:, 0], angles=True)
+        angles: FloatArray = solved.angles  # type: ignore[assignment]  # asked for
+        paired = slice(*np.searchsorted(of_poses, [begin, end]))
+        yield SolvedBlock(
+            slice(begin, end),
+            recorded,
+            np.column_stack([recorded[:, 0], angles]),
+            of_feet[paired],
+            of_poses[paired] - begin,
+        )
+
+
+def pose_errors(
+    recording: LegRecording, leg: AnyLeg, progress: Callable[[float], object] = lambda _: None
+) -> PoseErrors:
+    """Return the errors of a leg's poses; `progress` gets the finished share."""
+    count = len(recording.poses)
+    errors = PoseErrors(
+        np.empty(count),
+        np.empty(count),
+        np.full(len(recording.feet), nan),
+        np.empty((count, len(leg.assembly))),
+    )
+    for block in solve_blocks(recording, leg):
+        rows, angles = block.rows, block.recorded
+        finite = np.isfinite(angles).all(axis=1)
+        errors.transmission_angles[rows] = transmission_angles(leg, block.solved)
+        errors.angle_errors[rows] = np.where(finite, block.angle_errors(leg).max(axis=1), inf)
+        u = vectors(leg, angles)
+        errors.residuals[rows] = np.where(finite, loop_errors(leg, angles, u), inf)
+        recorded = recording.feet.values[block.of_feet]
+        own = feet(leg, angles, u)[block.of_poses]
+        errors.foot_errors[block.of_feet] = _foot_errors(recorded, own)
+        progress(rows.stop / count)
+    return errors
+
+
+def _foot_errors(recorded: FloatArray, own: FloatArray) -> FloatArray:
+    with np.errstate(invalid='ignore', over='ignore'):
+        distances = np.hypot(*(recorded - own).T)
+    # NaN of a foot is its own fault; NaN of its pose is not.
+    return np.where(np.isfinite(recorded).all(axis=1), np.minimum(distances, _LARGEST), inf)
+
+
+_TURN = 2 * np.pi
+
+
+@dataclass(frozen=True)
+class LegFigures:
+    """Figures of a leg in a run; NaN for unknown."""
+
+    # Net turns of the crank, positive counter-clockwise.
+    turns: float
+    # Extent of the foot path in x and y [m]; NaN where the crank did not turn once.
+    stride: float
+    lift: float
+    # Share of the poses in stance.
+    duty_factor: float
+    # Largest distance of the stance path from its best straight line, as a share of its length;
+    # of the geometry, over a turn.
+    straightness: float
+    # Least min(mu, pi - mu) of all dyads [rad].
+    worst_transmission_angle: float
+    # Largest residual of a recorded pose [m].
+    worst_residual: float
+    # Largest difference from the solved pose [rad].
+    worst_angle_error: float
+    # Largest distance of H from the foot of its pose [m].
+    worst_foot_error: float
+
+
+def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigures:
+    """Return the figures of the judged part of a leg's run."""
+    alphas, feet = (_finite(of.values) for of in (recording.poses, recording.feet))
+    alphas = alphas[:, 0]
+    # Messages hold any number: overflow gives infinity.
+    with np.errstate(over='ignore'):
+        is_path = len(feet) and _covers_a_turn(alphas)
+        stride, lift = np.ptp(feet, axis=0) if is_path else (nan, nan)
+        turns = float(alphas[-1] - alphas[0]) / _TURN if len(alphas) else nan
+    leg = recording.solver.leg
+    stance = _stance(leg.linkage) if leg else None
+    return LegFigures(
+        turns=turns,
+        stride=float(stride),
+        lift=float(lift),
+        duty_factor=_duty_factor(alphas, stance) if stance else nan,
+        straightness=stance.straightness if stance else nan,
+        worst_transmission_angle=_singularity_margin(errors) if errors else nan,
+        worst_residual=_worst(errors.residuals) if errors else nan,
+        worst_angle_error=_worst(errors.angle_errors) if errors else nan,
+        worst_foot_error=_worst(errors.foot_errors) if errors else nan,
+    )
+
+
+def _finite(rows: FloatArray) -> FloatArray:
+    """Return the rows whose numbers are all finite."""
+    finite = np.isfinite(rows).all(axis=1)
+    return rows if finite.all() else rows[finite]
+
+
+def _covers_a_turn(alphas: FloatArray) -> bool:
+    """Return whether the crank made a full turn; True without poses, as it is unknown."""
+    if not len(alphas):
+        return True
+    steps = np.abs(np.diff(alphas))
+    return bool(np.ptp(alphas) + (median(steps) if len(steps) else 0.0) >= _TURN)
+
+
+@lru_cache(maxsize=16)
+def linkage_foot_path(linkage: Linkage) -> FootPath | None:
+    """Return the foot path of a linkage, if any; cached for many runs."""
+    try:
+        return foot_path(LinkageLeg(linkage))
+    except KinematicsError:
+        return None
+
+
+@lru_cache(maxsize=16)
+def _stance(linkage: Linkage) -> Stance | None:
+    """Return the stance of a linkage, if any; cached for many runs."""
+    path = linkage_foot_path(linkage)
+    try:
+        return path.stance() if path is not None else None
+    except KinematicsError:
+        return None
+
+
+def _duty_factor(alphas: FloatArray, stance: Stance) -> float:
+    turned = np.mod(alphas - stance.start, _TURN)
+    return float(np.mean(turned < stance.end - stance.start)) if turned.size else nan
+
+
+def _singularity_margin(errors: PoseErrors) -> float:
+    mu = errors.transmission_angles
+    least = np.fmin.reduce(np.minimum(mu, np.pi - mu), axis=None, initial=inf)
+    return nan if np.isinf(least) else float(least)
+
+
+def _worst(values: FloatArray) -> float:
+    worst = np.fmax.reduce(values, initial=-inf)
+    return nan if worst == -inf else float(worst)
