@@ -37,13 +37,13 @@ from .fleet import command as each
 from .report import json_report, pose_table, text
 from .reviewing import Progress, review_run
 
-# What takes less than this shows nothing [s].
+# Delay of the progress bar [s].
 _PROGRESS_DELAY = 1.0
 
 
 @contextmanager
 def progress() -> Iterator[Progress]:
-    """Show a bar on stderr, if that is a terminal and it takes long; yield what moves it."""
+    """Show a progress bar on stderr, if that is a terminal; yield the function that moves it."""
     form = '{desc}: {percentage:3.0f} %|{bar}| {remaining}'
     with tqdm(
         total=1.0,
@@ -54,13 +54,13 @@ def progress() -> Iterator[Progress]:
         disable=None,
     ) as bar:
 
-        def tell(what: str, part: float) -> None:
+        def report(what: str, part: float) -> None:
             if part < bar.n:
                 bar.reset()
             bar.set_description_str(what, refresh=False)
             bar.update(part - bar.n)
 
-        yield tell
+        yield report
 
 
 ERROR_CODES = {
@@ -135,7 +135,7 @@ def _review(options: argparse.Namespace) -> int:
 
 
 def _follow(path: str, limits: Limits) -> None:
-    """Tell what is found in a run that is being recorded, until it ends or Ctrl-C is pressed."""
+    """Print findings of a run during the recording, until its end or Ctrl-C."""
     try:
         follow(
             path,
@@ -143,7 +143,7 @@ def _follow(path: str, limits: Limits) -> None:
             found=_print_now,
             said=lambda text: print(f'review: {text}', file=sys.stderr, flush=True),
         )
-    # Who reads no further (`| head -1`) wants no more of it either.
+    # A closed pipe (`| head -1`) ends it, too.
     except (KeyboardInterrupt, BrokenPipeError):
         print(
             'review: stopped following; the report of the run so far', file=sys.stderr, flush=True
@@ -151,7 +151,7 @@ def _follow(path: str, limits: Limits) -> None:
 
 
 def _print_now(line: str) -> None:
-    """Print a line at once: the report is caught on its way, to be written when all is known."""
+    """Print a line immediately, past the buffer of the report."""
     out = sys.__stdout__ or sys.stdout
     print(line, file=out, flush=True)
 
@@ -164,13 +164,13 @@ def _review_one(
 ) -> Review:
     # A chart shows seven digits.
     rates = 'f8' if options.csv else 'f4' if options.html else ''
-    with progress() as tell:
-        return review_run(path, robot=robot, limits=limits, rates=rates, progress=tell)
+    with progress() as report:
+        return review_run(path, robot=robot, limits=limits, rates=rates, progress=report)
 
 
 def _temporary_page(log: str) -> str:
-    """Return where a page goes that nobody has named a place for."""
-    # It stays: the browser reads it when this process is gone.
+    """Return a temporary path for the page."""
+    # It stays: the browser may read it after this process.
     folder = tempfile.mkdtemp(prefix='klann_ros-review-')
     return str(Path(folder, f'{Path(log).name or "run"}.html'))
 
@@ -182,8 +182,8 @@ def _open(html: str) -> None:
 
 
 def _wants_colour() -> bool:
-    """Return whether the report goes to a terminal that shows colours (https://no-color.org)."""
-    # The report may be caught on its way, to be written when the exit code is known.
+    """Return whether stdout is a terminal with colours (https://no-color.org)."""
+    # sys.stdout may be a buffer.
     out = sys.__stdout__
     return out is not None and out.isatty() and not os.environ.get('NO_COLOR')
 

@@ -12,7 +12,7 @@ from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import Pause, SolverParameters, ToldFinding
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.process import error_and_place
-from klann_ros.review.live.judge import LiveFinding, LiveJudge, MOST, STEP
+from klann_ros.review.live.judge import LiveFinding, LiveJudge, MAX_MESSAGES, STEP
 from klann_ros.review.model.limits import Limits, limits_from_file
 from klann_ros.review.model.review import Severity
 from klann_ros.sanitize.text import printable
@@ -80,7 +80,7 @@ class Judging:
         on_new: Callable[[Sequence[ToldFinding]], None],
     ) -> None:
         """Begin at once."""
-        inbox = deque[Message](maxlen=MOST)
+        inbox = deque[Message](maxlen=MAX_MESSAGES)
         self.add = inbox.append
         self._inbox, self._judge = inbox, LiveJudge(_limits_of(limits))
         self._status, self.problem = JudgeStatus(node), ''
@@ -168,13 +168,13 @@ class Judging:
     def _findings(self) -> list[LiveFinding]:
         if self._forgets:
             self._forgets = False
-            self._judge.forget()
+            self._judge.reset()
         while self._told:
             news = self._told.popleft()
             if isinstance(news, Pause):
                 self._judge.excuse(news)
             else:
-                self._judge.tell(news)
+                self._judge.set_solver(news)
         inbox = self._inbox
         self._judge.add_all([inbox.popleft() for _ in range(len(inbox))])
         return self._judge.findings(self._now, self._names, self._counts)

@@ -42,7 +42,7 @@ from .table import (
 
 OPTION = '--each'
 INTERRUPTED = 130
-# So many runs with something to say are told in the terminal.
+# Runs listed in the terminal.
 _MAX_LINES = 50
 DESCRIPTION = """\
 Review many runs, each alone and in parallel: a row a run.
@@ -82,28 +82,28 @@ def _each(options: argparse.Namespace) -> int:
     ]
     rows = _resumed(tasks, options.table) if options.resume else {}
     is_whole, faults = _judge(tasks, rows, options)
-    told = [rows[number] for number in sorted(rows)]
-    print(_report(told, len(runs)))
+    finished = [rows[number] for number in sorted(rows)]
+    print(_report(finished, len(runs)))
     links = {
         rows[number].run: pages[number] for number in rows if rows[number].verdict != UNREADABLE
     }
     savers: dict[str, Save] = {
-        '--table': partial(save_table, options.table or '', told),
-        '--junit': partial(save_junit, told),
-        '--html': partial(save_index, told, options.html or '', links),
+        '--table': partial(save_table, options.table or '', finished),
+        '--junit': partial(save_junit, finished),
+        '--html': partial(save_index, finished, options.html or '', links),
     }
     faults += map(str, save_all(files, savers))
     for fault in faults[:_MAX_LINES]:
         print_error('review', fault)
     if not is_whole:
         return INTERRUPTED
-    return NOT_WRITTEN if faults else max(row.exit_code for row in told)
+    return NOT_WRITTEN if faults else max(row.exit_code for row in finished)
 
 
 def _expectations(file: str) -> Expectations:
     expectations = expectations_from_file(file)
     if expectations.baseline:
-        # It would be the reason of every row.
+        # Otherwise every row would fail for this reason.
         open_log(expectations.baseline).close()
     return expectations
 
@@ -111,7 +111,7 @@ def _expectations(file: str) -> Expectations:
 def _judge(
     tasks: Sequence[Task], rows: dict[int, Row], options: argparse.Namespace
 ) -> tuple[bool, list[str]]:
-    """Add the rows that are missing; return whether all are there, and what of pages is not."""
+    """Add the missing rows; return whether all are there, and the faults of pages."""
     left = [number for number in range(len(tasks)) if number not in rows]
     faults: list[str] = []
     engine = {
@@ -129,7 +129,7 @@ def _judge(
                 rows[left[number]] = found.row
                 faults += [found.page_fault] if found.page_fault else []
         except KeyboardInterrupt:
-            # What was done is worth writing; a second Ctrl-C must not cut it.
+            # Finished rows are written; a second Ctrl-C must not interrupt that.
             signal.signal(signal.SIGINT, signal.SIG_IGN)
             judged.close()
             print(
@@ -142,7 +142,7 @@ def _judge(
 
 
 def _resumed(tasks: Sequence[Task], table: str) -> dict[int, Row]:
-    """Return the rows of a table that are still true, by the numbers of their tasks."""
+    """Return the valid rows of a table, by the numbers of their tasks."""
     if not Path(table).exists():
         return {}
     known = {row.run: row for row in rows_from_table(table) if row.verdict != UNREADABLE}
@@ -159,7 +159,7 @@ def _resumed(tasks: Sequence[Task], table: str) -> dict[int, Row]:
 
 
 def _pages(index: str | None, runs: Sequence[FoundRun]) -> list[str]:
-    """Return where the page of each run goes: in a folder beside the index."""
+    """Return the path of each page, in a folder beside the index."""
     if not index:
         return [''] * len(runs)
     folder = Path(index).with_name(f'{Path(index).stem}_runs')
@@ -175,12 +175,12 @@ def _pages(index: str | None, runs: Sequence[FoundRun]) -> list[str]:
 
 
 def _plain(name: str) -> str:
-    """Return a name that every file system and every URL takes as it is."""
+    """Return a name that is safe for file systems and URLs."""
     return re.sub(r'[^A-Za-z0-9.-]+', '_', name)[:80].strip('.') or 'run'
 
 
 def _report(rows: Sequence[Row], asked: int) -> str:
-    """Return what is worth telling in a terminal."""
+    """Return the report for the terminal."""
     counts = ', '.join(
         f'{sum(row.verdict == verdict for row in rows)} {words}'
         for verdict, words in ((OK, 'ok'), (FINDINGS, 'with findings'), (UNREADABLE, 'unreadable'))

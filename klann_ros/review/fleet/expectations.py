@@ -20,20 +20,20 @@ _TOPIC_KEYS = ('min_rate', 'max_gap', 'max_lost')
 
 
 class ExpectationsFileError(LogError):
-    """A file that holds no expectations; the text says why."""
+    """A file without valid expectations; the text gives the reason."""
 
 
 @dataclass(frozen=True)
 class ExpectedTopic:
     """
-    What a topic is to be like.
+    Expectations of a topic.
 
     Attributes
     ----------
     min_rate : float
         Least mean rate [Hz].
     max_gap : float
-        Longest silence between two messages [s].
+        Longest gap [s].
     max_lost : float
         Largest share of its messages that may be lost, 0 to 1.
 
@@ -47,12 +47,12 @@ class ExpectedTopic:
 @dataclass(frozen=True)
 class Expectations:
     """
-    What every run is expected to hold.
+    Expectations of every run.
 
     Attributes
     ----------
     topics : mapping of str to ExpectedTopic
-        Those that must be there.
+        The required topics.
     allow : frozenset of str
         Checks whose findings do not count.
     baseline : str
@@ -65,7 +65,7 @@ class Expectations:
     baseline: str = ''
 
     def unmet(self, review: Review, baseline: Review | None) -> Iterator[Finding]:
-        """Yield what a reviewed run does not hold."""
+        """Yield the unmet expectations of a reviewed run."""
         known = {topic.name: topic for topic in review.topics}
         for name, expected in self.topics.items():
             for text in _unmet(known.get(name), expected):
@@ -90,7 +90,7 @@ def _unmet(topic: TopicFigures | None, expected: ExpectedTopic) -> Iterator[str]
     if topic is None:
         yield 'is missing'
         return
-    # Who has one message, or none, has no rate.
+    # One message has no rate.
     rate = topic.rate if isfinite(topic.rate) else 0.0
     if rate < expected.min_rate:
         yield f'has {rate:.4g} Hz, at least {expected.min_rate:g} Hz are expected'

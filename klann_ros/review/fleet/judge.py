@@ -30,12 +30,12 @@ from .table import reviewed_row, Row, unreadable_row
 @dataclass(frozen=True)
 class FoundRun:
     """
-    A run, or what stands in its place.
+    A run, or a path that is none.
 
     Attributes
     ----------
     path : str
-        Where it is.
+        Its path.
     fault : str
         Why it cannot be one; '' for a run.
 
@@ -97,7 +97,7 @@ def _runs(
 def _below(
     path: str, above: tuple[tuple[int, int], ...], *, is_linked: bool
 ) -> Iterator[FoundRun]:
-    """Yield the runs in what is in a folder, if that is a folder as well."""
+    """Yield the runs of an entry that is a folder."""
     try:
         is_folder = stat.S_ISDIR(Path(path).stat().st_mode)
     except FileNotFoundError:
@@ -118,27 +118,27 @@ def _are_one(logs: Iterable[str]) -> bool:
     return len({part and part[1] for part in parts}) == 1 and None not in parts
 
 
-# The numbers of a page among many [bytes]: a thousand of them are to fit on a disk.
+# Data of a page among many [bytes]: a thousand pages fit on a disk.
 MAX_PAGE_DATA = 300e3
 
 
 @dataclass(frozen=True)
 class Task:
     """
-    A run that is to be judged.
+    A run to judge.
 
     Attributes
     ----------
     run : FoundRun
-        Where it is.
+        Its path.
     robot : Robot, optional
-        What it is held against, instead of what it tells.
+        The reference robot, instead of the one in the run.
     limits : Limits
-        What is still all right.
+        Limits of the checks.
     expectations : Expectations
-        What it must hold beyond.
+        Its expectations.
     page : str
-        Where its own page goes; '' for none.
+        Path of its page; '' for none.
 
     """
 
@@ -150,10 +150,10 @@ class Task:
 
     @property
     def settings(self) -> str:
-        """Return a fingerprint of what the run is held against."""
+        """Return a hash of the settings."""
         legs = self.robot and self.robot.legs
         allowed = sorted(self.expectations.allow)
-        told = (
+        settings = (
             __version__,
             self.limits,
             legs and [(leg.name, leg.linkage.numbers, leg.linkage.joint_names) for leg in legs],
@@ -161,20 +161,20 @@ class Task:
             allowed,
             self.expectations.baseline,
         )
-        return hashlib.sha256(repr(told).encode()).hexdigest()[:12]
+        return hashlib.sha256(repr(settings).encode()).hexdigest()[:12]
 
 
 @dataclass(frozen=True)
 class Judged:
     """
-    What came of a task.
+    The result of a task.
 
     Attributes
     ----------
     row : Row
         Its row.
     page_fault : str
-        Why its page could not be written; '' if it was, or was not asked for.
+        Why its page could not be written; '' for none.
 
     """
 
@@ -191,7 +191,7 @@ def judge_runs(
     Raises
     ------
     EngineError
-        The engine cannot be had.
+        The engine is not available.
 
     """
     waiting: dict[int, Row] = {}
@@ -206,7 +206,7 @@ def judge_runs(
 def judge_unordered(
     tasks: Sequence[Task], **options: Any
 ) -> Generator[tuple[int, Judged], None, None]:
-    """Yield the number of each task and what came of it, as they are done."""
+    """Yield the number and the result of each task, as they finish."""
     for number, answer in parallel_map(judge, tasks, **options):
         if isinstance(answer, TaskError):
             task = tasks[number]
@@ -219,7 +219,7 @@ def judge_unordered(
 
 
 def judge(task: Task) -> Judged:
-    """Return the row of a run, whatever is wrong with it; write its page if that is asked for."""
+    """Return the row of a run, and write its page if it has a path."""
     known = {**written(task.run), 'settings': task.settings}
     if task.run.fault:
         return Judged(unreadable_row(task.run.path, task.run.fault, **known))
@@ -247,7 +247,7 @@ def _page_fault(path: str, review: Review) -> str:
 
 
 def written(run: FoundRun) -> dict[str, int]:
-    """Return size and modified of a run's files, as far as they can be looked at."""
+    """Return size and time of modification of a run's files, if readable."""
     try:
         statuses = [path.stat() for path in run_files(run.path).paths]
     except (LogError, OSError):

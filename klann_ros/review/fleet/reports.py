@@ -17,7 +17,7 @@ from .table import FINDINGS, OK, Row, UNREADABLE
 
 
 def save_junit(rows: Sequence[Row], file: BinaryIO) -> None:
-    """Write rows to an open file: findings are failures, what cannot be read is an error."""
+    """Write rows as JUnit XML: findings are failures, unreadable runs are errors."""
     counts = {
         'tests': str(len(rows)),
         'failures': str(sum(row.verdict == FINDINGS for row in rows)),
@@ -47,7 +47,7 @@ def _lines(row: Row) -> list[str]:
 
 
 def _text(text: str) -> str:
-    """Return a text without what XML 1.0 cannot hold."""
+    """Return a text without characters that XML 1.0 forbids."""
     return printable(text, 20_000)
 
 
@@ -81,7 +81,7 @@ def save_index(rows: Sequence[Row], place: str, pages: Mapping[str, str], file: 
     rows : sequence of Row
         The runs.
     place : str
-        Where the page is going to be: its links start there.
+        Path of the page, which its links start from.
     pages : mapping of str to str
         The path of each run's own page, '' where there is none.
     file : binary file
@@ -134,7 +134,7 @@ def _summary(rows: Sequence[Row]) -> str:
 
 
 def _checks(rows: Sequence[Row]) -> Markup:
-    """Return in how many runs each check found something that counts."""
+    """Return the number of runs with faults, by check."""
     counts = Counter(
         check
         for row in rows

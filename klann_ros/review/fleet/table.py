@@ -23,7 +23,7 @@ EXIT_CODES = {OK: 0, FINDINGS: 1, UNREADABLE: 2}
 @dataclass(frozen=True)
 class Row:
     """
-    A run among many; None for what it does not tell.
+    The row of a run; None for unknown.
 
     Attributes
     ----------
@@ -32,17 +32,17 @@ class Row:
     verdict : str
         'ok', 'findings' or 'unreadable'.
     reason : str
-        The gravest finding, or why it cannot be read; '' where there is nothing to say.
+        The most severe finding, or why it cannot be read; '' for none.
     errors, warnings, notes, allowed : int
         How many findings of each severity; allowed ones are in no other number.
     start_time, duration : float
         When it began [s since the epoch], and how long it is [s].
     size, modified : int
-        Of its files together [bytes], and the latest time of writing [ns since the epoch].
+        Of its files [bytes], and latest modification [ns since the epoch].
     messages, topics, legs, poses : int
-        What is in it.
+        Their numbers in the run.
     lost : int
-        Messages that never reached it, as far as is known.
+        Known number of lost messages.
     longest_gap : float
         On any topic [s].
     turns : float
@@ -56,7 +56,7 @@ class Row:
     findings : str
         All of them as a JSON list.
     settings : str
-        What it was held against, as a fingerprint.
+        Hash of limits, reference and expectations.
 
     """
 
@@ -89,7 +89,7 @@ class Row:
 
     @property
     def exit_code(self) -> int:
-        """Return what `review` would end with for this run alone."""
+        """Return the exit code of `review` for this run."""
         return EXIT_CODES[self.verdict]
 
 
@@ -100,9 +100,9 @@ COUNTS = frozenset(field.name for field in fields(Row) if 'int' in str(field.typ
 
 
 def unreadable_row(path: str, reason: object, **known: Any) -> Row:
-    """Return the row of a run that nothing can be said of."""
+    """Return the row of an unreadable run."""
     shown = printable(path)
-    # The row tells it already.
+    # The row has the path already.
     words = printable_line(reason).removeprefix(f'{shown} ')
     return Row(shown, UNREADABLE, words, **known)
 
@@ -132,14 +132,16 @@ def reviewed_row(
         'lost': sum(topic.lost or 0 for topic in review.topics),
         'longest_gap': _most(topic.longest_gap for topic in review.topics),
         'turns': _of_legs(legs, 'turns', lambda found: max(found, key=abs)),
-        **{name: _of_legs(legs, name, max) for name in _LARGEST},
+        **{name: _of_legs(legs, name, max) for name in _MAXIMA},
         'worst_transmission_angle': _of_legs(legs, 'worst_transmission_angle', min),
-        'findings': json.dumps([_told(each, allowed) for each in findings], ensure_ascii=False),
+        'findings': json.dumps(
+            [_finding_values(each, allowed) for each in findings], ensure_ascii=False
+        ),
     }
     return Row(**values, **known)
 
 
-_LARGEST = ('stride', 'lift', 'worst_residual', 'worst_angle_error', 'worst_foot_error')
+_MAXIMA = ('stride', 'lift', 'worst_residual', 'worst_angle_error', 'worst_foot_error')
 
 
 def _count(findings: Iterable[Finding], severity: Severity) -> int:
@@ -151,10 +153,10 @@ def _line(finding: Finding) -> str:
     return printable_line(f'{finding.check}: {leg}{finding.text}')
 
 
-def _told(finding: Finding, allowed: frozenset[str]) -> dict[str, Any]:
+def _finding_values(finding: Finding, allowed: frozenset[str]) -> dict[str, Any]:
     severity = 'allowed' if finding.check in allowed else finding.severity.name.lower()
-    told = {**asdict(finding), 'severity': severity, 'text': printable_line(finding.text)}
-    return dict(finite(told))
+    values = {**asdict(finding), 'severity': severity, 'text': printable_line(finding.text)}
+    return dict(finite(values))
 
 
 def _of_legs(
@@ -168,7 +170,7 @@ def _most(values: Iterable[float]) -> float | None:
     return max((value for value in values if isfinite(value)), default=None)
 
 
-# A spreadsheet takes what begins so for a formula; what is quoted stays a text everywhere.
+# Spreadsheets compute cells with these first characters; a quote keeps them text.
 _FORMULA = ('=', '+', '-', '@', "'")
 # Of a million runs [bytes].
 _MAX_SIZE = 10**10
@@ -210,7 +212,7 @@ def rows_from_table(path: str) -> list[Row]:
     Raises
     ------
     TableError
-        It is no such table.
+        The table is invalid.
     OSError
         It cannot be read.
 

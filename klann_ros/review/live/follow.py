@@ -19,11 +19,11 @@ from klann_ros.sanitize.text import printable
 
 from .judge import LiveJudge, STEP
 
-# How often it is looked whether there is more [s].
+# Period of reading [s].
 PERIOD = 0.2
-# Behind a file that is finished the next one of a split run is there after so long, or never [s].
+# Time for the next file of a split run to appear [s].
 SPLIT = 2.0
-# A recorder that is still there and writes nothing for so long is told [s].
+# Stall of the recorder that is reported [s].
 QUIET = 5.0
 _SUFFIX = '.mcap'
 # What clocks may say, as a time to people [ns].
@@ -34,16 +34,16 @@ Say = Callable[[str], object]
 
 def follow(path: str, limits: Limits, *, found: Say, said: Say) -> None:
     """
-    Tell what is found in a run while it is recorded, until it is closed or nobody writes it.
+    Print the findings of a run during the recording, until it is closed or abandoned.
 
     Parameters
     ----------
     path : str
         The run, or a file of one; it need not be there yet.
     limits : Limits
-        What is still all right.
+        Limits of the checks.
     found, said : callable
-        Are given a line for each new finding, and for what becomes of the run.
+        Called with a line for each new finding, and for each change of state.
 
     Raises
     ------
@@ -72,7 +72,7 @@ class _FollowJudge:
             name, content = record
             with suppress(ValueError):
                 if name == SOLVER_RECORD:
-                    self._judge.tell(solver_parameters(content))
+                    self._judge.set_solver(solver_parameters(content))
                 elif name == PAUSE_RECORD:
                     self._judge.excuse(pause_of(content))
             return
@@ -120,7 +120,7 @@ class _FileFollower:
 
     def _first(self) -> Path:
         """Return the first file of the run, when it is there."""
-        is_told = False
+        is_reported = False
         while True:
             path = self._path
             if path.is_dir():
@@ -134,16 +134,16 @@ class _FileFollower:
                 if path.suffix != _SUFFIX:
                     raise NotALogError(path, 'only runs of MCAP files can be followed')
                 return path
-            if not is_told:
+            if not is_reported:
                 self._said(f'waiting for {printable(path)}')
-                is_told = True
+                is_reported = True
             sleep(PERIOD)
 
     def _all_of(self, file: GrowingFile) -> Iterator[Message | NamedRecord]:
-        """Yield what is in a file until it is finished, damaged, or nobody writes it any more."""
+        """Yield the records of a file until it is finished, damaged or abandoned."""
         was_written = False
         while True:
-            # Before it is read: what is written then is read yet.
+            # Checked before reading: later records are read once more.
             is_written = _is_written(file.path)
             was_written = was_written or is_written
             for record in file.read():

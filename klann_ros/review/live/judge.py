@@ -25,41 +25,41 @@ from klann_ros.sanitize.text import counted, printable, verb
 
 from .window import Window
 
-# How far back a window reaches, and how often there is to be a new one [s]: a silence too short to
-# be waiting for falls into one, and what is wrong is found within a second.
+# Length of the window, and period of reviews [s]: a short gap falls into one window, and a fault
+# is found within a second.
 LENGTH, STEP = 1.0, 0.7
-# A window of more messages is shorter [messages], and one of larger ones [bytes].
-MOST, MOST_BYTES = 40_000, 64_000_000
-# What a window is too short to tell, or what is told otherwise here.
-_LEFT_OUT = frozenset({'container', 'geometry', 'drift', 'stale', 'frozen'})
+# Largest window [messages], [bytes].
+MAX_MESSAGES, MAX_BYTES = 40_000, 64_000_000
+# Checks that need a whole run, or are replaced here.
+_EXCLUDED_CHECKS = frozenset({'container', 'geometry', 'drift', 'stale', 'frozen'})
 _CHECKS = tuple(check for check in CHECKS if check not in (check_clocks, check_losses))
-# Fewer messages tell no period; a topic whose period is longer is not waited for [s].
-_LEAST, _LONGEST_PERIOD = 10, 0.2
-# Gaps in the numbers count if so many messages before and after are in order.
-_ORDERED = 5
-# A message is on its way so long, at most [s].
-_ON_ITS_WAY = 0.2
+# Messages that a period needs, and longest period of a supervised topic [s].
+_MIN_MESSAGES, _MAX_PERIOD = 10, 0.2
+# Ordered messages before and after missing numbers that make a loss.
+_MIN_ORDERED = 5
+# Longest transport time of a message [s].
+_MAX_TRANSPORT_TIME = 0.2
 
 
 @dataclass(frozen=True)
 class LiveFinding:
     """
-    Something that is wrong with what passes.
+    A finding in the passing messages.
 
     Attributes
     ----------
     check : str
-        Which check found it, as in a review.
+        Name of the check, as in a review.
     severity : Severity
-        How grave it is.
+        Its severity.
     text : str
-        What it is.
+        Description.
     time : int
-        When it was first seen, by the clock of the log [ns since the epoch].
+        First occurrence, log time [ns since the epoch].
     leg : str
-        Of which leg or topic it is; '' for the only one.
+        Its leg or topic; '' for the only one.
     is_new : bool
-        Whether it was not there in the window before.
+        Whether the previous window did not have it.
 
     """
 
@@ -72,7 +72,7 @@ class LiveFinding:
 
 
 class _Topic(NamedTuple):
-    """What is known of a topic that has a period: the last message [ns], and the period [s]."""
+    """A periodic topic: last message [ns], and period [s]."""
 
     last: int
     period: float
@@ -99,27 +99,27 @@ class _SequenceNumbers:
         if number <= before:
             self._reached, self._ordered = before, 0
             self._gaps.clear()
-        elif before and number > before + 1 and self._ordered > _ORDERED:
-            self._gaps.append((self._ordered + _ORDERED, number - before - 1))
+        elif before and number > before + 1 and self._ordered > _MIN_ORDERED:
+            self._gaps.append((self._ordered + _MIN_ORDERED, number - before - 1))
         while self._gaps and self._gaps[0][0] <= self._ordered:
             self.lost += self._gaps.popleft()[1]
 
 
 class LiveJudge:
     """
-    Judges what passes; one thread gives it messages and asks it.
+    Judges passing messages; used by one thread.
 
     Parameters
     ----------
     limits : Limits
-        What is still all right.
+        Limits of the checks.
 
     """
 
     def __init__(self, limits: Limits | None = None) -> None:
-        """Begin with nothing heard."""
+        """Start without messages."""
         self._limits = limits or Limits()
-        self._window = Window(LENGTH, MOST, MOST_BYTES)
+        self._window = Window(LENGTH, MAX_MESSAGES, MAX_BYTES)
         self._topics: dict[str, _Topic] = {}
         # By topic: when it was first heard [ns], and its losses so far.
         self._starts: dict[str, int] = {}
@@ -131,27 +131,27 @@ class LiveJudge:
         self._changes: list[LiveFinding] = []
 
     def add(self, message: Message) -> None:
-        """Take a message; that is all that is done for each."""
+        """Add a message."""
         self._window.add((message,))
 
     def add_all(self, messages: Iterable[Message]) -> None:
-        """Take messages, in the order in which they were received."""
+        """Add messages in the order of reception."""
         self._window.add(messages)
 
-    def tell(self, solver: SolverParameters) -> None:
-        """Take what a solver has from now on; another leg than before is a finding."""
+    def set_solver(self, solver: SolverParameters) -> None:
+        """Set the parameters of a solver; a changed leg is a finding."""
         before = self._window.solver(solver.node)
-        self._window.tell(solver)
+        self._window.set_solver(solver)
         if before is not None:
             self._changes += _changes(before, solver)
 
-    def forget(self) -> None:
-        """Begin anew, as after a pause, with what solvers told."""
+    def reset(self) -> None:
+        """Reset, as after a pause; solver parameters stay."""
         self._window.clear()
         self._topics.clear()
 
     def excuse(self, pause: Pause) -> None:
-        """Take a time in which the recorder paused or stalled: silence is no fault then."""
+        """Excuse gaps while the recorder paused or stalled."""
         self._window.excuse(pause.begin, pause.end + MAX_RESPONSE_TIME)
 
     def findings(
@@ -161,7 +161,7 @@ class LiveJudge:
         lost: Mapping[str, int] | None = None,
     ) -> list[LiveFinding]:
         """
-        Return what is wrong now, the gravest first; to be asked every `STEP` seconds at least.
+        Return the present findings by falling severity; call it every `STEP` seconds at least.
 
         Parameters
         ----------
@@ -181,31 +181,33 @@ class LiveJudge:
             found += self._reviewed()
         found += self._silent(now, published)
         keys = {(each.check, each.leg) for each in found}
-        told = [replace(each, is_new=(each.check, each.leg) not in self._before) for each in found]
+        marked = [
+            replace(each, is_new=(each.check, each.leg) not in self._before) for each in found
+        ]
         self._before = keys
-        return sorted(told, key=lambda each: -each.severity)
+        return sorted(marked, key=lambda each: -each.severity)
 
     def _reviewed(self) -> Iterator[LiveFinding]:
-        """Yield what a review finds in the window."""
+        """Yield the findings of a review of the window."""
         recording = load(self._window)
         topics = tuple(self._whole(topic) for topic in recording.topics)
         recording = replace(recording, topics=topics)
         self._note(recording)
         if not any(len(leg.poses) for leg in recording.legs):
-            # Whoever turns a crank may do so before there is a solver.
+            # A crank may turn before a solver starts.
             return
         for finding in review_recording(recording, self._limits, checks=_CHECKS).findings:
-            if finding.is_fault and finding.check not in _LEFT_OUT:
+            if finding.is_fault and finding.check not in _EXCLUDED_CHECKS:
                 time = recording.start + round((finding.time or 0.0) * 1e9)
                 yield LiveFinding(finding.check, finding.severity, finding.text, time, finding.leg)
 
     def _whole(self, topic: TopicRecording) -> TopicRecording:
-        """Return a topic in the window with what is known of it from before."""
+        """Return a topic of the window with its type and its first message."""
         first = self._starts.setdefault(topic.name, int(topic.times[0]))
         return replace(topic, type=self._window.types[topic.name], first=first)
 
     def _note(self, recording: RunRecording) -> None:
-        """Note who asks whom, and when the topics that have a period were heard last."""
+        """Note the inputs of answers, and the last messages of periodic topics."""
         for leg in recording.legs:
             for name in answer_topics(leg) if leg.crank_topics else ():
                 self._questions[name] = self._questions.get(name, leg.crank_topics)
@@ -213,16 +215,16 @@ class LiveJudge:
         for topic in recording.topics:
             if not topic.is_periodic:
                 continue
-            if len(topic.times) >= _LEAST:
+            if len(topic.times) >= _MIN_MESSAGES:
                 period = median(time_steps(topic.times))
-                if period <= _LONGEST_PERIOD:
+                if period <= _MAX_PERIOD:
                     self._topics[topic.name] = _Topic(int(topic.times[-1]), period)
             elif len(topic.times) and topic.name in self._topics:
                 known = self._topics[topic.name]
                 self._topics[topic.name] = _Topic(int(topic.times[-1]), known.period)
 
     def _silent(self, now: int, published: Collection[str] | None) -> Iterator[LiveFinding]:
-        """Yield the topics on which nothing comes any more."""
+        """Yield the topics with a present gap."""
         for name, topic in list(self._topics.items()):
             if published is not None and name not in published:
                 del self._topics[name]
@@ -233,19 +235,19 @@ class LiveJudge:
             longest = max(self._limits.gap_periods * topic.period, self._limits.gap_time)
             if (topic.last - self._starts.get(name, 0)) / 1e9 < self._limits.start_time:
                 longest = max(longest, LENGTH)
-            if silent > longest + _ON_ITS_WAY and self._is_expected(name, longest):
+            if silent > longest + _MAX_TRANSPORT_TIME and self._is_expected(name, longest):
                 text = f'nothing on {printable(name)} for {silent:.1f} s'
                 yield LiveFinding('gap', Severity.WARNING, text, topic.last, name)
 
     def _is_expected(self, name: str, longest: float) -> bool:
-        """Return whether a topic should go on: answers only if there are questions since."""
+        """Return whether messages are due: answers only after inputs."""
         if name not in self._questions:
             return True
         asked = [self._topics[each].last for each in self._questions[name] if each in self._topics]
         return max(asked, default=0) > self._topics[name].last + longest * 1e9
 
     def _losses(self, now: int, lost: Mapping[str, int] | None) -> Iterator[LiveFinding]:
-        """Yield the topics of which messages were lost since they were last asked for."""
+        """Yield the topics with losses since the last call."""
         if lost is None:
             for message in self._window.new:
                 self._numbers[message.topic.name].add(message.sequence)
@@ -260,9 +262,9 @@ class LiveJudge:
 
 
 def _changes(before: SolverParameters, after: SolverParameters) -> Iterator[LiveFinding]:
-    """Yield what of its legs a solver has changed."""
+    """Yield the changed dimensions of the legs of a solver."""
     space = parent(after.node)
-    old, new = (leg_solvers([told], space) for told in (before, after))
+    old, new = (leg_solvers([parameters], space) for parameters in (before, after))
     for name in old.keys() & new.keys():
         one, other = leg_dimensions(old[name]), leg_dimensions(new[name])
         words = [

@@ -1,4 +1,4 @@
-"""The last seconds of what passes, as a log that a review can load."""
+"""The window of the last messages, which a review loads like a log."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,10 +18,9 @@ _MAX_TOPICS = 2**16
 
 class Window:
     """
-    The last messages, by the times at which they were received.
+    The last messages, by their log times.
 
-    They are brought into a block when they are first looked at, and stay in it: a window has most
-    of them in common with the one before.
+    New messages become a block once, as consecutive windows share most messages.
 
     Parameters
     ----------
@@ -51,7 +50,7 @@ class Window:
         self._channels: dict[int, tuple[int, Topic]] = {}
         self._topics: dict[int, Topic] = {}
         self.types: dict[str, str] = {}
-        # By its name: one that was changed is told with its times.
+        # By node: the last two parameter sets.
         self._solvers: dict[str, list[SolverParameters]] = {}
 
     def add(self, messages: Iterable[Message]) -> None:
@@ -76,35 +75,35 @@ class Window:
         """Return the log time of the latest message [ns]."""
         return max(int(block.heads['log_time'].max()) for block in self._blocks)
 
-    def tell(self, solver: SolverParameters) -> None:
-        """Add what a solver has from now on."""
-        # The one before holds for what is still in the window; those before it for nothing.
+    def set_solver(self, solver: SolverParameters) -> None:
+        """Set the parameters of a solver."""
+        # The previous one holds for older messages in the window.
         known = [*self._solvers.get(solver.node, ())[-1:], solver]
         self._solvers[solver.node] = known
-        records = [each for told in self._solvers.values() for each in told]
+        records = [each for sets in self._solvers.values() for each in sets]
         self.metadata = {SOLVER_RECORD: [solver_record(each) for each in records]}
 
     def excuse(self, begin: int, end: int) -> None:
-        """Add a time in which nothing could be received."""
+        """Add an interval without reception."""
         self.holes = merge_intervals([*self.holes, (begin, end)])
 
     def solver(self, node: str) -> SolverParameters | None:
-        """Return what a solver has, as far as it was told."""
+        """Return the parameters of a solver, if known."""
         return self._solvers[node][-1] if node in self._solvers else None
 
     @property
     def new(self) -> Iterable[Message]:
-        """Return what has been added since the last move."""
+        """Return the messages since the last move."""
         return self._new
 
     def move(self, now: int) -> None:
-        """Take what is new, and forget what is too long ago."""
+        """Move the window to a time: add new messages, drop old ones."""
         if self._new:
             messages = [*self._new]
             self._new.clear()
             self._blocks.append(self._block(messages))
-        kept = (_since(block, now - self._length) for block in self._blocks)
-        self._blocks = deque(block for block in kept if len(block))
+        current = (_since(block, now - self._length) for block in self._blocks)
+        self._blocks = deque(block for block in current if len(block))
         self.holes = tuple(hole for hole in self.holes if hole[1] >= now - self._length)
         while len(self._blocks) > 1 and self._is_too_much():
             self._blocks.popleft()
@@ -136,7 +135,7 @@ class Window:
         return block_of_messages(heads, data, topics)
 
     def _know(self, topic: Topic) -> None:
-        """Give a topic a number; of what tells nothing of a leg only the times are kept."""
+        """Add a topic; only topics of legs keep their data."""
         if id(topic) not in self._channels:
             number = len(self._channels)
             if number >= _MAX_TOPICS:

@@ -63,7 +63,7 @@ def test_a_full_disk_is_told_and_what_else_was_lost(healthy, make_run, capsys) -
     assert 'the recording ended early: the disk is full' in said
     assert said[-1] == (
         'the recorder had received 3 of them, 4 were published and did not reach the run: a '
-        'shallow queue, or an overload. Its reason: the disk is full'
+        'short queue, or an overload. Its reason: the disk is full'
     )
 
 

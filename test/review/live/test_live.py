@@ -35,7 +35,7 @@ def judged(
     found, step = [], round(STEP * 1e9)
     for now in range(START + step, START + until + step, step):
         while later and later[0].time <= now:
-            judge.tell(later.pop(0))
+            judge.set_solver(later.pop(0))
         while left and left[0].log_time <= now:
             judge.add(left.pop(0))
         found += [((now - START) / 1e9, each) for each in judge.findings(now, published)]

@@ -64,7 +64,7 @@ def source(run: Path) -> str:
 def test_a_robot_description_tells_the_geometry(untold, make_run, capsys, tmp_path) -> None:
     run, report = make_run(untold(URDF)), tmp_path / 'report.json'
     assert main([str(run), '--json', str(report)]) == 0
-    recorder_findings = '/robot_description, put together as its poses are'
+    recorder_findings = '/robot_description, assembly mode from its poses'
     output = capsys.readouterr().out
     assert f'the geometry is that of {recorder_findings}\n' in output
     assert 'nothing found: every pose is the right one' in output

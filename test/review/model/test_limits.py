@@ -9,7 +9,7 @@ from klann_ros.review.checks.poses import WrongPoses
 from klann_ros.review.command import main
 from klann_ros.review.model.compare import compare
 from klann_ros.review.model.limits import Limits, limits_from_file, LimitsFileError
-from klann_ros.review.model.pose_errors import PoseErrors
+from klann_ros.review.model.poses import PoseErrors
 from klann_ros.review.reviewing import review_run
 import numpy as np
 import pytest

@@ -166,7 +166,7 @@ def test_the_number_of_unanswered_crank_angles_is_true(runs: Runs, fate: Fates) 
 def test_questions_within_0_2_s_of_a_pause_are_at_holes(runs: Runs) -> None:
     fate = Fates({58, 62, 147, 152}, range(0), set(), range(100, 110), set())
     (leg,) = review_run(runs.write(fate)).legs
-    assert (leg.unanswered.at_holes, leg.unanswered.unexplained) == (2, 2)
+    assert (leg.unanswered.unrecorded, leg.unanswered.unexplained) == (2, 2)
 
 
 @settings(max_examples=25, deadline=None)

@@ -36,7 +36,7 @@ def test_all_that_the_package_names_is_there() -> None:
 
 def test_a_run_of_many_blocks_is_judged_as_one(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (whole,) = review_run(run).legs
-    monkeypatch.setattr('klann_ros.review.model.pose_errors._BLOCK', 7)
+    monkeypatch.setattr('klann_ros.review.model.poses._BLOCK_SIZE', 7)
     (parts,) = review_run(run).legs
     assert whole.errors is not None
     assert parts.errors is not None
