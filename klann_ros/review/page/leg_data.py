@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 Packed = dict[str, Any]
 
 # The greatest of 32 bits, and what stands for a number that there is none of.
-_MOST = 2**31 - 1
-_NONE = -(2**31)
+_MAX_INT32 = 2**31 - 1
+_MISSING = -(2**31)
 _TURN = 2.0 * pi
 
 
 def pack_floats(values: NDArray[Any]) -> Packed:
-    """Return numbers to the seventh digit; NaN stays what it is."""
+    """Pack numbers as float32; NaN stays NaN."""
     with np.errstate(over='ignore'):
         return _packed('f32', values.astype('<f4'))
 
@@ -31,7 +31,7 @@ def pack_floats(values: NDArray[Any]) -> Packed:
 def pack_times(seconds: FloatArray) -> Packed:
     """Return times to the microsecond, or to 2^-31 of the longest."""
     longest = float(seconds.max(initial=0.0))
-    return _scaled(seconds, max(1e-6, longest / _MOST))
+    return _scaled(seconds, max(1e-6, longest / _MAX_INT32))
 
 
 def pack_angles(radians: FloatArray) -> Packed:
@@ -39,7 +39,7 @@ def pack_angles(radians: FloatArray) -> Packed:
     with np.errstate(invalid='ignore', over='ignore'):
         parts = radians / _TURN
         # Of more turns than these no double tells the part.
-        parts = np.where(np.abs(parts) <= _MOST, parts - np.round(parts), np.nan)
+        parts = np.where(np.abs(parts) <= _MAX_INT32, parts - np.round(parts), np.nan)
         return _scaled(parts * _TURN, _TURN / 2.0**32)
 
 
@@ -52,8 +52,8 @@ def pack_turns(radians: FloatArray) -> Packed:
 def _scaled(values: FloatArray, scale: float) -> Packed:
     with np.errstate(invalid='ignore', over='ignore'):
         counts = np.round(values / scale)
-        known = np.abs(counts) <= _MOST + 1.0
-    counts = np.where(known, np.clip(counts, -_MOST, _MOST), _NONE)
+        known = np.abs(counts) <= _MAX_INT32 + 1.0
+    counts = np.where(known, np.clip(counts, -_MAX_INT32, _MAX_INT32), _MISSING)
     packed = _packed('i32', counts.astype('<i4'))
     return {**packed, 'scale': scale}
 
@@ -78,7 +78,7 @@ def thin_rows(
     columns : sequence of numpy.ndarray, shape (count,)
         What shall keep its extremes; NaN is none.
     most : int
-        About so many rows may be kept.
+        Approximate maximum of the rows.
     needed : sequence of int
         RowIndices that are kept in any case.
 
@@ -91,8 +91,8 @@ def thin_rows(
     rows = [even, np.asarray(needed, dtype=np.intp)]
     for column in columns:
         rows += [_greatest(column, stretches), _greatest(-column, stretches)]
-    kept: IndexArray = np.unique(np.concatenate(rows))
-    return kept
+    thinned: IndexArray = np.unique(np.concatenate(rows))
+    return thinned
 
 
 def _greatest(column: FloatArray, stretches: int) -> IndexArray:
@@ -141,14 +141,14 @@ def pose_rows(leg: ReviewedLeg, review: Review, most_bytes: float) -> dict[str, 
     most = int(most_bytes / (_SIZE * (3 + len(columns))))
     gaps = _gaps(poses.times, review.limits)
     rows = thin_rows(count, columns, most, [*gaps, *(gaps + 1), *_found(leg, review)])
-    kept = poses.values[rows]
+    values = poses.values[rows]
     return {
         'of': count,
         'times': pack_times((poses.times[rows] - review.recording.start) / 1e9),
-        'turns': pack_turns(kept[:, 0]),
+        'turns': pack_turns(values[:, 0]),
         'angles': [
             pack_floats(column) if slides else pack_angles(column)
-            for column, slides in zip(kept.T, leg.recording.solver.slides, strict=True)
+            for column, slides in zip(values.T, leg.recording.solver.slides, strict=True)
         ],
         'rates': [pack_floats(column) for column in rates[rows].T] if has_rates else None,
         'foot': [pack_floats(column) for column in feet[rows].T],
@@ -182,7 +182,7 @@ def _gaps(times: IntArray, limits: Limits) -> IndexArray:
 
 
 def _found(leg: ReviewedLeg, review: Review) -> IndexArray:
-    """Return the poses at which something was found: whoever jumps there shall see them."""
+    """Return the poses at the times of findings, which the page links to."""
     seconds = [finding.time for finding in review.findings if finding.time is not None]
     moments = review.recording.start + np.array(seconds) * 1e9
     times = leg.recording.poses.times

@@ -74,7 +74,7 @@ def save(
 def page(
     reviews: Sequence[Review], comparison: Comparison | None = None, most: float = MOST
 ) -> str:
-    """Return the page of one run, or of two; all its numbers take so many bytes at the most."""
+    """Return the page of one run, or of two, with at most `most` bytes of numbers."""
     data = [run_data(review, most / len(reviews)) for review in reviews]
     names = ' and '.join(Path(review.recording.path).name for review in reviews)
     licence = Markup(f'<!-- uPlot\n{text(_UPLOT / "LICENSE")}-->')
@@ -179,7 +179,7 @@ def _run(review: Review, number: int) -> Markup:
 
 
 def _verdict(count: int, what: str, none: str, meaning: str) -> Markup:
-    """Return the verdict: so many of what there should be none of."""
+    """Return the verdict by the number of faults."""
     if not count:
         return element(
             'p', element('strong', f'✓ {none}'), element('span', meaning), class_='verdict good'
@@ -244,7 +244,7 @@ def _of(title: str) -> str:
 
 
 class _Figure(NamedTuple):
-    """A figure: its name, its value, its unit or what it is of."""
+    """A figure: name, value, and unit or reference."""
 
     name: str
     value: str
@@ -268,13 +268,13 @@ def figures(reviews: Sequence[Review]) -> Markup:
     else:
         content = element('dl', *map(_tile, rows[0][1]), class_='tiles')
     sources = {title: leg.recording.solver.source for title, leg in legs}
-    told = {title: source for title, source in sources.items() if source}
-    if len(set(told.values())) == 1:
+    known = {title: source for title, source in sources.items() if source}
+    if len(set(known.values())) == 1:
         # Once where all legs have their geometry from there.
-        told = {'': next(iter(told.values()))}
+        known = {'': next(iter(known.values()))}
     lines = (
         f'{title}{": " * bool(title)}the geometry is that of {source}.'
-        for title, source in told.items()
+        for title, source in known.items()
     )
     return element(
         'section',

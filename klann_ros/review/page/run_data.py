@@ -82,7 +82,7 @@ def _found(names: Iterable[str], rows: Iterable[FloatArray], unit: str) -> Itera
             yield f'{printable(name)} from {known.min():.4g} to {known.max():.4g} {unit}'
 
 
-# Bins from 1 us to 1000 s, so many to a decade.
+# Decades of the bins, 1 us to 1000 s, and bins of a decade.
 FIRST, LAST, A_DECADE = -6, 3, 20
 
 

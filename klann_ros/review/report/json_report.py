@@ -20,7 +20,7 @@ def save(review: Review, comparison: Comparison | None, file: BinaryIO) -> None:
 
 
 def report(review: Review, comparison: Comparison | None = None) -> str:
-    """Return the report: SI units, times in seconds from the start; null for what is unknown."""
+    """Return the report: SI units, times in seconds from the start; null for unknown."""
     recording = review.recording
     content: dict[str, Any] = {
         'version': VERSION,

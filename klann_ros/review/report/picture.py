@@ -84,7 +84,7 @@ def save_picture(review: Review, form: str, file: BinaryIO) -> None:
 
 
 def _last_that_closes(recording: LegRecording, leg: AnyLeg) -> LinkagePose:
-    """Return the last of the poses at which the leg can be drawn."""
+    """Return the last drawable pose."""
     alphas = reversed(recording.poses.values[:, 0].tolist())
     poses = (_pose(leg, alpha) for alpha in alphas)
     pose = next((pose for pose in poses if pose is not None), None)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import pandas as pd
 
-# So many rows are made to text at once.
+# Rows formatted at once.
 _BLOCK = 16384
 _NS = 10**9
 _FORMULA = ('=', '+', '-', '@')

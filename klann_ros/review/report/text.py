@@ -97,11 +97,11 @@ def _walk(walk: WalkFigures, paint: _Paint) -> Iterator[str]:
         ('crank, worst', walk.crank_lag, degrees(1.0), 'deg off its command'),
         ('phases, worst', walk.phase_error, degrees(1.0), 'deg off those commanded'),
     )
-    told = [(what, value * scale, unit) for what, value, scale, unit in rows if not isnan(value)]
-    if told:
+    known = [(what, value * scale, unit) for what, value, scale, unit in rows if not isnan(value)]
+    if known:
         yield ''
         yield paint(f'walk {printable(walk.namespace.lstrip("/"))}'.rstrip(), _HEAD)
-        yield from (f'{what:<28} {value:>8.3f} {unit}' for what, value, unit in told)
+        yield from (f'{what:<28} {value:>8.3f} {unit}' for what, value, unit in known)
 
 
 def _findings(review: Review, paint: _Paint) -> Iterator[str]:
