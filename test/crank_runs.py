@@ -53,7 +53,7 @@ def write_run(
             for message in batch:
                 writer.write(message)
             writer.flush()
-    return writer.file_path
+    return writer.file.path
 
 
 def record_spans(data: bytes) -> list[tuple[int, int, int]]:

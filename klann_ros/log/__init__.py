@@ -49,7 +49,7 @@ if TYPE_CHECKING:
         NotALogError,
         RunClosedError,
         RunExistsError,
-        RunHarmedError,
+        RunIncompleteError,
         UnknownTypeError,
         UnwritableError,
     )
@@ -68,7 +68,7 @@ __all__ = [
     'Recovery',
     'RunClosedError',
     'RunExistsError',
-    'RunHarmedError',
+    'RunIncompleteError',
     'RunWriter',
     'Topic',
     'UnknownTypeError',

@@ -1,4 +1,4 @@
-"""What can go wrong with a log: one base class, one class a cause, one line a message."""
+"""Errors of logs: one base class, one class for each cause, one line each."""
 
 from collections.abc import Sequence
 from os import PathLike
@@ -13,43 +13,43 @@ AnyPath: TypeAlias = str | PathLike[str]
 
 
 class LogError(Exception):
-    """Anything that is wrong with a log, as opposed to the disk it is on (OSError)."""
+    """Error of a log, as opposed to one of the disk (OSError)."""
 
     def __init__(self, text: object) -> None:
-        # What is wrong may be a name in the log, or a path: one line, whatever stands in it.
+        # The text may contain a path or a name of the log: one line, whatever it contains.
         super().__init__(printable_line(text))
 
 
 class NotALogError(LogError):
-    """The path is no log that can be read."""
+    """The path is not a readable log."""
 
     def __init__(self, path: AnyPath, reason: str) -> None:
         super().__init__(f'{printable(path)} is not a readable log: {reason}')
 
 
 class RunExistsError(LogError):
-    """The output is there already; nothing is overwritten."""
+    """The output exists; nothing is overwritten."""
 
     def __init__(self, path: AnyPath) -> None:
         super().__init__(f'{printable(path)} exists already, not overwriting; choose a new name')
 
 
 class RunClosedError(LogError):
-    """Something was to be written to a run that is closed."""
+    """A write to a closed run."""
 
     def __init__(self, path: AnyPath) -> None:
         super().__init__(f'{printable(path)} is closed, nothing more can be written to it')
 
 
-class RunHarmedError(LogError):
-    """Somebody else has taken away what was written; the rest of the run is finished."""
+class RunIncompleteError(LogError):
+    """Files of the run are gone or changed; the rest is finished."""
 
     def __init__(self, path: AnyPath, faults: Sequence[str]) -> None:
-        super().__init__(f'{path} is not whole: {"; ".join(faults)}')
+        super().__init__(f'{path} is incomplete: {"; ".join(faults)}')
 
 
 class RunLostError(LogError):
-    """Somebody else has taken away the file that was written, and no other can be made."""
+    """The file in progress is gone or changed, and no other can be created."""
 
 
 class UnknownTypeError(LogError):
@@ -60,7 +60,7 @@ class UnknownTypeError(LogError):
 
 
 class MalformedQosError(LogError):
-    """A text is no YAML sequence of quality of service profiles with all nine keys."""
+    """A text is not a YAML sequence of quality of service profiles with all nine keys."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(f'malformed quality of service: {reason}')
@@ -71,7 +71,7 @@ class UnwritableError(LogError):
 
 
 class DiskFullError(LogError):
-    """The disk is full; the run could be finished, with what it had kept free for that."""
+    """The disk is full; the run was finished in the reserved space."""
 
     def __init__(self, path: AnyPath, reason: str) -> None:
         super().__init__(f'the disk of {printable(path)} is full: {reason}')
@@ -79,37 +79,37 @@ class DiskFullError(LogError):
 
 class LowSpaceError(LogError):
     """
-    Less space is free than is to be left.
+    Too little space is free on the disk.
 
     Attributes
     ----------
-    free, least
-        How much is free, and how much has to be [bytes].
+    free, min_free
+        Free space, and its minimum [bytes].
 
     """
 
-    def __init__(self, path: AnyPath, free: int, least: int) -> None:
+    def __init__(self, path: AnyPath, free: int, min_free: int) -> None:
         super().__init__(
             f'only {free / 1e6:.1f} MB are free on the disk of {printable(path)}, '
-            f'{least / 1e6:.1f} MB have to stay free; make room, or set a smaller '
+            f'{min_free / 1e6:.1f} MB have to stay free; make room, or set a smaller '
             'min_free_space [bytes]'
         )
         self.free = free
-        self.least = least
+        self.min_free = min_free
 
 
 class DamagedError(LogError):
     """
-    Bytes of a log that do not hold what they should.
+    Damaged bytes of a log.
 
     Attributes
     ----------
     reason
-        What is wrong, without the place.
+        The damage, without its place.
     offset
-        Where the damaged record starts [bytes from the start of its file].
+        Start of the damaged record [bytes from the start of its file].
     opcode
-        Which record it says it is; 0 if that is unknown.
+        Opcode of the damaged record; 0 if unknown.
 
     """
 

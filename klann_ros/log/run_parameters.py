@@ -1,4 +1,4 @@
-"""What a run says about itself in metadata records: solvers, pauses, losses and their causes."""
+"""Metadata records of a run: solver parameters, pauses, losses, faults and findings."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -10,29 +10,29 @@ from klann_ros.sanitize.text import printable
 
 SOLVER_RECORD = 'klann_ros.solver'
 LOSS_RECORD = 'klann_ros.loss'
-HARM_RECORD = 'klann_ros.harm'
+FAULT_RECORD = 'klann_ros.fault'
 PAUSE_RECORD = 'klann_ros.pause'
 RECORDER_RECORD = 'klann_ros.recorder'
 FINDING_RECORD = 'klann_ros.finding'
 EVENT_RECORD = 'klann_ros.event'
-# The solver's parameter that holds the text of its linkage's file; empty for a Klann leg.
+# The solver's parameter with the text of its linkage file; empty for a Klann leg.
 LINKAGE_PARAMETER = 'linkage_description'
-# The player's parameter that holds the records of a run's solvers, and how many of them at most.
+# The player's parameter with the records of a run's solvers, and their maximum number.
 REPLAYED_PARAMETER = 'recorded_solvers'
-MOST_REPLAYED = 64
-# What a garbled record ends in: numbers may be infinite, and lists in lists without end.
-_GARBLED = (AttributeError, KeyError, OverflowError, RecursionError, TypeError, ValueError)
+MAX_REPLAYED_SOLVERS = 64
+# Errors of a malformed record, with infinite numbers or deeply nested lists.
+_RECORD_ERRORS = (AttributeError, KeyError, OverflowError, RecursionError, TypeError, ValueError)
 
 
 @dataclass(frozen=True)
 class SolverParameters:
-    """The parameters of a solver at a time; a run has one for each change that it heard of."""
+    """The parameters of a solver at a time; a run has one record for each known change."""
 
     # The solver's full name.
     node: str
-    # When it had them [ns since the epoch], on the clock of the log times.
+    # Time of the parameters [ns since the epoch], on the log's clock.
     time: int
-    # The parameters by name: numbers, texts, flags, and lists of them.
+    # Numbers, texts, flags and lists of them, by name.
     parameters: dict[str, Any]
 
 
@@ -43,31 +43,31 @@ def solver_record(solver: SolverParameters) -> dict[str, str]:
 
 
 def solver_parameters(record: Mapping[str, str]) -> SolverParameters:
-    """Return a solver's parameters from a metadata record; a ValueError if it is none of them."""
+    """Return the solver's parameters in a metadata record; raise a ValueError if it is none."""
     try:
         parameters = dict(json.loads(record['parameters']))
         return SolverParameters(record['node'], int(record['time']), parameters)
-    except _GARBLED:
+    except _RECORD_ERRORS:
         raise ValueError(f'not a record of a solver: {printable(dict(record))}') from None
 
 
-def replayed_text(records: Sequence[Mapping[str, str]]) -> str:
-    """Return what a player tells of a run's solvers, the last ones, as JSON."""
+def replayed_solvers_json(records: Sequence[Mapping[str, str]]) -> str:
+    """Return the records of a run's last solvers for a player's parameter, as JSON."""
     found = []
-    for record in records[-MOST_REPLAYED:]:
+    for record in records[-MAX_REPLAYED_SOLVERS:]:
         with suppress(ValueError):
             found.append(solver_record(solver_parameters(record)))
     return json.dumps(found)
 
 
 def replayed_solvers(text: str) -> list[SolverParameters]:
-    """Return what a player tells of a run's solvers, in the order of time: anybody's text."""
+    """Return the solvers in a player's parameter, by time; skip malformed ones (untrusted)."""
     try:
         records = json.loads(text)
     except (RecursionError, ValueError):
         return []
     found = []
-    known = records[:MOST_REPLAYED] if isinstance(records, list) else []
+    known = records[:MAX_REPLAYED_SOLVERS] if isinstance(records, list) else []
     for record in (one for one in known if isinstance(one, dict)):
         with suppress(ValueError):
             found.append(solver_parameters(record))
@@ -76,139 +76,128 @@ def replayed_solvers(text: str) -> list[SolverParameters]:
 
 @dataclass(frozen=True)
 class TopicCount:
-    """What became of a topic's messages in a recording."""
+    """Counts of a topic's messages in a recording: received = skipped + dropped + written."""
 
-    # How many the recorder was given.
     received: int
-    # How many of them are in the run.
+    # In the run.
     written: int
-    # How many of them will never be.
+    # Received, but not in the run.
     dropped: int = 0
-    # How many came during a pause; that is no loss.
-    left_out: int = 0
-    # How many were lost before, by the numbers of a single publisher; None where nobody can tell.
-    unheard: int | None = 0
-    # How many publishers that came later had sent before they were heard.
-    early: int = 0
-    # How many publishers have left: of what each sent last nobody knows.
-    left: int = 0
+    # Received during a pause, which is no loss.
+    skipped: int = 0
+    # Lost before reception, by gaps in sequence numbers; None if unknown.
+    missed: int | None = 0
+    # Sent by later publishers before they were discovered.
+    before_discovery: int = 0
+    # Publishers that left: losses at their end cannot be detected.
+    departed: int = 0
 
     @property
     def lost(self) -> int | None:
-        """Return how many were lost, at least; None where nobody can tell."""
-        if self.unheard is None:
+        """Return the lost messages, at least; None if unknown."""
+        if self.missed is None:
             return self.dropped or None
-        return self.unheard + self.dropped
+        return self.missed + self.dropped
 
 
 @dataclass(frozen=True)
 class Pause:
-    """A time in which nothing was recorded: by intention, or as the recorder itself stalled."""
+    """A time without recording: on request, or because the recorder stalled."""
 
-    # From and until when [ns since the epoch], on the clock of the log times.
+    # [ns since the epoch], on the log's clock.
     begin: int
     end: int
-    # How many messages of each topic came meanwhile.
-    left_out: dict[str, int]
-    # Why nothing was recorded; '' for a pause that was requested.
+    # Messages of each topic received meanwhile.
+    skipped: dict[str, int]
+    # '' for a pause on request.
     reason: str = ''
 
 
 def pause_record(pause: Pause) -> dict[str, str]:
     """Return the metadata record of a pause."""
-    left_out = json.dumps(pause.left_out, sort_keys=True)
+    skipped = json.dumps(pause.skipped, sort_keys=True)
     reason = {'reason': pause.reason} if pause.reason else {}
-    return {'from': str(pause.begin), 'to': str(pause.end), 'left_out': left_out, **reason}
+    return {'from': str(pause.begin), 'to': str(pause.end), 'skipped': skipped, **reason}
 
 
-def pause_of(record: Mapping[str, str]) -> Pause:
-    """Return a pause from a metadata record; a ValueError if it is none of a pause."""
+def recorded_pause(record: Mapping[str, str]) -> Pause:
+    """Return the pause in a metadata record; raise a ValueError if it is none."""
     try:
-        left_out = {name: int(n) for name, n in json.loads(record['left_out']).items()}
+        skipped = {name: int(n) for name, n in json.loads(record['skipped']).items()}
         reason = str(record.get('reason', ''))
-        return Pause(int(record['from']), int(record['to']), left_out, reason)
-    except _GARBLED:
+        return Pause(int(record['from']), int(record['to']), skipped, reason)
+    except _RECORD_ERRORS:
         raise ValueError(f'not a record of a pause: {printable(dict(record))}') from None
 
 
 @dataclass(frozen=True)
-class ToldFinding:
-    """What a recorder found, and told, while it recorded."""
+class RecordedFinding:
+    """A finding of the recorder's live review."""
 
-    # Which check found it; `trigger` where somebody asked for the run.
+    # Name of the check; `trigger` for a call of ~/trigger.
     check: str
-    # How grave it is, by the name of the severity in a review.
+    # Name of the severity in a review.
     severity: str
-    # What it is.
     text: str
-    # When it was first seen [ns since the epoch], on the clock of the log times.
+    # First occurrence [ns since the epoch], on the log's clock.
     time: int
-    # Of which leg or topic it is; '' for the only one.
+    # Its leg or topic; '' for the only one.
     leg: str = ''
 
 
-def finding_record(finding: ToldFinding) -> dict[str, str]:
-    """Return the metadata record of what a recorder found."""
+def finding_record(finding: RecordedFinding) -> dict[str, str]:
+    """Return the metadata record of a finding."""
     return {key: str(value) for key, value in asdict(finding).items()}
 
 
-def told_finding(record: Mapping[str, str]) -> ToldFinding:
-    """Return what a recorder found from its metadata record; a ValueError if it is none."""
+def recorded_finding(record: Mapping[str, str]) -> RecordedFinding:
+    """Return the finding in a metadata record; raise a ValueError if it is none."""
     try:
         check, severity, text = (str(record[key]) for key in ('check', 'severity', 'text'))
-        return ToldFinding(check, severity, text, int(record['time']), str(record['leg']))
-    except _GARBLED:
+        return RecordedFinding(check, severity, text, int(record['time']), str(record['leg']))
+    except _RECORD_ERRORS:
         raise ValueError(f'not a record of a finding: {printable(dict(record))}') from None
 
 
 def loss_record(counts: Mapping[str, TopicCount]) -> dict[str, str]:
-    """Return the metadata record of what became of each topic's messages."""
-    told = {name: {**asdict(count), 'lost': count.lost} for name, count in counts.items()}
-    return {name: json.dumps(count) for name, count in told.items()}
+    """Return the metadata record of each topic's counts."""
+    return {
+        name: json.dumps({**asdict(count), 'lost': count.lost}) for name, count in counts.items()
+    }
 
 
-def harm_record(stopped: str, harms: Iterable[str]) -> dict[str, str]:
+def fault_record(stopped: str, faults: Iterable[str]) -> dict[str, str]:
     """
-    Return the metadata record of what was done to a recording; empty where nothing was.
+    Return the metadata record of a recording's faults; empty without any.
 
     Parameters
     ----------
     stopped
-        What ended it before anybody asked for its end; '' if nothing did.
-    harms
-        What somebody took away while it was recorded, a line each.
+        The error that ended it early; '' without one.
+    faults
+        Outside changes of the run, one line each.
 
     """
-    told = {'stopped': stopped, 'harmed': '; '.join(harms)}
-    return {key: text for key, text in told.items() if text}
+    record = {'stopped': stopped, 'faults': '; '.join(faults)}
+    return {key: text for key, text in record.items() if text}
 
 
 def topic_counts(record: Mapping[str, str]) -> dict[str, TopicCount]:
-    """Return what became of topics' messages by their record; a ValueError if it is none such."""
+    """Return each topic's counts in a metadata record; raise a ValueError if it is none."""
     try:
         return {name: _topic_count(json.loads(text)) for name, text in record.items()}
-    except _GARBLED:
+    except _RECORD_ERRORS:
         raise ValueError(f'not a record of losses: {printable(dict(record))}') from None
 
 
-def losses(record: Mapping[str, str]) -> dict[str, int | None]:
-    """
-    Return the lost messages by topic from a metadata record; None where nobody can tell.
-
-    A ValueError says that it is no such record.
-    """
-    return {name: count.lost for name, count in topic_counts(record).items()}
-
-
 def _topic_count(data: Mapping[str, Any]) -> TopicCount:
-    unheard = data['unheard']
+    missed = data['missed']
     return TopicCount(
         int(data['received']),
         int(data['written']),
         int(data['dropped']),
-        int(data['left_out']),
-        None if unheard is None else int(unheard),
-        # Recorders before these were counted did not write them.
-        int(data.get('early', 0)),
-        int(data.get('left', 0)),
+        int(data['skipped']),
+        None if missed is None else int(missed),
+        int(data['before_discovery']),
+        int(data['departed']),
     )

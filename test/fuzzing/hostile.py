@@ -109,7 +109,8 @@ def _records():
     for node in ('/solver_node', f'/{EVIL}/solver_node'):
         told = {'node': node, 'time': '1', 'parameters': json.dumps({**legs, 'l_ab': 0.12})}
         yield SOLVER_RECORD, told
-    count = {'received': 9, 'written': 5, 'dropped': 4, 'left_out': 0, 'unheard': 3, 'lost': 7}
+    count = {'received': 9, 'written': 5, 'dropped': 4, 'skipped': 0, 'missed': 3, 'lost': 7}
+    count |= {'before_discovery': 0, 'departed': 0}
     yield LOSS_RECORD, {f'/lost{EVIL}': json.dumps(count), EVIL: json.dumps(count)}
-    yield PAUSE_RECORD, {'from': EVIL, 'to': '1', 'left_out': '{}'}
+    yield PAUSE_RECORD, {'from': EVIL, 'to': '1', 'skipped': '{}'}
     yield EVIL, {EVIL: EVIL}

@@ -128,7 +128,7 @@ def _write(folder, messages, compression='zstd'):
             if number == 3:
                 writer.attach('note.txt', 'text/plain', b'in the middle', START)
                 writer.add_metadata('note', {'where': 'in the middle'})
-    return writer.file_path
+    return writer.file.path
 
 
 def _extended(place, name, folder):

@@ -15,7 +15,7 @@ from klann_ros.live.rates import TopicRate
 from klann_ros.live.status_text import recorded, status_text
 from klann_ros.log.run_parameters import (
     replayed_solvers,
-    replayed_text,
+    replayed_solvers_json,
     solver_record,
     SolverParameters,
 )
@@ -202,7 +202,8 @@ def test_a_player_tells_the_legs_of_its_run_by_their_namespaces() -> None:
         told('/solver_node', 2, l_gh=0.6),
         told('/solver_node', 3, l_gh=0.7),
     ]
-    text = replayed_text([solver_record(record) for record in records] + [{'no': 'record'}])
+    written = [*map(solver_record, records), {'no': 'record'}]
+    text = replayed_solvers_json(written)
     read = replayed_solvers(text)
     assert read == records
     for topic, length, is_changed in (

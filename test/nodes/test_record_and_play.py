@@ -13,7 +13,7 @@ from domain import own_domain
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import Log, open_log
-from klann_ros.log.run_parameters import losses, solver_parameters, topic_counts
+from klann_ros.log.run_parameters import solver_parameters, topic_counts
 from klann_ros.nodes.solver.node import SolverNode
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
@@ -108,7 +108,8 @@ def test_a_run_explains_itself(run: Path) -> None:
         (record_,) = log.metadata['klann_ros.solver']
         (attachment,) = log.attachments
         assert log.complete
-        assert losses(log.metadata['klann_ros.loss'][0]) == {
+        counts = topic_counts(log.metadata['klann_ros.loss'][0])
+        assert {name: count.lost for name, count in counts.items()} == {
             **dict.fromkeys(TOPICS, 0),
             '/diagnostics': 0,
             '/markers': 0,
@@ -357,7 +358,7 @@ def test_what_a_new_publisher_sent_before_it_was_heard_is_no_loss_and_told(
     ros.probe.until(lambda: len(heard) > 100)
     recorder.popen.send_signal(signal.SIGCONT)
     reports.until_heard({'/crank_angle': 5 + 100})
-    reports.until('/crank_angle sent before heard', 1)
+    reports.until('/crank_angle sent before discovery', 1)
     assert recorder.stop() == 0
     second.stop()
     with open_log(folder) as log:
@@ -365,9 +366,9 @@ def test_what_a_new_publisher_sent_before_it_was_heard_is_no_loss_and_told(
         count = topic_counts(log.metadata['klann_ros.loss'][0])['/crank_angle']
     assert numbers[0] > 1
     lost = numbers[-1] - numbers[0] + 1 - len(numbers)
-    assert (count.lost, count.early, count.left) == (lost, numbers[0] - 1, 1)
-    early = f'{count.early} were sent before the recorder discovered their publishers'
-    assert f'; {early}; 1 publisher left (/crank_angle), and of what' in recorder.errors
+    assert (count.lost, count.before_discovery, count.departed) == (lost, numbers[0] - 1, 1)
+    early = f'{count.before_discovery} were sent before the recorder discovered their publishers'
+    assert f'; {early}; 1 publisher left (/crank_angle): losses at' in recorder.errors
 
 
 def test_a_full_disk_ends_the_recording_with_a_readable_run(ros: World, tmp_path: Path) -> None:

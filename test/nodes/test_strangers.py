@@ -211,7 +211,7 @@ def test_a_recorder_survives_what_a_solver_may_answer(ros: World, tmp_path: Path
         Liar(ros.probe, 'odd', [odd] * (len(GEOMETRY_NAMES) + 1)),
     ]
     ros.probe.until(lambda: all(liar.asked for liar in liars))
-    complained = 'does not answer for its parameters: '
+    complained = 'returned invalid parameters: '
     ros.probe.until(lambda: recorder.errors.count(complained) >= 2)
     ros.probe.until(lambda: solver_records(tmp_path / 'run'))
     assert recorder.stop() == 0

@@ -148,9 +148,9 @@ def restarted(healthy, make_run, lost: int | None) -> list[str]:
     for n in range(100, 340):
         pose = KlannLeg().solve(healthy.answers[n].alpha - first)
         healthy.change(n, sequence=n - 99, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
-    counts = {'/crank_angle': TopicCount(340, 340, unheard=lost, left=1)}
+    counts = {'/crank_angle': TopicCount(340, 340, missed=lost, departed=1)}
     # The solver went on, which no sequence number of these runs says.
-    counts |= dict.fromkeys(('/joint_states', '/point_h'), TopicCount(340, 340, unheard=None))
+    counts |= dict.fromkeys(('/joint_states', '/point_h'), TopicCount(340, 340, missed=None))
     healthy.metadata.append((LOSS_RECORD, loss_record(counts)))
     return checks(review_run(make_run(healthy)))
 

@@ -1,1 +1,1 @@
-"""Writing runs that survive: files, folders, a thread of its own, and what becomes of messages."""
+"""Crash-safe recording of runs: files, writer thread, drop counters, sessions and events."""

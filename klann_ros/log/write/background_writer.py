@@ -1,32 +1,36 @@
-"""A run written by a thread of its own, behind a bounded queue."""
+"""Writer thread of a run behind a bounded queue: back-pressure drops messages and counts them."""
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from threading import Event, Lock, Thread
 from time import monotonic, sleep, time_ns
 
-from klann_ros.log.errors import LogError, MalformedQosError, RunHarmedError, UnwritableError
+from klann_ros.log.errors import LogError, MalformedQosError, RunIncompleteError, UnwritableError
 from klann_ros.log.records import Message
 
-from .ledger import Ledger
+from .drop_counters import DropCounters
 from .writer import RunWriter
 
-# A thread that waits for a slow disk may fall behind by so much [bytes].
-CAPACITY = 128 * 1024 * 1024
-# What a message takes beside its data [bytes], about.
-OVERHEAD = 400
-# Messages are written in batches: to wake the thread for each one costs more than to write it [s].
-GATHER = 0.05
-# What was received before a moment has been put so much later [s].
-SETTLE = 0.1
+QUEUE_CAPACITY = 128 * 1024 * 1024
+"""Data that may wait for a slow disk [bytes]."""
+
+MESSAGE_OVERHEAD = 400
+"""Memory of a message beside its data, roughly [bytes]."""
+
+REORDER_DELAY = 0.1
+"""Maximum delay between reception and enqueueing [s]."""
+
+# Batching delay: waking the thread for each message costs more than writing it [s].
+_BATCH_PERIOD = 0.05
 
 RunEntry = Callable[[RunWriter], None]
 
 
 @dataclass(frozen=True)
 class SplitLimits:
-    """A file is finished as soon as it has reached a limit; 0 is none."""
+    """Limits that finish a file; 0 is no limit."""
 
     # Of the file [bytes].
     size: int = 0
@@ -34,38 +38,38 @@ class SplitLimits:
     duration: float = 0.0
 
     def are_reached(self, size: int, duration: float) -> bool:
-        """Return whether a file is as large [bytes] or as long [s] as it may be."""
+        """Return whether a file has reached the size [bytes] or the duration [s]."""
         return 0 < self.size <= size or 0.0 < self.duration <= duration
 
 
 class BackgroundWriter:
     """
-    Write messages and entries to a run, in the order they are put.
+    Write messages and entries to a run in the order of enqueueing.
 
-    Whoever puts them is never held up by the disk. What does not fit into the queue is dropped
-    and counted.
+    Enqueueing never waits for the disk. A message that does not fit into the queue is dropped and
+    counted.
 
     Parameters
     ----------
     writer : RunWriter
         The run; from now on only this object's thread writes to it.
     flush_period : float
-        What was put is on the disk at most so much later [s].
+        Maximum time until a message is on the disk [s].
     on_failure : callable
-        Is called once, from the thread, when the disk says no.
+        Called once, from the thread, when the disk refuses.
     limits : SplitLimits
-        When a file of the run is finished and the next one begun.
+        When a file is finished and the next one begun.
     min_free_space : int
-        The recording ends when less is free on the disk [bytes].
+        Free space on the disk below which the recording ends [bytes].
     capacity : int
-        What the queue may hold [bytes].
+        Capacity of the queue [bytes].
 
     Attributes
     ----------
     failure : Exception or None
-        What ended the writing.
-    ledger : Ledger
-        What became of what was put.
+        The error that ended writing.
+    counters : DropCounters
+        What became of the messages.
 
     """
 
@@ -77,67 +81,67 @@ class BackgroundWriter:
         on_failure: Callable[[], object],
         limits: SplitLimits = SplitLimits(),
         min_free_space: int = 0,
-        capacity: int = CAPACITY,
+        capacity: int = QUEUE_CAPACITY,
     ) -> None:
         self.failure: Exception | None = None
-        self.ledger = Ledger(writer)
+        self.counters = DropCounters(writer)
         self._writer = writer
         self._flush_period = flush_period
-        self._gather = min(GATHER, flush_period / 2.0)
+        self._batch_period = min(_BATCH_PERIOD, flush_period / 2.0)
         self._on_failure = on_failure
         self._limits = limits
         self._min_free_space = min_free_space
         self._capacity = capacity
-        # Each of these is written by one thread only: what was put, and what was dealt with.
-        self._put_size = self._done_size = 0
+        # Each is written by one thread only.
+        self._enqueued_size = self._dequeued_size = 0
         self._queue: deque[Message | RunEntry] = deque()
         self._filled = Event()
         self._closing = False
         self._split_lock = Lock()
-        self._split_wanted = False
+        self._split_requested = False
         self._thread = Thread(target=self._run, name='writer', daemon=True)
         self._thread.start()
 
     def put(self, message: Message) -> None:
-        """Queue a message."""
-        size = len(message.data) + OVERHEAD
-        waiting = self._put_size - self._done_size
-        # An empty queue takes a message of any size.
-        if self.failure is not None or (waiting and waiting + size > self._capacity):
-            self.ledger[message.topic.name].overrun += 1
+        """Enqueue a message."""
+        size = len(message.data) + MESSAGE_OVERHEAD
+        queued_size = self._enqueued_size - self._dequeued_size
+        # An empty queue accepts a message of any size.
+        if self.failure is not None or (queued_size and queued_size + size > self._capacity):
+            self.counters[message.topic.name].overrun += 1
             return
-        self._put_size += size
+        self._enqueued_size += size
         self._queue.append(message)
         if not self._filled.is_set():
             self._filled.set()
 
     def put_entry(self, entry: RunEntry) -> None:
-        """Queue a call that writes something else than a message: metadata, an attachment."""
+        """Enqueue a call that writes metadata or an attachment."""
         self._queue.append(entry)
         self._filled.set()
 
     def split(self) -> str:
-        """Let a new file begin with what is received from now on; return its name."""
+        """Begin a new file with the messages received from now on; return its name."""
         with self._split_lock:
-            self._split_wanted = True
+            self._split_requested = True
             name = self._writer.next_name
         self._filled.set()
         return name
 
     @property
     def queued(self) -> int:
-        """Return how many messages and entries wait."""
+        """Return the number of messages and entries in the queue."""
         return len(self._queue)
 
     def close(self, last: RunEntry | None = None) -> Exception | None:
         """
-        Write all that is queued and then a last entry, and finish the run.
+        Write the queue and then a last entry, and finish the run.
 
         Returns
         -------
         Exception or None
-            What went wrong, now or before. The run is finished nevertheless where the disk allows
-            it: see `RunWriter.closed`.
+            The first error. The run is finished nevertheless where the disk allows it: see
+            `RunWriter.closed`.
 
         """
         self._closing = True
@@ -150,23 +154,23 @@ class BackgroundWriter:
 
     def _write_last(self, last: RunEntry | None) -> None:
         if self._writer.failure is None and not self._writer.closed:
-            # What it tells of the run is to be true.
-            self._writer.look()
+            # The entry's counts must be true.
+            self._writer.check_files()
             if last is not None:
                 last(self._writer)
 
     def _attempt(self, action: Callable[[], object]) -> None:
         try:
-            action()
-        except RunHarmedError:
-            pass  # that has been told, and what is left is finished
+            # The faults of an incomplete run are reported already.
+            with suppress(RunIncompleteError):
+                action()
         except (OSError, LogError) as error:
             self.failure = self.failure or error
 
     def _run(self) -> None:
         try:
             self._write_all()
-        # Whatever ends this thread ends the recording, and has to be said.
+        # Any error ends the recording, and must be reported.
         except Exception as error:
             self.failure = error
             self._on_failure()
@@ -175,14 +179,14 @@ class BackgroundWriter:
         due = monotonic() + self._flush_period
         while not self._closing:
             if self._filled.wait(max(0.0, due - monotonic())) and not self._closing:
-                sleep(self._gather)
+                sleep(self._batch_period)
             self._write_queued()
             if monotonic() >= due:
                 self._writer.flush()
                 self._check_space()
                 due = monotonic() + self._flush_period
             file = self._writer.file
-            if self._split_wanted or self._limits.are_reached(file.size, file.duration):
+            if self._split_requested or self._limits.are_reached(file.size, file.duration):
                 self._split()
         self._write_queued()
 
@@ -193,36 +197,35 @@ class BackgroundWriter:
 
     def _split(self) -> None:
         """
-        Begin a new file, with what was received later than now.
+        Begin a new file with the messages received after now.
 
-        Topics are taken one after the other, so what is queued is not in the order of its times;
-        the files of a run have to be, or a reader that reads one after the other goes back.
+        Topics are read one after the other, so the queue is not in time order; the files of a run
+        must be, for readers that read them one after the other.
         """
-        cut = time_ns()
-        sleep(SETTLE)
+        split_time = time_ns()
+        sleep(REORDER_DELAY)
         later = []
         try:
             for _ in range(len(self._queue)):
                 item = self._queue.popleft()
-                if isinstance(item, Message) and item.log_time >= cut:
+                if isinstance(item, Message) and item.log_time >= split_time:
                     later.append(item)
                 else:
                     self._write(item)
         finally:
             self._queue.extendleft(reversed(later))
         with self._split_lock:
-            self._split_wanted = False
+            self._split_requested = False
             self._writer.split()
         self._check_space()
         self._filled.set()
 
     def _write_queued(self) -> None:
-        # Before the queue is looked at, so that nothing is overlooked.
+        # Cleared before reading the queue, so that no later message is missed.
         self._filled.clear()
         for number in range(len(self._queue)):
             self._write(self._queue.popleft())
-            # Often, for a writer that was held up has much to write; and when the disk is full,
-            # what is left of the space is for the end of the run.
+            # The queue may be long; on a full disk the remaining space is for the end of the run.
             if number % 256 == 255 or (number % 16 == 0 and self._writer.is_full):
                 self._check_space()
 
@@ -230,15 +233,15 @@ class BackgroundWriter:
         if not isinstance(item, Message):
             item(self._writer)
             return
-        self._done_size += len(item.data) + OVERHEAD
+        self._dequeued_size += len(item.data) + MESSAGE_OVERHEAD
         try:
             self._writer.write(item)
         except (UnwritableError, MalformedQosError):
-            self.ledger[item.topic.name].unwritten += 1
+            self.counters[item.topic.name].unwritten += 1
 
     def _drop_queued(self) -> None:
-        """Count what waits, when nothing is written any more."""
+        """Count the queued messages as dropped."""
         while self._queue:
             item = self._queue.popleft()
             if isinstance(item, Message):
-                self.ledger[item.topic.name].unwritten += 1
+                self.counters[item.topic.name].unwritten += 1

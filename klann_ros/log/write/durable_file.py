@@ -1,150 +1,284 @@
-"""Files that survive: what was synced is on the disk, and a full disk leaves no half record."""
+"""Crash-safe files: fsync, a space reserve for a full disk, and detection of outside changes."""
 
-from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from enum import Enum
+import errno
 import fcntl
 import os
+from pathlib import Path
+import shutil
+import tempfile
 from typing import BinaryIO
 
-from klann_ros.log.bag_metadata import FileSummary
-from mcap.opcode import Opcode
+from klann_ros.log.errors import LowSpaceError
+from klann_ros.sanitize.text import printable
 
-from .disk_space import DiskReserve
-from .file_watch import FileWatch
-from .open_folder import OpenFolder
+RESERVE_SIZE = 512 * 1024
+"""A chunk with its index, the open chunk, the summary and metadata.yaml fit into it [bytes]."""
 
-# Where there is no fdatasync (macOS) its slower brother does the same and more.
+NOT_FOUND = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.ESTALE)
+"""Errors of a path that names nothing, and of a file that another host removed."""
+
+_DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
+# macOS has no fdatasync; fsync does the same and more.
 _sync = getattr(os, 'fdatasync', os.fsync)
+# A full disk must find room for the rest of the buffer in the reserve [bytes].
+_BUFFER_SIZE = 64 * 1024
+# One line with a folder and two files in it [characters].
+_MAX_FAULT_LENGTH = 2000
 
-# What is not handed over yet when the disk is full has to find room in the reserve.
-_BUFFER = 64 * 1024
 
-_CHUNK = bytes([Opcode.CHUNK])
-
-
-class DurableFile:
+class DiskReserve:
     """
-    A new file that collects whole records and hands them to the system in large pieces.
+    Unnamed file that takes up disk space until the end of a run needs it.
 
-    Not Python's buffered writer: that one keeps what it could not write and tries again whenever
-    it is flushed, closed or collected. Here the first error is final; it is kept in ``failure``,
-    raised by whatever is asked of the file afterwards, and what was written of the last piece is
-    cut off on closing, so that the file ends with a whole record. Full is final only where the
-    reserve does not help.
-
-    While it is open the file is locked, so that others can tell it from one that was left behind:
-    see :func:`is_being_written`.
+    Without a name it cannot be removed by accident, and the end of the process, also by kill -9,
+    frees the space. A system that cannot allocate space has no reserve.
 
     Parameters
     ----------
     folder
-        Where it is made.
-    name
-        What it is called, which nothing may be yet.
-    reserve
-        Space on the same disk that can be given up.
+        A folder on the disk.
 
     Attributes
     ----------
-    name : str
-        Its name.
-    watch : FileWatch
-        Looks what others do to it.
-    failure : OSError or None
-        The first error.
-    held, synced : int
-        How much of what was taken is known to be in the file, and to be on the disk [bytes].
+    spent : OSError or None
+        The error of the disk that made the reserve release its space.
 
     Raises
     ------
     OSError
-        By every method but :meth:`tell` and :meth:`close`: the disk said no.
+        The disk has too little space.
 
     """
 
-    def __init__(self, folder: OpenFolder, name: str, reserve: DiskReserve | None = None) -> None:
-        self.name = name
+    def __init__(self, folder: Path) -> None:
+        self.spent: OSError | None = None
+        self._size = 0
+        self._descriptor = -1
+        if hasattr(os, 'posix_fallocate'):
+            with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
+                self._descriptor = os.dup(file.fileno())
+            self.grow(RESERVE_SIZE)
+            if self.spent is not None:
+                raise OSError(self.spent.errno, self.spent.strerror, str(folder))
+
+    def grow(self, size: int) -> None:
+        """Grow to a size [bytes]; release everything where the disk has too little space."""
+        if self._descriptor < 0 or size <= self._size:
+            return
+        try:
+            os.posix_fallocate(self._descriptor, self._size, size - self._size)
+        except OSError as error:
+            self.release_if_full(error)
+        else:
+            self._size = size
+
+    def release_if_full(self, error: OSError) -> bool:
+        """Release the space if the error means a full disk; return whether that was done."""
+        if self._descriptor < 0 or error.errno not in _DISK_FULL:
+            return False
+        self.spent = error
+        self.release()
+        return True
+
+    def release(self) -> None:
+        """Release the space. Never raises."""
+        if self._descriptor < 0:
+            return
+        descriptor, self._descriptor = self._descriptor, -1
+        with suppress(OSError):
+            os.close(descriptor)
+
+    def __del__(self) -> None:
+        self.release()
+
+
+def free_space(folder: Path) -> int:
+    """Return the space free for this user on a folder's disk [bytes]; the folder may not exist."""
+    existing = folder.absolute()
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    return shutil.disk_usage(existing).free
+
+
+def check_free_space(folder: Path, min_free: int) -> None:
+    """Raise a LowSpaceError if a folder's disk has less free space [bytes]; 0 is no limit."""
+    if min_free > 0 and (free := free_space(folder)) < min_free:
+        raise LowSpaceError(folder, free, min_free)
+
+
+class FileFault(Enum):
+    """Outside change of a file that is being written."""
+
+    GONE = 'was removed, moved or replaced'
+    CHANGED = 'was cut off, overwritten or appended to'
+
+
+class RunFaults:
+    """
+    Outside changes of a run that is being written, which the disk does not report as errors.
+
+    The thread that writes the run adds them; any thread may read `active`.
+
+    Parameters
+    ----------
+    on_fault : callable
+        Receives one line for each new fault.
+
+    """
+
+    def __init__(self, on_fault: Callable[[str], object] = lambda _: None) -> None:
+        self._on_fault = on_fault
+        self._active: dict[str, str] = {}
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """Return the present faults, one line each: the last one of each subject."""
+        return tuple(self._active.values())
+
+    def add(self, subject: str, text: str, reaction: str = '') -> None:
+        """Add a fault of a subject; report it, with the reaction, unless it is active already."""
+        line = printable(text, _MAX_FAULT_LENGTH)
+        if self._active.get(subject) != line:
+            self._active[subject] = line
+            self._on_fault(f'{line}; {reaction}' if reaction else line)
+
+    def clear(self, subject: str) -> None:
+        """Remove the fault of a subject."""
+        self._active.pop(subject, None)
+
+    def __contains__(self, subject: str) -> bool:
+        return subject in self._active
+
+
+class DurableFile:
+    """
+    New file that buffers whole records and writes them in large blocks.
+
+    Python's buffered writer retries data that could not be written at each flush and close. Here
+    the first error is final: it is stored in ``failure``, every later call raises it, and closing
+    truncates a partial block, so that the file ends with a whole record. A full disk is final
+    only if the reserve cannot help.
+
+    The open file is locked: see :func:`is_being_written`.
+
+    Parameters
+    ----------
+    path
+        Must not exist.
+    reserve
+        Space on the same disk that can be released.
+
+    Attributes
+    ----------
+    failure : OSError or None
+        The first error.
+    written_size, synced_size : int
+        How much of the data is known to be in the file, and to be on the disk [bytes].
+
+    Raises
+    ------
+    OSError
+        By every method but :meth:`tell` and :meth:`close`: the disk refused.
+
+    """
+
+    def __init__(self, path: Path, reserve: DiskReserve | None = None) -> None:
+        self.path = path
         self.failure: OSError | None = None
-        self.held = self.synced = self._written = 0
+        self.written_size = self.synced_size = self._flushed = 0
         self._reserve = reserve
         self._buffer = bytearray()
         self._descriptor = -1
-        descriptor = folder.create_file(name, os.O_WRONLY)
-        self.watch = FileWatch(folder, name, descriptor)
-        self._descriptor = descriptor
+        # Appending: a file that another process truncates stays shorter than what was written.
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+        self._descriptor = os.open(path, flags, 0o666)
         with suppress(OSError):  # some network disks have no locks
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
     def write(self, data: bytes) -> int:
-        """Take one or more whole records; return their size [bytes]."""
-        self.check()
+        """Buffer one or more whole records; return their size [bytes]."""
+        self.raise_failure()
         self._buffer += data
-        if len(self._buffer) > _BUFFER:
+        if len(self._buffer) > _BUFFER_SIZE:
             self.flush()
         return len(data)
 
     def tell(self) -> int:
-        """Return the size of all that was taken so far [bytes]."""
-        return self._written + len(self._buffer)
+        """Return the size of all data so far, the buffer included [bytes]."""
+        return self._flushed + len(self._buffer)
 
-    def check(self) -> None:
-        """Raise the error that an earlier call met, if any."""
+    def raise_failure(self) -> None:
+        """Raise the error of an earlier call, if any."""
         if self.failure is not None:
             raise self.failure
 
     def flush(self) -> None:
-        """Hand everything to the system: it survives the end of this process."""
-        self.check()
+        """Pass the buffer to the system: the data survives the end of this process."""
+        self.raise_failure()
         pending = memoryview(self._buffer)
         done = 0
         while done < len(pending):
-            done += self._write(pending[done:], self._written + done)
-        self._written += len(self._buffer)
-        self.watch.wrote(self._buffer)
+            done += self._write_block(pending[done:])
+        self._flushed += len(self._buffer)
         self._buffer = bytearray()
-        self.held = self._written
+        self.written_size = self._flushed
 
-    def _write(self, piece: memoryview, offset: int) -> int:
+    def _write_block(self, block: memoryview) -> int:
         try:
-            self.watch.before_write(offset)
-            return os.write(self._descriptor, piece)
+            return os.write(self._descriptor, block)
         except OSError as error:
-            if self._reserve is not None and self._reserve.helps(error):
+            if self._reserve is not None and self._reserve.release_if_full(error):
                 return 0
             self.failure = error
             raise
 
     def sync(self) -> None:
-        """Hand everything to the disk: it survives a power failure."""
+        """Flush and fsync: the data survives a power failure."""
         self.flush()
         try:
             _sync(self._descriptor)
         except OSError as error:
-            # What became of the rest nobody can tell.
-            self.held, self.failure = self.synced, error
+            # The state of everything after the last fsync is unknown.
+            self.written_size, self.failure = self.synced_size, error
             raise
-        self.synced = self._written
+        self.synced_size = self._flushed
+
+    def find_fault(self) -> FileFault | None:
+        """Compare the path and the size with what was written; None if both match."""
+        try:
+            status = os.fstat(self._descriptor)
+            if not os.path.samestat(self.path.stat(), status):
+                return FileFault.GONE
+        except PermissionError:
+            return None  # without access no change is visible
+        except OSError as error:
+            if error.errno in NOT_FOUND:
+                return FileFault.GONE
+            raise
+        is_longer = status.st_size > self._flushed and self.failure is None
+        return FileFault.CHANGED if is_longer or status.st_size < self._flushed else None
 
     def __del__(self) -> None:
         self.close()
 
     def close(self) -> None:
-        """Close the file; after an error cut it back to its last whole record. Never raises."""
+        """Close the file; after an error truncate it to its last whole record. Never raises."""
         if self._descriptor < 0:
             return
         descriptor, self._descriptor = self._descriptor, -1
-        self.watch.end()
-        # A disk that fails here has either failed before, which was said, or has synced all.
+        # An error here follows one that was reported, or all data is synced.
         with suppress(OSError):
-            if self.failure is not None and os.fstat(descriptor).st_size > self._written:
-                os.ftruncate(descriptor, self._written)
+            if self.failure is not None and os.fstat(descriptor).st_size > self._flushed:
+                os.ftruncate(descriptor, self._flushed)
         with suppress(OSError):
             os.close(descriptor)
 
 
 def is_being_written(file: BinaryIO) -> bool:
-    """Return whether a DurableFile has this open file in its hands, in whatever process."""
+    """Return whether a DurableFile of any process holds the lock of this open file."""
     try:
         fcntl.flock(file.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -153,40 +287,3 @@ def is_being_written(file: BinaryIO) -> bool:
         return False
     fcntl.flock(file.fileno(), fcntl.LOCK_UN)
     return False
-
-
-class NotedFile:
-    """
-    What the MCAP library writes to: a file that notes what is in it whenever a chunk is written.
-
-    Parameters
-    ----------
-    file
-        The file.
-    taken
-        Returns which messages were given to the library so far. All of them are in chunks when a
-        chunk is written.
-
-    """
-
-    def __init__(self, file: DurableFile, taken: Callable[[], FileSummary]) -> None:
-        self.tell, self.flush = file.tell, file.flush
-        self._file, self._taken = file, taken
-        # Where each chunk ends [bytes], and what the file holds up to there.
-        self._chunks = deque([(0, taken())])
-
-    def write(self, data: bytes) -> int:
-        """Take what the library writes: a chunk's record always comes by itself."""
-        if data[:1] == _CHUNK:
-            # Noted before, for to write it may hand it over.
-            self._forget()
-            self._chunks.append((self.tell() + len(data), self._taken()))
-        return self._file.write(data)
-
-    def kept(self) -> FileSummary:
-        """Return what is known to be in the file, after a failure."""
-        return [summary for end, summary in self._chunks if end <= self._file.held][-1]
-
-    def _forget(self) -> None:
-        while len(self._chunks) > 1 and self._chunks[1][0] <= self._file.synced:
-            self._chunks.popleft()

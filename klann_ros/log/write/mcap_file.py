@@ -1,9 +1,10 @@
-"""One MCAP file being written: topics become schemas and channels, errors become final."""
+"""One MCAP file being written: schemas, channels, chunks with checksums (CRC), and its index."""
 
-from collections import Counter
-from collections.abc import Mapping
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, cast
 
 from klann_ros.log.bag_metadata import FileSummary, HASH_KEY, QOS_KEY
@@ -12,13 +13,11 @@ from klann_ros.log.qos import qos_for_writing
 from klann_ros.log.records import Attachment, Message, Topic
 from klann_ros.sanitize.text import printable
 from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, IndexType, Writer
 
-from .disk_space import DiskReserve
-from .durable_file import DurableFile, NotedFile
-from .file_watch import FileWatch
-from .open_folder import OpenFolder
+from .durable_file import DiskReserve, DurableFile, FileFault
 
 COMPRESSIONS = {
     'zstd': CompressionType.ZSTD,
@@ -28,13 +27,48 @@ COMPRESSIONS = {
 
 _TIME_END = 2**64
 _SEQUENCE_MASK = 2**32 - 1
+_CHUNK = bytes([Opcode.CHUNK])
 
 
 @dataclass(slots=True)
 class _Channel:
     metadata: dict[str, str]
-    number: int = 0  # none yet
+    number: int = 0  # not registered yet
     count: int = 0
+
+
+class ChunkTrackingFile:
+    """
+    Output of the MCAP library that stores the file's content at the end of each chunk.
+
+    Parameters
+    ----------
+    file
+        The file.
+    summary
+        Returns the messages passed to the library so far; all of them are in chunks when a chunk
+        is written.
+
+    """
+
+    def __init__(self, file: DurableFile, summary: Callable[[], FileSummary]) -> None:
+        self.tell, self.flush = file.tell, file.flush
+        self._file, self._summary = file, summary
+        # End of each chunk [bytes], and the content of the file up to there.
+        self._chunks = deque([(0, summary())])
+
+    def write(self, data: bytes) -> int:
+        """Write data of the library, which writes each chunk's record by itself."""
+        if data[:1] == _CHUNK:
+            # Before writing, which may flush.
+            while len(self._chunks) > 1 and self._chunks[1][0] <= self._file.synced_size:
+                self._chunks.popleft()
+            self._chunks.append((self.tell() + len(data), self._summary()))
+        return self._file.write(data)
+
+    def last_durable_summary(self) -> FileSummary:
+        """Return the content that is known to be in the file after a failure."""
+        return [summary for end, summary in self._chunks if end <= self._file.written_size][-1]
 
 
 class McapFile:
@@ -43,28 +77,32 @@ class McapFile:
 
     Parameters
     ----------
-    folder, name
-        Where it is, and how it is called, which nothing may be yet.
+    path
+        Must not exist.
     compression
         A key of COMPRESSIONS.
     chunk_size
-        A chunk is finished when its messages are larger [bytes].
+        Size of messages that finishes a chunk [bytes].
     profile, library
-        What the header says.
+        Fields of the header.
     reserve
-        Space that the end of the file may take.
+        Space for the end of the file on a full disk.
+
+    Attributes
+    ----------
+    find_fault : callable
+        Returns an outside change of the file; see DurableFile.
 
     Raises
     ------
     OSError
-        The disk said no.
+        The disk refused.
 
     """
 
     def __init__(
         self,
-        folder: OpenFolder,
-        name: str,
+        path: Path,
         *,
         compression: str,
         chunk_size: int,
@@ -72,17 +110,18 @@ class McapFile:
         library: str,
         reserve: DiskReserve | None = None,
     ) -> None:
-        self.name = name
+        self.path = path
         self._start_time = self._end_time = 0
         self._schemas: dict[tuple[str, str, str], int] = {}
         self._channels: dict[Topic, _Channel] = {}
         self._last_topic: Topic | None = None
         self._last_channel = _Channel({})
-        self._file = DurableFile(folder, name, reserve)
-        self._noted = NotedFile(self._file, self._taken)
+        self._file = DurableFile(path, reserve)
+        self.find_fault: Callable[[], FileFault | None] = self._file.find_fault
+        self._chunks = ChunkTrackingFile(self._file, self._received)
         self._writer = Writer(
-            # A file by what it can do; the library asks for write, tell and flush only.
-            cast('Any', self._noted),
+            # The library calls write, tell and flush only.
+            cast('Any', self._chunks),
             chunk_size=chunk_size,
             compression=COMPRESSIONS[compression],
             index_types=IndexType.ALL,
@@ -93,31 +132,24 @@ class McapFile:
         )
         try:
             self._writer.start(profile, library)
-            self._file.flush()
-            self.watch.begin()
             self._file.sync()
         except BaseException:
             self._file.close()
             # Half a header is no file.
             with suppress(OSError):
-                folder.remove(name)
+                path.unlink()
             raise
 
     @property
-    def watch(self) -> FileWatch:
-        """Return what looks at the file."""
-        return self._file.watch
-
-    @property
     def failure(self) -> OSError | None:
-        """Return the disk's first error, after which nothing can be written."""
+        """Return the disk's first error; nothing can be written after it."""
         return self._file.failure
 
     def write(self, message: Message) -> None:
         """Add a message; see :meth:`klann_ros.log.write.writer.RunWriter.write`."""
-        self._file.check()
+        self._file.raise_failure()
         log_time = message.log_time
-        # The library would notice only after it had put half of the record into the chunk.
+        # The library would fail with half of the record in the chunk.
         if not (0 <= log_time < _TIME_END and 0 <= message.publish_time < _TIME_END):
             raise UnwritableError(
                 f'{printable(message.topic.name)}: the times {log_time} ns and '
@@ -125,11 +157,11 @@ class McapFile:
             )
         topic = message.topic
         if topic is not self._last_topic:
-            # To find a topic costs as much as to write it; mostly it is the one before.
+            # Cache: the lookup costs as much as writing, and the topic rarely changes.
             self._last_channel = self._channels.get(topic) or self._add_channel(message)
             self._last_topic = topic
         channel = self._last_channel
-        # From here on it is this file's, whatever the disk says.
+        # From here on the message counts as one of this file, also if the disk fails.
         channel.count += 1
         self._start_time = min(self._start_time, log_time)
         self._end_time = max(self._end_time, log_time)
@@ -142,7 +174,7 @@ class McapFile:
 
     def attach(self, attachment: Attachment) -> None:
         """Add an attachment."""
-        self._file.check()
+        self._file.raise_failure()
         if not (0 <= attachment.log_time < _TIME_END and 0 <= attachment.create_time < _TIME_END):
             raise UnwritableError(
                 f'{printable(attachment.name)}: the times {attachment.log_time} ns and '
@@ -158,18 +190,18 @@ class McapFile:
 
     def add_metadata(self, name: str, mapping: Mapping[str, str]) -> None:
         """Add a metadata record."""
-        self._file.check()
+        self._file.raise_failure()
         self._writer.add_metadata(name, dict(mapping))
 
     def flush(self) -> None:
-        """Finish the chunk and bring everything to the disk."""
-        self._file.check()
+        """Finish the chunk and fsync."""
+        self._file.raise_failure()
         self._writer.flush()  # type: ignore[no-untyped-call] # theirs
         self._file.sync()
 
     def finish(self) -> None:
-        """Write index, summary and footer, and bring everything to the disk."""
-        self._file.check()
+        """Write index, summary and footer, and fsync."""
+        self._file.raise_failure()
         self._writer.finish()  # type: ignore[no-untyped-call] # theirs
         self._file.sync()
 
@@ -179,13 +211,13 @@ class McapFile:
 
     @property
     def size(self) -> int:
-        """Return its size, without what is in the chunk in progress [bytes]."""
+        """Return its size without the open chunk [bytes]."""
         return self._file.tell()
 
     @property
     def message_count(self) -> int:
-        """Return how many messages it was given."""
-        return self._taken().message_count
+        """Return the number of messages passed to it."""
+        return self._received().message_count
 
     @property
     def duration(self) -> float:
@@ -193,25 +225,25 @@ class McapFile:
         return (self._end_time - self._start_time) / 1e9
 
     def summary(self) -> FileSummary:
-        """Return what the file holds so far; after a failure, what it is known to hold."""
-        return self.fate()[0]
+        """Return the file's content; after a failure, the part that is known to be in it."""
+        return self.durable_summary()[0]
 
-    def fate(self) -> tuple[FileSummary, Counter[Topic]]:
-        """Return what the file holds so far, and which messages it was given beside that."""
-        taken = self._taken()
+    def durable_summary(self) -> tuple[FileSummary, Counter[Topic]]:
+        """Return the file's content, and the messages passed to it that are not in it."""
+        received = self._received()
         if self._file.failure is None:
-            return taken, Counter()
-        kept = self._noted.kept()
-        return kept, Counter(taken.counts) - Counter(kept.counts)
+            return received, Counter()
+        durable = self._chunks.last_durable_summary()
+        return durable, Counter(received.counts) - Counter(durable.counts)
 
-    def _taken(self) -> FileSummary:
-        # Another thread may ask, so in one go.
+    def _received(self) -> FileSummary:
+        # One copy: other threads call this.
         channels = list(self._channels.items())
         counts = {topic: channel.count for topic, channel in channels}
-        return FileSummary(self.name, counts, self._start_time, self._end_time)
+        return FileSummary(self.path.name, counts, self._start_time, self._end_time)
 
     def _add_channel(self, message: Message) -> _Channel:
-        """Return an unwritten channel for a new topic; a MalformedQosError if its QoS is one."""
+        """Return an unregistered channel for a topic; raise a MalformedQosError for its QoS."""
         topic = message.topic
         metadata = dict(topic.extra)
         if topic.qos:
@@ -226,8 +258,8 @@ class McapFile:
         """
         Register a topic with its first message, and repeat its schema and channel outside chunks.
 
-        The library puts them into the chunk in progress only. Should that one rot in a file that
-        was never closed, and thus has no summary, all later chunks would lose their meaning.
+        The library writes them into the open chunk only. If that chunk is damaged in a file
+        without a summary, all later chunks would be undecodable.
         """
         schema, encoding = self._add_schema(topic), topic.message_encoding
         channel.number = self._writer.register_channel(
@@ -236,7 +268,7 @@ class McapFile:
         self._repeat(Channel(channel.number, topic.name, encoding, channel.metadata, schema))
 
     def _add_schema(self, topic: Topic) -> int:
-        """Return the id of the topic's schema, which topics of one type share; 0 for no type."""
+        """Return the id of the schema, shared by the topics of a type; 0 without a type."""
         key = (topic.type, topic.schema_encoding, topic.definition)
         if not any((topic.type, topic.definition)):
             return 0

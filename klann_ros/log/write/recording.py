@@ -1,4 +1,4 @@
-"""A recording as a whole: its run, its pauses, and what became of every message."""
+"""A recording session: a run, its pauses, and the loss report of every topic."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -8,170 +8,166 @@ from typing import Protocol
 
 from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import (
+    FAULT_RECORD,
+    fault_record,
     FINDING_RECORD,
     finding_record,
-    HARM_RECORD,
-    harm_record,
     LOSS_RECORD,
     loss_record,
     Pause,
     PAUSE_RECORD,
     pause_record,
+    RecordedFinding,
     SOLVER_RECORD,
     solver_record,
     SolverParameters,
-    ToldFinding,
     TopicCount,
 )
 from klann_ros.sanitize.text import counted, listed, printable, verb
 import yaml
 
 from .background_writer import BackgroundWriter
-from .ledger import Account, Ledger
+from .drop_counters import DropCounters, TopicCounters
 from .writer import RunWriter
 
-_WHY = 'several published there at once, or their messages have no numbers'
-# So many topics are named.
-_MOST = 3
-# So many findings are in a run.
-MOST_FINDINGS = 1000
+MAX_FINDINGS = 1000
+"""Findings written to a run."""
+
+_UNKNOWN_LOSS = 'several publishers at once, or messages without sequence numbers'
+_MAX_NAMED_TOPICS = 3
 
 
 @dataclass(frozen=True)
 class RecordingState:
-    """A recording at a moment."""
+    """State of a recording at a moment."""
 
-    # What became of the messages of each topic so far.
     counts: Mapping[str, TopicCount]
     # Messages that wait for the disk.
     queued: int
-    # The file that is being written.
+    # The file in progress and its size [bytes].
     file: str
-    # Its size [bytes].
     size: int
-    # The free space on its disk [bytes]; None where the disk does not tell.
+    # Free space on the disk [bytes]; None if unknown.
     free: int | None
-    # Whether messages are left out now.
     paused: bool
-    # What ended the writing; empty while there is nothing.
+    # The error that ended writing; '' without one.
     failure: str = ''
-    # What others have done to the run, a line each.
+    # Outside changes of the run, one line each.
     faults: tuple[str, ...] = ()
-    # What else there is to say, where only events are written; '' and nothing otherwise.
+    # Stage and buffer of an event recording.
     stage: str = ''
-    held: Mapping[str, object] = field(default_factory=dict)
+    buffer: Mapping[str, object] = field(default_factory=dict)
 
     @property
     def lost(self) -> int:
-        """Return how many messages were lost, of those topics where that can be told."""
+        """Return the lost messages of all topics with a known loss."""
         return sum(count.lost or 0 for count in self.counts.values())
 
 
 class Pauses:
     """
-    Tells the messages that a pause leaves out, by when they were received.
+    Skips messages received during a pause, with times in [ns since the epoch].
 
-    They are taken later than they were received, so a pause that is over still counts. Times are
-    in [ns since the epoch].
+    Messages are read later than received, so a pause that has ended still applies.
 
     Parameters
     ----------
-    ledger : Ledger
-        Where what is left out is counted.
+    counters : DropCounters
+        Counts skipped messages.
 
     Attributes
     ----------
     paused : bool
-        Whether nothing is recorded now.
+        Whether a pause is in progress.
 
     """
 
-    def __init__(self, ledger: Ledger) -> None:
+    def __init__(self, counters: DropCounters) -> None:
         self.paused = False
-        self._ledger = ledger
+        self._counters = counters
         self._begin = self._end = 0
-        self._before: Counter[str] = Counter()
+        self._skipped_before: Counter[str] = Counter()
 
     def begin(self, now: int) -> None:
         """Begin a pause."""
         self.paused = True
         self._begin = now
-        self._before = self._ledger.left_out()
+        self._skipped_before = self._counters.skipped()
 
     def end(self, now: int) -> None:
-        """End it."""
+        """End the pause."""
         self.paused = False
         self._end = now
 
-    def leaves_out(self, account: Account, received: int) -> bool:
-        """Return whether a message belongs to the last pause, and count it if so."""
+    def skips(self, counters: TopicCounters, received: int) -> bool:
+        """Return whether a message belongs to the last pause; count it if so."""
         if received < self._begin or not (self.paused or received < self._end):
             return False
-        account.left_out += 1
+        counters.skipped += 1
         return True
 
-    def last(self) -> Pause:
+    def take_last(self) -> Pause:
         """
-        Return the last pause, when all that was received in it was taken.
+        Return the last pause, after all messages received in it were read.
 
-        Nothing more belongs to it then, not even when the clock is set back into it.
+        Later messages do not belong to it, even if the clock is set back into it.
         """
-        left_out = self._ledger.left_out() - self._before
-        pause = Pause(self._begin, self._end, dict(left_out))
+        skipped = self._counters.skipped() - self._skipped_before
+        pause = Pause(self._begin, self._end, dict(skipped))
         self._begin = self._end = 0
         return pause
 
 
 class Recording(Protocol):
-    """What a recorder does with what it hears; see RecordingSession and EventSession."""
+    """Sink of a recorder; see RecordingSession and EventSession."""
 
-    ledger: Ledger
+    counters: DropCounters
     pauses: Pauses
 
     @property
     def put(self) -> Callable[[Message], None]:
-        """Return what takes every message that is not left out."""
+        """Return the function that takes every message that no pause skips."""
 
-    def tell(self, solver: SolverParameters) -> None:
-        """Take what a solver has from now on."""
+    def add_solver(self, solver: SolverParameters) -> None:
+        """Add the new parameters of a solver."""
 
-    def describe_pause(self, pause: Pause) -> None:
-        """Take a pause that is over, when all that was received in it was taken."""
+    def add_pause(self, pause: Pause) -> None:
+        """Add a pause that has ended, after all messages received in it were read."""
 
-    def describe_finding(self, finding: ToldFinding) -> None:
-        """Take what was found."""
+    def add_finding(self, finding: RecordedFinding) -> None:
+        """Add a finding."""
 
     def split(self) -> tuple[bool, str]:
-        """Go on in a new file; return whether that was done, and its name or why not."""
+        """Begin a new file; return whether that was done, and its name or the reason."""
 
     def state(self) -> RecordingState:
-        """Return how it stands."""
+        """Return the present state."""
 
     def finish(self) -> tuple[bool, str]:
-        """Finish, when all was put; return whether all went well, and what to say."""
+        """Finish after the last message; return success and a message for the user."""
 
 
 class RecordingSession:
     """
-    What a recorder does with what it hears.
+    Sink of a recorder that writes one run.
 
     Parameters
     ----------
     writer
         The run.
     background
-        Writes to it, and keeps the ledger.
+        Its writer thread with the drop counters.
     counts
-        Returns what became of the messages of each topic; the ledger's otherwise.
+        Returns what became of each topic's messages; by default the drop counters' counts.
 
     Attributes
     ----------
     put : callable
-        Takes every message that is not left out.
-    ledger : Ledger
-        Where every message is counted.
+        Takes every message that no pause skips.
+    counters : DropCounters
+        Counts every message.
     pauses : Pauses
-        What is left out.
+        Skips messages.
 
     """
 
@@ -182,53 +178,53 @@ class RecordingSession:
         counts: Callable[[], Mapping[str, TopicCount]] | None = None,
     ) -> None:
         self._writer, self._background = writer, background
-        self.put, self.ledger = background.put, background.ledger
-        self.pauses = Pauses(self.ledger)
-        self._counts = counts or self.ledger.counts
+        self.put, self.counters = background.put, background.counters
+        self.pauses = Pauses(self.counters)
+        self._counts = counts or self.counters.counts
         self._findings = 0
 
-    def tell(self, solver: SolverParameters) -> None:
-        """Write what a solver has from now on."""
-        self._background.put_entry(partial(describe_solver, solver))
+    def add_solver(self, solver: SolverParameters) -> None:
+        """Write the new parameters of a solver."""
+        self._background.put_entry(partial(_write_solver, solver))
 
     def split(self) -> tuple[bool, str]:
-        """Go on in a new file; return whether that was done, and its name or why not."""
+        """Begin a new file; return whether that was done, and its name or the reason."""
         if self._writer.file_is_empty:
-            return False, f'there is no message in {self._writer.file_path.name} yet'
+            return False, f'there is no message in {self._writer.file.path.name} yet'
         return True, self._background.split()
 
-    def describe_pause(self, pause: Pause) -> None:
-        """Write a pause to the run, when all that was received in it was taken."""
+    def add_pause(self, pause: Pause) -> None:
+        """Write a pause to the run, after all messages received in it were read."""
         record = pause_record(pause)
         self._background.put_entry(lambda run: run.add_metadata(PAUSE_RECORD, record))
 
-    def describe_finding(self, finding: ToldFinding) -> None:
-        """Write to the run what was found; what comes again and again is not written for ever."""
-        if self._findings < MOST_FINDINGS:
+    def add_finding(self, finding: RecordedFinding) -> None:
+        """Write a finding to the run, up to MAX_FINDINGS."""
+        if self._findings < MAX_FINDINGS:
             self._findings += 1
             record = finding_record(finding)
             self._background.put_entry(lambda run: run.add_metadata(FINDING_RECORD, record))
 
     def state(self) -> RecordingState:
-        """Return how it stands."""
+        """Return the present state."""
         failure = self._background.failure
         return RecordingState(
             counts=self._counts(),
             queued=self._background.queued,
-            file=str(self._writer.file_path),
+            file=str(self._writer.file.path),
             size=self._writer.file.size,
             free=self._free_space(),
             paused=self.pauses.paused,
             failure='' if failure is None else str(failure),
-            faults=self._writer.faults.lasting,
+            faults=self._writer.faults.active,
         )
 
-    def _describe_losses(self, run: RunWriter) -> None:
-        """Write to the run what became of its messages, and of itself."""
+    def _write_losses(self, run: RunWriter) -> None:
+        """Write the drop counters and the faults to the run."""
         run.add_metadata(LOSS_RECORD, loss_record(self._counts()))
-        harm = harm_record(str(self._background.failure or ''), run.faults.lasting)
-        if harm:
-            run.add_metadata(HARM_RECORD, harm)
+        faults = fault_record(str(self._background.failure or ''), run.faults.active)
+        if faults:
+            run.add_metadata(FAULT_RECORD, faults)
 
     def _free_space(self) -> int | None:
         try:
@@ -237,23 +233,23 @@ class RecordingSession:
             return None
 
     def finish(self) -> tuple[bool, str]:
-        """Finish the run, when all was put; return whether all went well, and what to say."""
-        failure = self._background.close(self._describe_losses)
+        """Finish the run after the last message; return success and a message for the user."""
+        failure = self._background.close(self._write_losses)
         counts = self._counts()
         written = sum(count.written for count in counts.values())
-        path, faults = printable(self._writer.path), self._writer.faults.lasting
-        what = f'{counted(written, "message")} of {counted(len(counts), "topic")}'
-        said = f'{what} {verb(written, "is", "are")} in {path}; {losses_in_words(counts)}'
-        said = '; '.join((said, *faults))
+        path, faults = printable(self._writer.path), self._writer.faults.active
+        content = f'{counted(written, "message")} of {counted(len(counts), "topic")}'
+        text = f'{content} {verb(written, "is", "are")} in {path}; {losses_in_words(counts)}'
+        text = '; '.join((text, *faults))
         if failure is None:
-            return not faults, said
+            return not faults, text
         if self._writer.is_unfinished:
-            said = f'{said}; `recover {path}` finishes the run'
-        return False, f'the recording stopped early: {failure}; {said}'
+            text = f'{text}; `recover {path}` finishes the run'
+        return False, f'the recording stopped early: {failure}; {text}'
 
 
-def describe_solver(solver: SolverParameters, run: RunWriter) -> None:
-    """Write a solver's parameters: as a record, and as the file that starts it so again."""
+def _write_solver(solver: SolverParameters, run: RunWriter) -> None:
+    """Write a solver's parameters as a record, and as a parameter file that reproduces it."""
     name = f'{solver.node.strip("/").replace("/", "_")}.yaml'
     file = yaml.safe_dump({solver.node: {'ros__parameters': solver.parameters}}).encode()
     run.add_metadata(SOLVER_RECORD, solver_record(solver), in_every_file=True)
@@ -261,21 +257,24 @@ def describe_solver(solver: SolverParameters, run: RunWriter) -> None:
 
 
 def losses_in_words(counts: Mapping[str, TopicCount]) -> str:
-    """Return how many messages were lost, and of what nobody can tell."""
+    """Return the number of lost messages, and the topics with an unknown loss."""
     lost = sum(count.lost or 0 for count in counts.values())
-    early = sum(count.early for count in counts.values())
-    unknown = [name for name, count in counts.items() if count.unheard is None]
-    left = [name for name, count in counts.items() if count.left and count.unheard is not None]
-    limited = ', as far as can be counted' if unknown or left else ''
-    parts = [f'{lost} {verb(lost, "was", "were")} lost{limited}']
+    early = sum(count.before_discovery for count in counts.values())
+    unknown = [name for name, count in counts.items() if count.missed is None]
+    departed = [
+        name for name, count in counts.items() if count.departed and count.missed is not None
+    ]
+    at_least = ' at least' if unknown or departed else ''
+    parts = [f'{lost} {verb(lost, "was", "were")} lost{at_least}']
     if early:
         were = verb(early, 'was', 'were')
-        parts.append(f'{early} {were} sent before the recorder heard their publishers')
-    if left:
-        number = sum(counts[name].left for name in left)
+        parts.append(f'{early} {were} sent before the recorder discovered their publishers')
+    if departed:
+        number = sum(counts[name].departed for name in departed)
         publishers = counted(number, 'publisher')
-        last = f'of what {verb(number, "it", "they")} sent last nothing is known'
-        parts.append(f'{publishers} left ({listed(left, _MOST)}), and {last}')
+        topics = listed(departed, _MAX_NAMED_TOPICS)
+        parts.append(f'{publishers} left ({topics}): losses at their end cannot be detected')
     if unknown:
-        parts.append(f'of {listed(unknown, _MOST)} nobody can tell: {_WHY}')
+        topics = listed(unknown, _MAX_NAMED_TOPICS)
+        parts.append(f'the loss of {topics} is unknown: {_UNKNOWN_LOSS}')
     return '; '.join(parts)

@@ -1,4 +1,4 @@
-"""Write a run: a folder with an MCAP file and its metadata, which every tool opens."""
+"""Write a run: a folder of MCAP files and metadata.yaml, which every rosbag2 tool opens."""
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
@@ -6,31 +6,36 @@ from functools import partial
 from pathlib import Path
 
 from klann_ros import __version__
-from klann_ros.log.errors import AnyPath, LogError, RunClosedError, RunHarmedError, UnwritableError
+from klann_ros.log.errors import (
+    AnyPath,
+    LogError,
+    RunClosedError,
+    RunIncompleteError,
+    UnwritableError,
+)
 from klann_ros.log.records import Attachment, Message
 
-from .file_series import FileSeries
-from .file_watch import Faults
-from .ledger import Fate
+from .drop_counters import StoredCounts
+from .durable_file import RunFaults
 from .mcap_file import COMPRESSIONS, McapFile
-from .run_folder import RunFolder
+from .run_files import RunFiles
 
-LIBRARY = f'klann_ros {__version__}'
-# What the summary of a file says of each chunk [bytes], and how small a chunk may become [bytes].
-INDEX_SIZE, SMALL_CHUNK = 200, 16 * 1024
+_LIBRARY = f'klann_ros {__version__}'
+# A chunk's entry in the summary, and the size of a small chunk [bytes].
+_INDEX_SIZE, _SMALL_CHUNK_SIZE = 200, 16 * 1024
 
 
 class RunWriter(AbstractContextManager['RunWriter']):
     """
-    Writes a run so that it survives a crash up to the last flush; a context manager.
+    Write a run that survives a crash up to the last flush; a context manager.
 
     The folder, ``<run>/<run>_0.mcap`` with its header and ``<run>/metadata.yaml`` are on the disk
-    as soon as the writer is created. To be used from one thread only: the MCAP library is not
-    thread safe. What properties tell may be asked for from others.
+    as soon as the writer is created. Its methods must be called from one thread, as the MCAP
+    library is not thread-safe; its properties may be read from any.
 
-    Each flush looks whether they are still there. A file that somebody has removed, moved or cut
-    off is no part of the run any more, what was in it is counted as gone, and the run goes on in a
-    new one; a folder that was removed is made anew; one that was renamed is followed.
+    Each flush checks that the files are still there with their sizes. The messages of a file that
+    is gone or changed count as dropped, and the run continues in a new file, in a new folder if
+    that is gone too.
 
     Parameters
     ----------
@@ -39,36 +44,34 @@ class RunWriter(AbstractContextManager['RunWriter']):
     compression
         ``zstd``, ``lz4`` or ``none``.
     chunk_size
-        A chunk is finished when its messages are larger [bytes], or by a flush.
+        Size of messages that finishes a chunk [bytes]; a flush finishes it too.
     profile
         The MCAP profile of the header.
     ros_distro
-        The ROS distribution that metadata.yaml names.
+        The ROS distribution in metadata.yaml.
     reserve
-        Whether to keep a little space free on the disk, so that the run can be finished when the
-        disk is full.
+        Whether to keep a little disk space, so that the run can be finished on a full disk.
     faults
-        Is told what others do to the run.
+        Collects outside changes of the run.
 
     Attributes
     ----------
-    faults : Faults
-        What is wrong with it.
+    faults : RunFaults
+        Outside changes of the run.
 
     Raises
     ------
     RunExistsError
-        There is something at the path already.
+        The path exists.
     UnwritableError
         The compression is none of the three.
     RunClosedError
         By every method that writes: the run is closed.
     RunLostError
-        By :meth:`flush`, :meth:`look` and :meth:`split`: the file that is written was taken away,
-        and no other can be made. The run is closed.
+        By :meth:`flush`, :meth:`check_files` and :meth:`split`: the file in progress is gone or
+        changed, and no other can be created. The run is closed.
     OSError
-        By every method: the disk said no; nothing more can be written, the same error is raised
-        again.
+        By every method: the disk refused; every later call raises the same error.
 
     """
 
@@ -81,101 +84,96 @@ class RunWriter(AbstractContextManager['RunWriter']):
         profile: str = 'ros2',
         ros_distro: str = 'jazzy',
         reserve: bool = False,
-        faults: Faults | None = None,
+        faults: RunFaults | None = None,
     ) -> None:
         if compression not in COMPRESSIONS:
             raise UnwritableError(f'compression is {compression!r}, not one of {[*COMPRESSIONS]}')
-        self.faults = faults or Faults()
-        open_file = partial(
-            McapFile,
-            compression=compression,
-            chunk_size=chunk_size,
-            profile=profile,
-            library=LIBRARY,
-        )
+        self.faults = faults or RunFaults()
         self._closed = False
         self._repeated: list[Callable[[McapFile], None]] = []
         self._flushes = 0
-        self._folder = RunFolder(Path(folder), ros_distro, self.faults, reserve=reserve)
-        try:
-            self._series = FileSeries(self._folder, open_file, self._begin, self.faults)
-        except BaseException:
-            # Nothing is in it yet, and what is left would stand in the way of a second try.
-            self._folder.remove()
-            raise
+        self._files = RunFiles(
+            Path(folder),
+            ros_distro,
+            open_file=partial(
+                McapFile,
+                compression=compression,
+                chunk_size=chunk_size,
+                profile=profile,
+                library=_LIBRARY,
+            ),
+            begin_file=self._repeat_entries,
+            faults=self.faults,
+            reserve=reserve,
+        )
 
     @property
     def path(self) -> Path:
         """Return the run's folder."""
-        return self._folder.path
+        return self._files.path
 
     @property
     def file(self) -> McapFile:
-        """Return the MCAP file in it that is being written."""
-        return self._series.current
-
-    @property
-    def file_path(self) -> Path:
-        """Return the path of that file."""
-        return self._folder.path / self.file.name
+        """Return the MCAP file in progress."""
+        return self._files.current
 
     @property
     def file_is_empty(self) -> bool:
-        """Return whether there is no message in that file yet."""
+        """Return whether that file has no message."""
         return not self.file.summary().counts
 
     @property
     def next_name(self) -> str:
-        """Return the name of the file that follows after a split."""
-        return self._series.next_name
+        """Return the name of the file after the next split."""
+        return self._files.next_name
 
     @property
     def counts(self) -> dict[str, int]:
-        """Return how many messages are in the run, by the topic's name."""
-        return dict(self.fate().written)
+        """Return the messages in the run, by topic name."""
+        return dict(self.stored_counts().written)
 
-    def fate(self) -> Fate:
-        """Return what became of the messages that it was given so far."""
-        return self._series.files.fate()
+    def stored_counts(self) -> StoredCounts:
+        """Return the messages that are in the run, and those dropped after writing."""
+        return self._files.files.stored_counts()
 
     @property
     def closed(self) -> bool:
         """Return whether the run is closed, or has lost its last file."""
-        return self._closed or not self._series.is_open
+        return self._closed or not self._files.is_open
 
     @property
     def is_full(self) -> bool:
-        """Return whether the disk is full, so that only the end may be written any more."""
-        return self._folder.is_full
+        """Return whether the disk is full, so that only the end may be written."""
+        return self._files.is_full
 
     @property
     def failure(self) -> OSError | None:
-        """Return the disk's error after which nothing can be written, not even the end."""
+        """Return the disk's first error; nothing can be written after it."""
         return self.file.failure
 
     @property
     def is_unfinished(self) -> bool:
-        """Return whether it has a file that the disk did not let end."""
-        return self.failure is not None and self._series.is_open
+        """Return whether the disk prevented the end of a file."""
+        return self.failure is not None and self._files.is_open
 
     @property
     def free_space(self) -> int:
-        """Return how much this user may still write on its disk [bytes]; OSError if unknown."""
-        return self._folder.folder.free_space()
+        """Return the space free for this user on the disk [bytes]; OSError if unknown."""
+        return self._files.free_space
 
     def write(self, message: Message) -> None:
         """
-        Add a message; the first of its topic registers the topic. Equal topics share a channel.
+        Add a message; the first of a topic registers it. Equal topics share a channel.
 
         Raises
         ------
         UnwritableError
-            A time is negative or beyond 64 bits; the message is left out, nothing else is.
+            A time is negative or beyond 64 bits; only this message is skipped.
         MalformedQosError
             The topic's quality of service is malformed, so that rosbag2 could not open the run.
 
         """
-        self._check()
+        self._require_open()
         self.file.write(message)
 
     def attach(
@@ -188,7 +186,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
         *,
         in_every_file: bool = False,
     ) -> None:
-        """Add a file to the run; times in [ns since the epoch], as in :meth:`write`."""
+        """Add an attachment; times in [ns since the epoch], as in :meth:`write`."""
         attachment = Attachment(name, media_type, data, log_time, create_time)
         self._add(lambda file: file.attach(attachment), in_every_file=in_every_file)
 
@@ -200,87 +198,81 @@ class RunWriter(AbstractContextManager['RunWriter']):
         self._add(lambda file: file.add_metadata(name, content), in_every_file=in_every_file)
 
     def flush(self) -> None:
-        """Bring all to the disk that was written: no kill -9 and no power cut takes it back."""
-        self._check()
+        """Flush and fsync: neither kill -9 nor a power cut loses what was written before."""
+        self._require_open()
         self.file.flush()
         self._flushes += 1
-        self.look()
+        self.check_files()
 
-    def look(self) -> None:
-        """Look what others have done to the run, and go on in a new file where one is gone."""
-        self._check()
-        self._series.look()
+    def check_files(self) -> None:
+        """Check that the files are intact, and begin a new one if the present one is not."""
+        self._require_open()
+        self._files.check()
 
     def split(self) -> None:
         """
-        Finish the file and go on in a new one; without a message in the file there is no need.
+        Finish the file and begin a new one, unless it has no message.
 
-        What was added with `in_every_file` is repeated, so that every file explains itself.
+        Entries added with `in_every_file` are repeated, so that every file explains itself.
         """
-        self.look()
+        self.check_files()
         if not self.file_is_empty:
-            self._series.split()
+            self._files.split()
 
     def space_problem(self, min_free_space: int) -> LogError | None:
         """
-        Return what is wrong with the space on the disk, when less is free than this [bytes].
+        Return the problem with free space on the disk, if less than this is free [bytes].
 
-        The run can be closed then, and should be.
-
-        Raises
-        ------
-        OSError
-            The disk does not tell.
-
+        The run can and should be closed then. An OSError if the free space is unknown.
         """
-        chunks = self._flushes + self.file.size // SMALL_CHUNK
-        return self._folder.space_problem(min_free_space, chunks * INDEX_SIZE)
+        chunks = self._flushes + self.file.size // _SMALL_CHUNK_SIZE
+        return self._files.space_problem(min_free_space, chunks * _INDEX_SIZE)
 
     def close(self) -> None:
         """
-        Finish the run; calling it again does nothing.
+        Finish the run; further calls do nothing.
 
         Raises
         ------
         OSError
-            The disk said no, now or in an earlier call. The run is then not closed properly, but
-            holds all whole records that were written.
-        RunHarmedError
-            Somebody else has taken away a part of it; the rest is finished.
+            The disk refused, now or earlier. The run is not closed properly then, but holds all
+            whole records that were written.
+        RunIncompleteError
+            A part of the run is gone or changed; the rest is finished.
 
         """
         if self._closed:
             return
         self._closed = True
-        self._folder.release()
-        self._series.close()
-        if self.faults.lasting:
-            raise RunHarmedError(self.path, self.faults.lasting)
+        self._files.release_reserve()
+        self._files.close()
+        if self.faults.active:
+            raise RunIncompleteError(self.path, self.faults.active)
 
     def discard(self) -> None:
-        """Remove what was written, wherever it is now; what others have put there stays."""
+        """Remove the run, unless its path is another folder's now."""
         self._closed = True
         self.file.close()
-        self._folder.remove()
+        self._files.remove()
 
     def __exit__(self, _: object, error: BaseException | None, *__: object) -> None:
         try:
             self.close()
-        except (OSError, RunHarmedError) as failure:
-            # The body is on its way out with this very error already.
+        except (OSError, RunIncompleteError) as failure:
+            # The body may raise this very error already.
             if failure is not error:
                 raise failure from error
 
-    def _check(self) -> None:
+    def _require_open(self) -> None:
         if self.closed:
-            raise RunClosedError(self._folder.path)
+            raise RunClosedError(self.path)
 
     def _add(self, add: Callable[[McapFile], None], *, in_every_file: bool) -> None:
-        self._check()
+        self._require_open()
         add(self.file)
         if in_every_file:
             self._repeated.append(add)
 
-    def _begin(self, file: McapFile) -> None:
+    def _repeat_entries(self, file: McapFile) -> None:
         for add in self._repeated:
             add(file)

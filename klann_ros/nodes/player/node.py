@@ -11,7 +11,7 @@ from klann_ros.log.errors import LogError
 from klann_ros.log.play.playback import length, Playback, Selection
 from klann_ros.log.reader import Log, open_log
 from klann_ros.log.records import Topic
-from klann_ros.log.run_parameters import REPLAYED_PARAMETER, replayed_text, SOLVER_RECORD
+from klann_ros.log.run_parameters import REPLAYED_PARAMETER, replayed_solvers_json, SOLVER_RECORD
 from klann_ros.nodes.lease import leased_topic, LeaseListener
 from klann_ros.nodes.parameters import declare, declare_constant
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run
@@ -87,7 +87,7 @@ class PlayerNode(ProcessNode):
         declare_constant(
             self,
             REPLAYED_PARAMETER,
-            replayed_text(log.metadata.get(SOLVER_RECORD, [])),
+            replayed_solvers_json(log.metadata.get(SOLVER_RECORD, [])),
             "what the log tells of its solvers' parameters [JSON]",
         )
         self._topics = PlayedTopics(self, _selected_topics(log, options), dict(options.remap))

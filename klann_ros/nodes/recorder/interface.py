@@ -1,4 +1,4 @@
-"""What a recorder offers: its parameters, its services, and its diagnostics."""
+"""Parameters, services and diagnostics of recorder_node."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -42,7 +42,12 @@ PARAMETERS = (
     Declaration('topics', list(TOPICS), 'names of the topics; * stands for anything'),
     Declaration('all_topics', False, 'record every topic that is not hidden'),
     Declaration('compression', 'zstd', 'of the chunks', choices=tuple(COMPRESSIONS)),
-    Declaration('flush_period', 0.5, 'a crash costs at most this much [s]', limits=(0.01, 60.0)),
+    Declaration(
+        'flush_period',
+        0.5,
+        'a crash loses at most this much [s]',
+        limits=(0.01, 60.0),
+    ),
     Declaration(
         'max_file_size',
         0,
@@ -63,84 +68,85 @@ PARAMETERS = (
         limits=(0, 2**62),
     ),
     Declaration(
-        'judge', False, 'hold what passes against the limits of a review, and tell what is wrong'
+        'judge', False, 'check messages against the limits of a review, and report findings'
     ),
-    Declaration('judge_limits', '', 'a file of other limits, as for review --limits'),
+    Declaration('judge_limits', '', 'file of other limits, as for review --limits'),
     Declaration(
         'pre_trigger',
         0.0,
-        'write nothing until a finding, or a call of ~/trigger; then so much of what came before '
-        'as well, as a run in the folder output [s]; 0: write all. Above 0 judge is true unless '
-        'it is given',
+        'write nothing until a finding, or a call of ~/trigger; then also the messages of this '
+        'time before it, as a run in the folder output [s]; 0: write all. Above 0 judge is true '
+        'unless it is set',
         limits=(0.0, 86400.0),
         any_number=True,
     ),
     Declaration(
         'post_trigger',
         10.0,
-        'and so much of what comes after the last cause [s]',
+        'and the messages of this time after the last cause [s]',
         limits=(0.0, 86400.0),
         any_number=True,
     ),
     Declaration(
         'pre_trigger_bytes',
         256_000_000,
-        'what came before may take so much memory [bytes]',
+        'memory limit of the messages before a cause [bytes]',
         limits=(1_000_000, 2**40),
     ),
 )
 SERVICES = """Services (std_srvs/srv/Trigger):
-  ~/split: finish the file and go on in a new one, whose name is the answer
-  ~/pause: leave out what comes from now on; the run says when, and how much it was
+  ~/split: finish the file and begin a new one, whose name is the response
+  ~/pause: skip messages from now on; the run contains the time and their number
   ~/resume: record again
-  ~/trigger: with pre_trigger, record an event now; the answer is its run"""
-PERIOD = 1.0
-# What is under way at the end is waited for at most so long [s].
-LAST_WORDS = 1.0
+  ~/trigger: with pre_trigger, record an event now; the response is its run"""
+_REPORT_PERIOD = 1.0
+# Shutdown timeout for the last report [s].
+_FLUSH_TIMEOUT = 1.0
+# Own reports that may still arrive at the recorder's own subscription.
+_MAX_OWN_REPORTS = 50
 
 
 class RecordingDiagnostics:
     """
-    Publisher of a recording's diagnostics, which are not a part of what it records.
+    Publisher of a recording's diagnostics, which are not recorded themselves.
 
     Parameters
     ----------
     node : rclpy.node.Node
-        Who publishes.
+        The publisher's node.
 
     Attributes
     ----------
     topic : str
-        Where they are published.
+        Its full name.
 
     """
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._lost = 0
-        # Others receive a report at most so many later.
-        self._published: deque[bytes] = deque(maxlen=50)
-        self._also: list[Callable[[], DiagnosticStatus]] = []
+        self._published: deque[bytes] = deque(maxlen=_MAX_OWN_REPORTS)
+        self._statuses: list[Callable[[], DiagnosticStatus]] = []
         self._publisher = create_publisher(node, DiagnosticArray, '/diagnostics')
         self.topic = self._publisher.topic_name
 
-    def also(self, status: Callable[[], DiagnosticStatus]) -> None:
-        """Tell what is returned here as well, in each report."""
-        self._also.append(status)
+    def add_status(self, status: Callable[[], DiagnosticStatus]) -> None:
+        """Add a status to each report."""
+        self._statuses.append(status)
 
     def start(self, state: Callable[[], RecordingState]) -> None:
-        """Tell once a second what is returned here."""
+        """Report the state once a second."""
         clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._node.create_timer(PERIOD, lambda: self.report(state()), clock=clock)
+        self._node.create_timer(_REPORT_PERIOD, lambda: self.report(state()), clock=clock)
 
     def report(self, state: RecordingState) -> None:
-        """Tell how a recording stands."""
+        """Publish the state of a recording."""
         array = DiagnosticArray()
         array.header.stamp = self._node.get_clock().now().to_msg()
-        level, message = _verdict(state, state.lost - self._lost)
+        level, message = _level_and_message(state, state.lost - self._lost)
         array.status = [
             status_of(self._node, 'recording', level, message, _values(state).items()),
-            *(status() for status in self._also),
+            *(status() for status in self._statuses),
         ]
         data = serialize_message(array)
         self._published.append(data)
@@ -148,11 +154,11 @@ class RecordingDiagnostics:
         self._lost = state.lost
 
     def flush(self) -> None:
-        """Wait until the last report has arrived, but not for ever."""
-        flush([self._publisher], LAST_WORDS)
+        """Wait until the last report has arrived, up to a timeout."""
+        flush([self._publisher], _FLUSH_TIMEOUT)
 
     def has_published(self, data: bytes) -> bool:
-        """Return whether a message is one of these."""
+        """Return whether a message is one of these reports."""
         return data in self._published
 
 
@@ -170,17 +176,14 @@ def status_of(
     )
 
 
-def _verdict(state: RecordingState, lost_now: int) -> tuple[bytes, str]:
-    """Return the level and the most important thing to say."""
+def _level_and_message(state: RecordingState, new_losses: int) -> tuple[bytes, str]:
     if state.failure:
         return DiagnosticStatus.ERROR, f'the recording has ended: {state.failure}'
     if state.faults:
         return DiagnosticStatus.ERROR, '; '.join(state.faults)
-    if lost_now > 0:
-        return (
-            DiagnosticStatus.WARN,
-            f'{counted(lost_now, "message")} {verb(lost_now, "was", "were")} lost',
-        )
+    if new_losses > 0:
+        lost = f'{counted(new_losses, "message")} {verb(new_losses, "was", "were")} lost'
+        return DiagnosticStatus.WARN, lost
     return DiagnosticStatus.OK, 'paused' if state.paused else state.stage or 'recording'
 
 
@@ -191,13 +194,12 @@ def _values(state: RecordingState) -> dict[str, object]:
         'free': 'unknown' if state.free is None else state.free,
         'queued': state.queued,
         'paused': str(state.paused).lower(),
-        **state.held,
+        **state.buffer,
     }
     for name, count in state.counts.items():
         values[f'{name} received'] = count.received
         values[f'{name} written'] = count.written
         values[f'{name} lost'] = 'unknown' if count.lost is None else count.lost
-        # What is not lost and not in the run, and where nothing can be known.
-        values[f'{name} sent before heard'] = count.early
-        values[f'{name} publishers left'] = count.left
+        values[f'{name} sent before discovery'] = count.before_discovery
+        values[f'{name} publishers left'] = count.departed
     return values

@@ -1,4 +1,4 @@
-"""What is recorded is held against the limits of a review meanwhile, in a thread of its own."""
+"""Live review of the recorded messages, in a thread."""
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -9,7 +9,7 @@ from time import thread_time, time_ns
 from diagnostic_msgs.msg import DiagnosticStatus
 from klann_ros.log.errors import LogError
 from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import Pause, SolverParameters, ToldFinding
+from klann_ros.log.run_parameters import Pause, RecordedFinding, SolverParameters
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.process import error_and_place
 from klann_ros.review.live.judge import LiveFinding, LiveJudge, MAX_MESSAGES, STEP
@@ -26,46 +26,45 @@ _LEVELS = {
     Severity.WARNING: DiagnosticStatus.WARN,
     Severity.ERROR: DiagnosticStatus.ERROR,
 }
-# So many findings are told in full.
-_MOST_SHOWN = 20
-# The thread rests so many times as long as it has worked: strangers may send what takes long.
-_REST = 4.0
+# Findings with all their values on /diagnostics.
+_MAX_SHOWN_FINDINGS = 20
+# Ratio of the thread's idle time to its CPU time, which untrusted messages may prolong.
+_IDLE_RATIO = 4.0
 
 
 class Judging:
     """
-    Judge messages in a thread of its own, and tell what is found in the node's.
+    Judge messages in a thread, and report findings in the node's.
 
-    The node's loop only appends what it takes: a window of what strangers send may take seconds,
-    and the loop has queues to empty. It also says when to judge: what it has not taken yet is no
-    silence.
+    The node's loop only appends messages: a window of untrusted ones may take seconds. The loop
+    also starts each evaluation, so that messages it has not read yet are no gap.
 
     Parameters
     ----------
     node : rclpy.node.Node
-        Whose loop it is.
+        The node with the loop.
     limits : str
-        A file of what is still all right; '' for the limits of a review.
+        A file of limits; '' for those of a review.
     published : callable
         Returns the topics that have publishers.
     has_stalled : callable
-        Returns whether this process has just not run.
-    lost : callable
-        Returns how many messages of each topic were lost so far, as the recorder counts them.
-    on_new : callable
-        Is given what was found and was not there a moment ago, the gravest first.
+        Returns whether this process has just stalled.
+    missed : callable
+        Returns the messages of each topic lost before reception.
+    on_findings : callable
+        Receives new findings, by severity.
 
     Attributes
     ----------
     add : callable
-        Takes a message; to be called for each.
+        Takes each message.
     problem : str
-        Why nothing could be judged last; '' if it could.
+        The error of the last evaluation; '' without one.
 
     Raises
     ------
     StartError
-        The file holds no limits.
+        The file has no valid limits.
 
     """
 
@@ -76,105 +75,105 @@ class Judging:
         *,
         published: Callable[[], Collection[str]],
         has_stalled: Callable[[], bool],
-        lost: Callable[[], Mapping[str, int]],
-        on_new: Callable[[Sequence[ToldFinding]], None],
+        missed: Callable[[], Mapping[str, int]],
+        on_findings: Callable[[Sequence[RecordedFinding]], None],
     ) -> None:
-        """Begin at once."""
+        """Start the thread."""
         inbox = deque[Message](maxlen=MAX_MESSAGES)
         self.add = inbox.append
         self._inbox, self._judge = inbox, LiveJudge(_limits_of(limits))
         self._status, self.problem = JudgeStatus(node), ''
-        self._teller = node.get_logger()
-        self._told: deque[SolverParameters | Pause] = deque()
-        self._published, self._lost, self._on_new = published, lost, on_new
+        self._logger = node.get_logger()
+        self._context: deque[SolverParameters | Pause] = deque()
+        self._published, self._missed, self._on_findings = published, missed, on_findings
         self._has_stalled = has_stalled
-        self._paused = self._forgets = False
-        self._asked, self._stopped = Event(), Event()
+        self._paused = self._resumed = False
+        self._requested, self._stopped = Event(), Event()
         self._now, self._names = 0, frozenset[str]()
         self._counts: Mapping[str, int] = {}
-        self._found: deque[list[LiveFinding]] = deque()
-        self._news = node.create_guard_condition(self._hand_over)
+        self._results: deque[list[LiveFinding]] = deque()
+        self._on_result = node.create_guard_condition(self._report)
         clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(STEP, self._ask, clock=clock)
+        self._timer = node.create_timer(STEP, self._request, clock=clock)
         self._thread = Thread(target=self._run, name='judge', daemon=True)
         self._thread.start()
 
-    def tell(self, solver: SolverParameters) -> None:
-        """Take what a solver has from now on."""
-        self._told.append(solver)
+    def add_solver(self, solver: SolverParameters) -> None:
+        """Take new parameters of a solver."""
+        self._context.append(solver)
 
     def excuse(self, pause: Pause) -> None:
-        """Take a time in which silence is no fault."""
-        self._told.append(pause)
+        """Take a time in which a gap is no fault."""
+        self._context.append(pause)
 
     def status(self) -> DiagnosticStatus:
-        """Return what is wrong now, for /diagnostics."""
+        """Return the present findings for /diagnostics."""
         return self._status.status(self.problem)
 
     def pause(self) -> None:
-        """Judge nothing until further notice."""
+        """Stop judging."""
         self._paused = True
 
     def resume(self) -> None:
-        """Judge what comes from now on."""
+        """Judge messages from now on."""
         self._inbox.clear()
-        self._forgets, self._paused = True, False
+        self._resumed, self._paused = True, False
 
     def stop(self) -> None:
-        """Judge nothing any more; what was found is told before."""
+        """Stop the thread, and report its last findings."""
         self._timer.cancel()
         self._stopped.set()
-        self._asked.set()
+        self._requested.set()
         self._thread.join()
-        self._hand_over()
+        self._report()
 
-    def _ask(self) -> None:
-        """Have what has come judged, unless the thread still works."""
-        # After a stall of this process, what was published meanwhile is still to be taken.
-        if not (self._paused or self._asked.is_set() or self._has_stalled()):
+    def _request(self) -> None:
+        """Start an evaluation unless one is running."""
+        # After a stall of this process its messages are still to be read.
+        if not (self._paused or self._requested.is_set() or self._has_stalled()):
             self._now, self._names = time_ns(), frozenset(self._published())
-            self._counts = self._lost()
-            self._asked.set()
+            self._counts = self._missed()
+            self._requested.set()
 
-    def _hand_over(self) -> None:
-        while self._found:
-            new = self._status.take(self._found.popleft())
+    def _report(self) -> None:
+        while self._results:
+            new = self._status.update(self._results.popleft())
             for finding in new:
-                self._teller.warning(f'{finding.check}: {finding.text}', throttle_duration_sec=1.0)
+                self._logger.warning(f'{finding.check}: {finding.text}', throttle_duration_sec=1.0)
             if new:
-                self._on_new([_told(finding) for finding in new])
+                self._on_findings([_recorded(finding) for finding in new])
 
     def _run(self) -> None:
         before: list[LiveFinding] = []
         while not self._stopped.is_set():
-            self._asked.wait()
+            self._requested.wait()
             begin = thread_time()
             try:
-                found = self._findings()
+                findings = self._findings()
                 self.problem = ''
-            # Whatever strangers send, the recording goes on.
+            # The recording continues, whatever untrusted messages cause.
             except Exception as error:
-                found, self.problem = [], error_and_place(error)
-            # To wake the loop costs as much as a fifth of a window.
-            if found or before:
-                self._found.append(found)
-                self._news.trigger()
-            before = found
-            rest = _REST * (thread_time() - begin) - STEP
-            if rest > 0.0:
-                self._stopped.wait(rest)
-            self._asked.clear()
+                findings, self.problem = [], error_and_place(error)
+            # Waking the loop costs a fifth of an evaluation.
+            if findings or before:
+                self._results.append(findings)
+                self._on_result.trigger()
+            before = findings
+            idle = _IDLE_RATIO * (thread_time() - begin) - STEP
+            if idle > 0.0:
+                self._stopped.wait(idle)
+            self._requested.clear()
 
     def _findings(self) -> list[LiveFinding]:
-        if self._forgets:
-            self._forgets = False
+        if self._resumed:
+            self._resumed = False
             self._judge.reset()
-        while self._told:
-            news = self._told.popleft()
-            if isinstance(news, Pause):
-                self._judge.excuse(news)
+        while self._context:
+            item = self._context.popleft()
+            if isinstance(item, Pause):
+                self._judge.excuse(item)
             else:
-                self._judge.set_solver(news)
+                self._judge.set_solver(item)
         inbox = self._inbox
         self._judge.add_all([inbox.popleft() for _ in range(len(inbox))])
         return self._judge.findings(self._now, self._names, self._counts)
@@ -182,12 +181,12 @@ class Judging:
 
 class JudgeStatus:
     """
-    What the judge says on /diagnostics.
+    Findings on /diagnostics.
 
     Parameters
     ----------
     node : rclpy.node.Node
-        Whose status it is.
+        The node in the status.
 
     """
 
@@ -196,18 +195,18 @@ class JudgeStatus:
         self._findings: Sequence[LiveFinding] = ()
         self._count = 0
 
-    def take(self, findings: Sequence[LiveFinding]) -> list[LiveFinding]:
-        """Take what is wrong now; return what was not a moment ago."""
+    def update(self, findings: Sequence[LiveFinding]) -> list[LiveFinding]:
+        """Set the present findings; return the new ones."""
         self._findings = findings
         new = [finding for finding in findings if finding.is_new]
         self._count += len(new)
         return new
 
     def status(self, problem: str) -> DiagnosticStatus:
-        """Return the gravest finding, and all there are, or why nothing can be judged."""
+        """Return the most severe finding and all others, or the problem of judging."""
         level, message = DiagnosticStatus.OK, 'nothing found'
         if problem:
-            level, message = DiagnosticStatus.WARN, f'nothing can be judged: {problem}'
+            level, message = DiagnosticStatus.WARN, f'judging failed: {problem}'
         if self._findings:
             level, message = _LEVELS[self._findings[0].severity], self._findings[0].text
         return status_of(self._node, 'judge', level, message, self._values())
@@ -215,7 +214,7 @@ class JudgeStatus:
     def _values(self) -> Iterator[tuple[str, object]]:
         yield 'findings', len(self._findings)
         yield 'findings so far', self._count
-        for number, finding in enumerate(self._findings[:_MOST_SHOWN], 1):
+        for number, finding in enumerate(self._findings[:_MAX_SHOWN_FINDINGS], 1):
             time = datetime.fromtimestamp(finding.time / 1e9, timezone.utc)
             yield f'{number} check', finding.check
             yield f'{number} of', printable(finding.leg)
@@ -224,14 +223,13 @@ class JudgeStatus:
 
 
 def _limits_of(path: str) -> Limits:
-    """Return the limits of a file, or those of a review; a StartError says what is wrong."""
+    """Return the limits of a file, or those of a review; raise a StartError."""
     try:
         return limits_from_file(path) if path else Limits()
     except (LogError, OSError) as error:
         raise StartError(f'judge_limits: {error}') from error
 
 
-def _told(finding: LiveFinding) -> ToldFinding:
-    """Return a finding as a run holds it."""
+def _recorded(finding: LiveFinding) -> RecordedFinding:
     severity = finding.severity.name.lower()
-    return ToldFinding(finding.check, severity, finding.text, finding.time, finding.leg)
+    return RecordedFinding(finding.check, severity, finding.text, finding.time, finding.leg)

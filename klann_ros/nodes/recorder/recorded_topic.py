@@ -1,4 +1,4 @@
-"""One topic of a recording: its subscriptions, its place in the run, and what was lost of it."""
+"""Subscriptions to one recorded topic, and its drop counters."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -8,7 +8,7 @@ from typing import Any, TYPE_CHECKING
 from klann_ros.log.definitions import definition
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.write.ledger import Ledger
+from klann_ros.log.write.drop_counters import DropCounters
 from klann_ros.log.write.recording import Pauses
 from klann_ros.nodes.endpoints import DEPTH, message_class
 from klann_ros.nodes.raw_executor import Info
@@ -21,39 +21,39 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription
 
-# A latched publisher sends at most so many of those again that were heard from it already.
-LATCHED_HISTORY = 2000
-# Two subscriptions to a publisher hear a message at most so many messages apart.
-MEMORY = 16_384
+# Messages that a latched publisher may repeat to a second subscription.
+_LATCHED_HISTORY = 2000
+# Maximum lag between two subscriptions to a publisher [messages].
+_MAX_SUBSCRIPTION_LAG = 16_384
 
 
 class RecordedTopic:
     """
-    Subscribe to a topic as its publishers offer it, and hand on what it receives as raw bytes.
+    Subscribe to a topic with the QoS of its publishers, and pass on the raw messages.
 
-    There is a subscription for each kind of publisher (reliable or not, latched or not): one that
-    asks for less would miss what a latched publisher sent before, one that asks for more hears
-    nothing. What two of them hear is recorded once.
+    Each kind of publisher (reliable or not, latched or not) has its own subscription: a weaker
+    one would miss latched messages, a stronger one would not match. A message that two of them
+    receive is recorded once.
 
     Parameters
     ----------
     node : rclpy.node.Node
-        Who subscribes.
+        The subscriptions' node.
     group : CallbackGroup
-        Of the subscriptions.
+        Their callback group.
     publishers : sequence of TopicEndpointInfo
         The topic's publishers, at least one.
     put : callable
         Takes every message.
-    ledger : Ledger
-        Where every message is counted.
+    counters : DropCounters
+        Counts every message.
     pauses : Pauses
-        What is left out.
-    changed : callable
-        Is called with the topic's name when publishers come or go.
+        Skips messages.
+    on_change : callable
+        Receives the topic's name when publishers appear or leave.
     is_own : callable, optional
-        Tells the messages of the recorder's own publisher, where it has one on this topic. It is
-        not among the publishers.
+        Recognizes messages of the recorder's own publisher on this topic, which is not among the
+        publishers.
 
     Raises
     ------
@@ -70,48 +70,49 @@ class RecordedTopic:
         publishers: Sequence[TopicEndpointInfo],
         *,
         put: Callable[[Message], None],
-        ledger: Ledger,
+        counters: DropCounters,
         pauses: Pauses,
-        changed: Callable[[str], object],
+        on_change: Callable[[str], object],
         is_own: Callable[[bytes], bool] | None = None,
     ) -> None:
         self.name, self.type = name, publishers[0].topic_type
         self._class, self._definition = message_class(self.type), definition(self.type)
         self._node, self._group, self._put, self._pauses = node, group, put, pauses
-        self._account, self._changed, self._is_own = ledger[name], changed, is_own
+        self._counters, self._on_change, self._is_own = counters[name], on_change, is_own
         self._subscriptions: dict[tuple[Any, Any], Subscription] = {}
         self._publishers: dict[tuple[Any, Any], int] = {}
-        self._left: dict[tuple[Any, Any], int] = {}
+        self._departed: dict[tuple[Any, Any], int] = {}
         self._count = 0
-        self._recent: deque[tuple[int, int]] = deque(maxlen=LATCHED_HISTORY)
-        self._repeats: _Repeats | None = None
+        self._recent: deque[tuple[int, int]] = deque(maxlen=_LATCHED_HISTORY)
+        self._duplicates: _Duplicates | None = None
         self.adapt(publishers)
 
     def adapt(self, publishers: Iterable[TopicEndpointInfo]) -> list[str]:
         """
-        Listen so that all of the topic's publishers are heard.
+        Subscribe so that all publishers of the topic's type match.
 
         Returns
         -------
         list of str
-            Message types that publishers have and that cannot be heard, as the topic's is another.
+            Other message types of publishers, which are not recorded.
 
         """
-        heard = [publisher for publisher in publishers if publisher.topic_type == self.type]
-        if heard and not self._account.received:
-            self._topic = self._describe(heard)
-        for publisher in heard:
-            self._hear(_to_receive(publisher.qos_profile))
-        self._account.loss.identify(tuple(heard[0].endpoint_gid) if len(heard) == 1 else None)
+        matching = [publisher for publisher in publishers if publisher.topic_type == self.type]
+        if matching and not self._counters.received:
+            self._topic = self._describe(matching)
+        for publisher in matching:
+            self._subscribe(_matching_profile(publisher.qos_profile))
+        gid = tuple(matching[0].endpoint_gid) if len(matching) == 1 else None
+        self._counters.loss.identify(gid)
         return sorted({publisher.topic_type for publisher in publishers} - {self.type})
 
     @property
     def has_publisher(self) -> bool:
-        """Return whether anybody else publishes on it now."""
+        """Return whether another node publishes on it now."""
         return self._count > 0
 
     def take_queued(self) -> None:
-        """Take what waits, as before the end, when no loop will take it any more."""
+        """Read the queued messages, as at the end, when no loop reads them."""
         for subscription in self._subscriptions.values():
             for data, info in _queued(subscription):
                 self._on_message(data, info)
@@ -121,15 +122,15 @@ class RecordedTopic:
         type_hash = str(publishers[0].topic_type_hash)
         return Topic(self.name, self.type, self._definition, qos_to_yaml(profiles), type_hash)
 
-    def _hear(self, profile: QoSProfile) -> None:
+    def _subscribe(self, profile: QoSProfile) -> None:
         kind = (profile.reliability, profile.durability)
         if kind in self._subscriptions:
             return
-        if self._subscriptions and self._repeats is None:
-            self._repeats = _Repeats(self._recent)
+        if self._subscriptions and self._duplicates is None:
+            self._duplicates = _Duplicates(self._recent)
         self._publishers[kind] = 0
         latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        self._account.loss.latched = self._account.loss.latched or latched
+        self._counters.loss.latched = self._counters.loss.latched or latched
         self._subscriptions[kind] = self._node.create_subscription(
             self._class,
             self.name,
@@ -139,63 +140,62 @@ class RecordedTopic:
             callback_group=self._group,
             event_callbacks=SubscriptionEventCallbacks(
                 matched=partial(self._on_matched, kind),
-                # A publisher that offers less than the others: it needs a subscription of its own.
-                incompatible_qos=lambda _: self._changed(self.name),
+                # A publisher with a weaker QoS needs another subscription.
+                incompatible_qos=lambda _: self._on_change(self.name),
                 use_default_callbacks=False,
             ),
         )
 
     def _on_matched(self, kind: tuple[Any, Any], status: Any) -> None:
-        # Whoever comes or goes: the next message may be of another publisher.
-        self._account.loss.forget()
+        self._counters.loss.publishers_changed()
         self._publishers[kind] = status.current_count
-        self._left[kind] = status.total_count - status.current_count
-        self._account.loss.left = max(self._left.values())
+        self._departed[kind] = status.total_count - status.current_count
+        self._counters.loss.departed = max(self._departed.values())
         self._count = max(self._publishers.values()) - (self._is_own is not None)
-        self._changed(self.name)
+        self._on_change(self.name)
 
     def _on_message(self, data: bytes, info: Info) -> None:
         if self._is_own is not None and self._is_own(data):
             return
-        account, sequence = self._account, info['publication_sequence_number']
+        counters, sequence = self._counters, info['publication_sequence_number']
         publish_time, log_time = info['source_timestamp'], info['received_timestamp']
-        if self._repeats is None:
-            if account.loss.count(sequence, self._count):
-                self._changed(self.name)
+        if self._duplicates is None:
+            if counters.loss.count(sequence, self._count):
+                self._on_change(self.name)
             self._recent.append((publish_time, sequence or 0))
-        elif self._repeats.has(publish_time, sequence or 0):
+        elif self._duplicates.check(publish_time, sequence or 0):
             return
         else:
-            # The order in which two subscriptions hear something tells nothing.
-            account.loss.count(None, 2)
-        account.received += 1
-        if not self._pauses.leaves_out(account, log_time):
+            # The order of messages of two subscriptions is undefined.
+            counters.loss.count(None, 2)
+        counters.received += 1
+        if not self._pauses.skips(counters, log_time):
             self._put(Message(self._topic, data, log_time, publish_time, sequence or 0))
 
 
-class _Repeats:
+class _Duplicates:
     """
-    Tells a message that another subscription heard before, by its source's time and number.
+    Recognizes messages of another subscription by source timestamp and sequence number.
 
     Parameters
     ----------
-    before
-        The last ones that came so far.
+    recent
+        The last messages.
 
     """
 
-    def __init__(self, before: Iterable[tuple[int, int]]) -> None:
-        self._order = deque(before)
+    def __init__(self, recent: Iterable[tuple[int, int]]) -> None:
+        self._order = deque(recent)
         self._known = set(self._order)
 
-    def has(self, source_time: int, sequence: int) -> bool:
-        """Return whether a message came before, and remember it."""
+    def check(self, source_time: int, sequence: int) -> bool:
+        """Return whether a message is a duplicate; store it otherwise."""
         identity = (source_time, sequence)
         if identity in self._known:
             return True
         self._known.add(identity)
         self._order.append(identity)
-        if len(self._order) > MEMORY:
+        if len(self._order) > _MAX_SUBSCRIPTION_LAG:
             self._known.discard(self._order.popleft())
         return False
 
@@ -215,12 +215,11 @@ def _recorded(profile: QoSProfile) -> Qos:
     )
 
 
-def _to_receive(offered: QoSProfile) -> QoSProfile:
+def _matching_profile(offered: QoSProfile) -> QoSProfile:
     """
-    Return the profile that receives the most from publishers with this profile.
+    Return the strongest subscription profile that matches a publisher.
 
-    A reliable or latched subscription gets nothing from a publisher that is not, so it asks for
-    either only where the publisher offers it.
+    A reliable or latched subscription does not match a publisher that offers less.
     """
     reliable = offered.reliability == ReliabilityPolicy.RELIABLE
     latched = offered.durability == DurabilityPolicy.TRANSIENT_LOCAL
@@ -232,8 +231,8 @@ def _to_receive(offered: QoSProfile) -> QoSProfile:
 
 
 def _queued(subscription: Any) -> Iterator[tuple[bytes, Info]]:
-    """Take and yield the messages that wait, with what the middleware knows about each."""
-    # No more than the queue holds, so that a flood cannot starve timers and services.
+    """Take and yield the queued messages with their message info."""
+    # At most the queue depth, so that a flood cannot starve timers and services.
     for _ in range(subscription.qos_profile.depth):
         with subscription.handle:
             message = subscription.handle.take_message(subscription.msg_type, subscription.raw)

@@ -1,4 +1,4 @@
-"""The parameters of the solvers that a recording hears: a log must explain itself."""
+"""Read the parameters of solvers through their parameter services."""
 
 from array import array
 from collections.abc import Callable, Collection, Sequence
@@ -20,14 +20,14 @@ from rclpy.task import Future
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 _UNKNOWN = '_UNKNOWN_'
-# An answer is lost where a server has not discovered yet who asks. The time after which it is
-# asked again [s] doubles each time, so that an answer that takes long comes in time in the end.
-FIRST_PATIENCE = 0.5
-LAST_PATIENCE = 60.0
+# A response is lost if the server has not discovered the client yet. The timeout [s] doubles with
+# each retry, so that a slow response arrives in the end.
+_FIRST_TIMEOUT = 0.5
+_MAX_TIMEOUT = 60.0
 
 
-class _Question:
-    """What a node is asked: one request at a time, in two steps."""
+class _ParameterClient:
+    """Parameter services of a node, with one request at a time."""
 
     def __init__(self, node: Node, name: str) -> None:
         self.names = node.create_client(ListParameters, f'{name}/list_parameters')
@@ -35,52 +35,51 @@ class _Question:
         self.parameters: dict[str, Any] | None = None
         self._request: tuple[Client, Future] | None = None
         self._end = 0.0
-        self._patience = FIRST_PATIENCE
+        self._timeout = _FIRST_TIMEOUT
 
-    def can_be_asked(self) -> bool:
-        """Return whether the node is there, and no answer is awaited."""
+    def is_ready(self) -> bool:
+        """Return whether the services exist and no request is pending."""
         ready = self.names.service_is_ready() and self.values.service_is_ready()
         return ready and self._request is None
 
-    def send(self, client: Client, request: Any, answer: Callable[[Future], None]) -> None:
+    def send(self, client: Client, request: Any, on_response: Callable[[Future], None]) -> None:
         future = client.call_async(request)
         self._request = client, future
-        self._end = monotonic() + self._patience
-        future.add_done_callback(answer)
+        self._end = monotonic() + self._timeout
+        future.add_done_callback(on_response)
 
-    def is_answered(self) -> None:
+    def finish(self) -> None:
         self._request = None
-        self._patience = FIRST_PATIENCE
+        self._timeout = _FIRST_TIMEOUT
 
-    def gives_up(self) -> bool:
-        """Forget a request that was in vain; return whether there was one."""
+    def cancel_late(self) -> bool:
+        """Cancel a request after its timeout; return whether there was one."""
         if self._request is None or monotonic() < self._end:
             return False
         client, future = self._request
         client.remove_pending_request(future)
         self._request = None
-        self._patience = min(2 * self._patience, LAST_PATIENCE)
+        self._timeout = min(2 * self._timeout, _MAX_TIMEOUT)
         return True
 
 
 class SolverWatch:
     """
-    Ask the nodes that publish joint states for their parameters, whenever these may be new.
+    Read the parameters of nodes that publish joint states, and again after changes.
 
     Parameters
     ----------
     node : rclpy.node.Node
-        Who asks.
+        The client.
     on_parameters : callable
-        Is given a solver's parameters when they are others than before; a node without a leg's
-        geometry is none.
+        Receives new parameters of a solver; nodes without a leg's geometry are ignored.
     others : collection of str
-        Whoever has a parameter of such a name is asked for its parameters as well.
+        Names of parameters that make a node as interesting as a geometry.
 
     Attributes
     ----------
-    unanswered : set of str
-        Full names of the nodes whose answers are still to come.
+    pending : set of str
+        Full names of the nodes with pending requests.
 
     """
 
@@ -90,11 +89,11 @@ class SolverWatch:
         on_parameters: Callable[[SolverParameters], None],
         others: Collection[str] = (),
     ) -> None:
-        self.unanswered: set[str] = set()
+        self.pending: set[str] = set()
         self._others = frozenset(others)
         self._node = node
         self._on_parameters = on_parameters
-        self._questions: dict[str, _Question] = {}
+        self._clients: dict[str, _ParameterClient] = {}
         self._known: set[tuple[int, ...]] = set()
         self._due: set[str] = set()
         node.create_subscription(
@@ -102,68 +101,68 @@ class SolverWatch:
         )
 
     def add(self, publishers: Sequence[TopicEndpointInfo]) -> None:
-        """Add the nodes of publishers, those that are new; to be called again and again."""
+        """Add the nodes of new publishers; to be called repeatedly."""
         for publisher in publishers:
             name = f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
-            # A solver that was started anew has its old name and a new publisher.
+            # A restarted solver has its old name and a new publisher.
             identity = tuple(publisher.endpoint_gid)
             # Discovery knows a publisher before it knows its node.
             if identity not in self._known and _UNKNOWN not in name:
                 self._known.add(identity)
-                # A node that is none of ROS may have any name, and has no parameters.
+                # Nodes outside ROS may have any name, and have no parameters.
                 if not name_refusal(f'{name}/list_parameters'):
-                    self._want(name)
+                    self._request(name)
 
-    def ask(self) -> None:
-        """Ask those that can be asked by now, or are silent; to be called again and again."""
-        self._due |= {name for name, question in self._questions.items() if question.gives_up()}
-        for name in [name for name in self._due if self._questions[name].can_be_asked()]:
+    def send_requests(self) -> None:
+        """Send due and repeated requests; to be called repeatedly."""
+        self._due |= {name for name, client in self._clients.items() if client.cancel_late()}
+        for name in [name for name in self._due if self._clients[name].is_ready()]:
             self._due.remove(name)
-            question = self._questions[name]
-            answer = partial(self._on_names, name)
-            question.send(question.names, ListParameters.Request(), answer)
+            client = self._clients[name]
+            on_response = partial(self._on_names, name)
+            client.send(client.names, ListParameters.Request(), on_response)
 
-    def _want(self, name: str) -> None:
-        if name not in self._questions:
-            self._questions[name] = _Question(self._node, name)
+    def _request(self, name: str) -> None:
+        if name not in self._clients:
+            self._clients[name] = _ParameterClient(self._node, name)
         self._due.add(name)
-        self.unanswered.add(name)
+        self.pending.add(name)
 
     def _on_event(self, event: ParameterEvent) -> None:
         parameters = (*event.new_parameters, *event.changed_parameters)
         # A named leg's length has its name before it.
         changed = {parameter.name.rpartition('.')[2] for parameter in parameters}
-        if event.node in self._questions and changed & set(GEOMETRY_NAMES):
-            self._want(event.node)
+        if event.node in self._clients and changed & set(GEOMETRY_NAMES):
+            self._request(event.node)
 
     def _on_names(self, name: str, future: Future) -> None:
         names = list(future.result().result.names)
         if set(GEOMETRY_NAMES) <= set(names) or self._others & set(names):
-            question = self._questions[name]
-            answer = partial(self._on_values, name, names)
-            question.send(question.values, GetParameters.Request(names=names), answer)
+            client = self._clients[name]
+            on_response = partial(self._on_values, name, names)
+            client.send(client.values, GetParameters.Request(names=names), on_response)
         else:
-            self._is_answered(name)
+            self._finish(name)
 
     def _on_values(self, name: str, names: list[str], future: Future) -> None:
-        self._is_answered(name)
+        self._finish(name)
         try:
             values = [_plain(value) for value in future.result().values]
             plain = dict(zip(names, values, strict=True))
         except (RuntimeError, ValueError) as error:
-            # Not as many as were asked for, or of a type that there is not.
-            said = f'{name} does not answer for its parameters: {ros_error(error)}'
-            self._node.get_logger().warning(said)
+            # A wrong number of values, or an unknown type.
+            text = f'{name} returned invalid parameters: {ros_error(error)}'
+            self._node.get_logger().warning(text)
             return
-        # What a solver says of itself at its start may come before and after it was asked.
-        if plain != self._questions[name].parameters:
-            self._questions[name].parameters = plain
+        # Parameter events at the start may arrive before and after the response.
+        if plain != self._clients[name].parameters:
+            self._clients[name].parameters = plain
             self._on_parameters(SolverParameters(name, time_ns(), plain))
 
-    def _is_answered(self, name: str) -> None:
-        self._questions[name].is_answered()
+    def _finish(self, name: str) -> None:
+        self._clients[name].finish()
         if name not in self._due:
-            self.unanswered.discard(name)
+            self.pending.discard(name)
 
 
 def _plain(value: ParameterValue) -> Any:

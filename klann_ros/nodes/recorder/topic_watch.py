@@ -1,4 +1,4 @@
-"""Which topics are recorded: each from when it appears, with all of its publishers."""
+"""Discovery of topics to record, each from when it appears, with all its publishers."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -11,7 +11,7 @@ from time import monotonic, time_ns
 from klann_ros.log.errors import LogError
 from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import Pause
-from klann_ros.log.write.ledger import Ledger
+from klann_ros.log.write.drop_counters import DropCounters
 from klann_ros.log.write.recording import Pauses
 from klann_ros.nodes.endpoints import name_refusal, UnknownMessageTypeError
 from klann_ros.nodes.process import ros_error, ROS_ERRORS
@@ -24,24 +24,24 @@ from .interface import RecordingDiagnostics
 from .recorded_topic import RecordedTopic
 from .solver_watch import SolverWatch
 
-# How often new topics are looked for, and how often without news where something is awaited [s].
-PERIOD, PATIENCE = 0.1, 1.0
-# Discovery tells of a publisher before it tells its node: so long is it looked at again [s].
-SETTLING = 1.0
-# A thread that is so late did not run: the process was stopped, or the machine suspended [s].
+# Period of discovery, and that of pending requests without changes [s].
+_PERIOD, _REQUEST_PERIOD = 0.1, 1.0
+# Discovery of a publisher's node may follow that of the publisher within this time [s].
+_SETTLING_TIME = 1.0
+# A longer delay means that the process was stopped, or the machine suspended [s].
 MAX_DELAY = 0.9
-# NTP moves a clock by less between two looks; a larger step is a clock that was set [s].
+# NTP adjusts a clock by less in a period; a larger step is a clock that was set [s].
 MAX_CLOCK_STEP = 0.05
-# Runs on while the machine is suspended, where the system has it.
+# Also runs while the machine is suspended, if the system has it.
 _STEADY_CLOCK = getattr(time, 'CLOCK_BOOTTIME', time.CLOCK_MONOTONIC)
-# Anybody may publish, so often that a log of complaints would fill the disk.
-MOST_COMPLAINTS = 500
-# What one topic, or one of its publishers, can be wrong about; the others are recorded.
-TOPIC_ERRORS = (UnknownMessageTypeError, LogError, *ROS_ERRORS)
+# Limit of warnings, as untrusted topics could fill the disk with them.
+_MAX_WARNINGS = 500
+# Errors of one topic or publisher; the others are recorded.
+_TOPIC_ERRORS = (UnknownMessageTypeError, LogError, *ROS_ERRORS)
 
 
 class Heartbeat:
-    """Detects, from one call of `beat` to the next, that this process did not run."""
+    """Detects stalls of this process and steps of its clock between calls of `beat`."""
 
     def __init__(self) -> None:
         self._before = time.clock_gettime(_STEADY_CLOCK), time_ns()
@@ -49,20 +49,20 @@ class Heartbeat:
     @property
     def is_late(self) -> bool:
         """Return whether the next call is overdue."""
-        return time.clock_gettime(_STEADY_CLOCK) - self._before[0] > PERIOD + MAX_DELAY
+        return time.clock_gettime(_STEADY_CLOCK) - self._before[0] > _PERIOD + MAX_DELAY
 
     def beat(self) -> Pause | None:
-        """Return the time since the last call if the process did not run, or its clock jumped."""
+        """Return the time since the last call if the process stalled, or its clock was set."""
         (steady, wall), now = self._before, (time.clock_gettime(_STEADY_CLOCK), time_ns())
         self._before = now
         passed, shown = now[0] - steady, (now[1] - wall) / 1e9
-        if passed > PERIOD + MAX_DELAY:
-            why = f'the recorder did not run for {passed:.1f} s (stopped, or suspended)'
+        if passed > _PERIOD + MAX_DELAY:
+            reason = f'the recorder stalled for {passed:.1f} s (stopped, or suspended)'
         elif shown - passed > MAX_CLOCK_STEP:
-            why = f'the clock was set forward by {shown - passed:.2f} s'
+            reason = f'the clock was set forward by {shown - passed:.2f} s'
         else:
             return None
-        return Pause(wall, now[1], {}, why)
+        return Pause(wall, now[1], {}, reason)
 
 
 class TopicWatch:
@@ -72,21 +72,21 @@ class TopicWatch:
     Parameters
     ----------
     node : rclpy.node.Node
-        Who subscribes.
+        The subscriptions' node.
     patterns : sequence of str
-        Full names of topics; * stands for anything.
+        Full names of topics, with the wildcard *.
     put : callable
         Takes every message.
-    ledger : Ledger
-        Where every message is counted.
+    counters : DropCounters
+        Counts every message.
     pauses : Pauses
-        What is left out.
+        Skips messages.
     solvers : SolverWatch
-        Is told who publishes joint states.
+        Receives the publishers of joint states.
     diagnostics : RecordingDiagnostics
-        What is published by the node itself, and not recorded.
+        The node's own publisher, which is not recorded.
     on_stall : callable
-        Is given each time in which this process did not run.
+        Receives each stall of this process.
 
     """
 
@@ -96,37 +96,37 @@ class TopicWatch:
         patterns: Sequence[str],
         *,
         put: Callable[[Message], None],
-        ledger: Ledger,
+        counters: DropCounters,
         pauses: Pauses,
         solvers: SolverWatch,
         diagnostics: RecordingDiagnostics,
         on_stall: Callable[[Pause], None],
     ) -> None:
-        """Look at once, and from then on."""
+        """Start the discovery thread."""
         self._on_stall, self._stalls = on_stall, deque[Pause]()
         self._heartbeat = Heartbeat()
         self._topics: dict[str, RecordedTopic] = {}
         self._node, self._patterns, self._solvers = node, patterns, solvers
-        self._put, self._ledger = put, ledger
+        self._put, self._counters = put, counters
         self._pauses, self._diagnostics = pauses, diagnostics
         self._group = RawCallbackGroup()
         self._refused: set[tuple[str, str]] = set()
-        self._complaints: set[str] = set()
+        self._warnings: set[str] = set()
         self._unsettled: dict[str, float] = {}
-        self._silent: set[str] = set()
+        self._unpublished: set[str] = set()
         self._stopped = Event()
-        self._news = node.create_guard_condition(self._look)
+        self._graph_changed = node.create_guard_condition(self._update)
         self._thread = Thread(target=self._watch_graph, name='graph', daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        """Look for new topics no more."""
+        """Stop the discovery."""
         self._stopped.set()
         self._thread.join()
 
     @property
     def has_stalled(self) -> bool:
-        """Return whether this process did not run just now, and nobody has been told yet."""
+        """Return whether this process has just stalled, and `on_stall` is still to be called."""
         return bool(self._stalls) or self._heartbeat.is_late
 
     def published(self) -> set[str]:
@@ -134,66 +134,66 @@ class TopicWatch:
         return {name for name, topic in self._topics.items() if topic.has_publisher}
 
     def take_queued(self) -> None:
-        """Take all that was received so far."""
+        """Read all messages received so far."""
         for topic in self._topics.values():
             topic.take_queued()
 
     def _watch_graph(self) -> None:
         """
-        Have `_look` called when topics or publishers have appeared, in a thread of its own.
+        Trigger `_update` in the node's loop when topics or publishers appear.
 
-        A timer would have the executor build its wait set anew each time, which takes fifty times
-        as long as to look.
+        In a thread: a timer would rebuild the executor's wait set each time, at fifty times the
+        cost.
         """
         before: object = None
-        looks = 0
-        while not self._stopped.wait(PERIOD):
-            looks += 1
-            is_late = looks >= PATIENCE / PERIOD
+        ticks = 0
+        while not self._stopped.wait(_PERIOD):
+            ticks += 1
+            is_late = ticks >= _REQUEST_PERIOD / _PERIOD
             stall = self._heartbeat.beat()
             if stall is not None:
                 self._stalls.append(stall)
             now = self._graph()
             if now != before or stall is not None or self._is_due(is_late):
-                self._news.trigger()
-                before, looks = now, 0
+                self._graph_changed.trigger()
+                before, ticks = now, 0
 
     def _graph(self) -> object:
-        """Return what may be news: topics, and publishers of those that had none."""
-        counts = [(name, self._node.count_publishers(name)) for name in self._silent.copy()]
+        """Return the topics, and the publishers of those that had none."""
+        counts = [(name, self._node.count_publishers(name)) for name in self._unpublished.copy()]
         return _topics_and_types(self._node), counts
 
     def _is_due(self, is_late: bool) -> bool:
-        return bool(self._unsettled) or (is_late and bool(self._solvers.unanswered))
+        return bool(self._unsettled) or (is_late and bool(self._solvers.pending))
 
-    def _look(self) -> None:
+    def _update(self) -> None:
         while self._stalls:
             self._on_stall(self._stalls.popleft())
         for name, kinds in _topics_and_types(self._node):
             if all(self._is_known(name, kind) for kind in kinds):
                 continue
             if name in self._topics:
-                # Of another type: no subscription hears of its publisher.
+                # A publisher of another type matches no subscription.
                 self._on_change(name)
-            elif self._is_wanted(name):
+            elif self._is_selected(name):
                 self._try(name, kinds)
         now = monotonic()
         for name, until in list(self._unsettled.items()):
-            self._look_at(name)
+            self._adapt(name)
             if now > until:
                 del self._unsettled[name]
-        self._solvers.ask()
+        self._solvers.send_requests()
 
     def _is_known(self, name: str, kind: str) -> bool:
         recorded = self._topics.get(name)
         return (name, kind) in self._refused or (recorded is not None and recorded.type == kind)
 
-    def _is_wanted(self, name: str) -> bool:
+    def _is_selected(self, name: str) -> bool:
         hidden = any(part.startswith('_') for part in name.split('/'))
         return not hidden and any(fnmatchcase(name, pattern) for pattern in self._patterns)
 
     def _try(self, name: str, kinds: Sequence[str]) -> None:
-        # A middleware tells of names that ROS refuses: not all that it meets comes from ROS.
+        # Participants outside ROS may have names that ROS refuses.
         reason = name_refusal(name)
         if reason:
             for kind in kinds:
@@ -201,8 +201,8 @@ class TopicWatch:
             return
         try:
             self._subscribe(name)
-        except TOPIC_ERRORS as error:
-            self._complain(f'{name} is not recorded: {ros_error(error)}')
+        except _TOPIC_ERRORS as error:
+            self._warn(f'{name} is not recorded: {ros_error(error)}')
 
     def _subscribe(self, name: str) -> None:
         publishers = [
@@ -211,9 +211,9 @@ class TopicWatch:
             if (name, publisher.topic_type) not in self._refused
         ]
         if not publishers:
-            self._silent.add(name)
+            self._unpublished.add(name)
             return
-        self._silent.discard(name)
+        self._unpublished.discard(name)
         own = self._diagnostics
         try:
             self._topics[name] = RecordedTopic(
@@ -222,18 +222,18 @@ class TopicWatch:
                 name,
                 publishers,
                 put=self._put,
-                ledger=self._ledger,
+                counters=self._counters,
                 pauses=self._pauses,
-                changed=self._on_change,
+                on_change=self._on_change,
                 is_own=own.has_published if name == own.topic else None,
             )
-        except TOPIC_ERRORS as error:
+        except _TOPIC_ERRORS as error:
             self._refuse(name, publishers[0].topic_type, ros_error(error))
         else:
             self._on_change(name)
 
     def _publishers(self, name: str) -> list[TopicEndpointInfo]:
-        """Return who publishes a topic, without this node."""
+        """Return the publishers of a topic, without this node's."""
         own = self._node.get_name(), self._node.get_namespace()
         return [
             publisher
@@ -242,16 +242,16 @@ class TopicWatch:
         ]
 
     def _on_change(self, name: str) -> None:
-        self._unsettled[name] = monotonic() + SETTLING
+        self._unsettled[name] = monotonic() + _SETTLING_TIME
 
-    def _look_at(self, name: str) -> None:
+    def _adapt(self, name: str) -> None:
         topic = self._topics[name]
         try:
             publishers = self._publishers(name)
             for kind in topic.adapt(publishers):
                 self._refuse(name, kind, f'the topic is recorded as {topic.type}')
-        except TOPIC_ERRORS as error:
-            self._complain(f'a publisher of {name} is not heard: {ros_error(error)}')
+        except _TOPIC_ERRORS as error:
+            self._warn(f'a publisher of {name} is not recorded: {ros_error(error)}')
             return
         if topic.type == 'sensor_msgs/msg/JointState':
             self._solvers.add(publishers)
@@ -259,24 +259,24 @@ class TopicWatch:
     def _refuse(self, name: str, kind: str, reason: str) -> None:
         self._refused.add((name, kind))
         of = f'{printable(name)} of type {printable(kind)}'
-        self._complain(f'{of} is not recorded: {reason}')
+        self._warn(f'{of} is not recorded: {reason}')
 
-    def _complain(self, text: str) -> None:
-        """Say what is left out, each once."""
-        if text in self._complaints or len(self._complaints) >= MOST_COMPLAINTS:
+    def _warn(self, text: str) -> None:
+        """Log a warning, each once."""
+        if text in self._warnings or len(self._warnings) >= _MAX_WARNINGS:
             return
-        self._complaints.add(text)
-        if len(self._complaints) == MOST_COMPLAINTS:
-            text += '; and that is enough of such complaints'
+        self._warnings.add(text)
+        if len(self._warnings) == _MAX_WARNINGS:
+            text += '; further warnings are suppressed'
         self._node.get_logger().warning(printable_line(text))
 
 
 def _topics_and_types(node: Node) -> list[tuple[str, list[str]]]:
     """
-    Return what is published or heard, and the types of it.
+    Return the topics and their types.
 
-    DDS takes any bytes for a name, and rclpy tells none at all where one is no text. Then the
-    nodes are asked one by one, and whose names are no text is left out.
+    DDS accepts any bytes as a name, and rclpy fails if one is no text. Then the nodes are queried
+    one by one, and those without a valid name are skipped.
     """
     with suppress(UnicodeDecodeError):
         known: list[tuple[str, list[str]]] = node.get_topic_names_and_types()

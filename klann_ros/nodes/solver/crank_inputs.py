@@ -184,7 +184,7 @@ class _Source:
             self._node.destroy_subscription(self._subscription)
         self._subscription = None
         self.publishers = 0
-        self.loss.forget()
+        self.loss.publishers_changed()
 
     def count(self, info: Info) -> None:
         self._had_message = True
@@ -209,5 +209,5 @@ class _Source:
 
     def _on_matched(self, status: Any) -> None:
         # A publisher joined or left: the next message may be of another one.
-        self.loss.forget()
+        self.loss.publishers_changed()
         self.publishers = status.current_count

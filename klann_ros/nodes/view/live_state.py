@@ -251,7 +251,7 @@ class LiveState:
         self._subscriptions.look(topics)
         for topic in self._subscriptions.of_kind(JOINT_STATE):
             self._watch.add(self._graph.publishers(topic.name))
-        self._watch.ask()
+        self._watch.send_requests()
         self._calls_to_ros.look()
         self._update_legs()
         self._update_drives(topics)
@@ -286,7 +286,7 @@ class LiveState:
             if node in self._solvers:
                 found[node] = self._solvers[node]
             # A player's parameters never change: a second request is to another one of its name.
-            elif node in self._watch.unanswered:
+            elif node in self._watch.pending:
                 continue
             elif self._replays.get(node):
                 key = f'{node} {topic.name}'

@@ -105,7 +105,7 @@ class SubscribedTopic:
         return found
 
     def _on_matched(self, status: Any) -> None:
-        self.figures.loss.forget()
+        self.figures.loss.publishers_changed()
         self.figures.publishers = status.current_count
 
     def _on_message(self, data: bytes, info: Info) -> None:

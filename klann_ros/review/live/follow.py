@@ -11,7 +11,12 @@ from klann_ros.log.errors import NotALogError
 from klann_ros.log.mcap.growing import GrowingFile, NamedRecord
 from klann_ros.log.read.run_files import natural
 from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import pause_of, PAUSE_RECORD, solver_parameters, SOLVER_RECORD
+from klann_ros.log.run_parameters import (
+    PAUSE_RECORD,
+    recorded_pause,
+    solver_parameters,
+    SOLVER_RECORD,
+)
 from klann_ros.log.write.durable_file import is_being_written
 from klann_ros.review.model.limits import Limits
 from klann_ros.sanitize.files import open_plain
@@ -74,7 +79,7 @@ class _FollowJudge:
                 if name == SOLVER_RECORD:
                     self._judge.set_solver(solver_parameters(content))
                 elif name == PAUSE_RECORD:
-                    self._judge.excuse(pause_of(content))
+                    self._judge.excuse(recorded_pause(content))
             return
         self._waiting.append(record)
         self._last = max(self._last, min(record.log_time, _LAST_TIME))

@@ -10,13 +10,13 @@ from klann_ros.kinematics.arrays import IndexArray
 from klann_ros.log.read.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import (
+    FAULT_RECORD,
     FINDING_RECORD,
-    HARM_RECORD,
     Pause,
-    pause_of,
     PAUSE_RECORD,
-    told_finding,
-    ToldFinding,
+    recorded_finding,
+    recorded_pause,
+    RecordedFinding,
 )
 from klann_ros.review.model.answers import MAX_RESPONSE_TIME
 from klann_ros.review.model.recording import Drive, LegRecording, RunRecording
@@ -129,17 +129,17 @@ def load(
         legs=tuple(legs),
         walks=tuple(walks.walks(shared)),
         stopped=_file_faults(log, 'stopped'),
-        file_fault=_file_faults(log, 'harmed'),
+        file_fault=_file_faults(log, 'faults'),
         drives=tuple(_drives(legs_, legs, shared)),
         recorder_findings=tuple(_recorder_findings(log)),
     )
 
 
-def _recorder_findings(log: Loadable) -> Iterator[ToldFinding]:
+def _recorder_findings(log: Loadable) -> Iterator[RecordedFinding]:
     """Yield the findings of the recorder."""
     for record in log.metadata.get(FINDING_RECORD, ()):
         with suppress(ValueError):
-            yield told_finding(record)
+            yield recorded_finding(record)
 
 
 def _drives(
@@ -156,7 +156,7 @@ def _drives(
 
 def _file_faults(log: Loadable, key: str) -> str:
     """Return the file faults that the recorder noted, in one line."""
-    found = (record.get(key, '') for record in log.metadata.get(HARM_RECORD, ()))
+    found = (record.get(key, '') for record in log.metadata.get(FAULT_RECORD, ()))
     return printable_line('; '.join(filter(None, found)))
 
 
@@ -230,7 +230,7 @@ def _pauses(records: Iterable[Mapping[str, str]]) -> Iterator[Pause]:
     """Yield the recorded pauses and stalls of the recorder."""
     for record in records:
         with suppress(ValueError):
-            yield pause_of(record)
+            yield recorded_pause(record)
 
 
 def _without_wall_times(topic: TopicRecording) -> TopicRecording:

@@ -143,10 +143,17 @@ class TopicCollector:
         nothing, none = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.float32)
         missing = [
             TopicRecording(
-                name, '', nothing, none, count.lost, count.early, count.left, dropped=count.dropped
+                name,
+                '',
+                nothing,
+                none,
+                count.lost,
+                count.before_discovery,
+                count.departed,
+                dropped=count.dropped,
             )
             for name, count in recorded.items()
-            if (count.lost or count.early or count.left > 1) and name not in names
+            if (count.lost or count.before_discovery or count.departed > 1) and name not in names
         ]
         return (*found, *missing)
 
@@ -161,7 +168,7 @@ def _topic(
     times, latencies = seen.times.array(), seen.latencies.array()
     back = seen.back.array()
     # Numbers of two publishers may look like those of one; the recorder counts publishers.
-    is_alone = seen.is_numbered and (recorded is None or recorded.unheard is not None)
+    is_alone = seen.is_numbered and (recorded is None or recorded.missed is not None)
     set_back = back[recorder_clock_steps(latencies, back, alone=is_alone)]
     set_back = np.column_stack([times[set_back[:, 0]], set_back[:, 1]])
     if len(back):
@@ -199,8 +206,8 @@ def _losses(
 ) -> tuple[int | None, int, int, bool]:
     """Return lost, early, publishers that left, and whether there are several at once."""
     if recorded is not None:
-        unknown = recorded.unheard is None
-        return recorded.lost, recorded.early, recorded.left, unknown
+        unknown = recorded.missed is None
+        return recorded.lost, recorded.before_discovery, recorded.departed, unknown
     if not seen.is_numbered:
         return None, 0, 0, seen.is_shared
     # A restarted publisher has left before.
@@ -220,7 +227,10 @@ def _counts(record: Mapping[str, str]) -> dict[str, TopicCount]:
         counts = topic_counts(record)
     except ValueError:
         return {}
-    numbers = {name: (c.lost or 0, c.dropped, c.early, c.left) for name, c in counts.items()}
+    numbers = {
+        name: (c.lost or 0, c.dropped, c.before_discovery, c.departed)
+        for name, c in counts.items()
+    }
     # Negative or huge counts are invalid.
     return {
         name: count

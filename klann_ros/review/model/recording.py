@@ -7,7 +7,7 @@ from klann_ros.dynamics import Dynamics
 from klann_ros.kinematics import AnyLeg
 from klann_ros.kinematics.arrays import FloatArray, IntArray
 from klann_ros.kinematics.klann.leg import JOINTS
-from klann_ros.log.run_parameters import Pause, ToldFinding
+from klann_ros.log.run_parameters import Pause, RecordedFinding
 import numpy as np
 
 from .times import Interval, no_series, pairs, Series
@@ -187,7 +187,7 @@ class RunRecording:
     # Simulated time by log times, values of shape (k, 0); empty without /clock.
     clock: Series = field(default_factory=lambda: no_series(0))
     # Findings of the recorder during the recording.
-    recorder_findings: tuple[ToldFinding, ...] = ()
+    recorder_findings: tuple[RecordedFinding, ...] = ()
 
     @property
     def duration(self) -> float:

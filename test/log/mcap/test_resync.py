@@ -117,11 +117,11 @@ def test_what_stands_behind_the_damage_is_more_than_chunks(
         writer.flush()
         writer.attach('note.txt', 'text/plain', b'behind it', 1)
         writer.add_metadata('note', {'behind': 'it'})
-    data = bytearray(writer.file_path.read_bytes())
+    data = bytearray(writer.file.path.read_bytes())
     spans = runs.record_spans(data)
     struct.pack_into('<Q', data, chunk(spans, 0)[0] + 1, 2**40)
     end = next(start for opcode, start, _ in spans if opcode == DATA_END)
-    writer.file_path.write_bytes(data[:end])
+    writer.file.path.write_bytes(data[:end])
     recovery = recover(tmp_path / 'walk', tmp_path / 'again')
     assert (recovery.messages, recovery.attachments, recovery.metadata) == (0, 1, 1)
 
@@ -137,13 +137,13 @@ def test_a_log_in_an_attachment_is_not_read_as_messages_of_the_run(
         writer.attach('inner.mcap', 'application/mcap', inner, 1)
         for message in batches[1]:
             writer.write(message)
-    data = bytearray(writer.file_path.read_bytes())
+    data = bytearray(writer.file.path.read_bytes())
     spans = runs.record_spans(data)
     # The chunk before it is damaged without an end, the one behind it is rotten.
     struct.pack_into('<Q', data, chunk(spans, 0)[0] + 1, 2**40)
     data[chunk(spans, 1)[1] - 5] ^= 1
     end = next(start for opcode, start, _ in spans if opcode == DATA_END)
-    writer.file_path.write_bytes(data[:end])
+    writer.file.path.write_bytes(data[:end])
     recovery = recover(tmp_path / 'outer', tmp_path / 'again')
     assert (recovery.messages, recovery.attachments) == (0, 1)
     with open_log(tmp_path / 'again') as log:
@@ -157,10 +157,10 @@ def test_a_log_in_an_attachment_of_a_wrong_length_is_not_read_as_the_run(
         writer.attach('inner.mcap', 'application/mcap', run_file.read_bytes(), 1)
         for message in batches[1]:
             writer.write(message)
-    data = bytearray(writer.file_path.read_bytes())
+    data = bytearray(writer.file.path.read_bytes())
     start = next(start for opcode, start, _ in runs.record_spans(data) if opcode == ATTACHMENT)
     struct.pack_into('<Q', data, start + 1, 2**40)
-    writer.file_path.write_bytes(data)
+    writer.file.path.write_bytes(data)
     recovery = recover(tmp_path / 'outer', tmp_path / 'again')
     assert (recovery.messages, recovery.attachments) == (len(batches[1]), 0)
 

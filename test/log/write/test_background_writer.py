@@ -10,7 +10,7 @@ from types import ModuleType
 from hypothesis import given, settings, strategies as st
 from klann_ros.log.reader import open_log
 from klann_ros.log.write import background_writer
-from klann_ros.log.write.background_writer import BackgroundWriter, OVERHEAD
+from klann_ros.log.write.background_writer import BackgroundWriter, MESSAGE_OVERHEAD
 from klann_ros.log.write.writer import RunWriter
 import pytest
 
@@ -45,8 +45,8 @@ def slow_run(folder, monkeypatch):
 
     def open_slowly(path, flags, *rest, **options):
         if str(path).endswith('.mcap') and not slow:
-            slow.append(SlowFile(folder / path, opened))
-            return opened(folder / path, os.O_WRONLY)
+            slow.append(SlowFile(Path(path), opened))
+            return opened(path, os.O_WRONLY)
         return opened(path, flags, *rest, **options)
 
     monkeypatch.setattr(os, 'open', open_slowly)
@@ -59,15 +59,15 @@ def slow_run(folder, monkeypatch):
 
 def dropped(background, topic):
     """Return how many messages of a topic were put and are not going to be in the run."""
-    assert background.ledger[topic].received == 0  # nobody listens here: the test puts
-    return background.ledger.counts()[topic].dropped
+    assert background.counters[topic].received == 0  # nobody listens here: the test puts
+    return background.counters.counts()[topic].dropped
 
 
 def test_a_slow_file_costs_what_does_not_fit_and_that_is_counted(
     tmp_path: Path, runs: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     writer, slow = slow_run(tmp_path / 'run', monkeypatch)
-    size = len(runs.make_messages(1)[0].data) + OVERHEAD
+    size = len(runs.make_messages(1)[0].data) + MESSAGE_OVERHEAD
     background = BackgroundWriter(
         writer, flush_period=0.02, on_failure=lambda: None, capacity=3000 * size
     )
@@ -97,7 +97,7 @@ def test_nothing_that_is_put_is_neither_written_nor_counted(
 ) -> None:
     writer = RunWriter(tmp_path_factory.mktemp('put') / 'run')
     background = BackgroundWriter(
-        writer, flush_period=0.01, on_failure=lambda: None, capacity=capacity * OVERHEAD
+        writer, flush_period=0.01, on_failure=lambda: None, capacity=capacity * MESSAGE_OVERHEAD
     )
     for number, count in enumerate(counts):
         for message in runs.make_messages(count, f'/topic_{number}'):
@@ -141,7 +141,7 @@ def test_what_is_said_to_be_written_before_a_failure_is_in_the_file(
     while writer.file_is_empty:
         failed.wait(0.01)
     second = background.split()
-    while writer.file_path.name != second:
+    while writer.file.path.name != second:
         failed.wait(0.01)
 
     def refuse(*_):
@@ -184,7 +184,7 @@ def test_whatever_a_failure_interrupts_is_counted(
         return write(*arguments)
 
     def settle(seconds):
-        if seconds == background_writer.SETTLE:
+        if seconds == background_writer.REORDER_DELAY:
             for message in messages[before:]:
                 background.put(replace(message, log_time=2**63))
                 background.put(message)

@@ -7,7 +7,12 @@ from disk_scripts import can_mount, run_script, UNSHARE
 from klann_ros.log.errors import LowSpaceError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import LOSS_RECORD, topic_counts
-from klann_ros.log.write.disk_space import check_free_space, DiskReserve, free_space, SIZE
+from klann_ros.log.write.durable_file import (
+    check_free_space,
+    DiskReserve,
+    free_space,
+    RESERVE_SIZE,
+)
 from klann_ros.log.write.writer import RunWriter
 import pytest
 from rosbags.highlevel import AnyReader
@@ -56,21 +61,21 @@ def taken(reserve):
 
 def test_a_reserve_takes_space_until_it_is_given_up(tmp_path: Path) -> None:
     reserve = DiskReserve(tmp_path)
-    assert taken(reserve) >= SIZE
-    reserve.hold(1_000_000)
+    assert taken(reserve) >= RESERVE_SIZE
+    reserve.grow(1_000_000)
     assert taken(reserve) >= 1_000_000
     assert reserve.spent is None
-    assert not reserve.helps(OSError(5, 'Input/output error'))
+    assert not reserve.release_if_full(OSError(5, 'Input/output error'))
     descriptor = reserve._descriptor
-    assert reserve.helps(OSError(28, 'No space left on device'))
+    assert reserve.release_if_full(OSError(28, 'No space left on device'))
     with pytest.raises(OSError, match='Bad file descriptor'):
         os.fstat(descriptor)
-    assert not reserve.helps(OSError(28, 'No space left on device'))
+    assert not reserve.release_if_full(OSError(28, 'No space left on device'))
 
 
 def test_a_reserve_has_no_name_that_a_kill_could_leave_or_a_user_remove(tmp_path: Path) -> None:
     with RunWriter(tmp_path / 'run', reserve=True) as writer:
-        assert taken(writer._folder.reserve) >= SIZE
+        assert taken(writer._files._reserve) >= RESERVE_SIZE
         assert {path.name for path in writer.path.iterdir()} == {'run_0.mcap', 'metadata.yaml'}
 
 

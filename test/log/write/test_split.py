@@ -133,7 +133,7 @@ def test_a_split_keeps_the_order(
     settled = Event()
 
     def settle(seconds: float) -> None:
-        if seconds == background_writer.SETTLE:
+        if seconds == background_writer.REORDER_DELAY:
             for message in runs.make_messages(20):
                 background.put(replace(message, log_time=2**62))
             settled.set()
@@ -159,7 +159,7 @@ def test_what_another_thread_is_told_while_a_split_goes_on_is_never_wrong(
 
     def look(frame, *_):
         if frame.f_code.co_filename.startswith(WRITING):
-            told.append(dict(writer.fate().written))
+            told.append(dict(writer.stored_counts().written))
             return look
         return None
 

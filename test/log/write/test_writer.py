@@ -18,7 +18,6 @@ from klann_ros.log.errors import (
 )
 from klann_ros.log.reader import open_log
 from klann_ros.log.write.durable_file import DurableFile
-from klann_ros.log.write.open_folder import OpenFolder
 from klann_ros.log.write.writer import RunWriter
 import pytest
 import yaml
@@ -30,7 +29,7 @@ def test_header_and_metadata_yaml_are_on_the_disk_at_once(tmp_path: Path) -> Non
     writer = RunWriter(tmp_path / 'deep' / 'run')
     try:
         assert writer.path == tmp_path / 'deep' / 'run'
-        assert writer.file_path.stat().st_size > 8
+        assert writer.file.path.stat().st_size > 8
         metadata = yaml.safe_load((writer.path / 'metadata.yaml').read_text())
         assert metadata['rosbag2_bagfile_information']['relative_file_paths'] == ['run_0.mcap']
     finally:
@@ -193,7 +192,7 @@ def test_half_a_record_is_cut_off_where_nothing_else_looks_at_the_file(
             raise OSError(28, 'No space left on device')
         return write(descriptor, data[:60])
 
-    file = DurableFile(OpenFolder(tmp_path), 'file')
+    file = DurableFile(tmp_path / 'file')
     file.write(b'whole' * 20)
     file.flush()
     file.write(b'half' * 20)

@@ -13,7 +13,7 @@ from domain import own_domain
 from klann_ros.log.bag_metadata import FILE_NAME as METADATA
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
-from klann_ros.log.run_parameters import pause_of, topic_counts
+from klann_ros.log.run_parameters import recorded_pause, topic_counts
 from klann_ros.nodes.raw_executor import PLAIN
 from klann_ros.review.reviewing import review_run
 import pytest
@@ -133,21 +133,21 @@ def test_a_pause_is_in_the_run_with_what_it_left_out(split_and_paused: dict[str,
     assert [answer.success for answer in split_and_paused['pauses']] == [True, True]
     assert [answer.message for answer in split_and_paused['pauses']] == [
         'paused',
-        'it was paused already',
+        'already paused',
     ]
     assert [answer.message for answer in split_and_paused['resumes']] == [
         'recording again',
-        'it was recording already',
+        'already recording',
     ]
     with open_log(split_and_paused['folder']) as log:
         (record,) = log.metadata['klann_ros.pause']
         (losses,) = log.metadata['klann_ros.loss']
         times = [message.log_time for message in log.messages([TOPIC])]
-    pause, count = pause_of(record), topic_counts(losses)[TOPIC]
-    assert pause.left_out[TOPIC] == 70
+    pause, count = recorded_pause(record), topic_counts(losses)[TOPIC]
+    assert pause.skipped[TOPIC] == 70
     assert not [time for time in times if pause.begin <= time < pause.end]
     assert times[199] < pause.begin < pause.end <= times[200]
-    assert (count.received, count.written, count.left_out, count.lost) == (470, 400, 70, 0)
+    assert (count.received, count.written, count.skipped, count.lost) == (470, 400, 70, 0)
 
 
 def test_the_status_tells_how_the_recording_stands(split_and_paused: dict[str, Any]) -> None:
@@ -225,8 +225,8 @@ def test_what_publishers_sent_that_left_is_not_said_to_be_all_there(ros: World) 
     left = {f'{TOPIC} lost': '0', f'{TOPIC} publishers left': '3'}
     ros.probe.until(lambda: any(left.items() <= values(status).items() for status in statuses))
     assert recorder.stop() == 0
-    said = f'0 were lost, as far as can be counted; 3 publishers left ({TOPIC}), and of what '
-    assert f'; {said}they sent last nothing is known' in recorder.errors
+    said = f'0 were lost at least; 3 publishers left ({TOPIC}): losses at their end cannot be '
+    assert f'; {said}detected' in recorder.errors
     review = review_run(ros.folder / 'run')
     (topic,) = review.topics
     # Who waits for its subscribers is heard from its first message on.
@@ -250,7 +250,7 @@ def test_an_unfinished_run_beside_it_is_named_at_start(ros: World) -> None:
     third = ros.start('recorder_node', output=ros.folder / 'third')
     ros.probe.until(lambda: 'recording to' in third.errors)
     left = ros.folder / 'left'
-    assert f'{left} was not finished; `recover {left}` makes it whole' in third.errors
+    assert f'{left} was not finished; `recover {left}` repairs it' in third.errors
     assert third.errors.count('was not finished') == 1
 
 

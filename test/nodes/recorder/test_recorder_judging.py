@@ -11,8 +11,8 @@ from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import (
     FINDING_RECORD,
     LOSS_RECORD,
+    recorded_finding,
     SOLVER_RECORD,
-    told_finding,
     topic_counts,
 )
 from klann_ros.nodes.recorder import topic_watch
@@ -80,7 +80,7 @@ class Stage:
                 judge is not None
                 and recording is not None
                 and judge.message == 'nothing found'
-                and recording.message == 'waiting for a cause'
+                and recording.message == 'waiting for a trigger'
             )
 
         self.statuses.clear()
@@ -93,7 +93,7 @@ class Stage:
             before, answer = self.events(), self.call('trigger')
             self.until_waiting()
             # A machine that stalled may just have begun one.
-            if not answer.message.endswith(' goes on'):
+            if not answer.message.endswith(' (extended)'):
                 return before, answer
 
     def call(self, name: str) -> Trigger.Response:
@@ -140,7 +140,7 @@ def no_number(stage: Stage) -> None:
 
 def test_each_fault_is_told_and_has_a_run_with_its_finding(seen: dict[str, Any]) -> None:
     for check in ('geometry', 'gap', 'rejected'):
-        found = [told_finding(record).check for run in seen[check] for record in records(run)]
+        found = [recorded_finding(record).check for run in seen[check] for record in records(run)]
         assert check in found, seen['errors']
 
 
@@ -157,7 +157,7 @@ def test_who_asks_gets_the_seconds_before_and_after_whole(seen: dict[str, Any]) 
     assert run in seen['asked']
     with open_log(run) as log:
         # A machine that has much else to do may lose messages meanwhile, which is told as well.
-        (told, *_) = map(told_finding, log.metadata[FINDING_RECORD])
+        (told, *_) = map(recorded_finding, log.metadata[FINDING_RECORD])
         assert told.check == 'trigger'
         counts = topic_counts(log.metadata[LOSS_RECORD][0])
         for topic in ('/crank_angle', '/joint_states', '/point_h'):
@@ -196,9 +196,9 @@ def test_it_ends_in_order(seen: dict[str, Any]) -> None:
 def test_who_waits_in_vain_writes_nothing_and_says_so(ros: World) -> None:
     folder = ros.folder / 'runs'
     recorder = ros.start('recorder_node', output=folder, pre_trigger=5.0)
-    ros.probe.until(lambda: 'waiting for a cause' in recorder.errors)
+    ros.probe.until(lambda: 'waiting for a trigger' in recorder.errors)
     assert recorder.stop(signal.SIGINT) == 0
-    assert 'there was no cause, and nothing was written' in recorder.errors
+    assert 'no trigger occurred; nothing was written' in recorder.errors
     assert list(folder.iterdir()) == []
 
 
@@ -225,7 +225,7 @@ def test_a_clock_that_is_set_forward_is_a_stall_and_a_late_thread_too(
     heartbeat = topic_watch.Heartbeat()
     stalls = [heartbeat.beat() for _ in range(4)]
     reasons = [stall and stall.reason for stall in stalls]
-    late = 'the recorder did not run for 2.0 s (stopped, or suspended)'
+    late = 'the recorder stalled for 2.0 s (stopped, or suspended)'
     assert reasons == [None, 'the clock was set forward by 3.00 s', None, late]
     assert stalls[1] is not None
     assert (stalls[1].begin, stalls[1].end) == (10_100_000_000, 13_200_000_000)

@@ -52,7 +52,7 @@ def test_an_unanswered_angle_is_found_but_not_at_the_edges(healthy, make_run) ->
 
 def test_answers_that_were_lost_are_not_said_to_be_missing(healthy, make_run) -> None:
     healthy.ask(30)
-    counted = {'/joint_states': TopicCount(400, 400, unheard=1)}
+    counted = {'/joint_states': TopicCount(400, 400, missed=1)}
     healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
     assert found(make_run(healthy)) == ['lost: 1 message of /joint_states was lost']
 

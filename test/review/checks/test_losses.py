@@ -5,8 +5,8 @@ import re
 
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.run_parameters import (
-    HARM_RECORD,
-    harm_record,
+    FAULT_RECORD,
+    fault_record,
     LOSS_RECORD,
     loss_record,
     TopicCount,
@@ -14,7 +14,10 @@ from klann_ros.log.run_parameters import (
 from klann_ros.review.command import main
 import pytest
 
-COUNTS = '{"received": 1, "written": 1, "left_out": 0, "unheard": 0, "dropped": %s}'
+COUNTS = (
+    '{"received": 1, "written": 1, "skipped": 0, "missed": 0, "before_discovery": 0, '
+    '"departed": 0, "dropped": %s}'
+)
 GARBLED = [COUNTS % number for number in ('-1', '1e400', '9' * 30, '"many"')]
 
 
@@ -26,9 +29,9 @@ def lost(output: str) -> str:
 def test_the_recorders_own_count_comes_first(healthy, make_run, capsys) -> None:
     del healthy.answers[50:53]
     counted = {
-        '/crank_angle': TopicCount(400, 397, dropped=3, unheard=4),
-        '/joint_states': TopicCount(500, 400, left_out=100),
-        '/point_h': TopicCount(400, 400, unheard=None),
+        '/crank_angle': TopicCount(400, 397, dropped=3, missed=4),
+        '/joint_states': TopicCount(500, 400, skipped=100),
+        '/point_h': TopicCount(400, 400, missed=None),
     }
     healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
     assert main([str(make_run(healthy))]) == 1
@@ -41,13 +44,13 @@ def test_the_recorders_own_count_comes_first(healthy, make_run, capsys) -> None:
 def judged(healthy, make_run, capsys, count: TopicCount, **harm: str) -> list[str]:
     """Return the findings of a run that tells of losses, and what was done to it."""
     healthy.metadata.append((LOSS_RECORD, loss_record({'/crank_angle': count})))
-    healthy.metadata.append((HARM_RECORD, harm))
+    healthy.metadata.append((FAULT_RECORD, harm))
     assert main([str(make_run(healthy))]) == 1
     return re.findall(r'^(?:WARNING \w+: |  +)(.*)$', capsys.readouterr().out, re.MULTILINE)
 
 
 def test_what_was_taken_away_is_no_shallow_queue(healthy, make_run, capsys) -> None:
-    file_fault = harm_record('', ['run_0.mcap was removed while it was recorded'])
+    file_fault = fault_record('', ['run_0.mcap was removed while it was recorded'])
     said = judged(healthy, make_run, capsys, TopicCount(400, 300, dropped=100), **file_fault)
     text, meaning = said[-2:]
     assert text.startswith('100 messages of /crank_angle were lost')
@@ -58,8 +61,8 @@ def test_what_was_taken_away_is_no_shallow_queue(healthy, make_run, capsys) -> N
 
 
 def test_a_full_disk_is_told_and_what_else_was_lost(healthy, make_run, capsys) -> None:
-    stopped = harm_record('the disk is full', [])
-    said = judged(healthy, make_run, capsys, TopicCount(400, 397, dropped=3, unheard=4), **stopped)
+    stopped = fault_record('the disk is full', [])
+    said = judged(healthy, make_run, capsys, TopicCount(400, 397, dropped=3, missed=4), **stopped)
     assert 'the recording ended early: the disk is full' in said
     assert said[-1] == (
         'the recorder had received 3 of them, 4 were published and did not reach the run: a '
@@ -99,9 +102,9 @@ def test_numbers_of_two_publishers_tell_nothing(healthy, make_run, capsys) -> No
 
 def test_what_publishers_sent_before_they_were_heard_is_told(healthy, make_run, capsys) -> None:
     counted = {
-        '/crank_angle': TopicCount(400, 400, early=20, left=2),
-        '/joint_states': TopicCount(400, 400, left=1),
-        '/point_h': TopicCount(400, 400, unheard=None, left=3),
+        '/crank_angle': TopicCount(400, 400, before_discovery=20, departed=2),
+        '/joint_states': TopicCount(400, 400, departed=1),
+        '/point_h': TopicCount(400, 400, missed=None, departed=3),
     }
     healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
     assert main([str(make_run(healthy))]) == 1

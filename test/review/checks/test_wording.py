@@ -17,8 +17,8 @@ PLURAL = re.compile(r'(?<![\d.])1 (?!of )(?:\w+ )?(?:\w+[^s\d\W]s|feet|were|are|
 
 def one_lost(script: Any) -> None:
     counts = {
-        '/crank_angle': TopicCount(400, 399, unheard=1, early=1, left=1),
-        '/point_h': TopicCount(400, 400, unheard=0, left=2),
+        '/crank_angle': TopicCount(400, 399, missed=1, before_discovery=1, departed=1),
+        '/point_h': TopicCount(400, 400, missed=0, departed=2),
     }
     script.metadata.append((LOSS_RECORD, loss_record(counts)))
 

@@ -137,7 +137,7 @@ def test_the_recorder_knows_whether_several_published(
     healthy, make_run, write_messages, unheard: int | None
 ) -> None:
     healthy.metadata.append(
-        (LOSS_RECORD, loss_record({'/other': TopicCount(3, 3, unheard=unheard)}))
+        (LOSS_RECORD, loss_record({'/other': TopicCount(3, 3, missed=unheard)}))
     )
     run, start = make_run(healthy), healthy.answers[0].stamp
     other = Topic('/other', 'std_msgs/msg/String', 'string data')

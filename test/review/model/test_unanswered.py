@@ -207,7 +207,7 @@ def healthy_but(healthy: Any, *missing: int) -> Any:
 def test_answers_lost_on_their_way_are_a_share_of_those_that_are_missing(
     healthy, make_run
 ) -> None:
-    counted = {'/joint_states': TopicCount(400, 400, unheard=2)}
+    counted = {'/joint_states': TopicCount(400, 400, missed=2)}
     healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
     answers, lost = found(make_run(healthy_but(healthy, 30, 31, 32, 33, 34)))
     assert lost == 'lost: 2 messages of /joint_states were lost'

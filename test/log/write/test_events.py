@@ -1,14 +1,11 @@
 """Events: what came before and after a cause is in a run of its own, whole and accounted for."""
 
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Event
 import time
 
 from klann_ros.log.errors import LowSpaceError
-from klann_ros.log.events.ring import MOST_LATCHED, Ring
-from klann_ros.log.events.session import EventSession, EventSettings
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message, Topic
@@ -17,14 +14,16 @@ from klann_ros.log.run_parameters import (
     FINDING_RECORD,
     LOSS_RECORD,
     PAUSE_RECORD,
+    recorded_finding,
+    RecordedFinding,
     SOLVER_RECORD,
     SolverParameters,
-    told_finding,
-    ToldFinding,
     topic_counts,
 )
-from klann_ros.log.write.background_writer import BackgroundWriter, OVERHEAD
-from klann_ros.log.write.ledger import Fate, Ledger, Tally
+from klann_ros.log.write.background_writer import BackgroundWriter, MESSAGE_OVERHEAD
+from klann_ros.log.write.drop_counters import CountSnapshot
+from klann_ros.log.write.event_session import EventSession, EventSettings
+from klann_ros.log.write.ring_buffer import MAX_LATCHED_MESSAGES, RingBuffer
 from klann_ros.log.write.writer import RunWriter
 import pytest
 
@@ -37,19 +36,19 @@ def message(number: int, topic: Topic = CRANK, size: int = 8) -> Message:
     return Message(topic, data, time.time_ns(), number, number)
 
 
-class Hearer:
-    """What takes messages as a recorder does: counts each one, and puts it."""
+class Subscriber:
+    """A recorder's reception: counts each message, and passes it on."""
 
     def __init__(self, session: EventSession) -> None:
         self.session, self.next = session, 1
 
-    def hear(self, count: int = 1, topic: Topic = CRANK) -> range:
+    def receive(self, count: int = 1, topic: Topic = CRANK) -> range:
         first = self.next
         for _ in range(count):
-            account = self.session.ledger[topic.name]
-            account.loss.count(self.next)
-            account.received += 1
-            if not self.session.pauses.leaves_out(account, time.time_ns()):
+            counters = self.session.counters[topic.name]
+            counters.loss.count(self.next)
+            counters.received += 1
+            if not self.session.pauses.skips(counters, time.time_ns()):
                 self.session.put(message(self.next, topic))
             self.next += 1
         return range(first, self.next)
@@ -68,7 +67,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     made = Clock()
-    monkeypatch.setattr('klann_ros.log.events.session.monotonic', made)
+    monkeypatch.setattr('klann_ros.log.write.event_session.monotonic', made)
     return made
 
 
@@ -77,7 +76,7 @@ class Stage:
 
     def __init__(self, folder: Path, clock: Clock, settings: EventSettings) -> None:
         self.folder, self.clock = folder, clock
-        self.said: list[tuple[bool, str]] = []
+        self.reports: list[tuple[bool, str]] = []
         self.refusal: Exception | None = None
         self.disk = Event()
         self.disk.set()
@@ -85,10 +84,10 @@ class Stage:
             folder,
             settings,
             open_run=self.open_run,
-            say=lambda is_well, text: self.said.append((is_well, text)),
+            on_status=lambda ok, text: self.reports.append((ok, text)),
         )
-        self.hearer = Hearer(self.session)
-        self.hear = self.hearer.hear
+        self.subscriber = Subscriber(self.session)
+        self.receive = self.subscriber.receive
 
     def open_run(self, path: Path) -> tuple[RunWriter, BackgroundWriter]:
         if self.refusal is not None:
@@ -132,23 +131,23 @@ def metadata(run: Path) -> dict[str, list[dict[str, str]]]:
         return log.metadata
 
 
-GAP = ToldFinding('gap', 'warning', 'nothing on /crank_angle', 17, '/crank_angle')
+GAP = RecordedFinding('gap', 'warning', 'nothing on /crank_angle', 17, '/crank_angle')
 
 
 def test_nothing_is_written_without_a_cause(stage: Stage) -> None:
-    stage.hear(100)
+    stage.receive(100)
     stage.wait(10.0)
-    assert stage.session.finish() == (True, 'there was no cause, and nothing was written')
+    assert stage.session.finish() == (True, 'no trigger occurred; nothing was written')
     assert stage.runs() == []
 
 
 def test_what_came_before_and_after_a_cause_is_in_its_run_and_nothing_else(stage: Stage) -> None:
     heard = {}
     for second in range(12):
-        heard[second] = stage.hear(10)
+        heard[second] = stage.receive(10)
         stage.wait(1.0)
         if second == 7:
-            stage.session.describe_finding(GAP)
+            stage.session.add_finding(GAP)
     stage.until_closed()
     (run,) = stage.runs()
     assert run.name.endswith('_gap')
@@ -160,20 +159,20 @@ def test_what_came_before_and_after_a_cause_is_in_its_run_and_nothing_else(stage
     assert found[0] >= heard[3][0]
     assert found[-1] <= heard[10][-1]
     (record,) = metadata(run)[FINDING_RECORD]
-    assert told_finding(record) == GAP
+    assert recorded_finding(record) == GAP
     (event,) = metadata(run)[EVENT_RECORD]
-    assert (event['cause'], event['fell_out']) == ('gap', '0')
+    assert (event['cause'], event['evicted']) == ('gap', '0')
     count = topic_counts(metadata(run)[LOSS_RECORD][0])[CRANK.name]
     assert count.received == count.written == len(found)
-    assert (count.lost, count.dropped, count.left_out) == (0, 0, 0)
+    assert (count.lost, count.dropped, count.skipped) == (0, 0, 0)
 
 
 def test_it_waits_again_and_the_next_run_has_what_came_before_it(stage: Stage) -> None:
-    stage.hear(10)
-    stage.session.describe_finding(GAP)
+    stage.receive(10)
+    stage.session.add_finding(GAP)
     stage.wait(2.5)
     stage.until_closed()
-    later = stage.hear(10)
+    later = stage.receive(10)
     assert stage.session.trigger()[0]
     stage.wait(2.5)
     stage.until_closed()
@@ -186,13 +185,13 @@ def test_it_waits_again_and_the_next_run_has_what_came_before_it(stage: Stage) -
 
 
 def test_a_cause_during_an_event_lets_it_last_longer(stage: Stage) -> None:
-    stage.session.describe_finding(GAP)
+    stage.session.add_finding(GAP)
     stage.wait(1.5)
     done, said = stage.session.trigger()
     assert done
-    assert said.endswith(' goes on')
+    assert said.endswith(' (extended)')
     stage.wait(1.75)
-    heard = stage.hear(5)
+    heard = stage.receive(5)
     stage.wait(2.0)
     stage.until_closed()
     (run,) = stage.runs()
@@ -201,11 +200,11 @@ def test_a_cause_during_an_event_lets_it_last_longer(stage: Stage) -> None:
 
 
 def test_latched_topics_and_solvers_are_in_every_run_however_old(stage: Stage) -> None:
-    stage.session.tell(SolverParameters('/solver', 1, {'l_ab': 1.0}))
-    stage.session.tell(SolverParameters('/solver', 2, {'l_ab': 2.0}))
-    stage.hear(1, MODEL)
+    stage.session.add_solver(SolverParameters('/solver', 1, {'l_ab': 1.0}))
+    stage.session.add_solver(SolverParameters('/solver', 2, {'l_ab': 2.0}))
+    stage.receive(1, MODEL)
     stage.wait(100.0)
-    stage.hear(10)
+    stage.receive(10)
     stage.session.trigger()
     stage.wait(2.5)
     stage.until_closed()
@@ -221,30 +220,30 @@ def test_latched_topics_and_solvers_are_in_every_run_however_old(stage: Stage) -
 
 
 def test_a_pause_is_in_the_run_and_in_its_account(stage: Stage) -> None:
-    stage.hear(5)
+    stage.receive(5)
     stage.session.pauses.begin(time.time_ns())
-    stage.hear(7)
+    stage.receive(7)
     assert stage.session.trigger() == (False, 'it is paused')
     stage.session.pauses.end(time.time_ns())
-    stage.session.describe_pause(stage.session.pauses.last())
-    stage.hear(5)
+    stage.session.add_pause(stage.session.pauses.take_last())
+    stage.receive(5)
     stage.session.trigger()
     stage.wait(2.5)
     stage.until_closed()
     (run,) = stage.runs()
     count = topic_counts(metadata(run)[LOSS_RECORD][0])[CRANK.name]
-    assert (count.received, count.written, count.left_out) == (17, 10, 7)
+    assert (count.received, count.written, count.skipped) == (17, 10, 7)
     assert len(metadata(run)[PAUSE_RECORD]) == 1
 
 
 def test_what_was_lost_before_is_not_lost_of_the_event(stage: Stage) -> None:
-    stage.hear(5)
-    stage.hearer.next += 100
-    stage.hear(5)
+    stage.receive(5)
+    stage.subscriber.next += 100
+    stage.receive(5)
     stage.wait(10.0)
-    stage.hear(5)
-    stage.hearer.next += 3
-    stage.hear(5)
+    stage.receive(5)
+    stage.subscriber.next += 3
+    stage.receive(5)
     stage.session.trigger()
     stage.session.finish()
     (run,) = stage.runs()
@@ -254,11 +253,11 @@ def test_what_was_lost_before_is_not_lost_of_the_event(stage: Stage) -> None:
 
 def test_a_disk_that_says_no_is_told_and_the_next_event_is_recorded(stage: Stage) -> None:
     stage.refusal = LowSpaceError(stage.folder, 1, 2)
-    stage.session.describe_finding(GAP)
+    stage.session.add_finding(GAP)
     assert 'gap) is not recorded' in stage.session.state().faults[0]
     assert stage.session.trigger()[0] is False
     stage.refusal = None
-    stage.session.describe_finding(GAP)
+    stage.session.add_finding(GAP)
     stage.wait(2.5)
     stage.until_closed()
     assert len(stage.runs()) == 1
@@ -272,16 +271,16 @@ def test_a_disk_that_takes_its_time_to_open_a_run_holds_nothing_up(
     stage: Stage, *, is_ended: bool
 ) -> None:
     stage.disk.clear()
-    before = stage.hear(10)
-    stage.session.describe_finding(GAP)
+    before = stage.receive(10)
+    stage.session.add_finding(GAP)
     # Longer than is held otherwise; who waited for the disk would not come to this.
     heard = [before]
     for _ in range(6):
-        heard.append(stage.hear(10))
+        heard.append(stage.receive(10))
         stage.wait(1.0)
-    stage.session.describe_finding(GAP)
+    stage.session.add_finding(GAP)
     assert stage.session.state().stage == 'opening the run of an event'
-    assert stage.session.trigger()[1].endswith('which the disk takes its time to open')
+    assert stage.session.trigger()[1].endswith('which a slow disk is still opening')
     assert stage.runs() == []
     stage.disk.set()
     if is_ended:
@@ -290,17 +289,17 @@ def test_a_disk_that_takes_its_time_to_open_a_run_holds_nothing_up(
         while stage.session._event is None:
             time.sleep(0.01)
             stage.session.tick()
-        heard.append(stage.hear(10))
+        heard.append(stage.receive(10))
         stage.wait(3.0)
         stage.until_closed()
     (run,) = stage.runs()
     assert numbers(run) == [number for each in heard for number in each]
-    told = [told_finding(record).check for record in metadata(run)[FINDING_RECORD]]
+    told = [recorded_finding(record).check for record in metadata(run)[FINDING_RECORD]]
     assert told == ['gap', 'gap', 'trigger']
 
 
 def test_the_end_finishes_the_run_of_an_event(stage: Stage) -> None:
-    heard = stage.hear(5)
+    heard = stage.receive(5)
     stage.session.trigger()
     assert stage.session.finish()[0]
     assert numbers(stage.runs()[0]) == [*heard]
@@ -316,65 +315,48 @@ def test_two_events_within_a_second_have_names_of_their_own(stage: Stage) -> Non
 
 @pytest.mark.parametrize('cause', ['../../etc', 'a/b', '\n\x1b[31m', '', 'x' * 500])
 def test_whatever_a_cause_is_called_its_run_is_in_the_folder(stage: Stage, cause: str) -> None:
-    stage.session.describe_finding(ToldFinding(cause, 'error', 'what', 1))
+    stage.session.add_finding(RecordedFinding(cause, 'error', 'what', 1))
     stage.session.finish()
     (run,) = stage.runs()
     assert run.parent == stage.folder
     assert numbers(run) == []
 
 
-def ring(most_bytes: int, length: float = 10.0) -> Ring:
-    return Ring(length, most_bytes, lambda: {CRANK.name: Tally()}, 0.0)
+def ring_buffer(max_bytes: int, duration: float = 10.0) -> RingBuffer:
+    return RingBuffer(duration, max_bytes, lambda: {CRANK.name: CountSnapshot()}, 0.0)
 
 
 def test_a_ring_takes_no_more_memory_than_it_may_and_says_what_fell_out() -> None:
     most = 1_000_000
-    full = ring(most)
+    full = ring_buffer(most)
     for number in range(10_000):
         full.put(message(number, size=1000))
         assert full.size <= most * 1.1
     kept = [each.sequence for each in full.messages()]
     assert kept == [*range(10_000 - len(kept), 10_000)]
-    assert full.fell_out == 10_000 - len(kept)
-    assert len(kept) * (1000 + OVERHEAD) > 0.8 * most
+    assert full.evicted == 10_000 - len(kept)
+    assert len(kept) * (1000 + MESSAGE_OVERHEAD) > 0.8 * most
 
 
 def test_what_is_too_old_did_not_fall_out() -> None:
-    full = ring(1_000_000)
+    full = ring_buffer(1_000_000)
     for second in range(100):
         full.put(message(second))
-        full.turn(float(second), float(second))
+        full.rotate(float(second), float(second))
     kept = [each.sequence for each in full.messages()]
     assert kept == [*range(100 - len(kept), 100)]
     assert 10 <= len(kept) <= 12
-    assert full.fell_out == 0
+    assert full.evicted == 0
 
 
 def test_of_a_latched_topic_the_last_ones_outlive_their_time_within_bounds() -> None:
-    full = ring(1_000_000)
+    full = ring_buffer(1_000_000)
     for number in range(1000):
         full.put(message(number, MODEL, 100))
-    full.turn(1.0, 1.0)
-    full.turn(100.0, 100.0)
-    full.turn(200.0, 200.0)
+    full.rotate(1.0, 1.0)
+    full.rotate(100.0, 100.0)
+    full.rotate(200.0, 200.0)
     assert [*full.messages()] == []
     kept = full.latched(5)
-    assert [each.sequence for each in kept] == [*range(1000 - MOST_LATCHED, 1000)]
+    assert [each.sequence for each in kept] == [*range(1000 - MAX_LATCHED_MESSAGES, 1000)]
     assert {each.log_time for each in kept} == {5}
-
-
-class NoRun:
-    """A run to which nothing is written."""
-
-    def fate(self) -> Fate:
-        return Fate(Counter(), Counter())
-
-
-def test_a_ledger_between_two_moments_adds_up() -> None:
-    ledger = Ledger(NoRun())
-    ledger['/a'].received = 5
-    before = ledger.mark()
-    ledger['/a'].received = 9
-    ledger['/b'].received = 2
-    counts = ledger.between(before, ledger.mark(), {}, {'/b': 1})
-    assert (counts['/a'].received, counts['/b'].received) == (4, 3)

@@ -1,4 +1,4 @@
-"""From a recorder's parameters to what it records into: one run, or a run for each event."""
+"""Recording sessions from a recorder's parameters: one run, or a run for each event."""
 
 from collections.abc import Callable
 from datetime import datetime, timezone
@@ -10,13 +10,16 @@ from typing import Any
 
 from klann_ros import __version__
 from klann_ros.log.errors import LogError
-from klann_ros.log.events.session import EventSession, EventSettings
 from klann_ros.log.run_parameters import RECORDER_RECORD
-from klann_ros.log.write.background_writer import BackgroundWriter, CAPACITY, SplitLimits
-from klann_ros.log.write.disk_space import check_free_space
-from klann_ros.log.write.file_watch import Faults
+from klann_ros.log.write.background_writer import (
+    BackgroundWriter,
+    QUEUE_CAPACITY,
+    SplitLimits,
+)
+from klann_ros.log.write.durable_file import check_free_space, RunFaults
+from klann_ros.log.write.event_session import EventSession, EventSettings
 from klann_ros.log.write.recording import RecordingSession
-from klann_ros.log.write.unfinished import remove_old_reserves, unfinished_runs
+from klann_ros.log.write.unfinished import unfinished_runs
 from klann_ros.log.write.writer import RunWriter
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.process import Finish
@@ -24,96 +27,96 @@ from klann_ros.sanitize.text import printable
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.utilities import get_rmw_implementation_identifier
 
-# A finished chunk is what a full disk has to have room for yet [bytes].
-CHUNK_SIZE = 128 * 1024
-# Where runs are made whose names nobody gives.
-RUNS = Path('runs')
+# A finished chunk must fit into the reserve of a full disk [bytes].
+_CHUNK_SIZE = 128 * 1024
+_DEFAULT_FOLDER = Path('runs')
 
 
-def open_run(values: dict[str, Any], teller: RcutilsLogger, finish: Finish) -> RecordingSession:
+def open_run(values: dict[str, Any], logger: RcutilsLogger, finish: Finish) -> RecordingSession:
     """
-    Return a recording of one run, which is there.
+    Create a run and return its session.
 
     Raises
     ------
     StartError
-        Its folder cannot be made.
+        The folder cannot be created.
 
     """
-    output = values['output'] or RUNS / f'{datetime.now(timezone.utc):%Y-%m-%dT%H-%M-%SZ}'
+    name = f'{datetime.now(timezone.utc):%Y-%m-%dT%H-%M-%SZ}'
+    output = values['output'] or _DEFAULT_FOLDER / name
     try:
-        run, background = _opened(
-            Path(output).expanduser(), values, teller, on_failure=lambda: finish(1)
+        run, background = _open(
+            Path(output).expanduser(), values, logger, on_failure=lambda: finish(1)
         )
     except (LogError, OSError) as error:
         raise StartError(str(error)) from error
-    _look_around(run.path.parent, teller)
-    background.put_entry(_describe_recorder)
-    teller.info(f'recording to {printable(run.path)}')
+    _report_unfinished(run.path.parent, logger)
+    background.put_entry(_write_recorder_info)
+    logger.info(f'recording to {printable(run.path)}')
     return RecordingSession(run, background)
 
 
-def open_events(values: dict[str, Any], teller: RcutilsLogger) -> EventSession:
+def open_events(values: dict[str, Any], logger: RcutilsLogger) -> EventSession:
     """
-    Return a recording of events, each a run of its own in a folder that is there.
+    Return a session that writes a run for each event into an existing folder.
 
     Raises
     ------
     StartError
-        The folder cannot be made, or is a run.
+        The folder cannot be created or written, or is a run.
 
     """
-    folder = Path(values['output'] or RUNS).expanduser().absolute()
+    folder = Path(values['output'] or _DEFAULT_FOLDER).expanduser().absolute()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         check_free_space(folder, values['min_free_space'])
         is_run = (folder / 'metadata.yaml').exists() or any(folder.glob('*.mcap'))
     except FileExistsError:
         raise StartError(
-            f'{printable(folder)} is no folder, so no runs can be made in it'
+            f'{printable(folder)} is not a folder, so no runs can be created in it'
         ) from None
     except (LogError, OSError) as error:
         raise StartError(str(error)) from error
     if is_run:
         raise StartError(
-            f'{printable(folder)} is a run; output must be a folder for runs, one of each event'
+            f'{printable(folder)} is a run; output must be a folder for the runs of events'
         )
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise StartError(f'{printable(folder)} cannot be written to')
-    _look_around(folder, teller)
+        raise StartError(f'{printable(folder)} is not writable')
+    _report_unfinished(folder, logger)
     settings = EventSettings(
         values['pre_trigger'], values['post_trigger'], values['pre_trigger_bytes']
     )
-    capacity = CAPACITY + settings.most_bytes
-    teller.info(
-        f'waiting for a cause to record to {printable(folder)}: '
-        f'{settings.before:g} s before it, and {settings.after:g} s after'
+    capacity = QUEUE_CAPACITY + settings.max_bytes
+    logger.info(
+        f'waiting for a trigger to record to {printable(folder)}: '
+        f'{settings.pre_trigger:g} s before it, and {settings.post_trigger:g} s after'
     )
     return EventSession(
         folder,
         settings,
-        open_run=lambda path: _opened(path, values, teller, capacity=capacity),
-        entries=[_describe_recorder],
-        say=lambda is_well, text: teller.info(text) if is_well else teller.error(text),
+        open_run=lambda path: _open(path, values, logger, capacity=capacity),
+        entries=[_write_recorder_info],
+        on_status=lambda ok, text: logger.info(text) if ok else logger.error(text),
     )
 
 
-def _opened(
+def _open(
     path: Path,
     values: dict[str, Any],
-    teller: RcutilsLogger,
+    logger: RcutilsLogger,
     *,
     on_failure: Callable[[], object] = lambda: None,
-    capacity: int = CAPACITY,
+    capacity: int = QUEUE_CAPACITY,
 ) -> tuple[RunWriter, BackgroundWriter]:
-    """Make a run and what writes to it."""
+    """Create a run and its writer thread."""
     check_free_space(path, values['min_free_space'])
     run = RunWriter(
         path,
         compression=values['compression'],
-        chunk_size=CHUNK_SIZE,
+        chunk_size=_CHUNK_SIZE,
         reserve=True,
-        faults=Faults(error=teller.error, warning=teller.warning),
+        faults=RunFaults(logger.error),
     )
     background = BackgroundWriter(
         run,
@@ -126,16 +129,14 @@ def _opened(
     return run, background
 
 
-def _look_around(folder: Path, teller: RcutilsLogger) -> None:
-    """Name the runs that were left unfinished."""
-    remove_old_reserves(folder)
-    for left in unfinished_runs(folder):
-        name = printable(left)
-        teller.warning(f'{name} was not finished; `recover {name}` makes it whole')
+def _report_unfinished(folder: Path, logger: RcutilsLogger) -> None:
+    for run in unfinished_runs(folder):
+        name = printable(run)
+        logger.warning(f'{name} was not finished; `recover {name}` repairs it')
 
 
-def _describe_recorder(run: RunWriter) -> None:
-    """Write which versions of what record, and where."""
+def _write_recorder_info(run: RunWriter) -> None:
+    """Write the host and the versions of the recorder's software."""
     run.add_metadata(
         RECORDER_RECORD,
         {

@@ -1,0 +1,335 @@
+"""Event recording: a ring buffer in memory that is written when a trigger occurs."""
+
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+import re
+from time import monotonic, time_ns
+
+from klann_ros.log.errors import LogError
+from klann_ros.log.records import Message
+from klann_ros.log.run_parameters import EVENT_RECORD, Pause, RecordedFinding, SolverParameters
+from klann_ros.sanitize.text import counted, printable
+
+from .background_writer import RunEntry
+from .drop_counters import DropCounters, StoredCounts
+from .durable_file import free_space
+from .event_run import EventOpening, EventRun, EventTimes, OpenedRun, OpenRun
+from .recording import Pauses, RecordingState
+from .ring_buffer import RingBuffer, SEGMENT_SECONDS
+
+# Maximum delay between reception and `put` [s].
+_RECEPTION_DELAY = 0.25
+# Maximum delay between a fault and its finding, buffered in addition to the pre-trigger [s].
+_FINDING_DELAY = 1.0
+# Opening a run longer than this continues in the background [s].
+_OPENING_TIMEOUT = 0.2
+# Parameter changes of a solver that are stored.
+_MAX_SOLVER_CHANGES = 100
+_NAME_FORMAT = '%Y-%m-%dT%H-%M-%SZ'
+
+
+@dataclass(frozen=True)
+class EventSettings:
+    """Recorded times before (pre-trigger) and after an event's last cause [s]."""
+
+    pre_trigger: float
+    post_trigger: float
+    # Memory limit of the ring buffer [bytes].
+    max_bytes: int
+
+
+class EventSession:
+    """
+    Sink of a recorder that writes a run for each event: the messages before and after its cause.
+
+    A cause during an event extends it and belongs to its run, so that an intermittent fault makes
+    one long run. Buffered messages stay in the buffer: two events may share messages. All methods
+    must be called from one thread.
+
+    Parameters
+    ----------
+    folder : Path
+        Existing folder of the runs, each named by time and cause.
+    settings : EventSettings
+        Recorded times and memory.
+    open_run : callable
+        Opens a run in a new folder, in a thread; raises LogError or OSError.
+    entries : sequence of callable
+        Write metadata to each run.
+    on_status : callable
+        Receives success and a message for the user.
+
+    Attributes
+    ----------
+    counters : DropCounters
+        Counts every message, written or not.
+    pauses : Pauses
+        Skips messages.
+
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        settings: EventSettings,
+        *,
+        open_run: OpenRun,
+        entries: Sequence[RunEntry] = (),
+        on_status: Callable[[bool, str], object],
+    ) -> None:
+        """Begin to buffer messages."""
+        self.counters = DropCounters(self)
+        self.pauses = Pauses(self.counters)
+        self._folder, self._settings = folder, settings
+        self._open_run, self._entries, self._on_status = open_run, entries, on_status
+        duration = settings.pre_trigger + _FINDING_DELAY
+        self._rotated = monotonic()
+        self._buffer = RingBuffer(
+            duration, settings.max_bytes, self.counters.snapshot, self._rotated
+        )
+        self._opening: EventOpening | None = None
+        self._event: EventRun | None = None
+        self._closing: EventRun | None = None
+        self._pending_triggers: list[RecordedFinding] = []
+        self._solvers: dict[str, deque[SolverParameters]] = {}
+        self._past_pauses: deque[tuple[float, Pause]] = deque()
+        self._failure = ''
+        self._has_failed = False
+        self._count = 0
+        # Of the closed runs.
+        self._stored = StoredCounts(Counter(), Counter())
+
+    def put(self, message: Message) -> None:
+        """Take a message that was counted as received."""
+        self._buffer.put(message)
+        if self._event is not None:
+            self._event.put(message)
+
+    def add_solver(self, solver: SolverParameters) -> None:
+        """Take new parameters of a solver, for every run."""
+        changes = self._solvers.setdefault(solver.node, deque(maxlen=_MAX_SOLVER_CHANGES))
+        changes.append(solver)
+        if self._event is not None:
+            self._event.add_solver(solver)
+
+    def add_pause(self, pause: Pause) -> None:
+        """Take a pause that has ended, for the runs that contain it."""
+        self._past_pauses.append((monotonic(), pause))
+        if self._event is not None:
+            self._event.add_pause(pause)
+
+    def add_finding(self, finding: RecordedFinding) -> None:
+        """Take a cause: begin an event, or extend the present one."""
+        if self._event is not None:
+            self._event.add_finding(finding)
+            self._event.end = self._end()
+        elif self._opening is not None:
+            self._opening.causes.append(finding)
+            self._opening.times.end = self._end()
+        else:
+            self._pending_triggers.append(finding)
+            self.tick()
+
+    def trigger(self) -> tuple[bool, str]:
+        """Record an event on request; return whether that is done, and its run or the reason."""
+        if self.pauses.paused:
+            return False, 'it is paused'
+        event = self._event
+        self.add_finding(RecordedFinding('trigger', 'note', 'call of ~/trigger', time_ns()))
+        if self._event is not None:
+            extended = ' (extended)' if event is self._event else ''
+            return True, f'{self._event.path}{extended}'
+        if self._opening is not None:
+            return True, f'{self._opening.path}, which a slow disk is still opening'
+        if self._pending_triggers:
+            return True, 'the run of the last event is being closed; this one follows'
+        return False, self._failure
+
+    def tick(self) -> None:
+        """Do what is due; to be called every 0.1 s, and after changes."""
+        now = monotonic()
+        if self._opening is not None:
+            self._begin_if_open(self._opening, 0.0)
+        if now >= self._rotated + SEGMENT_SECONDS:
+            self._rotated = now
+            self._buffer.rotate(now, self._opening.times.begin if self._opening else now)
+            self._remove_old(now - self._buffer.buffered_time(now))
+        if self._event is not None and (now >= self._event.end or self._event.has_failed):
+            self._closing, self._event = self._event, None
+            self._closing.close()
+        if self._closing is not None and self._closing.result is not None:
+            self._finalize(self._closing)
+        if self._pending_triggers and not (self._opening or self._event or self._closing):
+            self._open_event()
+
+    def split(self) -> tuple[bool, str]:
+        """Begin a new file of the event's run, if there is one."""
+        return (False, 'nothing is written') if self._event is None else self._event.split()
+
+    def stored_counts(self) -> StoredCounts:
+        """Return what became of the messages of all events so far."""
+        written, dropped = self._stored.written.copy(), self._stored.dropped.copy()
+        for event in (self._event, self._closing):
+            for name, count in event.counts().items() if event else ():
+                written[name] += count.written
+                dropped[name] += count.dropped
+        return StoredCounts(written, dropped)
+
+    def state(self) -> RecordingState:
+        """Return the present state."""
+        event = self._event or self._closing
+        state = event.state() if event is not None else None
+        faults = state.faults if state else ()
+        buffered = min(self._buffer.buffered_time(monotonic()), self._settings.pre_trigger)
+        return RecordingState(
+            counts=self.counters.counts(),
+            queued=state.queued if state else 0,
+            file=state.file if state else '',
+            size=state.size if state else 0,
+            free=_free_space(self._folder),
+            paused=self.pauses.paused,
+            faults=(*faults, *([self._failure] if self._failure else [])),
+            stage=self._stage(),
+            buffer={
+                'buffered [s]': f'{buffered:.1f}',
+                'buffered [bytes]': self._buffer.size,
+                'evicted': self._buffer.evicted,
+                'events': self._count,
+            },
+        )
+
+    def _stage(self) -> str:
+        if self._event is not None:
+            return 'recording an event'
+        return 'opening the run of an event' if self._opening else 'waiting for a trigger'
+
+    def finish(self) -> tuple[bool, str]:
+        """End a present event; return success and a message for the user."""
+        if self._opening is not None:
+            self._begin_if_open(self._opening, None)
+        for event in (self._closing, self._event):
+            if event is not None:
+                if event is self._event:
+                    event.close()
+                event.join()
+                self._finalize(event)
+        if self._pending_triggers:
+            self._open_event()
+            return self.finish()
+        runs = f'{counted(self._count, "event")} in {printable(self._folder)}'
+        message = runs if self._count else 'no trigger occurred; nothing was written'
+        return not self._has_failed, message
+
+    def _open_event(self) -> None:
+        """Open the run of the pending triggers."""
+        causes, self._pending_triggers = self._pending_triggers, []
+        times = EventTimes(monotonic(), self._end(), time_ns())
+        path = _unused_path(self._folder, causes[0].check)
+        self._opening = EventOpening(self._open_run, path, causes, times)
+        self._begin_if_open(self._opening, _OPENING_TIMEOUT)
+
+    def _end(self) -> float:
+        """Return the end of an event with a cause now."""
+        return monotonic() + self._settings.post_trigger + _RECEPTION_DELAY
+
+    def _begin_if_open(self, opening: EventOpening, timeout: float | None) -> None:
+        """Begin the event if its run is open within a timeout [s]."""
+        try:
+            opened = opening.result(timeout)
+        except (LogError, OSError) as error:
+            self._opening = None
+            self._fail(f'the event ({opening.causes[0].check}) is not recorded: {error}')
+            return
+        if opened is not None:
+            self._opening = None
+            self._begin(opened, opening.causes, opening.times)
+
+    def _begin(
+        self, opened: OpenedRun, causes: Sequence[RecordedFinding], times: EventTimes
+    ) -> None:
+        """Write metadata, the buffer and the causes to the event's run."""
+        run, background = opened
+        self._count += 1
+        buffer = self._buffer
+        event = self._event = EventRun(run, background, self.counters, buffer.counters, times.end)
+        first = next((message.log_time for message in buffer.messages()), times.time)
+        for entry in self._entries:
+            background.put_entry(entry)
+        for changes in self._solvers.values():
+            for solver in changes:
+                event.add_solver(solver)
+        for _, pause in self._past_pauses:
+            event.add_pause(pause)
+        event.write_pretrigger(buffer.latched(first))
+        for message in buffer.messages():
+            event.put(message)
+        for cause in causes:
+            event.add_finding(cause)
+        buffered, pre_trigger = buffer.buffered_time(times.begin), self._settings.pre_trigger
+        event.add_metadata(
+            EVENT_RECORD,
+            {
+                'cause': causes[0].check,
+                'time': str(times.time),
+                'buffered': f'{buffered:.3f}',
+                'pre_trigger': str(pre_trigger),
+                'post_trigger': str(self._settings.post_trigger),
+                'evicted': str(buffer.evicted),
+            },
+        )
+        self._on_status(True, f'{causes[0].check}: recording to {printable(run.path)}')
+        if buffer.evicted and buffered < pre_trigger:
+            available = f'only {buffered:.1f} s of {pre_trigger:g} s before it'
+            self._on_status(False, f'{available} were still in memory (pre_trigger_bytes)')
+
+    def _finalize(self, event: EventRun) -> None:
+        """Add the counts of a closed run, and report its result."""
+        result = event.result
+        if result is None:
+            return
+        self._closing = None if event is self._closing else self._closing
+        self._event = None if event is self._event else self._event
+        written, dropped = self._stored.written.copy(), self._stored.dropped.copy()
+        for name, count in result.counts.items():
+            written[name] += count.written
+            dropped[name] += count.dropped
+        self._stored = StoredCounts(written, dropped)
+        if result.ok:
+            self._failure = ''
+            self._on_status(True, result.message)
+        else:
+            self._fail(result.message)
+
+    def _fail(self, text: str) -> None:
+        """Report an event that is missing or incomplete."""
+        self._failure, self._has_failed = text, True
+        self._on_status(False, text)
+
+    def _remove_old(self, since: float) -> None:
+        """Remove pauses and solver parameters that ended before a monotonic time [s]."""
+        while self._past_pauses and self._past_pauses[0][0] < since:
+            self._past_pauses.popleft()
+        earliest = time_ns() - round((monotonic() - since) * 1e9)
+        for changes in self._solvers.values():
+            while len(changes) > 1 and changes[1].time < earliest:
+                changes.popleft()
+
+
+def _unused_path(folder: Path, cause: str) -> Path:
+    """Return a new path, named by time and cause."""
+    word = re.sub(r'[^a-z0-9_]', '_', cause.lower())[:40]
+    name = f'{datetime.now(timezone.utc):{_NAME_FORMAT}}_{word}'
+    path, number = folder / name, 2
+    while path.exists() or path.is_symlink():
+        path, number = folder / f'{name}_{number}', number + 1
+    return path
+
+
+def _free_space(folder: Path) -> int | None:
+    try:
+        return free_space(folder)
+    except OSError:
+        return None
