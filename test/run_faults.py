@@ -92,7 +92,7 @@ GONE = {
 }
 CHANGED = {
     'truncate -s 0': lambda path: os.truncate(path, 0),
-    'truncate -s -1': lambda path: os.truncate(path, path.stat().st_size - 1),
+    'truncate -s -1': lambda path: os.truncate(path, max(path.stat().st_size - 1, 0)),
     'cp other': copy_over,
     'append': append,
 }

@@ -217,7 +217,7 @@ def test_a_recorder_survives_what_a_solver_may_answer(ros: World, tmp_path: Path
     assert recorder.stop() == 0
     lines = printed(recorder)
     for name in ('too_few', 'no_type'):
-        assert any(f'/{name} does not answer for its parameters: ' in line for line in lines)
+        assert any(f'/{name} returned invalid parameters: ' in line for line in lines)
     with open_log(tmp_path / 'run') as log:
         (record,) = log.metadata[SOLVER_RECORD]
     assert solver_parameters(record).node == '/odd'
