@@ -1,29 +1,136 @@
-"""What moves a playback along a log: its timeline, and everything that can be done to it."""
+"""Transport of a playback: its timeline, its delays, and its controls."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import inf
 from threading import Condition
 from time import monotonic
 
 from klann_ros.log.errors import LogError
 
-from .timeline import Lateness, Timeline
+# Minimum duration of a loop [s].
+_MIN_LOOP_DURATION = 0.1
+# A larger delay shifts the rest of the log: a stopped or overloaded process continues
+# without a burst [s].
+_MAX_CATCH_UP = 0.5
+# Messages due within this time are published now: a wait costs more than publishing [s].
+_MIN_WAIT = 1e-4
+# Timeout for reading the message of a step [s].
+_STEP_TIMEOUT = 5.0
+# Maximum wait, as tiny rates mean thousands of years [s].
+_MAX_WAIT = 3600.0
 
-# A log of one moment is not looped faster than this [s].
-SHORTEST_LOOP = 0.1
-# What is later than this puts off all that comes after it: a process that was stopped, or cannot
-# keep up, goes on from where it was, without a burst [s].
-LONGEST_CATCH_UP = 0.5
-# What is due so soon is played now: messages come in clusters, and each wait costs more than to
-# publish one [s].
-SOON = 1e-4
-# A step waits at most so long for its message to be read [s].
-LONGEST_STEP = 5.0
-# One wait; a rate can be as small that the next message is due in thousands of years [s].
-LONGEST_WAIT = 3600.0
+
+RATES = (1e-6, 1e6)
+"""Minimum and maximum rate."""
+
+LATE_THRESHOLD = 0.01
+"""A message later than this counts as late [s]."""
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """
+    Position in a log as a function of monotonic time, running or stopped.
+
+    Every change is a new timeline, so that no error accumulates: until then a message at position
+    p is due at ``since + (p - position) / rate``.
+
+    Raises
+    ------
+    ValueError
+        The rate is not within ``RATES``.
+
+    """
+
+    # Position at ``since``, from the start of the log [s].
+    position: float = 0.0
+    # Playback speed: 2 is twice as fast as recorded.
+    rate: float = 1.0
+    # Start of the motion [s]; None while stopped.
+    since: float | None = None
+    # Positions already reported [s]: it never runs backwards.
+    floor: float = -inf
+
+    def __post_init__(self) -> None:
+        least, most = RATES
+        if not least <= self.rate <= most:
+            raise ValueError(
+                f'rate = {self.rate} is refused: it must be within {least:g} .. {most:g}'
+            )
+
+    def at(self, now: float) -> float:
+        """Return the position at a time [s]."""
+        return max(self.floor, self._exact(now))
+
+    def due(self, position: float) -> float:
+        """Return the time at which a position is due [s]; infinite while stopped."""
+        if self.since is None:
+            return inf
+        return self.since + (position - self.position) / self.rate
+
+    def started(self, now: float) -> 'Timeline':
+        """Return it running from its position."""
+        return replace(self, position=self._exact(now), since=now)
+
+    def stopped(self, now: float) -> 'Timeline':
+        """Return it stopped at its position."""
+        return replace(self, position=self._exact(now), since=None)
+
+    def at_rate(self, rate: float, now: float) -> 'Timeline':
+        """Return it with another rate from now on."""
+        since = None if self.since is None else now
+        return replace(self, position=self._exact(now), rate=rate, since=since)
+
+    def moved(self, position: float, now: float) -> 'Timeline':
+        """Return it at another position, also backwards, running if it did."""
+        since = None if self.since is None else now
+        return replace(self, position=position, since=since, floor=-inf)
+
+    def delayed(self, position: float, now: float) -> 'Timeline':
+        """Return it delayed to a position, without running backwards."""
+        return replace(self.moved(position, now), floor=self.at(now))
+
+    def _exact(self, now: float) -> float:
+        if self.since is None:
+            return self.position
+        return self.position + max(0.0, now - self.since) * self.rate
+
+
+@dataclass
+class Lateness:
+    """Late messages so far."""
+
+    # All messages, and those later than ``LATE_THRESHOLD``.
+    played: int = 0
+    late: int = 0
+    # Maximum delay [s].
+    worst: float = 0.0
+    # Total delay of the rest of the log, instead of a burst [s].
+    delay: float = 0.0
+
+    def add(self, late: float) -> None:
+        """Count a message and its delay [s]."""
+        self.played += 1
+        if late > LATE_THRESHOLD:
+            self.late += 1
+            self.worst = max(self.worst, late)
+
+    def __str__(self) -> str:
+        """Return it in one line; '' if nothing was late."""
+        parts = []
+        if self.late:
+            parts.append(
+                f'{self.late} of {self.played} messages came more than '
+                f'{LATE_THRESHOLD * 1e3:g} ms late, {self.worst * 1e3:.0f} ms at worst'
+            )
+        if self.delay:
+            parts.append(f'playback stalled for {self.delay:.2f} s, and continued from there')
+        return '; '.join(parts)
 
 
 class PlaybackError(LogError):
-    """What cannot be done now; the text says why."""
+    """A control that is not possible now."""
 
 
 class Transport:
@@ -57,14 +164,12 @@ class Transport:
         # Where to begin the next pass; None while there is nothing but to go on.
         self._target: float | None = begin
         # The position that is waited for, and whether nothing comes after it.
-        self._awaited = begin
+        self._next_position = begin
         self._at_end = False
         self._loaded = False
         self._paused = paused
         self._stepping = False
         self._stopped = False
-
-    # What the one thread does.
 
     def take_target(self) -> float | None:
         """Return where to begin now; None if there is nothing more to do."""
@@ -94,10 +199,10 @@ class Transport:
                     self._changed.notify_all()
                     return True
                 late = self._settled() - self._timeline.due(position)
-                if late >= -SOON:
-                    self.lateness.note(late)
+                if late >= -_MIN_WAIT:
+                    self.lateness.add(late)
                     return True
-                self._changed.wait(min(-late, LONGEST_WAIT))
+                self._changed.wait(min(-late, _MAX_WAIT))
             return False
 
     def reach_end(self, begin: float, end: float, loop_to: float | None, *, empty: bool) -> None:
@@ -118,7 +223,7 @@ class Transport:
             if self._interrupted:
                 return
             if loop_to is not None:
-                end = max(end, begin + SHORTEST_LOOP * self._timeline.rate)
+                end = max(end, begin + _MIN_LOOP_DURATION * self._timeline.rate)
             self._load(end)
             self._at_end = empty or loop_to is None
             self._changed.notify_all()
@@ -127,11 +232,11 @@ class Transport:
                 if left <= 0.0 or (self._stepping and not self._at_end):
                     self._target = loop_to
                     return
-                self._changed.wait(min(left, LONGEST_WAIT))
+                self._changed.wait(min(left, _MAX_WAIT))
 
     def _load(self, position: float) -> None:
         """Let the time run, now that the first message is in memory."""
-        self._awaited = position
+        self._next_position = position
         if not self._loaded:
             self._loaded = True
             if not self._paused:
@@ -145,18 +250,18 @@ class Transport:
 
     @property
     def paused(self) -> bool:
-        """Return whether it stands still until it is told otherwise."""
+        """Return whether it is paused."""
         return self._paused
 
     def pause(self) -> None:
-        """Stand still until told otherwise."""
+        """Pause."""
         with self._changed:
             self._paused = True
             self._timeline = self._timeline.stopped(self._settled())
             self._changed.notify_all()
 
     def resume(self) -> None:
-        """Go on from here."""
+        """Resume."""
         with self._changed:
             self._paused = False
             if self._loaded:
@@ -171,11 +276,11 @@ class Transport:
             self._stepping = True
             self._changed.notify_all()
             self._changed.wait_for(
-                lambda: not self._stepping or self._at_end or self._stopped, LONGEST_STEP
+                lambda: not self._stepping or self._at_end or self._stopped, _STEP_TIMEOUT
             )
             if self._stepping:
                 self._stepping = False
-                reason = 'there is no message left' if self._at_end else 'it is still being read'
+                reason = 'no message is left' if self._at_end else 'it is still being read'
                 raise PlaybackError(reason)
 
     def seek(self, position: float) -> None:
@@ -209,14 +314,14 @@ class Transport:
         """Stand at a position until its first message is in memory."""
         now = monotonic()
         self._timeline = self._timeline.moved(position, now).stopped(now)
-        self._awaited = position
+        self._next_position = position
         self._loaded = self._at_end = False
 
     def _settled(self) -> float:
         """Return the time, after all is put off that is too late to be caught up with."""
         now = monotonic()
-        late = now - self._timeline.due(self._awaited)
-        if late > LONGEST_CATCH_UP:
-            self.lateness.held_up += late
-            self._timeline = self._timeline.held_up(self._awaited, now)
+        late = now - self._timeline.due(self._next_position)
+        if late > _MAX_CATCH_UP:
+            self.lateness.delay += late
+            self._timeline = self._timeline.delayed(self._next_position, now)
         return now

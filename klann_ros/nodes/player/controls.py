@@ -7,8 +7,7 @@ from functools import partial
 from math import inf, nan
 from typing import Any
 
-from klann_ros.log.play.timeline import RATES
-from klann_ros.log.play.transport import PlaybackError, Transport
+from klann_ros.log.play.transport import PlaybackError, RATES, Transport
 from klann_ros.log.read.run_files import LOG_HELP
 from klann_ros.nodes.endpoints import create_trigger
 from klann_ros.nodes.parameters import Declaration, on_change

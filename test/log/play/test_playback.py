@@ -118,7 +118,7 @@ def test_a_step_is_refused_while_it_plays_and_at_the_end(log) -> None:
         playback.pause()
         playback.seek(playback.length)
         playback.step()
-        with pytest.raises(PlaybackError, match='no message left'):
+        with pytest.raises(PlaybackError, match='no message is left'):
             playback.step()
 
 
@@ -190,9 +190,9 @@ def test_what_a_stall_made_late_is_put_off_and_not_played_in_a_burst(log) -> Non
             if count == 10:
                 time.sleep(0.8)
     assert count == 20
-    assert playback.transport.lateness.held_up >= 0.5
+    assert playback.transport.lateness.delay >= 0.5
     assert playback.transport.lateness.worst < 0.5
-    assert 'held up for' in str(playback.transport.lateness)
+    assert 'stalled for' in str(playback.transport.lateness)
 
 
 def test_messages_out_of_order_hold_nothing_up(runs: ModuleType, tmp_path: Path) -> None:
@@ -203,7 +203,7 @@ def test_messages_out_of_order_hold_nothing_up(runs: ModuleType, tmp_path: Path)
     with open_log(path) as log, playing(log, rate=2.5) as (playback, passes):
         playback.thread.join(20.0)
         assert passes == [sorted(messages, key=lambda message: message.log_time)]
-        assert playback.lateness.held_up < 0.8
+        assert playback.lateness.delay < 0.8
         assert not log.complete
 
 

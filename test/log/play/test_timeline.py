@@ -3,7 +3,7 @@
 from math import inf
 
 from hypothesis import given, strategies as st
-from klann_ros.log.play.timeline import RATES, Timeline
+from klann_ros.log.play.transport import RATES, Timeline
 import pytest
 
 positions = st.floats(0.0, 1e5)
@@ -22,7 +22,7 @@ def courses(draw):
                     st.just(('started',)),
                     st.just(('stopped',)),
                     st.tuples(st.just('at_rate'), rates),
-                    st.tuples(st.just('held_up'), st.floats(0.0, 1.0)),
+                    st.tuples(st.just('delayed'), st.floats(0.0, 1.0)),
                 ),
             ),
             max_size=12,
@@ -31,8 +31,8 @@ def courses(draw):
 
 
 def changed(timeline, now, name, *values):
-    if name == 'held_up':
-        return timeline.held_up(timeline.at(now) - values[0], now)
+    if name == 'delayed':
+        return timeline.delayed(timeline.at(now) - values[0], now)
     return getattr(timeline, name)(*values, now)
 
 
@@ -89,13 +89,13 @@ def test_a_jump_goes_anywhere_and_keeps_running_or_standing(start, target, now) 
     assert running.moved(target, now).due(target) == now
 
 
-def test_what_was_held_up_is_put_off_and_waits_where_it_was_told() -> None:
+def test_a_delayed_timeline_waits_at_its_reported_position() -> None:
     running = Timeline().started(0.0)
-    held_up = running.held_up(2.0, 5.0)
-    assert held_up.at(5.0) == 5.0
-    assert held_up.due(2.0) == 5.0
-    assert held_up.at(8.0) == 5.0
-    assert held_up.at(9.0) == 6.0
+    delayed = running.delayed(2.0, 5.0)
+    assert delayed.at(5.0) == 5.0
+    assert delayed.due(2.0) == 5.0
+    assert delayed.at(8.0) == 5.0
+    assert delayed.at(9.0) == 6.0
 
 
 def test_after_a_day_a_message_is_due_when_it_should_be() -> None:
