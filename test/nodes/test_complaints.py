@@ -181,8 +181,8 @@ def test_a_value_of_the_wrong_type_is_told_how_it_is_written(
 @pytest.mark.parametrize(
     ('arguments', 'hint'),
     [
-        (['-p', 'l_ab:=0.1'], 'what is for ROS is written behind --ros-args'),
-        (['crank_angle:=motor'], 'what is for ROS is written behind --ros-args'),
+        (['-p', 'l_ab:=0.1'], 'arguments for ROS go behind --ros-args'),
+        (['crank_angle:=motor'], 'arguments for ROS go behind --ros-args'),
         (['sem104.yaml'], 'a parameter file is given as --ros-args --params-file FILE'),
     ],
 )

@@ -73,7 +73,7 @@ def test_a_solver_says_in_one_line_what_it_solves_and_what_turns_it(
             {'revolutions': 3, 'min_subscribers': 2},
             (
                 'ready: constant (6.28319 rad/s), 3 revolutions, 100 messages a second on '
-                '/crank_angle, as soon as 2 listen'
+                '/crank_angle, as soon as 2 subscribe'
             ),
         ),
         (
