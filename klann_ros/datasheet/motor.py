@@ -6,9 +6,8 @@ from math import degrees, inf, isfinite
 from typing import Any
 
 from klann_ros.dynamics.forces import turn_mean
-from klann_ros.sanitize.files import read_plain
 from klann_ros.sanitize.text import did_you_mean, printable, printable_line
-from klann_ros.sanitize.yaml_text import LONGEST, parse
+from klann_ros.sanitize.yaml_text import parse_file
 import numpy as np
 
 from .load import CrankLoad
@@ -90,7 +89,7 @@ def motor_from_file(path: str) -> Motor:
     """
     shown = printable(path)
     try:
-        return motor_from(parse(read_plain(path, LONGEST)))
+        return motor_from(parse_file(path))
     except OSError as error:
         raise MotorFileError(f'{shown} cannot be read: {error.strerror}') from error
     except (ValueError, TypeError) as error:

@@ -15,7 +15,7 @@ from pathlib import Path
 import re
 import sys
 
-from klann_ros.sanitize.files import is_plain, open_plain
+from klann_ros.sanitize.files import is_regular_file, open_regular
 
 from .errors import AnyPath, UnknownTypeError
 
@@ -87,7 +87,7 @@ def _split(type_name: str) -> tuple[str, str]:
 def _read(package: str, name: str, places: list[Path]) -> str:
     relative = Path('share', package, 'msg', f'{name}.msg')
     for place in places:
-        if is_plain(place / relative):
+        if is_regular_file(place / relative):
             return _text(place / relative, f'{package}/msg/{name}')
     searched = os.pathsep.join(map(str, places)) or 'no prefix'
     raise UnknownTypeError(f'{package}/msg/{name}', f'{relative} is not under {searched}')
@@ -95,7 +95,7 @@ def _read(package: str, name: str, places: list[Path]) -> str:
 
 def _text(path: Path, type_name: str) -> str:
     try:
-        with open_plain(path) as file:
+        with open_regular(path) as file:
             # Bytes, so that the line ends stay as they are in the file.
             data = file.read(_LONGEST + 1)
     except OSError as error:
@@ -147,7 +147,7 @@ def is_installed(package: str, prefixes: Iterable[AnyPath] | None = None) -> boo
     Where AMENT_PREFIX_PATH is not set, as beside pip's wheels, ament's own library knows none.
     """
     places = default_prefixes() if prefixes is None else prefixes
-    return any(is_plain(Path(place) / INDEX / package) for place in places)
+    return any(is_regular_file(Path(place) / INDEX / package) for place in places)
 
 
 def default_prefixes() -> list[Path]:

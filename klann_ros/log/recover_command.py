@@ -7,7 +7,7 @@ from pathlib import Path
 import sys
 
 from klann_ros.sanitize.arguments import ArgumentParser, path, print_error, run_command
-from klann_ros.sanitize.text import counted, LONGEST_LINE, printable, printable_line
+from klann_ros.sanitize.text import counted, MAX_LINE_LENGTH, printable, printable_line
 
 from .errors import LogError, NotALogError
 from .read.run_files import LOG_HELP, run_name
@@ -85,7 +85,7 @@ def _tell(recovery: Recovery, output: Path) -> None:
         counted(recovery.metadata, 'metadata record'),
     ]
     print(f'kept: {", ".join(kept)}')
-    print(f'written: {printable(output, LONGEST_LINE)}')
+    print(f'written: {printable(output, MAX_LINE_LENGTH)}')
 
 
 if __name__ == '__main__':

@@ -5,7 +5,7 @@ from itertools import islice, pairwise
 from typing import Any
 
 from klann_ros.sanitize import yaml_text
-from klann_ros.sanitize.files import NotAPlainFileError, open_plain, read_plain
+from klann_ros.sanitize.files import NotRegularFileError, open_regular, read_regular
 from klann_ros.sanitize.text import printable
 from rclpy.node import Node
 
@@ -56,8 +56,8 @@ def endless_file(arguments: Sequence[str]) -> str:
         if file.startswith(('/dev/fd/', '/proc/self/fd/')):
             continue
         try:
-            open_plain(file).close()
-        except NotAPlainFileError as error:
+            open_regular(file).close()
+        except NotRegularFileError as error:
             return f'{printable(file)} cannot be read: {error.strerror}'
         except (OSError, ValueError):
             continue  # ROS says so
@@ -105,7 +105,7 @@ def _without_effect(node: Node, files: Sequence[str]) -> Iterator[str]:
     """Yield a line for each parameter file that is for nodes of other names, or for none."""
     for file in files:
         try:
-            content = yaml_text.load(read_plain(file, LONGEST_FILE))
+            content = yaml_text.load(read_regular(file, LONGEST_FILE))
         except (OSError, ValueError):
             continue  # ROS has read it all the same
         names = set(_names(content))

@@ -20,10 +20,10 @@ from klann_ros.kinematics import (
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.klann.geometry import NUMBERS, PRESETS
 from klann_ros.kinematics.linkage.file import is_linkage, linkage_text, SHIPPED
-from klann_ros.sanitize.files import is_plain, read_plain
+from klann_ros.sanitize.files import is_regular_file, read_regular
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.sanitize.units import warn_of_angle
-from klann_ros.sanitize.yaml_text import LONGEST, parse
+from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parse
 
 from .robot import Mount, Robot, RobotLeg, Triple, WalkerBody
 
@@ -59,7 +59,7 @@ def robot_of(name: str) -> Robot:
         There is neither, or the file has no valid robot.
 
     """
-    if not is_plain(name):
+    if not is_regular_file(name):
         if name in PRESETS:
             linkage = PRESETS[name]().linkage
             # Masses as in the parameter file of that name.
@@ -81,7 +81,7 @@ def robot_from_file(path: str | Path) -> Robot:
     """
     shown = printable(str(path))
     try:
-        text = read_plain(str(path), LONGEST)
+        text = read_regular(str(path), MAX_FILE_SIZE)
         content = parse(text)
         if is_linkage(content):
             linkage = linkage_from_text(text, str(path))
@@ -188,7 +188,9 @@ def _linkage(own: Mapping[str, Any], folders: Sequence[Path]) -> tuple[Linkage, 
     text, file = str(own.get(_DESCRIPTION) or ''), str(own.get('linkage') or '')
     if file and not text:
         beside = (folder / file for folder in folders)
-        file = str(next((path for path in beside if is_plain(path)), Path(file).expanduser()))
+        file = str(
+            next((path for path in beside if is_regular_file(path)), Path(file).expanduser())
+        )
         text = linkage_text(file)
     if text:
         return _parsed_linkage(text, file or _DESCRIPTION), text, file

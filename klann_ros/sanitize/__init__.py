@@ -1,1 +1,1 @@
-"""What strangers give, made harmless once for all: texts that are shown, files that are read."""
+"""Safe handling of untrusted input: texts to print, files, YAML, CDR messages and paths."""

@@ -1,36 +1,38 @@
-"""Reading the Common Data Representation, in which ROS 2 writes its messages, step by step."""
+"""Sequential reading of CDR (Common Data Representation), the encoding of ROS 2 messages."""
 
 import struct
 
 HEADER_SIZE, STAMP_SIZE = 4, 8
-# The byte orders of plain CDR; all else (parameter lists, its second version) is no topic's.
+# Byte orders of plain CDR; topics use no other encoding (parameter lists, XCDR2).
 ORDERS = {b'\0\1': '<', b'\0\0': '>'}
 
 
 class CdrCursor:
     """
-    A place in a message, which moves on with all that is read.
+    A position in a message, which each read advances.
+
+    Every read raises a ValueError if the message ends too early.
 
     Parameters
     ----------
-    data
+    data : bytes
         The message, with its encapsulation header.
-    at
-        Where to begin [bytes].
+    at : int
+        The start [bytes].
 
     Attributes
     ----------
-    order
-        The byte order, as struct writes it.
-    at
-        The place [bytes].
-    structure
-        The stretches that say how the message is built: lengths and texts [bytes].
+    order : str
+        The byte order, in struct's notation.
+    at : int
+        The position [bytes].
+    structure : list of slice
+        The ranges of lengths and texts, which define the message's layout [bytes].
 
     Raises
     ------
     ValueError
-        By everything that reads: the message ends too early, or is no CDR.
+        The message is not CDR.
 
     """
 
@@ -44,18 +46,18 @@ class CdrCursor:
         self.skip(0)
 
     def skip(self, size: int) -> int:
-        """Pass over so many bytes; return where they begin."""
+        """Skip `size` bytes; return the offset of the first."""
         begin, self.at = self.at, self.at + size
         if self.at > len(self._data):
             raise ValueError('the message ends too early')
         return begin
 
     def align(self, size: int) -> None:
-        """Go on to where a value of this size can stand."""
+        """Advance to the alignment of a value of `size` bytes."""
         self.at += -(self.at - HEADER_SIZE) % size
 
     def length(self) -> int:
-        """Read how long what follows is."""
+        """Read the length of a sequence or a string."""
         self.align(4)
         begin = self._structural(4)
         (length,) = struct.unpack_from(f'{self.order}I', self._data, begin)
@@ -71,7 +73,7 @@ class CdrCursor:
         return [self.string() for _ in range(self.length())]
 
     def doubles(self) -> tuple[int, int]:
-        """Pass over a sequence of doubles; return where they begin, and how many they are."""
+        """Skip a sequence of doubles; return its offset [bytes] and its length."""
         count = self.length()
         if count:
             self.align(8)
@@ -84,17 +86,7 @@ class CdrCursor:
 
 
 def read_joint_state(cursor: CdrCursor) -> tuple[list[bytes], list[tuple[int, int]]]:
-    """
-    Pass over a sensor_msgs/JointState.
-
-    Returns
-    -------
-    list of bytes
-        The names of the joints.
-    list of tuple of int
-        Of positions, velocities and efforts each where they begin [bytes], and how many they are.
-
-    """
+    """Read a sensor_msgs/JointState: its names, and the `doubles` of its three sequences."""
     cursor.skip(STAMP_SIZE)
     cursor.string()
     return cursor.strings(), [cursor.doubles() for _ in range(3)]

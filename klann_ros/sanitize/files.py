@@ -1,4 +1,4 @@
-"""Files that a user or a log names: plain ones only, and no larger than they may be."""
+"""Safe access to files that a user or a log names: regular files only, of limited size."""
 
 import errno
 import os
@@ -8,37 +8,36 @@ from typing import BinaryIO, TypeAlias
 
 AnyPath: TypeAlias = str | os.PathLike[str]
 
-_KINDS = (
-    (stat.S_ISDIR, 'a folder'),
-    (stat.S_ISFIFO, 'a named pipe'),
-    (stat.S_ISSOCK, 'a socket'),
-    (stat.S_ISCHR, 'a device'),
-    (stat.S_ISBLK, 'a device'),
-)
-
-
+_KINDS = {
+    stat.S_IFDIR: 'a folder',
+    stat.S_IFIFO: 'a named pipe',
+    stat.S_IFSOCK: 'a socket',
+    stat.S_IFCHR: 'a device',
+    stat.S_IFBLK: 'a device',
+}
+# Absent on some systems.
 _DATA: int | None = getattr(os, 'SEEK_DATA', None)
 _HOLE: int | None = getattr(os, 'SEEK_HOLE', None)
 
 
-class NotAPlainFileError(OSError):
-    """What is no file with an end: a folder, a pipe, a socket or a device."""
+class NotRegularFileError(OSError):
+    """A folder, a pipe, a socket or a device in place of a file."""
 
 
-def open_plain(path: AnyPath) -> BinaryIO:
+def open_regular(path: AnyPath) -> BinaryIO:
     """
-    Open a regular file for reading, and nothing that waits for a writer or never ends.
+    Open a regular file for reading; never block on a pipe or read an endless device.
 
     Raises
     ------
-    NotAPlainFileError
-        It is no regular file; `strerror` says what it is.
+    NotRegularFileError
+        It is not a regular file; `strerror` names its kind.
     OSError
         It cannot be opened.
 
     """
-    # A device may do something when it is opened, so it is looked at before; and again when it is
-    # open, for it may have been replaced.
+    # Opening a device may have an effect, so its kind is checked first; and again when it is
+    # open, since it may have been replaced.
     _check(Path(path).stat(), path)
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
     try:
@@ -49,7 +48,7 @@ def open_plain(path: AnyPath) -> BinaryIO:
         raise
 
 
-def is_plain(path: AnyPath) -> bool:
+def is_regular_file(path: AnyPath) -> bool:
     """Return whether there is a regular file at a path."""
     try:
         return stat.S_ISREG(Path(path).stat().st_mode)
@@ -59,14 +58,14 @@ def is_plain(path: AnyPath) -> bool:
 
 def is_within(path: AnyPath, folder: AnyPath) -> bool:
     """
-    Return whether a path leads to a file or folder, or into it, by whatever links.
+    Return whether a path is a folder (or a file), or leads into it, links included.
 
     Parameters
     ----------
     path
-        What may not be there yet.
+        The path, which need not exist.
     folder
-        A folder, whose own files may have other names elsewhere; or a file.
+        A folder, whose own files may have hard links elsewhere; or a file.
 
     """
     try:
@@ -83,20 +82,16 @@ def is_within(path: AnyPath, folder: AnyPath) -> bool:
 
 def next_data(file: BinaryIO, offset: int) -> int:
     """
-    Return where the next bytes stand in an open file that were ever written, from an offset on.
+    Return the offset of the next written bytes of a sparse file, from an offset on.
 
-    A file of some kilobytes may be as long as it likes: what was never written are zeros, which
-    take as long to read as any other bytes. Where the system does not tell, it is the offset.
+    A file of some kilobytes may have any length: its holes read as zeros, as slowly as data. The
+    result is the offset itself on a system without sparse files.
     """
     return _seek(file, offset, _DATA, offset)
 
 
 def is_hollow(file: BinaryIO, start: int, end: int) -> bool:
-    """
-    Return whether little of a stretch of an open file was ever written: less than an eighth.
-
-    Who reads it would ask for more memory than the file takes on the disk.
-    """
+    """Return whether less than an eighth of a part of a sparse file was written."""
     enough, offset = (end - start) / 8, start
     while (offset := next_data(file, offset)) < end:
         hole = min(_seek(file, offset, _HOLE, end), end)
@@ -107,29 +102,22 @@ def is_hollow(file: BinaryIO, start: int, end: int) -> bool:
     return start < end
 
 
-def read_plain(path: AnyPath, longest: int) -> str:
+def read_regular(path: AnyPath, max_size: int) -> str:
     """
-    Return the text of a regular file.
-
-    Parameters
-    ----------
-    path
-        The file.
-    longest
-        How long it may be [bytes]; nothing beyond is read.
+    Return the text of a regular file of at most `max_size` bytes.
 
     Raises
     ------
     OSError
         It cannot be read.
     ValueError
-        It is longer, it is no UTF-8, or the path is none.
+        It is longer, is not UTF-8, or the path is invalid.
 
     """
-    with open_plain(path) as file:
-        data = file.read(longest + 1)
-    if len(data) > longest:
-        raise ValueError(f'it is longer than {longest} bytes')
+    with open_regular(path) as file:
+        data = file.read(max_size + 1)
+    if len(data) > max_size:
+        raise ValueError(f'it is longer than {max_size} bytes')
     try:
         return data.decode()
     except UnicodeDecodeError as error:
@@ -137,11 +125,11 @@ def read_plain(path: AnyPath, longest: int) -> str:
 
 
 def _seek(file: BinaryIO, offset: int, whence: int | None, otherwise: int) -> int:
-    """Return where data or a hole is; `otherwise` where the system cannot tell."""
+    """Return the offset of data or of a hole; `otherwise` if the system cannot say."""
     if whence is None:
         return otherwise
     descriptor = file.fileno()
-    # The file object counts on it that nobody moves.
+    # The file object relies on its position.
     here = os.lseek(descriptor, 0, os.SEEK_CUR)
     try:
         return os.lseek(descriptor, offset, whence)
@@ -160,7 +148,6 @@ def _is(path: Path, known: os.stat_result) -> bool:
 
 
 def _check(status: os.stat_result, path: AnyPath) -> None:
-    if stat.S_ISREG(status.st_mode):
-        return
-    kind = next((name for is_one, name in _KINDS if is_one(status.st_mode)), 'something else')
-    raise NotAPlainFileError(errno.EINVAL, f'it is {kind}, not a regular file', str(path))
+    if not stat.S_ISREG(status.st_mode):
+        kind = _KINDS.get(stat.S_IFMT(status.st_mode), 'something else')
+        raise NotRegularFileError(errno.EINVAL, f'it is {kind}, not a regular file', str(path))

@@ -16,7 +16,7 @@ import secrets
 import stat
 from typing import Any, BinaryIO
 
-from .files import is_plain, is_within, open_plain
+from .files import is_regular_file, is_within, open_regular
 from .text import printable
 
 Save = Callable[[BinaryIO], object]
@@ -51,7 +51,7 @@ class Output:
                 raise OutputError('that is no path of a file')
             if _is_special(self.path):
                 return
-            if is_plain(self.path):
+            if is_regular_file(self.path):
                 _check_old(self.path)
             descriptor, probe = _new_beside(_place(self.path))
             os.close(descriptor)
@@ -177,7 +177,7 @@ def _is_open_as(path: str, descriptor: int) -> bool:
 
 def _check_old(path: str) -> None:
     """Refuse to replace a log, or a file that this process has open as stdout or stderr."""
-    with suppress(PermissionError), open_plain(path) as file:
+    with suppress(PermissionError), open_regular(path) as file:
         if file.read(max(map(len, LOG_MAGICS))).startswith(LOG_MAGICS):
             raise OutputError('it is a log, and no log is overwritten')
     if any(_is_open_as(path, descriptor) for descriptor in (1, 2)):

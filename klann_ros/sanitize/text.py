@@ -1,88 +1,84 @@
-"""Texts for people: those of others as they may be shown, and numbers in sentences."""
+"""Untrusted texts made printable, and numbers in sentences."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-LONGEST = 300
-"""Whoever reads a line reads no more than so many characters of one name."""
+MAX_NAME_LENGTH = 300
+"""Maximum length of a name in a message [characters]."""
 
-LONGEST_LINE = 3000
-"""Nor more of a whole line; it has room for ten such names."""
+MAX_LINE_LENGTH = 3000
+"""Maximum length of a whole message, ten such names [characters]."""
 
 
-def printable(text: object, longest: int = LONGEST) -> str:
+def printable(text: object, max_length: int = MAX_NAME_LENGTH) -> str:
     r"""
-    Return a text of somebody else's as one line that moves nothing but the reader.
+    Return an untrusted text as one line without terminal control.
 
-    Control characters (C0, C1, ESC), line and paragraph separators, bidi marks and whatever else
-    is invisible are written as Python writes them, such as ``\x1b`` and ``\u202e``; what is longer
-    than may be shown is cut, and says how long it is.
+    Control characters (C0, C1, ESC), line and paragraph separators, bidi marks and other invisible
+    characters are escaped as in Python, such as ``\x1b`` and ``\u202e``. A longer text is cut,
+    and its length is appended.
 
     Parameters
     ----------
     text
-        A text, or what `str` makes one of, such as a path or an error.
-    longest
-        How many characters may be shown.
+        A text, or an object with one, such as a path or an error.
+    max_length
+        Maximum length of the result without escapes [characters].
 
     """
-    shown = str(text)
-    size = len(shown)
-    if size > longest:
-        shown = shown[:longest]
+    whole = str(text)
+    shown = whole[:max_length]
     if not shown.isprintable():
         shown = ''.join(c if c.isprintable() else ascii(c)[1:-1] for c in shown)
-    return shown if size <= longest else f'{shown}... ({size} characters)'
+    return shown if len(whole) <= max_length else f'{shown}... ({len(whole)} characters)'
 
 
-def listed(names: Iterable[object], most: int = 20) -> str:
+def listed(names: Iterable[object], max_names: int = 20) -> str:
     """
-    Return names of others one after the other; of more than may be shown, how many there are.
+    Return untrusted names in a list, and the number of those beyond the maximum.
 
-    So that what stands behind them in the same line can be read, each is cut at a third of what
-    one alone may have.
+    Each is cut at a third of its usual maximum, which leaves room for the rest of the line.
     """
     found = list(names)
-    shown = [printable(name, LONGEST // 3) for name in found[:most]]
-    more = len(found) - most
+    shown = [printable(name, MAX_NAME_LENGTH // 3) for name in found[:max_names]]
+    more = len(found) - max_names
     return ', '.join(shown) + (f' and {more} more' if more > 0 else '')
 
 
 def printable_line(text: object) -> str:
     """
-    Return a whole line of text that may hold texts of others, such as an error's.
+    Return a whole message, which may contain untrusted texts, as one printable line.
 
-    White space becomes a blank, line breaks included: libraries explain in several lines. Who puts
-    names into a line makes each of them `printable`, so that one that is long does not cut off
-    what stands behind it; this is the last door, for what was overlooked.
+    White space, line breaks included, becomes a blank: libraries explain in several lines. Make
+    each name in the message `printable` as well, or a long one cuts off the text behind it.
     """
-    return printable(' '.join(str(text).split()), LONGEST_LINE)
+    return printable(' '.join(str(text).split()), MAX_LINE_LENGTH)
 
 
 def did_you_mean(name: object, names: Iterable[str]) -> str:
     """
-    Return ``; did you mean NAME?`` for the nearest of some names; empty where none is near.
+    Return ``; did you mean NAME?`` for the most similar name; empty without a similar one.
 
-    A name of one letter is near to nothing but itself in the other case.
+    A name of one letter is similar only to itself in the other case.
     """
-    given, known = str(name)[:LONGEST], [*names]
+    given, known = str(name)[:MAX_NAME_LENGTH], [*names]
     near = [other for other in known if other.casefold() == given.casefold()]
     near = near or get_close_matches(given, [each for each in known if len(each) > 1], n=1)
-    return f'; did you mean {printable(near[0], LONGEST // 3)}?' if near else ''
+    return f'; did you mean {printable(near[0], MAX_NAME_LENGTH // 3)}?' if near else ''
 
 
 def counted(number: int, one: str, many: str = '') -> str:
-    """Return how many there are of something, such as `1 message` or `2 messages`."""
+    """Return a number with its noun, such as `1 message` or `2 messages`."""
     return f'{number} {verb(number, one, many or f"{one}s")}'
 
 
 def verb(number: int, one: str, many: str) -> str:
-    """Return the word that goes with a number, such as `was` or `were`."""
+    """Return the form that agrees with a number, such as `was` or `were`."""
     return one if number == 1 else many
 
 
 def times(number: int) -> str:
-    """Return how often something is: `once`, `twice` or `3 times`."""
+    """Return `once`, `twice` or `3 times`."""
     return {1: 'once', 2: 'twice'}.get(number, f'{number} times')
 
 

@@ -1,7 +1,7 @@
 """Warnings about numbers that look like millimetres or degrees."""
 
 from collections.abc import Callable, Mapping
-from math import degrees, radians
+from math import degrees, radians, tau
 from typing import Any
 import warnings
 
@@ -10,11 +10,9 @@ from .text import printable_line
 MAX_LENGTH = 20.0
 """A longer bar is legal, but probably given in millimetres [m]."""
 
-_TURN = 6.283185307179586
-
 
 class UnitWarning(UserWarning):
-    """A number that is legal, but probably in another unit than it is read in."""
+    """A legal number, probably given in another unit."""
 
 
 def warn_of_lengths(lengths: Mapping[str, float], advice: str = '') -> None:
@@ -28,7 +26,7 @@ def warn_of_lengths(lengths: Mapping[str, float], advice: str = '') -> None:
 
 def warn_of_angle(name: str, value: float) -> None:
     """Warn of an angle [rad] beyond a turn."""
-    if abs(value) > _TURN:
+    if abs(value) > tau:
         read = f'{value:.6g} rad ({degrees(value):.6g} deg)'
         advice = f'if it is in degrees, write {radians(value):.6g}'
         _warn(f'{name} = {value:.6g} is read as {read}: {advice}')

@@ -1,8 +1,8 @@
 """
-YAML in and out: whatever a text is, it is read at a cost like its length, or refused in one line.
+Safe reading and writing of YAML, at a cost proportional to the text's length.
 
-There are two kinds. :func:`parse` reads what users write for this package, as they mean it: no
-anchors, no key twice, 1e-3 a number. :func:`load` reads what other tools write, as they mean it.
+:func:`parse` reads users' files for this package: no anchors, no duplicate keys, 1e-3 is a number.
+:func:`load` reads texts of other tools, with anchors. Invalid text is refused in one line.
 """
 
 from collections.abc import Callable, Hashable
@@ -12,21 +12,24 @@ from typing import Any
 
 import yaml
 
+from .files import AnyPath, read_regular
 from .text import printable_line
 
-# No file of a user that is meant is deeper, or longer.
-DEEPEST = 20
-LONGEST = 1_000_000
+MAX_DEPTH = 20
+"""Maximum nesting of a user's file."""
 
-MAX_SIZE = 4 * 1024 * 1024
-"""A longer text of a tool is refused [bytes]; metadata of a thousand topics have half of that."""
+MAX_FILE_SIZE = 1_000_000
+"""Maximum size of a user's file [bytes]."""
 
-# What all nodes may weigh, each as often as it is referred to: a node takes about 1 KB.
+MAX_LOG_TEXT = 4 * 1024 * 1024
+"""Maximum size of another tool's text [bytes]; a thousand topics have half of that."""
+
+# Maximum number of nodes, each counted as often as it is referenced: a node takes about 1 KB.
 _MAX_WEIGHT = 100_000
 _CHARACTERS_A_NODE = 100
 
-# What PyYAML's safe loader raises beside its own errors: on `!!int x`, `!!timestamp x`,
-# `!!bool x`, `!!set 1` and on a thousand opening brackets.
+# Errors of PyYAML's safe loader beside its own: for `!!int x`, `!!timestamp x`, `!!bool x`,
+# `!!set 1` and a thousand opening brackets.
 _LOADER_ERRORS = (
     yaml.YAMLError,
     ArithmeticError,
@@ -36,51 +39,27 @@ _LOADER_ERRORS = (
     TypeError,
     ValueError,
 )
-
-
-class _PlainLoader(yaml.SafeLoader):
-    """
-    A SafeLoader to which a number to the base of 60 is a text, as to YAML 1.2 and everybody else.
-
-    To YAML 1.1 1:30 is 90, and as long a number as one likes: it takes the square of its length.
-    """
-
-
-def _plain(construct: Callable[[_PlainLoader, yaml.ScalarNode], Any]) -> Callable[..., Any]:
-    def number(loader: _PlainLoader, node: yaml.ScalarNode) -> Any:
-        value = loader.construct_scalar(node)
-        return value if ':' in str(value) else construct(loader, node)
-
-    return number
-
-
-_PlainLoader.add_constructor('tag:yaml.org,2002:int', _plain(yaml.SafeLoader.construct_yaml_int))
-_PlainLoader.add_constructor(
-    'tag:yaml.org,2002:float', _plain(yaml.SafeLoader.construct_yaml_float)
-)
-
-
 # libyaml's takes a tenth of the time; a PyYAML built without it has none.
 _FastDumper = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
 
 
 class YamlError(ValueError):
-    """A text that is no YAML, or none that is taken."""
+    """Invalid YAML, or YAML with a refused feature."""
 
 
 def parse(text: str) -> Any:
     """
-    Return the content of a YAML text.
+    Return the content of a user's YAML text.
 
     Raises
     ------
     YamlError
-        It is no YAML, or holds what is not taken: anchors and aliases, a key twice, a number that
-        is not finite, more than a million characters or twenty levels.
+        It is invalid, or has a refused feature: anchors and aliases, duplicate keys, numbers that
+        are not finite, more than a million characters or twenty levels.
 
     """
-    if len(text) > LONGEST:
-        raise YamlError(f'it has {len(text)} characters, more than {LONGEST}')
+    if len(text) > MAX_FILE_SIZE:
+        raise YamlError(f'it has {len(text)} characters, more than {MAX_FILE_SIZE}')
     try:
         content = yaml.load(text, Loader=_UserLoader)  # noqa: S506 - it is a SafeLoader
     except yaml.MarkedYAMLError as error:
@@ -94,8 +73,65 @@ def parse(text: str) -> Any:
     return content
 
 
+def parse_file(path: AnyPath) -> Any:
+    """Return the content of a user's YAML file; errors as `read_regular` and `parse`."""
+    return parse(read_regular(path, MAX_FILE_SIZE))
+
+
+def load(text: str) -> Any:
+    """
+    Return the data of another tool's YAML text.
+
+    Raises
+    ------
+    ValueError
+        It is not YAML, or unfolds to too many nodes.
+
+    """
+    if len(text) > MAX_LOG_TEXT:
+        raise ValueError(f'it is longer than {MAX_LOG_TEXT} bytes')
+    try:
+        return yaml.load(text, _WeighingLoader)  # noqa: S506 - derived from the safe one
+    except _LOADER_ERRORS as error:
+        raise ValueError(f'not YAML: {printable_line(error)}') from None
+
+
+def dump(data: object) -> str:
+    """Return data as YAML in block style, keys in their own order, without a final newline."""
+    options: Any = {'sort_keys': False, 'allow_unicode': True, 'width': 10**6}
+    try:
+        text: str = yaml.dump(data, Dumper=_FastDumper, **options)
+    except UnicodeEncodeError:
+        # A lone surrogate: libyaml refuses it, PyYAML escapes it.
+        text = yaml.dump(data, Dumper=yaml.SafeDumper, **options)
+    return text.rstrip('\n')
+
+
+class _PlainLoader(yaml.SafeLoader):
+    """
+    A SafeLoader that reads sexagesimal numbers as texts, as YAML 1.2 does.
+
+    In YAML 1.1 1:30 is 90, and a long such number takes time quadratic in its length.
+    """
+
+
+def _not_sexagesimal(construct: Callable[[Any, yaml.ScalarNode], Any]) -> Callable[..., Any]:
+    def number(loader: _PlainLoader, node: yaml.ScalarNode) -> Any:
+        value = loader.construct_scalar(node)
+        return value if ':' in str(value) else construct(loader, node)
+
+    return number
+
+
+for _kind in ('int', 'float'):
+    _PlainLoader.add_constructor(
+        f'tag:yaml.org,2002:{_kind}',
+        _not_sexagesimal(getattr(yaml.SafeLoader, f'construct_yaml_{_kind}')),
+    )
+
+
 class _UserLoader(_PlainLoader):
-    """A loader that takes no aliases, which may grow beyond all measure, and no key twice."""
+    """A loader that refuses aliases, which may grow without bound, and duplicate keys."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
@@ -107,8 +143,8 @@ class _UserLoader(_PlainLoader):
             problem = 'anchors and aliases are not taken: write it out'
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
         self._depth += 1
-        if self._depth > DEEPEST:
-            problem = f'more than {DEEPEST} levels'
+        if self._depth > MAX_DEPTH:
+            problem = f'more than {MAX_DEPTH} levels'
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
         node = super().compose_node(parent, index)
         self._depth -= 1
@@ -125,7 +161,7 @@ class _UserLoader(_PlainLoader):
         return super().construct_mapping(node, deep)
 
 
-# YAML 1.1 wants a dot and a sign in 1.0e-3; nobody else does.
+# YAML 1.1 requires a dot and a sign, as in 1.0e-3.
 _UserLoader.add_implicit_resolver(
     'tag:yaml.org,2002:float',
     re.compile(r'^[-+]?\d+(?:\.\d*)?[eE][-+]?\d+$'),
@@ -144,42 +180,8 @@ def _check_finite(content: Any, place: str) -> None:
         raise YamlError(f'{place.lstrip(".")}: {content} must be a finite number')
 
 
-def load(text: str) -> Any:
-    """
-    Return the data of a YAML text.
-
-    A ValueError of one line says that the text is not YAML, or unfolds to too much.
-    """
-    if len(text) > MAX_SIZE:
-        raise ValueError(f'it is longer than {MAX_SIZE} bytes')
-    try:
-        return yaml.load(text, _WeighingLoader)  # noqa: S506 - derived from the safe one
-    except _LOADER_ERRORS as error:
-        raise ValueError(f'not YAML: {printable_line(error)}') from None
-
-
-def dump(data: object) -> str:
-    """Return data as YAML in block style, keys in their own order, without a final newline."""
-    try:
-        text = _dumped(data, _FastDumper)
-    except UnicodeEncodeError:
-        # Half a pair of surrogates: libyaml takes none, PyYAML escapes it.
-        text = _dumped(data, yaml.SafeDumper)
-    return text.rstrip('\n')
-
-
-def _dumped(data: object, dumper: Any) -> str:
-    text: str = yaml.dump(data, Dumper=dumper, sort_keys=False, allow_unicode=True, width=10**6)
-    return text
-
-
 class _WeighingLoader(_PlainLoader):
-    """
-    The plain loader, for texts that may unfold without end.
-
-    An anchor that is referred to twice, in an anchor that is referred to twice, and so on, is some
-    lines of text and gigabytes of data, when they are merged or told in a message.
-    """
+    """A loader that counts nodes as often as they are referenced: aliases may nest."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
@@ -187,7 +189,6 @@ class _WeighingLoader(_PlainLoader):
         self._weights: dict[yaml.Node, int] = {}
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        """Compose a node, unless all that was met so far is too much."""
         before = self._weight
         node = super().compose_node(parent, index)
         if node is None:

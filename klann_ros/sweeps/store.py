@@ -9,7 +9,7 @@ import secrets
 from typing import Any
 
 from klann_ros.engines import parallel_map, TaskError
-from klann_ros.sanitize.files import open_plain, read_plain
+from klann_ros.sanitize.files import open_regular, read_regular
 from klann_ros.sanitize.text import printable
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +66,7 @@ class ChunkStore:
             self.folder.mkdir(parents=True, exist_ok=True)
             manifest = self.folder / MANIFEST
             if manifest.exists():
-                if read_plain(manifest, _MAX_MANIFEST_SIZE) != manifest_text:
+                if read_regular(manifest, _MAX_MANIFEST_SIZE) != manifest_text:
                     raise SweepError(
                         f'{printable(folder)} holds another sweep: choose an empty folder'
                     )
@@ -88,7 +88,7 @@ class ChunkStore:
 
     def load(self, number: int) -> dict[str, NDArray[Any]]:
         """Return the arrays of a chunk, read-only."""
-        with open_plain(self.path(number)) as file, np.load(file, allow_pickle=False) as content:
+        with open_regular(self.path(number)) as file, np.load(file, allow_pickle=False) as content:
             arrays = {name: content[name] for name in content.files}
         for array in arrays.values():
             array.setflags(write=False)

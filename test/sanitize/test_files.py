@@ -9,11 +9,11 @@ from klann_ros.robot import robot_of, RobotFileError
 from klann_ros.sanitize import arguments
 from klann_ros.sanitize.files import (
     is_hollow,
-    is_plain,
+    is_regular_file,
     next_data,
-    NotAPlainFileError,
-    open_plain,
-    read_plain,
+    NotRegularFileError,
+    open_regular,
+    read_regular,
 )
 import pytest
 
@@ -25,16 +25,16 @@ def pipe(tmp_path: Path) -> Path:
 
 
 def test_a_pipe_is_refused_at_once(pipe: Path) -> None:
-    with pytest.raises(NotAPlainFileError) as caught:
-        open_plain(pipe)
+    with pytest.raises(NotRegularFileError) as caught:
+        open_regular(pipe)
     assert caught.value.strerror == 'it is a named pipe, not a regular file'
-    assert not is_plain(pipe)
+    assert not is_regular_file(pipe)
 
 
 def test_a_link_to_a_pipe_is_refused(pipe: Path, tmp_path: Path) -> None:
     (tmp_path / 'link').symlink_to(pipe)
-    with pytest.raises(NotAPlainFileError):
-        open_plain(tmp_path / 'link')
+    with pytest.raises(NotRegularFileError):
+        open_regular(tmp_path / 'link')
 
 
 def test_devices_folders_and_sockets_are_refused(tmp_path: Path) -> None:
@@ -45,16 +45,16 @@ def test_devices_folders_and_sockets_are_refused(tmp_path: Path) -> None:
             (tmp_path, 'folder'),
             (tmp_path / 's', 'sock'),
         ):
-            with pytest.raises(NotAPlainFileError, match=kind):
-                open_plain(path)
+            with pytest.raises(NotRegularFileError, match=kind):
+                open_regular(path)
 
 
 def test_a_file_and_a_link_to_it_are_read(tmp_path: Path) -> None:
     path = tmp_path / 'file'
     path.write_text('é')
     (tmp_path / 'link').symlink_to(path)
-    assert read_plain(tmp_path / 'link', 2) == 'é'
-    with open_plain(path) as file:
+    assert read_regular(tmp_path / 'link', 2) == 'é'
+    with open_regular(path) as file:
         assert file.read() == 'é'.encode()
         assert os.get_blocking(file.fileno()) is False  # which means nothing for a file
 
@@ -64,21 +64,21 @@ def test_no_more_than_allowed_is_read(tmp_path: Path) -> None:
     with path.open('wb') as file:
         file.truncate(10**12)
     with pytest.raises(ValueError, match='longer than 1000 bytes'):
-        read_plain(path, 1000)
+        read_regular(path, 1000)
 
 
 def test_what_is_no_text_is_said_to_be_none(tmp_path: Path) -> None:
     path = tmp_path / 'file'
     path.write_bytes(b'a\xff')
     with pytest.raises(ValueError, match='no UTF-8 text: invalid start byte at byte 1'):
-        read_plain(path, 10)
+        read_regular(path, 10)
 
 
 def test_a_missing_file_says_so(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
-        open_plain(tmp_path / 'none')
-    assert not is_plain(tmp_path / 'none')
-    assert not is_plain('a\0b')
+        open_regular(tmp_path / 'none')
+    assert not is_regular_file(tmp_path / 'none')
+    assert not is_regular_file('a\0b')
 
 
 def test_what_was_never_written_is_stepped_over_without_moving_the_file(tmp_path: Path) -> None:
@@ -89,7 +89,7 @@ def test_what_was_never_written_is_stepped_over_without_moving_the_file(tmp_path
         file.seek(far)
         file.write(b'b' * block)
         file.truncate(2 * far)
-    with open_plain(path) as file:
+    with open_regular(path) as file:
         assert file.read(3) == b'aaa'
         assert next_data(file, 5) == 5
         assert 5 < next_data(file, 2 * block) <= far
@@ -105,7 +105,7 @@ def test_a_stretch_is_hollow_if_little_of_it_was_written(tmp_path: Path) -> None
         file.truncate(100 * block)
         file.seek(40 * block)
         file.write(b'a' * 10 * block)
-    with open_plain(path) as file:
+    with open_regular(path) as file:
         assert is_hollow(file, 0, 100 * block)
         assert not is_hollow(file, 0, 50 * block)
         assert not is_hollow(file, 40 * block, 50 * block)

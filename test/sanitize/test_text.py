@@ -7,7 +7,7 @@ from klann_ros.sanitize.text import (
     counted,
     in_words,
     listed,
-    LONGEST_LINE,
+    MAX_LINE_LENGTH,
     printable,
     printable_line,
     times,
@@ -54,14 +54,14 @@ def test_a_whole_line_is_one_line(text: str) -> None:
 def test_a_line_of_a_library_loses_its_breaks_and_nothing_else() -> None:
     assert printable_line('in line 3:\n    a\tb\n  ^') == 'in line 3: a b ^'
     assert printable_line(KeyError('a\x1b')) == r"'a\\x1b'".replace('\\\\', '\\')
-    assert len(printable_line('x' * 10**6)) < LONGEST_LINE + 30
+    assert len(printable_line('x' * 10**6)) < MAX_LINE_LENGTH + 30
 
 
 def test_many_names_leave_room_for_what_stands_behind_them() -> None:
     assert listed([]) == ''
     assert listed(['/a', '/b\n']) == r'/a, /b\n'
     assert listed(map(str, range(25)), 3) == '0, 1, 2 and 22 more'
-    assert len(listed(['x' * 10**6] * 1000)) < LONGEST_LINE
+    assert len(listed(['x' * 10**6] * 1000)) < MAX_LINE_LENGTH
 
 
 @pytest.mark.parametrize(

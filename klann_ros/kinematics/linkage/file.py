@@ -9,10 +9,10 @@ from typing import Any
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import GeometryError
-from klann_ros.sanitize.files import read_plain
+from klann_ros.sanitize.files import read_regular
 from klann_ros.sanitize.text import did_you_mean, printable, printable_line
 from klann_ros.sanitize.units import warn_of_lengths
-from klann_ros.sanitize.yaml_text import LONGEST, parse, YamlError
+from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parse, YamlError
 
 from .file_checks import (
     body_bars,
@@ -95,7 +95,7 @@ def linkage_text(path: str | Path) -> str:
 
     """
     try:
-        return read_plain(path, LONGEST)
+        return read_regular(path, MAX_FILE_SIZE)
     except (OSError, ValueError) as error:
         hint, names = '', shipped_linkages()
         if isinstance(error, FileNotFoundError):

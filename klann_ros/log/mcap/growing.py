@@ -6,7 +6,7 @@ from pathlib import Path
 
 from klann_ros.log.errors import DamagedError
 from klann_ros.log.records import Message
-from klann_ros.sanitize.files import open_plain
+from klann_ros.sanitize.files import open_regular
 from mcap.opcode import Opcode
 from mcap.records import Metadata
 
@@ -49,7 +49,7 @@ class GrowingFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.is_finished, self.problem = False, ''
-        self._file = open_plain(path)
+        self._file = open_regular(path)
         self._next = 0
         self._channels, self._budget = Channels(), DecompressionBudget()
 

@@ -8,7 +8,7 @@ from klann_ros.log.errors import DamagedError, NotALogError
 from klann_ros.log.read.storage import Overview, Problems
 from klann_ros.log.read.temporary import TemporaryFile
 from klann_ros.log.records import Attachment
-from klann_ros.sanitize.files import open_plain
+from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import printable
 from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
@@ -106,7 +106,7 @@ class LogFile:
 
     def open(self) -> BinaryIO:  # noqa: A003, RUF100 - as a path calls it; ruff lets it be
         """Open the file, or what was unpacked from it."""
-        return open_plain(self._unpacked.path if self._unpacked else self.path)
+        return open_regular(self._unpacked.path if self._unpacked else self.path)
 
     def close(self) -> None:
         """Let go of what was unpacked."""

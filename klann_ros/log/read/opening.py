@@ -14,7 +14,7 @@ from klann_ros.log.bag_metadata import FILE_NAME
 from klann_ros.log.errors import AnyPath, NotALogError
 from klann_ros.log.mcap.container import MAGIC
 from klann_ros.log.mcap.mcap_storage import McapStorage
-from klann_ros.sanitize.files import open_plain
+from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import printable
 
 from .packed_messages import is_packed, PackedMessages
@@ -138,7 +138,7 @@ def _kind(start: bytes) -> Kind | None:
 
 def _start(path: Path, place: Path) -> bytes:
     try:
-        with open_plain(place) as file:
+        with open_regular(place) as file:
             return file.read(_START)
     except OSError as error:
         raise NotALogError(path, error.strerror or str(error)) from None

@@ -12,7 +12,7 @@ from typing import Any
 from klann_ros.log.bag_metadata import FILE_NAME, ROOT_KEY
 from klann_ros.log.errors import AnyPath, NotALogError
 from klann_ros.sanitize import yaml_text
-from klann_ros.sanitize.files import is_plain, open_plain, read_plain
+from klann_ros.sanitize.files import is_regular_file, open_regular, read_regular
 from klann_ros.sanitize.text import printable
 
 from .zstd_file import SUFFIXES as PACKED
@@ -87,7 +87,7 @@ def _folder_files(folder: Path) -> RunFiles:
         # By their names when unpacked: somebody may have unpacked, or packed, them since.
         by_name = {_unpacked(path): path for path in found}
         named = list(dict.fromkeys(by_name.get(_unpacked(path), path) for path in named))
-        there = [path for path in named if is_plain(path)]
+        there = [path for path in named if is_regular_file(path)]
         files.missing = [_missing(path) for path in named if path not in there]
         found = _with_those_named(there, found, files.remarks) if there else found
     else:
@@ -103,7 +103,7 @@ def _missing(path: Path) -> str:
     """Return what is wrong with a file that is named and cannot be read."""
     name = printable(path.name)
     try:
-        open_plain(path).close()
+        open_regular(path).close()
     except (FileNotFoundError, ValueError):
         return f'{name} is missing, though {FILE_NAME} names it'
     except OSError as error:
@@ -122,7 +122,7 @@ def _once(paths: Iterable[Path], packed: dict[Path, Path]) -> list[Path]:
     visible = (path for path in paths if is_log_name(path) and not path.name.startswith('.'))
     for path in sorted(visible, key=natural):
         first = found.setdefault(_unpacked(path), path)
-        if first != path and is_plain(first):
+        if first != path and is_regular_file(first):
             packed[first] = path
         else:
             found[_unpacked(path)] = path
@@ -218,7 +218,7 @@ def _metadata(path: Path, remarks: list[str]) -> dict[str, Any]:
     if not path.exists():
         return {}
     try:
-        data = _parsed(read_plain(path, yaml_text.MAX_SIZE))
+        data = _parsed(read_regular(path, yaml_text.MAX_LOG_TEXT))
     except OSError as error:
         remarks.append(f'{FILE_NAME} cannot be read: {error.strerror}')
         return {}

@@ -17,7 +17,7 @@ import time
 import weakref
 
 from klann_ros.log.errors import AnyPath, NotALogError
-from klann_ros.sanitize.files import is_plain
+from klann_ros.sanitize.files import is_regular_file
 
 _PREFIX = 'klann_ros-unpacked-'
 # What marks a folder as one of these, whatever else is called like that.
@@ -149,7 +149,7 @@ def _sweep(place: Path) -> None:
         try:
             status = folder.lstat()
             is_new = time.time() - status.st_mtime < _NEW
-            if is_new or status.st_uid != os.getuid() or not is_plain(folder / _MARK):
+            if is_new or status.st_uid != os.getuid() or not is_regular_file(folder / _MARK):
                 continue
             lock = _lock(folder)
         except OSError:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from klann_ros.log.errors import NotALogError
-from klann_ros.sanitize.files import open_plain
+from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import printable
 import zstandard
 
@@ -61,7 +61,7 @@ def unpack(path: Path, is_log: Callable[[bytes], bool]) -> tuple[TemporaryFile, 
     for suffix in SUFFIXES:
         name = name.removesuffix(suffix)
     try:
-        with open_plain(path) as file:
+        with open_regular(path) as file:
             return _unpack(path, file, name or 'log', is_log)
     except OSError as error:
         raise NotALogError(path, error.strerror or str(error)) from None

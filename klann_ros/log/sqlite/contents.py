@@ -8,7 +8,7 @@ import struct
 
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.read.temporary import TemporaryFile
-from klann_ros.sanitize.files import open_plain
+from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import counted, listed, printable, verb
 
 from .database import columns, database, DatabaseError, reason_of, table_names
@@ -97,7 +97,7 @@ def _settled(path: Path, suffixes: list[str]) -> tuple[TemporaryFile | None, lis
 
 
 def _contents(path: Path, place: Path) -> Contents:
-    with open_plain(place) as file:
+    with open_regular(place) as file:
         size = file.seek(0, 2)
     if not size:
         raise NotALogError(path, f'it should be {_KIND}, and is empty')
@@ -123,7 +123,7 @@ def _read(path: Path, place: Path, size: int) -> Contents:
 
 def _uncommitted(place: Path, size: int) -> list[str]:
     """Return a line on the pages behind the size in the header: they were not committed."""
-    with open_plain(place) as file:
+    with open_regular(place) as file:
         page_size, pages = _HEADER.unpack(file.read(_HEADER.size))
     more = size // (page_size if page_size > 1 else 65536) - pages
     if more <= 0:

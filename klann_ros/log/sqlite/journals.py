@@ -11,7 +11,7 @@ from pathlib import Path
 import sqlite3
 
 from klann_ros.log.read.temporary import TemporaryFile
-from klann_ros.sanitize.files import is_plain, open_plain
+from klann_ros.sanitize.files import is_regular_file, open_regular
 
 WAL, JOURNAL = '-wal', '-journal'
 
@@ -42,7 +42,7 @@ def beside(path: Path, suffix: str) -> Path:
 
 def pieces(path: Path) -> Iterator[bytes]:
     """Yield what is in a file; an OSError if it cannot be read."""
-    with open_plain(path) as file:
+    with open_regular(path) as file:
         while piece := file.read(_PIECE):
             yield piece
 
@@ -92,10 +92,10 @@ def _settle(path: Path) -> None:
 
 
 def _begins_with(path: Path, magics: tuple[bytes, ...]) -> bool:
-    if not is_plain(path):
+    if not is_regular_file(path):
         return False
     try:
-        with open_plain(path) as file:
+        with open_regular(path) as file:
             return file.read(_MAGIC_SIZE).startswith(magics)
     except OSError:
         # What cannot be read may hold messages, and is told.

@@ -4,7 +4,7 @@ from enum import Enum
 from pathlib import Path
 
 from klann_ros.log.mcap.container import find_footer, MAGIC
-from klann_ros.sanitize.files import open_plain
+from klann_ros.sanitize.files import open_regular
 
 from .durable_file import is_being_written
 
@@ -42,7 +42,7 @@ def _is_unfinished(run: Path) -> bool:
 
 def _state(path: Path) -> _FileState:
     try:
-        with open_plain(path) as file:
+        with open_regular(path) as file:
             size = file.seek(0, 2)
             file.seek(0)
             is_mcap = file.read(len(MAGIC)) in (MAGIC, b'')

@@ -10,9 +10,8 @@ from klann_ros.log.errors import LogError
 from klann_ros.review.model.compare import compare
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.topics import TopicFigures
-from klann_ros.sanitize.files import read_plain
 from klann_ros.sanitize.text import did_you_mean, printable, printable_line
-from klann_ros.sanitize.yaml_text import LONGEST, parse
+from klann_ros.sanitize.yaml_text import parse_file
 
 CHECK, BASELINE = 'expected', 'baseline'
 _KEYS = ('topics', 'allow', 'baseline')
@@ -113,7 +112,7 @@ def expectations_from_file(path: str) -> Expectations:
 
     """
     try:
-        return _expectations(parse(read_plain(path, LONGEST)), Path(path).parent)
+        return _expectations(parse_file(path), Path(path).parent)
     except OSError as error:
         raise ExpectationsFileError(f'{path} cannot be read: {error.strerror}') from error
     except ValueError as error:

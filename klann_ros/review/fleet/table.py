@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 
 from klann_ros.log.errors import LogError
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
-from klann_ros.sanitize.files import open_plain
+from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.outputs import finite
 from klann_ros.sanitize.text import printable, printable_line
 
@@ -217,7 +217,7 @@ def rows_from_table(path: str) -> list[Row]:
         It cannot be read.
 
     """
-    with open_plain(path) as file:
+    with open_regular(path) as file:
         if os.fstat(file.fileno()).st_size > _MAX_SIZE:
             raise TableError(f'{printable(path)} is refused above {_MAX_SIZE // 10**6} MB')
         # A size given to it would be allocated at once.

@@ -19,7 +19,7 @@ from klann_ros.log.run_parameters import (
 )
 from klann_ros.log.write.durable_file import is_being_written
 from klann_ros.review.model.limits import Limits
-from klann_ros.sanitize.files import open_plain
+from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import printable
 
 from .judge import LiveJudge, STEP
@@ -199,7 +199,7 @@ class _FileFollower:
 def _is_written(path: Path) -> bool:
     """Return whether a recorder of this project has a file in hand."""
     try:
-        with open_plain(path) as file:
+        with open_regular(path) as file:
             return is_being_written(file)
     except OSError:
         return False

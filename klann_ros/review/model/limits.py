@@ -7,9 +7,8 @@ import sys
 from typing import Any
 
 from klann_ros.log.errors import LogError
-from klann_ros.sanitize.files import read_plain
 from klann_ros.sanitize.text import printable_line
-from klann_ros.sanitize.yaml_text import LONGEST, parse
+from klann_ros.sanitize.yaml_text import parse_file
 
 
 class LimitsFileError(LogError):
@@ -93,7 +92,7 @@ def limits_from_file(path: str) -> Limits:
 
     """
     try:
-        return limits_from(parse(read_plain(path, LONGEST)))
+        return limits_from(parse_file(path))
     except OSError as error:
         raise LimitsFileError(f'{path} cannot be read: {error.strerror}') from error
     except ValueError as error:
