@@ -5,7 +5,7 @@ import math
 
 from hypothesis import assume, strategies as st
 from klann_ros.kinematics import GeometryError, KlannGeometry
-from klann_ros.kinematics.klann.geometry import COORDINATES, LENGTHS
+from klann_ros.kinematics.klann import COORDINATES, LENGTHS
 
 crank_angles = st.floats(-50.0, 50.0)
 

@@ -18,8 +18,7 @@ from klann_ros.kinematics import (
     reachable_arcs,
     Stance,
 )
-from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arcs import Arc
+from klann_ros.kinematics.angles import Arc, TURN
 from klann_ros.robot import Robot, RobotLeg
 import numpy as np
 from numpy.typing import NDArray

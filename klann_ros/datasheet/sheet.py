@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from klann_ros.dynamics import TurnOfForces
 from klann_ros.kinematics import FootPath, Linkage, Margin, Stance
-from klann_ros.kinematics.arcs import Arc
+from klann_ros.kinematics.angles import Arc
 from klann_ros.walker import GaitFigures
 import numpy as np
 from numpy.typing import NDArray

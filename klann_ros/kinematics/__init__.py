@@ -56,12 +56,15 @@ from .foot.inverse import Nearest
 from .foot.path import foot_path, FootPath, NoFootPathError
 from .foot.stance import NoStanceError, Stance
 from .four_bar.geometry import FourBarGeometry
-from .four_bar.linkage import FourBar
+from .four_bar.linkage import (
+    FourBar,
+    FourBarMotion,
+    FourBarPose,
+    FourBarTable,
+    TransmissionExtremes,
+)
 from .four_bar.mobility import DeadPoint, Grashof, RockerLimits
-from .four_bar.pose import FourBarMotion, FourBarPose
-from .four_bar.transmission import FourBarTable, TransmissionExtremes
-from .klann.geometry import KlannGeometry
-from .klann.leg import KlannLeg, KlannMotion, KlannPose
+from .klann import KlannGeometry, KlannLeg, KlannMotion, KlannPose
 from .linkage.assemblies import assemblies, assembly_poses
 from .linkage.file import (
     linkage_from_file,

@@ -5,6 +5,8 @@ from typing import SupportsFloat
 
 from .errors import CrankAngleError
 
+# Start and end of an arc of crank angles [rad].
+Arc = tuple[float, float]
 TURN = 2.0 * pi
 # The tangent of a nearly singular pose may lead many turns away, where angles lose digits.
 MAX_UNWRAPPED = 2.0 * TURN

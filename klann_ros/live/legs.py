@@ -6,8 +6,7 @@ from math import isfinite, pi
 from typing import Any
 
 from klann_ros.kinematics import AnyLeg, KlannGeometry, KlannLeg, Linkage, linkage_poses
-from klann_ros.kinematics.klann.geometry import BENDS, NUMBERS
-from klann_ros.kinematics.klann.leg import JOINTS
+from klann_ros.kinematics.klann import BENDS, JOINTS, NUMBERS
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER, SolverParameters
 from klann_ros.review.load.solvers import leg_solvers, parent, published_legs
 from klann_ros.review.model.recording import LegSolver

@@ -5,8 +5,7 @@ from math import radians
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics import AnyLeg, LinkagePose, NoFootPathError
-from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arcs import Arc
+from klann_ros.kinematics.angles import Arc, TURN
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.newton import Iterations
 import numpy as np

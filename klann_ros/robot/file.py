@@ -18,7 +18,7 @@ from klann_ros.kinematics import (
     shipped_linkages,
 )
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.klann.geometry import NUMBERS, PRESETS
+from klann_ros.kinematics.klann import NUMBERS, PRESETS
 from klann_ros.kinematics.linkage.file import is_linkage, linkage_text, SHIPPED
 from klann_ros.sanitize.files import is_regular_file, read_regular
 from klann_ros.sanitize.text import printable, printable_line

@@ -11,6 +11,8 @@ import re
 import subprocess
 import sys
 
+import four_bar_equations
+import klann_equations as equations
 import klann_ros
 from klann_ros.kinematics import (
     foot_path,
@@ -25,8 +27,6 @@ from klann_ros.kinematics import (
     tolerance_study,
     UnreachableError,
 )
-from klann_ros.kinematics.four_bar import equations as four_bar_equations
-from klann_ros.kinematics.klann import equations
 from klann_ros.kinematics.linkage.dyads import dyad_joint
 import numpy as np
 import pytest

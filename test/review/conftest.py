@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from klann_ros.kinematics import KlannGeometry, KlannLeg
-from klann_ros.kinematics.klann.leg import JOINTS
+from klann_ros.kinematics.klann import JOINTS
 from klann_ros.log.definitions import definition
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message, Topic

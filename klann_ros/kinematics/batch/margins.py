@@ -5,8 +5,7 @@ from math import inf, pi
 from sys import float_info
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arcs import Arc
+from klann_ros.kinematics.angles import Arc, TURN
 from klann_ros.kinematics.arrays import FloatArray, IndexArray
 from klann_ros.kinematics.errors import KinematicsError
 from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage

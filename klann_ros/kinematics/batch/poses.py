@@ -5,7 +5,7 @@ from math import prod
 from typing import Any, TypeAlias
 
 from klann_ros.kinematics.arrays import AnyArray, FloatArray
-from klann_ros.kinematics.klann.geometry import KlannGeometry
+from klann_ros.kinematics.klann import KlannGeometry
 from klann_ros.kinematics.linkage.linkage import as_linkage
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np

@@ -1,17 +1,196 @@
-"""The four-bar linkage as the course asks of it: its class, its limits, its merit."""
+"""The four-bar as the course asks of it: its pose by its names, its class, limits and merit."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import atan2, dist, inf, nan, pi, radians, sqrt
+from typing import Any, NamedTuple
 
-from klann_ros.kinematics.angles import crank_angle
+from klann_ros.kinematics.angles import crank_angle, TURN
 from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.batch.poses import linkage_poses
+from klann_ros.kinematics.linkage.dyads import TANGENCY_TOLERANCE
 from klann_ros.kinematics.linkage.leg import Leg
+from klann_ros.kinematics.linkage.pose import (
+    closed_form_vectors,
+    initial_guess,
+    LinkageMotion,
+    LinkagePose,
+    PoseEntry,
+)
+from klann_ros.kinematics.linkage.reach import crank_limits, triangle_angle
+import numpy as np
 from numpy.typing import ArrayLike
 
-from . import equations, transmission
 from .geometry import FourBarGeometry
 from .mobility import dead_points, DeadPoint, Grashof, rocker_limits, RockerLimits
-from .pose import FourBarMotion, FourBarPose
-from .transmission import four_bar_table, FourBarTable
+
+# Transmission angle limits of good practice for large forces.
+MIN_TRANSMISSION_ANGLE, MAX_TRANSMISSION_ANGLE = radians(40.0), radians(140.0)
+COLUMNS = ('theta2', 'theta3', 'theta4', 'alpha', 'beta', 'Z', 'mu', 'T4/T2')
+# A four-bar's lengths may be in any unit, so Z has none.
+UNITS, DECIMALS = ('[deg]',) * 5 + ('', '[deg]', '[1]'), (2, 2, 2, 2, 2, 6, 2, 4)
+# Rows of the printed table; the arrays have all.
+MAX_ROWS = 100
+
+
+class FourBarPose(LinkagePose):
+    """
+    A solved pose of a four-bar: `x` are theta3, theta4; `points` O2, A, B, O4; `h` is B.
+
+    theta2, theta3 and theta4 are the angles of crank, coupler and rocker, counter-clockwise from
+    the ground; all but theta2 in (-pi, pi] [rad]. alpha and beta are the course's angles at O4,
+    and not the crank's: that is theta2.
+    """
+
+    __slots__ = ()
+
+    theta2 = PoseEntry('joints', 0)
+    theta3 = PoseEntry('x', 0)
+    theta4 = PoseEntry('x', 1)
+
+    @property
+    def transmission_angle(self) -> float:
+        """Return the angle between coupler and rocker, in [0, pi] [rad]; singular at both."""
+        return self.transmission_angles[0]
+
+    @property
+    def z(self) -> float:
+        """Return the course's Z, the length of the diagonal A O4 [m]."""
+        _, a, _, o_4 = self.points.tolist()
+        return dist(a, o_4)
+
+    @property
+    def alpha(self) -> float:
+        """
+        Return the course's alpha, the angle at O4 from the rocker to Z = `|A O4|`, 0 to pi [rad].
+
+            cos alpha = (Z^2 + L4^2 - L3^2) / (2 Z L4)
+
+        theta4 = 180 deg - (alpha + beta) in the open assembly (+1), 180 deg + alpha - beta in the
+        crossed one, modulo a turn.
+
+        References
+        ----------
+        "Mecanismos e Vibracao de Maquinas", Grashof e mecanismos simples, example 1.
+
+        """
+        numbers = self.linkage.dimensions
+        return float(triangle_angle(self.z, numbers['rocker'], numbers['coupler']))
+
+    @property
+    def beta(self) -> float:
+        """
+        Return the course's beta, the angle at O4 from the ground to Z, in [0, 2 pi) [rad].
+
+            cos beta = (Z^2 + L1^2 - L2^2) / (2 Z L1)
+
+        It is up to 180 deg where the crank is above the ground, and beyond where it is below it.
+        """
+        _, (x, y), _, (x_4, _) = self.points.tolist()
+        return atan2(y, x_4 - x) % TURN
+
+    @property
+    def clearance(self) -> float:
+        """Return the distance of Z from | L3 - L4 | and L3 + L4, where it is singular [m]."""
+        return self.clearances[0]
+
+    def coupler_point(self, u: float, v: float) -> tuple[float, float]:
+        """Return a point (x, y) of the coupler: u from A along AB, v to the left of it [m]."""
+        return _coupler_point(self, u, v)
+
+
+class FourBarMotion(LinkageMotion):
+    """The velocity or the acceleration of a pose, by the course's names [rad/s, rad/s^2]."""
+
+    __slots__ = ()
+
+    theta2 = PoseEntry('joints', 0)
+    theta3 = PoseEntry('joints', 1)
+    theta4 = PoseEntry('joints', 2)
+
+    def coupler_point(self, u: float, v: float) -> tuple[float, float]:
+        """Return that of the pose's coupler point at u, v (x, y) [m/s] or [m/s^2]."""
+        return _coupler_point(self, u, v)
+
+
+def _coupler_point(moving: Any, u: float, v: float) -> tuple[float, float]:
+    """Return A + (u + i v) u_3 of a pose, or of its derivative."""
+    x, y = moving.points[1].tolist()
+    along = complex(u, v) * complex(moving.vectors[1])
+    return x + along.real, y + along.imag
+
+
+class TransmissionExtremes(NamedTuple):
+    """
+    The least and the greatest transmission angle over the crank angles that can be reached.
+
+    Attributes
+    ----------
+    least, greatest : float
+        Transmission angles in [0, pi] [rad].
+    least_at, greatest_at : tuple of float
+        The crank angles where they occur, in (-pi, pi] [rad]: 0 or pi, or the two ends of what
+        can be reached.
+
+    """
+
+    least: float
+    least_at: tuple[float, ...]
+    greatest: float
+    greatest_at: tuple[float, ...]
+
+    @property
+    def good(self) -> bool:
+        """Return whether it stays within 40 .. 140 deg, as good practice has it."""
+        return self.least >= MIN_TRANSMISSION_ANGLE and self.greatest <= MAX_TRANSMISSION_ANGLE
+
+
+@dataclass(frozen=True, eq=False)
+class FourBarTable:
+    """
+    The course's quantities at many crank angles; NaN at unreachable ones.
+
+    All arrays have the shape of the given crank angles, and are read-only.
+
+    Attributes
+    ----------
+    theta2 : numpy.ndarray
+        Crank angles as given [rad].
+    theta3, theta4 : numpy.ndarray
+        Angles of coupler and rocker, in (-pi, pi] [rad].
+    alpha, beta : numpy.ndarray
+        The course's angles at O4, as in `FourBarPose` [rad].
+    z : numpy.ndarray
+        The diagonal Z = `|A O4|`, in the unit of the lengths.
+    transmission_angle : numpy.ndarray
+        Between coupler and rocker, in [0, pi] [rad].
+    mechanical_advantage : numpy.ndarray
+        T4 / T2; see `FourBar.mechanical_advantage`.
+
+    """
+
+    theta2: FloatArray
+    theta3: FloatArray
+    theta4: FloatArray
+    alpha: FloatArray
+    beta: FloatArray
+    z: FloatArray
+    transmission_angle: FloatArray
+    mechanical_advantage: FloatArray
+
+    def __str__(self) -> str:
+        """Return a table, angles in deg, Z in the unit of the lengths."""
+        columns = [column.ravel() for column in vars(self).values()]
+        shown = [np.degrees(c) if u == '[deg]' else c for c, u in zip(columns, UNITS, strict=True)]
+        rows = np.stack(shown, axis=1)
+        lines = [''.join(f'{text:>12}' for text in texts) for texts in (COLUMNS, UNITS)]
+        lines += [
+            ''.join(f'{v:12.{n}f}' for v, n in zip(row, DECIMALS, strict=True))
+            for row in rows[:MAX_ROWS].tolist()
+        ]
+        if len(rows) > MAX_ROWS:
+            lines.append(f'... and {len(rows) - MAX_ROWS} more')
+        return '\n'.join(lines)
 
 
 class FourBar(Leg[FourBarPose, FourBarMotion]):
@@ -65,15 +244,7 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         return self._geometry
 
     def varied(self, changes: Mapping[str, float] | None = None, **numbers: float) -> 'FourBar':
-        """
-        Return the four-bar with some of its lengths replaced, by their names [m].
-
-        Raises
-        ------
-        GeometryError
-            It is no four-bar any more, or there is no such length.
-
-        """
+        """Return the four-bar with some of its lengths replaced: see `FourBarGeometry.varied`."""
         return self._made(self._geometry.varied(changes, **numbers))
 
     def scaled(self, factor: float) -> 'FourBar':
@@ -86,23 +257,7 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
 
     def inversion(self, fixed: str, assembly: int | None = None) -> 'FourBar':
         """
-        Return the four-bar with another of its links held.
-
-        The next link in the order ground, crank, coupler, rocker plays the crank then, as in
-        `Grashof.inversions`: with the crank held, the coupler is driven, the rocker couples, and
-        the ground is led as the rocker was.
-
-        Parameters
-        ----------
-        fixed : str
-            The link that is held: 'ground', 'crank', 'coupler' or 'rocker'.
-        assembly : int, optional
-            Of the inversion: its sign belongs to another joint. This one's sign where left out.
-
-        Raises
-        ------
-        GeometryError
-            There is no such link, or the assembly is not +1 or -1.
+        Return the four-bar with another of its links held: see `FourBarGeometry.inversion`.
 
         Examples
         --------
@@ -119,25 +274,15 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
 
     def f(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """
-        Return the course's f1 and f2, shape (2,) [m]; the loop closes where both are 0.
+        Return the course's f1 and f2 at theta2 and x = (theta3, theta4), shape (2,) [m].
 
             f1 = L1 + L4 cos(theta4) - L2 cos(theta2) - L3 cos(theta3)
             f2 =      L4 sin(theta4) - L2 sin(theta2) - L3 sin(theta3)
 
-        Parameters
-        ----------
-        alpha : float
-            theta2, the crank's angle [rad].
-        x : sequence of float, shape (2,)
-            theta3, theta4 [rad].
-
-        Raises
-        ------
-        CrankAngleError, ValueError
-            As for `Leg.f`.
-
+        Parameters and errors as for `Leg.f`.
         """
-        return equations.f(self._geometry, crank_angle(alpha), self._x('x', x))
+        # The linkage's loop leads the other way round.
+        return -super().f(alpha, x)
 
     def phi(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """
@@ -146,8 +291,7 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
             Phi = [[ L3 sin(theta3), -L4 sin(theta4)],
                    [-L3 cos(theta3),  L4 cos(theta4)]]
         """
-        crank_angle(alpha)
-        return equations.phi(self._geometry, self._x('x', x))
+        return -super().phi(alpha, x)
 
     def table(self, theta2: ArrayLike) -> FourBarTable:
         """
@@ -177,11 +321,34 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         [75.52, 72.14, 103.58]
 
         """
-        return four_bar_table(self._geometry, theta2)
+        poses = linkage_poses(self._geometry, theta2, angles=True, points=True)
+        if poses.angles is None or poses.points is None:
+            raise AssertionError('both are requested')
+        given, rocker, coupler = np.array(theta2, float), *self._geometry.lengths[:1:-1]
+        theta3, theta4 = np.moveaxis(poses.angles, -1, 0)
+        to_a = poses.points[..., 1, :] - poses.points[..., 3, :]
+        z = np.hypot(to_a[..., 0], to_a[..., 1])
+        columns = (
+            given,
+            theta3.copy(),
+            theta4.copy(),
+            triangle_angle(z, rocker, coupler),
+            np.arctan2(to_a[..., 1], -to_a[..., 0]) % TURN,
+            z,
+            triangle_angle(coupler, rocker, z),
+            self._advantage(given, theta3, theta4),
+        )
+        for column in columns:
+            column.setflags(write=False)
+        return FourBarTable(*columns)
 
     def transmission_angle(self, theta2: float) -> float:
         """
-        Return the angle between coupler and rocker at a crank angle, in [0, pi] [rad].
+        Return the angle mu between coupler and rocker at a crank angle, in [0, pi] [rad].
+
+            cos mu = (L3^2 + L4^2 - L1^2 - L2^2 + 2 L1 L2 cos theta2) / (2 L3 L4)
+
+        computed as the angle opposite Z = `|A O4|`. Both assemblies have the same.
 
         Parameters
         ----------
@@ -195,40 +362,58 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         UnreachableError
             Coupler and rocker do not meet at this crank angle.
 
+        References
+        ----------
+        "Mecanismos e Vibracao de Maquinas", Grashof e mecanismos simples, "Angulo de transmissao".
+
         """
-        return transmission.transmission_angle(self._geometry, theta2)
+        theta2 = crank_angle(theta2)
+        (dyad,), geometry = self.linkage.blocks, self._geometry
+        to_a = geometry.ground - complex(*geometry.crank_pin(theta2))
+        if -dyad.dyad_solver.clearance(to_a) > TANGENCY_TOLERANCE * dyad.rounding:
+            closed_form_vectors(self.linkage, theta2)  # whose error has the missing length
+        return float(triangle_angle(geometry.coupler, geometry.rocker, abs(to_a)))
 
     @property
-    def transmission_extremes(self) -> transmission.TransmissionExtremes:
+    def transmission_extremes(self) -> TransmissionExtremes:
         """Return the least and the greatest transmission angle that can be reached, and where."""
-        return transmission.transmission_extremes(self._geometry)
+        near, far = crank_limits(self._geometry.lengths)
+        # mu grows with |theta2|; at the ends of the reach coupler and rocker are in line.
+        least = self.transmission_angle(0.0) if near == 0.0 else 0.0
+        greatest = self.transmission_angle(pi) if far == pi else pi
+        least_at = (0.0,) if near == 0.0 else (-near, near)
+        return TransmissionExtremes(least, least_at, greatest, (pi,) if far == pi else (-far, far))
 
     def mechanical_advantage(self, theta2: float) -> float:
         """
-        Return T4 / T2 = w2 / w4 at a crank angle; see `transmission.mechanical_advantage`.
+        Return the mechanical advantage T4 / T2 = w2 / w4 at a crank angle.
 
-        inf at a limit position of the rocker, 0 where coupler and rocker are in line, NaN where
-        all links are.
+            T4 / T2 = L4 sin(theta4 - theta3) / (L2 sin(theta2 - theta3))
 
-        Parameters
-        ----------
-        theta2 : float
-            Crank angle [rad].
-
-        Raises
-        ------
-        CrankAngleError
-            `theta2` is not finite, or beyond +-1e6 rad.
-        UnreachableError
-            Coupler and rocker do not meet at this crank angle.
-
+        It is negative where rocker and crank turn in opposite directions; inf, without a sign
+        since it changes there, where crank and coupler are in line (a limit position of the
+        rocker); 0 where coupler and rocker are in line; NaN where all links are, at a change
+        point. Parameters and errors as for `transmission_angle`.
         """
-        return transmission.mechanical_advantage(self._geometry, theta2)
+        theta2 = crank_angle(theta2)
+        return float(self._advantage(theta2, *initial_guess(self.linkage, theta2)))
+
+    def _advantage(self, theta2: Any, theta3: Any, theta4: Any) -> Any:
+        """Return the mechanical advantage of one pose, or of arrays of poses."""
+        sine, across = np.sin(theta2 - theta3), np.sin(theta4 - theta3)
+        (dyad,), geometry = self.linkage.blocks, self._geometry
+        # The rounding of theta3 grows as coupler and rocker come in line.
+        rounding = dyad.rounding / min(geometry.crank, geometry.coupler)
+        with np.errstate(divide='ignore', invalid='ignore'):
+            ratio = geometry.rocker * across / (geometry.crank * sine)
+        ratio = np.where(np.abs(sine * across) <= rounding, inf, ratio)
+        in_line = np.where(np.abs(sine) <= sqrt(rounding), nan, 0.0)
+        return np.where(np.abs(across) <= dyad.singular_sine, in_line, ratio)
 
     @property
     def grashof(self) -> Grashof:
         """
-        Return what Grashof's law says of the linkage.
+        Return the four-bar's class by Grashof's law.
 
         Its attributes: `class_`, `margin` [m], `type_` with its parts `shape` and `motion`,
         `roles` of the links, and `inversions`, the same with another link held.
@@ -237,12 +422,14 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
 
     def dead_points(self, driver: str = 'crank') -> list[DeadPoint]:
         """
-        Return where a driver stops, by its angle; none where it turns fully.
+        Return the dead points of a driver, by its angle; none where it turns fully.
 
-        Those of the crank belong to both assemblies. Those of the rocker are this assembly's; the
-        other assembly has them mirrored, so that a rocker of class II has one of each assembly.
-        'both' gives all at once, the crank's and then the rocker's of either assembly: the four
-        of the course's triple rocker.
+        Those of the crank are the ends of its reach, where both assemblies meet: two for each
+        kind, one on each side. Those of the rocker are this assembly's, at most one for each
+        kind; the other assembly has them mirrored, so that a rocker of class II has one of each
+        assembly. A change point, where all links are in line and the driver passes, is no dead
+        point. 'both' gives all at once, the crank's and then the rocker's of either assembly: the
+        four of the course's triple rocker.
 
         Parameters
         ----------
@@ -253,6 +440,11 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         ------
         ValueError
             `driver` is none of these.
+
+        References
+        ----------
+        "Mecanismos e Vibracao de Maquinas", Grashof e mecanismos simples, "Posicoes de ponto
+        morto".
 
         """
         return dead_points(self._geometry, driver)

@@ -194,21 +194,7 @@ class RockerLimits(NamedTuple):
 
 
 def dead_points(geometry: FourBarGeometry, driver: str = 'crank') -> list[DeadPoint]:
-    """
-    Return the dead points of a driver, by its angle; none where it turns fully.
-
-    Those of the crank are the ends of what it can reach, where both assemblies meet: two for each
-    kind, one on each side. Those of the rocker belong to one assembly: at most one for each kind,
-    and the other assembly has it mirrored. So in class II crank and rocker have two each, but of
-    the rocker's one is found of each assembly. A change point, where all links are in line and
-    the driver passes, is no dead point. 'both' are the crank's and the rockers' of both
-    assemblies.
-
-    References
-    ----------
-    "Mecanismos e Vibracao de Maquinas", Grashof e mecanismos simples, "Posicoes de ponto morto".
-
-    """
+    """Return the dead points of a driver, by its angle; see `FourBar.dead_points`."""
     if driver == 'both':
         other = replace(geometry, assembly=-geometry.assembly)
         of_rockers = [*_of_rocker(geometry), *_of_rocker(other)]

@@ -12,8 +12,7 @@ from math import isnan, pi
 from operator import itemgetter
 from typing import NamedTuple
 
-from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arcs import Arc
+from klann_ros.kinematics.angles import Arc, TURN
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.errors import GeometryError, LoopsOpenError
 import numpy as np

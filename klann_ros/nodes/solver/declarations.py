@@ -6,7 +6,7 @@ from math import pi
 from typing import Any
 
 from klann_ros.kinematics import KlannGeometry
-from klann_ros.kinematics.klann.geometry import BENDS, LENGTHS, NUMBERS
+from klann_ros.kinematics.klann import BENDS, LENGTHS, NUMBERS
 from klann_ros.nodes.parameters import Declaration
 from klann_ros.robot.robot import SEPARATORS
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from klann_ros.kinematics import AnyLeg, GeometryError, KlannGeometry, KlannLeg, LinkageLeg
-from klann_ros.kinematics.klann.geometry import PRESETS
+from klann_ros.kinematics.klann import PRESETS
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 from klann_ros.nodes.parameters import (
     declare,

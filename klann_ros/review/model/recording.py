@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from klann_ros.dynamics import Dynamics
 from klann_ros.kinematics import AnyLeg
 from klann_ros.kinematics.arrays import FloatArray, IntArray
-from klann_ros.kinematics.klann.leg import JOINTS
+from klann_ros.kinematics.klann import JOINTS
 from klann_ros.log.run_parameters import Pause, RecordedFinding
 import numpy as np
 

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from klann_ros.kinematics import GeometryError, klann_poses, KlannGeometry, reachable_arcs, Reason
-from klann_ros.kinematics.klann.geometry import BENDS, COORDINATES, LENGTHS
+from klann_ros.kinematics.klann import BENDS, COORDINATES, LENGTHS
 import numpy as np
 import pytest
 

@@ -4,9 +4,9 @@ from dataclasses import fields, replace
 import math
 from typing import Any
 
+import klann_equations as equations
 from klann_ros.kinematics import klann_poses, KlannGeometry, KlannLeg, tolerance_study
-from klann_ros.kinematics.klann import equations
-from klann_ros.kinematics.klann.geometry import NUMBERS
+from klann_ros.kinematics.klann import NUMBERS
 import numpy as np
 import pytest
 

@@ -17,7 +17,7 @@ from klann_ros.kinematics import (
     SingularPoseError,
     UnreachableError,
 )
-from klann_ros.kinematics.klann.geometry import COORDINATES, LENGTHS
+from klann_ros.kinematics.klann import COORDINATES, LENGTHS
 import numpy as np
 import pytest
 from strategies import legs

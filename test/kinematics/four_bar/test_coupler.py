@@ -2,10 +2,10 @@
 
 import math
 
+import four_bar_equations as equations
 from four_bars import apart, crank_angles, four_bars, solved, untimed
 from hypothesis import assume, given, strategies as st
 from klann_ros.kinematics import FourBar
-from klann_ros.kinematics.four_bar import equations
 import numpy as np
 import pytest
 

@@ -2,8 +2,8 @@
 
 import math
 
+import four_bar_equations as equations
 from klann_ros.kinematics import FourBar
-from klann_ros.kinematics.four_bar import equations
 import numpy as np
 import pytest
 

@@ -2,10 +2,10 @@
 
 import math
 
+import four_bar_equations as equations
 from four_bars import apart, COURSE, four_bars, untimed
 from hypothesis import assume, example, given
 from klann_ros.kinematics import FourBar, UnreachableError
-from klann_ros.kinematics.four_bar import equations
 import pytest
 
 # Nothing turns fully: 500 + 300 > 400 + 350 mm.

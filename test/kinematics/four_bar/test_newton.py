@@ -2,10 +2,10 @@
 
 import math
 
+import four_bar_equations as equations
 from four_bars import COURSE, untimed
 from hypothesis import given, strategies as st
 from klann_ros.kinematics import CrankAngleError, FourBar, NotConvergedError
-from klann_ros.kinematics.four_bar import equations
 from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
 import pytest

@@ -4,8 +4,7 @@ import math
 
 from four_bars import COURSE, crank_angles, four_bars, solved, untimed
 from hypothesis import assume, given, strategies as st
-from klann_ros.kinematics import FourBar, UnreachableError
-from klann_ros.kinematics.four_bar.transmission import TransmissionExtremes
+from klann_ros.kinematics import FourBar, TransmissionExtremes, UnreachableError
 import pytest
 
 # Coupler and rocker cannot reach everything, on either side.

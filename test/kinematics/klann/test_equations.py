@@ -6,9 +6,9 @@ import math
 from math import cos, sin
 
 from hypothesis import assume, given, strategies as st
+import klann_equations as equations
 from klann_ros.kinematics import KlannGeometry, KlannLeg, UnreachableError
-from klann_ros.kinematics.klann import equations
-from klann_ros.kinematics.klann.geometry import LENGTHS
+from klann_ros.kinematics.klann import LENGTHS
 import numpy as np
 import pytest
 from strategies import crank_angles, legs

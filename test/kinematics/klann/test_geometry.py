@@ -11,7 +11,7 @@ from klann_ros.kinematics import (
     reachable_arcs,
     UnreachableError,
 )
-from klann_ros.kinematics.klann.geometry import BENDS, COORDINATES, LENGTHS
+from klann_ros.kinematics.klann import BENDS, COORDINATES, LENGTHS
 import pytest
 from strategies import legs
 

@@ -17,7 +17,7 @@ from klann_ros.kinematics import (
     shipped_linkage,
     turns_fully,
 )
-from klann_ros.kinematics.klann.geometry import BENDS, COORDINATES, LENGTHS
+from klann_ros.kinematics.klann import BENDS, COORDINATES, LENGTHS
 import pytest
 from strategies import legs
 

@@ -5,6 +5,7 @@ import pickle
 from typing import Any
 
 from hypothesis import given, strategies as st
+import klann_equations as equations
 from klann_ros.kinematics import (
     CrankAngleError,
     KlannGeometry,
@@ -13,7 +14,6 @@ from klann_ros.kinematics import (
     SingularPoseError,
     UnreachableError,
 )
-from klann_ros.kinematics.klann import equations
 import numpy as np
 import pytest
 

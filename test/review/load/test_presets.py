@@ -5,7 +5,7 @@ import struct
 
 from findings import checks
 from klann_ros.kinematics import KlannGeometry, KlannLeg, linkage_from_text, LinkageLeg
-from klann_ros.kinematics.klann.geometry import NUMBERS
+from klann_ros.kinematics.klann import NUMBERS
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import (

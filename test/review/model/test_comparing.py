@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from klann_ros.kinematics import KlannGeometry, linkage_from_file, LinkageLeg
-from klann_ros.kinematics.klann.geometry import COORDINATES, LENGTHS
+from klann_ros.kinematics.klann import COORDINATES, LENGTHS
 from klann_ros.review.command import main
 from klann_ros.review.model.compare import compare, leg_dimensions
 from klann_ros.review.model.recording import LegSolver

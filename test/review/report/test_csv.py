@@ -3,7 +3,7 @@
 from dataclasses import replace
 import math
 
-from klann_ros.kinematics.klann.leg import JOINTS
+from klann_ros.kinematics.klann import JOINTS
 from klann_ros.log.reader import open_log
 from klann_ros.review.command import main
 from mcap_ros2.decoder import DecoderFactory

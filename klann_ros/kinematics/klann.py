@@ -1,4 +1,4 @@
-"""The dimensions of a Klann leg, with the two legs of the literature, and their linkage."""
+"""The Klann leg: its dimensions, with the two legs of the literature, and its solution."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -6,21 +6,18 @@ from functools import cached_property
 import math
 from typing import Any
 
-from klann_ros.kinematics import validation
-from klann_ros.kinematics.angles import wrap
-from klann_ros.kinematics.errors import GeometryError
-from klann_ros.kinematics.linkage.assemblies import assemblies
-from klann_ros.kinematics.linkage.linkage import Linkage
-from klann_ros.kinematics.linkage.reach import closes_somewhere
-from klann_ros.kinematics.linkage.structure import (
-    Bar,
-    Body,
-    Dimension,
-    dimension_places,
-    Structure,
-)
 from klann_ros.sanitize.text import printable
 from klann_ros.sanitize.units import warn_of_lengths
+
+from . import validation
+from .angles import wrap
+from .errors import GeometryError
+from .linkage.assemblies import assemblies
+from .linkage.leg import Leg
+from .linkage.linkage import Linkage
+from .linkage.pose import LinkageMotion, LinkagePose, PoseEntry
+from .linkage.reach import closes_somewhere
+from .linkage.structure import Bar, Body, Dimension, dimension_places, Structure
 
 LENGTHS = ('l_ab', 'l_bc', 'l_dc', 'l_cg', 'l_ef', 'l_fg', 'l_gh')
 COORDINATES = ('x_d', 'y_a', 'x_e', 'y_e')
@@ -58,6 +55,8 @@ STRUCTURE = Structure(
     ),
     outside=(2,),
 )
+# The names under which the angles are published and drawn, the crank's first.
+JOINTS = STRUCTURE.angles
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,7 +210,79 @@ class KlannGeometry:
 
 
 PRESETS = {'sem104': KlannGeometry.sem104, 'patent': KlannGeometry.patent}
-"""The makers of named legs."""
+
+
+class KlannPose(LinkagePose):
+    """
+    A solved pose of the Klann leg: `x` are gamma, beta, delta, theta; `points` A to H.
+
+    gamma (the coupler) and theta (the leg) are clockwise; beta is the lower rocker's angle, delta
+    the upper one's. All but alpha are in (-pi, pi] [rad].
+    """
+
+    __slots__ = ()
+
+    gamma = PoseEntry('x', 0)
+    beta = PoseEntry('x', 1)
+    delta = PoseEntry('x', 2)
+    theta = PoseEntry('x', 3)
+
+
+class KlannMotion(LinkageMotion):
+    """The velocity or the acceleration of a pose, by the textbook's names [rad/s, rad/s^2]."""
+
+    __slots__ = ()
+
+    alpha = PoseEntry('joints', 0)
+    gamma = PoseEntry('joints', 1)
+    beta = PoseEntry('joints', 2)
+    delta = PoseEntry('joints', 3)
+    theta = PoseEntry('joints', 4)
+
+
+class KlannLeg(Leg[KlannPose, KlannMotion]):
+    """
+    A Klann leg that is solved for one crank angle after the other.
+
+    Its `f`, `phi` and `newton` are SEM 104's, with x = (gamma, beta, delta, theta):
+
+        f1 = L_AB cos(alpha) + L_BC cos(gamma) - L_DC cos(beta) - x_D
+        f2 = L_AB sin(alpha) - L_BC sin(gamma) - L_DC sin(beta) + y_A
+        f3 = L_EF cos(delta) + L_FG cos(theta) - L_CG cos(gamma - bend_C) - L_DC cos(beta)
+             - x_D + x_E
+        f4 = L_EF sin(delta) - L_FG sin(theta) + L_CG sin(gamma - bend_C) - L_DC sin(beta) + y_E
+
+    Parameters
+    ----------
+    geometry : KlannGeometry, optional
+        The leg; SEM 104's where it is left out.
+    tolerance, max_crank_step : float
+        As for every `Leg` [rad].
+
+    Raises
+    ------
+    TypeError
+        `geometry` is no KlannGeometry.
+
+    """
+
+    pose_class = KlannPose
+    motion_class = KlannMotion
+
+    def __init__(self, geometry: KlannGeometry | None = None, **settings: float) -> None:
+        if not isinstance(geometry, KlannGeometry | None):
+            msg = f'geometry = {geometry!r} is refused: it must be a KlannGeometry'
+            raise TypeError(msg)
+        self._geometry = geometry or KlannGeometry.sem104()
+        super().__init__(self._geometry.linkage, **settings)
+
+    def __repr__(self) -> str:
+        return f'KlannLeg({self._geometry!r})'
+
+    @property
+    def geometry(self) -> KlannGeometry:
+        """Return the leg's dimensions."""
+        return self._geometry
 
 
 def _signs(assembly: Any) -> tuple[int, int]:
