@@ -11,12 +11,9 @@ from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.sanitize.arguments import (
     ArgumentParser,
     NOT_READ,
-    NOT_WRITTEN,
     path,
-    print_error,
-    run_command,
 )
-from klann_ros.sanitize.outputs import OutputError, outputs, save_all
+from klann_ros.sanitize.outputs import outputs, save_all
 
 from . import html_page, json_report
 from .computing import data_sheet, SPEED
@@ -25,13 +22,7 @@ from .sheet import DataSheet, SheetError
 from .text import text
 
 CANNOT = 1
-ERROR_CODES: dict[type[Exception], int] = {
-    OutputError: NOT_WRITTEN,
-    RobotFileError: NOT_READ,
-    MotorFileError: NOT_READ,
-    MassError: NOT_READ,
-    SheetError: NOT_READ,
-}
+ERROR_CODES = dict.fromkeys((RobotFileError, MotorFileError, MassError, SheetError), NOT_READ)
 DESCRIPTION = """\
 Describe a leg or a walker before it is built: bars, the path of the foot, transmission angles,
 masses, the torque at the crank, what the joints carry, and whether a motor can turn it.
@@ -46,14 +37,11 @@ OUT cannot be written."""
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Describe a robot; return the exit code."""
-    options = _parser().parse_args(argv)
-    return run_command('describe', partial(_describe, options), ERROR_CODES)
+    return _parser().run(_describe, ERROR_CODES, argv)
 
 
 def _describe(options: argparse.Namespace) -> int:
-    asked = {f'--{name}': getattr(options, name) for name in ('html', 'json')}
-    inputs = [given for given in (options.file, options.motor) if given]
-    files = outputs(asked, inputs, refuse_yaml=True)
+    files = outputs(options, ('html', 'json'), (options.file, options.motor), refuse_yaml=True)
     motor = motor_from_file(options.motor) if options.motor is not None else None
     robot = robot_of(options.file)
     sheet = data_sheet(
@@ -65,13 +53,7 @@ def _describe(options: argparse.Namespace) -> int:
     )
     print(text(sheet), end='')
     views = {'--html': html_page.page, '--json': json_report.report}
-    errors = save_all(
-        files, {option: partial(_save, view, sheet) for option, view in views.items()}
-    )
-    for error in errors:
-        print_error('describe', error)
-    if errors:
-        return NOT_WRITTEN
+    save_all(files, {option: partial(_save, view, sheet) for option, view in views.items()})
     return 0 if sheet.motor_turns else CANNOT
 
 
@@ -88,7 +70,7 @@ def _save(view: Callable[[DataSheet], str], sheet: DataSheet, file: BinaryIO) ->
     file.write(view(sheet).encode(errors='replace'))
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> ArgumentParser:
     parser = ArgumentParser('describe', DESCRIPTION, EPILOG)
     parser.add_argument('file', metavar='FILE', type=path, help='the leg or the walker')
     parser.add_argument(

@@ -1,15 +1,15 @@
 """`export`: a robot as MJCF and URDF, and its plates for the cutter as SVG and DXF."""
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 import sys
 from typing import BinaryIO
 
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.robot.robot import SEPARATORS
-from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, NOT_WRITTEN, path, run_command
-from klann_ros.sanitize.outputs import OutputError, outputs
+from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, NOT_WRITTEN, path, UsageError
+from klann_ros.sanitize.outputs import outputs
 from klann_ros.sanitize.text import counted, printable, printable_line
 from klann_ros.twin import robot_mjcf
 
@@ -41,23 +41,16 @@ FILE, or a YAML file."""
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Export a robot; return the exit code."""
-    parser = _parser()
-    options = parser.parse_args(argv)
-    asked = {f'--{name}': getattr(options, name) for name in FORMATS}
-    if not any(asked.values()):
-        parser.error(f'no output is given; one of {", ".join(asked)} is needed')
-    codes = {
-        OutputError: NOT_WRITTEN,
-        NoEzdxfError: NOT_WRITTEN,
-        RobotFileError: NOT_READ,
-        ValueError: NOT_READ,
-    }
-    return run_command('export', partial(_export, options, asked), codes)
+    codes = {NoEzdxfError: NOT_WRITTEN, RobotFileError: NOT_READ, ValueError: NOT_READ}
+    return _parser().run(_export, codes, argv)
 
 
-def _export(options: argparse.Namespace, asked: Mapping[str, str | None]) -> int:
+def _export(options: argparse.Namespace) -> int:
+    if all(getattr(options, name) is None for name in FORMATS):
+        names = ', '.join(f'--{name}' for name in FORMATS)
+        raise UsageError(f'no output is given; one of {names} is needed')
     robot = robot_of(options.file)
-    files = outputs(asked, [options.file], refuse_yaml=True)
+    files = outputs(options, FORMATS, [options.file], refuse_yaml=True)
     # All contents before the first file is written: an error leaves no partial set.
     made = _made(robot, options)
     for file in files:

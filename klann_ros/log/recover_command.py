@@ -1,12 +1,12 @@
 """The command ``recover``: a readable run out of a damaged one."""
 
+import argparse
 from collections.abc import Sequence
-from functools import partial
 import os
 from pathlib import Path
 import sys
 
-from klann_ros.sanitize.arguments import ArgumentParser, path, print_error, run_command
+from klann_ros.sanitize.arguments import ArgumentParser, path, print_error
 from klann_ros.sanitize.text import counted, MAX_LINE_LENGTH, printable, printable_line
 
 from .errors import LogError, NotALogError
@@ -36,17 +36,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         The arguments; those of the process by default.
 
     """
-    arguments = _parser().parse_args(argv)
-    output = arguments.output or default_output(Path(arguments.log))
     try:
-        return run_command('recover', partial(_recover, arguments.log, output), ERROR_CODES)
+        return _parser().run(_recover, ERROR_CODES, argv)
     except KeyboardInterrupt:
         print_error('recover', 'interrupted, nothing was written')
         return INTERRUPTED
 
 
-def _recover(log: str, output: Path) -> int:
-    recovery = recover(log, output)
+def _recover(options: argparse.Namespace) -> int:
+    output = options.output or default_output(Path(options.log))
+    recovery = recover(options.log, output)
     _tell(recovery, output)
     return SOMETHING_LOST if recovery.lost else NOTHING_LOST
 

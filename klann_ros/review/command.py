@@ -23,12 +23,10 @@ from klann_ros.sanitize.arguments import (
     ArgumentParser,
     command_words,
     NOT_READ,
-    NOT_WRITTEN,
     path,
-    print_error,
-    run_command,
+    UsageError,
 )
-from klann_ros.sanitize.outputs import OutputError, outputs, Save, save_all
+from klann_ros.sanitize.outputs import outputs, save_all
 from klann_ros.sanitize.text import printable
 from klann_ros.web.browser import is_opened
 from tqdm import tqdm
@@ -63,10 +61,7 @@ def progress() -> Iterator[Progress]:
         yield report
 
 
-ERROR_CODES = {
-    OutputError: NOT_WRITTEN,
-    **dict.fromkeys((LogError, OSError, RobotFileError), NOT_READ),
-}
+ERROR_CODES = dict.fromkeys((LogError, OSError, RobotFileError), NOT_READ)
 DESCRIPTION = """\
 Review a run: how the leg moved, what was lost, and whether every pose is right.
 
@@ -89,21 +84,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = command_words() if argv is None else list(argv)
     if each.OPTION in given[: given.index('--') if '--' in given else None]:
         return each.main(given)
-    parser = _parser()
-    options = parser.parse_args(given)
-    if options.follow and options.log2:
-        parser.error('--follow takes one run')
-    return run_command('review', partial(_review, options), ERROR_CODES)
+    return _parser().run(_review, ERROR_CODES, given)
 
 
 def _review(options: argparse.Namespace) -> int:
+    if options.follow and options.log2:
+        raise UsageError('--follow takes one run')
     if options.open and not options.html:
         options.html = _temporary_page(options.log)
     inputs = options.log, options.log2, options.geometry, options.limits
-    files = outputs(
-        {f'--{name}': getattr(options, name) for name in ('json', 'html', 'csv', 'picture')},
-        [path for path in inputs if path],
-    )
+    files = outputs(options, ('json', 'html', 'csv', 'picture'), inputs)
     form = picture_format(options.picture) if options.picture else ''
     robot = robot_of(options.geometry) if options.geometry is not None else None
     limits = limits_from_file(options.limits) if options.limits is not None else Limits()
@@ -117,17 +107,15 @@ def _review(options: argparse.Namespace) -> int:
     print('\n\n'.join(text.report(review, colour=colour) for review in reviews))
     if comparison is not None:
         print(f'\n{text.differences(comparison, colour=colour)}')
-    savers: dict[str, Save] = {
-        '--json': partial(json_report.save, reviews[0], comparison),
-        '--html': partial(page.save, reviews, comparison),
-        '--csv': partial(pose_table.save_csv, reviews[0]),
-        '--picture': partial(save_picture, reviews[0], form),
-    }
-    errors = save_all(files, savers)
-    for error in errors:
-        print_error('review', error)
-    if errors:
-        return NOT_WRITTEN
+    save_all(
+        files,
+        {
+            '--json': partial(json_report.save, reviews[0], comparison),
+            '--html': partial(page.save, reviews, comparison),
+            '--csv': partial(pose_table.save_csv, reviews[0]),
+            '--picture': partial(save_picture, reviews[0], form),
+        },
+    )
     if options.open:
         _open(options.html)
     healthy = all(review.is_healthy for review in reviews)
@@ -188,7 +176,7 @@ def _wants_colour() -> bool:
     return out is not None and out.isatty() and not os.environ.get('NO_COLOR')
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> ArgumentParser:
     parser = ArgumentParser('review', DESCRIPTION, EPILOG)
     parser.add_argument('log', metavar='LOG', type=path, help=LOG_HELP)
     parser.add_argument(

@@ -5,7 +5,7 @@ A refusal shows an argument, and runs nothing of it: the argument may be a file 
 """
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 import errno
 import os
 import sys
@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 
 from klann_ros import __version__
 
+from .outputs import OutputError
 from .text import printable, printable_line
 
 NOT_READ, NOT_WRITTEN = 2, 3
@@ -43,20 +44,13 @@ def path(text: str) -> str:
     return text
 
 
+class UsageError(Exception):
+    """Arguments that contradict each other; the text says which."""
+
+
 def print_error(program: str, error: object) -> None:
     """Print an error of a program in one line."""
     print(f'{program}: {printable_line(error)}', file=sys.stderr)
-
-
-def run_command(
-    program: str, command: Callable[[], int], codes: Mapping[type[Exception], int]
-) -> int:
-    """Return the exit code of a command; an error of `codes`, first match, is printed."""
-    try:
-        return command()
-    except tuple(codes) as error:
-        print_error(program, error)
-        return next(code for kind, code in codes.items() if isinstance(error, kind))
 
 
 def command_words() -> list[str]:
@@ -113,6 +107,37 @@ class ArgumentParser(argparse.ArgumentParser):
 
             argcomplete.autocomplete(self)
         return super().parse_known_args(*args, **kwargs)
+
+    def run(
+        self,
+        command: Callable[[argparse.Namespace], int],
+        errors: Mapping[Any, int],
+        argv: Sequence[str] | None = None,
+    ) -> int:
+        """
+        Run a command with the parsed arguments.
+
+        Parameters
+        ----------
+        command : callable
+            Gets the arguments, and returns the exit code.
+        errors : mapping of type to int
+            Exit code of each error, the first match counts; such an error is printed in one line.
+            An OutputError is one of them, a UsageError ends as a refused argument.
+        argv : sequence of str, optional
+            The arguments; those of the process by default.
+
+        """
+        options = self.parse_args(argv)
+        codes: dict[Any, int] = {OutputError: NOT_WRITTEN, **errors}
+        try:
+            return command(options)
+        except UsageError as error:
+            self.error(str(error))
+        except tuple(codes) as error:
+            for line in error.args if isinstance(error, OutputError) else [error]:
+                print_error(self.prog, line)
+            return next(code for kind, code in codes.items() if isinstance(error, kind))
 
     def error(self, message: str) -> NoReturn:
         """Print the usage and a line of what is wrong, and end with exit code 2."""

@@ -5,6 +5,7 @@ No input and no log is overwritten. The content goes to a temporary file beside 
 replaces it in one step: a full disk leaves the previous file.
 """
 
+from argparse import Namespace
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ LOG_MAGICS = (b'\x89MCAP0\r\n', b'SQLite format 3\x00', b'\x28\xb5\x2f\xfd')
 
 
 class OutputError(Exception):
-    """An output that cannot be written; the text names it and the reason."""
+    """Outputs that cannot be written; each argument names one and the reason."""
 
 
 @dataclass(frozen=True)
@@ -95,16 +96,22 @@ class Output:
 
 
 def outputs(
-    given: Mapping[str, str | None], inputs: Sequence[str], *, refuse_yaml: bool = False
+    options: Namespace,
+    names: Iterable[str],
+    inputs: Iterable[str | None],
+    *,
+    refuse_yaml: bool = False,
 ) -> list[Output]:
     """
     Return the output files, after a check that all can be written.
 
     Parameters
     ----------
-    given : mapping of str to str or None
-        The path of each option.
-    inputs : sequence of str
+    options : argparse.Namespace
+        The arguments.
+    names : iterable of str
+        Names of the options for outputs, such as 'json' for --json.
+    inputs : iterable of str or None
         The files and folders that are read.
     refuse_yaml : bool
         Whether .yaml and .yml are refused: a robot file may name others.
@@ -115,27 +122,30 @@ def outputs(
         An output is an input, or cannot be written, or two of them are one file.
 
     """
+    given = {f'--{name}': getattr(options, name) for name in names}
     found = [Output(option, path) for option, path in given.items() if path is not None]
+    read = [path for path in inputs if path]
     for number, output in enumerate(found):
         if refuse_yaml and Path(output.path).suffix.lower() in ('.yaml', '.yml'):
             what = 'a file of parameters or a linkage may be there, which FILE may name'
             raise OutputError(f'{output.option} {printable(output.path)} is refused: {what}')
-        output.check(inputs)
+        output.check(read)
         for other in found[:number]:
             if output.is_same(other):
                 raise OutputError(f'{other.option} and {output.option} are the same file')
     return found
 
 
-def save_all(files: Iterable[Output], savers: Mapping[str, Save]) -> list[OutputError]:
-    """Write each file by the saver of its option; return the errors, one of which stops none."""
-    errors = []
+def save_all(files: Iterable[Output], savers: Mapping[str, Save]) -> None:
+    """Write each file by the saver of its option; an OutputError of all failures comes last."""
+    errors: list[Any] = []
     for file in files:
         try:
             file.save(savers[file.option])
         except OutputError as error:  # noqa: PERF203, RUF100 - of each file
-            errors.append(error)
-    return errors
+            errors += error.args
+    if errors:
+        raise OutputError(*errors)
 
 
 def _place(path: str) -> Path:

@@ -19,9 +19,8 @@ from klann_ros.sanitize.arguments import (
     NOT_WRITTEN,
     path,
     print_error,
-    run_command,
 )
-from klann_ros.sanitize.outputs import OutputError, outputs, Save, save_all
+from klann_ros.sanitize.outputs import OutputError, outputs, save_all
 from klann_ros.sanitize.text import counted, printable
 from tqdm import tqdm
 
@@ -55,9 +54,8 @@ there); 3 what was asked for cannot be written."""
 
 def main(argv: Sequence[str]) -> int:
     """Review many runs; return the exit code."""
-    options = _parser().parse_args(argv)
-    refused = dict.fromkeys((EngineError, LogError, OSError, RobotFileError), NOT_READ)
-    return run_command('review', partial(_each, options), {OutputError: NOT_WRITTEN, **refused})
+    errors = dict.fromkeys((EngineError, LogError, OSError, RobotFileError), NOT_READ)
+    return _parser().run(_each, errors, argv)
 
 
 def _each(options: argparse.Namespace) -> int:
@@ -70,10 +68,8 @@ def _each(options: argparse.Namespace) -> int:
         raise LogError(f'there is no run in {", ".join(map(printable, options.logs))}')
     expectations = Expectations() if options.expect is None else _expectations(options.expect)
     inputs = [*(run.path for run in runs), options.geometry, options.limits, options.expect]
-    files = outputs(
-        {f'--{name}': getattr(options, name) for name in ('table', 'junit', 'html')},
-        [given for given in (*inputs, expectations.baseline) if given],
-    )
+    inputs.append(expectations.baseline)
+    files = outputs(options, ('table', 'junit', 'html'), inputs)
     pages = _pages(options.html, runs)
     robot = robot_of(options.geometry) if options.geometry is not None else None
     limits = limits_from_file(options.limits) if options.limits is not None else Limits()
@@ -87,12 +83,15 @@ def _each(options: argparse.Namespace) -> int:
     links = {
         rows[number].run: pages[number] for number in rows if rows[number].verdict != UNREADABLE
     }
-    savers: dict[str, Save] = {
+    savers = {
         '--table': partial(save_table, options.table or '', finished),
         '--junit': partial(save_junit, finished),
         '--html': partial(save_index, finished, options.html or '', links),
     }
-    faults += map(str, save_all(files, savers))
+    try:
+        save_all(files, savers)
+    except OutputError as error:
+        faults += error.args
     for fault in faults[:_MAX_LINES]:
         print_error('review', fault)
     if not is_whole:
@@ -199,7 +198,7 @@ def _jobs(text: str) -> int:
     return jobs
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> ArgumentParser:
     parser = ArgumentParser('review --each', DESCRIPTION)
     add = parser.add_argument
     add(OPTION, action='store_true', required=True, help=argparse.SUPPRESS)
