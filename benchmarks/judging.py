@@ -79,7 +79,10 @@ def measured(ways: list[str]) -> dict[str, tuple[float, float]]:
             }
             processes = {way: recorder.__enter__() for way, recorder in recorders.items()}
             crank = command('crank_node', rate=RATE, speed=3.0, min_subscribers=len(ways) + 1)
+            recording = folder / f'run{ways.index("recording")}'
             with started(*crank):
+                while not any(recording.glob('*.mcap')):
+                    time.sleep(0.1)
                 time.sleep(WARM_UP)
                 before, begin = {w: cpu(p) for w, p in processes.items()}, time.time_ns()
                 time.sleep(SECONDS)
@@ -87,7 +90,7 @@ def measured(ways: list[str]) -> dict[str, tuple[float, float]]:
                 sizes = {w: memory(p) for w, p in processes.items()}
             for recorder in recorders.values():
                 recorder.__exit__(None, None, None)
-        with open_log(folder / f'run{ways.index("recording")}') as log:
+        with open_log(recording) as log:
             count = sum(begin <= message.log_time < end for message in log.messages())
     costs = {way: spent[way] / max(count, 1) * 1e6 for way in ways}
     row = ', '.join(f'{way} {cost:.1f} us' for way, cost in costs.items())

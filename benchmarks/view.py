@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import os
 from pathlib import Path
-import shutil
 import socket
 from statistics import median
 import subprocess
@@ -19,6 +18,7 @@ import sys
 import time
 from typing import Any
 
+from browser import find
 from support.aims import exit_code, REST, SMOKE
 from support.node_under_test import NodeUnderTest, SOLVER
 
@@ -266,9 +266,8 @@ def page() -> bool:
     except ModuleNotFoundError:
         print('no playwright here: the page itself is not measured')
         return True
-    path = next(filter(None, map(shutil.which, ('chromium', 'google-chrome'))), None)
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=['--no-sandbox'])
+        browser = playwright.chromium.launch(executable_path=find(), args=['--no-sandbox'])
         try:
             return in_browser(browser)
         finally:

@@ -1,5 +1,6 @@
 """Four-bars for the tests: strategies, comparison of poses, and the linkage's actual motion."""
 
+import cmath
 from itertools import product
 import math
 from sys import float_info
@@ -44,6 +45,9 @@ def four_bars(draw: st.DrawFn) -> FourBar:
 
 def solved(bar: FourBar, theta2: float, sine: float = 0.05) -> FourBarPose:
     """Return a pose that is not close to singular, or drop the example."""
+    # With joint B on joint D the rocker's angle is undetermined.
+    diagonal = cmath.rect(bar.geometry.crank, theta2) - bar.geometry.ground
+    assume(abs(diagonal) > 1e-9 * bar.geometry.ground)
     try:
         pose = bar.solve(theta2)
     except UnreachableError:

@@ -14,7 +14,8 @@ BENCHMARKS = sorted(path.stem for path in (ROOT / 'benchmarks').glob('*.py'))
 
 @pytest.mark.parametrize('name', BENCHMARKS)
 def test_a_benchmark_runs_to_its_end_in_its_smallest_form(name: str, tmp_path: Path) -> None:
-    paths = [str(ROOT / 'test'), os.environ.get('PYTHONPATH', '')]
+    folders = [str(ROOT / 'test'), str(ROOT / 'scripts/support')]
+    paths = [*folders, os.environ.get('PYTHONPATH', '')]
     with own_world(tmp_path) as world:
         result = subprocess.run(
             [sys.executable, ROOT / 'benchmarks' / f'{name}.py', '--smoke'],

@@ -1,12 +1,12 @@
 """How long a page takes to open in a browser without a window."""
 
 from pathlib import Path
-import shutil
 from statistics import median
 from time import monotonic
 
+from browser import find
+
 ROUNDS = 5
-_NAMES = ('chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable')
 # When it was parsed and laid out, and first painted, since it was asked for [ms].
 _TIMES = """() => new Promise(done => {
   const [load] = performance.getEntriesByType('navigation');
@@ -28,10 +28,9 @@ def opening(page: Path) -> tuple[float, float, float] | None:
         from playwright.sync_api import sync_playwright  # noqa: PLC0415 - it may be missing
     except ImportError:
         return None
-    path = next(filter(None, map(shutil.which, _NAMES)), None)
     found = []
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=['--no-sandbox'])
+        browser = playwright.chromium.launch(executable_path=find(), args=['--no-sandbox'])
         for _ in range(ROUNDS):
             context = browser.new_context()
             tab = context.new_page()

@@ -37,6 +37,7 @@ def fuzz(arguments: list[str]) -> int:
 
 
 def _with_tests(env: Environment) -> dict[str, str]:
-    """Return the variables of a program that imports modules of `test`."""
-    paths = [str(ROOT / 'test'), env.variables.get('PYTHONPATH', '')]
+    """Return the variables of a program that imports modules of `test` and of this folder."""
+    own = [str(ROOT / 'test'), str(ROOT / 'scripts' / 'support')]
+    paths = [*own, env.variables.get('PYTHONPATH', '')]
     return env.variables | {'PYTHONPATH': os.pathsep.join(filter(None, paths))}

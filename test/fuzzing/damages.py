@@ -81,13 +81,16 @@ def _wrong_head(data, chance):
 
 def _overwrite_page(data, chance):
     start = _page(data, chance)
-    data[start : start + PAGE] = chance.randbytes(min(PAGE, len(data) - start))
+    end = min(start + PAGE, len(data))
+    data[start:end] = chance.randbytes(end - start)
 
 
 def _copy_page(data, chance):
     source, target = _page(data, chance), _page(data, chance)
-    content = data[source : source + PAGE]
-    data[target : target + len(content)] = content
+    end = source + PAGE
+    content = data[source:end]
+    end = target + len(content)
+    data[target:end] = content
 
 
 def _wrong_in_page(data, chance):

@@ -36,7 +36,8 @@ class Bench:
     """A controller with motors; each turns at a factor of its commanded rate."""
 
     def __init__(self, steering: Steering, factors: list[float], **changes: object) -> None:
-        self.control = WalkController(steering, ControllerSettings(**changes))  # type: ignore[arg-type]
+        settings = ControllerSettings(**changes)  # type: ignore[arg-type]
+        self.control = WalkController(steering, settings)
         self.factors = factors
         self.positions = [0.0] * len(factors)
         self.rates = [0.0] * len(factors)

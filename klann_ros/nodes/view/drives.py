@@ -129,7 +129,7 @@ class Drives:
         ----------
         page : int
             The page.
-        wish : Command
+        command : Command
             Its command.
         answer : callable
             Receives whether it was done, or why not.

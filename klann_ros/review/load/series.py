@@ -255,9 +255,9 @@ class ClockCollector:
         rows = rows[block.sizes[rows] == _CLOCK_SIZE]
         data = block.rows(rows, _CLOCK_SIZE)
         rows, data = rows[data[:, 1] % 2 == 1], data[data[:, 1] % 2 == 1]
-        seconds, rest = (np.ascontiguousarray(data[:, k : k + 4]).view('<u4') for k in (4, 8))
+        seconds, rest = np.ascontiguousarray(data[:, 4:12]).view('<u4').T
         self._times.add(nanoseconds(block.heads['log_time'][rows]))
-        self._values.add(seconds[:, 0].astype(np.int64) * 10**9 + rest[:, 0])
+        self._values.add(seconds.astype(np.int64) * 10**9 + rest)
 
     def series(self) -> Series:
         """Return it by log times: the stamps are the simulated times."""

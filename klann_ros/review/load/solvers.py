@@ -45,7 +45,7 @@ def leg_solvers(
         Solver parameters of the run, in the order of time.
     namespace : str
         Namespace of the legs.
-    given : Robot, optional
+    reference : Robot, optional
         The reference robot, which replaces the legs in the run.
 
     """

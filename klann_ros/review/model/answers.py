@@ -237,7 +237,7 @@ def unanswered(
         The run.
     leg : LegRecording
         Its judged part.
-    answering : Answering
+    answers : Answers
         The matched inputs of that part.
     gaps : sequence of Gap
         The gaps of all topics.
