@@ -7,11 +7,12 @@ from many starting points.
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from itertools import islice, product
 from math import degrees, pi
 from typing import Any
 
-from klann_ros.kinematics.angles import crank_angle, wrap
+from klann_ros.kinematics.angles import crank_angle
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.errors import (
     GeometryError,
@@ -41,7 +42,7 @@ def assemblies(linkage: Any) -> list[tuple[int, ...]]:
     Parameters
     ----------
     linkage : Linkage, KlannGeometry, FourBarGeometry or leg
-        The linkage; its own assembly does not matter.
+        The linkage, in any assembly.
 
     Returns
     -------
@@ -74,16 +75,15 @@ def assembly_poses(linkage: Any, alpha: float) -> list[LinkagePose]:
     Parameters
     ----------
     linkage : Linkage, KlannGeometry, FourBarGeometry or leg
-        The linkage; its own assembly does not matter.
+        The linkage, in any assembly.
     alpha : float
         Crank angle [rad].
 
     Returns
     -------
     list of LinkagePose
-        One for each assembly that closes at this angle, in the order of `assemblies`; empty where
-        none does. Of coupled loops those that Newton-Raphson finds from 400 starting points,
-        which may not be all.
+        One for each assembly that closes at this angle, in the order of `assemblies`. Of coupled
+        loops those that Newton-Raphson finds from 400 starting points, which may not be all.
 
     Raises
     ------
@@ -141,16 +141,10 @@ def _of_coupled_loops(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
         ):
             continue
         found.append(x)
-        start = [alpha, *x.tolist()]
-        name, source = linkage.name, linkage.source
-        try:
-            one = Linkage(
-                linkage.structure, linkage.numbers, start=start, name=name, source=source
-            )
-        except GeometryError:
-            # Singular, so that two assemblies meet there.
-            continue
-        yield closed_pose(one, one.vectors(one.start[0], one.start[1:]).tolist(), alpha)
+        # At a singular pose two assemblies meet.
+        with suppress(GeometryError):
+            one = linkage.from_start([alpha, *x.tolist()])
+            yield closed_pose(one, one.vectors(one.start[0], one.start[1:]).tolist(), alpha)
 
 
 def _guesses(linkage: Linkage) -> FloatArray:
@@ -162,26 +156,18 @@ def _guesses(linkage: Linkage) -> FloatArray:
         root = (1.0 + root) ** (1.0 / (count + 1))
     steps = root ** -np.arange(1.0, count + 1)
     guesses: FloatArray = np.arange(1, START_COUNT + 1)[:, None] * steps % 1.0
-    # Distances within what the linkage can reach, most likely.
+    # Distances are likely to be within twice the longest vector.
     largest = [2.0 * linkage.size if body.slides else pi for body in linkage.structure.bodies[1:]]
-    spread: FloatArray = (2.0 * guesses - 1.0) * np.array(largest)
-    return spread
+    return np.asarray((2.0 * guesses - 1.0) * np.array(largest))
 
 
 def _newton(linkage: Linkage, alpha: float, guess: FloatArray) -> FloatArray | None:
     try:
-        iterates = newton_raphson(
-            lambda x: linkage.f(alpha, x),
-            lambda x: linkage.phi(alpha, x),
-            guess,
-            alpha=alpha,
-            tolerance=TOLERANCE,
-            max_iterations=ITERATIONS,
-        )
+        limits: Any = {'tolerance': TOLERANCE, 'max_iterations': ITERATIONS}
+        x = newton_raphson(linkage, alpha, guess, **limits)[-1]
     except (NotConvergedError, LoopsOpenError):
         return None
-    found = zip(linkage.structure.bodies[1:], iterates[-1].tolist(), strict=True)
-    return np.array([x if body.slides else wrap(x) for body, x in found])
+    return np.array(linkage.wrapped(x))
 
 
 def _max_difference(linkage: Linkage, x: Any, other: Any) -> float:
@@ -192,7 +178,7 @@ def _max_difference(linkage: Linkage, x: Any, other: Any) -> float:
 def distance_to_assembly(linkage: Linkage, start: tuple[float, ...]) -> float:
     """Return the distance of a start to the nearest assembly at its crank angle; inf for none."""
     alpha, *x = start
-    # Where Newton-Raphson leads to comes first: there may be thousands of assemblies.
+    # Newton-Raphson first: there may be thousands of assemblies.
     reached = _newton(linkage, alpha, np.array(x))
     nearest = [_max_difference(linkage, reached, x)] if reached is not None else []
     if linkage.is_dyadic and len(linkage.structure.groups) <= 8:
@@ -200,24 +186,21 @@ def distance_to_assembly(linkage: Linkage, start: tuple[float, ...]) -> float:
     return float(min(nearest, default=np.inf))
 
 
-def _describe_reachable(linkage: Linkage, shown: Callable[[float], float], unit: str) -> str:
-    """Return in words the reachable arcs of a linkage of dyads."""
-    possible = next(possible_assemblies(linkage), None) if linkage.is_dyadic else None
-    if possible is None:
-        return ''
-    arcs = reachable_arcs(linkage.in_assembly(possible))
-    texts = (f'{shown(start):.4g} .. {shown(end):.4g} {unit}' for start, end in arcs)
-    return f', in {list(possible)} it does at {" and ".join(texts)}'
-
-
 def describe_assemblies(linkage: Linkage, alpha: float, *, in_degrees: bool) -> str:
     """Return in words which assemblies there are at a crank angle, and their angles."""
-    shown, unit = (degrees, 'deg') if in_degrees else (float, 'rad')
+    shown: Callable[[float], float] = degrees if in_degrees else float
+    unit = 'deg' if in_degrees else 'rad'
     at = f'{linkage.joint_names[0]} = {shown(alpha):g} {unit}'
     every = _of_dyads(linkage, alpha) if linkage.is_dyadic else _of_coupled_loops(linkage, alpha)
     poses = list(islice(every, MAX_NAMED + 1))
     if not poses:
-        return f'in no assembly it closes at {at}{_describe_reachable(linkage, shown, unit)}'
+        text = f'in no assembly it closes at {at}'
+        possible = next(possible_assemblies(linkage), None) if linkage.is_dyadic else None
+        if possible is None:
+            return text
+        arcs = reachable_arcs(linkage.in_assembly(possible))
+        ends = (f'{shown(start):.4g} .. {shown(end):.4g} {unit}' for start, end in arcs)
+        return f'{text}, in {list(possible)} it does at {" and ".join(ends)}'
     texts = []
     for pose in poses[:MAX_NAMED]:
         pairs = list(zip(linkage.structure.bodies[1:], pose.x, strict=True))

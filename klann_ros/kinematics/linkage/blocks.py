@@ -62,8 +62,8 @@ class Block:
     @property
     def sense(self) -> int:
         """Return the product of its angles' senses: their sign convention is no assembly mode."""
-        turning = (j for j in self.unknowns if not self.structure.bodies[j].slides)
-        return prod(self.structure.senses[j] for j in turning)
+        own = self.structure
+        return prod(own.senses[j] for j in self.unknowns if not own.bodies[j].slides)
 
     @cached_property
     def _dyad(self) -> DyadSolver | None:
@@ -107,10 +107,9 @@ class Block:
     @property
     def singular_sine(self) -> float:
         """
-        Return the smallest sine above rounding at any pose.
+        Return the smallest sine above rounding at any pose: below it no velocity is known.
 
-        Near the reach of a dyad the sine's square is proportional to the distance from it. Below
-        this sine Phi is known to be small and nothing else, and no velocity follows from it.
+        Near the reach of a dyad the sine's square is proportional to the distance from it.
         """
         return float(self.rounding_of_sine**0.5)
 
@@ -134,13 +133,8 @@ class Block:
         Return the vectors of a dyad's two bodies by the geometric method.
 
         Where they miss each other by no more than rounding the links are in line: a change-point
-        linkage, such as a parallelogram, passes such poses.
-
-        Raises
-        ------
-        UnreachableError
-            They do not meet, or everywhere.
-
+        linkage, such as a parallelogram, passes such poses. An UnreachableError if they do not
+        meet, or everywhere.
         """
         closure, found = self.closure_vector(u), self.dyad_solver
         u_a, u_b = found.place(u, closure, sign)

@@ -45,20 +45,9 @@ class Branch:
     """
     The poses of a linkage along its branch, over a whole turn or an arc.
 
-    Parameters
-    ----------
-    linkage : LoopEquations
-        Of one that ends with coupled loops.
-    start : sequence of float
-        A pose of it: every coordinate, the crank's angle first [rad, m].
-    block : int
-        Which block these are, from 1.
-
-    Raises
-    ------
-    GeometryError
-        It is nearly singular at its start, or not back there after a turn.
-
+    Made of a linkage that ends with the coupled loops of block number `block`, and a start: every
+    coordinate, the crank's angle first [rad, m]. A GeometryError says that it is nearly singular
+    at its start, or not back there after a turn.
     """
 
     def __init__(self, linkage: LoopEquations, start: Sequence[float], block: int) -> None:
@@ -66,10 +55,10 @@ class Branch:
         alpha, *x = start
         first = self._sample(alpha, tuple(x))
         if first is None:
-            msg = (
+            text = (
                 'its coupled loops cannot be followed from the start: it is nearly singular there'
             )
-            raise GeometryError(msg)
+            raise GeometryError(text)
         samples = self._follow(first, 1.0)
         if not _is_closed_turn(linkage, samples):
             samples = _one_turn([*reversed(self._follow(first, -1.0)[1:]), *samples], alpha)
@@ -84,11 +73,7 @@ class Branch:
         return (0.0, TURN) if self._is_turn else (self._first, self._last)
 
     def x(self, alpha: float) -> tuple[float, ...]:
-        """
-        Return the angles at a crank angle [rad].
-
-        A LoopsOpenError says that the crank angle is not on the branch.
-        """
+        """Return the angles at a crank angle [rad]; a LoopsOpenError beyond the branch."""
         at = self._within(alpha)
         near = self._nearest_sample(at)
         if self._first <= at <= self._last:

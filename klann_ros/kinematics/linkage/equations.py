@@ -32,8 +32,8 @@ def link_vectors(
     """
     Return the pivots and the bars as vectors x + i y, each bar in the frame of its body [m].
 
-    `numbers` are the structure's dimensions in their order, floats or arrays of shape (n,) [m,
-    rad]. A brace that is too short, or too long, for its triangle gives NaN.
+    `numbers` are the dimensions in their order, floats or arrays of shape (n,) [m, rad]. A brace
+    that is too short or too long for its triangle gives NaN.
     """
     pairs = zip(structure.dimensions, numbers, strict=True)
     given = {(d.kind, d.place): v if d.sense > 0 else -v for d, v in pairs}
@@ -113,26 +113,11 @@ class LoopEquations:
     """
     The equations of a linkage: f = W u + c of its loops, and p = Q u + q of its points.
 
-    Parameters
-    ----------
-    structure : Structure
-        Its bodies and joints.
-    numbers : sequence of float
-        Its dimensions, in the structure's order [m, rad].
-
-    Attributes
-    ----------
-    assembly : tuple of int
-        The assembly mode: the sign (+1 or -1) of each block's sine.
-
-    Raises
-    ------
-    GeometryError
-        A number is none, a length is not positive or beyond all measure, or a triangle of bars
-        does not close.
-
+    Made of a structure and its dimensions in the structure's order [m, rad]; raises a
+    GeometryError for an invalid one, or a triangle of bars that does not close.
     """
 
+    # The assembly mode: the sign (+1 or -1) of each block's sine.
     assembly: tuple[int, ...]
 
     def __init__(self, structure: Structure, numbers: Sequence[float]) -> None:
@@ -158,18 +143,11 @@ class LoopEquations:
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
         """Return the blocks, in the order of their solution."""
-        structure = self.structure
-        made = zip(structure.groups, structure.paths.rows, structure.dyad_names, strict=True)
+        own = self.structure
+        made = zip(own.groups, own.paths.rows, own.dyad_names, strict=True)
         return tuple(
-            Block(
-                number,
-                tuple(self.rows[k] for k in loops),
-                group,
-                structure,
-                names,
-                number in structure.outside,
-            )
-            for number, (group, loops, names) in enumerate(made, 1)
+            Block(k, tuple(self.rows[i] for i in loops), group, own, names, k in own.outside)
+            for k, (group, loops, names) in enumerate(made, 1)
         )
 
     @property
@@ -185,13 +163,14 @@ class LoopEquations:
     @cached_property
     def rows(self) -> tuple[tuple[dict[int, complex], complex], ...]:
         """Return the coefficients of the bodies and the constant of each loop [m]."""
-        paths = self.structure.paths.loops
-        return tuple(path_terms(self.structure, p, self.pivots, self.bars) for p in paths)
+        return self._terms(self.structure.paths.loops)
 
     @cached_property
     def point_rows(self) -> tuple[tuple[dict[int, complex], complex], ...]:
         """Return the coefficients of the bodies and the constant of each point [m]."""
-        paths = self.structure.paths.points
+        return self._terms(self.structure.paths.points)
+
+    def _terms(self, paths: Sequence[Path]) -> tuple[tuple[dict[int, complex], complex], ...]:
         return tuple(path_terms(self.structure, p, self.pivots, self.bars) for p in paths)
 
     @property
@@ -218,6 +197,11 @@ class LoopEquations:
             for body, a, b in zip(self.structure.bodies[1:], x, other, strict=True)
         ]
 
+    def wrapped(self, x: FloatArray) -> list[float]:
+        """Return a pose's other coordinates, its angles in (-pi, pi]."""
+        bodies = zip(self.structure.bodies[1:], x.tolist(), strict=True)
+        return [x if body.slides else wrap(x) for body, x in bodies]
+
     # Its equations, as matrices.
 
     @cached_property
@@ -231,23 +215,7 @@ class LoopEquations:
         return term_matrix(self.point_rows, len(self.structure.bodies))
 
     def f(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
-        """
-        Return the loop equations' left-hand sides; the linkage is closed where f = 0.
-
-        Parameters
-        ----------
-        alpha : float
-            Crank angle [rad].
-        x : sequence of float, shape (n - 1,)
-            The other coordinates, in the order of `joint_names`: angles [rad], and distances [m]
-            of what slides.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n - 1,)
-            Of each loop its x equation, then its y equation [m].
-
-        """
+        """Return f at a crank angle and the other coordinates, shape (n - 1,) [m]: see `Leg.f`."""
         w, c = self.equations
         return _real_rows(w @ self.vectors(alpha, x) + c)
 
@@ -257,8 +225,7 @@ class LoopEquations:
 
     def f_alpha(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """Return df/dalpha, shape (n - 1,) [m/rad]; parameters as in `f`."""
-        column: FloatArray = self._jacobian(alpha, x)[:, 0]
-        return column
+        return np.asarray(self._jacobian(alpha, x)[:, 0], dtype=np.float64)
 
     def points(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """Return the points, shape (p, 2), in the order of the structure's [m]."""

@@ -1,27 +1,19 @@
 """A leg solves a linkage; its only state is the last good pose."""
 
 from collections.abc import Sequence
-from math import hypot, isnan
+from math import ceil, hypot, isnan, remainder
 from sys import float_info
 from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
 
 from klann_ros.kinematics import validation
-from klann_ros.kinematics.angles import Arc, crank_angle, MAX_CRANK_ANGLE
+from klann_ros.kinematics.angles import Arc, crank_angle, MAX_CRANK_ANGLE, TURN
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.errors import (
     ImmobileDirectionError,
     NotConvergedError,
     SingularPoseError,
 )
-from klann_ros.kinematics.newton import (
-    COARSE_TOLERANCE,
-    follow_branch,
-    FollowSettings,
-    Iterations,
-    MAX_ITERATIONS,
-    MAX_SUBSTEPS,
-    newton_raphson,
-)
+from klann_ros.kinematics.newton import Iterations, newton_raphson
 from klann_ros.sanitize.text import listed
 import numpy as np
 
@@ -34,6 +26,13 @@ from .step import step_functions
 
 # Below this part of |dH/dalpha| the component along a direction is rounding.
 MIN_COMPONENT_RATIO = 8.0 * float_info.epsilon
+# A warm start that needs more restarts from the closed form.
+MAX_ITERATIONS = 10
+# Tolerance [rad] and iterations of the poses between the parts of a split step, which only have
+# to stay on the branch.
+COARSE_LIMITS = 1e-3, 6
+# Half a turn is 9 parts of 0.35 rad; for a larger step the closed form is cheaper.
+MAX_SUBSTEPS = 9
 PoseT = TypeVar('PoseT', bound=LinkagePose)
 MotionT = TypeVar('MotionT', bound=LinkageMotion)
 
@@ -77,16 +76,14 @@ class Leg(Generic[PoseT, MotionT]):
             msg = f'linkage = {linkage!r} is refused: it must be a Linkage'
             raise TypeError(msg)
         self._linkage = linkage
-        tolerance = validation.setting('tolerance', tolerance, COARSE_TOLERANCE)
+        tolerance = validation.setting('tolerance', tolerance, COARSE_LIMITS[0])
         largest = validation.setting('max_crank_step', max_crank_step)
         if not linkage.is_dyadic:
             # Coupled loops leave their tangents sooner; their branch is followed once.
             largest = min(largest, BRANCH_STEP)
             _ = linkage.branch
         # A seed of coupled loops costs less than two parts.
-        self._settings = FollowSettings(
-            tolerance, largest, MAX_SUBSTEPS if linkage.is_dyadic else 1
-        )
+        self._settings = tolerance, largest, MAX_SUBSTEPS if linkage.is_dyadic else 1
         self._last: PoseT | None = None
         self._make()
 
@@ -121,7 +118,7 @@ class Leg(Generic[PoseT, MotionT]):
     @property
     def tolerance(self) -> float:
         """Return the largest correction of a converged pose [rad]."""
-        return self._settings.tolerance
+        return self._settings[0]
 
     @property
     def assembly(self) -> tuple[int, ...]:
@@ -153,10 +150,8 @@ class Leg(Generic[PoseT, MotionT]):
         ------
         CrankAngleError
             `alpha` is not finite, or beyond +-1e6 rad.
-        UnreachableError
-            A dyad does not close at this crank angle.
-        LoopsOpenError
-            Coupled loops do not close at this crank angle on their branch.
+        UnreachableError, LoopsOpenError
+            A dyad, or coupled loops on their branch, do not close at this crank angle.
         NotConvergedError
             Newton-Raphson does not confirm its initial guess.
 
@@ -171,29 +166,53 @@ class Leg(Generic[PoseT, MotionT]):
                 if pose is not None and pose[5][0] == pose[5][0]:
                     self._last = pose
                     return pose  # type: ignore[no-any-return]  # of its class
-        functions = self._correct, self._predict, self._initial_guess
-        pose = follow_branch(*functions, crank_angle(alpha), last, settings)
-        self._last = pose
+        self._last = pose = self._follow_branch(crank_angle(alpha), last)
         return pose  # type: ignore[no-any-return]  # as above
 
-    def _initial_guess(self, alpha: float) -> tuple[float, ...]:
-        return initial_guess(self._linkage, alpha)
+    def _follow_branch(self, alpha: float, last: Any) -> Any:
+        """
+        Return the pose at a crank angle, on the assembly branch of the last pose.
+
+        The step, less whole turns, is split into parts of at most `max_crank_step`, each predicted
+        along the tangent and corrected. Without a last pose, after a failed part, and from a
+        singular pose, whose sign does not tell the branch, the closed form gives the guess.
+        """
+        tolerance, max_crank_step, max_parts = self._settings
+        if last is not None:
+            step = alpha - last[0]
+            if not -max_crank_step <= step <= max_crank_step:
+                step = remainder(step, TURN)
+            if abs(step) <= max_parts * max_crank_step:
+                pose = self._take_steps(alpha, step, last)
+                if pose is not None and not isnan(pose.coefficients[0]):
+                    return pose
+        guess = initial_guess(self._linkage, alpha)
+        pose = self._correct(alpha, guess, tolerance, MAX_ITERATIONS)
+        if pose is None:
+            reason = 'it does not confirm the closed form'
+            raise NotConvergedError(alpha, np.array([guess]), reason)
+        return pose
+
+    def _take_steps(self, alpha: float, step: float, last: Any) -> Any:
+        """Return the pose at a crank angle, a step from the last; None if a part fails."""
+        tolerance, max_crank_step, _ = self._settings
+        parts = max(1, ceil(abs(step) / max_crank_step))
+        step, spent = step / parts, 0
+        for remaining in reversed(range(parts)):
+            limits = COARSE_LIMITS if remaining else (tolerance, MAX_ITERATIONS)
+            between = alpha - remaining * step
+            last = self._predict(between, step, last.x, last.coefficients, *limits)
+            if last is None:
+                return None
+            spent += last.iterations
+        return last if parts == 1 else last._replace(iterations=spent)
 
     def closed_form(self, alpha: float) -> PoseT:
         """
         Return the pose at a crank angle by the geometric method; it neither reads nor sets `last`.
 
         Coupled loops have no closed form: theirs is the nearest pose of their branch, refined.
-
-        Raises
-        ------
-        CrankAngleError
-            `alpha` is not finite, or beyond +-1e6 rad.
-        UnreachableError
-            A dyad does not close at this crank angle.
-        LoopsOpenError
-            Coupled loops do not close at this crank angle on their branch.
-
+        Errors as for `solve`, but NotConvergedError.
         """
         alpha = crank_angle(alpha)
         found = closed_pose(self._linkage, closed_form_vectors(self._linkage, alpha), alpha)
@@ -205,14 +224,9 @@ class Leg(Generic[PoseT, MotionT]):
 
     def reachable_arcs(self) -> list[Arc]:
         """
-        Return the arcs of crank angles where every loop closes.
+        Return the arcs (start, end) of crank angles where every loop closes [rad].
 
-        Returns
-        -------
-        list of (float, float)
-            Start and end of each arc, start < end, start in [0, 2 pi) [rad]; `[(0, 2 pi)]` for a
-            crank that turns fully.
-
+        `[(0, 2 pi)]` for a crank that turns fully: see `klann_ros.kinematics.reachable_arcs`.
         """
         return reachable_arcs(self._linkage)
 
@@ -369,7 +383,7 @@ class Leg(Generic[PoseT, MotionT]):
 
     def correction(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """
-        Return -Phi^-1 f, what Newton-Raphson adds to an estimate x, shape (n - 1,) [rad].
+        Return the correction of Newton-Raphson, -Phi^-1 f, at an estimate x, shape (n - 1,) [rad].
 
         Parameters and errors as for `f`.
 
@@ -398,7 +412,7 @@ class Leg(Generic[PoseT, MotionT]):
         residual: float | None = None,
     ) -> FloatArray:
         """
-        Return the iterates of the textbook's Newton-Raphson, on whichever branch they end.
+        Return the iterates of the textbook's Newton-Raphson, on any branch.
 
         It stops at the first iterate whose correction was at most `tolerance`; with `residual` at
         the first whose equations are all open by less than that; with both where both hold.
@@ -410,12 +424,11 @@ class Leg(Generic[PoseT, MotionT]):
         guess : sequence of float, shape (n - 1,)
             The other angles of the first iterate, in the order of `joint_names` [rad].
         max_iterations : int
-            How many corrections it may make.
+            Maximum number of corrections.
         tolerance : float, optional
-            Convergence limit of every correction [rad]; the leg's where
-            neither it nor `residual` is given.
+            Convergence limit of every correction [rad]; the leg's without `residual`.
         residual : float, optional
-            What every `|f|` must be below [m]: the stop of the four-bar's course.
+            Limit of every `|f|` [m]: the stop of the four-bar's course.
 
         Returns
         -------
@@ -434,23 +447,17 @@ class Leg(Generic[PoseT, MotionT]):
             `tolerance` or `residual` not finite and > 0.
 
         """
-        alpha = crank_angle(alpha)
-        linkage = self._linkage
+        alpha, linkage = crank_angle(alpha), self._linkage
         if tolerance is not None:
             tolerance = validation.setting('tolerance', tolerance)
         if residual is not None:
             residual = validation.setting('residual', residual)
         elif tolerance is None:
             tolerance = self.tolerance
+        limits: Any = {'max_iterations': max_iterations, 'residual': residual}
         try:
             return newton_raphson(
-                lambda x: linkage.f(alpha, x),
-                lambda x: linkage.phi(alpha, x),
-                self._x('guess', guess),
-                alpha=alpha,
-                tolerance=tolerance,
-                max_iterations=max_iterations,
-                residual=residual,
+                linkage, alpha, self._x('guess', guess), tolerance=tolerance, **limits
             )
         except NotConvergedError as error:
             if not linkage.is_dyadic or assembly_poses(linkage, alpha):
@@ -464,23 +471,8 @@ class Leg(Generic[PoseT, MotionT]):
         """
         Return a run of `newton` with f, Phi and the corrections; `print` shows it as a table.
 
-        Parameters
-        ----------
-        alpha, guess
-            As for `newton`.
-        **stop
-            `max_iterations`, `tolerance` and `residual` as for `newton`.
-
-        Returns
-        -------
-        Iterations
-            The iterates, f and Phi at each, and the corrections.
-
-        Raises
-        ------
-        NotConvergedError, CrankAngleError, ValueError
-            As for `newton`.
-
+        Parameters and errors as for `newton`; `stop` are `max_iterations`, `tolerance` and
+        `residual`.
         """
         x = self.newton(alpha, guess, **stop)
         found = [np.array([of(alpha, row) for row in x]) for of in (self.f, self.phi)]

@@ -2,12 +2,11 @@
 
 from cmath import phase
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from math import degrees
 from typing import Any
 
 from klann_ros.kinematics import validation
-from klann_ros.kinematics.angles import wrap
 from klann_ros.kinematics.errors import GeometryError, NotAssembledError, NotConvergedError
 from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
@@ -36,16 +35,16 @@ class Linkage(LoopEquations):
         The assembly mode: the sign (+1 or -1) of each block's sine.
     start : sequence of float, optional
         An angle for every body, the crank's first [rad]: at the crank's, Newton-Raphson starts
-        from the others. Where it leads to is the assembly, if none is given; and coupled loops
-        are on the branch that goes on from there.
+        from the others. It leads to the assembly, if none is given, and to the branch of coupled
+        loops.
     name, source : str
         Its name, and the source of its numbers.
 
     Raises
     ------
     GeometryError
-        A number is none, a length is not positive or beyond all measure, the crank does not move
-        it in one definite way, or it cannot be assembled near its start.
+        A dimension is invalid, the crank does not determine the motion, or the linkage cannot be
+        assembled near its start.
 
     """
 
@@ -74,8 +73,18 @@ class Linkage(LoopEquations):
         return f'<Linkage {self.name!r}: {", ".join(self.joint_names)}>'
 
     def __reduce__(self) -> tuple[Any, ...]:
-        branch, names = (self.assembly, self.start_guess), (self.name, self.source)
-        return _remake, (self.structure, self.numbers, *branch, *names)
+        return partial(Linkage, **self._parts), ()
+
+    @property
+    def _parts(self) -> dict[str, Any]:
+        """Return the constructor's arguments."""
+        signs, start = self.assembly, self.start_guess
+        own = {'structure': self.structure, 'numbers': self.numbers}
+        return own | {'assembly': signs, 'start': start, 'name': self.name, 'source': self.source}
+
+    def _with(self, **changes: Any) -> 'Linkage':
+        """Return the linkage with some of its parts replaced."""
+        return Linkage(**self._parts | changes)
 
     @property
     def _key(self) -> tuple[Any, ...]:
@@ -112,7 +121,11 @@ class Linkage(LoopEquations):
         if not self.is_dyadic:
             msg = 'its loops are coupled: take the linkage of one of its assembly_poses'
             raise GeometryError(msg)
-        return _remake(self.structure, self.numbers, assembly, None, self.name, self.source)
+        return self._with(assembly=assembly, start=None)
+
+    def from_start(self, start: Sequence[float]) -> 'Linkage':
+        """Return the linkage in the assembly of a start: see the parameter."""
+        return self._with(assembly=None, start=start)
 
     def with_foot(self, point: str) -> 'Linkage':
         """
@@ -124,21 +137,20 @@ class Linkage(LoopEquations):
             It is none of its points, or a pivot, which does not move.
 
         """
-        numbers, made = self.numbers, self.structure.with_foot(point)
-        return _remake(made, numbers, self.assembly, self.start_guess, self.name, self.source)
+        return self._with(structure=self.structure.with_foot(point))
 
     def with_coupler_point(self, body: str, u: float, v: float, name: str = 'P') -> 'Linkage':
         """
-        Return the linkage with a point more, which is fixed to a body and is the foot.
+        Return the linkage with another point, which is fixed to a body and is the foot.
 
         Parameters
         ----------
         body : str
             The name of the body's angle, such as 'theta3'.
         u, v : float
-            Where on it [m]: u from its first point along its first bar, v to the left of that.
+            Its place [m]: u from the body's first point along its first bar, v to the left.
         name : str
-            What the point is called.
+            The point's name.
 
         Raises
         ------
@@ -151,9 +163,8 @@ class Linkage(LoopEquations):
         start = own.points[0] if own else ''
         if own and place == 0.0:
             return self.with_foot(start)
-        made = self.structure.with_point(name, body, start)
         numbers = (*self.numbers, abs(place), phase(place))
-        return _remake(made, numbers, self.assembly, self.start_guess, self.name, self.source)
+        return self._with(structure=self.structure.with_point(name, body, start), numbers=numbers)
 
     def scaled(self, factor: float) -> 'Linkage':
         """
@@ -162,7 +173,7 @@ class Linkage(LoopEquations):
         Raises
         ------
         GeometryError
-            The factor is not positive, or the linkage is beyond all measure then.
+            The factor is not positive, or a length gets too large or too small.
 
         """
         lengths = [d.name for d in self.structure.dimensions if d.unit == 'm']
@@ -176,38 +187,54 @@ class Linkage(LoopEquations):
         numbers, places = list(self.numbers), dimension_places(self.structure.dimensions, changes)
         for name, value in changes.items():
             numbers[places[name]] = value
-        # The signs define its assembly mode; only coupled loops need a start as well.
-        assembly, given = (self.assembly, None) if self.is_dyadic else (None, start)
-        return _remake(self.structure, numbers, assembly, given, self.name, self.source)
+        return self._with(numbers=numbers, **self._mode(start, self.assembly))
+
+    def _mode(self, start: Sequence[float] | None, assembly: Sequence[int]) -> dict[str, Any]:
+        """Return the parts that define an assembly mode: signs, or of coupled loops a start."""
+        if self.is_dyadic:
+            return {'assembly': assembly, 'start': None}
+        return {'assembly': None, 'start': start}
 
     def mirrored(self) -> 'Linkage':
         """Return the linkage mirrored in the x axis: every angle has the other sign."""
         turned = {'y': -1.0, 'bend': -1.0}
         pairs = zip(self.structure.dimensions, self.numbers, strict=True)
         numbers = [turned.get(dimension.kind, 1.0) * number for dimension, number in pairs]
-        # Only coupled loops need a start; their signs follow from it.
-        start = None
-        if not self.is_dyadic:
-            bodies = zip(self.structure.bodies, self.start, strict=True)
-            start = [x if body.slides else -x for body, x in bodies]
-        signs = None
-        if self.is_dyadic:
-            # A mirror keeps distances and reverses angles.
-            blocks = zip(self.blocks, self.assembly, strict=True)
-            signs = tuple(sign if block.slides else -sign for block, sign in blocks)
+        bodies = zip(self.structure.bodies, () if self.is_dyadic else self.start, strict=False)
+        start = [x if body.slides else -x for body, x in bodies]
+        # A mirror keeps distances and reverses angles.
+        blocks = zip(self.blocks, self.assembly, strict=True)
+        signs = [sign if block.slides else -sign for block, sign in blocks]
         made = self.structure.mirrored()
-        return _remake(made, numbers, signs, start, self.name, self.source)
+        return self._with(structure=made, numbers=numbers, **self._mode(start, signs))
 
     @cached_property
     def start(self) -> tuple[float, ...]:
         """Return the pose that Newton-Raphson reaches from the start, the crank's angle first."""
-        return self._solve_start()
+        if self.start_guess is None:
+            raise GeometryError('it has no start, which its coupled loops need')
+        alpha, *guess = self.start_guess
+        try:
+            limits: Any = {'tolerance': 1e-9, 'max_iterations': MAX_START_ITERATIONS}
+            x = newton_raphson(self, alpha, np.array(guess), **limits)[-1]
+        except NotConvergedError as error:
+            w, c = self.equations
+            gaps = np.abs(w @ self.vectors(alpha, guess) + c)
+            widest = int(np.argmax(gaps))
+            msg = (
+                f'it cannot be assembled near its start: Newton-Raphson finds no pose at the '
+                f'crank angle {alpha:g} rad ({degrees(alpha):g} deg); at the start angles the '
+                f'loop that closes at {self.structure.paths.closing[widest]} is open by '
+                f'{gaps[widest]:.3g} m, check its lengths and these angles'
+            )
+            raise NotAssembledError(msg) from error
+        return alpha, *self.wrapped(x)
 
     # Coupled loops.
 
     @cached_property
     def prefix_bodies(self) -> tuple[int, ...]:
-        """Return the bodies that are placed up to the last coupled loops, the crank first."""
+        """Return the bodies placed up to the last coupled loops, the crank first."""
         coupled = [k for k, rows in enumerate(self.structure.paths.rows) if len(rows) > 1]
         placed = self.structure.groups[: coupled[-1] + 1] if coupled else ()
         return tuple(sorted({0, *(j for group in placed for j in group)}))
@@ -246,33 +273,6 @@ class Linkage(LoopEquations):
             raise GeometryError(msg)
         return tuple(map(int, signs))
 
-    def _solve_start(self) -> tuple[float, ...]:
-        if self.start_guess is None:
-            raise GeometryError('it has no start, which its coupled loops need')
-        alpha, *guess = self.start_guess
-        try:
-            iterates = newton_raphson(
-                lambda x: self.f(alpha, x),
-                lambda x: self.phi(alpha, x),
-                np.array(guess),
-                alpha=alpha,
-                tolerance=1e-9,
-                max_iterations=MAX_START_ITERATIONS,
-            )
-        except NotConvergedError as error:
-            w, c = self.equations
-            gaps = np.abs(w @ self.vectors(alpha, guess) + c)
-            widest = int(np.argmax(gaps))
-            msg = (
-                f'it cannot be assembled near its start: Newton-Raphson finds no pose at the '
-                f'crank angle {alpha:g} rad ({degrees(alpha):g} deg); at the start angles the '
-                f'loop that closes at {self.structure.paths.closing[widest]} is open by '
-                f'{gaps[widest]:.3g} m, check its lengths and these angles'
-            )
-            raise NotAssembledError(msg) from error
-        found = zip(self.structure.bodies[1:], iterates[-1].tolist(), strict=True)
-        return (alpha, *(x if body.slides else wrap(x) for body, x in found))
-
     def _signs(self) -> tuple[int, ...]:
         u = self.vectors(self.start[0], self.start[1:])
         sines = [block.sine(u) for block in self.blocks]
@@ -284,29 +284,10 @@ class Linkage(LoopEquations):
 
 
 def as_linkage(given: Any) -> Linkage:
-    """
-    Return a linkage itself, or that of a geometry or a leg.
-
-    Raises
-    ------
-    TypeError
-        It is none of these.
-
-    """
+    """Return a linkage itself, or that of a geometry or a leg; a TypeError for anything else."""
     linkage = given if isinstance(given, Linkage) else getattr(given, 'linkage', None)
     if not isinstance(linkage, Linkage):
         hint = '; a file has one: linkage_from_file, shipped_linkage' * isinstance(given, str)
         msg = f'{given!r} is refused: it must be a Linkage, a KlannGeometry or a leg{hint}'
         raise TypeError(msg)
     return linkage
-
-
-def _remake(  # noqa: PLR0917 - what a pickle holds, in its order
-    structure: Structure,
-    numbers: Sequence[float],
-    assembly: Sequence[int] | None,
-    start: Sequence[float] | None,
-    name: str,
-    source: str,
-) -> Linkage:
-    return Linkage(structure, numbers, assembly=assembly, start=start, name=name, source=source)

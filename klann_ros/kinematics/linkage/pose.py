@@ -13,11 +13,7 @@ from .linkage import Linkage
 
 
 def closed_form_vectors(linkage: Linkage, alpha: float) -> list[complex]:
-    """
-    Return the vectors of all bodies at a crank angle [rad], in the linkage's assembly.
-
-    An UnreachableError says which dyad does not close there, a LoopsOpenError which loops.
-    """
+    """Return the bodies' vectors at a crank angle [rad]; an UnreachableError or LoopsOpenError."""
     senses = linkage.structure.senses
     u = [rect(1.0, senses[0] * alpha), *[0j] * (len(senses) - 1)]
     known: tuple[float, ...] | None = None
@@ -38,7 +34,7 @@ def closed_form_vectors(linkage: Linkage, alpha: float) -> list[complex]:
 
 
 def initial_guess(linkage: Linkage, alpha: float) -> tuple[float, ...]:
-    """Return the other coordinates at a crank angle; parameters and errors as `placed`."""
+    """Return the other coordinates at a crank angle; see `closed_form_vectors`."""
     u, structure = closed_form_vectors(linkage, alpha), linkage.structure
     return tuple(float(joints.coordinate(structure, u, j)) for j in range(1, len(u)))
 
@@ -94,9 +90,7 @@ class LinkagePose(NamedTuple):
     linkage: Linkage
 
     def __repr__(self) -> str:
-        # The other fields are left out for brevity.
-        joints = _format_joints(self.linkage, self.joints)
-        return f'{type(self).__name__}({joints}, h={_format_vector(self.h)})'
+        return _format(self, self.linkage)
 
     @property
     def crank_angle(self) -> float:
@@ -125,7 +119,7 @@ class LinkagePose(NamedTuple):
         Return the angle between the links of each dyad, in [0, pi] [rad].
 
         pi/2 transmits best; at 0 and pi the dyad is folded or stretched out, and singular. Of
-        coupled loops it is the angle whose sine is theirs.
+        coupled loops it is asin of their `sines`.
         """
         u = self.vectors
         return tuple(float(block.transmission_angle(u)) for block in self.linkage.blocks)
@@ -174,12 +168,11 @@ class LinkageMotion(NamedTuple):
     velocity: 'LinkageMotion | None' = None
 
     def __repr__(self) -> str:
-        named = _format_joints(self.pose.linkage, self.joints)
-        return f'{type(self).__name__}({named}, h={_format_vector(self.h)})'
+        return _format(self, self.pose.linkage)
 
     @property
     def vectors(self) -> ComplexArray:
-        """Return that of the bodies' vectors, shape (n,), complex: see `joints`."""
+        """Return that of the bodies' vectors, shape (n,): see `joints`."""
         structure, u = self.pose.linkage.structure, self.pose.vectors
         moved: ComplexArray = joints.vector_jacobian(structure, u) @ np.array(self.joints)
         if self.velocity is not None:
@@ -192,14 +185,11 @@ class LinkageMotion(NamedTuple):
         return self.pose.linkage.point_velocities(self.vectors)
 
 
-def _format_joints(linkage: Linkage, numbers: Sequence[float]) -> str:
-    """Return numbers with the joints' names, to 7 digits."""
-    pairs = zip(linkage.joint_names, numbers, strict=True)
-    return ', '.join(f'{name}={number:.7g}' for name, number in pairs)
-
-
-def _format_vector(vector: Vector) -> str:
-    return f'({vector[0]:.7g}, {vector[1]:.7g})'
+def _format(shown: Any, linkage: Linkage) -> str:
+    """Return a pose or a motion with its joints by name, to 7 digits; the rest is left out."""
+    pairs = zip(linkage.joint_names, shown.joints, strict=True)
+    joints = ', '.join(f'{name}={number:.7g}' for name, number in pairs)
+    return f'{type(shown).__name__}({joints}, h=({shown.h[0]:.7g}, {shown.h[1]:.7g}))'
 
 
 def closed_pose(linkage: Linkage, u: Sequence[complex], alpha: float) -> LinkagePose:
@@ -210,15 +200,10 @@ def closed_pose(linkage: Linkage, u: Sequence[complex], alpha: float) -> Linkage
     foot = sum((w * u[j] for j, w in rows.items()), constant)
     sines = tuple(float(abs(block.sine(u))) for block in linkage.blocks)
     residual = float(np.hypot.reduce([block.closure_error(u) for block in linkage.blocks]))
-    rates = _coefficients(linkage, alpha, x, u)
+    rates = (nan,) * len(x)
+    pairs = zip(sines, linkage.blocks, strict=True)
+    if all(sine > block.singular_sine for sine, block in pairs):
+        # Phi dx/dalpha = -df/dalpha
+        solved = np.linalg.solve(linkage.phi(alpha, x), -linkage.f_alpha(alpha, x))
+        rates = tuple(solved.tolist())
     return LinkagePose(alpha, x, (foot.real, foot.imag), 0, residual, rates, sines, linkage)
-
-
-def _coefficients(
-    linkage: Linkage, alpha: float, x: Sequence[float], u: Sequence[complex]
-) -> tuple[float, ...]:
-    """Solve Phi dx/dalpha = -df/dalpha; NaN where Phi is singular but for rounding."""
-    if any(abs(block.sine(u)) <= block.singular_sine for block in linkage.blocks):
-        return (nan,) * len(x)
-    rates = np.linalg.solve(linkage.phi(alpha, x), -linkage.f_alpha(alpha, x))
-    return tuple(rates.tolist())

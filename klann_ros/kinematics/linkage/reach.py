@@ -5,7 +5,7 @@ from collections.abc import Callable
 from itertools import pairwise
 from math import cos, inf, pi
 from sys import float_info
-from typing import Any, NamedTuple
+from typing import Any
 
 from klann_ros.kinematics.angles import Arc, TURN
 from klann_ros.kinematics.errors import LoopsOpenError, UnreachableError
@@ -38,7 +38,7 @@ def reachable_arcs(linkage: Any) -> list[Arc]:
     -------
     list of (float, float)
         Start and end of each arc, start < end, start in [0, 2 pi) [rad]; `[(0, 2 pi)]` for a
-        crank that turns fully, empty where nothing closes.
+        crank that turns fully, empty for a linkage that closes nowhere.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def reachable_arcs(linkage: Any) -> list[Arc]:
         try:
             u = closed_form_vectors(linkage, alpha)
         except UnreachableError as error:
-            # Where the ends of a dyad coincide nothing closes, although nothing is short.
+            # A dyad with coincident ends does not close, although its links are long enough.
             return min(-error.shortfall, -float_info.min)
         except LoopsOpenError:
             return -float_info.min
@@ -114,13 +114,11 @@ def four_bar_closes(lengths: Lengths) -> bool:
 
 def crank_limits(lengths: Lengths) -> tuple[float, float]:
     """
-    Return the least and the greatest crank angle of a four-bar, from the ground.
+    Return the least and the greatest crank angle of a four-bar, from the ground, in [0, pi] [rad].
 
-    Both are in [0, pi] [rad]. |A O4| grows with the angle, so the least is where coupler and
-    rocker are folded, |A O4| = |L3 - L4|, and the greatest where they are stretched out, |A O4| =
-    L3 + L4; 0 and pi where the crank passes without such a limit. Where they only touch it, at a
-    change point, it passes. Of the reversed linkage, L1, L4, L3, L2, it is pi - theta4 that is
-    limited.
+    |A O4| grows with the angle: at the least coupler and rocker are folded, |A O4| = |L3 - L4|,
+    at the greatest stretched out, |A O4| = L3 + L4; 0 and pi without such a limit, and at a change
+    point, which the crank passes. The reversed linkage, L1, L4, L3, L2, has limits of pi - theta4.
     """
     l_1, l_2, l_3, l_4 = lengths
     folded, stretched, rounding = abs(l_3 - l_4), l_3 + l_4, length_rounding(lengths)
@@ -163,13 +161,6 @@ def triangle_angle(p: Any, q: Any, opposite: Any) -> Any:
     return 2.0 * np.arctan2(np.sqrt(np.maximum(0.0, near)), np.sqrt(np.maximum(0.0, far)))
 
 
-class ArcSample(NamedTuple):
-    """A crank angle [rad], and whether its clearance is not negative."""
-
-    alpha: float
-    closes: bool
-
-
 def arcs_inside(clearance: Callable[[float], float], arc: Arc = (0.0, TURN)) -> list[Arc]:
     """
     Return the parts of an arc (start, end) [rad] where a clearance is not negative.
@@ -177,17 +168,17 @@ def arcs_inside(clearance: Callable[[float], float], arc: Arc = (0.0, TURN)) -> 
     It is a function of the angle; sampled, its peaks and dips between samples are searched, and
     its zeros are bisected to 1e-13 of the angle.
     """
-    samples = _with_extrema(clearance, _samples(arc))
+    samples = _with_extrema(clearance, arc)
     arcs: list[Arc] = []
-    start = samples[0].alpha if samples[0].closes else None
-    for left, right in pairwise(samples):
-        if right.closes and not left.closes:
-            start = _boundary(clearance, right.alpha, left.alpha)
-        elif left.closes and not right.closes and start is not None:
-            arcs.append((start, _boundary(clearance, left.alpha, right.alpha)))
+    start = samples[0][0] if samples[0][1] else None
+    for (left, left_closes), (right, right_closes) in pairwise(samples):
+        if right_closes and not left_closes:
+            start = _boundary(clearance, right, left)
+        elif left_closes and not right_closes and start is not None:
+            arcs.append((start, _boundary(clearance, left, right)))
             start = None
     if start is not None:
-        arcs.append((start, samples[-1].alpha))
+        arcs.append((start, samples[-1][0]))
     return arcs
 
 
@@ -201,12 +192,16 @@ def _samples(arc: Arc) -> list[float]:
     return [middle - half * cos(pi * k / SAMPLES_PER_ARC) for k in range(SAMPLES_PER_ARC + 1)]
 
 
-def _with_extrema(clearance: Callable[[float], float], angles: list[float]) -> list[ArcSample]:
-    """Sample a clearance at angles, and at the peaks and dips that those on two sides may hide."""
-    first, last = angles[0], angles[-1]
-    if last - first >= TURN:
+def _with_extrema(clearance: Callable[[float], float], arc: Arc) -> list[tuple[float, bool]]:
+    """
+    Return samples of an arc: the angle, and whether the clearance is not negative.
+
+    They include the peaks and dips that two neighbours may hide.
+    """
+    angles = own = _samples(arc)
+    if own[-1] - own[0] >= TURN:
         # A whole turn goes on before its first sample.
-        angles = [angles[-2] - TURN, *angles]
+        angles = [own[-2] - TURN, *own]
     values = [clearance(alpha) for alpha in angles]
     found = []
     neighbours = zip(angles, angles[2:], values, values[1:], values[2:], strict=False)
@@ -216,10 +211,10 @@ def _with_extrema(clearance: Callable[[float], float], angles: list[float]) -> l
         # An infinite clearance, as of two lines, has no dip.
         elif 0.0 <= value < inf and before >= value <= after:
             found.append(_peak(lambda alpha: -clearance(alpha), left, right))
-    turned = (alpha if alpha >= first else alpha + TURN for alpha in found)
-    pairs = zip(angles, values, strict=True)
-    samples = [ArcSample(alpha, value >= 0.0) for alpha, value in pairs if alpha >= first]
-    return sorted([*samples, *(ArcSample(alpha, clearance(alpha) >= 0.0) for alpha in turned)])
+    turned = (alpha if alpha >= own[0] else alpha + TURN for alpha in found)
+    first = len(values) - len(own)
+    closes = zip(own, (value >= 0.0 for value in values[first:]), strict=True)
+    return sorted([*closes, *((alpha, clearance(alpha) >= 0.0) for alpha in turned)])
 
 
 def _peak(function: Callable[[float], float], left: float, right: float) -> float:

@@ -36,10 +36,10 @@ class Variants:
     Parameters
     ----------
     base : Linkage
-        Whose structure, assembly and other numbers they have.
+        The linkage with their structure, assembly and other numbers.
     changes : mapping of str to array-like of float
-        The numbers that differ, by their names in `Linkage.dimensions`, as arrays of one shape, or
-        of shapes that NumPy broadcasts to one, of one axis [m, rad].
+        The numbers that differ, by their names in `Linkage.dimensions`: arrays that broadcast to
+        one axis [m, rad].
     assembly : array-like of int, shape (number of blocks, n), optional
         An assembly for each; the base's where left out.
 
@@ -47,7 +47,7 @@ class Variants:
     ----------
     numbers : numpy.ndarray, shape (number of dimensions, n)
         Their numbers [m, rad].
-    refused : numpy.ndarray of uint8, shape (n,)
+    error_codes : numpy.ndarray of uint8, shape (n,)
         0 for a valid linkage, else the code of its error: see `reason`.
     invalid_dimensions : numpy.ndarray of int, shape (n,)
         Index of the dimension that is invalid.
@@ -97,18 +97,14 @@ class Variants:
         """
         Return linkages of one structure as variants of the first.
 
-        Raises
-        ------
-        GeometryError
-            There are none, or they are of several structures.
-
+        A GeometryError says that there are none, or that they have several structures.
         """
         every = list(linkages)
         if not every:
             raise GeometryError('there are no linkages')
         first = every[0]
-        known = first.structure
-        if any(one.structure is not known and one.structure != known for one in every):
+        own = first.structure
+        if any(one.structure is not own and one.structure != own for one in every):
             raise GeometryError('the linkages are of several structures: give them one by one')
         made = cls.__new__(cls)
         made.base = first
@@ -120,19 +116,11 @@ class Variants:
         return made
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return their number."""
         return int(self.numbers.shape[1])
 
     def __getitem__(self, i: int) -> Linkage:
-        """
-        Return one of them.
-
-        Raises
-        ------
-        GeometryError
-            It is none.
-
-        """
+        """Return one of them; a GeometryError if it is invalid."""
         changes = dict(zip(self.base.dimensions, self.numbers[:, i].tolist(), strict=True))
         return self.base.varied(changes)
 
@@ -147,19 +135,16 @@ class Variants:
 
     @cached_property
     def vectors(self) -> tuple[list[Any], list[Any]]:
-        """Return their pivots and bars: see `link_vectors`; NaN for those that are refused."""
-        numbers = (
-            np.where(self.error_codes, np.nan, self.numbers)
-            if self.error_codes.any()
-            else self.numbers
-        )
+        """Return their pivots and bars: see `link_vectors`; NaN for invalid ones."""
+        numbers = self.numbers
+        if self.error_codes.any():
+            numbers = np.where(self.error_codes, np.nan, numbers)
         return link_vectors(self.base.structure, [*numbers])
 
     def _check(self) -> tuple[ByteArray, IndexArray]:
         """Return the error code of each, and the index of its invalid dimension."""
-        refused = np.zeros(len(self), dtype=np.uint8)
+        refused, structure = np.zeros(len(self), dtype=np.uint8), self.base.structure
         which = np.zeros(len(self), dtype=np.intp)
-        structure = self.base.structure
 
         def refuse(place: int, wrong: BoolArray, code: int) -> None:
             new = wrong & (refused == 0)

@@ -6,7 +6,6 @@ import four_bar_equations as equations
 from four_bars import COURSE, untimed
 from hypothesis import given, strategies as st
 from klann_ros.kinematics import CrankAngleError, FourBar, NotConvergedError
-from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
 import pytest
 
@@ -28,18 +27,10 @@ def test_it_ends_at_a_root_or_says_why_with_its_iterates(guess: tuple[float, flo
 
 def test_it_goes_on_until_the_equations_are_closed_as_well() -> None:
     """A correction below the tolerance is not enough."""
-
-    def f(x: np.ndarray) -> np.ndarray:
-        return x**2 - 2.0
-
-    def phi(x: np.ndarray) -> np.ndarray:
-        return np.diag(2.0 * x)
-
-    limits = {'alpha': 0.0, 'tolerance': 1.0, 'max_iterations': 20}
-    rough = newton_raphson(f, phi, np.array([1.5]), **limits)
-    assert len(rough) == 2
-    closed = newton_raphson(f, phi, np.array([1.5]), residual=1e-12, **limits)
-    assert abs(f(closed[-1])).max() < 1e-12
+    bar, limits = FourBar(*COURSE), {'tolerance': 1.0, 'max_iterations': 20}
+    rough, closed = (bar.newton(1.0, [0.3, 1.2], residual=r, **limits) for r in (None, 1e-12))
+    assert len(rough) == 2 < len(closed)
+    assert abs(bar.f(1.0, closed[-1])).max() < 1e-12
 
 
 def test_the_guess_decides_the_assembly_of_the_end() -> None:
