@@ -1,40 +1,44 @@
 """
-Read a log of any recorder: a run's folder or a file of it, however it is stored, also damaged.
+Read a log of any recorder: a run's folder or a file of it, in any format and state.
 
-Nothing but :class:`~klann_ros.log.errors.NotALogError` comes of what stands in a file; what is
-damaged is left out and told by :attr:`Log.problem`. An OSError comes of the disk only.
+The content of a file raises nothing but :class:`~klann_ros.log.errors.NotALogError`; damaged parts
+are left out and reported by :attr:`Log.problem`. An OSError is an error of the disk.
 """
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 import hashlib
+import heapq
 from pathlib import Path
 
 from .errors import AnyPath
 from .read.block import MessageBlock
 from .read.opening import open_files
-from .read.sources import in_time_order, latest
-from .read.storage import Storage
+from .read.storage import Source, Storage, Topics
 from .records import Attachment, Message
+
+# Messages that are kept beside the wanted number while the last ones are searched.
+_SLACK = 100
 
 
 class Log(AbstractContextManager['Log']):
     """
-    An open log; get one by :func:`open_log`.
+    An open log, returned by :func:`open_log`.
 
     Attributes
     ----------
     path : pathlib.Path
-        Where it is.
+        Its path.
     paths : tuple of pathlib.Path
-        The files it consists of.
+        Its files.
     topics : tuple of Topic
-        All topics in it, in the order of their channels.
+        All topics, in the order of their channels.
     start_time, end_time : int
         Log time of the earliest and the latest message [ns]; 0 without any.
     metadata : dict of str to list of dict
-        The contents of the metadata records under their names, which may occur several times;
-        what a later file of a split run repeats is left out.
+        The contents of the metadata records by name; those that a later file of a split run
+        repeats are left out.
 
     """
 
@@ -52,14 +56,15 @@ class Log(AbstractContextManager['Log']):
             source for file, overview in self._files for source in file.sources(overview)
         ]
         self.metadata: dict[str, list[dict[str, str]]] = {}
-        repeats = Repeats()
+        repetitions = Repetitions()
         for file, overview in self._files:
-            for offset in overview.metadata:
-                self._add_metadata(file, offset, repeats)
+            for record in map(file.metadata_at, overview.metadata):
+                if record and not repetitions.is_one(file.path, metadata_key(*record)):
+                    self.metadata.setdefault(record[0], []).append(record[1])
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """Return what is wrong with the log, one line each; reading may find more."""
+        """Return the faults of the log, one line each; reading may find more."""
         found = [
             f'{file.name}{problem.place}: {problem.text}'
             for file, _ in self._files
@@ -69,33 +74,33 @@ class Log(AbstractContextManager['Log']):
 
     @property
     def problem(self) -> str:
-        """Return the first problem and how many there are beside it; '' without any."""
+        """Return the first problem and the number of further ones; '' without any."""
         first, *more = self.problems or ('',)
         return f'{first} (and {len(more)} more)' if more else first
 
     @property
-    def holes(self) -> tuple[tuple[int, int], ...]:
-        """Return the log times [ns] of what is damaged, from and to; reading may find more."""
-        return tuple(hole for file, _ in self._files for hole in file.holes)
+    def gaps(self) -> tuple[tuple[int, int], ...]:
+        """Return the first and last log time [ns] of damaged parts; reading may find more."""
+        return tuple(gap for file, _ in self._files for gap in file.gaps)
 
     @property
     def complete(self) -> bool:
-        """Return whether all files were closed and nothing was found to be wrong so far."""
+        """Return whether all files were closed and no fault was found so far."""
         return not self.problems
 
     @property
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the attachments, read anew; damaged ones and repeated ones are left out."""
+        """Return the attachments, without damaged and repeated ones; read at each call."""
         found = (
             (file.path, file.attachment_at(offset))
             for file, overview in self._files
             for offset in overview.attachments
         )
-        repeats = Repeats()
+        repetitions = Repetitions()
         return tuple(
             attachment
             for path, attachment in found
-            if attachment is not None and not repeats.is_one(path, attachment_key(attachment))
+            if attachment is not None and not repetitions.is_one(path, attachment_key(attachment))
         )
 
     def messages(
@@ -106,52 +111,52 @@ class Log(AbstractContextManager['Log']):
         end: int | None = None,
     ) -> Iterator[Message]:
         """
-        Yield the messages in the order of their log times.
+        Yield the messages ordered by log time.
 
-        Where an index is missing, messages wait for earlier ones that stand behind them, up to
-        40 MB or eight times the file's size; only beyond that is the order partial. Damaged
-        chunks are left out, and are a problem from then on.
+        Without an index, messages wait for earlier ones that stand behind them, up to 40 MB or
+        eight times the file's size; only beyond that is the order partial. Damaged chunks are left
+        out, and are a problem from then on.
 
         Parameters
         ----------
         topics
-            Names of the topics that are wanted; all by default.
+            Names of the wanted topics; all by default.
         start, end
-            The first and the last log time that is wanted [ns]; chunks before and after are not
-            unpacked, as far as an index tells of them.
+            The first and the last wanted log time [ns]; chunks before and after are not unpacked,
+            as far as an index names their times.
 
         """
         wanted = None if topics is None else frozenset(topics)
         if start is None and end is None:
-            return in_time_order(self._sources, wanted)
+            return _merged(self._sources, wanted)
         first = self.start_time if start is None else start
         last = self.end_time if end is None else end
         within = [s for s in self._sources if s.end >= first and s.start <= last]
-        found = in_time_order(within, wanted)
+        found = _merged(within, wanted)
         return (message for message in found if first <= message.log_time <= last)
 
     def latest(self, counts: Mapping[str, int], before: int) -> list[Message]:
         """
-        Return the last messages before a log time [ns], in the order of their log times.
+        Return the last messages before a log time [ns], ordered by log time.
 
         Parameters
         ----------
         counts
-            How many are wanted of which topic.
+            Wanted number of messages by topic.
         before
-            The time before which they were received.
+            The log time before which they were received.
 
         """
-        return latest(self._sources, counts, before)
+        return _latest(self._sources, counts, before)
 
     def blocks(self, progress: Callable[[float], object] | None = None) -> Iterator[MessageBlock]:
         """
-        Yield the messages in large pieces, as they stand in the files.
+        Yield the messages in large blocks, in the order of the files.
 
         Parameters
         ----------
         progress
-            Is called for each with how much of the log was read before it, from 0 to 1.
+            Called for each block with the part of the log before it, from 0 to 1.
 
         """
         whole = sum(file.size for file, _ in self._files) or 1
@@ -164,55 +169,90 @@ class Log(AbstractContextManager['Log']):
             before += file.size
 
     def close(self) -> None:
-        """
-        Let go of the log; what it has told stays valid.
-
-        Files are open only while they are read; what was unpacked to read them is removed.
-        """
+        """Remove what was unpacked to read the log; returned data stay valid."""
         for file, _ in self._files:
             file.close()
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _add_metadata(self, file: Storage, offset: int, repeats: 'Repeats') -> None:
-        record = file.metadata_at(offset)
-        if record is not None and not repeats.is_one(file.path, metadata_key(*record)):
-            name, content = record
-            self.metadata.setdefault(name, []).append(content)
-
 
 def open_log(path: AnyPath) -> Log:
     """
-    Open a log: a run's folder, or one file of MCAP or SQLite, as rosbag2 packs them or not.
+    Open a log: a run's folder, or one file of MCAP or SQLite, compressed by rosbag2 or not.
 
     Raises
     ------
     NotALogError
-        There is nothing at the path, or nothing of it can be read.
+        The path does not exist, or nothing of it can be read.
 
     """
     files, found = open_files(path)
     return Log(Path(path), files, found.missing + found.remarks)
 
 
-class Repeats:
-    """Tells what was met in an earlier file of a run already; within one file nothing is one."""
+class Repetitions:
+    """Detects records that an earlier file of a run has too; one file does not repeat itself."""
 
     def __init__(self) -> None:
-        self._met: dict[Hashable, Path] = {}
+        self._first: dict[Hashable, Path] = {}
 
     def is_one(self, path: Path, key: Hashable) -> bool:
-        """Return whether an earlier file than this one has the same."""
-        return self._met.setdefault(key, path) != path
+        """Return whether a file earlier than this one has a record with this key."""
+        return self._first.setdefault(key, path) != path
 
 
 def metadata_key(name: str, content: Mapping[str, str]) -> Hashable:
-    """Return what makes two metadata records the same."""
+    """Return a key that equal metadata records share."""
     return name, tuple(sorted(content.items()))
 
 
 def attachment_key(attachment: Attachment) -> Hashable:
-    """Return what makes two attachments the same: all but when they were attached."""
+    """Return a key that equal attachments share, whatever their times."""
     digest = hashlib.sha256(attachment.data).digest()
     return attachment.name, attachment.media_type, digest
+
+
+def _merged(sources: Sequence[Source], topics: Topics) -> Iterator[Message]:
+    """Merge sources by log time; only chunks that overlap are unpacked at the same time."""
+    waiting = deque(sorted((source.start, number) for number, source in enumerate(sources)))
+    started: list[tuple[int, int, Message, Iterator[Message]]] = []
+    while waiting or started:
+        if waiting and (not started or waiting[0] <= started[0][:2]):
+            _, number = waiting.popleft()
+            messages = sources[number].read(topics)
+        else:
+            _, number, message, messages = heapq.heappop(started)
+            yield message
+        following = next(messages, None)
+        if following is not None:
+            heapq.heappush(started, (following.log_time, number, following, messages))
+
+
+def _latest(sources: Sequence[Source], counts: Mapping[str, int], before: int) -> list[Message]:
+    """Read sources backwards from a time until no earlier one can hold a wanted message."""
+    found: dict[str, list[Message]] = {name: [] for name in counts}
+    earlier = (source for source in sources if source.start < before)
+    for source in sorted(earlier, key=lambda source: source.end, reverse=True):
+        missing = {
+            name
+            for name, messages in found.items()
+            if len(messages) < counts[name] or messages[0].log_time <= source.end
+        }
+        if not missing:
+            break
+        for message in source.read(missing):
+            name = message.topic.name
+            if message.log_time < before:
+                found[name].append(message)
+                # A file without an index may have any number of messages.
+                if len(found[name]) > 2 * counts[name] + _SLACK:
+                    found[name] = _last(found[name], counts[name])
+        for name in missing:
+            found[name] = _last(found[name], counts[name])
+    return _last([one for messages in found.values() for one in messages], sum(counts.values()))
+
+
+def _last(messages: list[Message], count: int) -> list[Message]:
+    first = max(0, len(messages) - count)
+    return sorted(messages, key=lambda message: message.log_time)[first:]

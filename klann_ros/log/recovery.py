@@ -1,18 +1,16 @@
 """
-Make a readable run out of a damaged one.
+Make a readable run from a damaged one.
 
-The files are walked record by record (:mod:`klann_ros.log.mcap.walk`); every message,
-attachment and metadata record that is intact goes into a new run as it was: times, sequence
-numbers, schemas and channel metadata. The files of a split run become one. The input is opened for
-reading only.
+Every intact message, attachment and metadata record (:mod:`klann_ros.log.mcap.recovery`) is
+copied to a new run with its times, sequence number, schema and channel metadata. The files of a
+split run become one. The input is opened for reading only.
 
-What no CRC covers cannot be judged: messages outside of chunks, chunks of recorders that write
-none (rosbag2 by default), metadata records and the header. A bit that flipped there is kept as it
-is, and the recovery says how much of the run has no CRC. Of schemas and channels, which have none
-either, the version in a chunk or summary whose CRC holds is taken.
+Damage is undetectable in what no CRC covers: messages outside of chunks, chunks of recorders that
+write none (rosbag2 by default), metadata records and the header. The recovery reports how much of
+the run has no CRC. Schemas and channels are taken from a chunk or summary with a matching CRC.
 """
 
-from collections.abc import Iterator
+from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -24,26 +22,26 @@ from .errors import AnyPath, MalformedQosError, NotALogError, UnwritableError
 from .qos import QosTexts
 from .read.opening import open_files
 from .read.storage import Storage
-from .reader import attachment_key, metadata_key, Repeats
-from .records import Attachment, Topic
+from .reader import attachment_key, metadata_key, Repetitions
+from .records import Topic
 from .write.writer import RunWriter
 
 
 @dataclass
 class Recovery:
     """
-    What became of a log.
+    The result of a recovery.
 
     Attributes
     ----------
     messages, attachments, metadata
-        How many of each are in the new run.
+        The number of each in the new run.
     counts
         The messages by topic.
     lost
-        What was discarded, and where, one line each.
+        The discarded parts with their places, one line each.
     remarks
-        What else was found, one line each.
+        Other observations, one line each.
 
     """
 
@@ -57,13 +55,12 @@ class Recovery:
 
 def recover(log: AnyPath, output: AnyPath) -> Recovery:
     """
-    Write all that is intact in a log to a new run.
+    Write the intact content of a log to a new run.
 
     Parameters
     ----------
     log
-        A run's folder or a file of it, in any state; it is not changed, and nothing is removed
-        from it (an old recorder's ``.reserve`` goes when a recorder starts beside it).
+        A run's folder or a file of it, in any state; it is not changed.
     output
         The new run's folder. If the recovery fails or is interrupted, it is removed again.
 
@@ -72,20 +69,20 @@ def recover(log: AnyPath, output: AnyPath) -> Recovery:
     NotALogError
         Nothing in it can be read.
     RunExistsError
-        There is something at the output already.
+        The output exists.
     OSError
-        The disk said no.
+        The disk refused.
 
     """
     files, found = open_files(log)
-    repeats, qos = Repeats(), QosTexts()
+    repetitions, qos = Repetitions(), QosTexts()
     _check_output(log, output)
     recovery = Recovery(lost=found.missing, remarks=found.remarks)
     writer = RunWriter(output, profile=files[0].profile or 'ros2')
     try:
         with writer:
             for file in files:
-                _FileRecovery(file, writer, recovery, repeats, qos).run()
+                _FileRecovery(file, writer, recovery, repetitions, qos).run()
         recovery.counts = writer.counts
         _check_found(log, files, recovery)
     except BaseException:
@@ -117,25 +114,38 @@ class _FileRecovery:
     _file: Storage
     _writer: RunWriter
     _recovery: Recovery
-    _repeats: Repeats
+    _repetitions: Repetitions
     _qos: QosTexts
     _topics: dict[Topic, Topic] = field(default_factory=dict)
 
     def run(self) -> None:
-        """Write what is intact, and say what is not."""
+        """Write what is intact, and report what is not."""
         recovery, salvage = self._recovery, self._file.salvage()
         for message in salvage.messages():
             topic = self._topics.get(message.topic) or self._writable(message.topic)
-            kept = message if topic is message.topic else replace(message, topic=topic)
-            self._writer.write(kept)
+            self._writer.write(
+                message if topic is message.topic else replace(message, topic=topic)
+            )
             recovery.messages += 1
-        self._copy_attachments(salvage.attachments())
-        self._copy_metadata(salvage.metadata())
+        for found in salvage.attachments():
+            if not self._is_repeated(attachment_key(found)):
+                self._writer.attach(
+                    found.name, found.media_type, found.data, found.log_time, found.create_time
+                )
+                recovery.attachments += 1
+        for name, content in salvage.metadata():
+            # The writer adds rosbag2's own.
+            if name != RECORD_NAME and not self._is_repeated(metadata_key(name, content)):
+                self._writer.add_metadata(name, content)
+                recovery.metadata += 1
         recovery.lost += salvage.lost
         recovery.remarks += salvage.remarks
 
+    def _is_repeated(self, key: Hashable) -> bool:
+        return self._repetitions.is_one(self._file.path, key)
+
     def _writable(self, topic: Topic) -> Topic:
-        """Return the topic without its quality of service if rosbag2 would choke on it."""
+        """Return the topic, without a quality of service that rosbag2 could not read."""
         writable = topic
         try:
             self._qos.profiles(topic.qos)
@@ -143,22 +153,3 @@ class _FileRecovery:
             self._recovery.remarks.append(f'{printable(topic.name)}: left out: {error}')
             writable = replace(topic, qos='')
         return self._topics.setdefault(topic, writable)
-
-    def _copy_attachments(self, attachments: Iterator[Attachment]) -> None:
-        for found in attachments:
-            if self._repeats.is_one(self._file.path, attachment_key(found)):
-                continue
-            self._writer.attach(
-                found.name, found.media_type, found.data, found.log_time, found.create_time
-            )
-            self._recovery.attachments += 1
-
-    def _copy_metadata(self, records: Iterator[tuple[str, dict[str, str]]]) -> None:
-        for name, content in records:
-            # The writer makes rosbag2's own anew.
-            if name == RECORD_NAME or self._repeats.is_one(
-                self._file.path, metadata_key(name, content)
-            ):
-                continue
-            self._writer.add_metadata(name, content)
-            self._recovery.metadata += 1

@@ -20,7 +20,7 @@ from klann_ros.review import command as review_command
 from klann_ros.sanitize.text import counted
 
 MAX_MEMORY = 200 * 2**20
-UNVERIFIED = 'no CRC, so nobody knows'
+UNVERIFIED = 'no CRC, so damage'
 KINDS = ('.mcap', '.db3', '.zstd')
 
 

@@ -10,7 +10,7 @@ import sys
 
 import fork_server
 from klann_ros.kinematics import KlannLeg
-from klann_ros.log.mcap.container import MAGIC
+from klann_ros.log.mcap.records import MAGIC
 from leg_runs import LegRun
 import pytest
 

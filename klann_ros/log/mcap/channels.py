@@ -1,7 +1,7 @@
-"""Which topic a channel's number stands for."""
+"""The topics that the channel numbers of a file stand for."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -11,40 +11,38 @@ from klann_ros.log.records import Topic
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
-from .parsing import parse, parse_schema
+from .content import Content
+from .records import parse, parse_schema
 
-_MAX_SIZE = 32 * 1024 * 1024
-# What an entry takes beside its content.
-_ENTRY = 256
+_MAX_DEFINITIONS_SIZE = 32 * 1024 * 1024
+# Memory of an entry beside its content [bytes].
+_ENTRY_SIZE = 256
 
 
 class Channels:
     """
-    The schemas and channels of one file, gathered from wherever the file repeats them.
+    The schemas and channels of one file, collected from all places that repeat them.
 
-    Where what it says differs, since bits of it flipped, that counts which stands under a CRC that
-    holds, and then what stands there most often.
+    Where versions differ, because bits flipped, one under a matching CRC has priority, then the
+    most frequent one.
     """
 
     def __init__(self) -> None:
         self._schemas = _Definitions('schema', parse_schema)
         self._channels = _Definitions('channel', partial(parse, Channel))
+        # Caches: many channels may share one schema.
         self._topics: dict[int, Topic | None] = {}
-        # Many channels may share one schema: its text is made once, and those it is told by.
-        self._texts: dict[int, tuple[Schema, str]] = {0: (Schema(0, b'', '', ''), '')}
+        self._texts: dict[int, tuple[Schema, str]] = {}
         self._sharing: defaultdict[int, set[int]] = defaultdict(set)
 
     @property
     def contradictions(self) -> list[str]:
-        """Return which schemas and channels the file describes in several ways, a line each."""
+        """Return the schemas and channels with several versions, one line each."""
         return self._schemas.contradictions() + self._channels.contradictions()
 
     def add(self, opcode: int, content: bytes, offset: int = 0, *, verified: bool = False) -> None:
-        """Take a schema or a channel record; others are ignored."""
-        if opcode == Opcode.SCHEMA:
-            # One with the number 0, which stands for none, is to be ignored.
-            if content[:2] == bytes(2):
-                return
+        """Add a schema or a channel record; ignore others, and schema 0, which means none."""
+        if opcode == Opcode.SCHEMA and content[:2] != bytes(2):
             changed = self._schemas.add(content, offset, verified=verified)
             if changed is not None:
                 self._texts.pop(changed, None)
@@ -55,38 +53,32 @@ class Channels:
             if changed is not None:
                 self._topics.pop(changed, None)
 
-    def add_all(
-        self, definitions: Iterable[tuple[int, bytes]], offset: int = 0, *, verified: bool = False
-    ) -> None:
-        """Take the schemas and channels of a chunk at this offset."""
-        for opcode, content in definitions:
-            self.add(opcode, content, offset, verified=verified)
+    def add_all(self, chunk: Content, offset: int) -> None:
+        """Add the schemas and channels of a chunk at this offset."""
+        for opcode, content in chunk.definitions():
+            self.add(opcode, content, offset, verified=chunk.verified)
 
     def update(self, other: 'Channels') -> None:
-        """Take all that another table of the same file knows."""
+        """Add all versions of another table of the same file."""
         self._schemas.update(other._schemas)  # noqa: SLF001 - its own kind
         self._channels.update(other._channels)  # noqa: SLF001 - as above
-        self._forget()
-
-    def _forget(self) -> None:
         self._topics.clear()
         self._sharing.clear()
-        self._texts = {0: self._texts[0]}
+        self._texts.clear()
 
     def topic(self, channel: int) -> Topic | None:
-        """Return the topic of a channel; None while its record or its schema is not known."""
+        """Return the topic of a channel; None while its record or its schema is unknown."""
         if channel not in self._topics:
             self._topics[channel] = self._make_topic(channel)
         return self._topics[channel]
 
     def numbers(self) -> list[int]:
-        """Return the channels that are known."""
-        return self._channels.numbers()
+        """Return the known channels in the order of the file."""
+        return list(self._channels.best)
 
     def topics(self) -> list[Topic]:
-        """Return the topics that are known."""
-        found = map(self.topic, self._channels.numbers())
-        return [topic for topic in found if topic is not None]
+        """Return the known topics."""
+        return [topic for topic in map(self.topic, self.numbers()) if topic is not None]
 
     def _make_topic(self, number: int) -> Topic | None:
         channel = self._channels.get(number)
@@ -111,9 +103,9 @@ class Channels:
         )
 
     def _schema(self, number: int) -> tuple[Schema, str] | None:
-        """Return a schema and its text; None while it is not known."""
+        """Return a schema and its text; None while it is unknown."""
         if number not in self._texts:
-            schema = self._schemas.get(number)
+            schema = self._schemas.get(number) if number else Schema(0, b'', '', '')
             if schema is None:
                 return None
             self._texts[number] = schema, schema.data.decode('utf-8', 'replace')
@@ -121,54 +113,47 @@ class Channels:
 
 
 class _Definitions:
-    """Records of one kind by their number, each in all the versions that were met."""
+    """All versions of the records of one kind, by number."""
 
     def __init__(self, name: str, parse_one: Callable[[bytes, int], Any]) -> None:
         self._name = name
         self._parse = parse_one
-        # Under the number each version's content: whether a CRC held, and how often it was met.
+        # Of each content: whether a CRC matched, and its count.
         self._versions: dict[int, dict[bytes, tuple[bool, int]]] = {}
-        self._best: dict[int, bytes] = {}
+        self.best: dict[int, bytes] = {}
         self._size = 0
 
     def add(self, content: bytes, offset: int, *, verified: bool) -> int | None:
-        """Take a record; return its number if something else holds for that number now."""
+        """Add a record; return its number if that has another best version now."""
         number = int.from_bytes(content[:2], 'little')
         versions = self._versions.setdefault(number, {})
         if content not in versions:
             self._parse(content, offset)
-            self._size += len(content) + _ENTRY
-            if self._size > _MAX_SIZE:
-                reason = f'there are more than {_MAX_SIZE} bytes of schemas or channels'
-                raise DamagedError(reason, offset)
+            self._size += len(content) + _ENTRY_SIZE
+            if self._size > _MAX_DEFINITIONS_SIZE:
+                limit = f'{_MAX_DEFINITIONS_SIZE} bytes of schemas or channels'
+                raise DamagedError(f'there are more than {limit}', offset)
         checked, count = versions.get(content, (False, 0))
         versions[content] = (checked or verified, count + 1)
-        best = self._best.get(number)
+        best = self.best.get(number)
         if best == content or (best is not None and versions[best] >= versions[content]):
             return None
-        self._best[number] = content
+        self.best[number] = content
         return number
 
     def update(self, other: '_Definitions') -> None:
-        """Take the versions of another table, as often as they were met there."""
         for versions in other._versions.values():  # noqa: SLF001 - its own kind
             for content, (verified, _) in versions.items():
                 self.add(content, 0, verified=verified)
 
     def get(self, number: int) -> Any:
-        """Return the record of a number, None if there is none."""
-        content = self._best.get(number)
+        content = self.best.get(number)
         return None if content is None else self._parse(content, 0)
 
-    def numbers(self) -> list[int]:
-        """Return the numbers, in the order in which they were met."""
-        return list(self._best)
-
     def contradictions(self) -> list[str]:
-        """Return which numbers have several versions, a line each."""
         return [
             f'{self._name} {number} is described in {len(versions)} ways, '
-            + ('the one under a CRC' if versions[self._best[number]][0] else 'the most frequent')
+            + ('the one under a CRC' if versions[self.best[number]][0] else 'the most frequent')
             + ' was taken'
             for number, versions in self._versions.items()
             if len(versions) > 1

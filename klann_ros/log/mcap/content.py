@@ -1,5 +1,5 @@
 """
-What a chunk, or messages outside of chunks, hold: found once, read out as it is needed.
+The records inside a chunk, or of messages outside of chunks: located once, read when needed.
 
 Work spent on undecodable bytes is bounded: see
 :class:`~klann_ros.log.mcap.decompression.DecompressionBudget`.
@@ -20,54 +20,47 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from .decompression import decompress, DecompressionBudget, DecompressionError
-from .layout import is_known, RECORD_HEAD, without_more
-from .parsing import parse
+from .records import DEFINITIONS, is_known, parse, RECORD_HEAD, without_unknown_fields
 
 Row: TypeAlias = tuple[int, int, int, int, bytes]
 
 _MESSAGE = struct.Struct('<HIQQ')
 _WHOLE = struct.Struct('<QHIQQ')
-# Where in a message record its log time stands [bytes].
-_LOG_TIME_AT = RECORD_HEAD.size + 6
-_DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
+# Offset of the log time in a message record [bytes].
+_LOG_TIME_OFFSET = RECORD_HEAD.size + 6
 
-# What stands one behind the other outside of chunks is read so much at once [bytes].
-_FIRST, _LAST = 4096, 1024 * 1024
-# An unknown record there that is longer could be one whose opcode is damaged.
+# Minimum and maximum size of a block of records outside of chunks [bytes].
+_MIN_BLOCK, _MAX_BLOCK = 4096, 1024 * 1024
+# A longer unknown record there may have a damaged opcode [bytes].
 _MAX_UNKNOWN = 32
-# So many of the last ones are left.
-_LEFT = 3
+# The last records of a block are left to the caller.
+_LEFT_RECORDS = 3
 
-# What a record costs that is stepped over, one that describes something, and what each message
-# pays for those around it [bytes that could be unpacked in that time].
-_RECORD_COST, _DEFINITION_COST, _MESSAGE_PAYS = 256, 1024, 4096
+# Cost of a record that is skipped, and of a definition, and credit for each message beside them
+# [bytes that could be unpacked in that time].
+_RECORD_COST, _DEFINITION_COST, _MESSAGE_CREDIT = 256, 1024, 4096
 
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """
-    The records in some bytes, as far as they are whole.
-
-    Only places are kept, 8 bytes a message: a chunk may hold a million of them.
-    """
+    """The intact records in some bytes, as offsets: 8 bytes a message."""
 
     # The unpacked bytes.
     data: memoryview
-    # Where each message record starts [bytes].
+    # Offsets of the message records, and of the schema and channel records [bytes].
     starts: 'array[int]'
-    # Where each schema and each channel record starts [bytes].
     definition_starts: 'array[int]'
-    # Whether there was a CRC that held.
+    # Whether a CRC matched.
     verified: bool
-    # Why not all of the bytes could be read; '' if all could.
+    # Why the rest of the bytes could not be read; '' if all could.
     broken: str = ''
-    # How much was looked at that is of no message.
+    # Cost of the bytes that are no messages, as the budget counts them.
     wasted: int = 0
-    # How many records are of kinds that are private or of a later version.
+    # Number of records of unknown kinds.
     unknown: int = 0
 
     def __len__(self) -> int:
-        """Return how many messages there are."""
+        """Return the number of messages."""
         return len(self.starts)
 
     def times(self) -> 'array[int]':
@@ -75,12 +68,12 @@ class Content:
         times = array('Q')
         if self.starts:
             windows = sliding_window_view(np.frombuffer(self.data, np.uint8), 8)
-            found = windows[np.frombuffer(self.starts, np.uint64) + _LOG_TIME_AT].view('<u8')
+            found = windows[np.frombuffer(self.starts, np.uint64) + _LOG_TIME_OFFSET].view('<u8')
             times.frombytes(found.astype(np.uint64).tobytes())
         return times
 
     def rows(self, *, by_time: bool = False) -> Iterator[Row]:
-        """Yield of each message: channel, sequence, log time, publish time [ns] and its bytes."""
+        """Yield channel, sequence, log time, publish time [ns] and data of each message."""
         data = self.data
         for position in self._by_time() if by_time else self.starts:
             length, channel, sequence, logged, published = _WHOLE.unpack_from(data, position + 1)
@@ -89,12 +82,12 @@ class Content:
             yield channel, sequence, logged, published, data[start:end].tobytes()
 
     def definitions(self) -> Iterator[tuple[int, bytes]]:
-        """Yield of each schema and channel: opcode and content, without unknown fields."""
+        """Yield opcode and content of each schema and channel, without unknown fields."""
         for position in self.definition_starts:
             opcode, length = RECORD_HEAD.unpack_from(self.data, position)
             start = position + RECORD_HEAD.size
             end = start + length
-            yield opcode, without_more(opcode, self.data[start:end].tobytes())
+            yield opcode, without_unknown_fields(opcode, self.data[start:end].tobytes())
 
     def _by_time(self) -> Iterable[int]:
         times = self.times()
@@ -121,14 +114,14 @@ def chunk_content(record: bytes, offset: int, budget: DecompressionBudget) -> Co
 
 def content_of(data: bytes | bytearray, *, verified: bool, allowed: int = sys.maxsize) -> Content:
     """
-    Find the records in a chunk's data, up to the first that cannot be.
+    Locate the records in a chunk's data, up to the first malformed one.
 
     Parameters
     ----------
     data, verified
-        The unpacked bytes, and whether there was a CRC that held.
+        The unpacked bytes, and whether a CRC matched.
     allowed
-        How much of them may be of no message, as the budget counts them.
+        Maximum cost of the bytes that are no messages.
 
     """
     starts, definitions = array('Q'), array('Q')
@@ -152,22 +145,22 @@ def content_of(data: bytes | bytearray, *, verified: bool, allowed: int = sys.ma
         if not opcode:
             broken = 'what stands in it is no record'
             break
-        others += length + (_DEFINITION_COST if opcode in _DEFINITIONS else _RECORD_COST)
-        if others > allowed + _MESSAGE_PAYS * len(starts):
+        others += length + (_DEFINITION_COST if opcode in DEFINITIONS else _RECORD_COST)
+        if others > allowed + _MESSAGE_CREDIT * len(starts):
             broken = 'there are more records in it that are no messages than a file may have'
             break
-        if opcode in _DEFINITIONS:
+        if opcode in DEFINITIONS:
             definitions.append(position)
         else:
             unknown += 1
         position = end
-    wasted = max(0, others - _MESSAGE_PAYS * len(starts)) + size - position
+    wasted = max(0, others - _MESSAGE_CREDIT * len(starts)) + size - position
     return Content(memoryview(data), starts, definitions, verified, broken, wasted, unknown)
 
 
 def _behind_messages(data: bytes | bytearray, position: int, starts: 'array[int]') -> int:
-    """Append where the messages start that follow each other; return where the last one ends."""
-    # Of nearly all records of a log: what is done here for each is what reading it costs.
+    """Append the offsets of consecutive messages; return the end of the last one."""
+    # The inner loop of reading a log.
     unpack, found = RECORD_HEAD.unpack_from, starts.append
     size, head, least, message = len(data), RECORD_HEAD.size, _MESSAGE.size, int(Opcode.MESSAGE)
     with suppress(struct.error):
@@ -182,54 +175,44 @@ def _behind_messages(data: bytes | bytearray, position: int, starts: 'array[int]
 
 
 def message_content(content: bytes, offset: int) -> Content:
-    """Return what a message record holds that stands outside of chunks."""
+    """Return the content of a message record outside of chunks."""
     if len(content) < _MESSAGE.size:
         raise DamagedError('the message is too short', offset, Opcode.MESSAGE)
     return content_of(RECORD_HEAD.pack(Opcode.MESSAGE, len(content)) + content, verified=False)
 
 
-class Stretches:
+class LooseRecords:
     """
-    Reads messages outside of chunks from an open file, as much at once as was of use before.
+    Reads messages outside of chunks from an open file, in blocks of adaptive size.
 
-    What stands one behind the other in a file without chunks are messages, hundreds of thousands
-    of them, and now and then a small record of a kind that nobody knows. As long as it is nothing
-    else, each is believed since sound ones follow it, and to look at each by itself takes twenty
-    times as long. The last of them are left to whoever does.
+    A file without chunks is a row of messages and a few small unknown records. A block of nothing
+    else is sound because sound records follow; judging each by itself takes twenty times as long.
+    The last ones of a block are left to the caller.
     """
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
-        self._size = _FIRST
+        self._size = _MIN_BLOCK
 
-    def at(self, offset: int, until: int) -> tuple[Content, int] | None:
-        """
-        Return the messages that stand between two offsets, and where they end [bytes].
-
-        None if these are too few.
-        """
+    def read(self, offset: int, until: int) -> tuple[Content, int] | None:
+        """Return the messages from an offset on, and their end [bytes]; None if too few follow."""
         self._file.seek(offset)
         data = self._file.read(max(0, min(self._size, until - offset)))
-        found = _records(data)
-        taken = found[: max(0, len(found) - _LEFT)]
+        found = _loose_offsets(data)
+        taken = found[: max(0, len(found) - _LEFT_RECORDS)]
         position = found[len(taken)] if taken else 0
-        of_use = 2 * position > len(data)
-        self._size = min(4 * self._size, _LAST) if of_use else _FIRST
+        is_useful = 2 * position > len(data)
+        self._size = min(4 * self._size, _MAX_BLOCK) if is_useful else _MIN_BLOCK
         if not taken:
             return None
         starts = array('Q', (start for start in taken if data[start] == Opcode.MESSAGE))
-        content = Content(
-            memoryview(data),
-            starts,
-            array('Q'),
-            verified=False,
-            unknown=len(taken) - len(starts),
-        )
+        unknown = len(taken) - len(starts)
+        content = Content(memoryview(data), starts, array('Q'), verified=False, unknown=unknown)
         return content, offset + position
 
 
-def _records(data: bytes) -> list[int]:
-    """Return where the messages and the small unknown records start that are whole in the data."""
+def _loose_offsets(data: bytes) -> list[int]:
+    """Return the offsets of the messages and small unknown records that are whole in the data."""
     found = []
     position, last = 0, len(data) - RECORD_HEAD.size
     while position <= last:

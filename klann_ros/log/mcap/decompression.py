@@ -24,7 +24,7 @@ from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped] # lz4
 import zstandard
 
 Bytes: TypeAlias = bytes | bytearray
-Decompress: TypeAlias = Callable[[Bytes, int], Iterator[bytes]]
+_Decompressor: TypeAlias = Callable[[Bytes, int], Iterator[bytes]]
 
 MIN_LIMIT = 40 * 1024 * 1024
 """Unpacked size that any chunk or message may have without a proof [bytes]; 1 MB is usual."""
@@ -80,22 +80,10 @@ def decompress(
     data: Bytes, compression: str, size: int, crc: int, budget: DecompressionBudget
 ) -> Bytes:
     """
-    Unpack the content of a chunk and check it.
+    Unpack the content of a chunk and check its declared size [bytes] and CRC-32 (0 for none).
 
-    Parameters
-    ----------
-    data, compression
-        The packed bytes and the name of their compression.
-    size, crc
-        The declared unpacked size [bytes] and CRC-32; 0 for no CRC.
-    budget
-        Charged for what is unpacked in vain.
-
-    Raises
-    ------
-    DecompressionError
-        The compression is unknown, the bytes are damaged, or they exceed a limit.
-
+    A DecompressionError means that the compression is unknown, that the bytes are damaged, or that
+    they exceed a limit; the budget is charged for them.
     """
     try:
         pieces = _DECOMPRESSORS[compression]
@@ -114,7 +102,7 @@ def decompress(
 
 
 def _unpack(
-    pieces: Decompress, data: Bytes, size: int, crc: int, budget: DecompressionBudget
+    pieces: _Decompressor, data: Bytes, size: int, crc: int, budget: DecompressionBudget
 ) -> Bytes:
     packed = len(data)
     limit = min(max(MIN_LIMIT, MAX_RATIO * packed), budget.allowed(packed))
@@ -133,14 +121,16 @@ def _unpack(
     return unpacked
 
 
-def _checked(pieces: Decompress, data: Bytes, size: int, crc: int, limit: int) -> Iterator[bytes]:
+def _checked(
+    pieces: _Decompressor, data: Bytes, size: int, crc: int, limit: int
+) -> Iterator[bytes]:
     """Yield the unpacked pieces; raise where they disagree with the declared size and CRC."""
     done = found = 0
     try:
         for piece in pieces(data, min(limit + 1, _PIECE_SIZE)):
             done += len(piece)
             if done > limit:
-                check_memory(size)
+                _check_memory(size)
                 useless = limit < max(MIN_LIMIT, MAX_RATIO * len(data))
                 reason = f'its {len(data)} bytes unpack to more than {limit} bytes, the limit '
                 reason += 'behind too many useless bytes' if useless else 'without a proof'
@@ -163,27 +153,20 @@ def _check(size: int, crc: int, declared_size: int, declared_crc: int) -> None:
 
 
 def decompress_message(data: bytes, budget: DecompressionBudget) -> bytes:
-    """
-    Unpack a message that is a zstd frame by itself.
-
-    Raises
-    ------
-    DecompressionError
-        It is damaged, or exceeds a limit.
-
-    """
+    """Unpack a message that is a zstd frame; a DecompressionError as in `decompress`."""
     limit = max(MIN_LIMIT, MAX_RATIO * len(data))
     try:
         size = zstandard.frame_content_size(data)
         if size > MIN_LIMIT:
+            _check_memory(size)
             return bytes(decompress(data, 'zstd', size, 0, budget))
         return zstandard.ZstdDecompressor().decompress(data, max_output_size=limit)
     except zstandard.ZstdError as error:
         raise DecompressionError(str(error)) from None
 
 
-def check_memory(size: int) -> None:
-    """Refuse an unpacked size [bytes] above the memory limit by a DecompressionError."""
+def _check_memory(size: int) -> None:
+    """Refuse an unpacked size [bytes] above the memory limit."""
     limit = memory_limit()
     if size > limit:
         raise DecompressionError(
@@ -264,7 +247,7 @@ def _decompress_lz4(data: Bytes, size: int) -> Iterator[bytes]:
         yield piece
 
 
-_DECOMPRESSORS: dict[str, Decompress | None] = {
+_DECOMPRESSORS: dict[str, _Decompressor | None] = {
     '': None,
     'zstd': _decompress_zstd,
     'lz4': _decompress_lz4,

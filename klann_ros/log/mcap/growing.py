@@ -1,4 +1,4 @@
-"""An MCAP file that is being written, read as it grows; each byte once."""
+"""An MCAP file that is being written, read as it grows."""
 
 from collections.abc import Iterator
 import os
@@ -11,38 +11,26 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata
 
 from .channels import Channels
-from .container import MAGIC, read
 from .content import chunk_content, Content, message_content
 from .decompression import DecompressionBudget
-from .layout import is_known, least, RECORD_HEAD, RecordSpan
-from .parsing import parse
+from .records import DEFINITIONS, is_known, MAGIC, min_size, parse, read, RECORD_HEAD, RecordSpan
 
-# A recorder writes records that are not longer [bytes]; what claims to be is damaged.
-LONGEST = 256 * 1024 * 1024
+# Recorders write no longer records [bytes]; a larger length is damaged.
+_MAX_RECORD_SIZE = 256 * 1024 * 1024
 
 NamedRecord = tuple[str, dict[str, str]]
 
 
 class GrowingFile:
     """
-    Reads whole records, as far as there are any.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
+    Reads whole records as they appear, each byte once; an OSError if it cannot be read.
 
     Attributes
     ----------
     is_finished : bool
-        Whether the end of its data was met.
+        Whether the end of its data was reached.
     problem : str
-        Why nothing more can be read of it; '' while there may be more.
-
-    Raises
-    ------
-    OSError
-        It cannot be opened, or read.
+        Why nothing more can be read; '' while there may be more.
 
     """
 
@@ -54,7 +42,7 @@ class GrowingFile:
         self._channels, self._budget = Channels(), DecompressionBudget()
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close it."""
         self._file.close()
 
     @property
@@ -63,16 +51,16 @@ class GrowingFile:
         return os.fstat(self._file.fileno()).st_nlink == 0
 
     def read(self) -> Iterator[Message | NamedRecord]:
-        """Yield the messages and metadata records that were added since it was read last."""
+        """Yield the messages and metadata records that were added since the last call."""
         try:
-            while not self.is_finished and (span := self._whole()) is not None:
+            while not self.is_finished and (span := self._next_span()) is not None:
                 self._next = span.end
                 yield from self._contents(span)
         except DamagedError as damage:
             self.problem = f'{damage.reason} at byte {damage.offset}'
 
-    def _whole(self) -> RecordSpan | None:
-        """Return the next record; None while it is not there as a whole."""
+    def _next_span(self) -> RecordSpan | None:
+        """Return the place of the next record; None while it is incomplete."""
         size = os.fstat(self._file.fileno()).st_size
         if size < self._next:
             raise DamagedError('it was cut off', size)
@@ -87,7 +75,8 @@ class GrowingFile:
             return None
         self._file.seek(self._next)
         opcode, length = RECORD_HEAD.unpack(self._file.read(RECORD_HEAD.size))
-        if not opcode or length > LONGEST or (is_known(opcode) and length < least(opcode)):
+        too_short = is_known(opcode) and length < min_size(opcode)
+        if not opcode or length > _MAX_RECORD_SIZE or too_short:
             raise DamagedError('what stands there is no record', self._next)
         span = RecordSpan(opcode, self._next, length)
         return span if span.end <= size else None
@@ -95,11 +84,11 @@ class GrowingFile:
     def _contents(self, span: RecordSpan) -> Iterator[Message | NamedRecord]:
         if span.opcode == Opcode.CHUNK:
             content = chunk_content(read(self._file, span), span.offset, self._budget)
-            self._channels.add_all(content.definitions(), span.offset, verified=content.verified)
+            self._channels.add_all(content, span.offset)
             yield from self._messages(content)
         elif span.opcode == Opcode.MESSAGE:
             yield from self._messages(message_content(read(self._file, span), span.offset))
-        elif span.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+        elif span.opcode in DEFINITIONS:
             self._channels.add(span.opcode, read(self._file, span), span.offset)
         elif span.opcode == Opcode.METADATA:
             record = parse(Metadata, read(self._file, span), span.offset)
@@ -108,9 +97,9 @@ class GrowingFile:
             self.is_finished = True
 
     def _messages(self, content: Content) -> Iterator[Message]:
-        for channel, sequence, logged, published, data in content.rows():
+        for channel, sequence, log_time, publish_time, data in content.rows():
             topic = self._channels.topic(channel)
             if topic is not None:
-                yield Message(topic, data, logged, published, sequence)
+                yield Message(topic, data, log_time, publish_time, sequence)
         if content.broken:
             raise DamagedError(f'a chunk can be read in part only: {content.broken}', self._next)

@@ -1,37 +1,373 @@
-"""An MCAP file as a storage: its messages one by one, in blocks, and what is intact of them."""
+"""One MCAP file of any recorder and in any state, as a storage."""
 
+from array import array
 from collections.abc import Iterator
+from functools import partial
+import heapq
+from itertools import accumulate
+from pathlib import Path
+from typing import BinaryIO
 
-from klann_ros.log.read.block import MessageBlock
-from klann_ros.log.read.sources import Source
-from klann_ros.log.read.storage import Overview
-from klann_ros.log.records import Attachment, Message
-from klann_ros.sanitize.text import counted, verb
+from klann_ros.log.errors import DamagedError, NotALogError
+from klann_ros.log.read.block import block_of, MessageBlock
+from klann_ros.log.read.storage import Overview, Problems, Source, Topics
+from klann_ros.log.read.temporary import TemporaryFile
+from klann_ros.log.records import Attachment, Message, Topic
+from klann_ros.sanitize.files import open_regular
+from klann_ros.sanitize.text import counted, printable, verb
+from mcap.opcode import Opcode
+from mcap.records import ChunkIndex, Header, Metadata
+import numpy as np
+from numpy.typing import NDArray
 
-from .file_messages import blocks_of, messages_in, sources_of
-from .layout import RecordSpan
-from .log_file import LogFile
-from .walk import Walk
+from .channels import Channels
+from .content import chunk_content, Content
+from .decompression import DecompressionBudget, MAX_RATIO, MIN_LIMIT
+from .record_check import RecordCheck
+from .records import (
+    find_footer,
+    MAGIC,
+    parse,
+    parse_attachment,
+    read,
+    RecordSpan,
+    span_at,
+)
+from .recovery import gaps, RecordScan
+from .summary import ContentCount, read_summary, Summary
+
+# A log time later than any.
+_NEVER = 2**64
+_START = MAGIC + bytes([Opcode.HEADER])
+# A chunk of this size may be merged with others whatever its index says [bytes].
+_SMALL_CHUNK = 1024 * 1024
+# Memory of a message that waits for earlier ones, beside its data [bytes].
+_WAITING_COST = 200
 
 
-class McapStorage(LogFile):
-    """An MCAP file (:class:`~klann_ros.log.mcap.log_file.LogFile`), and its messages."""
+class McapStorage:
+    """
+    An MCAP file; see :class:`~klann_ros.log.read.storage.Storage`.
 
-    def sources(self, overview: Overview) -> Iterator[Source]:
-        """Yield what can be read by itself: each chunk in the index, or all messages as one."""
-        return sources_of(self, overview)
+    Messages are read chunk by chunk where the index is valid, otherwise in one pass over the
+    records. Raises a NotALogError if it is no MCAP file, or cannot be opened.
+    """
 
-    def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
-        """Yield all messages chunk by chunk as they stand in it, and how far that is."""
-        return blocks_of(self)
+    def __init__(self, path: Path, unpacked: TemporaryFile | None = None) -> None:
+        self.path = path
+        self.name = printable(path.name) + (' (unpacked)' if unpacked else '')
+        self._unpacked = unpacked
+        self.problems = Problems()
+        self.gaps: set[tuple[int, int]] = set()
+        self.summary = Summary()
+        self.profile = ''
+        self._channels: Channels | None = None
+        # Found by a survey: the earliest log time of each part of a pass, and the size of the
+        # largest part [bytes].
+        self._starts: array[int] | None = None
+        self._largest = 0
+        self._budget = DecompressionBudget()
+        # Offsets of chunks that are not unpacked again.
+        self._damaged: set[int] = set()
+        try:
+            with self.open() as file:
+                self._read_ends(file)
+        except OSError as error:
+            raise NotALogError(path, error.strerror or str(error)) from None
+        except DamagedError as damage:
+            self.note(damage.offset, f'the summary is damaged: {damage.reason}')
+            self.summary = Summary()
+
+    def _read_ends(self, file: BinaryIO) -> None:
+        """Read the start, the footer and the summary."""
+        self.size = file.seek(0, 2)
+        file.seek(0)
+        start = file.read(len(_START))
+        if start != _START:
+            self._check_start(start, file)
+        self.profile = self._read_profile(file)
+        footer = find_footer(file, self.size)
+        self.closed = footer is not None
+        self._end = self.size if footer is None else footer.offset
+        if footer is None:
+            self.note(self.size, 'it was not closed: there is no footer at its end')
+            return
+        self.summary = read_summary(file, footer)
+        if not self.summary.is_sound:
+            text = 'the index is wrong: what it names is not one behind the other'
+            self.note(self.summary.start, text)
+            self.summary.discard_entries()
+
+    def _check_start(self, start: bytes, file: BinaryIO) -> None:
+        """Refuse a file that is no log; one with a damaged start has sound chunks in it."""
+        check = RecordCheck(file, self.size, self._budget)
+        if check.find_chunk(0, self.size) is not None:
+            self.note(0, 'its first bytes are not those of an MCAP file')
+            return
+        if not start:
+            raise NotALogError(self.path, 'the file is empty')
+        if not start.startswith(MAGIC):
+            raise NotALogError(self.path, 'it does not start as an MCAP file does')
+        raise NotALogError(self.path, 'there is no header at its start')
+
+    def _read_profile(self, file: BinaryIO) -> str:
+        try:
+            span = span_at(file, len(MAGIC), self.size)
+            return parse(Header, read(file, span)).profile if span.opcode == Opcode.HEADER else ''
+        except DamagedError as damage:
+            self.note(len(MAGIC), f'the header is damaged: {damage.reason}')
+            return ''
+
+    def open(self) -> BinaryIO:  # noqa: A003, RUF100 - as a path calls it; ruff lets it be
+        """Open the file, or what was unpacked from it."""
+        return open_regular(self._unpacked.path if self._unpacked else self.path)
+
+    def close(self) -> None:
+        """Remove what was unpacked."""
+        if self._unpacked is not None:
+            self._unpacked.close()
+
+    def note(self, offset: int, text: str) -> None:
+        """Note a problem at an offset [bytes]."""
+        self.problems.note(offset, text)
+
+    def scan(self, file: BinaryIO, channels: Channels | None = None) -> RecordScan:
+        """Return a pass over the open file, which adds to the channels."""
+        end = self.summary.start if self.summary.is_index else self._end
+        return RecordScan(file, end, channels or Channels(), summary=self.summary)
+
+    def _note_losses(self, scan: RecordScan) -> None:
+        for loss in scan.losses:
+            self.note(loss.offset, str(loss))
+        for problem in scan.problems:
+            self.note(problem.offset, problem.text)
+        with self.open() as file:
+            self.gaps.update(gaps(file, scan.losses, self.summary.chunks))
+
+    def overview(self) -> Overview:
+        """Return the content by the index, or by a pass over the whole file."""
+        summary = self.summary
+        if summary.is_index and summary.statistics is not None:
+            statistics = summary.statistics
+            times = (statistics.message_start_time, statistics.message_end_time)
+            return Overview(
+                summary.channels.topics(),
+                times if statistics.message_count else None,
+                summary.metadata,
+                summary.attachments,
+            )
+        return self.survey()
+
+    def survey(self) -> Overview:
+        """Return the content by a pass over the whole file, which also finds all channels."""
+        channels = Channels()
+        channels.update(self.summary.channels)
+        first, last = _NEVER, -1
+        starts = array('Q')
+        with self.open() as file:
+            scan = self.scan(file, channels)
+            for _, content in scan.contents():
+                self._largest = max(self._largest, len(content.data))
+                times = np.frombuffer(content.times(), np.uint64)
+                starts.append(int(times.min()) if len(times) else _NEVER - 1)
+                first = min(first, starts[-1])
+                last = max(last, int(times.max()) if len(times) else last)
+            self._note_losses(scan)
+        self._channels = channels
+        self._starts = starts
+        for text in channels.contradictions:
+            self.note(self.size, text)
+        return Overview(
+            channels.topics(),
+            (first, last) if last >= 0 else None,
+            [span.offset for span in scan.metadata],
+            [span.offset for span in scan.attachments],
+        )
+
+    def channels(self) -> Channels:
+        """Return the channels of the whole file: a channel record may follow its messages."""
+        if self._channels is None and not self.summary.is_index:
+            self.survey()
+        return self._channels or self.summary.channels
+
+    def _content_at(self, offset: int, opcode: Opcode) -> bytes | None:
+        """Return the content of a record; None, and a problem, if it is not there."""
+        try:
+            with self.open() as file:
+                end = self.summary.end_of(offset) or self._end
+                span = span_at(file, offset, min(end, self._end))
+                if span.opcode == opcode:
+                    return read(file, span)
+                self.note(offset, f'the index is wrong: no {opcode.name.lower()} stands there')
+        except DamagedError as damage:
+            self.note(offset, damage.reason)
+        return None
+
+    def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
+        """Return the name and content of a metadata record; None if it is damaged."""
+        content = self._content_at(offset, Opcode.METADATA)
+        try:
+            record = None if content is None else parse(Metadata, content, offset)
+        except DamagedError as damage:
+            self.note(offset, damage.reason)
+            return None
+        return None if record is None else (record.name, record.metadata)
+
+    def attachment_at(self, offset: int) -> Attachment | None:
+        """Return an attachment; None if it is damaged."""
+        content = self._content_at(offset, Opcode.ATTACHMENT)
+        try:
+            return None if content is None else parse_attachment(content, offset)
+        except DamagedError as damage:
+            self.note(offset, damage.reason)
+            return None
+
+    def _chunk_at(self, offset: int) -> Content | None:
+        """Return the content of an indexed chunk; None, and a problem, if it is damaged."""
+        record = None if offset in self._damaged else self._content_at(offset, Opcode.CHUNK)
+        if record is None:
+            return None
+        try:
+            return chunk_content(record, offset, self._budget)
+        except DamagedError as damage:
+            self._damaged.add(offset)
+            self.note(offset, damage.reason)
+            return None
 
     def first_data(self) -> bytes:
-        """Return the bytes of the message that stands first; b'' if there is none."""
-        with self.open() as stream:
-            for _, content in self.walk(stream).contents():
+        """Return the data of the first message in the file; b'' if there is none."""
+        with self.open() as file:
+            for _, content in self.scan(file).contents():
                 for *_, data in content.rows():
                     return data
         return b''
+
+    def sources(self, overview: Overview) -> Iterator[Source]:
+        """Yield each chunk of the index, or all messages as one."""
+        if self.summary.is_index and self._can_merge_chunks():
+            for chunk in self.summary.chunks:
+                read_messages = partial(self._chunk_messages, chunk)
+                yield Source(chunk.message_start_time, chunk.message_end_time, read_messages)
+        elif overview.times is not None:
+            yield Source(*overview.times, self._all_messages)
+
+    def messages_in(
+        self, offset: int, content: Content, topics: Topics, *, by_time: bool = False
+    ) -> Iterator[Message]:
+        """Yield the messages of a chunk; unknown channels are noted as a problem."""
+        known: dict[int, Topic | None] = {}
+        for channel, sequence, log_time, publish_time, data in content.rows(by_time=by_time):
+            if channel not in known:
+                known[channel] = self._wanted_topic(channel, offset, topics)
+            topic = known[channel]
+            if topic is not None:
+                yield Message(topic, data, log_time, publish_time, sequence)
+
+    def _wanted_topic(self, channel: int, offset: int, topics: Topics) -> Topic | None:
+        topic = self.channels().topic(channel)
+        if topic is None:
+            self._note_unknown(offset, channel)
+        elif topics is not None and topic.name not in topics:
+            return None
+        return topic
+
+    def _note_unknown(self, offset: int, channel: int) -> None:
+        self.note(offset, f'messages of channel {channel}, which is not known')
+
+    def _can_merge_chunks(self) -> bool:
+        """
+        Return whether the chunks that overlap in time may be unpacked at once.
+
+        Those of a recorder follow each other, or it has as many bytes in the file. Two of the
+        largest chunks always fit: each is held to the decompression limit by itself.
+        """
+        chunks = self.summary.chunks
+        begins = [(chunk.message_start_time, chunk.uncompressed_size) for chunk in chunks]
+        ends = [(chunk.message_end_time + 1, -chunk.uncompressed_size) for chunk in chunks]
+        unpacked = accumulate(size for _, size in sorted(begins + ends))
+        largest = max((chunk.uncompressed_size for chunk in chunks), default=0)
+        return max(unpacked, default=0) <= max(2 * MIN_LIMIT, MAX_RATIO * self.size, 2 * largest)
+
+    def _chunk_messages(self, chunk: ChunkIndex, topics: Topics) -> Iterator[Message]:
+        """Yield a chunk's messages ordered by log time; none if it is damaged."""
+        numbers, offset = chunk.message_index_offsets, chunk.chunk_start_offset
+        if topics is not None and numbers:
+            found = map(self.summary.channels.topic, numbers)
+            if not any(topic is not None and topic.name in topics for topic in found):
+                return
+        content = self._chunk_at(offset)
+        if content is None or not self._may_merge(chunk, content):
+            return
+        if content.broken:
+            self.note(offset, content.broken)
+        yield from self.messages_in(offset, content, topics, by_time=True)
+
+    def _may_merge(self, chunk: ChunkIndex, content: Content) -> bool:
+        """Return whether a chunk is as its index says, or is small."""
+        expected = chunk.message_start_time, chunk.message_end_time, chunk.uncompressed_size
+        size, times = len(content.data), content.times()
+        if (min(times, default=expected[0]), max(times, default=expected[1]), size) == expected:
+            return True
+        is_small = size <= max(_SMALL_CHUNK, MAX_RATIO * chunk.chunk_length)
+        text = 'the index is wrong about this chunk'
+        self.note(chunk.chunk_start_offset, text if is_small else f'{text}, which is left out')
+        return is_small
+
+    def _all_messages(self, topics: Topics) -> Iterator[Message]:
+        """
+        Yield all intact messages ordered by log time, found without an index.
+
+        A message waits in a heap until no later part of the file starts before it. The heap is
+        bounded: beyond that the earliest is yielded, though an earlier one follows.
+        """
+        bounds, number = self._later_starts(), 0
+        waiting: list[tuple[int, int, Message]] = []
+        # Two of the largest parts fit, as where they are merged by an index.
+        size, limit = 0, max(MIN_LIMIT, MAX_RATIO * self.size, 2 * self._largest)
+        with self.open() as file:
+            scan = self.scan(file)
+            for position, (offset, content) in enumerate(scan.contents()):
+                bound = bounds[position] if position < len(bounds) else _NEVER
+                for message in self.messages_in(offset, content, topics, by_time=True):
+                    if not waiting and message.log_time <= bound:
+                        yield message
+                        continue
+                    number += 1
+                    size += len(message.data) + _WAITING_COST
+                    heapq.heappush(waiting, (message.log_time, number, message))
+                while waiting and (waiting[0][0] <= bound or size > limit):
+                    *_, message = heapq.heappop(waiting)
+                    size -= len(message.data) + _WAITING_COST
+                    yield message
+            self._note_losses(scan)
+        while waiting:
+            yield heapq.heappop(waiting)[2]
+
+    def _later_starts(self) -> NDArray[np.uint64]:
+        """Return for each part of a pass the earliest log time in all later parts [ns]."""
+        if self._starts is None:
+            self.survey()
+        starts = np.array([*(self._starts or ()), _NEVER - 1], dtype=np.uint64)
+        later: NDArray[np.uint64] = np.minimum.accumulate(starts[::-1])[::-1][1:]
+        return later
+
+    def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
+        """Yield all messages chunk by chunk in the order of the file, with their offsets."""
+        channels, count = self.channels(), ContentCount()
+        topics = {number: channels.topic(number) for number in channels.numbers()}
+        known = {number: topic for number, topic in topics.items() if topic is not None}
+        with self.open() as file:
+            scan = self.scan(file)
+            for offset, content in scan.contents():
+                block = block_of(content, known)
+                for number in sorted(count.add(offset, block) - known.keys()):
+                    self._note_unknown(offset, number)
+                yield offset, block
+            self._note_losses(scan)
+        wrong = '; '.join(count.disagreements(self.summary))
+        # The messages of damaged chunks cannot be counted.
+        if wrong and not scan.losses:
+            self.note(self.size, wrong)
 
     def salvage(self) -> 'McapSalvage':
         """Return a pass over all that is intact in it."""
@@ -39,20 +375,7 @@ class McapStorage(LogFile):
 
 
 class McapSalvage:
-    """
-    All that is intact in an MCAP file, found record by record.
-
-    Parameters
-    ----------
-    file
-        The file.
-
-    Attributes
-    ----------
-    lost, remarks
-        See :class:`~klann_ros.log.read.storage.Salvage`.
-
-    """
+    """The intact content of an MCAP file; see :class:`~klann_ros.log.read.storage.Salvage`."""
 
     def __init__(self, file: McapStorage) -> None:
         self.lost: list[str] = []
@@ -60,27 +383,39 @@ class McapSalvage:
         self._file = file
         self._attachments = list[RecordSpan]()
         self._metadata = list[RecordSpan]()
-        self._unverified = self._unknown = self._unknown_offset = self._other = 0
 
     def messages(self) -> Iterator[Message]:
-        """Yield all intact messages in the order in which they stand in it."""
-        file, count = self._file, 0
+        """Yield all intact messages in the order of the file."""
+        file = self._file
+        # Of all messages; without a CRC; of unknown channels, from an offset on; of other records.
+        count = unverified = unknown = unknown_offset = others = 0
         if not (file.summary.is_index and file.summary.verified):
             file.survey()
         self.remarks += [f'{file.name}: {text}' for text in file.channels().contradictions]
         with file.open() as stream:
-            walk = file.walk(stream)
-            for offset, content in walk.contents():
-                self._other += content.unknown
-                self._unverified += 0 if content.verified else len(content)
+            scan = file.scan(stream)
+            for offset, content in scan.contents():
+                others += content.unknown
+                unverified += 0 if content.verified else len(content)
                 missing = len(content)
-                for message in messages_in(file, offset, content, None):
+                for message in file.messages_in(offset, content, None):
                     missing -= 1
                     count += 1
                     yield message
-                self._note_unknown(offset, missing)
-        self._attachments, self._metadata = walk.attachments, walk.metadata
-        self._tell(walk, count)
+                if missing and not unknown:
+                    unknown_offset = offset
+                unknown += missing
+        self._attachments, self._metadata = scan.attachments, scan.metadata
+        for loss in scan.losses:
+            self._lose(loss.offset, str(loss))
+        if unknown:
+            what = f'{counted(unknown, "message")} of topics whose description is lost'
+            self._lose(unknown_offset, what)
+        self._remark(scan, others + scan.unknown, 0 if scan.verified else unverified)
+        statistics = file.summary.statistics
+        if statistics is not None and statistics.message_count > count and not scan.losses:
+            missing = statistics.message_count - count
+            self._lose(file.size, f'{missing} of the messages that it counts are not there')
 
     def attachments(self) -> Iterator[Attachment]:
         """Yield the intact attachments."""
@@ -100,36 +435,19 @@ class McapSalvage:
             else:
                 self._lose(span.offset, self._file.problems[span.offset].text)
 
-    def _note_unknown(self, offset: int, count: int) -> None:
-        if count and not self._unknown:
-            self._unknown_offset = offset
-        self._unknown += count
-
     def _lose(self, offset: int, what: str) -> None:
         self.lost.append(f'{self._file.name} at byte {offset}: {what}')
 
-    def _tell(self, walk: Walk, count: int) -> None:
-        """Note what is left out, what was not checked, and whether it is all that was counted."""
-        for loss in walk.losses:
-            self._lose(loss.offset, str(loss))
-        if self._unknown:
-            what = f'{counted(self._unknown, "message")} of topics whose description is lost'
-            self._lose(self._unknown_offset, what)
+    def _remark(self, scan: RecordScan, others: int, unverified: int) -> None:
         name = self._file.name
-        self.remarks += [f'{name}{problem.place}: {problem.text}' for problem in walk.wrong]
-        self.remarks += [f'{name} {remark}' for remark in walk.remarks]
-        if self._other + walk.unknown:
-            other = self._other + walk.unknown
+        self.remarks += [f'{name}{problem.place}: {problem.text}' for problem in scan.problems]
+        self.remarks += [f'{name} {remark}' for remark in scan.remarks]
+        if others:
             self.remarks.append(
-                f'{name}: {counted(other, "record")} of kinds that are private, or of a later '
-                f'version of MCAP, {verb(other, "is", "are")} left out'
+                f'{name}: {counted(others, "record")} of kinds that are private, or of a later '
+                f'version of MCAP, {verb(others, "is", "are")} left out'
             )
-        if self._unverified and not walk.verified:
-            have = verb(self._unverified, 'message has', 'messages have')
-            self.remarks.append(
-                f'{name}: {self._unverified} {have} no CRC, so nobody knows what is intact'
-            )
-        statistics = self._file.summary.statistics
-        if statistics is not None and statistics.message_count > count and not len(walk.losses):
-            missing = statistics.message_count - count
-            self._lose(self._file.size, f'{missing} of the messages that it counts are not there')
+        if unverified:
+            have = verb(unverified, 'message has', 'messages have')
+            text = f'{unverified} {have} no CRC, so damage in them is unknown'
+            self.remarks.append(f'{name}: {text}')

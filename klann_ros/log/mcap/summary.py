@@ -1,69 +1,86 @@
-"""The summary at the end of a closed file: channels, statistics, and the index of its chunks."""
+"""The summary at the end of a closed file: channels, statistics, and the index of its records."""
 
 from bisect import bisect_left
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import le
 from typing import BinaryIO, NamedTuple
 
+from klann_ros.log.read.block import MessageBlock
+from klann_ros.sanitize.text import counted, verb
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, ChunkIndex, MetadataIndex, Statistics
+import numpy as np
 
 from .channels import Channels
-from .container import check_summary, Footer, read, spans
-from .parsing import parse
+from .records import (
+    check_summary,
+    DEFINITIONS,
+    Footer,
+    INDEX_ENTRY,
+    INDEX_HEAD,
+    parse,
+    read,
+    RECORD_HEAD,
+    spans,
+)
 
-_INDEX_HEAD = 15
-_INDEX_ENTRY = 16
+_USED_KINDS = (
+    *DEFINITIONS,
+    Opcode.CHUNK_INDEX,
+    Opcode.METADATA_INDEX,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.STATISTICS,
+)
 
 
-class RecordPlace(NamedTuple):
-    """Of a record its opcode, its end, and how much it holds [bytes], if that is said."""
+class IndexEntry(NamedTuple):
+    """Opcode and end of a record, and the size of its data [bytes] if known."""
 
-    opcode: int
-    end: int
+    opcode: int | None = None
+    end: int | None = None
     size: int | None = None
+
+
+_NO_ENTRY = IndexEntry()
 
 
 @dataclass
 class Summary:
-    """What a summary says."""
+    """The content of a summary."""
 
-    # Whether the file has an end that holds, with a summary or without.
+    # Whether the file has a valid end, with a summary or without.
     closed: bool = False
-    # Where it starts [bytes]; 0 without any.
+    # Its offset [bytes]; 0 without any.
     start: int = 0
-    # Whether it has a CRC that held.
+    # Whether its CRC matched.
     verified: bool = False
-    # What it says of these.
     channels: Channels = field(default_factory=Channels)
     chunks: list[ChunkIndex] = field(default_factory=list)
     statistics: Statistics | None = None
-    # Where such records start [bytes].
+    # Offsets of these records [bytes].
     metadata: list[int] = field(default_factory=list)
     attachments: list[int] = field(default_factory=list)
-    # Which records it says where, under where they start [bytes].
-    places: dict[int, RecordPlace] = field(default_factory=dict)
+    # All indexed records, by their offsets [bytes].
+    entries: dict[int, IndexEntry] = field(default_factory=dict)
 
     @cached_property
     def is_sound(self) -> bool:
-        """
-        Return whether the records that it names lie one behind the other, before it.
-
-        One that is named often, or that lies in another, could be asked for often.
-        """
-        named = len(self.chunks) + len(self.metadata) + len(self.attachments)
-        ends = [self.places[start].end for start in self._starts]
+        """Return whether the indexed records follow each other without overlap before it."""
+        indexed = len(self.chunks) + len(self.metadata) + len(self.attachments)
+        ends = [self.entries[start].end or 0 for start in self._starts]
         following = [*self._starts, self.start][1:]
-        return named == len(self.places) and all(map(le, ends, following))
+        return indexed == len(self.entries) and all(map(le, ends, following))
 
     @cached_property
     def names_all(self) -> bool:
-        """Return whether it says where each chunk, attachment and metadata record is."""
-        said = self.statistics
-        if said is None:
+        """Return whether it indexes every chunk, attachment and metadata record."""
+        statistics = self.statistics
+        if statistics is None:
             return False
-        counts = said.chunk_count, said.metadata_count, said.attachment_count
+        counts = statistics.chunk_count, statistics.metadata_count, statistics.attachment_count
         found = len(self.chunks), len(self.metadata), len(self.attachments)
         return counts == found and self.is_sound
 
@@ -74,59 +91,53 @@ class Summary:
 
         Recorders may leave out any part, and may put messages outside of chunks.
         """
-        said = self.statistics
+        statistics = self.statistics
         return (
-            said is not None
+            statistics is not None
             and len(self.chunks) > 0
-            and said.channel_count == len(self.channels.numbers())
+            and statistics.channel_count == len(self.channels.numbers())
             and self.names_all
             and self._names_all_topics()
-            and self._messages_in_chunks(said)
+            and self._messages_in_chunks(statistics)
         )
 
-    def note(self, start: int, place: RecordPlace) -> None:
-        """Take up where a record is."""
-        self.places[start] = place
-
-    def forget_places(self) -> None:
-        """Let nobody ask where records are."""
-        self.places.clear()
+    def discard_entries(self) -> None:
+        """Make the index useless for locating records."""
+        self.entries.clear()
         self._starts.clear()
 
     def kind_at(self, offset: int) -> int | None:
-        """Return of which kind it says the record at an offset is; None if it says nothing."""
-        place = self.places.get(offset)
-        return None if place is None else place.opcode
+        """Return the kind of the record at an offset; None if it is not indexed."""
+        return self.entries.get(offset, _NO_ENTRY).opcode
 
     def end_of(self, offset: int) -> int | None:
-        """Return where it says that the record at an offset ends; None if it says nothing."""
-        place = self.places.get(offset)
-        return None if place is None else place.end
+        """Return the end of the record at an offset; None if it is not indexed."""
+        return self.entries.get(offset, _NO_ENTRY).end
 
     def size_at(self, offset: int) -> int | None:
-        """Return how much it says that a record holds [bytes]; None if it says nothing."""
-        place = self.places.get(offset)
-        return None if place is None else place.size
+        """Return the size of the data of a record [bytes]; None if unknown."""
+        return self.entries.get(offset, _NO_ENTRY).size
 
     def first_from(self, offset: int) -> int | None:
-        """Return where the first of the records that it names starts, from an offset on."""
+        """Return the offset of the first indexed record from an offset on."""
         number = bisect_left(self._starts, offset)
         return self._starts[number] if number < len(self._starts) else None
 
     @cached_property
     def _starts(self) -> list[int]:
-        return sorted(self.places)
+        return sorted(self.entries)
 
     def _names_all_topics(self) -> bool:
         channels = set(self.channels.numbers())
         channels.update(number for chunk in self.chunks for number in chunk.message_index_offsets)
         return all(self.channels.topic(number) is not None for number in channels)
 
-    def _messages_in_chunks(self, said: Statistics) -> bool:
-        """Compare the sizes of the message indexes, where there are any, with the statistics."""
+    def _messages_in_chunks(self, statistics: Statistics) -> bool:
+        """Compare the sizes of the message indexes, if any, with the number of messages."""
         size = sum(chunk.message_index_length for chunk in self.chunks)
-        heads = sum(len(chunk.message_index_offsets) for chunk in self.chunks)
-        return size == 0 or size - _INDEX_HEAD * heads == _INDEX_ENTRY * said.message_count
+        count = sum(len(chunk.message_index_offsets) for chunk in self.chunks)
+        entries = size - (RECORD_HEAD.size + INDEX_HEAD) * count
+        return size == 0 or entries == INDEX_ENTRY * statistics.message_count
 
 
 def read_summary(file: BinaryIO, footer: Footer) -> Summary:
@@ -136,25 +147,72 @@ def read_summary(file: BinaryIO, footer: Footer) -> Summary:
         return summary
     check_summary(file, footer)
     summary.start, summary.verified = footer.summary_start, footer.crc != 0
+    entries = summary.entries
     for span in spans(file, footer.summary_start, footer.offset):
-        if span.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            summary.channels.add(
-                span.opcode, read(file, span), span.offset, verified=summary.verified
-            )
+        if span.opcode not in _USED_KINDS:
+            continue
+        content, at = read(file, span), span.offset
+        if span.opcode in DEFINITIONS:
+            summary.channels.add(span.opcode, content, at, verified=summary.verified)
         elif span.opcode == Opcode.CHUNK_INDEX:
-            chunk = parse(ChunkIndex, read(file, span), span.offset)
+            chunk = parse(ChunkIndex, content, at)
             summary.chunks.append(chunk)
-            start, length = chunk.chunk_start_offset, chunk.chunk_length
-            summary.note(start, RecordPlace(Opcode.CHUNK, start + length, chunk.compressed_size))
+            start, end = chunk.chunk_start_offset, chunk.chunk_start_offset + chunk.chunk_length
+            entries[start] = IndexEntry(Opcode.CHUNK, end, chunk.compressed_size)
         elif span.opcode == Opcode.METADATA_INDEX:
-            found = parse(MetadataIndex, read(file, span), span.offset)
+            found = parse(MetadataIndex, content, at)
             summary.metadata.append(found.offset)
-            summary.note(found.offset, RecordPlace(Opcode.METADATA, found.offset + found.length))
+            entries[found.offset] = IndexEntry(Opcode.METADATA, found.offset + found.length)
         elif span.opcode == Opcode.ATTACHMENT_INDEX:
-            index = parse(AttachmentIndex, read(file, span), span.offset)
+            index = parse(AttachmentIndex, content, at)
             summary.attachments.append(index.offset)
             end = index.offset + index.length
-            summary.note(index.offset, RecordPlace(Opcode.ATTACHMENT, end, index.data_size))
+            entries[index.offset] = IndexEntry(Opcode.ATTACHMENT, end, index.data_size)
         elif span.opcode == Opcode.STATISTICS:
-            summary.statistics = parse(Statistics, read(file, span), span.offset)
+            summary.statistics = parse(Statistics, content, at)
     return summary
+
+
+class ContentCount:
+    """Counts the messages of a file, to compare them with its summary."""
+
+    def __init__(self) -> None:
+        # By offset of a chunk: the number of its messages, their first and last log time [ns].
+        self._chunks: dict[int, tuple[int, int, int]] = {}
+        self._messages: Counter[int] = Counter()
+
+    def add(self, offset: int, block: MessageBlock) -> set[int]:
+        """Count the messages of the chunk or message at an offset; return their channels."""
+        counts = np.bincount(block.heads['channel'])
+        channels = np.flatnonzero(counts)
+        self._messages.update(dict(zip(channels.tolist(), counts[channels].tolist(), strict=True)))
+        times = block.heads['log_time']
+        found = (len(times), int(times.min()), int(times.max())) if len(times) else (0, 0, 0)
+        self._chunks[offset] = found
+        return set(channels.tolist())
+
+    def disagreements(self, summary: Summary) -> Iterator[str]:
+        """Yield each disagreement with a summary; none for the parts that it leaves out."""
+        statistics = summary.statistics
+        if statistics is not None:
+            total, declared = self._messages.total(), statistics.message_count
+            by_channel = statistics.channel_message_counts
+            if declared != total:
+                count = counted(declared, 'message')
+                yield f'the statistics count {count}, there {verb(total, "is", "are")} {total}'
+            elif by_channel and +Counter(by_channel) != +self._messages:
+                yield 'the statistics count other messages for each channel than there are'
+        index = {
+            chunk.chunk_start_offset: (chunk.message_start_time, chunk.message_end_time)
+            for chunk in summary.chunks
+        }
+        wrong = sum(self._is_wrong(offset, times) for offset, times in index.items())
+        missing = sum(self._chunks[offset][0] for offset in self._chunks.keys() - index.keys())
+        if wrong:
+            yield f'the index is wrong about {counted(wrong, "chunk")}'
+        if index and missing:
+            yield f'the index leaves out {counted(missing, "message")}'
+
+    def _is_wrong(self, offset: int, times: tuple[int, int]) -> bool:
+        found = self._chunks.get(offset)
+        return found is None or (found[0] > 0 and found[1:] != times)

@@ -1,4 +1,4 @@
-"""The messages of a chunk as arrays, for whoever has millions of them to look at."""
+"""The messages of a chunk as arrays, for readers of millions of messages."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,23 +19,23 @@ HEAD = np.dtype(
         ('publish_time', '<u8'),
     ]
 )
-"""What stands before the bytes of a message."""
+"""Fields of an MCAP message record before its data."""
 
-# So much of it counts for the length of the record; opcode and length do not [bytes].
-_COUNTED = HEAD.itemsize - 9
+# Of these the record's length includes all but opcode and length [bytes].
+_HEAD_LENGTH = HEAD.itemsize - 9
 
 
 @dataclass(frozen=True, eq=False)
 class MessageBlock:
-    """Messages that stand together in a log, in the order in which they stand there."""
+    """Consecutive messages of a log, in the order of the file."""
 
-    # The bytes in which they stand.
+    # The bytes that contain them.
     data: memoryview
-    # A row of type HEAD each: its channel, sequence, log time and publish time [ns].
+    # Channel, sequence, log time and publish time [ns] of each; dtype HEAD.
     heads: NDArray[np.void]
-    # Where in ``data`` the bytes of each begin; shape (n,).
+    # Offset of each message's data in ``data``; shape (n,).
     starts: NDArray[np.int64]
-    # What their channels stand for, as far as that is known.
+    # The topics of the known channels.
     topics: Mapping[int, Topic]
 
     def __len__(self) -> int:
@@ -43,36 +43,36 @@ class MessageBlock:
 
     @property
     def sizes(self) -> NDArray[np.int64]:
-        """Return how many bytes each message has, shape (n,)."""
-        return self.heads['length'].astype(np.int64) - _COUNTED
+        """Return the size of each message's data [bytes], shape (n,)."""
+        return self.heads['length'].astype(np.int64) - _HEAD_LENGTH
 
     def message(self, row: int) -> bytes:
-        """Return the bytes of one message."""
+        """Return the data of one message."""
         begin = int(self.starts[row])
-        end = begin + int(self.heads['length'][row]) - _COUNTED
+        end = begin + int(self.heads['length'][row]) - _HEAD_LENGTH
         return self.data[begin:end].tobytes()
 
     def rows(self, which: NDArray[np.bool_] | NDArray[np.intp], size: int) -> NDArray[np.uint8]:
-        """Return the bytes of some messages of the same size, shape (number, size)."""
+        """Return the data of some messages of the same size, shape (number, size)."""
         windows = sliding_window_view(np.frombuffer(self.data, np.uint8), size)
         found: NDArray[np.uint8] = windows[self.starts[which]]
         return found
 
 
 def block_of(content: Content, topics: Mapping[int, Topic]) -> MessageBlock:
-    """Return the messages of a chunk, or of a message outside of chunks, as arrays."""
+    """Return the messages of a chunk, or those outside of chunks, as arrays."""
     if not len(content):
         nothing = np.empty(0, dtype=np.int64)
         return MessageBlock(content.data, np.empty(0, HEAD), nothing, topics)
-    at = np.frombuffer(content.starts, dtype=np.uint64).astype(np.int64)
-    rows = sliding_window_view(np.frombuffer(content.data, np.uint8), HEAD.itemsize)[at]
-    return MessageBlock(content.data, rows.view(HEAD)[:, 0], at + HEAD.itemsize, topics)
+    starts = np.frombuffer(content.starts, dtype=np.uint64).astype(np.int64)
+    rows = sliding_window_view(np.frombuffer(content.data, np.uint8), HEAD.itemsize)[starts]
+    return MessageBlock(content.data, rows.view(HEAD)[:, 0], starts + HEAD.itemsize, topics)
 
 
 def block_of_messages(
     heads: NDArray[np.void], messages: Sequence[bytes], topics: Mapping[int, Topic]
 ) -> MessageBlock:
-    """Return messages that do not stand in one piece as a block; the heads get their lengths."""
+    """Return separate messages as a block; the heads get their lengths."""
     sizes = np.fromiter(map(len, messages), dtype=np.int64, count=len(messages))
-    heads['length'] = sizes + _COUNTED
+    heads['length'] = sizes + _HEAD_LENGTH
     return MessageBlock(memoryview(b''.join(messages)), heads, np.cumsum(sizes) - sizes, topics)

@@ -1,8 +1,4 @@
-"""
-Open the files of a log, whatever they are: the first bytes of each tell, not its name.
-
-What is no log is named by them as well, with what can be done about it.
-"""
+"""Open the files of a log by their first bytes; other formats are named, with what helps."""
 
 from codecs import getincrementaldecoder
 from collections.abc import Callable
@@ -12,20 +8,19 @@ from typing import TypeAlias
 
 from klann_ros.log.bag_metadata import FILE_NAME
 from klann_ros.log.errors import AnyPath, NotALogError
-from klann_ros.log.mcap.container import MAGIC
 from klann_ros.log.mcap.mcap_storage import McapStorage
+from klann_ros.log.mcap.records import MAGIC
 from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import printable
 
-from .packed_messages import is_packed, PackedMessages
-from .run_files import run_files, RunFiles
+from .compressed import COMPRESSED_SUFFIXES, CompressedMessages, is_compressed, unpack, ZSTD_MAGIC
+from .run_files import LogFiles, run_files
 from .storage import Storage
 from .temporary import TemporaryFile
-from .zstd_file import SUFFIXES, unpack, ZSTD_MAGIC
 
-SQLITE_MAGIC = b'SQLite format 3\0'
+_SQLITE_MAGIC = b'SQLite format 3\0'
 
-Kind: TypeAlias = Callable[[Path, TemporaryFile | None], Storage]
+_OpenStorage: TypeAlias = Callable[[Path, TemporaryFile | None], Storage]
 
 _PCAP = 'a pcap capture of a network'
 _UNPACK = '; unpack it first'
@@ -33,7 +28,7 @@ _ROS_1 = (
     '; `rosbags-convert --src {path} --dst {stem} --dst-storage mcap` makes a run of it '
     '(pip install rosbags)'
 )
-_KINDS = {
+_FOREIGN_FORMATS = {
     b'#ROSBAG V': f'a ROS 1 bag{_ROS_1}',
     b'\xd4\xc3\xb2\xa1': _PCAP,
     b'\xa1\xb2\xc3\xd4': _PCAP,
@@ -49,15 +44,16 @@ _KINDS = {
     b'BZh': f'a bzip2 file{_UNPACK}',
     b'PK\x03\x04': f'a zip file{_UNPACK}',
 }
-_TAR, _TAR_AT = b'ustar', 257
-# It is there to be copied.
-_LONGEST = 1000
-# No log whose start is damaged begins with so many bytes of another kind.
-_CERTAIN = 7
+_TAR, _TAR_OFFSET = b'ustar', 257
+# A path in a command to be copied.
+_MAX_PATH = 1000
+# No log with a damaged start begins with as many bytes of another format.
+_CERTAIN_SIZE = 7
+_START_SIZE = 512
 
 
-def _sqlite(path: Path, unpacked: TemporaryFile | None) -> Storage:
-    """Return an SQLite file, where Python has SQLite: one that was built by hand may lack it."""
+def _open_sqlite(path: Path, unpacked: TemporaryFile | None) -> Storage:
+    """Open an SQLite file; a Python built by hand may lack SQLite."""
     try:
         from klann_ros.log.sqlite.sqlite_storage import SqliteStorage  # noqa: PLC0415
     except ImportError as error:
@@ -66,16 +62,13 @@ def _sqlite(path: Path, unpacked: TemporaryFile | None) -> Storage:
     return SqliteStorage(path, unpacked)
 
 
-STORAGES: dict[bytes, Kind] = {MAGIC: McapStorage, SQLITE_MAGIC: _sqlite}
-"""What reads a file, by the bytes with which it starts."""
-
-# What reads a file whose first bytes are damaged, by its name; MCAP if that does not tell either.
-_BY_SUFFIX: dict[str, Kind] = {'.db3': _sqlite}
-_START = 512
+_STORAGES: dict[bytes, _OpenStorage] = {MAGIC: McapStorage, _SQLITE_MAGIC: _open_sqlite}
+# For a file with damaged first bytes; MCAP by default.
+_STORAGES_BY_SUFFIX: dict[str, _OpenStorage] = {'.db3': _open_sqlite}
 
 
-def open_files(path: AnyPath) -> tuple[list[Storage], RunFiles]:
-    """Return those files of a log that are logs, and all files; a NotALogError if none is one."""
+def open_files(path: AnyPath) -> tuple[list[Storage], LogFiles]:
+    """Return the readable files of a log, and all its files; a NotALogError if none is one."""
     found = run_files(path)
     tried = [_try(file_path, found.packed.get(file_path)) for file_path in found.paths]
     files = [file for file in tried if not isinstance(file, NotALogError)]
@@ -87,7 +80,7 @@ def open_files(path: AnyPath) -> tuple[list[Storage], RunFiles]:
 
 
 def _try(path: Path, packed: Path | None) -> Storage | NotALogError:
-    """Open a file; if it is not all that is in it as it was packed, that one."""
+    """Open a file, or its compressed original if that is intact and the file is not."""
     try:
         storage = open_storage(path)
     except NotALogError as error:
@@ -101,75 +94,70 @@ def _try(path: Path, packed: Path | None) -> Storage | NotALogError:
 def open_storage(path: Path) -> Storage:
     """Open a file of a log; a NotALogError if it is none, or nothing of it can be read."""
     start = _start(path, path)
-    storage = _unpacked(path) if start.startswith(ZSTD_MAGIC) else _plain(path, start)
-    # Each of its messages may be packed as well.
-    return PackedMessages(storage) if is_packed(storage.first_data()) else storage
+    storage = _open_unpacked(path) if start.startswith(ZSTD_MAGIC) else _open_plain(path, start)
+    # Its messages may be compressed as well.
+    return CompressedMessages(storage) if is_compressed(storage.first_data()) else storage
 
 
-def _plain(path: Path, start: bytes) -> Storage:
-    kind = _kind(start)
-    if kind is not None:
-        return kind(path, None)
-    reason = foreign(path, start)
-    if is_certain(start):
+def _open_plain(path: Path, start: bytes) -> Storage:
+    open_kind = _storage_of(start)
+    if open_kind is not None:
+        return open_kind(path, None)
+    reason = _foreign_format(path, start)
+    if any(start.startswith(magic) for magic in _FOREIGN_FORMATS if len(magic) >= _CERTAIN_SIZE):
         raise NotALogError(path, reason)
     try:
-        return _BY_SUFFIX.get(path.suffix, McapStorage)(path, None)
+        return _STORAGES_BY_SUFFIX.get(path.suffix, McapStorage)(path, None)
     except NotALogError:
-        if not reason and path.suffix in SUFFIXES:
+        if not reason and path.suffix in COMPRESSED_SUFFIXES:
             reason = 'it should be a zstd file, and does not start as one'
         if reason:
             raise NotALogError(path, reason) from None
         raise
 
 
-def _unpacked(path: Path) -> Storage:
-    unpacked, problem = unpack(path, lambda start: _kind(start) is not None)
-    kind = _kind(_start(path, unpacked.path)) or McapStorage
-    storage = kind(path, unpacked)
+def _open_unpacked(path: Path) -> Storage:
+    unpacked, problem = unpack(path, lambda start: _storage_of(start) is not None)
+    open_kind = _storage_of(_start(path, unpacked.path)) or McapStorage
+    storage = open_kind(path, unpacked)
     if problem:
         storage.problems.note_whole(problem)
     return storage
 
 
-def _kind(start: bytes) -> Kind | None:
-    return next((kind for magic, kind in STORAGES.items() if start.startswith(magic)), None)
+def _storage_of(start: bytes) -> _OpenStorage | None:
+    return next((kind for magic, kind in _STORAGES.items() if start.startswith(magic)), None)
 
 
 def _start(path: Path, place: Path) -> bytes:
     try:
         with open_regular(place) as file:
-            return file.read(_START)
+            return file.read(_START_SIZE)
     except OSError as error:
         raise NotALogError(path, error.strerror or str(error)) from None
 
 
-def foreign(path: Path, start: bytes) -> str:
-    """Return what a file is by its first bytes, for a line to people; '' if nothing tells."""
-    for magic, kind in _KINDS.items():
+def _foreign_format(path: Path, start: bytes) -> str:
+    """Return the format of a file by its first bytes, as a half sentence; '' if unknown."""
+    for magic, kind in _FOREIGN_FORMATS.items():
         if start.startswith(magic):
             names = {'path': _quoted(path), 'stem': _quoted(path.with_suffix(''))}
             return f'it is {kind.format(**names)}'
-    if start[_TAR_AT:].startswith(_TAR):
+    if start[_TAR_OFFSET:].startswith(_TAR):
         return f'it is a tar archive{_UNPACK}'
     if path.name == FILE_NAME:
         return f'it only says what is in the bag; give the folder, {printable(path.parent)}'
     return 'it does not start as an MCAP file does; it is text' if _is_text(start) else ''
 
 
-def is_certain(start: bytes) -> bool:
-    """Return whether a file cannot be a log whose first bytes are damaged."""
-    return any(start.startswith(magic) for magic in _KINDS if len(magic) >= _CERTAIN)
-
-
 def _quoted(path: Path) -> str:
-    return printable(shlex.quote(str(path)), _LONGEST)
+    return printable(shlex.quote(str(path)), _MAX_PATH)
 
 
 def _is_text(start: bytes) -> bool:
     try:
-        # The last character may be cut off.
-        words = getincrementaldecoder('utf-8')().decode(start)
+        # The last character may be truncated.
+        text = getincrementaldecoder('utf-8')().decode(start)
     except UnicodeDecodeError:
         return False
-    return bool(words) and all(c.isprintable() or c in '\t\r\n' for c in words)
+    return bool(text) and all(c.isprintable() or c in '\t\r\n' for c in text)

@@ -15,81 +15,77 @@ from klann_ros.sanitize import yaml_text
 from klann_ros.sanitize.files import is_regular_file, open_regular, read_regular
 from klann_ros.sanitize.text import printable
 
-from .zstd_file import SUFFIXES as PACKED
+from .compressed import COMPRESSED_SUFFIXES
 
 SUFFIXES = ('.mcap', '.db3')
-"""How the files of a bag are called, before they are packed; the first is the usual one."""
+"""Suffixes of the files of a bag, unless they are compressed; the first is the usual one."""
 
 LOG_HELP = 'a run folder, a rosbag2 bag, or an .mcap or .db3 file'
-"""What may be given where a log is asked for."""
+"""Description of a log argument."""
 
 _MAX_NAME = 1000
 _PLUGINS = ('mcap', 'sqlite3', '')
 _MODES = ('file', 'message', 'none')
 _FORMATS = ('zstd', '')
-# It is there to be copied, and names the folder twice.
-_LONGEST = 2000
+# A command to be copied, with the folder twice in it.
+_MAX_COMMAND = 2000
 
 
 @dataclass
-class RunFiles:
-    """The files of a log in order, and what is wrong with its folder."""
+class LogFiles:
+    """The files of a log in order, and the faults of its folder."""
 
-    # The files that are there.
+    # The existing files.
     paths: list[Path] = field(default_factory=list)
-    # Of some of them the same file as it was packed, in case that what was unpacked from it is not
-    # all.
+    # The compressed original of an unpacked file, in case that the latter is incomplete.
     packed: dict[Path, Path] = field(default_factory=dict)
-    # Files that should be there, one line each.
+    # Files that are missing, and other faults, one line each.
     missing: list[str] = field(default_factory=list)
-    # What else is wrong, one line each.
     remarks: list[str] = field(default_factory=list)
 
 
-def run_files(path: AnyPath) -> RunFiles:
+def run_files(path: AnyPath) -> LogFiles:
     """
-    Return which files a log consists of.
+    Return the files of a log.
 
-    For a folder these are the files that its ``metadata.yaml`` names, and those that continue
-    their numbers, since the metadata of a recording that was killed may be a file behind; or else
-    all of the usual names in natural order (2 before 10). A file that was packed by rosbag2 may
-    be unpacked by now, or the other way round; where it is there both ways it counts once.
+    For a folder these are the files named by its ``metadata.yaml``, and those that continue their
+    numbers, as the metadata of a killed recording may be a file behind; otherwise all of the usual
+    names in natural order (2 before 10). A file that exists compressed and unpacked counts once.
 
     Raises
     ------
     NotALogError
-        There is nothing at the path, or a folder without a file of a bag, or one that rosbag2
-        stored in a way of which nothing is known here.
+        The path does not exist, the folder has no file of a bag, or rosbag2 stored it in an
+        unknown format.
 
     """
     place = Path(path)
     try:
         if place.is_dir():
             return _folder_files(place)
-        # What is no file either says so when it is opened.
+        # Opening it says what it is if it is no file.
         if place.exists():
-            return RunFiles([place])
+            return LogFiles([place])
     except (OSError, ValueError) as error:  # ValueError: a path with a null byte
         raise NotALogError(path, str(error)) from None
     raise NotALogError(path, 'there is no such path')
 
 
-def _folder_files(folder: Path) -> RunFiles:
-    files = RunFiles()
+def _folder_files(folder: Path) -> LogFiles:
+    files = LogFiles()
     metadata = _metadata(folder / FILE_NAME, files.remarks)
-    found = _once(folder.iterdir(), files.packed)
+    found = _visible_files(folder.iterdir(), files.packed)
     names = metadata.get('relative_file_paths')
     named = _named(folder, names) if isinstance(names, list) else []
-    _check_storage(
-        folder, metadata, files.remarks, readable=any(map(is_log_name, [*named, *found]))
-    )
+    readable = any(map(is_log_name, [*named, *found]))
+    _check_storage(folder, metadata, files.remarks, readable=readable)
     if named:
-        # By their names when unpacked: somebody may have unpacked, or packed, them since.
-        by_name = {_unpacked(path): path for path in found}
-        named = list(dict.fromkeys(by_name.get(_unpacked(path), path) for path in named))
-        there = [path for path in named if is_regular_file(path)]
-        files.missing = [_missing(path) for path in named if path not in there]
-        found = _with_those_named(there, found, files.remarks) if there else found
+        # By their unpacked names: they may have been compressed or unpacked since.
+        by_name = {_unpacked_name(path): path for path in found}
+        named = list(dict.fromkeys(by_name.get(_unpacked_name(path), path) for path in named))
+        existing = [path for path in named if is_regular_file(path)]
+        files.missing = [_missing(path) for path in named if path not in existing]
+        found = _with_continuation(existing, found, files.remarks) if existing else found
     else:
         found = _of_one_storage(found, files.remarks)
     if not found:
@@ -100,7 +96,7 @@ def _folder_files(folder: Path) -> RunFiles:
 
 
 def _missing(path: Path) -> str:
-    """Return what is wrong with a file that is named and cannot be read."""
+    """Return the fault of a named file that cannot be read."""
     name = printable(path.name)
     try:
         open_regular(path).close()
@@ -108,24 +104,20 @@ def _missing(path: Path) -> str:
         return f'{name} is missing, though {FILE_NAME} names it'
     except OSError as error:
         return f'{name} is left out, though {FILE_NAME} names it: {error.strerror}'
-    return f'{name} is left out: it was not there when it was looked for'
+    return f'{name} is left out: it appeared while the folder was read'
 
 
-def _unnamed(path: Path, what_then: str) -> str:
-    return f'{printable(path.name)} is not named in {FILE_NAME}{what_then}'
-
-
-def _once(paths: Iterable[Path], packed: dict[Path, Path]) -> list[Path]:
-    """Return the files of a bag in natural order, unpacked rather than packed."""
+def _visible_files(paths: Iterable[Path], packed: dict[Path, Path]) -> list[Path]:
+    """Return the files of a bag in natural order, unpacked rather than compressed."""
     found: dict[str, Path] = {}
-    # Hidden ones are some tool's own, such as a copy in progress.
+    # Hidden ones belong to tools, such as a copy in progress.
     visible = (path for path in paths if is_log_name(path) and not path.name.startswith('.'))
     for path in sorted(visible, key=natural):
-        first = found.setdefault(_unpacked(path), path)
+        first = found.setdefault(_unpacked_name(path), path)
         if first != path and is_regular_file(first):
             packed[first] = path
         else:
-            found[_unpacked(path)] = path
+            found[_unpacked_name(path)] = path
     return list(found.values())
 
 
@@ -134,29 +126,24 @@ def _named(folder: Path, names: list[object]) -> list[Path]:
     return [folder / Path(str(name)[:_MAX_NAME]).name for name in names]
 
 
-def _with_those_named(there: list[Path], found: list[Path], remarks: list[str]) -> list[Path]:
-    """Return the files that are named and those that continue them; remark on the others."""
-    more = _continuing(there, found)
-    remarks += [_unnamed(path, '; it continues the run, and is read') for path in more]
-    remarks += [
-        _unnamed(path, ', and is left out')
-        for path in found
-        if path not in there and path not in more
-    ]
-    return [*there, *more]
-
-
-def _continuing(named: list[Path], found: list[Path]) -> list[Path]:
-    """Return the files that are not named, but numbered like those that are and behind them."""
+def _with_continuation(named: list[Path], found: list[Path], remarks: list[str]) -> list[Path]:
+    """Return the named files and those that continue their numbers; remark on the others."""
     series = {_series(path) for path in named}
     last = max(map(natural, named))
-    others = (path for path in found if path not in named and re.search(r'_\d+\.', path.name))
-    return [path for path in others if _series(path) in series and natural(path) > last]
+    following = []
+    for path in (path for path in found if path not in named):
+        continues = re.search(r'_\d+\.', path.name) and _series(path) in series
+        is_next = continues and natural(path) > last
+        if is_next:
+            following.append(path)
+        reaction = '; it continues the run, and is read' if is_next else ', and is left out'
+        remarks.append(f'{printable(path.name)} is not named in {FILE_NAME}{reaction}')
+    return [*named, *following]
 
 
 def _of_one_storage(found: list[Path], remarks: list[str]) -> list[Path]:
-    """Return the files of the kind that comes first: where there are two, one is a copy."""
-    kinds = {kind: [path for path in found if _kind(path) == kind] for kind in SUFFIXES}
+    """Return the files of the first suffix: where there are two, one is a copy."""
+    kinds = {kind: [path for path in found if _suffix(path) == kind] for kind in SUFFIXES}
     chosen = next((paths for paths in kinds.values() if paths), [])
     remarks += [
         f'{printable(path.name)} is left out: {printable(chosen[0].name)} beside it is of another '
@@ -170,7 +157,7 @@ def _of_one_storage(found: list[Path], remarks: list[str]) -> list[Path]:
 def _check_storage(
     folder: Path, metadata: dict[str, Any], remarks: list[str], *, readable: bool
 ) -> None:
-    """Refuse what only rosbag2's own plugins can read, as far as the metadata tell."""
+    """Refuse formats that only plugins of rosbag2 can read, as far as the metadata say."""
     plugin, mode, form = (
         str(metadata.get(key) or '')[:_MAX_NAME]
         for key in ('storage_identifier', 'compression_mode', 'compression_format')
@@ -180,8 +167,7 @@ def _check_storage(
             folder, f"rosbag2 stored it by '{printable(plugin)}'; {_convert_command(folder)}"
         )
     if (mode.lower() or 'none') not in _MODES:
-        shown = f"'{printable(mode)}'"
-        remarks.append(f'{FILE_NAME} is damaged: there is no compression mode {shown}')
+        remarks.append(f"{FILE_NAME} is damaged: there is no compression mode '{printable(mode)}'")
     elif mode.lower() == 'message' and form not in _FORMATS:
         raise NotALogError(
             folder,
@@ -190,31 +176,36 @@ def _check_storage(
 
 
 def run_name(path: Path) -> str:
-    """Return how a file of a run is called, without what tells how it is stored."""
-    name = Path(_unpacked(path))
+    """Return the name of a run's file without the suffixes of its storage."""
+    name = Path(_unpacked_name(path))
     return name.stem if name.suffix in SUFFIXES else name.name
 
 
 def is_log_name(path: Path) -> bool:
-    """Return whether a file is called as a log is."""
-    return _kind(path) in SUFFIXES
+    """Return whether a file has the name of a log."""
+    return _suffix(path) in SUFFIXES
 
 
-def _kind(path: Path) -> str:
-    return Path(_unpacked(path)).suffix
+def natural(path: Path) -> list[tuple[int, str]]:
+    """Return the sort key of natural order: 2 before 10."""
+    parts = re.findall(r'\d+|\D+', path.name)
+    return [(int(part), '') if part.isdecimal() else (-1, part) for part in parts]
+
+
+def _suffix(path: Path) -> str:
+    return Path(_unpacked_name(path)).suffix
 
 
 def _series(path: Path) -> tuple[str, str]:
-    return Path(_unpacked(path)).stem.rpartition('_')[0], _kind(path)
+    return Path(_unpacked_name(path)).stem.rpartition('_')[0], _suffix(path)
 
 
-def _unpacked(path: Path) -> str:
-    """Return the name of a file when it is unpacked."""
-    return path.stem if path.suffix in PACKED else path.name
+def _unpacked_name(path: Path) -> str:
+    return path.stem if path.suffix in COMPRESSED_SUFFIXES else path.name
 
 
 def _metadata(path: Path, remarks: list[str]) -> dict[str, Any]:
-    """Return what metadata.yaml says under its root key; nothing if there is none."""
+    """Return the content of metadata.yaml under its root key; nothing if there is none."""
     if not path.exists():
         return {}
     try:
@@ -232,16 +223,8 @@ def _metadata(path: Path, remarks: list[str]) -> dict[str, Any]:
     return content
 
 
-@lru_cache(maxsize=1)
-def _parsed(text: str) -> Any:
-    """Return what a text says; who reads a run looks for its files more than once."""
-    return yaml_text.load(text)
-
-
-def natural(path: Path) -> list[tuple[int, str]]:
-    """Return what paths are sorted by, so that 2 is before 10."""
-    parts = re.findall(r'\d+|\D+', path.name)
-    return [(int(part), '') if part.isdecimal() else (-1, part) for part in parts]
+# The files of a run are listed more than once.
+_parsed = lru_cache(maxsize=1)(yaml_text.load)
 
 
 def _convert_command(folder: Path) -> str:
@@ -250,4 +233,4 @@ def _convert_command(folder: Path) -> str:
     options = f'output_bags: [{{uri: {output}, storage_id: mcap, all: true}}]'
     words = f'echo {shlex.quote(options)} > to.yaml && ros2 bag convert -i '
     command = f'{words}{shlex.quote(str(folder))} -o to.yaml'
-    return f'`{printable(command, _LONGEST)}` makes a run of it'
+    return f'`{printable(command, _MAX_COMMAND)}` makes a run of it'

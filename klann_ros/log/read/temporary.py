@@ -1,8 +1,8 @@
 """
-Files that are there only to be read, such as what a compressed file holds.
+Temporary files that hold what was unpacked or copied from a log.
 
-They are in one folder of this process under the system's folder for such things (TMPDIR). It goes
-at the end of the process; that of a process which was killed goes when the next one makes its own.
+They are in one folder of this process below TMPDIR, which is removed at the end of the process;
+that of a killed process is removed when the next one makes its own.
 """
 
 from collections.abc import Iterable, Iterator
@@ -20,92 +20,64 @@ from klann_ros.log.errors import AnyPath, NotALogError
 from klann_ros.sanitize.files import is_regular_file
 
 _PREFIX = 'klann_ros-unpacked-'
-# What marks a folder as one of these, whatever else is called like that.
+# File that marks a folder as one of these.
 _MARK = '.made-to-be-removed'
-# A folder that is younger may be about to be locked [s].
-_NEW = 60.0
-# So much stays free for others [bytes].
-_KEPT_FREE = 200 * 1024 * 1024
+# A younger folder may not be locked yet [s].
+_MIN_AGE = 60.0
+# Space that stays free for others [bytes].
+_MIN_FREE = 200 * 1024 * 1024
 
 
 class TemporaryFile:
     """
-    A file of a name of one's choice that goes with this object.
+    A file with a name that is removed with this object.
 
-    Parameters
-    ----------
-    source
-        What is read by it, for messages.
-    name
-        How it is called.
-
-    Raises
-    ------
-    NotALogError
-        There is no place for it.
-
+    All errors of its disk are a NotALogError of the source, the log that it is made from.
     """
 
     def __init__(self, source: AnyPath, name: str) -> None:
         self._source = source
-        try:
+        with self._disk():
             folder = tempfile.mkdtemp(dir=_folder(os.getpid()))
-        except OSError as error:
-            raise self._refused(error.strerror or str(error)) from None
         self.path = Path(folder, name)
         self._remove = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
 
     def close(self) -> None:
-        """Remove it, and all that is beside it."""
+        """Remove it with all files beside it."""
         self._remove()
 
-    def write(self, pieces: Iterable[bytes], beside: str = '', size: int = 0) -> None:
+    def write(self, pieces: Iterable[bytes], suffix: str = '', size: int = 0) -> None:
         """
-        Write the file, or one beside it.
+        Write the file, or one beside it whose name has a suffix.
 
-        Parameters
-        ----------
-        pieces
-            What is to be in it.
-        beside
-            How much longer the name of the one beside it is.
-        size
-            How large it is going to be [bytes], if that is known: of what has no room nothing is
-            written then.
-
-        Raises
-        ------
-        NotALogError
-            There is no room for it.
-        OSError
-            The pieces cannot be read.
-
+        Nothing is written if the disk has no room for a known size [bytes]. An OSError means that
+        the pieces cannot be read.
         """
-        with self._told():
-            room = shutil.disk_usage(self.path.parent).free - _KEPT_FREE
+        with self._disk():
+            room = shutil.disk_usage(self.path.parent).free - _MIN_FREE
             self._check_room(size, room)
-            file = self.path.with_name(self.path.name + beside).open('wb')
+            file = self.path.with_name(self.path.name + suffix).open('wb')
         with file:
             for piece in pieces:
                 room -= len(piece)
                 self._check_room(0, room)
-                with self._told():
+                with self._disk():
                     file.write(piece)
                     file.flush()
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
-        """Tell an error of this disk as what it is; what is read may have one of its own."""
+    def _disk(self) -> Iterator[None]:
+        """Convert an error of this disk; reading the source may raise its own."""
         try:
             yield
         except OSError as error:
-            raise self._refused(error.strerror or str(error)) from None
+            raise self._refusal(error.strerror or str(error)) from None
 
     def _check_room(self, size: int, room: int) -> None:
         if size > room:
-            raise self._refused('there is no room for it')
+            raise self._refusal('there is no room for it')
 
-    def _refused(self, reason: str) -> NotALogError:
+    def _refusal(self, reason: str) -> NotALogError:
         place = tempfile.gettempdir()
         return NotALogError(
             self._source,
@@ -133,7 +105,7 @@ def _remove(folder: Path, lock: int | None, process: int) -> None:
 
 
 def _lock(folder: Path) -> int | None:
-    """Lock a folder as long as this process lives; None if somebody has done so."""
+    """Lock a folder until this process ends; None if another process has locked it."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -144,11 +116,11 @@ def _lock(folder: Path) -> int | None:
 
 
 def _sweep(place: Path) -> None:
-    """Remove this user's folders that no process has any more."""
+    """Remove this user's folders of ended processes."""
     for folder in place.glob(f'{_PREFIX}*'):
         try:
             status = folder.lstat()
-            is_new = time.time() - status.st_mtime < _NEW
+            is_new = time.time() - status.st_mtime < _MIN_AGE
             if is_new or status.st_uid != os.getuid() or not is_regular_file(folder / _MARK):
                 continue
             lock = _lock(folder)

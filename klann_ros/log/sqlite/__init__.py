@@ -1,1 +1,1 @@
-"""rosbag2's other storage: SQLite files, read without being believed, also torn ones."""
+"""SQLite files of rosbag2 (.db3) of any age."""

@@ -1,23 +1,30 @@
 """
-Open an SQLite file of a stranger's, for reading what stands in its tables and nothing else.
+Tables of an untrusted SQLite file of rosbag2: its topics and its messages, and nothing else.
 
-What a schema may bring along is not used: views, triggers, indexes and functions are refused
-when a statement is prepared, before anything of it runs (https://www.sqlite.org/security.html).
-The file is opened immutable, so that nothing is made beside it and no lock is waited for.
+Views, triggers, indexes and functions of the schema are refused when a statement is prepared,
+before anything of it runs (https://www.sqlite.org/security.html). The file is opened immutable: no
+file is made beside it, and no lock is awaited.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 import sqlite3
+from typing import TypeAlias
 
+from klann_ros.log.definitions import definition
+from klann_ros.log.errors import UnknownTypeError
+from klann_ros.log.records import Topic
 from klann_ros.sanitize.text import printable
 
-TABLES = ('topics', 'messages', 'message_definitions', 'metadata')
-"""What is read of a bag."""
+# Topic id, time [ns], data.
+Row: TypeAlias = tuple[int, int, bytes]
 
 _MASTER = 'sqlite_master'
-_READABLE = frozenset((*TABLES, _MASTER, 'sqlite_schema'))
+_READABLE = frozenset(
+    ('topics', 'messages', 'message_definitions', 'metadata', _MASTER, 'sqlite_schema')
+)
 _FUNCTIONS = frozenset(('count', 'length', 'max', 'min', 'sum', 'typeof'))
 _SETTINGS = (
     'PRAGMA trusted_schema = OFF',
@@ -27,6 +34,45 @@ _SETTINGS = (
     'PRAGMA temp_store = MEMORY',
 )
 
+# Columns of each table; '' in each row for those that an old table lacks.
+_TOPIC_COLUMNS = (
+    'id',
+    'name',
+    'type',
+    'serialization_format',
+    'offered_qos_profiles',
+    'type_description_hash',
+)
+_DEFINITION_COLUMNS = ('topic_type', 'encoding', 'encoded_message_definition')
+_ENCODINGS = ('ros2msg', 'ros2idl')
+_MAX_TABLE_SIZE, _MAX_TOPICS = 32 * 1024 * 1024, 65535
+# Charged for each row: pages that are linked repeatedly hold endless rows without text [bytes].
+_TEXT_ROW_SIZE = 64
+
+# Messages of a range, its approximate and maximum size [bytes]; one message may be larger.
+_MAX_ROWS, _RANGE_SIZE, _MAX_RANGE_SIZE = 4096, 2 * 1024 * 1024, 16 * 1024 * 1024
+# Minimum size of a row: its length, its number, and the types of its columns [bytes].
+_MIN_ROW_SIZE = 6
+# Columns may hold values of any type, whatever their declaration.
+_SOUND = (
+    "typeof(data) = 'blob' AND typeof(topic_id) = 'integer' "
+    "AND typeof(timestamp) = 'integer' AND timestamp >= 0"
+)
+# An index may disagree with its table.
+_FROM = 'FROM messages NOT INDEXED'
+_SURVEY = f"""
+SELECT topic, sound, count(*), min(time), max(time), min(id), max(id), sum(size),
+    count(DISTINCT id) FROM (
+    SELECT id, CASE typeof(topic_id) WHEN 'integer' THEN topic_id END AS topic,
+        CASE typeof(timestamp) WHEN 'integer' THEN timestamp END AS time,
+        length(data) AS size, {_SOUND} AS sound
+    {_FROM} WHERE id >= ? ORDER BY id LIMIT ?
+) GROUP BY topic, sound
+"""  # noqa: S608 - our own
+# Limited: pages that are linked repeatedly hold endless rows.
+_COUNT = f'SELECT count(*) FROM (SELECT 1 {_FROM} LIMIT ?)'  # noqa: S608 - our own
+_READ = f'SELECT topic_id, timestamp, data {_FROM} WHERE id BETWEEN ? AND ? AND {_SOUND}'
+
 
 class DatabaseError(Exception):
     """SQLite cannot read the file, or its rows are inconsistent; the text says why."""
@@ -34,15 +80,7 @@ class DatabaseError(Exception):
 
 @contextmanager
 def database(path: Path) -> Iterator[sqlite3.Connection]:
-    """
-    Open an SQLite file without the journal beside it; texts are returned as bytes.
-
-    Raises
-    ------
-    DatabaseError
-        It cannot be opened, or SQLite refuses it while it is open.
-
-    """
+    """Open a file without its journal; texts are bytes; a DatabaseError if SQLite refuses it."""
     uri = f'{path.absolute().as_uri()}?mode=ro&immutable=1'
     try:
         with closing(sqlite3.connect(uri, uri=True, isolation_level=None)) as connection:
@@ -55,6 +93,20 @@ def database(path: Path) -> Iterator[sqlite3.Connection]:
         raise DatabaseError(reason_of(error)) from None
 
 
+def _authorize(
+    action: int, first: str | None, second: str | None, _: str | None, source: str | None
+) -> int:
+    """Allow only what is listed here, and not from inside a view or a trigger."""
+    allowed = {
+        sqlite3.SQLITE_SELECT: True,
+        sqlite3.SQLITE_READ: first in _READABLE,
+        sqlite3.SQLITE_FUNCTION: second in _FUNCTIONS,
+        sqlite3.SQLITE_PRAGMA: first == 'table_xinfo',
+    }
+    is_allowed = source is None and allowed.get(action, False)
+    return sqlite3.SQLITE_OK if is_allowed else sqlite3.SQLITE_DENY
+
+
 def reason_of(error: Exception) -> str:
     """Return why SQLite failed; its own message may quote names that are no UTF-8."""
     if isinstance(error, UnicodeDecodeError):
@@ -63,41 +115,197 @@ def reason_of(error: Exception) -> str:
 
 
 def columns(connection: sqlite3.Connection, table: str) -> frozenset[str]:
-    """Return the columns of one of TABLES; none if there is no such table with numbered rows."""
+    """Return the columns of a table of rosbag2; none if it is no table with numbered rows."""
     own = f"type = 'table' AND name = '{table}'"
-    query = f'SELECT rootpage FROM {_MASTER} WHERE {own}'  # noqa: S608 - one of TABLES
+    query = f'SELECT rootpage FROM {_MASTER} WHERE {own}'  # noqa: S608 - our own
     root = connection.execute(query).fetchone()
     # Virtual tables have no page of their own.
     if root is None or not root[0]:
         return frozenset()
     rows = connection.execute(f'PRAGMA table_xinfo({table})').fetchall()
     numbered = any(row[1:3] == (b'id', b'INTEGER') and row[5] == 1 for row in rows)
-    # Hidden ones are computed when they are read.
-    plain = frozenset(text(row[1]) for row in rows if not row[6])
+    # Hidden columns are computed when they are read.
+    plain = frozenset(_text(row[1]) for row in rows if not row[6])
     return plain if numbered and 'id' in plain else frozenset()
 
 
 def table_names(connection: sqlite3.Connection) -> list[str]:
     """Return the names of the first tables."""
     query = f"SELECT name FROM {_MASTER} WHERE type = 'table' LIMIT 5"  # noqa: S608
-    return [text(name) for (name,) in connection.execute(query)]
+    return [_text(name) for (name,) in connection.execute(query)]
 
 
-def text(value: object) -> str:
-    """Return what stands in a table as a text, whatever it is."""
+def _text(value: object) -> str:
     return value.decode(errors='replace') if isinstance(value, bytes) else str(value)
 
 
-def _authorize(
-    action: int, first: str | None, second: str | None, _: str | None, source: str | None
-) -> int:
-    """Allow what is named here, and only directly: not out of a view or a trigger."""
-    allowed = {
-        sqlite3.SQLITE_SELECT: True,
-        sqlite3.SQLITE_READ: first in _READABLE,
-        sqlite3.SQLITE_FUNCTION: second in _FUNCTIONS,
-        sqlite3.SQLITE_PRAGMA: first == 'table_xinfo',
-    }
-    if source is None and allowed.get(action, False):
-        return sqlite3.SQLITE_OK
-    return sqlite3.SQLITE_DENY
+@dataclass
+class BagDescription:
+    """The tables of a bag beside its messages."""
+
+    # By topic id.
+    topics: dict[int, Topic] = field(default_factory=dict)
+    # YAML of ``metadata.yaml`` without its root key, the last one last.
+    metadata: list[str] = field(default_factory=list)
+    # Installed definitions by type, '' without one: bags before Iron have none of their own.
+    installed: dict[str, str] = field(default_factory=dict)
+    # What was left out, one line each.
+    problems: list[str] = field(default_factory=list)
+
+    def add_topics(
+        self, rows: Iterator[tuple[object, ...]], texts: Mapping[str, tuple[str, str]]
+    ) -> None:
+        """Add rows of the table of topics, given encoding and definition of each type."""
+        for number, *rest in rows:
+            if not isinstance(number, int):
+                self._leave_out('a topic without a number is left out')
+            elif len(self.topics) >= _MAX_TOPICS:
+                self._leave_out(f'there are more than {_MAX_TOPICS} topics')
+            else:
+                name, kind, encoding, qos, type_hash = map(_text, rest)
+                schema, words = texts.get(kind, ('ros2msg', ''))
+                words = words or self._installed(kind)
+                self.topics[number] = Topic(name, kind, words, qos, type_hash, encoding, schema)
+
+    def _installed(self, kind: str) -> str:
+        if kind not in self.installed:
+            try:
+                self.installed[kind] = definition(kind)
+            except (UnknownTypeError, OSError):
+                self.installed[kind] = ''
+        return self.installed[kind]
+
+    def _leave_out(self, what: str) -> None:
+        if what not in self.problems:
+            self.problems.append(what)
+
+
+def bag_description(connection: sqlite3.Connection) -> BagDescription:
+    """Return the tables of a bag beside its messages."""
+    found = BagDescription()
+    definitions = _text_rows(connection, 'message_definitions', _DEFINITION_COLUMNS, found)
+    texts = {}
+    for kind, encoding, words in (map(_text, row) for row in definitions):
+        if words and encoding in _ENCODINGS:
+            texts[kind] = encoding, words
+    found.add_topics(_text_rows(connection, 'topics', _TOPIC_COLUMNS, found), texts)
+    found.metadata = [
+        _text(row[0]) for row in _text_rows(connection, 'metadata', ('metadata',), found)
+    ]
+    return found
+
+
+def _text_rows(
+    connection: sqlite3.Connection, table: str, wanted: tuple[str, ...], found: BagDescription
+) -> Iterator[tuple[object, ...]]:
+    """Yield the wanted columns of a table's rows, up to a size."""
+    known = columns(connection, table)
+    if not known:
+        return
+    selected = ', '.join(name if name in known else "''" for name in wanted)
+    size = 0
+    query = f'SELECT {selected} FROM {table} NOT INDEXED ORDER BY id'  # noqa: S608 - our own
+    for row in connection.execute(query):
+        size += _TEXT_ROW_SIZE + sum(len(item) for item in row if isinstance(item, bytes))
+        if size > _MAX_TABLE_SIZE:
+            found.problems.append(f'there are more than {_MAX_TABLE_SIZE} bytes of {table}')
+            return
+        yield row
+
+
+@dataclass(frozen=True)
+class RowRange:
+    """Messages that are read together."""
+
+    # The first and the last row.
+    first: int
+    last: int
+    # Earliest and latest time [ns].
+    start: int
+    end: int
+    # Topic ids.
+    topics: frozenset[int]
+    # Number of messages.
+    count: int
+    # Approximate place in the file [bytes].
+    offset: int
+
+    def __str__(self) -> str:
+        """Return its name in messages."""
+        return f'messages {self.first} to {self.last}'
+
+
+class MessageRows:
+    """
+    The table of messages, in ranges of rows as large as a chunk.
+
+    A DatabaseError means that SQLite refuses it or that its rows are inconsistent.
+
+    Attributes
+    ----------
+    ranges
+        All messages.
+    unsound
+        Number of rows that are no message.
+
+    """
+
+    def __init__(self, path: Path, size: int) -> None:
+        self.ranges: list[RowRange] = []
+        self.count = self.unsound = 0
+        self._path = path
+        self.size = size
+        with database(path) as connection:
+            self._survey(connection)
+            expected = self.count + self.unsound
+            (rows,) = connection.execute(_COUNT, (expected + 1,)).fetchone()
+        if rows != expected:
+            raise DatabaseError('its rows are out of order')
+
+    def read(self, rows: RowRange, topics: Collection[int] | None = None) -> list[Row]:
+        """Return the messages of a range, of some topics or all; a DatabaseError if refused."""
+        wanted = rows.topics if topics is None else rows.topics & set(topics)
+        if not wanted:
+            return []
+        query = _READ
+        if wanted != rows.topics:
+            query += f' AND topic_id IN ({",".join(map(str, sorted(wanted)))})'
+        with database(self._path) as connection:
+            ends = rows.first, rows.last
+            return connection.execute(f'{query} ORDER BY id', ends).fetchall()
+
+    def _survey(self, connection: sqlite3.Connection) -> None:
+        """Split the table into ranges; their lengths follow the sizes of earlier messages."""
+        following, limit, done = -(2**63), 64, 0
+        while True:
+            found = connection.execute(_SURVEY, (following, limit)).fetchall()
+            if not found:
+                return
+            rows, numbers = sum(row[2] for row in found), sum(row[8] for row in found)
+            size = sum(row[7] or 0 for row in found)
+            if size > _MAX_RANGE_SIZE and limit > 1:
+                limit = max(1, min(limit, rows) // 2)
+                continue
+            first, last = min(row[5] for row in found), max(row[6] for row in found)
+            if first < following or numbers < rows or rows > last - first + 1:
+                raise DatabaseError('its rows are out of order')
+            min_size = done + size + _MIN_ROW_SIZE * (self.count + self.unsound + rows)
+            # Pages that contain each other.
+            if min_size > self.size:
+                raise DatabaseError('its rows are larger than the file')
+            self._add(found, first, last, done)
+            done += size
+            if last == 2**63 - 1:
+                return
+            following = last + 1
+            limit = min(_MAX_ROWS, max(1, _RANGE_SIZE * rows // (size + 1)))
+
+    def _add(self, found: list[tuple[int, ...]], first: int, last: int, offset: int) -> None:
+        sound = [row for row in found if row[1]]
+        count = sum(row[2] for row in sound)
+        self.count += count
+        self.unsound += sum(row[2] for row in found) - count
+        if sound:
+            start, end = min(row[3] for row in sound), max(row[4] for row in sound)
+            topics = frozenset(row[0] for row in sound)
+            self.ranges.append(RowRange(first, last, start, end, topics, count, offset))

@@ -1,84 +1,144 @@
-"""An SQLite file of rosbag2's as a storage: a `.db3`, of any age and in any state."""
+"""
+An SQLite file of rosbag2 as a storage.
+
+SQLite reads it; what SQLite refuses is refused. A killed recorder leaves a write-ahead log or a
+rollback journal beside its file. The log holds committed messages, and the journal undoes an
+unfinished transaction. SQLite applies them to a copy: the bag is not changed.
+"""
 
 from collections.abc import Collection, Iterator
 from functools import partial
+from itertools import chain
 from operator import itemgetter
 from pathlib import Path
+import shlex
+import sqlite3
+import struct
 
 from klann_ros.log.bag_metadata import RECORD_KEY, RECORD_NAME
+from klann_ros.log.errors import NotALogError
 from klann_ros.log.read.block import block_of_messages, HEAD, MessageBlock
-from klann_ros.log.read.sources import Source, Topics
-from klann_ros.log.read.storage import Overview, Problems
+from klann_ros.log.read.storage import Overview, Problems, Source, Topics
 from klann_ros.log.read.temporary import TemporaryFile
 from klann_ros.log.records import Attachment, Message
-from klann_ros.sanitize.text import counted, printable, verb
+from klann_ros.sanitize.files import is_regular_file, open_regular
+from klann_ros.sanitize.text import counted, listed, printable, verb
 import numpy as np
 
-from .contents import contents_of
-from .database import DatabaseError
-from .rows import Row, RowRange
+from .database import (
+    bag_description,
+    BagDescription,
+    columns,
+    database,
+    DatabaseError,
+    MessageRows,
+    reason_of,
+    Row,
+    RowRange,
+    table_names,
+)
 
-_time_of = itemgetter(1)
+_WAL, _JOURNAL = '-wal', '-journal'
+_JOURNAL_MAGICS = {
+    _WAL: (b'\x37\x7f\x06\x82', b'\x37\x7f\x06\x83'),
+    _JOURNAL: (bytes.fromhex('d9d505f920a163d7'),),
+}
+_MAX_MAGIC_SIZE = 8
+# A journal may end in the name of another file, which SQLite then deletes; not behind this.
+_NO_NAME = b'\0'
+_BLOCK_SIZE = 1024 * 1024
+
+_KIND = "SQLite, rosbag2's .db3"
+_MESSAGE_COLUMNS = frozenset(('topic_id', 'timestamp', 'data'))
+_TOPIC_COLUMNS = frozenset(('name', 'type'))
+# Page size and number of pages in the first page.
+_HEADER = struct.Struct('>16xH10xI')
+# A command to be copied.
+_MAX_COMMAND = 1000
 
 
 class SqliteStorage:
     """
-    An SQLite file of rosbag2's; see :class:`~klann_ros.log.read.storage.Storage`.
+    An SQLite file of rosbag2; see :class:`~klann_ros.log.read.storage.Storage`.
 
-    It takes, and raises, what :func:`contents_of` does.
+    Nothing beside the file is created or changed. A NotALogError means that it is no bag, or that
+    nothing of it can be read.
     """
 
-    # What stands in it is what stands in MCAP files of this profile.
+    # Its content is that of MCAP files of this profile.
     profile = 'ros2'
 
     def __init__(self, path: Path, unpacked: TemporaryFile | None = None) -> None:
         self.path = path
         self.name = printable(path.name) + (' (unpacked)' if unpacked else '')
-        self.contents = contents_of(path, unpacked)
-        self.size = self.contents.rows.size
-        self.closed = not self.contents.remarks
+        self._copy = unpacked
+        # The state of the file, and what of it cannot be read, one line each.
+        self.remarks: list[str] = []
+        try:
+            if unpacked is None:
+                self._apply_journals(path)
+            place = path if self._copy is None else self._copy.path
+            self.description, self.rows, self.losses = _read_bag(path, place)
+        except OSError as error:
+            raise NotALogError(path, error.strerror or str(error)) from None
+        self.size = self.rows.size
+        self.closed = not self.remarks
         self.problems = Problems()
-        for text in (*self.contents.remarks, *self.contents.losses):
+        for text in (*self.remarks, *self.losses):
             self.problems.note_whole(text)
-        self.holes: set[tuple[int, int]] = set()
-        self._channels = {
-            number: channel for channel, number in enumerate(self.contents.described.topics)
-        }
+        self.gaps: set[tuple[int, int]] = set()
+        self._channels = {topic: channel for channel, topic in enumerate(self.description.topics)}
+
+    def _apply_journals(self, path: Path) -> None:
+        suffixes = [
+            suffix
+            for suffix, magics in _JOURNAL_MAGICS.items()
+            if _starts_with(_beside(path, suffix), magics)
+        ]
+        if not suffixes:
+            return
+        names = ' and '.join(printable(path.name) + suffix for suffix in suffixes)
+        try:
+            self._copy = _checkpointed_copy(path, suffixes)
+        except (sqlite3.Error, UnicodeDecodeError, OSError) as error:
+            text = f'it was not closed, and {names} beside it is of no use: {reason_of(error)}'
+        else:
+            text = f'it was not closed: {names} is beside it, and is read with it'
+        self.remarks = [text]
 
     def overview(self) -> Overview:
-        """Return what it holds; topics without messages are among it."""
-        pieces = self.contents.rows.pieces
-        described = self.contents.described
+        """Return its content, topics without messages included."""
+        ranges = self.rows.ranges
         times = None
-        if pieces:
-            times = min(piece.start for piece in pieces), max(piece.end for piece in pieces)
-        metadata = [0] if described.metadata else []
-        return Overview(list(described.topics.values()), times, metadata, [])
+        if ranges:
+            times = min(rows.start for rows in ranges), max(rows.end for rows in ranges)
+        metadata = [0] if self.description.metadata else []
+        return Overview(list(self.description.topics.values()), times, metadata, [])
 
     def sources(self, _: Overview) -> Iterator[Source]:
-        """Yield what can be read by itself."""
-        for piece in self.contents.rows.pieces:
-            yield Source(piece.start, piece.end, partial(self._in_time_order, piece))
+        """Yield the parts that can be read separately."""
+        for rows in self.rows.ranges:
+            yield Source(rows.start, rows.end, partial(self._by_time, rows))
 
     def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
-        """Yield all messages in large pieces as they stand in it, and where each is [bytes]."""
-        for piece in self.contents.rows.pieces:
-            yield piece.offset, self._block(self._rows(piece))
+        """Yield all messages in large blocks in the order of the file, with their offsets."""
+        for rows in self.rows.ranges:
+            yield rows.offset, self._block(self._messages(rows))
 
     def first_data(self) -> bytes:
-        """Return the bytes of the message that stands first; b'' if there is none."""
-        for piece in self.contents.rows.pieces:
-            for *_, data in self._rows(piece):
+        """Return the data of the first message in the file; b'' if there is none."""
+        for rows in self.rows.ranges:
+            for *_, data in self._messages(rows):
                 return data
         return b''
 
     def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
-        """Return what the table of metadata said last, as it stands in an MCAP file."""
-        found = self.contents.described.metadata[offset:]
+        """Return the last row of the table of metadata, as an MCAP file has it."""
+        found = self.description.metadata[offset:]
         return (RECORD_NAME, {RECORD_KEY: found[-1]}) if found else None
 
     def attachment_at(self, _: int) -> Attachment | None:
-        """Return None: there is nothing of the kind in such files."""
+        """Return None: the format has no attachments."""
         return None
 
     def salvage(self) -> 'SqliteSalvage':
@@ -86,36 +146,37 @@ class SqliteStorage:
         return SqliteSalvage(self)
 
     def close(self) -> None:
-        """Let go of what was unpacked or copied to read it."""
-        self.contents.close()
+        """Remove what was unpacked or copied to read it."""
+        if self._copy is not None:
+            self._copy.close()
 
     def message(self, row: Row) -> Message | None:
-        """Return a row as a message; None if the bag does not tell its topic."""
+        """Return a row as a message; None if its topic is unknown."""
         number, time, data = row
-        topic = self.contents.described.topics.get(number)
-        # The file has one time only, and no sequence numbers.
+        topic = self.description.topics.get(number)
+        # The format has one time only, and no sequence numbers.
         return None if topic is None else Message(topic, data, time, time, 0)
 
-    def _rows(self, piece: RowRange, topics: Collection[int] | None = None) -> list[Row]:
-        """Return the rows of a piece whose topics are known."""
+    def _messages(self, rows: RowRange, topics: Collection[int] | None = None) -> list[Row]:
+        """Return the rows of a range whose topics are known."""
         try:
-            rows = self.contents.rows.read(piece, topics)
+            found = self.rows.read(rows, topics)
         except DatabaseError as error:
-            self.problems.note_whole(f'{piece} are left out: {error}')
+            self.problems.note_whole(f'{rows} are left out: {error}')
             return []
-        if topics is None and len(rows) < piece.count:
-            self.problems.note_whole(f'{piece.count - len(rows)} of {piece} are not all there')
-        unknown = piece.topics - self._channels.keys()
+        if topics is None and len(found) < rows.count:
+            self.problems.note_whole(f'{rows.count - len(found)} of {rows} are not all there')
+        unknown = rows.topics - self._channels.keys()
         for number in unknown:
             self.problems.note_whole(f'messages of topic {number}, which is not known')
-        return [row for row in rows if row[0] not in unknown] if unknown else rows
+        return [row for row in found if row[0] not in unknown] if unknown else found
 
-    def _in_time_order(self, piece: RowRange, names: Topics) -> Iterator[Message]:
-        topics = self.contents.described.topics
+    def _by_time(self, rows: RowRange, names: Topics) -> Iterator[Message]:
+        topics = self.description.topics
         wanted = None
         if names is not None:
             wanted = [number for number, topic in topics.items() if topic.name in names]
-        for number, time, data in sorted(self._rows(piece, wanted), key=_time_of):
+        for number, time, data in sorted(self._messages(rows, wanted), key=itemgetter(1)):
             yield Message(topics[number], data, time, time, 0)
 
     def _block(self, rows: list[Row]) -> MessageBlock:
@@ -124,30 +185,38 @@ class SqliteStorage:
         heads = np.zeros(count, dtype=HEAD)
         heads['channel'] = np.fromiter(map(self._channels.__getitem__, numbers), 'u2', count)
         heads['log_time'] = heads['publish_time'] = np.fromiter(times, 'u8', count)
-        topics = dict(enumerate(self.contents.described.topics.values()))
+        topics = dict(enumerate(self.description.topics.values()))
         return block_of_messages(heads, data, topics)
 
 
 class SqliteSalvage:
-    """All that is intact in such a file; see :class:`~klann_ros.log.read.storage.Salvage`."""
+    """The intact content of such a file; see :class:`~klann_ros.log.read.storage.Salvage`."""
 
     def __init__(self, file: SqliteStorage) -> None:
-        contents = file.contents
-        said = [*contents.remarks, *contents.notes()]
-        self.remarks = [f'{file.name}: {text}' for text in said]
-        self.lost = [f'{file.name}: {text}' for text in contents.losses]
+        remarks = [*file.remarks, 'SQLite keeps no CRC, so damage in messages is unknown']
+        taken = [kind for kind, words in file.description.installed.items() if words]
+        if taken:
+            types = listed(taken)
+            remarks.append(f'the definitions of {types} are those installed here: it has none')
+        self.remarks = [f'{file.name}: {text}' for text in remarks]
+        self.lost: list[str] = []
         self._file = file
+        for text in file.losses:
+            self._lose(text)
+
+    def _lose(self, text: str) -> None:
+        self.lost.append(f'{self._file.name}: {text}')
 
     def messages(self) -> Iterator[Message]:
-        """Yield all intact messages in the order in which they stand in it."""
-        rows, damaged, unknown = self._file.contents.rows, 0, 0
-        for piece in rows.pieces:
+        """Yield all intact messages in the order of the file."""
+        damaged = unknown = 0
+        for rows in self._file.rows.ranges:
             try:
-                found = rows.read(piece)
+                found = self._file.rows.read(rows)
             except DatabaseError as error:
-                self.lost.append(f'{self._file.name}: {piece}: {error}')
+                self._lose(f'{rows}: {error}')
                 continue
-            damaged += piece.count - len(found)
+            damaged += rows.count - len(found)
             for row in found:
                 message = self._file.message(row)
                 if message is None:
@@ -156,15 +225,111 @@ class SqliteSalvage:
                     yield message
         if damaged:
             are = verb(damaged, 'message is', 'messages are')
-            self.lost.append(f'{self._file.name}: {damaged} {are} not all there')
+            self._lose(f'{damaged} {are} not all there')
         if unknown:
-            what = f'{counted(unknown, "message")} of topics whose description is lost'
-            self.lost.append(f'{self._file.name}: {what}')
+            self._lose(f'{counted(unknown, "message")} of topics whose description is lost')
 
     def attachments(self) -> Iterator[Attachment]:
-        """Yield nothing: there is nothing of the kind in such files."""
+        """Yield nothing: the format has no attachments."""
         return iter(())
 
     def metadata(self) -> Iterator[tuple[str, dict[str, str]]]:
-        """Yield nothing: rosbag2's own is made anew."""
+        """Yield nothing: a new run gets its own metadata of rosbag2."""
         return iter(())
+
+
+def _read_bag(path: Path, place: Path) -> tuple[BagDescription, MessageRows, list[str]]:
+    """Return the content of a bag, and what of it cannot be read, one line each."""
+    with open_regular(place) as file:
+        size = file.seek(0, 2)
+        file.seek(0)
+        head = file.read(_HEADER.size)
+    if not size:
+        raise NotALogError(path, f'it should be {_KIND}, and is empty')
+    try:
+        with database(place) as connection:
+            is_bag = columns(connection, 'messages') >= _MESSAGE_COLUMNS
+            if not (is_bag and columns(connection, 'topics') >= _TOPIC_COLUMNS):
+                raise NotALogError(path, _no_bag(path, table_names(connection)))
+            description = bag_description(connection)
+        rows = MessageRows(place, size)
+    except DatabaseError as error:
+        raise NotALogError(path, _refusal(path, str(error))) from None
+    losses = [*description.problems]
+    # Pages behind the size in the header were not committed.
+    page_size, pages = _HEADER.unpack(head)
+    more = size // (page_size if page_size > 1 else 65536) - pages
+    if more > 0:
+        left_out = f'behind its last commit {verb(more, "is", "are")} left out'
+        losses.append(f'{counted(more, "page")} {left_out}')
+    if rows.unsound:
+        losses.append(f'{rows.unsound} rows of its table of messages hold no message')
+    return description, rows, losses
+
+
+def _refusal(path: Path, reason: str) -> str:
+    """Return why a file is refused, and how SQLite itself may salvage it."""
+    recovered = path.with_name(f'{path.stem}_recovered.db3')
+    source, copy = (shlex.quote(str(file)) for file in (path, recovered))
+    command = printable(f'sqlite3 {source} .recover | sqlite3 {copy}', _MAX_COMMAND)
+    return f'it should be {_KIND}, but {reason}; `{command}` may salvage a part of it'
+
+
+def _no_bag(path: Path, names: list[str]) -> str:
+    if not names:
+        return (
+            'it is SQLite, and there is no table in it; a recorder that was killed leaves it in '
+            f'{printable(path.name)}-wal, which belongs beside it'
+        )
+    tables = listed(names)
+    return f"it is SQLite, but no bag: its tables ({tables}) are not rosbag2's topics and messages"
+
+
+def _beside(path: Path, suffix: str) -> Path:
+    return path.with_name(path.name + suffix)
+
+
+def _starts_with(path: Path, magics: tuple[bytes, ...]) -> bool:
+    """Return whether a journal has content: SQLite may keep an empty one."""
+    if not is_regular_file(path):
+        return False
+    try:
+        with open_regular(path) as file:
+            return file.read(_MAX_MAGIC_SIZE).startswith(magics)
+    except OSError:
+        # A file that cannot be read may hold messages: the copy fails with the reason.
+        return True
+
+
+def _checkpointed_copy(path: Path, suffixes: list[str]) -> TemporaryFile:
+    """
+    Return a copy of a file to which SQLite has applied its journals.
+
+    A NotALogError means that there is no room, an OSError that a file cannot be read, an
+    sqlite3.Error that a journal does not belong to the file.
+    """
+    copy = TemporaryFile(path, 'bag.db3')
+    max_size = 0
+    # The log first: a recorder may move its content into the file meanwhile.
+    for suffix in (*suffixes, ''):
+        place = _beside(path, suffix)
+        size = place.stat().st_size
+        end = [_NO_NAME] if suffix == _JOURNAL else []
+        copy.write(chain(_blocks(place), end), suffix, size)
+        max_size += size
+    connection = sqlite3.connect(copy.path, isolation_level=None)
+    try:
+        connection.execute('PRAGMA trusted_schema = OFF')
+        connection.execute('SELECT count(*) FROM sqlite_master').fetchone()
+        connection.execute('PRAGMA wal_checkpoint(TRUNCATE)')
+    finally:
+        connection.close()
+    if copy.path.stat().st_size > max_size:
+        raise sqlite3.DatabaseError('it claims more pages than there are')
+    return copy
+
+
+def _blocks(path: Path) -> Iterator[bytes]:
+    with open_regular(path) as file:
+        while block := file.read(_BLOCK_SIZE):
+            yield block

@@ -3,7 +3,7 @@
 from enum import Enum
 from pathlib import Path
 
-from klann_ros.log.mcap.container import find_footer, MAGIC
+from klann_ros.log.mcap.records import find_footer, MAGIC
 from klann_ros.sanitize.files import open_regular
 
 from .durable_file import is_being_written

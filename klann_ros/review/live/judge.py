@@ -230,7 +230,7 @@ class LiveJudge:
                 del self._topics[name]
                 self._starts.pop(name, None)
                 continue
-            explained = max((end for _, end in self._window.holes), default=0)
+            explained = max((end for _, end in self._window.gaps), default=0)
             silent = (now - max(topic.last, explained)) / 1e9
             longest = max(self._limits.gap_periods * topic.period, self._limits.gap_time)
             if (topic.last - self._starts.get(name, 0)) / 1e9 < self._limits.start_time:

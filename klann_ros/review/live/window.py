@@ -41,7 +41,7 @@ class Window:
         """Begin empty."""
         self.metadata: dict[str, list[Mapping[str, str]]] = {}
         # When silence is no fault: log times [ns].
-        self.holes: tuple[Interval, ...] = ()
+        self.gaps: tuple[Interval, ...] = ()
         self._length = round(length * 1e9)
         self._most, self._most_bytes = most, most_bytes
         self._new: deque[Message] = deque(maxlen=most)
@@ -85,7 +85,7 @@ class Window:
 
     def excuse(self, begin: int, end: int) -> None:
         """Add an interval without reception."""
-        self.holes = merge_intervals([*self.holes, (begin, end)])
+        self.gaps = merge_intervals([*self.gaps, (begin, end)])
 
     def solver(self, node: str) -> SolverParameters | None:
         """Return the parameters of a solver, if known."""
@@ -104,7 +104,7 @@ class Window:
             self._blocks.append(self._block(messages))
         current = (_since(block, now - self._length) for block in self._blocks)
         self._blocks = deque(block for block in current if len(block))
-        self.holes = tuple(hole for hole in self.holes if hole[1] >= now - self._length)
+        self.gaps = tuple(gap for gap in self.gaps if gap[1] >= now - self._length)
         while len(self._blocks) > 1 and self._is_too_much():
             self._blocks.popleft()
 

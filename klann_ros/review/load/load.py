@@ -70,7 +70,7 @@ class Loadable(Protocol):
         """Return its faults."""
 
     @property
-    def holes(self) -> tuple[Interval, ...]:
+    def gaps(self) -> tuple[Interval, ...]:
         """Return the damaged intervals, log times [ns]."""
 
     def blocks(self, progress: Callable[[float], object] | None = None) -> Iterator[MessageBlock]:
@@ -103,7 +103,7 @@ def load(
     ends = (
         (pause.begin, pause.end + (MAX_RESPONSE_TIME if pause.reason else 0)) for pause in pauses
     )
-    unrecorded = merge_intervals([*ends, *log.holes])
+    unrecorded = merge_intervals([*ends, *log.gaps])
     shared = ArrayPool()
     topics = topics_.topics(recorded_losses(log.metadata), unrecorded)
     clock = simulated.series()

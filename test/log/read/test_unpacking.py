@@ -9,7 +9,7 @@ from types import ModuleType
 
 from db3_files import make_db3
 from klann_ros.log.errors import NotALogError
-from klann_ros.log.read import temporary, zstd_file
+from klann_ros.log.read import compressed, temporary
 from klann_ros.log.reader import open_log
 from klann_ros.log.recover_command import main as recover
 import pytest
@@ -95,7 +95,7 @@ def test_a_packed_file_of_something_else_is_refused(content, file) -> None:
 def test_a_file_unpacks_to_no_more_than_its_size_allows(
     file, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(zstd_file, 'MIN_LIMIT', 8 * MB)
+    monkeypatch.setattr(compressed, 'MIN_FILE_LIMIT', 8 * MB)
     packed = pack(file, file.read_bytes() + bytes(400 * MB))
     with pytest.raises(NotALogError, match='unpack it by `zstd -d` first') as caught:
         open_log(packed)
@@ -104,7 +104,7 @@ def test_a_file_unpacks_to_no_more_than_its_size_allows(
 
 def test_where_there_is_no_room_nothing_is_written(file, monkeypatch: pytest.MonkeyPatch) -> None:
     packed = pack(file, file.read_bytes())
-    monkeypatch.setattr(temporary, '_KEPT_FREE', 2**60)
+    monkeypatch.setattr(temporary, '_MIN_FREE', 2**60)
     with pytest.raises(NotALogError, match='let TMPDIR name a folder with room'):
         open_log(packed)
     bag = make_db3(file.with_name('x.db3'))
@@ -190,7 +190,7 @@ def test_a_message_is_not_believed_how_large_it_becomes(tmp_path: Path, runs: Mo
     bag = write_bag(tmp_path / 'bag', messages, StoragePlugin.SQLITE3, CompressionMode.NONE)
     with open_log(bag) as log:
         assert sum(1 for _ in log.messages()) == 2
-        assert 'they unpack to more than 41943040 bytes, which is the limit' in log.problem
+        assert 'refused: 1099512 MB unpacked, above the limit of' in log.problem
 
 
 def test_only_what_is_cdr_is_unpacked(tmp_path: Path, runs: ModuleType) -> None:

@@ -8,7 +8,7 @@ import random
 import sqlite3
 from types import ModuleType
 
-from db3_files import begin, make_db3, number
+from db3_files import add, begin, make_db3, number
 from fuzzing.damages import damage
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
@@ -92,8 +92,24 @@ def _rename_table(bag):
     bag.write_bytes(data.replace(b'tablemessages', b'table\xffessages'))
 
 
+def _commit_partly(bag):
+    """Leave what a kill without a journal on the disk leaves: some pages of a commit."""
+    before = bag.stat().st_size
+    with closing(sqlite3.connect(bag)) as file, file:
+        add(file, range(2000, 4000), 150)
+    os.truncate(bag, before)
+
+
 @pytest.mark.parametrize(
-    'corrupt', [_truncate, _erase_first_page, _overwrite_leaf, _repeat_leaf, _rename_table]
+    'corrupt',
+    [
+        _truncate,
+        _erase_first_page,
+        _overwrite_leaf,
+        _repeat_leaf,
+        _rename_table,
+        _commit_partly,
+    ],
 )
 @pytest.mark.parametrize('command', [recover, review])
 def test_a_file_that_sqlite_refuses_is_refused_with_its_own_recover(

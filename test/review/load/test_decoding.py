@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 from klann_ros.log.definitions import definition
 from klann_ros.log.mcap.content import content_of
 from klann_ros.log.read import block as blocks
-from klann_ros.log.read.packed_messages import is_packed
+from klann_ros.log.read.compressed import is_compressed
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Topic
 from klann_ros.review.load.decode import _FIELDS, CRANK_ANGLE, FOOT, JOINT_STATE, TopicReader
@@ -173,7 +173,7 @@ TOLD = ['channel', 'sequence', 'log_time', 'publish_time']
             st.integers(0, 2**63),
             st.integers(0, 2**63),
             # No CDR begins as a zstd frame does, which is taken for a packed message.
-            st.binary(max_size=40).filter(lambda data: not is_packed(data)),
+            st.binary(max_size=40).filter(lambda data: not is_compressed(data)),
         ),
         max_size=30,
     ),

@@ -1,0 +1,396 @@
+"""
+One pass over the records of a file in any state: sound ones are read, damage is skipped and noted.
+
+Any valid MCAP file is accepted: records that are longer than their fields, private kinds, kinds of
+later versions. Behind damage whose end is unknown the pass resynchronises at the next sound record
+(:mod:`klann_ros.log.mcap.record_check`). A summary that indexes all chunks, attachments and
+metadata records settles ambiguous cases.
+"""
+
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+import struct
+from typing import BinaryIO
+
+from klann_ros.log.bag_metadata import RECORD_NAME
+from klann_ros.log.errors import DamagedError
+from klann_ros.log.read.storage import Problem
+from klann_ros.sanitize.text import counted
+from mcap.opcode import Opcode
+from mcap.records import ChunkIndex, Metadata
+
+from .channels import Channels
+from .content import chunk_content, Content, LooseRecords, message_content
+from .decompression import DecompressionBudget
+from .record_check import CHECKED_KINDS, Payload, RecordCheck, Successor, Verdict, VERDICTS
+from .records import (
+    check_data,
+    contradiction,
+    DEFINITIONS,
+    fields_end,
+    has_no_content,
+    INDEX_ENTRY,
+    INDEX_HEAD,
+    is_known,
+    MAGIC,
+    min_size,
+    name_of,
+    parse,
+    read,
+    RECORD_HEAD,
+    RecordSpan,
+    span_at,
+)
+from .summary import Summary
+
+# Notes and losses of one pass; further losses are merged.
+_MAX_NOTES, _MAX_LOSSES = 100, 1000
+# The zeros at the end of the fields of a record without content: a length, and a CRC [bytes].
+_EMPTY_TAIL: dict[int, int] = {Opcode.CHUNK: 8, Opcode.ATTACHMENT: 8 + 4, Opcode.METADATA: 4}
+# Start of a chunk: opcode, length, first and last log time.
+_CHUNK_HEAD = struct.Struct('<BQQQ')
+_CUT_INDEX = struct.Struct('<QHI')
+_CUT_HEAD_SIZE = 8 + 4 + len(RECORD_NAME)
+
+
+@dataclass
+class Loss:
+    """Bytes of a file that cannot be used."""
+
+    offset: int
+    length: int
+    # One line.
+    reason: str
+    # Number of messages in them; None if unknown.
+    messages: int | None = None
+    # Whether that is the exact number.
+    exact: bool = True
+
+    def __str__(self) -> str:
+        """Return it in one line, without the offset."""
+        at_least = '' if self.exact else 'at least '
+        content = f' with {at_least}{counted(self.messages, "message")}' if self.messages else ''
+        return f'{counted(self.length, "byte")}{content}: {self.reason}'
+
+
+class RecordScan:
+    """
+    A pass over the records of an open file.
+
+    Parameters
+    ----------
+    file, size
+        The file, and where to stop [bytes]: its size, or the offset of its footer or summary.
+    channels
+        Receives the schemas and channels.
+    summary
+        A valid summary; it locates records whose own length is damaged.
+
+    Attributes
+    ----------
+    metadata, attachments
+        Places of such records so far.
+    losses
+        Skipped bytes so far; from the thousandth on they are one loss.
+    problems, remarks
+        Faults that lose nothing, and records that only look like faults.
+    verified
+        Whether a CRC of all data matched; set at the end.
+    unknown
+        Number of records of unknown kinds outside of what contents() yields.
+
+    """
+
+    def __init__(
+        self, file: BinaryIO, size: int, channels: Channels, *, summary: Summary | None = None
+    ) -> None:
+        self.metadata: list[RecordSpan] = []
+        self.attachments: list[RecordSpan] = []
+        self.losses: list[Loss] = []
+        self.problems: list[Problem] = []
+        self.remarks: list[str] = []
+        self.unknown = 0
+        self.verified = False
+        self._file = file
+        self._size = size
+        self._channels = channels
+        self._summary = summary or Summary()
+        self._budget = DecompressionBudget()
+        self._check = RecordCheck(file, size, self._budget)
+        self._loose = LooseRecords(file)
+        self._chunked = False
+        self._data_end: RecordSpan | None = None
+        self._next = len(MAGIC)
+        # The record lost last, whose message indexes may follow.
+        self._lost: Loss | None = None
+
+    def contents(self) -> Iterator[tuple[int, Content]]:
+        """Yield the content of each chunk and each loose message, with its offset [bytes]."""
+        while self._next < self._size:
+            try:
+                span = self._span_at(self._next)
+                self._next = span.end
+                content = self._process(span)
+            except DamagedError as damage:
+                self._resynchronise(damage)
+                continue
+            if content is not None:
+                yield span.offset, content
+        if self._data_end is not None and not self.losses and not self.problems:
+            self.verified = self._data_crc_matches(self._data_end)
+
+    def _data_crc_matches(self, end: RecordSpan) -> bool:
+        try:
+            return check_data(self._file, end)
+        except DamagedError as damage:
+            text = f'{damage.reason}: something in it was changed'
+            self.problems.append(Problem(end.offset, text))
+            return False
+
+    def _span_at(self, offset: int) -> RecordSpan:
+        """Return the place of a record; raise if its end is not reliable."""
+        span = span_at(self._file, offset, self._size)
+        if self._ends_as_declared(span):
+            return span
+        # Its length is wrong; a CRC may prove a part of it.
+        end = fields_end(self._file, span)
+        if end in (None, span.end) or self._check.payload(span) is not Payload.PROVEN:
+            reason = f'the {name_of(span.opcode)} or its length is damaged'
+            raise DamagedError(reason, offset, span.opcode)
+        if len(self.problems) < _MAX_NOTES:
+            text = f'the length of the {name_of(span.opcode)} is damaged, what is in it is whole'
+            self.problems.append(Problem(offset, text))
+        return RecordSpan(span.opcode, offset, (end or 0) - span.start)
+
+    def _ends_as_declared(self, span: RecordSpan) -> bool:
+        successor = self._check.successor(span.end)
+        # The payload of a record with a sound successor is read later.
+        is_followed = successor is Successor.SOUND
+        payload = Payload.INVALID if is_followed else self._check.payload(span)
+        verdict = VERDICTS[payload][0][successor]
+        if verdict is Verdict.ACCEPT:
+            return not self._covers_records(span)
+        if verdict is Verdict.ALONE and self._is_alone(span, payload):
+            return True
+        return span.opcode == Opcode.MESSAGE and self._precedes_damage(span)
+
+    def _is_alone(self, span: RecordSpan, payload: Payload) -> bool:
+        """Return whether no other record seems to start inside of one."""
+        covered = 0
+        if payload >= Payload.EXACT:
+            end = fields_end(self._file, span) or span.end
+            if end < span.end and self._check.successor(end) is Successor.SOUND:
+                return False
+            # A record without a CRC may have the right lengths, and yet reach into a chunk.
+            covered = end if span.opcode in CHECKED_KINDS else 0
+        return self._check.find_chunk(span.start, span.end, beyond=covered) is None
+
+    def _precedes_damage(self, span: RecordSpan) -> bool:
+        """Return whether the record behind a message is damaged, not the message's length."""
+        self._file.seek(span.end)
+        opcode = self._file.read(1)
+        if not opcode or not is_known(opcode[0]):
+            return False
+        found = self._check.find_record(span.start, chunked=self._chunked)
+        return found is None or found >= span.end
+
+    def _covers_records(self, span: RecordSpan) -> bool:
+        """
+        Return whether other records, not unknown fields, stand behind the fields of one.
+
+        Unknown fields may look like records. In a closed file without an index they count as
+        fields, as the specification says, with a remark.
+        """
+        end = fields_end(self._file, span) if is_known(span.opcode) else None
+        if end is None or end == span.end:
+            return False
+        if self._summary.names_all:
+            place = self._summary.first_from(end)
+            return place is not None and place < span.end
+        found = self._check.are_records(end, span.end)
+        if found and self._summary.closed and len(self.remarks) < _MAX_NOTES:
+            name = name_of(span.opcode)
+            self.remarks.append(
+                f'at byte {end}: what stands behind the fields of a {name} looks like records; '
+                f'it belongs to the {name}, which says that it is so long'
+            )
+        return found and not self._summary.closed
+
+    def _process(self, span: RecordSpan) -> Content | None:
+        """Process a record; its damage, if any, ends at its end."""
+        reason = self._content_fault(span)
+        if reason:
+            self._lose_record(span, reason)
+        elif span.opcode == Opcode.MESSAGE_INDEX:
+            self._count_lost(span)
+        elif span.opcode == Opcode.MESSAGE or not is_known(span.opcode):
+            return self._read_loose(span)
+        else:
+            self._lost = None
+            if span.opcode in (Opcode.CHUNK, *DEFINITIONS):
+                return self._read(span)
+            self._note_place(span)
+        return None
+
+    def _content_fault(self, span: RecordSpan) -> str:
+        """Return the fault of a record's content in one line; '' for none."""
+        name, kind = name_of(span.opcode), self._summary.kind_at(span.offset)
+        if kind not in (None, span.opcode):
+            return f'the {name} is a {name_of(kind)} in the index'
+        end = fields_end(self._file, span)
+        if end is None:
+            return contradiction(span)
+        if end < span.end:
+            if self._is_zeroed(span, end):
+                return f'there are zeros where the content of the {name} began'
+            if not self._summary.names_all:
+                kind = self._check.proven_kind(span)
+                if kind is not None:
+                    return f'the {name} is a {name_of(kind)} by its content'
+        return ''
+
+    def _is_zeroed(self, span: RecordSpan, end: int) -> bool:
+        """Return whether zeros over a record's head make it look empty, with unknown fields."""
+        size = _EMPTY_TAIL.get(span.opcode)
+        if size is None or not has_no_content(self._file, span):
+            return False
+        self._file.seek(end - size)
+        return not any(self._file.read(size + 1)) and self._summary.size_at(span.offset) != 0
+
+    def _read_loose(self, span: RecordSpan) -> Content | None:
+        """Return a message outside of chunks and those behind it; skip unknown kinds."""
+        content: Content | None
+        until = self._summary.first_from(span.start) or self._size
+        block = self._loose.read(span.offset, min(until, self._size))
+        if block is not None:
+            content, self._next = block
+        elif span.opcode == Opcode.MESSAGE:
+            content = self._read(span)
+        else:
+            self.unknown += 1
+            return None
+        if content is not None and len(content):
+            self._lost = None
+        return content
+
+    def _note_place(self, span: RecordSpan) -> None:
+        if span.opcode == Opcode.DATA_END:
+            self._data_end = self._data_end or span
+        elif span.opcode == Opcode.METADATA:
+            try:
+                parse(Metadata, read(self._file, span), span.offset)
+            except DamagedError as damage:
+                self._lose_record(span, damage.reason)
+            else:
+                self.metadata.append(span)
+        elif span.opcode == Opcode.ATTACHMENT:
+            self.attachments.append(span)
+        elif span.opcode == Opcode.HEADER:
+            if span.offset != len(MAGIC):
+                self._lose_record(span, 'a header does not belong there')
+        elif not (self._data_end or 0 < self._summary.start <= span.offset):
+            self._lose_record(span, f'a {name_of(span.opcode)} does not belong there')
+
+    def _read(self, span: RecordSpan) -> Content | None:
+        """Return the content of a chunk or a message; note it as lost if it is damaged."""
+        content = None
+        try:
+            if span.opcode == Opcode.CHUNK:
+                self._chunked = True
+                content = chunk_content(read(self._file, span), span.offset, self._budget)
+                self._channels.add_all(content, span.offset)
+            elif span.opcode == Opcode.MESSAGE:
+                content = message_content(read(self._file, span), span.offset)
+            else:
+                self._channels.add(span.opcode, read(self._file, span), span.offset)
+        except DamagedError as damage:
+            if content is None:
+                self._lose_record(span, damage.reason)
+            else:
+                self._lose(span.offset, span.end, damage.reason)
+        if content is not None and content.broken:
+            reason = f'the chunk could be read in part only: {content.broken}'
+            self._lose(span.offset, span.end, reason)
+        return content
+
+    def _count_lost(self, span: RecordSpan) -> None:
+        """Count the messages of a lost chunk by the index behind it."""
+        if self._lost is not None:
+            size = (fields_end(self._file, span) or span.end) - span.start - INDEX_HEAD
+            self._lost.messages = (self._lost.messages or 0) + size // INDEX_ENTRY
+
+    def _lose_record(self, span: RecordSpan, reason: str) -> None:
+        """Note a record as lost up to a chunk in it, if missing bytes make it reach over one."""
+        self._lost = self._lose(span.offset, span.end, reason)
+        found = self._check.find_chunk(span.start, span.end)
+        if found is not None:
+            self._next = found
+            self._lost.length = found - span.offset
+
+    def _lose(self, start: int, end: int, reason: str, *, exact: bool = True) -> Loss:
+        if len(self.losses) < _MAX_LOSSES:
+            self.losses.append(Loss(start, end - start, reason, exact=exact))
+        else:
+            last = self.losses[-1]
+            last.length += end - start
+            last.reason, last.exact = 'this and all other damage behind it', False
+        return self.losses[-1]
+
+    def _resynchronise(self, damage: DamagedError) -> None:
+        """Continue behind damage, and note the loss unless a recovery writes its content again."""
+        start = damage.offset
+        found, exact = self._sound_behind(start)
+        end = self._next = self._size if found is None else found
+        if found is None and (self._data_end or self._is_rewritten(damage)):
+            return
+        reason = damage.reason
+        if damage.opcode == 0 and self._check.is_zero(start, end):
+            reason = 'there are only zeros'
+        reason += ' from here to the end' if found is None else f'; sound again at byte {end}'
+        self._lost = self._lose(start, end, reason, exact=exact)
+
+    def _sound_behind(self, start: int) -> tuple[int | None, bool]:
+        """Return the next sound offset behind damage, and whether the record ends there."""
+        end = self._summary.end_of(start)
+        if end is None or self._check.successor(end) is Successor.NONE:
+            return self._check.find_record(start + 1, chunked=self._chunked), False
+        beyond = end if self._summary.kind_at(start) == Opcode.ATTACHMENT else 0
+        moved = self._check.find_chunk(start + 1, end, beyond=beyond)
+        return (end, True) if moved is None else (moved, False)
+
+    def _is_rewritten(self, damage: DamagedError) -> bool:
+        """Return whether a truncated record holds only what every new file gets anyway."""
+        left = self._size - damage.offset
+        self._file.seek(damage.offset + 1)
+        head = self._file.read(_CUT_HEAD_SIZE)
+        if damage.opcode == Opcode.MESSAGE_INDEX:
+            if len(head) < _CUT_INDEX.size:
+                return True
+            length, _, size = _CUT_INDEX.unpack_from(head)
+            return bool(length >= size + INDEX_HEAD > left - RECORD_HEAD.size)
+        if damage.opcode == Opcode.METADATA:
+            return head[8:] == struct.pack('<I', len(RECORD_NAME)) + RECORD_NAME.encode()
+        size = RECORD_HEAD.size + min_size(Opcode.DATA_END)
+        return damage.opcode == Opcode.DATA_END and left < size
+
+
+def gaps(
+    file: BinaryIO, losses: Iterable[Loss], chunks: Iterable[ChunkIndex]
+) -> Iterator[tuple[int, int]]:
+    """Yield the first and last log times of lost chunks [ns], by the index or their own heads."""
+    indexed = sorted(chunks, key=lambda chunk: chunk.chunk_start_offset)
+    offsets = [chunk.chunk_start_offset for chunk in indexed]
+    for loss in losses:
+        first = bisect_left(offsets, loss.offset)
+        last = bisect_left(offsets, loss.offset + loss.length)
+        for chunk in indexed[first:last]:
+            yield chunk.message_start_time, chunk.message_end_time
+        if first == last:
+            # Without an index, whose CRC is its own, the damaged chunk is the only source.
+            file.seek(loss.offset)
+            head = file.read(_CHUNK_HEAD.size)
+            if len(head) == _CHUNK_HEAD.size:
+                opcode, _, begin, end = _CHUNK_HEAD.unpack(head)
+                if opcode == Opcode.CHUNK and begin <= end:
+                    yield begin, end

@@ -1,0 +1,294 @@
+"""Compressed logs: a file that is zstd as a whole, and messages that are each a zstd frame."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+from klann_ros.log.errors import NotALogError
+from klann_ros.log.mcap.decompression import (
+    decompress_message,
+    DecompressionBudget,
+    DecompressionError,
+)
+from klann_ros.log.records import Message, Topic
+from klann_ros.sanitize.files import open_regular
+from klann_ros.sanitize.text import printable
+import zstandard
+
+from .block import block_of_messages, MessageBlock
+from .storage import Overview, Problems, Salvage, Source, Storage, Topics
+from .temporary import TemporaryFile
+
+COMPRESSED_SUFFIXES = ('.zstd', '.zst')
+"""Suffixes of compressed files."""
+
+MIN_FILE_LIMIT = 2**30
+"""Unpacked size that any compressed file may have [bytes]."""
+
+MAX_FILE_RATIO = 64
+"""Compression ratio up to which a file may unpack to more than MIN_FILE_LIMIT."""
+
+ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
+"""The first bytes of a zstd frame."""
+
+# Layout of a zstd frame (RFC 8878) [bytes].
+_SKIPPABLE_MAGIC, _SKIPPABLE_HEAD = b'\x2a\x4d\x18', 8
+_MAX_FRAME_HEADER, _BLOCK_HEAD, _CHECKSUM = 18, 3, 4
+_RLE_BLOCK = 1
+# A block unpacks to 128 KiB at most, so these to 1 MiB.
+_BLOCKS_AT_ONCE = 8
+
+_ENCODING = 'cdr'
+# Size of messages that finishes a block of unpacked ones [bytes].
+_BLOCK_SIZE = 4 * 1024 * 1024
+
+
+def unpack(path: Path, is_log: Callable[[bytes], bool]) -> tuple[TemporaryFile, str]:
+    """
+    Unpack a file to a temporary one.
+
+    Parameters
+    ----------
+    path
+        The compressed file.
+    is_log
+        Returns whether a file with these first bytes is a log.
+
+    Returns
+    -------
+    TemporaryFile
+        The unpacked file.
+    str
+        The damage of the compressed file; '' without any.
+
+    Raises
+    ------
+    NotALogError
+        It cannot be read, its content is no log, the disk has no room, or it unpacks to more than
+        a file of its size may.
+
+    """
+    name = path.name
+    for suffix in COMPRESSED_SUFFIXES:
+        name = name.removesuffix(suffix)
+    try:
+        with open_regular(path) as file:
+            unpacking = _Unpacking(path, file, is_log)
+            unpacked = TemporaryFile(path, name or 'log')
+            unpacked.write(unpacking.pieces())
+            return unpacked, unpacking.damage
+    except OSError as error:
+        raise NotALogError(path, error.strerror or str(error)) from None
+
+
+class _Unpacking:
+    """Unpacks a file up to its damage."""
+
+    def __init__(self, path: Path, file: BinaryIO, is_log: Callable[[bytes], bool]) -> None:
+        self.damage = ''
+        self._path = path
+        self._file = file
+        self._limit = max(MIN_FILE_LIMIT, MAX_FILE_RATIO * file.seek(0, 2))
+        self._is_log = is_log
+
+    def pieces(self) -> Iterator[bytes]:
+        done = 0
+        for piece in filter(None, self._unpacked()):
+            if not done and not self._is_log(piece):
+                reason = 'it is a zstd file, but what is in it is neither MCAP nor SQLite'
+                raise NotALogError(self._path, reason)
+            done += len(piece)
+            if done > self._limit:
+                reason = f'it unpacks to more than {self._limit / 1e6:.0f} MB'
+                raise NotALogError(
+                    self._path, f'{reason}; if that is right, unpack it by `zstd -d` first'
+                )
+            yield piece
+        if not done:
+            reason = self.damage or 'there is nothing in it'
+            raise NotALogError(self._path, f'it is a zstd file, but {reason}')
+
+    def _unpacked(self) -> Iterator[bytes]:
+        unpacker = zstandard.ZstdDecompressor().decompressobj()
+        is_complete = True
+        for part in _parts(self._file):
+            is_complete = part.is_last
+            if part.is_first:
+                unpacker = zstandard.ZstdDecompressor().decompressobj()
+            try:
+                yield unpacker.decompress(part.data) if part.data else b''
+            except (zstandard.ZstdError, MemoryError) as error:
+                self.damage = f'it can be unpacked in part only: {printable(error)}'
+                return
+        if not is_complete:
+            self.damage = 'it is cut off: its last zstd frame has no end'
+
+
+class _Part(NamedTuple):
+    """Some blocks of a frame, and whether they are its first and its last."""
+
+    data: bytes
+    is_first: bool
+    is_last: bool
+
+
+def _parts(file: BinaryIO) -> Iterator[_Part]:
+    """
+    Yield a file in parts that unpack to 1 MiB each at most.
+
+    The last part is no end if the file is truncated, or continues with something else.
+    """
+    offset = 0
+    while True:
+        file.seek(offset)
+        head = file.read(_MAX_FRAME_HEADER)
+        if head[1:4] == _SKIPPABLE_MAGIC and head[0] >> 4 == 5:
+            offset += _SKIPPABLE_HEAD + int.from_bytes(head[4:8], 'little')
+            continue
+        if not head:
+            return
+        size = _header_size(head)
+        if not size:
+            yield _Part(b'', is_first=False, is_last=False)
+            return
+        part = _Part(b'', is_first=True, is_last=False)
+        for start, end, is_last in _ranges(file, offset, size, has_checksum=bool(head[4] & 4)):
+            file.seek(start)
+            data = file.read(end - start)
+            part = _Part(data, start == offset, is_last and len(data) == end - start)
+            yield part
+        if not part.is_last:
+            return
+        offset = end
+
+
+def _header_size(head: bytes) -> int:
+    """Return the size of a frame's header [bytes]; 0 if it is malformed."""
+    try:
+        return zstandard.frame_header_size(head) if head.startswith(ZSTD_MAGIC) else 0
+    except zstandard.ZstdError:
+        return 0
+
+
+def _ranges(
+    file: BinaryIO, start: int, size: int, *, has_checksum: bool
+) -> Iterator[tuple[int, int, bool]]:
+    """Yield begin and end of some blocks of a frame, and whether they are the last."""
+    end, last, count = start + size, False, 0
+    while not last:
+        file.seek(end)
+        head = file.read(_BLOCK_HEAD)
+        block = int.from_bytes(head, 'little')
+        last, kind, length = bool(block & 1), block >> 1 & 3, block >> 3
+        end += _BLOCK_HEAD + (1 if kind == _RLE_BLOCK else length)
+        count += 1
+        if len(head) < _BLOCK_HEAD:
+            break
+        if count == _BLOCKS_AT_ONCE and not last:
+            yield start, end, False
+            start, count = end, 0
+    yield start, end + (_CHECKSUM if has_checksum and last else 0), last
+
+
+def is_compressed(data: bytes) -> bool:
+    """Return whether a message is compressed: reindexing loses the metadata that say so."""
+    return data.startswith(ZSTD_MAGIC)
+
+
+class CompressedMessages:
+    """A storage whose messages are unpacked as they are read."""
+
+    def __init__(self, storage: Storage) -> None:
+        self._storage = storage
+        self.path, self.name, self.size = storage.path, storage.name, storage.size
+        self.profile, self.closed = storage.profile, storage.closed
+        self.problems, self.gaps = storage.problems, storage.gaps
+        self.overview, self.first_data = storage.overview, storage.first_data
+        self.metadata_at, self.attachment_at = storage.metadata_at, storage.attachment_at
+        self.close = storage.close
+
+    def sources(self, overview: Overview) -> Iterator[Source]:
+        """Yield the parts that can be read separately."""
+        for source in self._storage.sources(overview):
+            yield Source(source.start, source.end, partial(self._read, source))
+
+    def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
+        """Yield all messages in large blocks in the order of the file, with their offsets."""
+        for offset, block in self._storage.blocks():
+            for unpacked in _unpacked_blocks(block, self.problems):
+                yield offset, unpacked
+
+    def salvage(self) -> Salvage:
+        """Return a pass over all that is intact in it."""
+        return _CompressedSalvage(self._storage.salvage(), self.name)
+
+    def _read(self, source: Source, topics: Topics) -> Iterator[Message]:
+        unpacker = _Unpacker(self.problems.note_whole)
+        return filter(None, map(unpacker.message, source.read(topics)))
+
+
+class _CompressedSalvage:
+    """The intact content; see :class:`~klann_ros.log.read.storage.Salvage`."""
+
+    def __init__(self, salvage: Salvage, name: str) -> None:
+        self.lost, self.remarks = salvage.lost, salvage.remarks
+        self.attachments, self.metadata = salvage.attachments, salvage.metadata
+        self._salvage, self._name = salvage, name
+
+    def messages(self) -> Iterator[Message]:
+        damaged: Counter[str] = Counter()
+        unpacker = _Unpacker(lambda text: damaged.update((text,)))
+        yield from filter(None, map(unpacker.message, self._salvage.messages()))
+        self.lost += [f'{self._name}: {count} {text}' for text, count in damaged.items()]
+
+
+class _Unpacker:
+    """Unpacks messages in one thread; reports each that it cannot unpack."""
+
+    def __init__(self, report: Callable[[str], object]) -> None:
+        self._report = report
+        self._budget = DecompressionBudget()
+
+    def message(self, message: Message) -> Message | None:
+        """Return a message as it was published; None if it cannot be unpacked."""
+        if message.topic.message_encoding != _ENCODING:
+            return message
+        data = self.data(message.data, message.topic)
+        return None if data is None else replace(message, data=data)
+
+    def data(self, packed: bytes, topic: Topic) -> bytes | None:
+        if not is_compressed(packed):
+            return packed
+        try:
+            return decompress_message(packed, self._budget)
+        except DecompressionError as error:
+            reason = str(error)
+        self._report(f'messages of {printable(topic.name)} cannot be unpacked: {reason}')
+        return None
+
+
+def _unpacked_blocks(block: MessageBlock, problems: Problems) -> Iterator[MessageBlock]:
+    """Yield a block with its messages unpacked, in several if they are large."""
+    unpacker = _Unpacker(problems.note_whole)
+    topics = {n: topic for n, topic in block.topics.items() if topic.message_encoding == _ENCODING}
+    rows: list[int] = []
+    found: list[bytes] = []
+    size = 0
+    channels = block.heads['channel'].tolist()
+    places = zip(channels, block.starts.tolist(), block.sizes.tolist(), strict=True)
+    for row, (channel, start, length) in enumerate(places):
+        end = start + length
+        packed = block.data[start:end].tobytes()
+        data = unpacker.data(packed, topics[channel]) if channel in topics else packed
+        if data is None:
+            continue
+        rows.append(row)
+        found.append(data)
+        size += len(data)
+        if size > _BLOCK_SIZE:
+            yield block_of_messages(block.heads[rows], found, block.topics)
+            rows, found, size = [], [], 0
+    yield block_of_messages(block.heads[rows], found, block.topics)
