@@ -1,13 +1,14 @@
 # PYTHON_ARGCOMPLETE_OK
 """
-The console scripts: what `ros2 run klann_ros NAME` starts.
+The console scripts, which `ros2 run klann_ros NAME` starts.
 
-Nothing heavy is imported before the signals are in hand, so that Ctrl-C ends even a process that
-is still starting without a traceback; and a machine without ROS gets one line, not a traceback.
+The signals are handled before any slow import, so that Ctrl-C ends even a starting process without
+a traceback; a machine without ROS gets one line, not a traceback.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
+from functools import partial
 from importlib import import_module
 from io import StringIO, TextIOWrapper
 import os
@@ -17,73 +18,18 @@ import sys
 from .sanitize.units import report_unit_warnings
 from .stop_signals import StopSignals
 
-INTERRUPTED = 130
-# A tool's exit code where a package that it needs is not installed: nothing could be read.
-MISSING = 2
-# Distributions on PyPI whose name is not that of their module.
-DISTRIBUTIONS = {'mcap_ros2': 'mcap-ros2-support', 'yaml': 'PyYAML'}
-
-
-def solver_node() -> int:
-    """Crank angle in, leg pose out."""
-    return _node('solver_node')
-
-
-def crank_node() -> int:
-    """Drives the crank."""
-    return _node('crank_node')
-
-
-def walker_node() -> int:
-    """Take cmd_vel to the cranks of a walker, and give odom back."""
-    return _node('walker_node')
-
-
-def recorder_node() -> int:
-    """Leg topics in, crash-safe MCAP run out."""
-    return _node('recorder_node')
-
-
-def player_node() -> int:
-    """Plays an MCAP run back onto topics."""
-    return _node('player_node', uses_terminal=True)
-
-
-def view_node() -> int:
-    """Show legs in a browser, live, and let them be driven."""
-    return _node('view_node')
-
-
-def sim_node() -> int:
-    """Simulate the robot; no hardware needed."""
-    return _node('sim_node')
-
-
-def review() -> int:
-    """Report what happened in a run, and whether it can be trusted."""
-    return _tool('review', 'klann_ros.review.command', report_failed=3)
-
-
-def recover() -> int:
-    """Make a readable run out of a damaged one."""
-    return _tool('recover', 'klann_ros.log.recover_command', report_failed=1)
-
-
-def export() -> int:
-    """Write a robot as MJCF, URDF, SVG and DXF."""
-    return _tool('export', 'klann_ros.export.command', report_failed=3)
-
-
-def describe() -> int:
-    """Write the data sheet of a robot before it is built."""
-    return _tool('describe', 'klann_ros.datasheet.command', report_failed=3)
+_INTERRUPTED = 130
+# A tool's exit code if a required package is not installed: nothing could be read.
+_MISSING_PACKAGE = 2
+# Distributions on PyPI with another name than their module.
+_DISTRIBUTIONS = {'mcap_ros2': 'mcap-ros2-support', 'yaml': 'PyYAML'}
 
 
 def _node(name: str, *, uses_terminal: bool = False) -> int:
     stop = StopSignals(uses_terminal=uses_terminal)
-    room = name.removesuffix('_node')
+    folder = name.removesuffix('_node')
     try:
-        module = import_module(f'klann_ros.nodes.{room}.node')
+        module = import_module(f'klann_ros.nodes.{folder}.node')
     except ModuleNotFoundError as error:
         _report_missing(name, error)
         return 1
@@ -95,7 +41,7 @@ def _report_missing(name: str, error: ModuleNotFoundError) -> None:
     package = (error.name or '').partition('.')[0]
     if package in ('', 'klann_ros'):
         raise error
-    remedy = f'pip install {DISTRIBUTIONS.get(package, package)}'
+    remedy = f'pip install {_DISTRIBUTIONS.get(package, package)}'
     if package.startswith('rcl') or package.endswith(('_msgs', '_srvs', '_interfaces')):
         remedy = "source ROS 2 (/opt/ros/jazzy/setup.bash), or pip install 'klann_ros[ros]'"
     print(f'{name}: there is no Python module {package} here: {remedy}', file=sys.stderr)
@@ -103,14 +49,14 @@ def _report_missing(name: str, error: ModuleNotFoundError) -> None:
 
 def _tool(name: str, module: str, report_failed: int) -> int:
     """
-    Run a command; its exit code is known before anything of its report can fail to arrive.
+    Run a command, then print its report.
 
-    A reader that goes away early (`review RUN | head -1`) is no fault, a full disk is one: then
-    the exit code is `report_failed`.
+    A reader that ends early (`review RUN | head -1`) is no fault; after a full disk the exit code
+    is `report_failed`.
     """
     report = StringIO()
     if isinstance(sys.stdout, TextIOWrapper):
-        # A terminal without a letter that is in a log shows its number.
+        # Letters that the terminal cannot show become their numbers.
         sys.stdout.reconfigure(errors='backslashreplace')
     try:
         try:
@@ -118,17 +64,17 @@ def _tool(name: str, module: str, report_failed: int) -> int:
                 code = _exit_code(name, module)
         except ModuleNotFoundError as error:
             _report_missing(name, error)
-            return MISSING
+            return _MISSING_PACKAGE
         except Exception:
-            # A fault of ours; the report up to it may still help.
+            # Our own fault: print the report up to it.
             _print_report(name, report.getvalue())
             raise
         return code if _print_report(name, report.getvalue()) else report_failed
     except KeyboardInterrupt:
-        # One is enough: a second would interrupt the interpreter's own end, with noise.
+        # A second one would interrupt the interpreter's shutdown, with a traceback.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         _drop_output()
-        return INTERRUPTED
+        return _INTERRUPTED
 
 
 def _exit_code(name: str, module: str) -> int:
@@ -138,10 +84,10 @@ def _exit_code(name: str, module: str) -> int:
         report_unit_warnings(lambda text: print(f'{name}: warning: {text}', file=sys.stderr))
         code = int(command.main())
     except SystemExit as end:
-        # argparse: --help, --version, and what it refuses.
+        # argparse: --help, --version, and refusals.
         return int(end.code or 0)
-    if code == INTERRUPTED:
-        # It has put things in order by itself; the rest is as for any other interrupt.
+    if code == _INTERRUPTED:
+        # The command has handled it; here it is as any other interrupt.
         raise KeyboardInterrupt
     return code
 
@@ -157,7 +103,7 @@ def _uninterrupted() -> Iterator[None]:
 
 
 def _print_report(name: str, report: str) -> bool:
-    """Print a report; return whether it arrived, or its reader has gone."""
+    """Print a report; return False only if it could not be written."""
     try:
         print(report, end='', flush=True)
     except BrokenPipeError:
@@ -174,3 +120,27 @@ def _drop_output() -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.close(nowhere)
+
+
+# Crank angle in, leg pose out.
+solver_node = partial(_node, 'solver_node')
+# Drives the crank.
+crank_node = partial(_node, 'crank_node')
+# cmd_vel in, cranks of a walker and odom out.
+walker_node = partial(_node, 'walker_node')
+# Leg topics in, crash-safe MCAP run out.
+recorder_node = partial(_node, 'recorder_node')
+# An MCAP run back onto topics.
+player_node = partial(_node, 'player_node', uses_terminal=True)
+# Shows legs in a browser, live, and lets pages drive them.
+view_node = partial(_node, 'view_node')
+# Simulates the robot; no hardware needed.
+sim_node = partial(_node, 'sim_node')
+# Reports the faults of a run.
+review = partial(_tool, 'review', 'klann_ros.review.command', report_failed=3)
+# Makes a readable run out of a damaged one.
+recover = partial(_tool, 'recover', 'klann_ros.log.recover_command', report_failed=1)
+# Writes a robot as MJCF, URDF, SVG and DXF.
+export = partial(_tool, 'export', 'klann_ros.export.command', report_failed=3)
+# Writes the data sheet of a robot.
+describe = partial(_tool, 'describe', 'klann_ros.datasheet.command', report_failed=3)

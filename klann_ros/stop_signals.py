@@ -1,4 +1,4 @@
-"""SIGINT, SIGTERM and SIGHUP as one orderly request to stop, from a process's first moment on."""
+"""SIGINT, SIGTERM and SIGHUP as one orderly request to stop, from the start of a process."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -6,39 +6,31 @@ import os
 import signal
 import threading
 
-# Ctrl-Z and Ctrl-\ go on doing what they do, after the terminal has been given back.
-_OF_THE_TERMINAL = {signal.SIGTSTP, signal.SIGQUIT}
+# Ctrl-Z and Ctrl-\ keep their effect, after the terminal was restored.
+_TERMINAL_SIGNALS = {signal.SIGTSTP, signal.SIGQUIT}
 
 
 class StopSignals:
-    r"""
+    """
     Turn the three stop signals into calls of one function.
 
-    The signals are blocked in every thread and taken by one that waits for nothing else. So no
-    system call is interrupted, no KeyboardInterrupt is raised anywhere, ROS's context stays valid
-    until the node has put its things in order, and the second SIGINT that `ros2 launch` lets a
-    node have is harmless. Make it in the main thread before any other thread is started: threads
-    inherit the mask.
-
-    Until `on_stop` names a function nothing is open yet, and a signal ends the process at once
+    The signals are blocked in every thread and taken by a waiting one. So no system call is
+    interrupted, no KeyboardInterrupt is raised, ROS's context stays valid during the node's
+    shutdown, and the second SIGINT of `ros2 launch` is harmless. Made in the main thread before
+    any other thread, which inherits the mask. Before `on_stop` a signal ends the process at once
     with exit code 0.
 
-    Parameters
-    ----------
-    uses_terminal
-        Whether the process changes its terminal, and must give it back before Ctrl-Z stops it or
-        Ctrl-\ ends it: see `on_suspend`.
-
+    A process that `uses_terminal` restores it at Ctrl-Z and at SIGQUIT too: see `on_suspend`.
     """
 
     def __init__(self, *, uses_terminal: bool = False) -> None:
         signals = {signal.SIGINT, signal.SIGTERM}
-        # nohup asks for a process that outlives its terminal. A shell's `&` ignores SIGINT too,
-        # but there a user's `kill -INT` is meant.
+        # A process under nohup outlives its terminal. A shell's `&` ignores SIGINT too, but must
+        # not disable a user's `kill -INT`.
         if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
             signals.add(signal.SIGHUP)
         if uses_terminal:
-            signals |= _OF_THE_TERMINAL
+            signals |= _TERMINAL_SIGNALS
         # An ignored signal never reaches sigwait.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_BLOCK, signals)
@@ -47,17 +39,17 @@ class StopSignals:
         threading.Thread(target=self._wait, args=(signals,), name='stop', daemon=True).start()
 
     def on_stop(self, stop: Callable[[], object]) -> None:
-        """Name the function to call at each signal; it runs in a thread of its own."""
+        """Set the function to call at each signal, in a thread."""
         self._stop = stop
 
     def on_suspend(self, released: Callable[[], AbstractContextManager[None]]) -> None:
-        """Name what returns a context in which the terminal is as it was."""
+        """Set the function that returns a context with the restored terminal."""
         self._released = released
 
     def _wait(self, signals: set[signal.Signals]) -> None:
         while True:
             number = signal.sigwait(signals)
-            if number in _OF_THE_TERMINAL:
+            if number in _TERMINAL_SIGNALS:
                 with self._released():
                     _deliver(number)
             else:
@@ -65,7 +57,7 @@ class StopSignals:
 
 
 def _deliver(number: int) -> None:
-    """Let a signal do to the process what it does; return when that has been continued."""
+    """Deliver a signal to the process; return when the process is continued."""
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {number})
     signal.pthread_kill(threading.get_ident(), number)
     signal.pthread_sigmask(signal.SIG_BLOCK, {number})

@@ -42,7 +42,7 @@ NAMES: dict[str, dict[str, set[str]]] = {
         | {
             *('arguments', 'exec_name', 'executable', 'namespace', 'package', 'parameters'),
             *('remappings', 'ros_arguments'),
-        },
+        }
     },
     'launch_ros.parameter_descriptions': {'ParameterValue': {'value_type'}},
     'launch_ros.substitutions': {

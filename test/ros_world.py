@@ -64,11 +64,7 @@ class Process:
         self.popen: subprocess.Popen[str] | ForkedProcess
         if not (fresh or wrapper or options):
             self.popen = server().start(
-                name,
-                arguments,
-                cwd=cwd,
-                environment=environment,
-                stderr=self._errors.fileno(),
+                name, arguments, cwd=cwd, environment=environment, stderr=self._errors.fileno()
             )
             return
         self.popen = subprocess.Popen(

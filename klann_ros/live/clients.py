@@ -1,47 +1,118 @@
 """
-The clients, each with at most one frame in flight: back-pressure by conflation.
+The state of the live page and its clients, each with at most one frame in flight.
 
-A client acknowledges each frame that it has drawn; only then is the next one made, of the current
-state. Updates in between are not queued. A slow client sees fewer frames, a stalled one costs a
-socket, and no client delays another.
+Back-pressure works by conflation. A client acknowledges each frame that it has drawn; only then is
+the next one made, of the current state. Updates in between are not queued. A slow client sees
+fewer frames, a stalled one costs a socket, and no client delays another.
 """
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 import json
+import re
+from threading import Lock
 from time import monotonic
-from typing import Any, Protocol
+from typing import Any
 
 from aiohttp import web
 from klann_ros.live.protocol import Command, parsed, ProtocolError, RateLimit
+from klann_ros.sanitize.text import printable
 
 # Answers wait for the next frame: nothing is sent between frames.
 _MAX_ANSWERS = 32
 # Clients that ask within this time share a frame [s].
 _ALIKE = 0.004
 
+# Values read of a status at most.
+MAX_VALUES = 64
+LEVELS = ('fine', 'look', 'fault', 'silent')
+# Patterns of messages and their meanings; the first match counts. Without a match the message is
+# shown as it is: other nodes have texts of their own.
+_MEANINGS: Sequence[tuple[str, str]] = (
+    (r'no input for', 'The crank is not driven: no crank angle arrives.'),
+    (
+        r'cannot be reached: dyad|loops of block',
+        'The leg cannot take this crank angle: its bars do not reach. It goes on where they do.',
+    ),
+    (
+        r'is refused: it must be (one number, )?finite',
+        'What came in was no crank angle; it was left out.',
+    ),
+    (
+        r'turned by more than one',
+        'Two or more turn this crank at once: the leg jumps between them. Stop all but one.',
+    ),
+    (r'inputs? (was|were) lost', 'Crank angles were lost on their way to the solver.'),
+    (
+        r'nearly singular',
+        'Two bars of the leg are almost in line: there it may jam, and errors grow.',
+    ),
+    (r'did not converge', 'The iteration found no pose for this angle.'),
+    (r'does not turn fully', 'The crank cannot make whole turns with these lengths.'),
+    (r'the recording has ended', 'The recorder has stopped; the run can be read.'),
+    (r'messages? (was|were) lost', 'Messages were lost on their way to the recorder.'),
+    (r'^solving$', 'The leg is solved.'),
+    (r'^recording$', 'The run is being recorded.'),
+    (r'^paused$', 'The recording is paused.'),
+)
+_COMPILED = tuple((re.compile(pattern), meaning) for pattern, meaning in _MEANINGS)
+# Values that the page shows.
+_SHOWN = ('solved', 'rejected', 'failed', 'lost', 'rate', 'iterations', 'residual', 'file')
+
 Answer = Callable[[bool, str], None]
 
 
-class StateProvider(Protocol):
-    """The state that clients see, of ROS or of a test. All methods are thread safe."""
+class PageState:
+    """
+    The versioned state that clients see; a subclass adds poses and commands. Thread safe.
+
+    Its parts change seldom: by name, each has a version and its JSON.
+    """
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._version = 0
+        self._parts: dict[str, tuple[int, str]] = {}
+        self._wake: Callable[[], None] | None = None
 
     @property
     def version(self) -> int:
         """Return a number that grows with every change."""
-
-    def poses(self) -> str:
-        """Return the current poses as JSON."""
-
-    def parts(self) -> Mapping[str, tuple[int, str]]:
-        """Return the parts that change seldom: by name, version and JSON."""
+        return self._version
 
     def notify_once(self, wake: Callable[[], None]) -> None:
         """Call a function once, at the next change, from any thread."""
+        self._wake = wake
+
+    def changed(self) -> None:
+        """Announce a change."""
+        with self._lock:
+            self._version += 1
+            wake, self._wake = self._wake, None
+        if wake is not None:
+            wake()
+
+    def parts(self) -> Mapping[str, tuple[int, str]]:
+        """Return the parts that change seldom: by name, version and JSON."""
+        return self._parts
+
+    def set_part(self, name: str, data: Any) -> None:
+        """Set a part, and announce it if it has changed."""
+        text = json.dumps(data, separators=(',', ':'), allow_nan=False)
+        version, before = self._parts.get(name, (0, ''))
+        if text != before:
+            self._parts = {**self._parts, name: (version + 1, text)}
+            self.changed()
+
+    def poses(self) -> str:
+        """Return the current poses as JSON."""
+        raise NotImplementedError
 
     def command(self, page: int, command: Command, answer: Answer) -> None:
-        """Carry out a command; answer later whether it was done, or why not."""
+        """Carry out a command; answer later with the success and a message."""
+        raise NotImplementedError
 
     def keep_alive(self, page: int) -> None:
         """Note that a client is alive."""
@@ -51,17 +122,9 @@ class StateProvider(Protocol):
 
 
 class ChangeNotifier:
-    """
-    Wake the clients when the state changes.
+    """Wake the clients when the state changes; made in the server's event loop."""
 
-    Parameters
-    ----------
-    state : StateProvider
-        The world.
-
-    """
-
-    def __init__(self, state: StateProvider) -> None:
+    def __init__(self, state: PageState) -> None:
         self._state = state
         self._loop = asyncio.get_running_loop()
         self._event = asyncio.Event()
@@ -78,15 +141,7 @@ class ChangeNotifier:
             await event.wait()
 
     def poses(self, seen: int) -> tuple[int, str]:
-        """
-        Return a version and its poses as JSON, made once for simultaneous clients.
-
-        Parameters
-        ----------
-        seen : int
-            The client's version; a newer one is returned if it exists.
-
-        """
+        """Return a version newer than a client's, if any, and its poses; shared by clients."""
         version = self._state.version
         known, made, text = self._frame
         if version != known and (known <= seen or monotonic() - made >= _ALIKE):
@@ -105,30 +160,16 @@ class ChangeNotifier:
 
 class Client:
     """
-    A page in a browser.
+    A page in a browser, with a unique number.
 
-    Parameters
-    ----------
-    number : int
-        Its number, unique.
-    socket : aiohttp.web.WebSocketResponse
-        Its socket.
-    state : StateProvider
-        The state that it sees.
-    news : ChangeNotifier
-        Announces changes.
-    may_drive : bool
-        Whether it presented the token.
-    has_runs : bool
-        Whether a list of runs exists; it is shown to clients with the token.
-
+    `may_drive`: it presented the token. `has_runs`: it did, and a list of runs exists.
     """
 
     def __init__(
         self,
         number: int,
         socket: web.WebSocketResponse,
-        state: StateProvider,
+        state: PageState,
         notifier: ChangeNotifier,
         *,
         may_drive: bool,
@@ -161,25 +202,17 @@ class Client:
             await self._socket.send_str(self._frame(poses if version > seen else ''))
 
     def read(self, text: str) -> str:
-        """
-        Process a message of the page.
-
-        Returns
-        -------
-        str
-            The reason for closing the connection; '' to keep it.
-
-        """
+        """Process a message of the page; return the reason for closing the connection, or ''."""
         if not self._limit.allows():
             return 'too many messages'
         try:
-            said = parsed(text)
+            message = parsed(text)
         except ProtocolError as error:
             return str(error)
         self._state.keep_alive(self.number)
-        if isinstance(said, Command):
-            self._run_command(said)
-        elif said is not None and said == self._sent:
+        if isinstance(message, Command):
+            self._run_command(message)
+        elif message is not None and message == self._sent:
             self._drawn.set()
         return ''
 
@@ -197,16 +230,16 @@ class Client:
 
     def _run_command(self, command: Command) -> None:
         if not self._may_drive:
-            self._answer(command.number, is_done=False, said='this page may only view')
+            self._answer(command.number, is_done=False, message='this page may only view')
             return
 
-        def answer(is_done: bool, said: str) -> None:
-            self._loop.call_soon_threadsafe(lambda: self._answer(command.number, is_done, said))
+        def answer(is_done: bool, message: str) -> None:
+            self._loop.call_soon_threadsafe(lambda: self._answer(command.number, is_done, message))
 
         self._state.command(self.number, command, answer)
 
-    def _answer(self, number: int, is_done: bool, said: str) -> None:
-        self._answers.append({'id': number, 'done': is_done, 'said': said})
+    def _answer(self, number: int, is_done: bool, message: str) -> None:
+        self._answers.append({'id': number, 'done': is_done, 'said': message})
         self._answered.set()
 
     def _frame(self, poses: str) -> str:
@@ -223,3 +256,49 @@ class Client:
             fields.append(f'"answers":{json.dumps(list(self._answers))}')
             self._answers.clear()
         return '{' + ','.join(fields) + '}'
+
+
+@dataclass(frozen=True)
+class StatusText:
+    """A status on the page."""
+
+    who: str
+    # One of LEVELS.
+    level: str
+    # Its meaning in plain words; '' if only its own text explains it.
+    meaning: str
+    text: str
+    # Its values.
+    figures: dict[str, str]
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it, ready for JSON."""
+        return asdict(self)
+
+
+def status_text(
+    level: int, name: str, message: str, values: Sequence[tuple[str, str]]
+) -> StatusText:
+    """Return a status of diagnostic_msgs in plain words; its texts are untrusted."""
+    shown = printable(message)
+    meaning = next((m for pattern, m in _COMPILED if pattern.search(shown)), '')
+    if meaning and level == 0 and 'does not turn fully' in shown:
+        meaning = f'The leg is solved. {meaning}'
+    figures = {key: printable(value, 60) for key, value in values[:MAX_VALUES] if key in _SHOWN}
+    return StatusText(
+        printable(name, 100),
+        LEVELS[level] if 0 <= level < len(LEVELS) else 'fault',
+        meaning,
+        shown,
+        figures,
+    )
+
+
+def recorded(values: Sequence[tuple[str, str]]) -> dict[str, int]:
+    """Return the sums of received, written and lost messages in a recorder's status."""
+    sums = dict.fromkeys(('received', 'written', 'lost'), 0)
+    for key, value in values:
+        last = key.rpartition(' ')[2]
+        if key.startswith('/') and last in sums and value.isdecimal() and len(value) < 19:
+            sums[last] += int(value)
+    return sums

@@ -10,7 +10,7 @@ from typing import Any
 
 from aiohttp import web, WSCloseCode, WSMsgType
 
-from .clients import ChangeNotifier, Client, StateProvider
+from .clients import ChangeNotifier, Client, PageState
 from .guard import ForbiddenError, Guard
 from .live_page import FILES, HTML, list_page, note_page, POLICY
 from .malformed import RequestLog, UnreadLimit
@@ -50,7 +50,7 @@ class LiveServer:
     ----------
     guard : Guard
         The access rules; port 0 stands for any free one.
-    state : StateProvider
+    state : PageState
         What the page shows and drives.
     runs : str
         A folder of runs; '' for none.
@@ -72,7 +72,7 @@ class LiveServer:
     def __init__(
         self,
         guard: Guard,
-        state: StateProvider,
+        state: PageState,
         runs: str = '',
         warn: Callable[[str], object] = lambda _: None,
     ) -> None:

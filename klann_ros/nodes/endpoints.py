@@ -1,9 +1,7 @@
 """
-What it takes to open a topic: a name that ROS takes, a message class, a quality of service.
+Names, message classes and quality of service of topics, and services without arguments.
 
-Services without arguments are here as well.
-
-Who names a topic or a type may be a stranger: a log, or a publisher on the network.
+Names and types may be untrusted: from a log, or a publisher on the network.
 """
 
 from collections.abc import Callable, Iterable
@@ -31,27 +29,26 @@ from std_srvs.srv import Trigger
 
 from .parameters import Declaration, declare, overrides
 
-# Bursts overwrite a shallow queue before anyone can take them.
+# Bursts would overwrite a shallow queue.
 DEPTH = 2000
 INPUT = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 OUTPUT = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
 # Fast DDS sends a heartbeat every 3 s; a shorter wait may miss a retransmission [s].
 ARRIVES = 3.5
 
-# Quality of service as parameters: `qos_overrides.TOPIC.publisher.POLICY`, as ROS 2 has it.
-_QOS_WORDS = {
+# Quality of service as parameters: `qos_overrides.TOPIC.publisher.POLICY`, as in ROS 2.
+_POLICIES = {
     'history': HistoryPolicy,
     'reliability': ReliabilityPolicy,
     'durability': DurabilityPolicy,
     'liveliness': LivelinessPolicy,
 }
 _DURATIONS = ('deadline', 'lifespan', 'liveliness_lease_duration')
-# Hardly anybody needs the others, which are parameters only where they are given: `ros2 param
-# list` is to be read by people.
+# The rare ones are parameters only where they are given, which keeps `ros2 param list` short.
 _COMMON = ('history', 'depth', 'reliability', 'durability')
 _RARE = ('deadline', 'lifespan', 'liveliness', 'liveliness_lease_duration')
-_MOST_DEPTH = 1_000_000
-_MAX_NAME_LENGTH = 2**63 - 1
+_MAX_DEPTH = 1_000_000
+_MAX_DURATION = 2**63 - 1
 QOS_USAGE = f"""\
  quality of service of each topic, by its full name:
   qos_overrides./TOPIC.publisher.POLICY, or qos_overrides./TOPIC.subscription.POLICY; policies:
@@ -60,19 +57,18 @@ QOS_USAGE = f"""\
 
 
 class UnknownMessageTypeError(Exception):
-    """A message type that is not installed, or none at all; the text says which."""
+    """A message type that is malformed or not installed; the text says which."""
 
 
 def name_refusal(name: str) -> str:
-    """Return why ROS refuses a full name of a topic or service; '' for a good one."""
-    # ROS's own check ends at a NUL, and calls what stands before it good; a lone surrogate is
-    # nothing that it can be given.
+    """Return ROS's reason for refusing a full name of a topic or service; '' for a good one."""
+    # ROS's own check ends at a NUL, and cannot take a lone surrogate.
     if '\0' in name or not name.isascii():
         return "topic name must not contain characters other than alphanumerics, '_', or '/'"
     try:
         validate_full_topic_name(name)
     except NameValidationException as error:
-        # The name follows, which may be anything, and a line that points into it.
+        # The untrusted name follows, and a line that points into it.
         return str(error).partition(':\n')[0].removeprefix('Invalid topic name: ')
     return ''
 
@@ -81,28 +77,22 @@ def message_class(type_name: str) -> Any:
     """
     Return the class of a message type such as `sensor_msgs/msg/JointState`.
 
-    To import a module is to run it, so only packages are imported that are installed as packages
-    of interfaces. Whether one of that name comes first on Python's own path, such as in a folder
-    of PYTHONPATH, is beyond this.
-
-    Raises
-    ------
-    UnknownMessageTypeError
-        The type is not installed, or the name is no message type's.
-
+    An import runs code, so only installed packages of interfaces are imported. A module of the
+    same name earlier on Python's path, as in PYTHONPATH, is out of scope. UnknownMessageTypeError
+    if the type is malformed or not installed.
     """
     shown = printable(type_name)
     named = split_type(type_name)
     if named is None:
         raise UnknownMessageTypeError(f"'{shown}' is no message type, such as std_msgs/msg/String")
     package, name = named
+    kind = None
     try:
-        kind = (
-            getattr(import_module(f'{package}.msg'), name, None) if is_installed(package) else None
-        )
+        if is_installed(package):
+            kind = getattr(import_module(f'{package}.msg'), name, None)
         if kind is not None:
             check_is_valid_msg_type(kind)
-    # A package that is installed by halves raises whatever it likes.
+    # A partly installed package may raise anything.
     except Exception as error:
         reason = f"message type '{shown}' cannot be used: {printable(error)}"
         raise UnknownMessageTypeError(reason) from error
@@ -114,14 +104,9 @@ def message_class(type_name: str) -> Any:
 def create_publisher(
     node: Node, kind: type, topic: str, profile: QoSProfile = OUTPUT, **options: Any
 ) -> Any:
-    """
-    Make a publisher with a quality of service, but for what parameters say of it.
-
-    A StartError says which parameter is refused, and why.
-    """
-    return node.create_publisher(
-        kind, topic, overridden(node, topic, 'publisher', profile), **options
-    )
+    """Make a publisher, with the quality of service as overridden by parameters."""
+    profile = overridden(node, topic, 'publisher', profile)
+    return node.create_publisher(kind, topic, profile, **options)
 
 
 def flush(publishers: Iterable[Publisher], seconds: float = ARRIVES) -> None:
@@ -133,7 +118,7 @@ def flush(publishers: Iterable[Publisher], seconds: float = ARRIVES) -> None:
 
 
 def create_trigger(node: Node, name: str, action: Callable[[], tuple[bool, str]]) -> None:
-    """Offer a service ~/NAME whose action returns whether it was done, and what to say."""
+    """Offer a service ~/NAME whose action returns the success and the message."""
 
     def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success, response.message = action()
@@ -144,22 +129,16 @@ def create_trigger(node: Node, name: str, action: Callable[[], tuple[bool, str]]
 
 def overridden(node: Node, topic: str, kind: str, profile: QoSProfile) -> QoSProfile:
     """
-    Return the profile of a publisher or subscription: the given one, but for what parameters say.
+    Return the profile of a publisher or subscription, as overridden by parameters.
 
-    rclpy's own QoSOverridingOptions leaves durability out, without a word, declares only when the
-    publisher is made, which may be long after the start, and changes the profile for everybody.
-
-    Raises
-    ------
-    StartError
-        A parameter is refused; the text says why.
-
+    rclpy's own QoSOverridingOptions silently omits durability, declares only when the publisher is
+    made, which may be long after the start, and changes the shared profile. A StartError names a
+    refused parameter.
     """
     prefix = f'qos_overrides.{node.resolve_topic_name(topic)}.{kind}.'
-    # Who receives has no say in how long a message is worth sending.
+    # A lifespan is a publisher's policy.
     possible = [policy for policy in _RARE if (kind, policy) != ('subscription', 'lifespan')]
     rare = [policy for policy in possible if f'{prefix}{policy}' in overrides(node)]
-    # Others use the same profile.
     own = copy(profile)
     for policy in (*_COMMON, *rare):
         setattr(own, policy, _value(node, prefix, policy, getattr(profile, policy)))
@@ -167,22 +146,22 @@ def overridden(node: Node, topic: str, kind: str, profile: QoSProfile) -> QoSPro
 
 
 def _value(node: Node, prefix: str, policy: str, default: Any) -> Any:
-    """Return what a policy's parameter says; two endpoints of one topic share it."""
+    """Return the value of a policy's parameter, which two endpoints of one topic share."""
     parameter = _declaration(prefix, policy, default)
     if not node.has_parameter(parameter.name):
         declare(node, [parameter])
     value = node.get_parameter(parameter.name).value
-    if policy in _QOS_WORDS:
-        return _QOS_WORDS[policy][value.upper()]
+    if policy in _POLICIES:
+        return _POLICIES[policy][value.upper()]
     return Duration(nanoseconds=value) if policy in _DURATIONS else value
 
 
 def _declaration(prefix: str, policy: str, default: Any) -> Declaration:
     name, description = f'{prefix}{policy}', f'{policy} of the topic'
-    if policy in _QOS_WORDS:
-        known = [word.name.lower() for word in _QOS_WORDS[policy] if word.name != 'UNKNOWN']
+    if policy in _POLICIES:
+        known = [word.name.lower() for word in _POLICIES[policy] if word.name != 'UNKNOWN']
         return Declaration(name, default.name.lower(), description, choices=known)
     if policy in _DURATIONS:
-        limits = (0, _MAX_NAME_LENGTH)
+        limits = (0, _MAX_DURATION)
         return Declaration(name, default.nanoseconds, f'{description} [ns]', limits=limits)
-    return Declaration(name, default, description, limits=(1, _MOST_DEPTH))
+    return Declaration(name, default, description, limits=(1, _MAX_DEPTH))

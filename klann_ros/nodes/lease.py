@@ -24,7 +24,7 @@ HELD, RELEASED = 'held', 'released'
 _QOS = QoSProfile(depth=20)
 _MAX_NAME = 300
 _MAX_PUBLISHERS = 64
-# The topics that a driver takes, by the last part of their names; both of a crank have one lease.
+# The leased topics, by the last part of their names; the two of a crank share a lease.
 CRANK_ANGLE, CRANK_STATE, CMD_VEL = 'crank_angle', 'crank_state', 'cmd_vel'
 
 
@@ -38,27 +38,13 @@ def leased_topic(topic: str) -> str:
 
 class LeaseListener:
     """
-    The publisher's side: who drives, and the confirmation that this node yields.
+    The publisher's side: the driver of a topic (full name), and confirmations of yielding.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The node that yields.
-    topic : str
-        The leased topic, by its full name.
-    on_change : callable
-        Is called with the driver's name when it takes the topic, with '' when it leaves.
-
-    Attributes
-    ----------
-    holder : str
-        The driver's name; '' while there is none.
-    last_holder : str
-        The name of the driver that came last.
-
+    `on_change` receives the driver's name when it takes the topic, and '' when it leaves.
     """
 
     def __init__(self, node: Node, topic: str, on_change: Callable[[str], object]) -> None:
+        # The present driver's name, '' without one; and the name of the last driver.
         self.holder = self.last_holder = ''
         self._on_change = on_change
         self._own = node.get_fully_qualified_name()
@@ -96,17 +82,9 @@ class LeaseListener:
 
 class Lease:
     """
-    The driver's side: announce the lease, and collect the nodes that have yielded.
+    The driver's side: announce the lease of a topic (full name), and collect yielding nodes.
 
-    Its callbacks run in ROS's thread; all else may be called by any.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The driver.
-    topic : str
-        The topic that it drives, by its full name.
-
+    Its callbacks and `close` run in ROS's thread; all else is thread safe.
     """
 
     def __init__(self, node: Node, topic: str) -> None:
@@ -125,21 +103,17 @@ class Lease:
 
     def announce(self) -> bool:
         """
-        Hold the lease; to be called at least every HEARTBEAT.
+        Hold the lease, at least every HEARTBEAT; return whether it was held without interruption.
 
-        Returns
-        -------
-        bool
-            False where the lease may have expired since the last call: publishers may have
-            resumed, so nothing may be sent before they have yielded again.
-
+        After an interruption publishers may have resumed: nothing may be sent before they have
+        yielded again.
         """
         now = monotonic()
-        is_whole = not self._held or now - self._announced < LEASE_TIME / 2.0
+        is_uninterrupted = not self._held or now - self._announced < LEASE_TIME / 2.0
         if not self._held or now - self._announced >= HEARTBEAT / 2.0:
             self._held, self._announced = True, now
             self._publisher.publish(KeyValue(key=self._key, value=HELD))
-        return is_whole
+        return is_uninterrupted
 
     def release(self) -> None:
         """Let the publishers resume."""
@@ -161,7 +135,7 @@ class Lease:
         return sorted(name for name, time in list(self._yielded.items()) if time > since)
 
     def close(self) -> None:
-        """Leave the topics; in ROS's thread."""
+        """Leave the topics."""
         self.release()
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)

@@ -18,12 +18,12 @@ from rclpy.node import Node
 from rclpy.parameter import get_parameter_value, Parameter
 import yaml
 
-# Of a value that is refused, and of a name that is none [characters].
-LONGEST_VALUE = LONGEST_NAME = 100
+# Of a refused value, and of an unknown name, in messages [characters].
+_MAX_VALUE_LENGTH = MAX_NAME_LENGTH = 100
 
 
 class StartError(Exception):
-    """What a node cannot start with; its text is the one line that the user reads."""
+    """A refused start of a node; its text is the one line that the user reads."""
 
 
 class UnknownParameterError(ParameterNotDeclaredException):
@@ -52,17 +52,16 @@ class Declaration:
     limits: tuple[float, float] | None = None
     # The only values, where there are any.
     choices: Sequence[str] = ()
-    # What its value must be, in words, where neither limits nor choices say it.
+    # The condition on its value, in words, where neither limits nor choices give it.
     constraint: str = ''
     # Whether it can only be given at start.
     read_only: bool = True
-    # Whether an integer and a double are taken alike; where the default is a double, it is held as
-    # one.
+    # Whether integers and doubles are accepted alike, and stored as the default's type if double.
     any_number: bool = False
 
     @property
     def allowed(self) -> str:
-        """Return what its value must be, in words."""
+        """Return the condition on its value, in words."""
         if self.limits is not None:
             least, most = self.limits
             return f'within {least:g} .. {most:g}'
@@ -81,25 +80,26 @@ class Declaration:
         return not self.choices or value in self.choices
 
     def refusal(self, value: Any) -> str:
-        """Return why a value of the right type is refused; '' if it is not."""
+        """Return the reason for refusing a value of the right type; '' to accept it."""
         if self.any_number and (isinstance(value, bool) or not isinstance(value, int | float)):
             return f'parameter {self.name} must be a number'
         return '' if self.allows(value) else refusal(self.name, value, self.allowed)
 
 
-def refusal(name: str, value: Any, what: str) -> str:
-    """Return the line that says that a value is refused, and what it must be."""
-    return f'{name} = {printable(repr(value), LONGEST_VALUE)} is refused: it must be {what}'
+def refusal(name: str, value: Any, requirement: str) -> str:
+    """Return the line about a refused value and its requirement."""
+    shown = printable(repr(value), _MAX_VALUE_LENGTH)
+    return f'{name} = {shown} is refused: it must be {requirement}'
 
 
-def must(condition: bool, name: str, value: Any, what: str) -> None:
+def require(condition: bool, name: str, value: Any, requirement: str) -> None:
     """Refuse a parameter at start with a StartError where the condition does not hold."""
     if not condition:
-        raise StartError(refusal(name, value, what))
+        raise StartError(refusal(name, value, requirement))
 
 
 def declare(node: Node, parameters: Sequence[Declaration]) -> dict[str, Any]:
-    """Declare parameters, return their values by name; a StartError tells what would be right."""
+    """Declare parameters, return their values by name; a StartError names the right value."""
     return {parameter.name: _declare(node, parameter) for parameter in parameters}
 
 
@@ -110,7 +110,7 @@ def declare_constant(node: Node, name: str, value: Any, description: str) -> Non
 
 
 def declare_given(node: Node, names: Collection[str], description: str) -> None:
-    """Declare those parameters that are given, whatever they are: others ask the node for them."""
+    """Declare the given ones of these parameters, of any type, for other nodes to read."""
     descriptor = ParameterDescriptor(description=description, read_only=True, dynamic_typing=True)
     for name in names:
         given = overrides(node).get(name)
@@ -125,41 +125,29 @@ def parameter_folders() -> tuple[Path, ...]:
 
 
 def plain(value: Any) -> Any:
-    """Return a parameter's value, an array of rclpy's as a list."""
+    """Return a parameter's value, a sequence as a list."""
     is_array = not isinstance(value, str | bytes) and hasattr(value, '__len__')
     return list(value) if is_array else value
 
 
 def overrides(node: Node) -> Mapping[str, Parameter]:
-    """Return what the command line and parameter files give a node, whether declared or not."""
+    """Return a node's parameters from the command line and files, declared or not."""
     # rclpy reports declared parameters only.
     given: Mapping[str, Parameter] = getattr(node, '_parameter_overrides', {})
     return given
 
 
 def unknown_parameter(name: str, executable: str, known: Collection[str]) -> str:
-    """Return a line about a name that is no parameter."""
+    """Return a line about an unknown name, with the nearest known one."""
     near = _nearest(name, known)
     hint = f'did you mean {near}?' if near else f'{executable} --help lists them'
-    return f"parameter {printable(name, LONGEST_NAME)} is none of {executable}'s; {hint}"
+    return f"parameter {printable(name, MAX_NAME_LENGTH)} is none of {executable}'s; {hint}"
 
 
 def on_change(
     node: Node, declarations: Sequence[Declaration], apply: Callable[[dict[str, Any]], None]
 ) -> None:
-    """
-    Validate declared parameters that are set at run time, then apply those that were set.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The node, which has declared them.
-    declarations : sequence of Declaration
-        The parameters; those that are read-only are left to rclpy.
-    apply : callable
-        Takes the new values by name.
-
-    """
+    """Validate declared parameters that are set at run time, then apply the new values by name."""
     tunable = {each.name: each for each in declarations if not each.read_only}
 
     def validate(parameters: Sequence[Parameter]) -> SetParametersResult:
@@ -180,20 +168,13 @@ def on_change(
 
 def prepare_sets(node: Node, executable: str) -> None:
     """
-    Have a node take what `ros2 param set` and `ros2 param load` send.
+    Make a node accept `ros2 param set` and `ros2 param load`.
 
-    A read-only parameter may be set to the value that it has, numbers are held as doubles where
-    doubles are, and an unknown name is answered with the nearest one.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The node; it has no pre-set callback of its own, as rclpy would add up what both return.
-    executable : str
-        Its name for users.
-
+    A read-only parameter may be set to its present value, numbers become doubles for a double, and
+    an unknown name is answered with the nearest one. The node has no pre-set callback of its own,
+    as rclpy would add up the results of both.
     """
-    node.add_pre_set_parameters_callback(partial(_as_held, node, executable))
+    node.add_pre_set_parameters_callback(partial(_converted, node, executable))
     set_changed = node.set_parameters_atomically
 
     def set_parameters(parameters: list[Parameter]) -> SetParametersResult:
@@ -202,13 +183,13 @@ def prepare_sets(node: Node, executable: str) -> None:
             return SetParametersResult(successful=True)
         return set_changed(changed)
 
-    # No callback can do it: rclpy refuses read-only parameters before it asks any, and a list
-    # that the pre-set callback has emptied.
+    # No callback can do it: rclpy refuses read-only parameters before it calls any, and a list
+    # emptied by the pre-set callback.
     node.set_parameters_atomically = set_parameters
 
 
 def usage(groups: Mapping[str, Sequence[Declaration]]) -> str:
-    """Return the part of an executable's help that tells its parameters, group by group."""
+    """Return the parameters' part of an executable's help, group by group."""
     lines = ['Parameters are given as --ros-args -p NAME:=VALUE or --ros-args --params-file FILE:']
     for title, parameters in groups.items():
         lines += [f' {title}:' if title else '', *(parameter.line for parameter in parameters)]
@@ -271,13 +252,12 @@ def _meant(wrong: Any, default: Any) -> Any:
 
 def _shown(value: Any) -> str:
     """Return a value as it is typed."""
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return printable(f'[{", ".join(map(str, value))}]', LONGEST_VALUE)
-    return printable(value, LONGEST_VALUE)
+    is_list = isinstance(value, Sequence) and not isinstance(value, str)
+    return printable(f'[{", ".join(map(str, value))}]' if is_list else value, _MAX_VALUE_LENGTH)
 
 
-def _as_held(node: Node, executable: str, parameters: Sequence[Parameter]) -> list[Parameter]:
-    """Return parameters as they are held; refuse unknown names."""
+def _converted(node: Node, executable: str, parameters: Sequence[Parameter]) -> list[Parameter]:
+    """Return parameters in the types of the declared ones; refuse unknown names."""
     for parameter in parameters:
         if not node.has_parameter(parameter.name):
             known = node.list_parameters([], 0).names
@@ -286,45 +266,37 @@ def _as_held(node: Node, executable: str, parameters: Sequence[Parameter]) -> li
 
 
 def _as_double(node: Node, parameter: Parameter) -> Parameter:
-    """Return a number as a double where one is held; YAML takes 1e-12 for a text."""
+    """Return a number as a double for a double of `any_number`; YAML takes 1e-12 for a text."""
+    name = parameter.name
     is_number = parameter.type_ in (Parameter.Type.INTEGER, Parameter.Type.STRING)
-    if is_number and _is_any_double(node, parameter.name):
+    is_double = node.get_parameter(name).type_ == Parameter.Type.DOUBLE
+    if is_number and is_double and node.describe_parameter(name).dynamic_typing:
         with suppress(ValueError):
-            return Parameter(parameter.name, value=float(parameter.value))
+            return Parameter(name, value=float(parameter.value))
     return parameter
 
 
 def _is_unchanged_constant(node: Node, parameter: Parameter) -> bool:
-    """Return whether a parameter is read-only, and is set to the value that it has."""
+    """Return whether a parameter is read-only, and is set to its present value."""
     name = parameter.name
     if not node.has_parameter(name) or not node.describe_parameter(name).read_only:
         return False
-    held, value = (_plain(each.value) for each in (node.get_parameter(name), parameter))
+    held, value = (plain(each.value) for each in (node.get_parameter(name), parameter))
     if held == value and isinstance(held, bool) == isinstance(value, bool):
         return True
-    # What `ros2 param load` makes of the value that `ros2 param dump` has written.
+    # `ros2 param load` parses the text that `ros2 param dump` has written.
     try:
         return bool(get_parameter_value(str(held)) == parameter.get_parameter_value())
     except (yaml.YAMLError, AssertionError):
         return False
 
 
-def _plain(value: Any) -> Any:
-    return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
-
-
-def _is_any_double(node: Node, name: str) -> bool:
-    """Return whether a parameter holds a double, and takes integers as well."""
-    is_double = node.get_parameter(name).type_ == Parameter.Type.DOUBLE
-    return is_double and bool(node.describe_parameter(name).dynamic_typing)
-
-
 def _nearest(name: str, known: Collection[str]) -> str:
     """Return the known name that was most likely meant; '' if none is near."""
-    family, dot, _ = name[: 2 * LONGEST_NAME].rpartition('.')
+    family, dot, _ = name[: 2 * MAX_NAME_LENGTH].rpartition('.')
     siblings = [other for other in known if dot and other.rpartition('.')[0] == family]
-    # What all siblings begin with says nothing of which one is meant.
+    # The siblings' common prefix does not distinguish them.
     start = len(family) + 1 if siblings else 0
     candidates = {other[start:]: other for other in siblings or known}
-    near = get_close_matches(name[start:][:LONGEST_NAME], candidates, n=1)
+    near = get_close_matches(name[start:][:MAX_NAME_LENGTH], candidates, n=1)
     return candidates[near[0]] if near else ''

@@ -21,34 +21,34 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from .complaints import complaints, endless_file
 from .parameters import prepare_sets, StartError
 from .raw_executor import RawMessageExecutor
+from .unused_arguments import unreadable_params_file, unused_arguments
 
-# What users forget to write --ros-args before.
-FOR_ROS = ('-p', '--param', '--params-file', '-r', '--remap', '--log-level', '-e', '--enclave')
-# What rclpy raises when a topic or its quality of service makes no sense.
+# Arguments for ROS before which users forget --ros-args.
+_ROS_FLAGS = ('-p', '--param', '--params-file', '-r', '--remap', '--log-level', '-e', '--enclave')
+# Errors of rclpy about a topic or its quality of service.
 ROS_ERRORS = (NameValidationException, RCLError, RuntimeError, ValueError)
-# And when a node or its parameters make none.
-START_ERRORS = (StartError, ParameterException, *ROS_ERRORS)
+# And about a node or its parameters.
+_START_ERRORS = (StartError, ParameterException, *ROS_ERRORS)
 # ROS writes its log files there, and does not start where it cannot.
-LOG_FOLDER_REMEDY = 'set ROS_LOG_DIR (or HOME) to a folder that can be written'
-# How often a failed callback is logged at most [s].
-THROTTLE = 2.0
+_LOG_FOLDER_REMEDY = 'set ROS_LOG_DIR (or HOME) to a folder that can be written'
+# Period of repeated warnings and errors in the log [s].
+LOG_PERIOD = 2.0
 
 
 class Finish(Protocol):
     """Ends the process, orderly, with an exit code; the first call counts."""
 
     def __call__(self, code: int = 0) -> None:
-        """Ask for the end."""
+        """Request the end."""
 
 
 class ProcessNode(Node):
-    """A node that has something to put in order before its process ends."""
+    """A node with an orderly shutdown."""
 
     def close(self) -> int:
-        """Put it in order; return the exit code."""
+        """Shut down before the process ends; return the exit code."""
         return 0
 
 
@@ -78,8 +78,8 @@ def split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def _hint(rest: Sequence[str]) -> str:
-    """Return what to do with arguments that are none of ours, if they look like ROS's."""
-    if any(argument in FOR_ROS or ':=' in argument for argument in rest):
+    """Return a hint about arguments that look like ROS's."""
+    if any(argument in _ROS_FLAGS or ':=' in argument for argument in rest):
         return '; arguments for ROS go behind --ros-args'
     if any(argument.endswith(('.yaml', '.yml')) for argument in rest):
         return '; a parameter file is given as --ros-args --params-file FILE'
@@ -96,20 +96,20 @@ def run(
     batch_period: float = 0.0,
 ) -> int:
     """
-    Run a node until a signal stops it, or it asks for its end.
+    Run a node until a signal stops it, or it requests its end.
 
     Parameters
     ----------
     name : str
         The executable's name, for messages.
     make_node : callable
-        Makes the node; is given what ends the process.
+        Makes the node from the function that ends the process.
     argv : sequence of str
         The command line, program name first.
     stop : StopSignals
         The process's signals.
     raw : bool
-        Whether a RawMessageExecutor runs it: for nodes that messages drive, not timers.
+        Whether a RawMessageExecutor runs it: for nodes driven by messages, not timers.
     batch_period : float
         Batching delay of that executor after its queues are drained [s].
 
@@ -127,47 +127,47 @@ def run(
             finished.set_result(code)
 
     for_ros = split(argv)[1]
-    endless = endless_file(for_ros)
-    if endless:
-        return _refused(name, StartError(endless))
+    unreadable = unreadable_params_file(for_ros)
+    if unreadable:
+        return _refuse(name, StartError(unreadable))
     try:
-        # Signals are this process's own affair: see StopSignals.
+        # StopSignals handles them.
         rclpy.init(args=for_ros, signal_handler_options=SignalHandlerOptions.NO)
     except UnknownROSArgsError as error:
         known = '-p NAME:=VALUE, --params-file FILE, -r OLD:=NEW, --log-level LEVEL'
-        return _refused(name, StartError(f'unknown arguments for ROS {error}; it takes {known}'))
-    except START_ERRORS as error:
+        return _refuse(name, StartError(f'unknown arguments for ROS {error}; it takes {known}'))
+    except _START_ERRORS as error:
         if 'log directory' in str(error):
-            error = StartError(f'{ros_error(error)}; {LOG_FOLDER_REMEDY}')
-        return _refused(name, error)
+            error = StartError(f'{ros_error(error)}; {_LOG_FOLDER_REMEDY}')
+        return _refuse(name, error)
     try:
         stop.on_stop(finish)
-        return _run(
-            name, lambda: make_node(finish), finished, for_ros, raw=raw, batch_period=batch_period
-        )
+        report_unit_warnings(lambda text: get_logger(name).warning(text))
+        try:
+            node = make_node(finish)
+        except _START_ERRORS as error:
+            return _refuse(name, error)
+        closed = _spin(name, node, finished, for_ros, raw=raw, batch_period=batch_period)
+        return int(finished.result() or closed)
     finally:
         rclpy.try_shutdown()
 
 
-def _run(
+def _spin(
     name: str,
-    make_node: Callable[[], Node],
+    node: Node,
     finished: Future,
     for_ros: Sequence[str],
     *,
     raw: bool,
     batch_period: float,
 ) -> int:
+    """Run a node until its end; return the exit code of its shutdown."""
     executor = SingleThreadedExecutor()
-    report_unit_warnings(lambda text: get_logger(name).warning(text))
-    try:
-        node = make_node()
-    except START_ERRORS as error:
-        return _refused(name, error)
     try:
         prepare_sets(node, name)
-        for complaint in complaints(node, name, for_ros):
-            node.get_logger().warning(complaint)
+        for warning in unused_arguments(node, name, for_ros):
+            node.get_logger().warning(warning)
         executor.add_node(node)
         # These objects stay: the garbage collector need not scan them again.
         gc.freeze()
@@ -178,10 +178,10 @@ def _run(
         closed = node.close() if isinstance(node, ProcessNode) else 0
         node.destroy_node()
         executor.shutdown()
-    return int(finished.result() or closed)
+    return closed
 
 
-def _refused(name: str, error: Exception) -> int:
+def _refuse(name: str, error: Exception) -> int:
     print(f'{name}: {ros_error(error)}', file=sys.stderr)
     return 1
 
@@ -193,18 +193,10 @@ def ros_error(error: Exception) -> str:
 
 def spin_on(spin: Callable[[], None], node: Node) -> None:
     """
-    Spin, and go on after a callback has failed, which is logged.
+    Call `spin`, and again after a callback has failed, which is logged.
 
-    rclpy itself raises for messages that anybody may send: a parameter of an unknown type, a clock
-    before 1970. No message may end a node that turns a leg or records a run.
-
-    Parameters
-    ----------
-    spin : callable
-        Runs callbacks until all ends; raises what they raise.
-    node : rclpy.node.Node
-        Whose callbacks they are.
-
+    rclpy itself raises for messages of any sender: a parameter of an unknown type, a clock before
+    1970. No message may end a node that turns a leg or records a run.
     """
     while not _has_ended(spin, node):
         pass
@@ -218,14 +210,14 @@ def _has_ended(spin: Callable[[], None], node: Node) -> bool:
     except Exception as error:
         node.get_logger().error(
             f'a callback failed, and the node goes on: {error_and_place(error)}',
-            throttle_duration_sec=THROTTLE,
+            throttle_duration_sec=LOG_PERIOD,
         )
         return False
     return True
 
 
 def error_and_place(error: Exception) -> str:
-    """Return on one line what an error says, and where it was raised."""
+    """Return an error and its place in the source on one line."""
     *_, last = traceback.extract_tb(error.__traceback__)
     place = f'{Path(last.filename).name}:{last.lineno}'
     return f'{type(error).__name__}: {printable(error)} ({place})'

@@ -1,28 +1,28 @@
 """
 A loop that takes raw messages itself, and leaves all else to rclpy's executor.
 
-For every single message an executor builds a wait set of all that a node has, and wraps the
-callback in a coroutine and a task. That costs more than what most callbacks do. Here two threads
-share the work:
+For every message an executor builds a wait set of all entities of a node, and wraps the callback
+in a coroutine and a task, which costs more than most callbacks. Here two threads share the work:
 
-- The *loop*, in the caller's thread, waits for the subscriptions and timers of LeanCallbackGroups
-  and for one guard condition. It takes what has come and calls the callbacks.
-- The *watch* (executor_watch.py) lets the executor wait for all else: services, clients, simulated
-  time, events, other subscriptions and timers, new entities, the end. It hands ready entities to
-  the loop, and pauses until they are done.
+- The *loop*, in the caller's thread, waits for the subscriptions and timers of RawCallbackGroups
+  and for one guard condition. It takes the queued messages and calls the callbacks.
+- The *watch* lets the executor wait for all else: services, clients, simulated time, events, other
+  subscriptions and timers, new entities, the end. It hands ready entities to the loop, and pauses
+  until they are done.
 
-So all callbacks run in the caller's thread, one after the other, as a SingleThreadedExecutor runs
-them; a message does not pay for what it does not concern; and whatever rclpy can do goes on
-working, because rclpy does it.
+So all callbacks run in the caller's thread, one after the other, as in a SingleThreadedExecutor,
+and every feature of rclpy keeps working, because rclpy does it.
 
 The plain path is the executor alone, which calls the same callbacks with the same arguments: on
-request, and where rclpy lacks the internals that are used.
+request, and where rclpy lacks the internals used here.
 """
 
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 import os
+from threading import Semaphore, Thread
 from time import sleep
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from rclpy import executors
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -33,15 +33,14 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.timer import Timer
 
-from . import executor_watch
-from .executor_watch import ExecutorWatch
-from .plain_loop import spin_plain
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 # Where this environment variable is set and not empty, every loop is a plain one.
 PLAIN = 'KLANN_ROS_PLAIN_LOOP'
 # Messages of a topic taken in a row, so that a flood starves nothing else.
 BURST = 64
-# What the middleware knows about a message.
+# The middleware's data about a message.
 Info = dict[str, Any]
 
 
@@ -56,29 +55,22 @@ class RawCallbackGroup(MutuallyExclusiveCallbackGroup):
     """
 
     def __init__(self) -> None:
-        """Leave all to the executor, until a loop says otherwise."""
         super().__init__()
+        # Whether a loop serves the group, and the executor must not.
         self.has_loop = False
 
     def can_execute(self, entity: Any) -> bool:
-        """Return whether the executor may wait for it, and take what it receives."""
+        """Return whether the executor may wait for an entity, and take its messages."""
         return not self.has_loop and bool(super().can_execute(entity))
 
 
 class RawMessageExecutor:
     """
-    Run the callbacks of an executor's nodes.
+    Run the callbacks of an executor's nodes; nothing else may spin it meanwhile.
 
-    Parameters
-    ----------
-    executor : rclpy.executors.SingleThreadedExecutor
-        Has the nodes; nothing else may spin it in the meantime.
-    plain : bool
-        Whether to let the executor do all of it.
-    batch_period : float
-        Batching delay after the queues are drained [s]: the next wake-up serves all messages of
-        this time. For nodes that need no immediate answer and have deep queues.
-
+    With `plain` the executor does everything. `batch_period` is a delay after the queues are
+    drained [s]: the next wake-up serves all messages of this time. It suits nodes that need no
+    immediate answer and have deep queues.
     """
 
     def __init__(self, executor: Any, *, plain: bool = False, batch_period: float = 0.0) -> None:
@@ -88,24 +80,24 @@ class RawMessageExecutor:
         self._lean: tuple[list[Subscription], list[Timer]] = [], []
         self._groups: set[RawCallbackGroup] = set()
         self._context_ended = False
-        # To ask the context at each message costs four locks; and the watch may tell too late.
+        # Querying the context at each message costs four locks; the watch may be too late.
         executor.context.on_shutdown(self._end_context)
 
     def spin_until_future_complete(self, future: Future) -> None:
         """
         Run callbacks until a future is done, or the executor is shut down.
 
-        What a callback raises is raised, and ExternalShutdownException when the context ends.
+        Errors of callbacks are raised, and ExternalShutdownException when the context ends.
         """
         if self._plain:
-            spin_plain(self._executor, future)
+            _spin_plain(self._executor, future)
             return
         self._ended = False
         self._guard = GuardCondition(None, None, context=self._executor.context)
         future.add_done_callback(self._end)
         self._adopt()  # before the executor waits for the first time
         try:
-            with ExecutorWatch(self._executor, self._guard.trigger, self._has_changed) as watch:
+            with _ExecutorWatch(self._executor, self._guard.trigger, self._has_changed) as watch:
                 while not self._ended:
                     self._take_until_ready(watch)
                     watch.run()
@@ -126,7 +118,7 @@ class RawMessageExecutor:
         self._context_ended = True
 
     def _has_changed(self) -> bool:
-        """Return whether the loop waits for the wrong ones."""
+        """Return whether entities of the loop were created or destroyed."""
         return self._entities() != self._lean
 
     def _entities(self) -> tuple[list[Subscription], list[Timer]]:
@@ -137,14 +129,14 @@ class RawMessageExecutor:
         )
 
     def _adopt(self) -> None:
-        """Take over the subscriptions and timers that there are."""
+        """Take over the present subscriptions and timers."""
         self._lean = self._entities()
         self._groups |= {each.callback_group for kind in self._lean for each in kind}
         for group in self._groups:
             group.has_loop = True
 
-    def _take_until_ready(self, watch: ExecutorWatch) -> None:
-        """Take messages until the watch has something else to do, or all ends."""
+    def _take_until_ready(self, watch: '_ExecutorWatch') -> None:
+        """Take messages until the watch has a ready entity, or the loop ends."""
         context, guard = self._executor.context.handle, self._guard.handle
         with ExitStack() as held:
             handles, events, takes, timers = self._hold(held)
@@ -168,19 +160,19 @@ class RawMessageExecutor:
                     return
 
     def _serve(self, takes: list[Any], events: list[Any], wait_set: Any) -> None:
-        """Take what has come, and tell the events, which cost something to ask for."""
+        """Take messages, and run events, whose query is expensive."""
         if not self._batch_period:
             if not _take(takes, wait_set):
-                self._run_events(events, wait_set)
+                _run_events(events, wait_set)
             return
         # Publishers must be known before their messages; after a batching delay there are always
         # messages, which must not delay the events.
-        self._run_events(events, wait_set)
+        _run_events(events, wait_set)
         if _take(takes, wait_set) < BURST:
             sleep(self._batch_period)
 
     def _hold(self, held: ExitStack) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
-        """Return subscriptions' handles and events, how to take, and timers; none is destroyed."""
+        """Return subscriptions' handles and events, their take calls, and timers, all held."""
         self._adopt()
         handles, events, takes, timers = [], [], [], []
         subscriptions, all_timers = self._lean
@@ -199,14 +191,94 @@ class RawMessageExecutor:
                     events.append(event)
         return handles, events, takes, timers
 
-    def _run_events(self, events: list[Any], wait_set: Any) -> None:
-        for event in events:
-            if event.is_ready(wait_set):
-                data = None
-                with suppress(InvalidHandle):  # as above
-                    data = event.take_data()
-                if data is not None:
-                    event.callback(data)
+
+class _ExecutorWatch:
+    """
+    Wait as an executor does, and hand ready entities to another thread, one at a time.
+
+    The executor's own `wait_for_ready_callbacks` waits, as in a MultiThreadedExecutor. It pauses
+    until the found entity was run. `wake` is called, by this thread, whenever `is_ready` becomes
+    true; `condition` makes it true with nothing to run, and is checked at each wake-up of the
+    executor, so also when entities come or go.
+    """
+
+    def __init__(
+        self, executor: Any, wake: Callable[[], object], condition: Callable[[], bool]
+    ) -> None:
+        # Whether `run` has something to do.
+        self.is_ready = False
+        self._executor, self._wake, self._condition = executor, wake, condition
+        self._stopped = False
+        self._task: Any = None
+        self._go_on = Semaphore(0)
+        self._thread = Thread(target=self._watch, name='watch', daemon=True)
+
+    def __enter__(self) -> 'Self':
+        self._thread.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._stopped = True
+        self._go_on.release()
+        self._executor.wake()
+        self._thread.join()
+        # The executor does not find ready entities again.
+        if kind is None and not isinstance(self._task, Exception):
+            self.run()
+
+    def run(self) -> None:
+        """Run a ready callback, if there is one; raise its error, or that of a shutdown."""
+        if not self.is_ready:
+            return
+        task, self._task, self.is_ready = self._task, None, False
+        if isinstance(task, Exception):
+            raise task
+        if task is not None:
+            task()
+            task.result()
+        self._go_on.release()
+
+    def _watch(self) -> None:
+        while not self._stopped:
+            try:
+                self._task, *_ = self._executor.wait_for_ready_callbacks(
+                    None, None, lambda: self._stopped or self._condition()
+                )
+            except executors.ConditionReachedException:
+                self._task = None
+            except Exception as error:  # raised by the other thread
+                self._task = error
+            self.is_ready = True
+            self._wake()
+            self._go_on.acquire()
+
+
+def _spin_plain(executor: Any, future: Future) -> None:
+    """Let an executor run callbacks until a future is done, or the executor is shut down."""
+
+    def wake(_: Future) -> None:
+        executor.wake()
+
+    future.add_done_callback(wake)
+    try:
+        executor.spin_until_future_complete(_PolledFuture(future))
+    finally:
+        future.remove_done_callback(wake)
+
+
+class _PolledFuture:
+    """
+    A future without the callbacks of an executor that waits for days.
+
+    rclpy adds a callback to the future at each wake-up, and keeps them all: 264 bytes each, 2 GB a
+    day at 100 Hz. The caller wakes the executor instead.
+    """
+
+    def __init__(self, future: Future) -> None:
+        self.done, self.cancelled = future.done, future.cancelled
+
+    def add_done_callback(self, callback: Any) -> None:
+        """Do nothing."""
 
 
 def _is_lean(entity: Any) -> bool:
@@ -227,10 +299,10 @@ def _fill(
 
 
 def _take(takes: list[Any], wait_set: Any) -> int:
-    """Take what has come; return how many messages there were of the most frequent topic."""
+    """Take queued messages; return the count of the most frequent topic."""
     most = 0
     for index, (take, kind, callback) in enumerate(takes):
-        # To take nothing costs more than to ask.
+        # A take without a message costs more than this query.
         if not wait_set.is_ready('subscription', index):
             continue
         count = 0
@@ -242,7 +314,7 @@ def _take(takes: list[Any], wait_set: Any) -> int:
 
 
 def _call(timers: list[Any], wait_set: Any) -> None:
-    """Call the timers whose time has come."""
+    """Call the due timers."""
     for index, (timer, callback) in enumerate(timers):
         # One of the callbacks before may have cancelled it.
         if wait_set.is_ready('timer', index) and timer.is_timer_ready():
@@ -250,10 +322,21 @@ def _call(timers: list[Any], wait_set: Any) -> None:
             callback()
 
 
+def _run_events(events: list[Any], wait_set: Any) -> None:
+    for event in events:
+        if event.is_ready(wait_set):
+            data = None
+            with suppress(InvalidHandle):  # another thread has just destroyed it
+                data = event.take_data()
+            if data is not None:
+                event.callback(data)
+
+
 def _is_possible(executor: Any) -> bool:
-    """Return whether rclpy has the internals that are used here."""
+    """Return whether rclpy has the internals used here."""
     return (
-        executor_watch.is_possible(executor)
+        hasattr(executor, 'wait_for_ready_callbacks')
+        and hasattr(executors, 'ConditionReachedException')
         and hasattr(rclpy_implementation, 'WaitSet')
         and hasattr(rclpy_implementation.Subscription, 'take_message')
         and hasattr(rclpy_implementation.Timer, 'call_timer')

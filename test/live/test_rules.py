@@ -1,6 +1,7 @@
 """The rules of the live page, each without a server: who, what, how often, how long."""
 
 from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.live.clients import recorded, status_text
 from klann_ros.live.drive import CLIENT_TIMEOUT, crank_at, CrankDrive, DriveError, WalkDrive
 from klann_ros.live.guard import ForbiddenError, Guard, new_token
 from klann_ros.live.legs import (
@@ -12,7 +13,6 @@ from klann_ros.live.legs import (
 )
 from klann_ros.live.protocol import Command, parsed, RateLimit
 from klann_ros.live.rates import TopicRate
-from klann_ros.live.status_text import recorded, status_text
 from klann_ros.log.run_parameters import (
     replayed_solvers,
     replayed_solvers_json,

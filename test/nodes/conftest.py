@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from domain import own_domain
 import pytest
@@ -32,4 +33,23 @@ def own_context(ros: World) -> Iterator[Callable[[], Node]]:
     for node in made:
         context = node.context
         node.destroy_node()
+        context.try_shutdown()
+
+
+@pytest.fixture(scope='module')
+def create() -> Iterator[Callable[..., Any]]:
+    """Return a function that creates nodes in this process, with arguments behind --ros-args."""
+    created: list[Node] = []
+    context = Context()
+
+    def make(kind: Callable[..., Any], *arguments: str, **options: Any) -> Any:
+        cli_args = ['--ros-args', *arguments]
+        created.append(kind(context=context, cli_args=cli_args, **options))
+        return created[-1]
+
+    with own_domain() as domain:
+        context.init(args=[], domain_id=domain)
+        yield make
+        for node in created:
+            node.destroy_node()
         context.try_shutdown()

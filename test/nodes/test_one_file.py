@@ -13,8 +13,7 @@ from klann_ros.export.command import main as export
 from klann_ros.kinematics import KlannGeometry, Linkage, shipped_linkage
 from klann_ros.kinematics.linkage.file import SHIPPED
 from klann_ros.nodes.parameters import StartError
-from klann_ros.nodes.robot_parameters import declared_robot
-from klann_ros.nodes.solver.leg_parameters import LegParameters
+from klann_ros.nodes.solver.leg_parameters import declared_robot, LegParameters
 from klann_ros.review.load.solvers import published_legs
 from klann_ros.review.load.urdf import klann_legs_in_urdf
 from klann_ros.review.reviewing import review_run
@@ -83,10 +82,7 @@ CASES = {
 
 @pytest.mark.parametrize('case', CASES)
 def test_all_programs_read_the_same_legs(
-    case: str,
-    node: Callable[..., Node],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    case: str, node: Callable[..., Node], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text, expected = CASES[case]
     file = tmp_path / 'leg.yaml'

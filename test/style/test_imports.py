@@ -25,26 +25,10 @@ ALLOWED = {
     'sweeps': {'sanitize', 'engines', 'kinematics'},
     'plotting': {'kinematics'},
     'web': {'sanitize', 'kinematics'},
-    'review': {
-        'sanitize',
-        'engines',
-        'kinematics',
-        'dynamics',
-        'robot',
-        'plotting',
-        'log',
-        'web',
-    },
+    'review': {'sanitize', 'engines', 'kinematics', 'dynamics', 'robot', 'plotting', 'log', 'web'},
     'export': {'sanitize', 'kinematics', 'dynamics', 'plotting', 'robot', 'twin'},
     'live': {'sanitize', 'kinematics', 'log', 'robot', 'review', 'web'},
-    'datasheet': {
-        'sanitize',
-        'kinematics',
-        'dynamics',
-        'robot',
-        'walker',
-        'web',
-    },
+    'datasheet': {'sanitize', 'kinematics', 'dynamics', 'robot', 'walker', 'web'},
     'stop_signals': set(),
     'nodes': {
         'sanitize',
@@ -180,11 +164,7 @@ def test_a_circle_by_way_of_a_face_is_found(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    'other',
-    [
-        'from . import errors',
-        'from made_up.log.offender import NAME',
-    ],
+    'other', ['from . import errors', 'from made_up.log.offender import NAME']
 )
 def test_what_is_no_circle_is_not(other: str, tmp_path: Path) -> None:
     package = made_up(tmp_path, 'kinematics', 'from .other import NAME')

@@ -1,4 +1,4 @@
-"""How a crank is driven: the parameters, and angle and rate as functions of time alone."""
+"""The motion of a crank: parameters, and angle and rate as functions of time alone."""
 
 from dataclasses import dataclass
 from math import cos, floor, isfinite, pi, sin
@@ -9,29 +9,22 @@ from klann_ros.nodes.parameters import Declaration
 
 MODES = ('constant', 'sine', 'sweep', 'step')
 # Periods of sine, sweep and step [s].
-SHORTEST, LONGEST = 1e-6, 1e9
+_MIN_PERIOD, _MAX_PERIOD = 1e-6, 1e9
 
 
 class CrankMotionError(KinematicsError, ValueError):
-    """A motion that cannot be driven; the text says why."""
+    """An invalid motion; the text says why."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CrankMotion:
     """
-    The motion of a crank over time t.
+    The motion of a crank over time t; a CrankMotionError for an invalid one.
 
         constant  start + speed t
         sine      start + amplitude sin(2 pi frequency t)
         sweep     from start to start + amplitude and back, at speed
         step      start + amplitude k after k / frequency: a jump every 1 / frequency
-
-    Raises
-    ------
-    CrankMotionError
-        The mode is unknown, a number is not finite, or the period of sine, sweep or step is not
-        within 1e-6 .. 1e9 s.
-
     """
 
     # One of MODES.
@@ -62,10 +55,10 @@ class CrankMotion:
             raise CrankMotionError(
                 'a sweep is refused without speed and amplitude: both must be other than 0'
             )
-        if self.mode != 'constant' and not SHORTEST <= self.period <= LONGEST:
+        if self.mode != 'constant' and not _MIN_PERIOD <= self.period <= _MAX_PERIOD:
             raise CrankMotionError(
                 f'a period of {self.period:g} s is refused: '
-                f'it must be within {SHORTEST:g} .. {LONGEST:g} s'
+                f'it must be within {_MIN_PERIOD:g} .. {_MAX_PERIOD:g} s'
             )
 
     @property
@@ -78,17 +71,7 @@ class CrankMotion:
         return 1.0 / self.frequency
 
     def at(self, t: float) -> tuple[float, float]:
-        """
-        Return the crank's angle [rad] and rate [rad/s] at a time.
-
-        A step's rate is that between its jumps, 0.
-
-        Parameters
-        ----------
-        t : float
-            Time since the start [s], >= 0.
-
-        """
+        """Return angle [rad] and rate [rad/s] at a time [s]; the rate of a step is 0."""
         if self.mode == 'constant':
             return self.start + self.speed * t, self.speed
         if self.mode == 'sine':
@@ -97,7 +80,7 @@ class CrankMotion:
             return self.start + self.amplitude * sin(phase), rate
         if self.mode == 'sweep':
             return self._sweep(t)
-        # A jump that is due just now is not put off by the rounding of t.
+        # Rounding of t must not postpone a jump.
         return self.start + self.amplitude * floor(self.frequency * t + 1e-9), 0.0
 
     def _sweep(self, t: float) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from typing import Any, TYPE_CHECKING
 from klann_ros.kinematics.angles import TURN
 from klann_ros.nodes.endpoints import create_publisher, flush, QOS_USAGE
 from klann_ros.nodes.lease import leased_topic, LeaseListener
-from klann_ros.nodes.parameters import declare, must, StartError, usage
+from klann_ros.nodes.parameters import declare, require, StartError, usage
 from klann_ros.nodes.process import arguments, Finish, run
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.stop_signals import StopSignals
@@ -28,34 +28,22 @@ if TYPE_CHECKING:
 # Time for a subscriber to match the publisher once the publisher knows of it, and for a driver's
 # lease to be heard before the first message [s].
 DISCOVERY_TIME = 0.3
-# A node that was stopped for longer than this goes on from where it was, without a burst [s].
-LONGEST_CATCH_UP = 0.5
-# After a driver has left elsewhere: how fast a motion within bounds returns to them [rad/s].
-RETURN_RATE = 1.0
+# After a longer stop the motion continues from its last angle, without a burst [s].
+_MAX_CATCH_UP = 0.5
+# Rate at which a bounded motion returns to its bounds after a driver [rad/s].
+_RETURN_RATE = 1.0
 
 
 class CrankNode(Node):
     """
-    Publish the crank's angle; the n-th is a function of n / rate alone.
+    Publish the crank's angle, the n-th as a function of n / rate alone, then finish.
 
-    While a driver holds the lease of the topic nothing is published. Afterwards the motion goes on
-    from the last angle of the driver: `constant` from there on; the others, which have bounds,
-    return to them at RETURN_RATE.
-
-    Parameters
-    ----------
-    finish : Finish
-        Is called after the last revolution.
-
-    Raises
-    ------
-    StartError
-        A parameter is refused; the text says why.
-
+    While a driver holds the lease of the topic nothing is published. Afterwards the motion
+    continues from the driver's last angle: `constant` without bounds; the others return to theirs.
     """
 
     def __init__(self, finish: Finish, **options: Any) -> None:
-        """Declare, validate, and start to wait; `options` are those of Node."""
+        """Declare and validate the parameters; a StartError names a refused one."""
         super().__init__('crank_node', **options)
         self._finish = finish
         values = declare(self, [*MOTION, *PARAMETERS])
@@ -84,7 +72,7 @@ class CrankNode(Node):
         self.get_logger().info(f'ready: {self._summary(values)}')
 
     def _summary(self, values: Mapping[str, Any]) -> str:
-        """Return what the crank is about to do, in words."""
+        """Return the planned motion in words."""
         kind = f'{values["speed"]:g} rad/s'
         if values['mode'] in ('sine', 'step'):
             kind = f'{values["amplitude"]:g} rad at {values["frequency"]:g} Hz'
@@ -98,11 +86,11 @@ class CrankNode(Node):
 
     def _messages(self, revolutions: float) -> float:
         """Return the number of messages of the revolutions, both ends included."""
-        must(0.0 <= revolutions < inf, 'revolutions', revolutions, 'finite and >= 0')
+        require(0.0 <= revolutions < inf, 'revolutions', revolutions, 'finite and >= 0')
         if revolutions == 0.0:
             return inf
         duration = revolutions * self._motion.period
-        must(isfinite(duration), 'revolutions', revolutions, '0 where speed is 0')
+        require(isfinite(duration), 'revolutions', revolutions, '0 where speed is 0')
         return float(round(duration * self._rate) + 1)
 
     def _make_output(self, output: str, crank_joint: str) -> None:
@@ -116,10 +104,10 @@ class CrankNode(Node):
         self._crank_joint = crank_joint
 
     def _wait(self) -> None:
-        """Begin once enough subscribers listen."""
+        """Begin once there are enough subscribers."""
         now = self._steady.now()
-        is_alone = self._publisher.get_subscription_count() < self._min_subscribers
-        if is_alone or self._is_driven:
+        has_too_few = self._publisher.get_subscription_count() < self._min_subscribers
+        if has_too_few or self._is_driven:
             self._begin = None
         elif self._begin is None:
             self._begin = now + Duration(seconds=DISCOVERY_TIME)
@@ -135,17 +123,16 @@ class CrankNode(Node):
         if self._is_driven:
             return
         late = self._elapsed() - self._n / self._rate
-        if late > LONGEST_CATCH_UP:
+        if late > _MAX_CATCH_UP:
             self._begin += Duration(seconds=late)
             self._origin += Duration(seconds=late)
         due = int(self._elapsed() * self._rate + 1e-6) + 1
         while self._n < min(due, self._count):
             angle, rate = self._motion.at(self._n / self._rate)
-            back = self._return()
-            self._publish(angle + self._offset, rate + back, self._n / self._rate)
+            return_rate = self._return()
+            self._publish(angle + self._offset, rate + return_rate, self._n / self._rate)
             self._n += 1
         if self._n >= self._count:
-            # The last messages are under way still.
             flush([self._publisher])
             self._finish()
 
@@ -154,7 +141,7 @@ class CrankNode(Node):
         return self._lease is not None and bool(self._lease.holder)
 
     def _on_lease(self, driver: str) -> None:
-        """Yield to a driver, or resume where it has left the crank."""
+        """Yield to a driver, or resume at its last angle."""
         if driver:
             self.get_logger().info(f'yields to {driver}, which drives {self._topic}')
             self._driver_input = self.create_subscription(
@@ -178,12 +165,12 @@ class CrankNode(Node):
             self._driver_angle = message.data
 
     def _return(self) -> float:
-        """Take a step back to the motion's bounds; return the rate of that [rad/s]."""
+        """Step back towards the motion's bounds; return the rate of the step [rad/s]."""
         if not (self._offset and self._is_bounded):
             return 0.0
         # Whole turns are not unwound.
         excess = remainder(self._offset, TURN)
-        step = min(RETURN_RATE / self._rate, abs(excess))
+        step = min(_RETURN_RATE / self._rate, abs(excess))
         self._offset -= copysign(step, excess)
         return -copysign(step * self._rate, excess) if step else 0.0
 

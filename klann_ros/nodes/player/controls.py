@@ -1,4 +1,4 @@
-"""How users control a playback: by the command line; by services, parameters and keys."""
+"""Control of a playback: command line, services, parameters and keys."""
 
 import argparse
 from collections import deque
@@ -30,15 +30,15 @@ While it plays:
     up, down arrow  10 % faster, slower
 Latched topics offer at each start what they offered there in the log. A loop, or going back, is a
 jump back in time: give --clock to let nodes with use_sim_time follow."""
-CLOCK_RATES = (1e-3, 1e4)
+_CLOCK_RATES = (1e-3, 1e4)
 KEYS_IN_WORDS = (
     'space pauses and resumes, right arrow plays the next message of a paused log, up and down '
     'arrow make it 10 % faster and slower'
 )
-# A key makes the rate so many times what it was, or that part of it.
-FASTER = 1.1
-# Whoever holds a key down, or drops a text on the terminal, waits no longer for what follows.
-MOST_KEYS = 20
+# Factor of a key on the rate.
+_RATE_FACTOR = 1.1
+# Queued keys: more, of a held key or a pasted text, are dropped.
+_MAX_KEYS = 20
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -67,7 +67,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     add(
         '--clock',
-        type=_within(*CLOCK_RATES),
+        type=_within(*_CLOCK_RATES),
         metavar='HZ',
         help="publish the log's time on /clock, so often a second; a recorded /clock is left out",
     )
@@ -112,7 +112,7 @@ def _full(name: str) -> str:
 
 
 def declarations(rate: float, position: float, length: float) -> tuple[Declaration, Declaration]:
-    """Return the parameters, with what they are at start, of a log of some length [s]."""
+    """Return the parameters, with their values at start, of a log of a length [s]."""
     return (
         Declaration(
             'rate',
@@ -135,27 +135,15 @@ def declarations(rate: float, position: float, length: float) -> tuple[Declarati
 
 
 class PlayerControls:
-    """
-    Services, parameters and keys of a node that steer a transport.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Whose they are; it has declared the parameters.
-    transport : Transport
-        What they steer.
-    parameters : sequence of Declaration
-        The parameters.
-
-    """
+    """Services, declared parameters and keys of a node that control a transport."""
 
     def __init__(
         self, node: Node, transport: Transport, parameters: Sequence[Declaration]
     ) -> None:
         self._node = node
         self._transport = transport
-        self._shows = False
-        # Who drives what this log plays, and whether the log goes on when they leave.
+        self._updates_position = False
+        # The drivers by topic, and whether the log resumes when they leave.
         self._drivers: dict[str, str] = {}
         self._resumes = False
         self._actions = {
@@ -165,12 +153,12 @@ class PlayerControls:
         }
         for name in self._actions:
             create_trigger(node, name, partial(self._do, name))
-        self._keys: deque[str] = deque(maxlen=MOST_KEYS)
+        self._keys: deque[str] = deque(maxlen=_MAX_KEYS)
         self._pressed = node.create_guard_condition(self._on_keys)
         on_change(node, parameters, self._apply)
 
     def on_lease(self, topic: str, driver: str) -> None:
-        """Pause while somebody drives a topic of the log; go on when the last driver leaves."""
+        """Pause while a topic of the log has a driver; resume when the last one leaves."""
         was_driven = bool(self._drivers)
         if driver:
             self._drivers[topic] = driver
@@ -185,60 +173,57 @@ class PlayerControls:
             self._node.get_logger().info('goes on: the driver has left')
 
     def press(self, key: str) -> None:
-        """Do what a key stands for, as soon as the node spins; any thread may call this."""
+        """Queue a key's action for the node's thread; thread safe."""
         self._keys.append(key)
         self._pressed.trigger()
 
-    # What can be done, whoever asks for it: returns whether it was done, and what to say.
-
     def _do(self, name: str) -> tuple[bool, str]:
-        act, said = self._actions[name]
+        """Call a transport's function; return the success and the message."""
+        act, state = self._actions[name]
         if self._drivers and name != 'pause':
             topic, driver = next(iter(self._drivers.items()))
             return False, f'{driver} drives {topic}; the log can go on when it has left'
-        # Who pauses it while somebody drives means it to stay paused.
+        # A user's pause outlasts the drivers.
         self._resumes = False
         try:
             act()
         except PlaybackError as error:
             return False, str(error)
-        return True, f'{said} {self._show_position():.6f} s'
+        return True, f'{state} {self._update_position():.6f} s'
 
     def _toggle(self) -> tuple[bool, str]:
         return self._do('resume' if self._transport.paused else 'pause')
 
     def _change_rate(self, factor: float) -> tuple[bool, str]:
-        # Without the digits that nobody reads, one key undoes the other.
+        # Rounding makes one key undo the other.
         rate = float(f'{self._node.get_parameter("rate").value * factor:.9g}')
         (result,) = self._node.set_parameters([Parameter('rate', value=rate)])
         return result.successful, result.reason or f'rate {rate:g}'
-
-    # Who asks.
 
     def _on_keys(self) -> None:
         actions: dict[str, Callable[[], tuple[bool, str]]] = {
             'space': self._toggle,
             'right': partial(self._do, 'step'),
-            'up': partial(self._change_rate, FASTER),
-            'down': partial(self._change_rate, 1.0 / FASTER),
+            'up': partial(self._change_rate, _RATE_FACTOR),
+            'down': partial(self._change_rate, 1.0 / _RATE_FACTOR),
         }
         while self._keys:
-            is_done, said = actions[self._keys.popleft()]()
+            is_done, message = actions[self._keys.popleft()]()
             if is_done:
-                self._node.get_logger().info(said)
+                self._node.get_logger().info(message)
             else:
-                self._node.get_logger().warning(said)
+                self._node.get_logger().warning(message)
 
-    def _show_position(self) -> float:
-        """Let the parameter tell where it is, which is no wish to go there."""
+    def _update_position(self) -> float:
+        """Set the parameter to the present position, without a seek; return it [s]."""
         position = self._transport.position
-        self._shows = True
+        self._updates_position = True
         self._node.set_parameters([Parameter('position', value=position)])
-        self._shows = False
+        self._updates_position = False
         return position
 
     def _apply(self, values: Mapping[str, Any]) -> None:
         if 'rate' in values:
             self._transport.set_rate(float(values['rate']))
-        if 'position' in values and not self._shows:
+        if 'position' in values and not self._updates_position:
             self._transport.seek(float(values['position']))

@@ -1,4 +1,4 @@
-"""Keys of the terminal that a process was started on, while it is in the foreground there."""
+"""Keys of a process's terminal, while the process is in the foreground."""
 
 import atexit
 from collections.abc import Callable, Iterator
@@ -19,74 +19,62 @@ KEYS = {
     **dict.fromkeys((b'\x1b[B', b'\x1bOB'), 'down'),
     **dict.fromkeys((b'\x1b[C', b'\x1bOC'), 'right'),
 }
-# No sequence that a terminal sends is longer.
-LONGEST = 32
-# How often it is looked whether the process is in the foreground, and how long a part of a key's
-# sequence waits for the rest [s].
-PERIOD = 0.5
-# Of the list that termios has of a terminal's attributes.
-LOCAL_MODES, CHARACTERS = 3, 6
-COOKED = termios.ICANON | termios.ECHO
+MAX_SEQUENCE_LENGTH = 32
+# Period of checks for the foreground, and timeout of an incomplete key sequence [s].
+_PERIOD = 0.5
+# Indices in termios' list of attributes.
+_LOCAL_MODES, _CHARACTERS = 3, 6
+_COOKED = termios.ICANON | termios.ECHO
 
 
 class KeyParser:
-    """Make names of keys out of what a terminal sends, in whatever pieces it comes."""
+    """Names of keys from a terminal's bytes, in pieces of any size."""
 
     def __init__(self) -> None:
-        self._begun = b''
+        self._sequence = b''
 
     def feed(self, data: bytes) -> list[str]:
-        """Return the keys that are complete; what is no key of ours is left out whole."""
+        """Return the complete keys, without unknown sequences."""
         keys = []
         for byte in data:
-            # An escape begins anew, whatever came before.
-            self._begun = bytes([byte]) if byte == ESCAPE else self._begun + bytes([byte])
+            # An escape always begins a sequence.
+            self._sequence = bytes([byte]) if byte == ESCAPE else self._sequence + bytes([byte])
             if not self._is_incomplete():
-                keys += [KEYS[self._begun]] if self._begun in KEYS else []
-                self._begun = b''
+                keys += [KEYS[self._sequence]] if self._sequence in KEYS else []
+                self._sequence = b''
         return keys
 
-    def forget(self) -> None:
-        """Take what has begun for the key Escape, of which nothing more comes."""
-        self._begun = b''
+    def discard(self) -> None:
+        """Discard an incomplete sequence, such as the key Escape."""
+        self._sequence = b''
 
     def _is_incomplete(self) -> bool:
-        """Return whether it is the beginning of a sequence: ESC O or ESC [, and its parameters."""
-        if self._begun in (b'\x1b', b'\x1bO', b'\x1b['):
+        """Return whether the sequence is ESC O or ESC [, and its parameters."""
+        if self._sequence in (b'\x1b', b'\x1bO', b'\x1b['):
             return True
-        is_long = self._begun.startswith(b'\x1b[') and len(self._begun) < LONGEST
-        return is_long and 0x20 <= self._begun[-1] < 0x40
+        is_csi = self._sequence.startswith(b'\x1b[')
+        is_short = len(self._sequence) < MAX_SEQUENCE_LENGTH
+        return is_csi and is_short and 0x20 <= self._sequence[-1] < 0x40
 
 
 class Keyboard:
     """
-    Read keys one by one, without echo, and leave the terminal as it was.
+    Read keys one by one, without echo, and restore the terminal.
 
-    Only a terminal in whose foreground the process is, is read and changed: a job in the
-    background would be stopped for it (SIGTTIN), and a pipe, a file or nothing is not for us.
-    Ctrl-C and Ctrl-Z remain what they are. What a process's end and its suspension leave behind
-    is up to `close` and `released`; after kill -9 the shell has to see to it, or `stty sane`.
+    A terminal is read and changed only while the process is in its foreground: a background job
+    would be stopped (SIGTTIN). Pipes and files are not read. Ctrl-C and Ctrl-Z keep their meaning.
+    `close` and `released` restore the terminal; after kill -9 the shell does, or `stty sane`.
     """
 
     def __init__(self) -> None:
         self._terminal = 0
         self._lock = Lock()
         self._closed = False
-        # The attributes to give back; None while the terminal is as it was.
+        # The attributes to restore; None while the terminal is unchanged.
         self._saved: list[Any] | None = None
 
     def start(self, on_key: Callable[[str], object], on_begin: Callable[[], object]) -> None:
-        """
-        Read keys in a thread of its own, if there is a terminal.
-
-        Parameters
-        ----------
-        on_key
-            Is given the name of each key, one of those in KEYS.
-        on_begin
-            Is called when keys are read for the first time.
-
-        """
+        """Read keys in a thread, if there is a terminal; call on_begin in the foreground first."""
         # Without a standard input the number may be that of another file.
         if sys.stdin is not None and os.isatty(self._terminal):
             atexit.register(self.close)
@@ -94,20 +82,20 @@ class Keyboard:
             Thread(target=self._read, args=arguments, name='keyboard', daemon=True).start()
 
     def close(self) -> None:
-        """Give the terminal back, and read no more."""
+        """Restore the terminal, and stop reading."""
         with self._lock:
             self._closed = True
             self._release()
 
     @contextmanager
     def released(self) -> Iterator[None]:
-        """Give the terminal back until the context ends."""
+        """Restore the terminal until the context ends."""
         with self._lock:
             self._release()
             yield
 
     def _read(self, on_key: Callable[[str], object], on_begin: Callable[[], object]) -> None:
-        # To read in the background is then an error, and does not stop the process.
+        # Reading in the background is then an error, and does not stop the process.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTIN})
         parser = KeyParser()
         has_begun = False
@@ -115,19 +103,19 @@ class Keyboard:
             with self._lock:
                 if self._closed:
                     return
-                is_ours, data = self._poll()
-                if is_ours and not has_begun:
+                in_foreground, data = self._poll()
+                if in_foreground and not has_begun:
                     has_begun = True
                     on_begin()
                 for key in parser.feed(data):
                     on_key(key)
-            ready, *_ = select([self._terminal] if is_ours else [], [], [], PERIOD)
+            ready, *_ = select([self._terminal] if in_foreground else [], [], [], _PERIOD)
             if not ready:
-                parser.forget()
+                parser.discard()
 
     def _poll(self) -> tuple[bool, bytes]:
-        """Return whether the terminal is ours, and what was typed on it."""
-        # It may be gone, or another's by now: then it is looked at again later.
+        """Return whether the process is in the foreground, and the typed bytes."""
+        # The terminal may be gone, or another job's.
         with suppress(OSError, termios.error):
             if self._is_in_foreground():
                 self._take()
@@ -138,21 +126,21 @@ class Keyboard:
         return os.tcgetpgrp(self._terminal) == os.getpgrp()
 
     def _take(self) -> None:
-        """Have keys come one by one; also again, after a shell has set its own attributes."""
+        """Disable line mode and echo, also after a shell has set its own attributes."""
         attributes = termios.tcgetattr(self._terminal)
-        if self._saved is not None and not attributes[LOCAL_MODES] & COOKED:
+        if self._saved is not None and not attributes[_LOCAL_MODES] & _COOKED:
             return
         self._saved = attributes
         changed = [*attributes]
-        changed[LOCAL_MODES] &= ~COOKED
-        changed[CHARACTERS] = [*attributes[CHARACTERS]]
-        # To read returns at once, with what there is.
-        changed[CHARACTERS][termios.VMIN] = changed[CHARACTERS][termios.VTIME] = 0
+        changed[_LOCAL_MODES] &= ~_COOKED
+        changed[_CHARACTERS] = [*attributes[_CHARACTERS]]
+        # Reading returns at once.
+        changed[_CHARACTERS][termios.VMIN] = changed[_CHARACTERS][termios.VTIME] = 0
         termios.tcsetattr(self._terminal, termios.TCSANOW, changed)
 
     def _release(self) -> None:
         saved, self._saved = self._saved, None
-        # In the background it is another's, who has set what he needs.
+        # In the background the terminal is another job's, with its own attributes.
         with suppress(OSError, termios.error):
             if saved is not None and self._is_in_foreground():
                 termios.tcsetattr(self._terminal, termios.TCSANOW, saved)

@@ -1,11 +1,12 @@
 """`player_node`: an MCAP run back onto topics."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from functools import partial
 import sys
 from threading import Event, Thread
+from typing import Any
 
 from klann_ros.log.errors import LogError
 from klann_ros.log.play.playback import length, Playback, Selection
@@ -19,71 +20,44 @@ from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import listed, printable, printable_line
 from klann_ros.stop_signals import StopSignals
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from .controls import (
-    add_options,
-    declarations,
-    DESCRIPTION,
-    EPILOG,
-    KEYS_IN_WORDS,
-    PlayerControls,
-)
+from .controls import add_options, declarations, DESCRIPTION, EPILOG, KEYS_IN_WORDS, PlayerControls
 from .keyboard import Keyboard
 from .topics import PlayedTopics
 
-# Nodes listen there whatever their namespace is.
-CLOCK = '/clock'
-# A message cannot hold later times [ns].
-LATEST = 2**31 * 10**9 - 1
-# Whoever reads the log is waited for at most so long [s].
-LAST_WORDS = 2.0
-# How often late messages are told of at most while it plays [s].
-REPORT_PERIOD = 5.0
-# How long a thread keeps the interpreter from one that wants it: the reading one must not make
-# messages late; Python's default is 5 ms [s].
-SWITCH_INTERVAL = 0.0005
+# The same in every namespace.
+_CLOCK = '/clock'
+# The last time that a message can hold [ns].
+_MAX_TIME = 2**31 * 10**9 - 1
+# Shutdown timeout of the player's thread [s].
+_SHUTDOWN_TIMEOUT = 2.0
+# Period of reports about late messages [s].
+_REPORT_PERIOD = 5.0
+# Python's thread switch interval, 5 ms by default: the reading thread must not delay messages [s].
+_SWITCH_INTERVAL = 0.0005
 
 
 class PlayerNode(ProcessNode):
-    """
-    Publish what a log holds, byte for byte, with the recorded quality of service.
-
-    Parameters
-    ----------
-    log : Log
-        An open log.
-    options : argparse.Namespace
-        The command line's options.
-    keyboard : Keyboard
-        The terminal's keys.
-    finish : Finish
-        Is called at the end.
-
-    Raises
-    ------
-    StartError
-        A parameter is refused; the text says why.
-
-    """
+    """Publish an open log, byte for byte, with the recorded quality of service."""
 
     def __init__(
         self, log: Log, options: argparse.Namespace, keyboard: Keyboard, finish: Finish
     ) -> None:
+        """Declare and validate the parameters; a StartError names a refused one."""
         super().__init__('player_node')
         self._log = log
         self._delay: float = options.delay
         self._finish = finish
-        self._said = {'', log.problem}
+        self._reported = {'', log.problem}
         end = min(length(log), options.start_offset + options.duration)
         parameters = declarations(options.rate, options.start_offset, end)
         values = declare(self, parameters)
         declare_constant(
             self, 'length', float(end), "where playing ends, from the log's start [s]"
         )
-        # Who shows the legs that are played has to know their lengths.
+        # The live page shows the played legs with these lengths.
         declare_constant(
             self,
             REPLAYED_PARAMETER,
@@ -112,8 +86,13 @@ class PlayerNode(ProcessNode):
         self.get_logger().info(self._summary(options))
         self._warn(options)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(REPORT_PERIOD, self._report, clock=steady)
-        self._log_clock = _LogClock(self, options.clock, self._time) if options.clock else None
+        self.create_timer(_REPORT_PERIOD, self._report, clock=steady)
+        self._clock_publisher: Any = None
+        if options.clock:
+            # Also before the first message, and while the log is paused.
+            qos = QoSProfile(depth=10)
+            self._clock_publisher = self.create_publisher(ClockMessage, _CLOCK, qos)
+            self.create_timer(1.0 / options.clock, self._publish_clock, clock=steady)
         self._stopped = Event()
         self._thread = Thread(target=self._play, name='player', daemon=True)
         self._thread.start()
@@ -124,11 +103,11 @@ class PlayerNode(ProcessNode):
             )
 
     def close(self) -> int:
-        """Stop playing, and wait for what is under way."""
+        """Stop playing, and wait until the last messages have arrived."""
         self._keyboard.close()
         self._stopped.set()
         self._playback.transport.stop()
-        self._thread.join(LAST_WORDS)
+        self._thread.join(_SHUTDOWN_TIMEOUT)
         self._topics.flush()
         return 0
 
@@ -137,13 +116,13 @@ class PlayerNode(ProcessNode):
             self._stopped.wait(self._delay)
             for messages in self._playback.passes():
                 # The messages after a jump are of the new time.
-                if self._log_clock is not None:
-                    self._log_clock.publish()
+                if self._clock_publisher is not None:
+                    self._publish_clock()
                 for message in messages:
                     self._topics.publish(message)
                 self._report()
             self._finish()
-        # Whatever it is: a thread that ends without a word would leave the process for ever.
+        # The process must not outlive this thread.
         except Exception as error:
             if not self._stopped.is_set():
                 self.get_logger().error(
@@ -151,11 +130,14 @@ class PlayerNode(ProcessNode):
                 )
             self._finish(1)
 
-    def _time(self) -> int:
-        return self._playback.time
+    def _publish_clock(self) -> None:
+        message = ClockMessage()
+        time = min(self._playback.time, _MAX_TIME)
+        message.clock.sec, message.clock.nanosec = divmod(time, 10**9)
+        self._clock_publisher.publish(message)
 
     def _summary(self, options: argparse.Namespace) -> str:
-        """Return what is about to be played, in words."""
+        """Return log and options in words."""
         rate, position = (self.get_parameter(name).value for name in ('rate', 'position'))
         count = len(self._topics.names)
         parts = [
@@ -168,7 +150,7 @@ class PlayerNode(ProcessNode):
         return ', '.join(filter(None, parts))
 
     def _warn(self, options: argparse.Namespace) -> None:
-        """Say what is wrong with the log, and why nothing will be heard."""
+        """Warn of damage in the log, and of options that select nothing."""
         warnings = [self._log.problem] if self._log.problem else []
         names = sorted({topic.name for topic in self._log.topics})
         unknown = sorted(set(options.topics or ()) - set(names))
@@ -177,16 +159,16 @@ class PlayerNode(ProcessNode):
         short = options.start_offset - length(self._log)
         if short > 0.0:
             warnings.append(f'the log is {short:.3f} s shorter than the start offset')
-        if options.clock and CLOCK in names:
-            warnings.append(f'the {CLOCK} in the log is not played: --clock publishes it')
+        if options.clock and _CLOCK in names:
+            warnings.append(f'the {_CLOCK} in the log is not played: --clock publishes it')
         for warning in warnings:
             self.get_logger().warning(printable_line(warning))
 
     def _report(self) -> None:
-        """Say what was late, and what reading has found to be damaged, each once."""
+        """Report late messages and damage found while reading, each once."""
         for text in (str(self._playback.transport.lateness), self._log.problem):
-            if text not in self._said:
-                self._said.add(text)
+            if text not in self._reported:
+                self._reported.add(text)
                 self.get_logger().warning(printable_line(text))
 
 
@@ -195,39 +177,8 @@ def _selected_topics(log: Log, options: argparse.Namespace) -> list[Topic]:
         topic
         for topic in log.topics
         if (options.topics is None or topic.name in options.topics)
-        and not (options.clock and topic.name == CLOCK)
+        and not (options.clock and topic.name == _CLOCK)
     ]
-
-
-class _LogClock:
-    """
-    Simulated time: publish the log's all the while.
-
-    Also before the first message, and while it stands still.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Whose publisher and timer they are.
-    rate : float
-        How often a second of real time.
-    time : callable
-        Returns the time [ns].
-
-    """
-
-    def __init__(self, node: Node, rate: float, time: Callable[[], int]) -> None:
-        self._time = time
-        self._publisher = node.create_publisher(ClockMessage, CLOCK, QoSProfile(depth=10))
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(1.0 / rate, self.publish, clock=steady)
-
-    def publish(self) -> None:
-        """Publish it now."""
-        message = ClockMessage()
-        time = min(self._time(), LATEST)
-        message.clock.sec, message.clock.nanosec = divmod(time, 10**9)
-        self._publisher.publish(message)
 
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:
@@ -240,7 +191,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     except (LogError, OSError) as error:
         print(f'player_node: {printable_line(error)}', file=sys.stderr)
         return 2
-    sys.setswitchinterval(SWITCH_INTERVAL)
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     with log, closing(Keyboard()) as keyboard:
         stop.on_suspend(keyboard.released)
         return run('player_node', partial(PlayerNode, log, options, keyboard), argv, stop)

@@ -14,7 +14,7 @@ from klann_ros.nodes.endpoints import (
     OUTPUT,
     UnknownMessageTypeError,
 )
-from klann_ros.nodes.process import ros_error, ROS_ERRORS
+from klann_ros.nodes.process import LOG_PERIOD, ros_error, ROS_ERRORS
 from klann_ros.sanitize.text import printable, printable_line, verb
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
@@ -30,13 +30,11 @@ from rclpy.qos import (
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
 
-# How often a complaint about messages is logged at most [s].
-THROTTLE = 2.0
-# A log may have any number of topics that cannot be played; so many are named.
-MOST_NAMED = 20
-# A log may be damaged; nobody keeps more.
-MOST_DEPTH = 100_000
-# Where a log does not tell how many messages a latched topic kept; most keep 1.
+# Warnings about topics at the start.
+_MAX_WARNINGS = 20
+# Depth of a queue, as a damaged log may hold any number.
+MAX_DEPTH = 100_000
+# Depth of a latched topic whose depth is not in the log; most keep 1 message.
 LATCHED_DEPTH = 10
 
 
@@ -45,52 +43,41 @@ class UnplayableTopicError(Exception):
 
 
 class PlayedTopics:
-    """
-    A publisher for each topic; why one cannot be played is logged.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Whose publishers they are. In a namespace a replay does not meet the live topics.
-    topics : iterable of Topic
-        What is played.
-    renamed : mapping of str to str
-        Full names under which topics are published instead of their own.
-
-    Attributes
-    ----------
-    latched : dict of str to int
-        How many of its last messages each latched topic keeps for those who come late.
-
-    """
+    """A publisher for each topic, under its own or its new full name; refusals are logged."""
 
     def __init__(self, node: Node, topics: Iterable[Topic], renamed: Mapping[str, str]) -> None:
         self._node = node
         self._renamed = renamed
-        self._made: dict[Topic, Publisher] = {}
+        self._publishers: dict[Topic, Publisher] = {}
+        # The number of messages that each latched topic keeps for late subscribers.
         self.latched: dict[str, int] = {}
         self._qos = QosTexts()
-        self._complaints: list[str] = []
+        self._warnings: list[str] = []
         by_name: dict[str, list[Topic]] = {}
         for topic in topics:
             by_name.setdefault(topic.name, []).append(topic)
         for name, channels in by_name.items():
             self._try(name, channels)
-        self._complain()
+        more = len(self._warnings) - _MAX_WARNINGS
+        shown = self._warnings[:_MAX_WARNINGS]
+        if more > 0:
+            shown.append(f'and {more} more {verb(more, "complaint", "complaints")} about topics')
+        for warning in shown:
+            node.get_logger().warning(printable_line(warning))
 
     @property
     def names(self) -> frozenset[str]:
-        """Return the names in the log of what is played."""
-        return frozenset(topic.name for topic in self._made)
+        """Return the played topics' names in the log."""
+        return frozenset(topic.name for topic in self._publishers)
 
     @property
     def published_names(self) -> frozenset[str]:
-        """Return the full names of the topics that are published."""
-        return frozenset(publisher.topic_name for publisher in self._made.values())
+        """Return the full names of the published topics."""
+        return frozenset(publisher.topic_name for publisher in self._publishers.values())
 
     def publish(self, message: Message) -> None:
         """Publish a message's bytes."""
-        publisher = self._made.get(message.topic)
+        publisher = self._publishers.get(message.topic)
         if publisher is None:
             return
         try:
@@ -98,35 +85,37 @@ class PlayedTopics:
         except RCLError as error:
             self._node.get_logger().error(
                 f'a message of {printable(message.topic.name)} is left out: {ros_error(error)}',
-                throttle_duration_sec=THROTTLE,
+                throttle_duration_sec=LOG_PERIOD,
             )
 
     def flush(self) -> None:
-        """Wait until what is under way has arrived, but not for ever."""
-        flush(set(self._made.values()))
+        """Wait until the last messages have arrived, up to a timeout."""
+        flush(set(self._publishers.values()))
 
     def _try(self, name: str, channels: Sequence[Topic]) -> None:
         try:
             self._make(name, channels)
         except (UnplayableTopicError, UnknownMessageTypeError, *ROS_ERRORS) as error:
-            self._complaints.append(f'{printable(name)} is not played: {ros_error(error)}')
+            self._warnings.append(f'{printable(name)} is not played: {ros_error(error)}')
 
     def _make(self, name: str, channels: Sequence[Topic]) -> None:
-        """Make the one publisher of a topic that may have been recorded in several channels."""
+        """Make the publisher of a topic that may have several channels in the log."""
         first = channels[0]
         full = self._full_name(self._renamed.get(name, name))
         kind = _kind(first)
-        alike = [topic for topic in channels if _is_alike(topic, first)]
+        alike = []
         for topic in channels:
-            if not _is_alike(topic, first):
-                self._complaints.append(
+            if (topic.type, topic.message_encoding) == (first.type, first.message_encoding):
+                alike.append(topic)
+            else:
+                self._warnings.append(
                     f'{printable(name)} is not played as {printable(topic.type)} '
                     f'({printable(topic.message_encoding)}): in the same log it is '
                     f'{printable(first.type)}'
                 )
         offered = [qos for topic in alike for qos in self._offered(topic)]
         publisher = self._node.create_publisher(kind, full, publishing_profile(offered))
-        self._made.update(dict.fromkeys(alike, publisher))
+        self._publishers.update(dict.fromkeys(alike, publisher))
         if offered and latched_count(offered):
             self.latched[name] = latched_count(offered)
 
@@ -141,18 +130,9 @@ class PlayedTopics:
         try:
             return self._qos.profiles(topic.qos)
         except MalformedQosError as error:
-            self._complaints.append(
-                f'{printable(topic.name)} is played reliable and volatile: {error}'
-            )
+            name = printable(topic.name)
+            self._warnings.append(f'{name} is played reliable and volatile: {error}')
             return []
-
-    def _complain(self) -> None:
-        more = len(self._complaints) - MOST_NAMED
-        said = self._complaints[:MOST_NAMED]
-        if more > 0:
-            said.append(f'and {more} more {verb(more, "complaint", "complaints")} about topics')
-        for complaint in said:
-            self._node.get_logger().warning(printable_line(complaint))
 
 
 def _kind(topic: Topic) -> type:
@@ -163,26 +143,22 @@ def _kind(topic: Topic) -> type:
     return kind
 
 
-def _is_alike(topic: Topic, other: Topic) -> bool:
-    return (topic.type, topic.message_encoding) == (other.type, other.message_encoding)
-
-
 def publishing_profile(offered: Sequence[Qos]) -> QoSProfile:
     """
-    Return the profile that everybody hears who heard one of the recorded publishers.
+    Return the profile that matches every subscription to one of the recorded publishers.
 
-    It is reliable or latched where one of them was; durations and liveliness are the first's.
-    Discovery does not tell a publisher's history and depth, so most logs do not know them.
+    It is reliable or latched if one of them was; durations and liveliness are the first's.
+    Discovery does not include history and depth, so most logs lack them.
     """
     if not offered:
         return OUTPUT
     first = offered[0]
     latched = latched_count(offered)
     known = any(profile.depth or profile.history == 'keep_all' for profile in offered)
-    # Who comes late to a latched topic shall not hear more than there was; the others' queues
-    # are as deep as this package's own at least.
+    # A latched topic must not repeat more than was latched; other queues have at least the depth
+    # of this package's own.
     least = (1 if known else LATCHED_DEPTH) if latched else DEPTH
-    depth = min(max(latched or first.depth, least), MOST_DEPTH)
+    depth = min(max(latched or first.depth, least), MAX_DEPTH)
     words = {
         _policy(ReliabilityPolicy, p.reliability, ReliabilityPolicy.RELIABLE) for p in offered
     }
@@ -201,7 +177,7 @@ def publishing_profile(offered: Sequence[Qos]) -> QoSProfile:
 
 
 def _policy(policies: type, word: str, otherwise: object) -> object:
-    """Return the policy of a recorded word; what a publisher cannot offer becomes `otherwise`."""
+    """Return the policy of a recorded word; `otherwise` for one that no publisher can offer."""
     if word in ('unknown', 'system_default', 'best_available'):
         return otherwise
     return policies.__members__.get(word.upper(), otherwise)  # type: ignore[attr-defined]

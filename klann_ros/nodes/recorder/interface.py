@@ -42,12 +42,7 @@ PARAMETERS = (
     Declaration('topics', list(TOPICS), 'names of the topics; * stands for anything'),
     Declaration('all_topics', False, 'record every topic that is not hidden'),
     Declaration('compression', 'zstd', 'of the chunks', choices=tuple(COMPRESSIONS)),
-    Declaration(
-        'flush_period',
-        0.5,
-        'a crash loses at most this much [s]',
-        limits=(0.01, 60.0),
-    ),
+    Declaration('flush_period', 0.5, 'a crash loses at most this much [s]', limits=(0.01, 60.0)),
     Declaration(
         'max_file_size',
         0,
@@ -107,20 +102,7 @@ _MAX_OWN_REPORTS = 50
 
 
 class RecordingDiagnostics:
-    """
-    Publisher of a recording's diagnostics, which are not recorded themselves.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The publisher's node.
-
-    Attributes
-    ----------
-    topic : str
-        Its full name.
-
-    """
+    """Publisher of a recording's diagnostics, which are not recorded themselves."""
 
     def __init__(self, node: Node) -> None:
         self._node = node

@@ -39,33 +39,9 @@ class Judging:
     The node's loop only appends messages: a window of untrusted ones may take seconds. The loop
     also starts each evaluation, so that messages it has not read yet are no gap.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The node with the loop.
-    limits : str
-        A file of limits; '' for those of a review.
-    published : callable
-        Returns the topics that have publishers.
-    has_stalled : callable
-        Returns whether this process has just stalled.
-    missed : callable
-        Returns the messages of each topic lost before reception.
-    on_findings : callable
-        Receives new findings, by severity.
-
-    Attributes
-    ----------
-    add : callable
-        Takes each message.
-    problem : str
-        The error of the last evaluation; '' without one.
-
-    Raises
-    ------
-    StartError
-        The file has no valid limits.
-
+    `limits` is a file, '' for those of a review. `published` returns the topics with publishers,
+    `has_stalled` whether this process has just stalled, `missed` the messages of each topic lost
+    before reception. `on_findings` receives new findings, by severity.
     """
 
     def __init__(
@@ -78,12 +54,20 @@ class Judging:
         missed: Callable[[], Mapping[str, int]],
         on_findings: Callable[[Sequence[RecordedFinding]], None],
     ) -> None:
-        """Start the thread."""
-        inbox = deque[Message](maxlen=MAX_MESSAGES)
-        self.add = inbox.append
-        self._inbox, self._judge = inbox, LiveJudge(_limits_of(limits))
-        self._status, self.problem = JudgeStatus(node), ''
-        self._logger = node.get_logger()
+        """Start the thread; a StartError for an invalid file of limits."""
+        try:
+            self._judge = LiveJudge(limits_from_file(limits) if limits else Limits())
+        except (LogError, OSError) as error:
+            raise StartError(f'judge_limits: {error}') from error
+        self._inbox = deque[Message](maxlen=MAX_MESSAGES)
+        # Takes each message.
+        self.add = self._inbox.append
+        # The error of the last evaluation.
+        self._problem = ''
+        self._node, self._logger = node, node.get_logger()
+        # The present findings, and the number of all so far.
+        self._present: Sequence[LiveFinding] = ()
+        self._count = 0
         self._context: deque[SolverParameters | Pause] = deque()
         self._published, self._missed, self._on_findings = published, missed, on_findings
         self._has_stalled = has_stalled
@@ -107,8 +91,23 @@ class Judging:
         self._context.append(pause)
 
     def status(self) -> DiagnosticStatus:
-        """Return the present findings for /diagnostics."""
-        return self._status.status(self.problem)
+        """Return the most severe finding and all others, or the error of judging."""
+        level, message = DiagnosticStatus.OK, 'nothing found'
+        if self._problem:
+            level, message = DiagnosticStatus.WARN, f'judging failed: {self._problem}'
+        if self._present:
+            level, message = _LEVELS[self._present[0].severity], self._present[0].text
+        return status_of(self._node, 'judge', level, message, self._values())
+
+    def _values(self) -> Iterator[tuple[str, object]]:
+        yield 'findings', len(self._present)
+        yield 'findings so far', self._count
+        for number, finding in enumerate(self._present[:_MAX_SHOWN_FINDINGS], 1):
+            time = datetime.fromtimestamp(finding.time / 1e9, timezone.utc)
+            yield f'{number} check', finding.check
+            yield f'{number} of', printable(finding.leg)
+            yield f'{number} text', finding.text
+            yield f'{number} time', time.isoformat(timespec='milliseconds')
 
     def pause(self) -> None:
         """Stop judging."""
@@ -137,7 +136,9 @@ class Judging:
 
     def _report(self) -> None:
         while self._results:
-            new = self._status.update(self._results.popleft())
+            self._present = self._results.popleft()
+            new = [finding for finding in self._present if finding.is_new]
+            self._count += len(new)
             for finding in new:
                 self._logger.warning(f'{finding.check}: {finding.text}', throttle_duration_sec=1.0)
             if new:
@@ -150,10 +151,10 @@ class Judging:
             begin = thread_time()
             try:
                 findings = self._findings()
-                self.problem = ''
+                self._problem = ''
             # The recording continues, whatever untrusted messages cause.
             except Exception as error:
-                findings, self.problem = [], error_and_place(error)
+                findings, self._problem = [], error_and_place(error)
             # Waking the loop costs a fifth of an evaluation.
             if findings or before:
                 self._results.append(findings)
@@ -177,57 +178,6 @@ class Judging:
         inbox = self._inbox
         self._judge.add_all([inbox.popleft() for _ in range(len(inbox))])
         return self._judge.findings(self._now, self._names, self._counts)
-
-
-class JudgeStatus:
-    """
-    Findings on /diagnostics.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The node in the status.
-
-    """
-
-    def __init__(self, node: Node) -> None:
-        self._node = node
-        self._findings: Sequence[LiveFinding] = ()
-        self._count = 0
-
-    def update(self, findings: Sequence[LiveFinding]) -> list[LiveFinding]:
-        """Set the present findings; return the new ones."""
-        self._findings = findings
-        new = [finding for finding in findings if finding.is_new]
-        self._count += len(new)
-        return new
-
-    def status(self, problem: str) -> DiagnosticStatus:
-        """Return the most severe finding and all others, or the problem of judging."""
-        level, message = DiagnosticStatus.OK, 'nothing found'
-        if problem:
-            level, message = DiagnosticStatus.WARN, f'judging failed: {problem}'
-        if self._findings:
-            level, message = _LEVELS[self._findings[0].severity], self._findings[0].text
-        return status_of(self._node, 'judge', level, message, self._values())
-
-    def _values(self) -> Iterator[tuple[str, object]]:
-        yield 'findings', len(self._findings)
-        yield 'findings so far', self._count
-        for number, finding in enumerate(self._findings[:_MAX_SHOWN_FINDINGS], 1):
-            time = datetime.fromtimestamp(finding.time / 1e9, timezone.utc)
-            yield f'{number} check', finding.check
-            yield f'{number} of', printable(finding.leg)
-            yield f'{number} text', finding.text
-            yield f'{number} time', time.isoformat(timespec='milliseconds')
-
-
-def _limits_of(path: str) -> Limits:
-    """Return the limits of a file, or those of a review; raise a StartError."""
-    try:
-        return limits_from_file(path) if path else Limits()
-    except (LogError, OSError) as error:
-        raise StartError(f'judge_limits: {error}') from error
 
 
 def _recorded(finding: LiveFinding) -> RecordedFinding:

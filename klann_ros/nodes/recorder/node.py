@@ -1,22 +1,36 @@
 """`recorder_node`: leg topics in, crash-safe MCAP run out."""
 
 from collections.abc import Callable, Sequence
+from datetime import datetime, timezone
+from importlib.metadata import PackageNotFoundError, version
+import os
+from pathlib import Path
+import platform
 from time import monotonic, time_ns
 from typing import Any, TYPE_CHECKING
 
+from klann_ros import __version__
+from klann_ros.log.errors import LogError
 from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import Pause, RecordedFinding, SolverParameters
-from klann_ros.log.write.event_session import EventSession
+from klann_ros.log.run_parameters import Pause, RecordedFinding, RECORDER_RECORD, SolverParameters
+from klann_ros.log.write.background_writer import BackgroundWriter, QUEUE_CAPACITY, SplitLimits
+from klann_ros.log.write.durable_file import check_free_space, RunFaults
+from klann_ros.log.write.event_session import EventSession, EventSettings
+from klann_ros.log.write.recording import RecordingSession
+from klann_ros.log.write.unfinished import unfinished_runs
+from klann_ros.log.write.writer import RunWriter
 from klann_ros.nodes.endpoints import create_trigger
-from klann_ros.nodes.parameters import declare, overrides, usage
+from klann_ros.nodes.parameters import declare, overrides, StartError, usage
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run, spin_on
 from klann_ros.sanitize.arguments import ArgumentParser
+from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.rcutils_logger import RcutilsLogger
+from rclpy.utilities import get_rmw_implementation_identifier
 
 from .interface import PARAMETERS, RecordingDiagnostics, SERVICES
-from .sessions import open_events, open_run
 from .solver_watch import SolverWatch
 from .topic_watch import TopicWatch
 
@@ -30,26 +44,16 @@ _RESPONSE_TIMEOUT = 1.0
 # Batching delay: one wake-up for many messages [s]. The subscriptions' queues suffice for 100 kHz.
 _BATCH_PERIOD = 0.02
 _EVENT_PERIOD = 0.1
+# A finished chunk must fit into the reserve of a full disk [bytes].
+_CHUNK_SIZE = 128 * 1024
+_DEFAULT_FOLDER = Path('runs')
 
 
 class RecorderNode(ProcessNode):
-    """
-    Record topics, each from when it appears, until the node is closed.
-
-    Parameters
-    ----------
-    finish : Finish
-        Called when the disk refuses.
-
-    Raises
-    ------
-    StartError
-        A parameter is refused, or the run's folder cannot be created.
-
-    """
+    """Record topics, each from when it appears, until the node is closed or the disk fails."""
 
     def __init__(self, finish: Finish, **options: Any) -> None:
-        """Declare, validate, open the run; `options` are those of Node."""
+        """Open the run; a StartError names a refused parameter, or the folder's problem."""
         super().__init__('recorder_node', **options)
         values = declare(self, PARAMETERS)
         has_trigger = values['pre_trigger'] > 0.0
@@ -60,10 +64,10 @@ class RecorderNode(ProcessNode):
         logger = self.get_logger()
         self._recording: Recording
         if has_trigger:
-            self._recording = self._events = open_events(values, logger)
+            self._recording = self._events = _open_events(values, logger)
             self._start_events(self._events)
         else:
-            self._recording = open_run(values, logger, finish)
+            self._recording = _open_run(values, logger, finish)
         self._pauses = self._recording.pauses
         self._solvers = SolverWatch(self, self._on_solver)
         self._watch = TopicWatch(
@@ -105,16 +109,13 @@ class RecorderNode(ProcessNode):
         judging = Judging(
             self,
             limits,
-            published=self._published,
+            published=lambda: self._watch.published,
             has_stalled=lambda: self._watch.has_stalled,
             missed=self._missed,
             on_findings=self._on_findings,
         )
         self._diagnostics.add_status(judging.status)
         return judging
-
-    def _published(self) -> set[str]:
-        return self._watch.published()
 
     def _put(self) -> Callable[[Message], None]:
         """Return the sink of every message, without overhead if nothing is judged."""
@@ -206,6 +207,117 @@ class RecorderNode(ProcessNode):
             else self.resolve_topic_name(name)
             for name in names
         ]
+
+
+def _open_run(values: dict[str, Any], logger: RcutilsLogger, finish: Finish) -> RecordingSession:
+    """Create a run and return its session; a StartError if the folder cannot be created."""
+    name = f'{datetime.now(timezone.utc):%Y-%m-%dT%H-%M-%SZ}'
+    folder = Path(values['output'] or _DEFAULT_FOLDER / name).expanduser()
+    try:
+        run, background = _open(folder, values, logger, on_failure=lambda: finish(1))
+    except (LogError, OSError) as error:
+        raise StartError(str(error)) from error
+    _report_unfinished(run.path.parent, logger)
+    background.put_entry(_write_recorder_info)
+    logger.info(f'recording to {printable(run.path)}')
+    return RecordingSession(run, background)
+
+
+def _open_events(values: dict[str, Any], logger: RcutilsLogger) -> EventSession:
+    """Return a session with a run for each event in a folder; a StartError if it is unusable."""
+    folder = Path(values['output'] or _DEFAULT_FOLDER).expanduser().absolute()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        check_free_space(folder, values['min_free_space'])
+        is_run = (folder / 'metadata.yaml').exists() or any(folder.glob('*.mcap'))
+    except FileExistsError:
+        raise StartError(
+            f'{printable(folder)} is not a folder, so no runs can be created in it'
+        ) from None
+    except (LogError, OSError) as error:
+        raise StartError(str(error)) from error
+    if is_run:
+        raise StartError(
+            f'{printable(folder)} is a run; output must be a folder for the runs of events'
+        )
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise StartError(f'{printable(folder)} is not writable')
+    _report_unfinished(folder, logger)
+    settings = EventSettings(
+        values['pre_trigger'], values['post_trigger'], values['pre_trigger_bytes']
+    )
+    capacity = QUEUE_CAPACITY + settings.max_bytes
+    logger.info(
+        f'waiting for a trigger to record to {printable(folder)}: '
+        f'{settings.pre_trigger:g} s before it, and {settings.post_trigger:g} s after'
+    )
+    return EventSession(
+        folder,
+        settings,
+        open_run=lambda path: _open(path, values, logger, capacity=capacity),
+        entries=[_write_recorder_info],
+        on_status=lambda ok, text: logger.info(text) if ok else logger.error(text),
+    )
+
+
+def _open(
+    path: Path,
+    values: dict[str, Any],
+    logger: RcutilsLogger,
+    *,
+    on_failure: Callable[[], object] = lambda: None,
+    capacity: int = QUEUE_CAPACITY,
+) -> tuple[RunWriter, BackgroundWriter]:
+    """Create a run and its writer thread."""
+    check_free_space(path, values['min_free_space'])
+    run = RunWriter(
+        path,
+        compression=values['compression'],
+        chunk_size=_CHUNK_SIZE,
+        reserve=True,
+        faults=RunFaults(logger.error),
+    )
+    background = BackgroundWriter(
+        run,
+        flush_period=values['flush_period'],
+        on_failure=on_failure,
+        limits=SplitLimits(values['max_file_size'], values['max_file_duration']),
+        min_free_space=values['min_free_space'],
+        capacity=capacity,
+    )
+    return run, background
+
+
+def _report_unfinished(folder: Path, logger: RcutilsLogger) -> None:
+    for unfinished in unfinished_runs(folder):
+        name = printable(unfinished)
+        logger.warning(f'{name} was not finished; `recover {name}` repairs it')
+
+
+def _write_recorder_info(run: RunWriter) -> None:
+    """Write the host and the versions of the recorder's software."""
+    run.add_metadata(
+        RECORDER_RECORD,
+        {
+            'version': __version__,
+            'host': platform.node(),
+            'system': platform.platform(),
+            'python': platform.python_version(),
+            'ros_distro': os.environ.get('ROS_DISTRO', 'jazzy'),
+            'rclpy': _version('rclpy'),
+            'rmw': get_rmw_implementation_identifier(),
+            'mcap': _version('mcap'),
+            'started': datetime.now(timezone.utc).isoformat(),
+        },
+        in_every_file=True,
+    )
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return 'unknown'
 
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:

@@ -35,31 +35,10 @@ class RecordedTopic:
     one would miss latched messages, a stronger one would not match. A message that two of them
     receive is recorded once.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The subscriptions' node.
-    group : CallbackGroup
-        Their callback group.
-    publishers : sequence of TopicEndpointInfo
-        The topic's publishers, at least one.
-    put : callable
-        Takes every message.
-    counters : DropCounters
-        Counts every message.
-    pauses : Pauses
-        Skips messages.
-    on_change : callable
-        Receives the topic's name when publishers appear or leave.
-    is_own : callable, optional
-        Recognizes messages of the recorder's own publisher on this topic, which is not among the
-        publishers.
-
-    Raises
-    ------
-    UnknownMessageTypeError, UnknownTypeError
-        The message type is not installed.
-
+    `put` takes every message, `counters` count it, `pauses` may skip it. `on_change` receives the
+    topic's name when publishers appear or leave. `is_own` recognizes messages of the recorder's
+    own publisher, which is not among the publishers. An UnknownMessageTypeError or
+    UnknownTypeError for a type that is not installed.
     """
 
     def __init__(
@@ -88,15 +67,7 @@ class RecordedTopic:
         self.adapt(publishers)
 
     def adapt(self, publishers: Iterable[TopicEndpointInfo]) -> list[str]:
-        """
-        Subscribe so that all publishers of the topic's type match.
-
-        Returns
-        -------
-        list of str
-            Other message types of publishers, which are not recorded.
-
-        """
+        """Match all publishers of the topic's type; return other types, not recorded."""
         matching = [publisher for publisher in publishers if publisher.topic_type == self.type]
         if matching and not self._counters.received:
             self._topic = self._describe(matching)
@@ -174,15 +145,7 @@ class RecordedTopic:
 
 
 class _Duplicates:
-    """
-    Recognizes messages of another subscription by source timestamp and sequence number.
-
-    Parameters
-    ----------
-    recent
-        The last messages.
-
-    """
+    """Recognizes messages of another subscription by source timestamp and sequence number."""
 
     def __init__(self, recent: Iterable[tuple[int, int]]) -> None:
         self._order = deque(recent)
@@ -216,11 +179,7 @@ def _recorded(profile: QoSProfile) -> Qos:
 
 
 def _matching_profile(offered: QoSProfile) -> QoSProfile:
-    """
-    Return the strongest subscription profile that matches a publisher.
-
-    A reliable or latched subscription does not match a publisher that offers less.
-    """
+    """Return the strongest subscription profile that matches a publisher."""
     reliable = offered.reliability == ReliabilityPolicy.RELIABLE
     latched = offered.durability == DurabilityPolicy.TRANSIENT_LOCAL
     return QoSProfile(

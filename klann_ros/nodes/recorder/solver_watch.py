@@ -67,20 +67,8 @@ class SolverWatch:
     """
     Read the parameters of nodes that publish joint states, and again after changes.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The client.
-    on_parameters : callable
-        Receives new parameters of a solver; nodes without a leg's geometry are ignored.
-    others : collection of str
-        Names of parameters that make a node as interesting as a geometry.
-
-    Attributes
-    ----------
-    pending : set of str
-        Full names of the nodes with pending requests.
-
+    `on_parameters` receives those of nodes that have a leg's geometry, or one of the parameters
+    `others`.
     """
 
     def __init__(
@@ -89,6 +77,7 @@ class SolverWatch:
         on_parameters: Callable[[SolverParameters], None],
         others: Collection[str] = (),
     ) -> None:
+        # Full names of the nodes with pending requests.
         self.pending: set[str] = set()
         self._others = frozenset(others)
         self._node = node

@@ -67,27 +67,11 @@ class Heartbeat:
 
 class TopicWatch:
     """
-    Subscribe to topics as they appear.
+    Subscribe to topics as they appear, by full names with the wildcard *.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The subscriptions' node.
-    patterns : sequence of str
-        Full names of topics, with the wildcard *.
-    put : callable
-        Takes every message.
-    counters : DropCounters
-        Counts every message.
-    pauses : Pauses
-        Skips messages.
-    solvers : SolverWatch
-        Receives the publishers of joint states.
-    diagnostics : RecordingDiagnostics
-        The node's own publisher, which is not recorded.
-    on_stall : callable
-        Receives each stall of this process.
-
+    `put`, `counters` and `pauses` are those of each topic, `solvers` receives the publishers of
+    joint states, and `on_stall` each stall of this process. `diagnostics`, the node's own
+    publisher, is not recorded.
     """
 
     def __init__(
@@ -102,7 +86,6 @@ class TopicWatch:
         diagnostics: RecordingDiagnostics,
         on_stall: Callable[[Pause], None],
     ) -> None:
-        """Start the discovery thread."""
         self._on_stall, self._stalls = on_stall, deque[Pause]()
         self._heartbeat = Heartbeat()
         self._topics: dict[str, RecordedTopic] = {}
@@ -129,6 +112,7 @@ class TopicWatch:
         """Return whether this process has just stalled, and `on_stall` is still to be called."""
         return bool(self._stalls) or self._heartbeat.is_late
 
+    @property
     def published(self) -> set[str]:
         """Return the recorded topics that have a publisher now."""
         return {name for name, topic in self._topics.items() if topic.has_publisher}
@@ -142,8 +126,7 @@ class TopicWatch:
         """
         Trigger `_update` in the node's loop when topics or publishers appear.
 
-        In a thread: a timer would rebuild the executor's wait set each time, at fifty times the
-        cost.
+        A timer would rebuild the executor's wait set each time, at fifty times the cost.
         """
         before: object = None
         ticks = 0
@@ -154,7 +137,8 @@ class TopicWatch:
             if stall is not None:
                 self._stalls.append(stall)
             now = self._graph()
-            if now != before or stall is not None or self._is_due(is_late):
+            is_due = self._unsettled or (is_late and self._solvers.pending)
+            if now != before or stall is not None or is_due:
                 self._graph_changed.trigger()
                 before, ticks = now, 0
 
@@ -162,9 +146,6 @@ class TopicWatch:
         """Return the topics, and the publishers of those that had none."""
         counts = [(name, self._node.count_publishers(name)) for name in self._unpublished.copy()]
         return _topics_and_types(self._node), counts
-
-    def _is_due(self, is_late: bool) -> bool:
-        return bool(self._unsettled) or (is_late and bool(self._solvers.pending))
 
     def _update(self) -> None:
         while self._stalls:

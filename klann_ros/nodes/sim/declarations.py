@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from klann_ros.nodes.parameters import Declaration, must
+from klann_ros.nodes.parameters import Declaration, require
 from klann_ros.twin import Floor, Motors, Sensors
 
 _FLOOR, _MOTORS, _SENSORS = Floor(), Motors(), Sensors()
@@ -78,7 +78,8 @@ def motors(values: Mapping[str, Any], joints: Sequence[str]) -> Motors:
     """Return what turns its cranks; a StartError where there are not as many as joints."""
     factors = values['motor_speed_factor']
     fits = len(factors) in (1, len(joints))
-    must(fits, 'motor_speed_factor', factors, f'one number, or {len(joints)}, one for each joint')
+    requirement = f'one number, or {len(joints)}, one for each joint'
+    require(fits, 'motor_speed_factor', factors, requirement)
     each = factors if len(factors) == len(joints) else factors * len(joints)
     return Motors(
         bandwidth=values['motor_bandwidth'],

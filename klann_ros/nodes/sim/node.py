@@ -9,10 +9,10 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from klann_ros.dynamics import MassError
 from klann_ros.kinematics import KinematicsError
 from klann_ros.nodes.endpoints import create_publisher, create_trigger, QOS_USAGE
-from klann_ros.nodes.parameters import declare, must, StartError, usage
+from klann_ros.nodes.parameters import declare, require, StartError, usage
 from klann_ros.nodes.process import arguments, run
 from klann_ros.nodes.raw_executor import RawCallbackGroup
-from klann_ros.nodes.robot_parameters import declared_robot
+from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
@@ -49,7 +49,7 @@ class SimNode(Node):
         super().__init__('sim_node', **options)
         values = declare(self, PARAMETERS)
         step = values['time_step']
-        must(step == 0.0 or step >= SHORTEST, 'time_step', step, f'0, or {SHORTEST:g} .. 0.005')
+        require(step == 0.0 or step >= SHORTEST, 'time_step', step, f'0, or {SHORTEST:g} .. 0.005')
         self._twin = self._made(values)
         self._period = 1.0 / values['rate']
         self._commands = CrankCommands(
@@ -75,7 +75,7 @@ class SimNode(Node):
         if values['linear']:
             Driver(self, values['linear'], lambda: self._twin.time)
         self._factor = values['real_time_factor']
-        must(
+        require(
             values['use_clock'] or self._factor == 1.0,
             'real_time_factor',
             self._factor,

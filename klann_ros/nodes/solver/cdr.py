@@ -1,46 +1,38 @@
 """
-Messages as they are on the wire (CDR), read and written by `struct` alone.
+Serialized messages (CDR), read and written by `struct` alone.
 
-To make a Python message of bytes, or bytes of it, costs more than to solve a pose. Here only the
-numbers that are wanted are unpacked and packed, and what stays the same from message to message is
-read, or made, once.
+Conversion between bytes and a Python message costs more than the solution of a pose. Here only the
+needed numbers are unpacked and packed; constant parts are read, or made, once.
 
-A message begins with four bytes, the second of which tells the byte order. What follows is
-aligned from there on: a number begins at a multiple of its size, and strings and sequences begin
-with their length. Bytes behind the end of a message are not looked at, nor does rclpy look at
-them: `serialize_message()` leaves some.
+A message begins with four bytes, the second of which is the byte order. All else is aligned from
+there on: a number begins at a multiple of its size, strings and sequences begin with their length.
+Bytes behind the end of a message are ignored, as by rclpy: `serialize_message()` leaves some.
 
-What a template's `fill` returns goes to `Publisher.publish`, and a subscriber receives it byte for
-byte as if the message had been published. Only between two fields, where a number is aligned, a
-typed publish leaves whatever was there before, and a template leaves zeros.
+`Publisher.publish` takes the result of a template's `fill`, and a subscriber receives the bytes of
+the published message. Only the padding between fields differs: a typed publish leaves any bytes
+there, a template zeros.
 """
 
 from collections.abc import Sequence
 import struct
 from typing import NamedTuple
 
-from klann_ros.sanitize.cdr import (
-    CdrCursor,
-    HEADER_SIZE,
-    ORDERS,
-    read_joint_state,
-    STAMP_SIZE,
-)
+from klann_ros.sanitize.cdr import CdrCursor, HEADER_SIZE, ORDERS, read_joint_state, STAMP_SIZE
 from klann_ros.sanitize.text import printable
 
-# The refusal of a message without the joint.
-MOST_NAMES, LONGEST_NAME = 5, 40
+# Names in the refusal of a message without the joint, and their length [characters].
+_MAX_NAMES, _MAX_NAME_LENGTH = 5, 40
 _FLOAT64 = {code: struct.Struct(f'{order}d') for code, order in ORDERS.items()}
 # Written little-endian, as on every machine that ROS 2 supports.
 _CDR_HEADER = b'\0\1\0\0'
 
 
 class JointReading(NamedTuple):
-    """What a JointState says about a joint."""
+    """A joint in a JointState."""
 
-    # In [rad] where the joint turns.
+    # [rad] of a revolute joint.
     position: float
-    # None where there are not as many velocities as names.
+    # None unless there are as many velocities as names.
     velocity: float | None
     # The stamp of the message.
     sec: int
@@ -48,7 +40,7 @@ class JointReading(NamedTuple):
 
 
 def read_float64(data: bytes) -> float:
-    """Return the number in a std_msgs/Float64; a ValueError if it is no such message."""
+    """Return the number in a std_msgs/Float64; a ValueError for another message."""
     try:
         (value,) = _FLOAT64[data[:2]].unpack_from(data, HEADER_SIZE)
     except (KeyError, struct.error) as error:
@@ -57,27 +49,14 @@ def read_float64(data: bytes) -> float:
 
 
 class JointReader:
-    """
-    Read a joint out of one sensor_msgs/JointState after the other.
-
-    Parameters
-    ----------
-    name : str
-        The name of the joint.
-
-    """
+    """Read a joint of successive sensor_msgs/JointState messages."""
 
     def __init__(self, name: str) -> None:
         self._name = name
         self._layout: _Layout | None = None
 
     def read(self, data: bytes) -> JointReading:
-        """
-        Return what a message says about the joint.
-
-        A ValueError if it is no such message, has not the joint, or not as many positions as
-        names.
-        """
+        """Return the joint in a message; a ValueError for a message without it, or malformed."""
         # Most messages differ from the last one in their numbers only.
         if self._layout is None or not self._layout.fits(data):
             self._layout = _layout(data, self._name)
@@ -85,7 +64,7 @@ class JointReader:
 
 
 class _Layout(NamedTuple):
-    """Where the numbers of a JointState are, and by which bytes to tell that they are there."""
+    """The places of the numbers in a JointState, and the constant bytes that identify them."""
 
     size: int
     fixed: tuple[bytes, ...]
@@ -101,9 +80,10 @@ class _Layout(NamedTuple):
 
 
 def _listed(names: Sequence[bytes]) -> str:
-    """Return the first names, which say whose message it is; there may be any, of any length."""
-    shown = [printable(name.decode(errors='replace'), LONGEST_NAME) for name in names[:MOST_NAMES]]
-    return ', '.join(shown if len(names) <= MOST_NAMES else [*shown, '...'])
+    """Return the first of the untrusted names."""
+    decoded = (name.decode(errors='replace') for name in names[:_MAX_NAMES])
+    shown = [printable(name, _MAX_NAME_LENGTH) for name in decoded]
+    return ', '.join(shown if len(names) <= _MAX_NAMES else [*shown, '...'])
 
 
 def _layout(data: bytes, joint: str) -> _Layout:
@@ -119,7 +99,7 @@ def _layout(data: bytes, joint: str) -> _Layout:
             f'{len(names)} names and {counts[0]} positions: there must be as many of each'
         )
     if joint.encode() not in names:
-        shown = printable(joint, LONGEST_NAME)
+        shown = printable(joint, _MAX_NAME_LENGTH)
         raise ValueError(f'there is no joint {shown} among its {len(names)} ({_listed(names)})')
     offset = 8 * names.index(joint.encode())
     position, velocity = begins[0] + offset, begins[1] + offset
@@ -127,7 +107,7 @@ def _layout(data: bytes, joint: str) -> _Layout:
     if counts[1] == counts[0]:
         numbers += f'{velocity - position - 8}xd'
     ends = [begin + 8 * count for count, begin in zip(counts, begins, strict=True)]
-    # All that is neither stamp nor position, velocity or effort.
+    # All but stamp, positions, velocities and efforts.
     spans = [
         (0, 2),
         (HEADER_SIZE + STAMP_SIZE, begins[0]),
@@ -143,17 +123,7 @@ def _layout(data: bytes, joint: str) -> _Layout:
 
 
 class JointStateTemplate:
-    """
-    A sensor_msgs/JointState of which only stamp, positions and velocities change.
-
-    Parameters
-    ----------
-    names : sequence of str
-        The names of the joints, at least one.
-    frame_id : str
-        The frame.
-
-    """
+    """A sensor_msgs/JointState of which only stamp, positions and velocities change."""
 
     def __init__(self, names: Sequence[str], frame_id: str = '') -> None:
         count = len(names)
@@ -167,11 +137,7 @@ class JointStateTemplate:
         self._with = struct.Struct(f'{layout}8s{count}d4x')
 
     def fill(
-        self,
-        sec: int,
-        nanosec: int,
-        positions: Sequence[float],
-        velocities: Sequence[float] = (),
+        self, sec: int, nanosec: int, positions: Sequence[float], velocities: Sequence[float] = ()
     ) -> bytes:
         """Return the message; there are as many velocities as names, or none."""
         if velocities:

@@ -1,4 +1,4 @@
-"""The topics that turn cranks: read from the wire in order, stamped, counted."""
+"""The topics that turn cranks: read as CDR in order, stamped, counted."""
 
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
@@ -19,45 +19,31 @@ from .cdr import JointReader, read_float64
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription
 
-# In one report, of two publishers that send at once.
-MIN_ALTERNATIONS = 2
+# Alternations in a report that prove two simultaneous publishers.
+_MIN_ALTERNATIONS = 2
 # Seconds and nanoseconds, as in a message.
 Stamp = tuple[int, int]
 
 
 class BadMessageError(KinematicsError):
-    """A message that holds no crank angle; the text says why."""
+    """A message without a crank angle; the text says why."""
 
 
 class CrankInput(NamedTuple):
     """A crank at a moment."""
 
-    # CrankInput angle [rad].
+    # Its angle [rad].
     alpha: float
-    # Its rate [rad/s]; None where it is not known.
+    # Its rate [rad/s]; None if unknown.
     rate: float | None
 
 
 class CrankInputs:
     """
-    Subscriptions to crank_angle and crank_state.
+    Subscriptions to crank_angle, which turns all joints, and to crank_state.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The node.
-    joints : sequence of str
-        The joints that turn cranks; crank_angle turns all of them.
-    turn : callable
-        Is given, for each message, the cranks by their joints, and the stamp.
-    reject : callable
-        Is given why a message says nothing.
-
-    Attributes
-    ----------
-    out_of_order : int
-        Messages that were older than the one before.
-
+    For each message `turn` receives the cranks by their joints, and the stamp; `reject` the reason
+    for an unusable message.
     """
 
     def __init__(
@@ -67,6 +53,7 @@ class CrankInputs:
         turn: Callable[[Mapping[str, CrankInput], Stamp], None],
         reject: Callable[[KinematicsError], None],
     ) -> None:
+        # The number of messages older than their predecessor.
         self.out_of_order = 0
         self._clock = node.get_clock()
         self._joints, self._turn, self._reject = joints, turn, reject
@@ -75,26 +62,26 @@ class CrankInputs:
         self._angles = _Source(node, Float64, 'crank_angle', self._on_crank_angle)
         self._states = _Source(node, JointState, 'crank_state', self._on_crank_state)
 
-    def listen(self) -> None:
-        """Subscribe."""
-        self._angles.listen()
-        self._states.listen()
+    def subscribe(self) -> None:
+        """Subscribe to both topics."""
+        self._angles.subscribe()
+        self._states.subscribe()
 
-    def ignore(self) -> None:
-        """Unsubscribe."""
-        self._angles.ignore()
-        self._states.ignore()
+    def unsubscribe(self) -> None:
+        """Leave both topics."""
+        self._angles.unsubscribe()
+        self._states.unsubscribe()
 
     @property
     def summary(self) -> str:
-        """Return what turns the cranks, in words."""
+        """Return topics and joints in words."""
         joints = ', '.join(printable(joint) for joint in self._joints)
         word = 'joint' if len(self._joints) == 1 else 'joints'
         return f'{self._angles.topic} and {self._states.topic} ({word} {joints})'
 
     @property
     def lost(self) -> int:
-        """Return how many messages were lost since the start."""
+        """Return the number of lost messages since the start."""
         return self._angles.loss.lost + self._states.loss.lost
 
     def sources(self) -> str:
@@ -155,7 +142,7 @@ class _Source:
         self.loss = LossCounter()
         self.publishers = 0
         self._had_message = False
-        # How often the numbers of messages did not follow each other, and the last of them.
+        # The number of gaps in the sequence numbers, and the last number.
         self._alternations = 0
         self._number: int | None = None
         self._node = node
@@ -165,21 +152,21 @@ class _Source:
         self._subscription: Subscription | None = None
         self.topic = node.resolve_topic_name(topic)
 
-    def listen(self) -> None:
+    def subscribe(self) -> None:
         if self._subscription is not None:
             return
         self._subscription = self._node.create_subscription(
             *self._arguments,
             raw=True,
             callback_group=self._group,
-            # Each event costs at every wait. What the others tell cannot happen to an input that
-            # takes whatever is offered; one that is overridden may ask for more.
+            # Each event costs at every wait. An input that matches every publisher needs no
+            # other event; one with an overridden QoS may.
             event_callbacks=SubscriptionEventCallbacks(
                 matched=self._on_matched, use_default_callbacks=self._profile != INPUT
             ),
         )
 
-    def ignore(self) -> None:
+    def unsubscribe(self) -> None:
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
         self._subscription = None
@@ -196,18 +183,17 @@ class _Source:
 
     def active_publishers(self) -> int:
         """
-        Return how many publishers have sent since the last call.
+        Return the number of publishers that have sent since the last call.
 
-        One that is silent, such as a node that yields to a driver, is none of them: several that
-        send alternate, and each numbers its own messages. One alternation is a change of drivers.
+        Simultaneous publishers alternate, and each numbers its own messages; a silent one, such as
+        a node that yields to a driver, does not. One alternation is a change of drivers.
         """
         had, alternations = self._had_message, self._alternations
         self._had_message, self._alternations = False, 0
         if not had:
             return 0
-        return self.publishers if alternations >= MIN_ALTERNATIONS else min(self.publishers, 1)
+        return self.publishers if alternations >= _MIN_ALTERNATIONS else min(self.publishers, 1)
 
     def _on_matched(self, status: Any) -> None:
-        # A publisher joined or left: the next message may be of another one.
         self.loss.publishers_changed()
         self.publishers = status.current_count

@@ -1,4 +1,4 @@
-"""The parameters of `solver_node` as it declares them: its legs', each leg's, and its own."""
+"""The parameters of `solver_node`: of its legs, of each leg, and its own."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,7 +10,7 @@ from klann_ros.kinematics.klann import BENDS, LENGTHS, NUMBERS
 from klann_ros.nodes.parameters import Declaration
 from klann_ros.robot.robot import SEPARATORS
 
-_WORDS = {
+_DESCRIPTIONS = {
     'l_ab': 'length of the crank AB',
     'l_bc': 'length of the coupler from the crank pin B to the elbow C',
     'l_dc': 'length of the lower rocker DC',
@@ -30,13 +30,13 @@ _CONSTRAINTS = {
     **dict.fromkeys(BENDS, 'radians, not degrees: within +-2 pi'),
 }
 _SEM104 = KlannGeometry.sem104()
-# A Klann leg's geometry, named and ordered as the interface has it.
+# A Klann leg's geometry, with the names and the order of the interface.
 GEOMETRY = (
     *(
         Declaration(
             name,
             getattr(_SEM104, name),
-            f'{_WORDS[name]} [{"rad" if name in BENDS else "m"}]',
+            f'{_DESCRIPTIONS[name]} [{"rad" if name in BENDS else "m"}]',
             constraint=_CONSTRAINTS.get(name, 'finite'),
             read_only=False,
         )
@@ -62,7 +62,7 @@ LEGS = (
     Declaration(
         'joint_separator',
         '/',
-        "what stands between a leg's name and its joint's in joint_states; exports write _",
+        "separates a leg's name and its joint's in joint_states; exports write _",
         choices=SEPARATORS,
     ),
 )
@@ -88,15 +88,15 @@ PUBLISHED = (
     Declaration('publish_markers', True, 'whether the legs are published as markers'),
     Declaration('diagnostics_period', 1.0, 'time between diagnostics [s]', limits=(0.01, 3600.0)),
 )
-# What leg files may hold for others: masses and sizes, which a solver does not need.
+# Masses and sizes in leg files, for other programs.
 FOR_OTHERS = ('bar_density', 'foot_mass', 'body_mass', 'body_size', 'body_centre')
-# Those of them that are held where they are given, so that they are in a run, for its review.
+# Those that are declared where they are given, so that they are in a run, for its review.
 MASSES = ('bar_density', 'foot_mass')
 _UPRIGHT = (pi / 2, 0.0, 0.0)
 
 
 def drive(prefix: str = '') -> tuple[Declaration, ...]:
-    """Return the parameters of how a leg is driven."""
+    """Return the parameters of a leg's drive."""
     return (
         Declaration(
             f'{prefix}phase',
@@ -126,7 +126,7 @@ def place(name: str) -> tuple[Declaration, ...]:
 
 
 def named_leg(name: str, common: Mapping[str, Any]) -> tuple[Declaration, ...]:
-    """Return the parameters of a named leg; its geometry is the common one where not given."""
+    """Return the parameters of a named leg; its geometry defaults to the common one."""
     geometry = (
         replace(
             p,
@@ -137,3 +137,9 @@ def named_leg(name: str, common: Mapping[str, Any]) -> tuple[Declaration, ...]:
         for p in GEOMETRY
     )
     return (*geometry, *drive(f'{name}.'), *place(name))
+
+
+# The names of a leg's own parameters, without the leg's.
+OF_LEG = frozenset(p.name.removeprefix('LEG.') for p in (*drive('LEG.'), *place('LEG'))) | {
+    *GEOMETRY_NAMES
+}

@@ -10,30 +10,14 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from .crank_inputs import CrankInputs
-from .driven_leg import DrivenLeg, SolverFigures
+from .driven_leg import DrivenLeg, SolverStatistics
 
 # Inputs are stale after this time without one [s].
 STALE_AFTER = 2.0
 
 
 class SolverDiagnostics:
-    """
-    Publisher of a solver's diagnostics.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The node.
-    legs : sequence of DrivenLeg
-        The legs.
-    inputs : CrankInputs
-        What turns them.
-    period : float
-        Time between diagnostics [s].
-    min_transmission_angle : float
-        Below this a leg is worth a warning [rad].
-
-    """
+    """Publisher of a solver's diagnostics; a transmission angle below the minimum is a warning."""
 
     def __init__(
         self,
@@ -57,25 +41,25 @@ class SolverDiagnostics:
 
     def legs_changed(self) -> None:
         """Update the arcs that the legs cannot reach."""
-        self._notes = [_missing_arcs(leg.leg.reachable_arcs()) for leg in self._legs]
+        self._missing_arcs = [_missing_arcs(leg.leg.reachable_arcs()) for leg in self._legs]
 
     def _report(self) -> None:
         now = self._steady.now()
         lost = self._inputs.lost
-        complaint = _complaint(lost - self._lost_reported, self._inputs.sources())
+        input_problem = _input_problem(lost - self._lost_reported, self._inputs.sources())
         period = (now - self._last_report).nanoseconds / 1e9
         array = DiagnosticArray()
         for i, leg in enumerate(self._legs):
-            if leg.figures.inputs:
-                # Known to a period only, which is far less than what counts as silence.
+            if leg.statistics.inputs:
+                # To the accuracy of a period, far less than STALE_AFTER.
                 self._last_inputs[i] = now
             silence = (now - self._last_inputs[i]).nanoseconds / 1e9
-            level, message = self._verdict(leg.figures, silence, complaint)
+            level, message = self._level_and_message(leg.statistics, silence, input_problem)
             name = f'{self._node.get_name()}: {leg.name or "leg"}'
             status = DiagnosticStatus(
                 level=level,
                 name=name,
-                message='; '.join(filter(None, (message, self._notes[i]))),
+                message='; '.join(filter(None, (message, self._missing_arcs[i]))),
                 hardware_id=name,
                 values=[
                     KeyValue(key=key, value=str(value))
@@ -83,33 +67,29 @@ class SolverDiagnostics:
                 ],
             )
             array.status.append(status)
-            leg.figures.begin_report()
+            leg.statistics.begin_report()
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)
         self._lost_reported, self._last_report = lost, now
 
-    def _verdict(
-        self, figures: SolverFigures, silence: float, complaint: str
+    def _level_and_message(
+        self, statistics: SolverStatistics, silence: float, input_problem: str
     ) -> tuple[bytes, str]:
-        """Return the level and the most important thing to say."""
+        """Return the level and the most important message."""
         if silence > STALE_AFTER:
             return DiagnosticStatus.STALE, f'no input for {silence:.1f} s'
-        if figures.failure:
-            return DiagnosticStatus.ERROR, figures.failure
-        if figures.rejection:
-            return DiagnosticStatus.WARN, figures.rejection
-        if complaint:
-            return DiagnosticStatus.WARN, complaint
-        if figures.from_singular < self._min_transmission_angle:
-            angle = degrees(figures.from_singular)
-            return (
-                DiagnosticStatus.WARN,
-                f'nearly singular: the links of a dyad are {angle:.1f} deg from in line',
-            )
+        if statistics.failure:
+            return DiagnosticStatus.ERROR, statistics.failure
+        if statistics.rejection or input_problem:
+            return DiagnosticStatus.WARN, statistics.rejection or input_problem
+        if statistics.min_transmission_angle < self._min_transmission_angle:
+            angle = degrees(statistics.min_transmission_angle)
+            message = f'nearly singular: the links of a dyad are {angle:.1f} deg from in line'
+            return DiagnosticStatus.WARN, message
         return DiagnosticStatus.OK, 'solving'
 
 
-def _complaint(lost: int, sources: str) -> str:
+def _input_problem(lost: int, sources: str) -> str:
     """Return the inputs lost since the last report, and simultaneous publishers of the crank."""
     were = verb(lost, 'input was', 'inputs were')
     turned = f'the crank is turned by more than one: {sources}'
@@ -117,25 +97,25 @@ def _complaint(lost: int, sources: str) -> str:
 
 
 def _values(leg: DrivenLeg, inputs: CrankInputs, period: float) -> dict[str, object]:
-    figures, assembly = leg.figures, leg.leg.assembly
-    angles = enumerate(figures.transmission_angles(len(assembly)), start=1)
+    statistics, assembly = leg.statistics, leg.leg.assembly
+    angles = enumerate(statistics.transmission_angles(len(assembly)), start=1)
     return {
-        'solved': figures.solved,
-        'rejected': figures.rejected,
-        'failed': figures.failed,
+        'solved': statistics.solved,
+        'rejected': statistics.rejected,
+        'failed': statistics.failed,
         'lost': inputs.lost,
         'out_of_order': inputs.out_of_order,
-        'rate': f'{figures.inputs / period:.3f}',
-        'iterations': figures.iterations,
-        'residual': f'{figures.residual:.3e}',
-        'condition': f'{figures.condition:.4g}',
+        'rate': f'{statistics.inputs / period:.3f}',
+        'iterations': statistics.iterations,
+        'residual': f'{statistics.residual:.3e}',
+        'condition': f'{statistics.condition:.4g}',
         **{f'transmission_angle_{i}': f'{mu:.6f}' for i, mu in angles},
         'branch': ' '.join(f'{sign:+d}' for sign in assembly),
     }
 
 
 def _missing_arcs(arcs: Sequence[tuple[float, float]]) -> str:
-    """Return which crank angles are in none of a leg's arcs, in words; empty for a full turn."""
+    """Return the crank angles outside a leg's arcs in words; '' for a full turn."""
     ends = [(end, arcs[(i + 1) % len(arcs)][0]) for i, (_, end) in enumerate(arcs)]
     gaps = [f'{degrees(a) % 360:.2f} .. {degrees(b) % 360:.2f}' for a, b in ends]
     if len(arcs) == 1 and arcs[0][1] - arcs[0][0] >= tau:

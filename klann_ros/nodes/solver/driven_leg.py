@@ -1,4 +1,4 @@
-"""One of the legs that a node solves: its crank, its solver, and what that did so far."""
+"""A leg of a solver node: its crank, its solver, and the solver's statistics."""
 
 from dataclasses import dataclass, field
 from math import nan, pi
@@ -14,41 +14,25 @@ from klann_ros.kinematics import (
 from klann_ros.robot import RobotLeg
 
 
-class SolverFigures:
-    """
-    Counts since the start, and the worst figures since the last report.
-
-    Attributes
-    ----------
-    solved, rejected, failed : int
-        Answers published; inputs that were no crank angle; angles that could not be solved. Since
-        the start.
-    failure : str
-        What failed last since the last report; empty when nothing did.
-    rejection : str
-        The last rejection since the last report; empty if there was none.
-    iterations : int
-        The most Newton iterations of a pose.
-    residual : float
-        The largest residual [m]; NaN without any pose.
-    worst : list of pose
-        For each dyad, the pose in which it was nearest to singular; empty without any pose.
-    inputs : int
-        Inputs since the last report.
-
-    """
+class SolverStatistics:
+    """Counts since the start, and the worst values since the last report."""
 
     def __init__(self) -> None:
+        # Since the start: published answers, refused inputs, and unsolvable crank angles.
         self.solved = self.rejected = self.failed = 0
         self.begin_report()
 
     def begin_report(self) -> None:
-        """Forget the worst figures, keep the counts."""
+        """Reset all but the counts since the start."""
+        # The texts of the last failure and the last rejection; '' without one.
         self.failure = self.rejection = ''
+        # The number of inputs, and the most Newton iterations of a pose.
         self.inputs = self.iterations = 0
+        # The largest residual [m]; NaN without any pose.
         self.residual = nan
+        # For each dyad its pose nearest to a singular one; empty without any pose.
         self.worst: list[LinkagePose] = []
-        self._least: list[float] = []
+        self._min_sines: list[float] = []
 
     def solve(self, pose: LinkagePose) -> None:
         """Count a solved pose."""
@@ -58,19 +42,19 @@ class SolverFigures:
         self.residual = max(pose.residual, self.residual)
         sines = pose.sines
         if not self.worst:
-            self.worst, self._least = [pose] * len(sines), list(sines)
+            self.worst, self._min_sines = [pose] * len(sines), list(sines)
         for i, sine in enumerate(sines):
-            if sine < self._least[i]:
-                self._least[i], self.worst[i] = sine, pose
+            if sine < self._min_sines[i]:
+                self._min_sines[i], self.worst[i] = sine, pose
 
     def reject(self, reason: str) -> None:
-        """Count an input that was no crank angle."""
+        """Count an input without a valid crank angle."""
         self.rejected += 1
         self.inputs += 1
         self.rejection = reason
 
     def fail(self, reason: str) -> None:
-        """Count a crank angle that could not be solved."""
+        """Count a crank angle without a solution."""
         self.failed += 1
         self.inputs += 1
         self.failure = reason
@@ -81,35 +65,34 @@ class SolverFigures:
         return tuple(worst) or (nan,) * count
 
     @property
-    def from_singular(self) -> float:
+    def min_transmission_angle(self) -> float:
         """Return the least min(mu, pi - mu) of all dyads [rad]; NaN without any pose."""
         angles = self.transmission_angles(len(self.worst))
         return min((min(mu, pi - mu) for mu in angles), default=nan)
 
     @property
     def condition(self) -> float:
-        """Return the condition of Phi where a dyad was nearest to singular; NaN without pose."""
+        """Return the condition of Phi nearest to a singular pose; NaN without any pose."""
         return max((pose.condition for pose in self.worst), default=nan)
 
 
 @dataclass(eq=False)
 class DrivenLeg:
-    """A leg with the crank that drives it, and what its solver did since the last report."""
+    """A leg with its crank, its solver and the solver's statistics."""
 
     # Its geometry and its drive.
     robot_leg: RobotLeg
     # Its solver.
     leg: AnyLeg
-    # What stands between its name and its joints' in JointState.
+    # Separates its name and its joints' in JointState.
     joint_separator: str = '/'
-    # What its solver did.
-    figures: SolverFigures = field(default_factory=SolverFigures, init=False)
+    statistics: SolverStatistics = field(default_factory=SolverStatistics, init=False)
     # The last pose; None before the first.
     last: LinkagePose | None = field(default=None, init=False)
 
     @property
     def name(self) -> str:
-        """Return its name; empty for the only, unnamed one."""
+        """Return its name; '' for an unnamed leg."""
         return self.robot_leg.name
 
     @property
@@ -117,46 +100,32 @@ class DrivenLeg:
         """Return the joint in crank_state that turns its crank."""
         return self.robot_leg.crank_joint
 
-    def prefixed(self, word: str) -> str:
-        """Return a topic's or frame's name as it is for this leg."""
-        return self.robot_leg.prefix + word
+    def prefixed(self, name: str) -> str:
+        """Return this leg's topic or frame of a name."""
+        return self.robot_leg.prefix + name
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Return the names under which its angles are published, the crank's first."""
+        """Return the published names of its joints, the crank's first."""
         names = self.leg.joint_names
         return tuple(self.robot_leg.joint_name(name, self.joint_separator) for name in names)
 
     def answer(self, alpha: float, rate: float | None) -> tuple[LinkagePose, LinkageMotion | None]:
         """
-        Return the pose for a crank angle, and the velocity where there is one.
+        Return the pose at a crank angle [rad], and the velocity if the rate [rad/s] is known.
 
-        alpha_leg = direction * alpha + phase. What fails is counted before it is raised.
-
-        Parameters
-        ----------
-        alpha : float
-            The crank's angle, before direction and phase [rad].
-        rate : float or None
-            Its rate [rad/s]; None where it is not known.
-
-        Raises
-        ------
-        CrankAngleError
-            It is no crank angle.
-        KinematicsError
-            It cannot be solved.
-
+        alpha_leg = direction * alpha + phase. A CrankAngleError for an invalid angle, or another
+        KinematicsError for one without a solution, is counted before it is raised.
         """
         try:
             pose = self.leg.solve(self.robot_leg.direction * alpha + self.robot_leg.phase)
         except CrankAngleError as error:
-            self.figures.reject(str(error))
+            self.statistics.reject(str(error))
             raise
         except KinematicsError as error:
-            self.figures.fail(str(error))
+            self.statistics.fail(str(error))
             raise
-        self.figures.solve(pose)
+        self.statistics.solve(pose)
         self.last = pose
         if rate is None:
             return pose, None

@@ -1,4 +1,4 @@
-"""The legs of solver_node, made from its parameters."""
+"""Legs and robots from a node's parameters: those of solver_node, which other nodes share."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,38 +16,59 @@ from klann_ros.nodes.parameters import (
     StartError,
 )
 from klann_ros.robot import Robot, robot_from_parameters
-from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.text import printable, printable_line
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from .declarations import drive, GEOMETRY, GEOMETRY_NAMES, LEGS, MASSES, named_leg, SETTINGS
+from .declarations import (
+    drive,
+    FOR_OTHERS,
+    GEOMETRY,
+    GEOMETRY_NAMES,
+    LEGS,
+    MASSES,
+    named_leg,
+    OF_LEG,
+    SETTINGS,
+)
 from .driven_leg import DrivenLeg
 
 _PRESETS = {name: make() for name, make in PRESETS.items()}
+_OF_ALL = {*GEOMETRY_NAMES, *FOR_OTHERS, LINKAGE_PARAMETER}
+_OF_ROBOT = _OF_ALL | {parameter.name for parameter in (*LEGS, *drive())}
+_OF_NAMED_LEG = _OF_ALL | OF_LEG
+
+
+def declared_robot(node: Node) -> Robot:
+    """
+    Declare the given parameters of a robot, read-only, and return the robot.
+
+    A StartError says why they are no robot.
+    """
+    legs = plain(overrides(node)['legs'].value) if 'legs' in overrides(node) else ()
+    names = {str(leg) for leg in legs} if isinstance(legs, list) else set()
+    given = {}
+    for name, parameter in sorted(overrides(node).items()):
+        family, _, last = name.rpartition('.')
+        if name in _OF_ROBOT or (family in names and last in _OF_NAMED_LEG):
+            given[name] = plain(parameter.value)
+    declare_given(node, given, 'of the robot: see solver_node --help')
+    if not given:
+        raise StartError(
+            'no robot is given: --ros-args --params-file FILE, such as '
+            'share/klann_ros/config/walker6_two_motors.yaml'
+        )
+    try:
+        return robot_from_parameters(given, folders=parameter_folders())
+    except (ValueError, TypeError, OSError) as error:
+        raise StartError(f'the parameters are no robot: {printable_line(error)}') from error
 
 
 class LegParameters:
-    """
-    The legs of a node, and the parameters that they are made from.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        On which they are declared.
-
-    Attributes
-    ----------
-    legs : list of DrivenLeg
-        The legs, in the order of their names.
-
-    Raises
-    ------
-    StartError
-        They are no legs; the text says why.
-
-    """
+    """The legs of a node, in the order of their names, and their parameters."""
 
     def __init__(self, node: Node) -> None:
+        """Declare the parameters; a StartError says why they are no legs."""
         values = declare(node, (*GEOMETRY, *LEGS, *SETTINGS))
         self._settings = {name: values[name] for name in ('tolerance', 'max_crank_step')}
         self._start_values = values
@@ -57,10 +78,15 @@ class LegParameters:
                 values.update(declare(node, named_leg(name, values)))
         if not any(values['legs']):
             values.update(declare(node, drive()))
-        given = given_descriptions(node)
+        # A dump of the parameters holds the text of each linkage.
+        texts = {
+            name: parameter.value
+            for name, parameter in overrides(node).items()
+            if name.rpartition('.')[2] == LINKAGE_PARAMETER
+        }
         try:
             robot = robot_from_parameters(
-                {name: plain(value) for name, value in {**values, **given}.items()},
+                {name: plain(value) for name, value in {**values, **texts}.items()},
                 folders=parameter_folders(),
                 weigh=False,
             )
@@ -73,7 +99,7 @@ class LegParameters:
                 for leg in robot.legs
             ]
         except ValueError as error:
-            # A GeometryError, or what a leg says of tolerance and max_crank_step.
+            # Also a GeometryError, and the solver's refusal of tolerance or max_crank_step.
             raise StartError(str(error)) from error
         self._declare_descriptions(node, robot)
         masses = [prefix + name for prefix in {'', *self._prefixes.values()} for name in MASSES]
@@ -90,7 +116,7 @@ class LegParameters:
 
     @property
     def summary(self) -> str:
-        """Return which legs there are, in words."""
+        """Return the legs in words."""
         kinds = {leg.name: self._kind(leg) for leg in self.legs}
         kind = self._kind(self.legs[0])
         if len(kinds) == 1:
@@ -110,9 +136,9 @@ class LegParameters:
 
     def changed(self, parameters: Sequence[Parameter]) -> dict[str, AnyLeg]:
         """
-        Return the legs that parameters change, by name, as they become.
+        Return the legs that parameters change, by name, with their new geometry.
 
-        A GeometryError says that they are no leg, or that there are no such lengths.
+        A GeometryError says why they are no leg, or cannot be changed.
         """
         changed: dict[str, AnyLeg] = {}
         rest = {p.name: p.value for p in parameters if not self._is_unchanged_constant(p)}
@@ -135,7 +161,7 @@ class LegParameters:
         return changed
 
     def _is_unchanged_constant(self, parameter: Parameter) -> bool:
-        """Return whether lengths that cannot be changed are set to the values that they have."""
+        """Return whether a length that cannot be changed is set to its present value."""
         leg, _, length = parameter.name.rpartition('.')
         if length not in GEOMETRY_NAMES or (leg in self._prefixes and leg not in self._files):
             return False
@@ -152,12 +178,3 @@ class LegParameters:
         values = {**leg.linkage.dimensions, 'assembly': leg.assembly, **changes}
         geometry = KlannGeometry(**values)
         return leg if geometry.linkage == leg.linkage else KlannLeg(geometry, **self._settings)
-
-
-def given_descriptions(node: Node) -> dict[str, Any]:
-    """Return the given texts of linkages: a dump of the parameters holds them."""
-    return {
-        name: parameter.value
-        for name, parameter in overrides(node).items()
-        if name.rpartition('.')[2] == LINKAGE_PARAMETER
-    }

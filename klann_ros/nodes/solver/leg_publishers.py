@@ -1,4 +1,4 @@
-"""How legs are published: their answers on the wire, and markers for RViz and Foxglove."""
+"""Publishers of legs: answers as CDR, and markers for RViz and Foxglove."""
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
@@ -20,21 +20,18 @@ from .cdr import JointStateTemplate, PointTemplate, TwistTemplate
 from .crank_inputs import Stamp
 from .driven_leg import DrivenLeg
 
-# Publishes bytes as they are.
 Send = Callable[[bytes], None]
 Answer = tuple[DrivenLeg, LinkagePose, LinkageMotion | None]
-# At most so often [s], and only while somebody looks.
-MARKERS_PERIOD = 0.05
-LATCHED = QoSProfile(
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+# Minimum period, while there are subscribers [s].
+_MARKERS_PERIOD = 0.05
+_LATCHED = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
-# Sizes of pivots, joints and bars, and of the path, as parts of the leg's size.
-PIVOT, JOINT, BAR, PATH = 0.035, 0.03, 0.018, 0.005
+# Sizes of pivots, joints and bars, and of the path, relative to the leg's size.
+_PIVOT_SIZE, _JOINT_SIZE, _BAR_SIZE, _PATH_SIZE = 0.035, 0.03, 0.018, 0.005
 # Markers' numbers; the bodies' follow from the last.
-PATH_ID, PIVOTS_ID, JOINTS_ID, BODIES_ID = 0, 1, 2, 3
-GREY, DARK, WHITE = '#8d99ae', '#404040', '#f0f0f0'
+_PATH_ID, _PIVOTS_ID, _JOINTS_ID, _BODIES_ID = 0, 1, 2, 3
+_GREY, _DARK, _WHITE = '#8d99ae', '#404040', '#f0f0f0'
 
 
 class _Foot(NamedTuple):
@@ -47,29 +44,16 @@ class _Foot(NamedTuple):
 
 
 class LegMessages:
-    """
-    Publishers of what legs answer.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The node.
-    legs : sequence of DrivenLeg
-        The legs.
-    frame_id : str
-        The plane of a leg, of its foot and velocity; a named leg's has its name
-        before it.
-
-    """
+    """Publishers of the legs' answers; `frame_id`, with a leg's prefix, is its plane."""
 
     def __init__(self, node: Node, legs: Sequence[DrivenLeg], frame_id: str) -> None:
         def publisher(kind: type, topic: str) -> Send:
-            # What `publish` adds to it guards against a publisher that somebody else destroys.
+            # `publish` would also guard against a publisher destroyed by another thread.
             send: Send = create_publisher(node, kind, topic).handle.publish_raw
             return send
 
         self._send_joint_state = publisher(JointState, 'joint_states')
-        # By the legs that are in it: one that cannot be solved is left out.
+        # By the solved legs in it.
         self._joint_state: dict[tuple[str, ...], JointStateTemplate] = {}
         self._feet = {}
         for leg in legs:
@@ -82,11 +66,7 @@ class LegMessages:
             )
 
     def publish(self, answers: Sequence[Answer], stamp: Stamp) -> None:
-        """
-        Publish the angles of all answers in one JointState, and each leg's foot.
-
-        Velocities are published where every answer has one.
-        """
+        """Publish one JointState and each leg's foot; velocities if every answer has one."""
         positions = tuple(chain.from_iterable(pose.joints for _, pose, _ in answers))
         known = [velocity.joints for _, _, velocity in answers if velocity is not None]
         velocities = tuple(chain(*known)) if len(known) == len(answers) else ()
@@ -108,20 +88,10 @@ class LegMessages:
 
 class LegMarkers:
     """
-    Publisher of the legs as markers.
+    Publisher of the legs as markers, while there are subscribers.
 
-    What stands still, pivots and foot paths, is published when somebody comes to look and when a
-    leg changes; what moves after that, while somebody looks.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The node.
-    legs : sequence of DrivenLeg
-        The legs.
-    frame_id : str
-        The plane of a leg; a named leg's has its name before it.
-
+    The fixed parts, pivots and foot paths, are published for each new subscriber and after each
+    change of a leg.
     """
 
     def __init__(self, node: Node, legs: Sequence[DrivenLeg], frame_id: str) -> None:
@@ -129,9 +99,9 @@ class LegMarkers:
         self._drawn: list[LinkagePose | None] = []
         matched = PublisherEventCallbacks(matched=self._on_matched)
         self._publisher = create_publisher(
-            node, MarkerArray, 'markers', LATCHED, event_callbacks=matched
+            node, MarkerArray, 'markers', _LATCHED, event_callbacks=matched
         )
-        self._timer = node.create_timer(MARKERS_PERIOD, self._on_timer, autostart=False)
+        self._timer = node.create_timer(_MARKERS_PERIOD, self._on_timer, autostart=False)
 
     def legs_changed(self) -> None:
         """Draw everything again."""
@@ -139,7 +109,6 @@ class LegMarkers:
 
     def _on_matched(self, status: Any) -> None:
         if status.current_count:
-            # Who comes last has heard of nothing that stands still.
             self.legs_changed()
             self._timer.reset()
         else:
@@ -154,45 +123,45 @@ class LegMarkers:
         for i, leg in enumerate(self._legs):
             pose = poses[i]
             if not self._drawn:
-                markers.markers += self._still(leg, stamp)
+                markers.markers += self._fixed_parts(leg, stamp)
             if pose is not None and not (self._drawn and pose is self._drawn[i]):
-                markers.markers += self._moving(leg, pose, stamp)
+                markers.markers += self._moving_parts(leg, pose, stamp)
         self._drawn = poses
         self._publisher.publish(markers)
 
-    def _still(self, leg: DrivenLeg, stamp: Time) -> list[Marker]:
+    def _fixed_parts(self, leg: DrivenLeg, stamp: Time) -> list[Marker]:
         """Return the path of the foot, and the pivots."""
         try:
             path = foot_path(leg.leg)
             pose = leg.leg.closed_form(float(path.alphas[0]))
         except KinematicsError:
-            # A leg that hardly closes anywhere is seen where it is solved.
+            # A leg that hardly closes anywhere has no path.
             return []
         size = max(path.stride, path.lift)
         feet = path.h.tolist()
-        line = self._marker(leg, PATH_ID, Marker.LINE_STRIP, PATH * size, GREY, stamp)
+        line = self._marker(leg, _PATH_ID, Marker.LINE_STRIP, _PATH_SIZE * size, _GREY, stamp)
         line.points = _points([*feet, feet[0]] if path.full_turn else feet)
         drawn = PoseDrawing.of(pose)
-        fixed = (drawn.points[name] for name in drawn.pivots)
-        pivots = self._marker(leg, PIVOTS_ID, Marker.CUBE_LIST, PIVOT * size, DARK, stamp)
-        pivots.points = _points(fixed)
+        pivots = self._marker(leg, _PIVOTS_ID, Marker.CUBE_LIST, _PIVOT_SIZE * size, _DARK, stamp)
+        pivots.points = _points(drawn.points[name] for name in drawn.pivots)
         return [line, pivots]
 
-    def _moving(self, leg: DrivenLeg, pose: LinkagePose, stamp: Time) -> list[Marker]:
+    def _moving_parts(self, leg: DrivenLeg, pose: LinkagePose, stamp: Time) -> list[Marker]:
         """Return the joints, and the bars of every body."""
         drawn = PoseDrawing.of(pose)
         places = list(drawn.points.values())
         size = max(float(max(p[k] for p in places) - min(p[k] for p in places)) for k in (0, 1))
-        joints = self._marker(leg, JOINTS_ID, Marker.SPHERE_LIST, JOINT * size, WHITE, stamp)
+        diameter, width = _JOINT_SIZE * size, _BAR_SIZE * size
+        joints = self._marker(leg, _JOINTS_ID, Marker.SPHERE_LIST, diameter, _WHITE, stamp)
         joints.points = _points(places)
         markers = [joints]
-        for number, body in enumerate(drawn.bodies, start=BODIES_ID):
-            bars = self._marker(leg, number, Marker.LINE_LIST, BAR * size, body.colour, stamp)
+        for number, body in enumerate(drawn.bodies, start=_BODIES_ID):
+            bars = self._marker(leg, number, Marker.LINE_LIST, width, body.colour, stamp)
             bars.points = _points(drawn.points[name] for bar in body.strokes for name in bar)
             markers.append(bars)
         return markers
 
-    def _marker(  # noqa: PLR0917 - as many as a marker has
+    def _marker(  # noqa: PLR0917 - a marker's fields
         self, leg: DrivenLeg, number: int, kind: int, size: float, colour: str, stamp: Time
     ) -> Marker:
         marker = Marker(ns=leg.name or 'leg', id=number, type=kind, action=Marker.ADD)

@@ -7,7 +7,7 @@ from typing import Any
 from klann_ros.kinematics import CrankAngleError, GeometryError, KinematicsError
 from klann_ros.nodes.endpoints import create_trigger, QOS_USAGE
 from klann_ros.nodes.parameters import declare, usage
-from klann_ros.nodes.process import arguments, run
+from klann_ros.nodes.process import arguments, LOG_PERIOD, run
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
@@ -22,27 +22,12 @@ from .diagnostics import SolverDiagnostics
 from .leg_parameters import LegParameters
 from .leg_publishers import LegMarkers, LegMessages
 
-# How often a complaint about inputs is logged at most [s].
-THROTTLE = 2.0
-
 
 class Solver:
-    """
-    What a node does to answer every crank angle with the joint angles and the feet of the legs.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Whose parameters, topics and services they are; any kind of node.
-
-    Raises
-    ------
-    StartError
-        A parameter is refused; the text says why.
-
-    """
+    """Answer every crank angle with the joint angles and the feet of the legs, in any node."""
 
     def __init__(self, node: Node) -> None:
+        """Declare and validate the parameters; a StartError names a refused one."""
         self._node = node
         self._leg_parameters = LegParameters(node)
         self._legs = self._leg_parameters.legs
@@ -66,23 +51,21 @@ class Solver:
 
     @property
     def summary(self) -> str:
-        """Return which legs it solves, and what turns them, in words."""
+        """Return the legs and their crank inputs in words."""
         return f'{self._leg_parameters.summary}, turned by {self._inputs.summary}'
 
-    def listen(self) -> None:
-        """Answer what comes from now on."""
-        self._inputs.listen()
+    def subscribe(self) -> None:
+        """Answer inputs from now on."""
+        self._inputs.subscribe()
 
-    def ignore(self) -> None:
-        """Stop answering, until listening starts again."""
-        self._inputs.ignore()
+    def unsubscribe(self) -> None:
+        """Stop answering."""
+        self._inputs.unsubscribe()
 
     def reset(self) -> None:
         """Forget the warm starts."""
         for leg in self._legs:
             leg.leg.reset()
-
-    # Inputs: ask the legs, answer.
 
     def _turn(self, cranks: Mapping[str, CrankInput], stamp: Stamp) -> None:
         answers = []
@@ -93,22 +76,21 @@ class Solver:
             try:
                 answers.append((leg, *leg.answer(*crank)))
             except CrankAngleError as error:
-                self._complain(error)
+                self._warn(error)
             except KinematicsError as error:
                 name = f'{leg.name}: ' if leg.name else ''
-                self._node.get_logger().error(f'{name}{error}', throttle_duration_sec=THROTTLE)
+                self._node.get_logger().error(f'{name}{error}', throttle_duration_sec=LOG_PERIOD)
         if answers:
             self._messages.publish(answers, stamp)
 
     def _reject(self, error: KinematicsError) -> None:
         for leg in self._legs:
-            leg.figures.reject(str(error))
-        self._complain(error)
+            leg.statistics.reject(str(error))
+        self._warn(error)
 
-    def _complain(self, error: KinematicsError) -> None:
-        self._node.get_logger().warning(f'input rejected: {error}', throttle_duration_sec=THROTTLE)
-
-    # Parameters and services.
+    def _warn(self, error: KinematicsError) -> None:
+        text = f'input rejected: {error}'
+        self._node.get_logger().warning(text, throttle_duration_sec=LOG_PERIOD)
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         try:
@@ -132,49 +114,35 @@ class Solver:
 
 
 class SolverNode(Node):
-    """
-    Answer every crank angle with the joint angles and the feet of the legs.
-
-    Raises
-    ------
-    StartError
-        A parameter is refused; the text says why.
-
-    """
+    """A solver that answers at once."""
 
     def __init__(self, **options: Any) -> None:
-        """Declare, validate, and listen; `options` are those of Node."""
         super().__init__('solver_node', **options)
         solver = Solver(self)
-        solver.listen()
+        solver.subscribe()
         self.get_logger().info(f'ready: {solver.summary}')
 
 
 class ManagedSolverNode(LifecycleNode):
-    """
-    The same as a managed node: it answers while it is active.
-
-    Its parameters are validated when it starts: a leg that is none is refused at once.
-    """
+    """A solver that answers while it is active; its parameters are validated at the start."""
 
     def __init__(self, **options: Any) -> None:
-        """Declare and validate; `options` are those of LifecycleNode."""
         super().__init__('solver_node', **options)
         self._solver = Solver(self)
         self.get_logger().info(f'ready, unconfigured: {self._solver.summary}, while it is active')
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Have nothing to do: what could be refused was declared at the start."""
+        """Do nothing: the parameters were validated at the start."""
         return self._logged('configured', super().on_configure(state))
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Listen."""
-        self._solver.listen()
+        """Subscribe."""
+        self._solver.subscribe()
         return self._logged('activated: it answers', super().on_activate(state))
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Listen no more."""
-        self._solver.ignore()
+        """Unsubscribe."""
+        self._solver.unsubscribe()
         return self._logged('deactivated: it does not listen', super().on_deactivate(state))
 
     def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
@@ -183,8 +151,8 @@ class ManagedSolverNode(LifecycleNode):
         return self._logged('cleaned up: unconfigured', TransitionCallbackReturn.SUCCESS)
 
     def on_shutdown(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Listen no more."""
-        self._solver.ignore()
+        """Unsubscribe."""
+        self._solver.unsubscribe()
         return self._logged('shut down: it answers no more', TransitionCallbackReturn.SUCCESS)
 
     def _logged(self, what: str, result: TransitionCallbackReturn) -> TransitionCallbackReturn:
@@ -211,7 +179,6 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
 
 
 def _help_on_parameters() -> str:
-    """Return the part of the help that tells the parameters."""
     groups = {
         'the leg, which can be changed while it runs': GEOMETRY,
         'which legs, and what turns them': [*LEGS, *drive()],

@@ -1,6 +1,12 @@
-"""What pages drive: crank angles and velocities, published under a lease while a page is there."""
+"""
+Drives of pages: crank angles and velocities, published under a lease while a page is connected.
+
+A page takes a drive in two steps: the other publishers are requested to yield (lease.py); only
+when all have yielded, or are idle, does anything move.
+"""
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from threading import Event, Lock, Thread
 from time import monotonic
 from typing import Any
@@ -15,48 +21,138 @@ from klann_ros.nodes.lease import Lease
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from .driven import CRANK, Driven, Offer, WALK
-from .service_calls import ServiceCalls
+# Timeout for the other publishers to yield or fall silent; then nothing is driven [s].
+TAKE_TIMEOUT = 2.5
+# Silence after which a publisher that cannot yield counts as idle [s].
+_IDLE_TIME = 1.0
+# Messages sent before the others yielded have arrived after this time [s].
+_DELIVERY_TIME = 0.1
+# More messages than were sent from here prove another active publisher.
+_MAX_FOREIGN = 5
+# Periods of a turning crank's messages, and of all others [s].
+_TURNING_PERIOD, _PERIOD = 0.01, 0.05
+# Redundant stop messages to a walker.
+_STOP_MESSAGES = 5
+CRANK, WALK = 'crank', 'walk'
+# Returns the rate of a subscribed topic, else None.
+RateOf = Callable[[str], TopicRate | None]
 
-# Between messages of a crank that turns, and of what stands still or walks [s].
-_TURNING, _STANDING = 0.01, 0.05
-# Stop messages to a walker, in case that one is lost.
-_STOPS = 5
+
+@dataclass
+class Offer:
+    """A topic that pages may drive, and its other publishers."""
+
+    kind: str
+    topic: str
+    # All topics that drive the same thing, and the nodes that publish them.
+    topics: tuple[str, ...]
+    publishers: tuple[str, ...]
+    # Those of them that can yield to a driver.
+    yielding: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Return its name on the page."""
+        return f'{self.kind}:{self.topic}'
+
+
+@dataclass
+class _Driven:
+    """A drive, its lease, and the page that has it."""
+
+    offer: Offer
+    drive: CrankDrive | WalkDrive
+    lease: Lease
+    publisher: Any = None
+    # Since when the owner waits for the others to yield [s]; None while it drives.
+    taking: float | None = None
+    # Since when no other publisher has sent anything [s].
+    alone: float | None = None
+    # The page that lost it last, and the reason; shown until a page drives.
+    loser: int | None = None
+    why: str = ''
+    # Stop messages that are still to be sent to a walker.
+    stops: int = 0
+    # Messages sent from here, and the counts of sent and received ones when the drive began.
+    sent: int = 0
+    begin: dict[str, tuple[TopicRate, int]] = field(default_factory=dict)
+
+    def is_alone(self, now: float, rate_of: RateOf) -> tuple[bool, str]:
+        """Return whether all others have yielded or are idle; and the reason for giving up."""
+        if self.lease.other:
+            return False, f'{self.lease.other} drives {self.offer.topic}'
+        active = self._not_yielded()
+        if not active or all(_is_silent(rate_of(topic)) for topic in self.offer.topics):
+            self.alone = self.alone or now
+            return now - self.alone >= _DELIVERY_TIME, ''
+        self.alone = None
+        if self.taking is None or now - self.taking < TAKE_TIMEOUT:
+            return False, ''
+        verb = 'does' if len(active) == 1 else 'do'
+        return False, f'{", ".join(active)} still publishes and {verb} not yield'
+
+    def start(self, owner: int, angle: float) -> None:
+        """Begin to drive, a crank from its present angle [rad]."""
+        self.drive.take(owner, self.drive.alive_at, angle)
+        self.taking, self.begin, self.sent = None, {}, 0
+
+    def intruder(self, rate_of: RateOf) -> str:
+        """Return the other active publisher while a page drives, in words; '' for none."""
+        for topic in self.offer.topics:
+            found = rate_of(topic)
+            if found is None:
+                continue
+            sent = self.sent if topic == self.offer.topic else 0
+            known, begin = self.begin.get(topic, (None, 0))
+            # A new subscription counts from 0.
+            if known is not found:
+                self.begin[topic] = found, found.count - sent
+            elif found.count - sent - begin > _MAX_FOREIGN:
+                publishers = ', '.join(self._not_yielded()) or 'another node'
+                return f'{publishers} publishes {topic} as well and does not yield'
+        return ''
+
+    def _not_yielded(self) -> list[str]:
+        yielded = self.lease.yielded
+        return [name for name in self.offer.publishers if name not in yielded]
+
+    def as_data(self) -> dict[str, Any]:
+        """Return its state for the page, ready for JSON."""
+        offer, owner, yielded = self.offer, self.drive.owner, self.lease.yielded
+        return {
+            'what': offer.name,
+            'kind': offer.kind,
+            'topic': offer.topic,
+            'owner': owner,
+            'taking': owner is not None and self.taking is not None,
+            'loser': self.loser,
+            'why': self.why,
+            'publishers': list(offer.publishers),
+            'foreign': [name for name in offer.publishers if name not in offer.yielding],
+            'yielded': [n for n in offer.publishers if n in yielded] if owner else [],
+            'elsewhere': self.lease.other,
+        }
 
 
 class Drives:
     """
-    Publish for pages, from a thread of its own: neither a page nor a callback can hold it up.
+    Publish for pages, in a thread that neither a page nor a callback can delay.
 
-    A page takes a drive in two steps: the other publishers are asked to yield (lease.py); only
-    when all have yielded, or are idle, does anything move.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The node.
-    errands : ServiceCalls
-        Makes and destroys publishers in ROS's thread.
-    changed : callable
-        Is called, in ROS's thread, when the state of a drive has changed.
-    crank_angle : callable
-        Returns the angle of the crank that a named drive turns [rad].
-    figures : callable
-        Returns the figures of a topic that is listened to, else None.
-
+    `put` runs a function in ROS's thread, such as `on_change`, which is called there after each
+    change of a drive. `crank_angle` returns the present angle of a named drive's crank [rad].
     """
 
     def __init__(
         self,
         node: Node,
-        calls: ServiceCalls,
-        changed: Callable[[], object],
+        put: Callable[[Callable[[], object]], object],
+        on_change: Callable[[], object],
         crank_angle: Callable[[str], float],
-        figures: Callable[[str], TopicRate | None],
+        rate_of: RateOf,
     ) -> None:
-        self._node, self._calls_to_ros, self._changed = node, calls, changed
-        self._crank_angle, self._figures = crank_angle, figures
-        self._drives: dict[str, Driven] = {}
+        self._node, self._put, self._on_change = node, put, on_change
+        self._crank_angle, self._rate_of = crank_angle, rate_of
+        self._drives: dict[str, _Driven] = {}
         self._lock = Lock()
         self._wake = Event()
         self._stopped = False
@@ -64,7 +160,7 @@ class Drives:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop all that is driven."""
+        """Stop all drives."""
         with self._lock:
             for driven in self._drives.values():
                 self._release(driven, 'view_node has ended')
@@ -75,11 +171,10 @@ class Drives:
             for driven in self._drives.values():
                 if driven.stops:
                     self._publish_walk(driven, 0.0, 0.0)
-                if driven.lease is not None:
-                    driven.lease.release()
+                driven.lease.release()
 
     def offer(self, offers: list[Offer]) -> None:
-        """Let pages drive these, and nothing else; to be called in ROS's thread."""
+        """Set the possible drives; in ROS's thread."""
         names = {offer.name for offer in offers}
         with self._lock:
             for offer in offers:
@@ -88,53 +183,40 @@ class Drives:
                     drive: CrankDrive | WalkDrive
                     drive = CrankDrive() if offer.kind == CRANK else WalkDrive()
                     # Made before it is needed: discovery takes longer than a handshake.
-                    driven = Driven(offer, drive, Lease(self._node, offer.topic))
+                    driven = _Driven(offer, drive, Lease(self._node, offer.topic))
                     self._drives[offer.name] = driven
                 driven.offer = offer
             for name in [name for name in self._drives if name not in names]:
                 driven = self._drives[name]
                 if driven.drive.owner is None and driven.publisher is None:
                     del self._drives[name]
-                    if driven.lease is not None:
-                        driven.lease.close()
+                    driven.lease.close()
 
     def state(self) -> list[dict[str, Any]]:
-        """Return what can be driven, and by whom it is, ready for JSON."""
+        """Return the drives and their owners, ready for JSON."""
         with self._lock:
             return [driven.as_data() for driven in self._drives.values()]
 
     def keep_alive(self, page: int) -> None:
-        """Note that a page is there."""
+        """Note that a page is connected."""
         now = monotonic()
-        # No lock: each is one assignment, and a page is heard often.
+        # Without the lock: each is one assignment, at every message of a page.
         for driven in list(self._drives.values()):
             if driven.drive.owner == page:
                 driven.drive.alive_at = now
 
     def disconnected(self, page: int) -> None:
-        """Stop what a page drives that is gone."""
+        """Stop the drives of a closed page."""
         with self._lock:
-            mine = [d for d in self._drives.values() if d.drive.owner == page]
-            for driven in mine:
+            own = [d for d in self._drives.values() if d.drive.owner == page]
+            for driven in own:
                 self._release(driven, 'the page was closed')
-        if mine:
+        if own:
             self._wake.set()
-            self._calls_to_ros.put(self._changed)
+            self._put(self._on_change)
 
     def command(self, page: int, command: Command, answer: Answer) -> None:
-        """
-        Take, drive or give back.
-
-        Parameters
-        ----------
-        page : int
-            The page.
-        command : Command
-            Its command.
-        answer : callable
-            Receives whether it was done, or why not.
-
-        """
+        """Take, drive or release, and answer."""
         with self._lock:
             driven = self._drives.get(command.what)
             try:
@@ -146,10 +228,10 @@ class Drives:
                 return
         self._wake.set()
         if command.do in {'take', 'release'}:
-            self._calls_to_ros.put(self._changed)
+            self._put(self._on_change)
         answer(True, '')
 
-    def _do(self, driven: Driven, page: int, command: Command) -> None:
+    def _do(self, driven: _Driven, page: int, command: Command) -> None:
         drive, now = driven.drive, monotonic()
         if command.do == 'take':
             self._take(driven, page, now)
@@ -169,11 +251,11 @@ class Drives:
         else:
             raise DriveError(f'a {driven.offer.kind} does not {command.do}')
 
-    def _take(self, driven: Driven, page: int, now: float) -> None:
+    def _take(self, driven: _Driven, page: int, now: float) -> None:
         drive, before = driven.drive, driven.drive.owner
         if before == page:
             return
-        # The others have yielded to this node already, whichever of its pages drives.
+        # The others have yielded to this node already, for any of its pages.
         is_held = before is not None and driven.taking is None
         angle = drive.advance(now) if isinstance(drive, CrankDrive) else 0.0
         drive.take(page, now, angle)
@@ -183,21 +265,21 @@ class Drives:
         if not is_held:
             driven.taking, driven.alone = now, None
         if driven.publisher is None:
-            self._calls_to_ros.put(lambda: self._open(driven))
+            self._put(lambda: self._create_publisher(driven))
 
-    def _release(self, driven: Driven, why: str) -> None:
+    def _release(self, driven: _Driven, why: str) -> None:
         drive = driven.drive
         if drive.owner is None:
             return
         driven.loser, driven.why = drive.owner if why else None, why
         drive.owner = None
         if driven.offer.kind == WALK and driven.taking is None:
-            driven.stops = _STOPS
+            driven.stops = _STOP_MESSAGES
         else:
-            self._calls_to_ros.put(lambda: self._shut(driven))
+            self._put(lambda: self._destroy_publisher(driven))
         driven.taking = None
 
-    def _open(self, driven: Driven) -> None:
+    def _create_publisher(self, driven: _Driven) -> None:
         kind = Float64 if driven.offer.kind == CRANK else TwistStamped
         with self._lock:
             if driven.publisher is None and driven.drive.owner is not None:
@@ -205,75 +287,74 @@ class Drives:
                 driven.publisher = self._node.create_publisher(kind, topic, OUTPUT)
         self._wake.set()
 
-    def _shut(self, driven: Driven) -> None:
+    def _destroy_publisher(self, driven: _Driven) -> None:
         with self._lock:
-            if driven.drive.owner is None and driven.publisher is not None:
-                self._node.destroy_publisher(driven.publisher)
-                driven.publisher = None
-            if driven.drive.owner is None and driven.lease is not None:
+            if driven.drive.owner is None:
+                if driven.publisher is not None:
+                    self._node.destroy_publisher(driven.publisher)
+                    driven.publisher = None
                 driven.lease.release()
 
     def _run(self) -> None:
         while not self._stopped:
             with self._lock:
-                pause = min(map(self._serve, self._drives.values()), default=None)
-            # No page drives: wait until one does.
-            self._wake.wait(pause if pause is None or pause < 1.0 else None)
+                pauses = [self._serve(driven) for driven in self._drives.values()]
+            # Without a driving page, wait until one commands.
+            self._wake.wait(min((p for p in pauses if p is not None), default=None))
             self._wake.clear()
 
-    def _serve(self, driven: Driven) -> float:
-        """Publish due messages; return the time to the next [s]."""
+    def _serve(self, driven: _Driven) -> float | None:
+        """Publish due messages; return the time to the next [s], None while nothing drives."""
         drive, now = driven.drive, monotonic()
         if drive.owner is None and not driven.stops:
-            return 3600.0
-        why = self._why_not(driven, now)
+            return None
+        why = self._obstacle(driven, now)
         if why and drive.owner is not None:
             self._release(driven, why)
-            self._calls_to_ros.put(self._changed)
+            self._put(self._on_change)
         if drive.owner is None:
             if driven.stops:
                 driven.stops -= 1
                 self._publish_walk(driven, 0.0, 0.0)
                 if not driven.stops:
-                    self._calls_to_ros.put(lambda: self._shut(driven))
-            return _STANDING
-        if driven.taking is not None:
-            return _STANDING
-        if isinstance(drive, WalkDrive):
+                    self._put(lambda: self._destroy_publisher(driven))
+        elif driven.taking is None and isinstance(drive, WalkDrive):
             self._publish_walk(driven, drive.forward, drive.turn)
-            return _STANDING
-        self._publish(driven, Float64(data=drive.advance(now)))
-        return _TURNING if drive.speed else _STANDING
+        elif driven.taking is None and isinstance(drive, CrankDrive):
+            self._publish(driven, Float64(data=drive.advance(now)))
+            return _TURNING_PERIOD if drive.speed else _PERIOD
+        return _PERIOD
 
-    def _why_not(self, driven: Driven, now: float) -> str:
-        """Announce the lease; return why a page cannot drive on, '' while it can."""
-        assert driven.lease is not None  # noqa: S101 - made with the drive
-        is_whole = driven.lease.announce()
+    def _obstacle(self, driven: _Driven, now: float) -> str:
+        """Announce the lease; return the reason why a page must stop driving, '' for none."""
+        is_uninterrupted = driven.lease.announce()
+        owner = driven.drive.owner
         if driven.drive.is_lost(now):
             return 'the page was not heard of any more'
-        if not is_whole:
+        if not is_uninterrupted:
             return 'view_node was stopped for a while'
-        if driven.taking is not None:
-            return self._handshake(driven, now)
-        return driven.intruder(self._figures) if driven.drive.owner is not None else ''
-
-    def _handshake(self, driven: Driven, now: float) -> str:
-        """Begin to drive when all others have yielded or are idle; return why that fails."""
-        is_alone, why = driven.is_alone(now, self._figures)
+        if owner is None or driven.taking is None:
+            return driven.intruder(self._rate_of) if owner is not None else ''
+        is_alone, why = driven.is_alone(now, self._rate_of)
         if is_alone and driven.publisher is not None:
             angle = self._crank_angle(driven.offer.name) if driven.offer.kind == CRANK else 0.0
-            driven.start(angle)
-            self._calls_to_ros.put(self._changed)
+            driven.start(owner, angle)
+            self._put(self._on_change)
         return why
 
-    def _publish_walk(self, driven: Driven, forward: float, turn: float) -> None:
+    def _publish_walk(self, driven: _Driven, forward: float, turn: float) -> None:
         message = TwistStamped()
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.header.frame_id = 'base_link'
         message.twist.linear.x, message.twist.angular.z = forward, turn
         self._publish(driven, message)
 
-    def _publish(self, driven: Driven, message: Any) -> None:
+    def _publish(self, driven: _Driven, message: Any) -> None:
         if driven.publisher is not None:
             driven.sent += 1
             driven.publisher.publish(message)
+
+
+def _is_silent(rate: TopicRate | None) -> bool:
+    silence = None if rate is None else rate.silence()
+    return silence is None or silence >= _IDLE_TIME

@@ -1,4 +1,4 @@
-"""`view_node`: the leg in a browser, live, and to be touched."""
+"""`view_node`: legs live in a browser, and their control."""
 
 import argparse
 from collections.abc import Sequence
@@ -55,24 +55,10 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
 
 
 class ViewNode(ProcessNode):
-    """
-    Serve the live page.
-
-    Parameters
-    ----------
-    options : argparse.Namespace
-        The command line's options.
-    finish : Finish
-        Unused here.
-
-    Raises
-    ------
-    StartError
-        It cannot listen where it shall.
-
-    """
+    """Serve the live page."""
 
     def __init__(self, options: argparse.Namespace, _: Finish) -> None:
+        """Start the server; a StartError if the address cannot be used."""
         from klann_ros.live.server import LiveServer, ServerError  # noqa: PLC0415 - an extra
 
         from .live_state import LiveState  # noqa: PLC0415 - an extra

@@ -10,8 +10,8 @@ from klann_ros.nodes.endpoints import INPUT, overridden, QOS_USAGE
 from klann_ros.nodes.parameters import declare, on_change, StartError, usage
 from klann_ros.nodes.process import arguments, run
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
-from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.nodes.solver.cdr import JointReader
+from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.stop_signals import StopSignals

@@ -1,7 +1,6 @@
 """`crank_node`: the n-th angle is a function of n / rate alone."""
 
 import math
-from typing import Any
 
 from klann_ros.nodes.crank.motion import CrankMotion
 import pytest
@@ -72,30 +71,3 @@ def test_it_waits_for_its_subscribers(ros: World) -> None:
     ros.probe.until(lambda: len(angles) >= 11)
     assert angles[0].data == 0.0
     assert crank.wait() == 0
-
-
-@pytest.mark.parametrize(
-    ('given', 'reason'),
-    [
-        ({'mode': 'zigzag'}, "mode = 'zigzag' is refused: it must be one of constant, sine"),
-        ({'rate': 0.0}, 'rate = 0.0 is refused: it must be within 0.001 .. 10000'),
-        ({'rate': 100}, 'parameter rate must be of type double (write 100.0, not 100)'),
-        ({'revolutions': -1}, 'revolutions = -1 is refused: it must be finite and >= 0'),
-        ({'revolutions': 1, 'speed': 0.0}, 'it must be 0 where speed is 0'),
-        ({'revolutions': '.inf'}, 'revolutions = inf is refused: it must be finite and >= 0'),
-        ({'revolutions': 'true'}, 'parameter revolutions must be a number'),
-        ({'min_subscribers': -1}, 'it must be within 0 .. 1000'),
-        ({'revolutions': 'many'}, 'parameter revolutions must be a number'),
-        ({'output': 'joint_states'}, 'it must be one of crank_angle, crank_state'),
-        ({'start': '.nan'}, 'start = nan is refused: it must be a finite number'),
-        ({'mode': 'step', 'frequency': 0.0}, 'frequency = 0 Hz is refused: it must be > 0'),
-    ],
-)
-def test_a_refused_parameter_ends_it_with_one_line(
-    ros: World, given: dict[str, Any], reason: str
-) -> None:
-    crank = ros.start('crank_node', **given)
-    assert crank.wait() == 1
-    assert crank.errors.startswith('crank_node: ')
-    assert reason in crank.errors
-    assert crank.errors.count('\n') == 1

@@ -13,7 +13,7 @@ from typing import Any
 from bags import COUNT, write_bag
 from fork_server import PACKAGE
 from hypothesis import given, strategies
-from klann_ros.nodes.player.keyboard import KeyParser, LONGEST
+from klann_ros.nodes.player.keyboard import KeyParser, MAX_SEQUENCE_LENGTH
 import pytest
 from ros_world import Process, World
 from std_msgs.msg import Float64
@@ -47,13 +47,13 @@ def test_keys_are_the_same_in_whatever_pieces_they_come(
 def test_after_any_bytes_and_a_rest_a_key_is_a_key(noise: bytes) -> None:
     parser = KeyParser()
     parser.feed(noise)
-    parser.forget()
+    parser.discard()
     assert parser.feed(b' \x1b[A') == ['space', 'up']
 
 
 def test_a_sequence_without_an_end_is_given_up() -> None:
     parser = KeyParser()
-    assert parser.feed(b'\x1b[' + b'1' * LONGEST + b' ') == ['space']
+    assert parser.feed(b'\x1b[' + b'1' * MAX_SEQUENCE_LENGTH + b' ') == ['space']
 
 
 class Terminal:

@@ -2,7 +2,7 @@
 
 from klann_ros.log.qos import latched_count, Qos
 from klann_ros.nodes.endpoints import DEPTH
-from klann_ros.nodes.player.topics import LATCHED_DEPTH, MOST_DEPTH, publishing_profile
+from klann_ros.nodes.player.topics import LATCHED_DEPTH, MAX_DEPTH, publishing_profile
 import pytest
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
@@ -34,7 +34,7 @@ def test_a_latched_topic_offers_what_its_publishers_kept(offered: list[Qos], cou
         ([UNKNOWN], LATCHED_DEPTH),
         ([Qos(depth=1)], DEPTH),
         ([Qos(depth=5000)], 5000),
-        ([Qos(depth=2**40)], MOST_DEPTH),
+        ([Qos(depth=2**40)], MAX_DEPTH),
     ],
 )
 def test_a_queue_is_as_deep_as_it_was_and_a_volatile_one_deep(

@@ -141,9 +141,7 @@ def test_lost_files_are_reported_counted_and_replaced(stage: Stage) -> None:
     assert 'Traceback' not in recording.process.errors
 
 
-def test_a_removed_folder_is_created_again_and_the_review_explains_the_loss(
-    stage: Stage,
-) -> None:
+def test_a_removed_folder_is_created_again_and_the_review_explains_the_loss(stage: Stage) -> None:
     recording = Recording(stage, 'second')
     recording.publish('second_0.mcap')
     recording.remove(recording.folder)

@@ -45,9 +45,3 @@ def test_it_answers_while_it_is_active(ros: World) -> None:
     crank.publish(Float64(data=2.0))
     ros.probe.until(lambda: len(feet) == 2)
     assert solver.stop() == 0
-
-
-def test_a_refused_parameter_ends_it_at_once(ros: World) -> None:
-    solver = ros.start('solver_node', '--lifecycle', l_ab=-1.0)
-    assert solver.wait() == 1
-    assert solver.errors == 'solver_node: l_ab = -1 m is refused: a length must be > 0\n'

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from importlib import resources
 import math
-import os
 from pathlib import Path
 from threading import Thread
 
@@ -30,51 +29,6 @@ from std_msgs.msg import Float64
 
 LINKAGES = Path(str(resources.files('klann_ros') / 'linkages'))
 ANGLES = [0.0, 1.0, 1.1, -2.0, 9.0, 3.0]
-
-
-@pytest.mark.parametrize('kind', ['a named pipe', 'a device', 'too long'])
-def test_what_is_no_plain_file_ends_it_at_once(ros: World, tmp_path: Path, kind: str) -> None:
-    file = tmp_path / 'x.yaml'
-    if kind == 'a named pipe':
-        os.mkfifo(file)
-    elif kind == 'a device':
-        file.symlink_to('/dev/zero')
-    else:
-        with file.open('wb') as made:
-            made.truncate(2**40)
-    solver = ros.start('solver_node', linkage=file)
-    assert solver.wait() == 1
-    reason = 'it is longer than' if kind == 'too long' else f'it is {kind}, not a regular file'
-    assert solver.errors.startswith(f'solver_node: {file} cannot be read: {reason}')
-    assert solver.errors.count('\n') == 1
-
-
-@pytest.mark.parametrize('kind', ['a named pipe', 'a device', 'a folder'])
-def test_a_parameter_file_that_is_no_plain_file_ends_it_at_once(
-    ros: World, tmp_path: Path, kind: str
-) -> None:
-    file = tmp_path / 'x.yaml'
-    if kind == 'a named pipe':
-        os.mkfifo(file)
-    elif kind == 'a device':
-        file.symlink_to('/dev/zero')
-    else:
-        file.mkdir()
-    solver = ros.start('solver_node', '--ros-args', '--params-file', str(file))
-    assert solver.wait() == 1
-    reason = f'{file} cannot be read: it is {kind}, not a regular file'
-    assert solver.errors == f'solver_node: {reason}\n'
-
-
-def test_a_parameter_file_may_come_out_of_a_shells_pipe(ros: World) -> None:
-    read, write = os.pipe()
-    os.write(write, b'solver_node: {ros__parameters: {l_ab: -1.0}}')
-    os.close(write)
-    arguments = ('--ros-args', '--params-file', f'/dev/fd/{read}')
-    solver = ros.start_by([], 'solver_node', *arguments, pass_fds=[read])
-    os.close(read)
-    assert solver.wait() == 1
-    assert 'l_ab = -1 m is refused' in solver.errors
 
 
 @pytest.mark.parametrize('name', ['jansen', 'stephenson', 'quick_return'])
@@ -200,31 +154,6 @@ def test_it_has_no_lengths_to_change(ros: World) -> None:
     (result,) = ros.probe.call(SetParameters, 'solver_node/set_parameters', request).results
     assert not result.successful
     assert result.reason == f'l_gh cannot be changed: the leg is the linkage in {file}'
-
-
-@pytest.mark.parametrize(
-    ('content', 'reason'),
-    [
-        (None, 'cannot be read: No such file or directory'),
-        ('name: [', 'holds no linkage: line 1, column 8: expected the node content'),
-        ('name: x', 'holds no linkage: pivots, crank, foot, bodies are missing'),
-        (
-            (LINKAGES / 'jansen.yaml').read_text(encoding='utf-8').replace('50.0', '5.0'),
-            'it cannot be assembled near its start',
-        ),
-    ],
-)
-def test_a_file_that_is_none_ends_it_with_one_line(
-    ros: World, tmp_path: Path, content: str | None, reason: str
-) -> None:
-    file = tmp_path / 'x.yaml'
-    if content is not None:
-        file.write_text(content, encoding='utf-8')
-    solver = ros.start('solver_node', linkage=file)
-    assert solver.wait() == 1
-    assert solver.errors.startswith(f'solver_node: {file} ')
-    assert reason in solver.errors
-    assert solver.errors.count('\n') == 1
 
 
 @pytest.mark.parametrize('name', ['jansen', 'stephenson', 'quick_return'])

@@ -353,53 +353,6 @@ def test_every_parameter_is_described(ros: World) -> None:
     assert described['tolerance'].read_only
 
 
-@pytest.mark.parametrize(
-    ('parameter', 'reason'),
-    [
-        ('l_ab:=0.0', 'l_ab = 0 m is refused: a length must be > 0'),
-        ('l_gh:=-0.43', 'l_gh = -0.43 m is refused: a length must be > 0'),
-        ('x_d:=.nan', 'x_d = nan is refused: it must be a finite number'),
-        ('angle_fgh:=40.0', 'if 40 deg are meant, give 0.698132 rad'),
-        ('angle_bcg:=.inf', 'angle_bcg = inf is refused: it must be a finite number'),
-        ('l_bc:=0.01', 'at no crank angle do both dyads close in the assembly (1, 1)'),
-        ('assembly:=[1, 2]', 'it must be two signs, each +1 or -1'),
-        ('assembly:=[1]', 'it must be two signs, each +1 or -1'),
-        ('l_ab:=1', 'parameter l_ab must be of type double (write 1.0, not 1)'),
-        (
-            'tolerance:=0.0',
-            'it must be finite, > 0 and at most 0.001 rad',
-        ),
-        ('tolerance:=0.1', 'tolerance = 0.1 is refused'),
-        ('assembly:=[]', 'parameter assembly has no value'),
-        ('max_crank_step:=-1.0', 'max_crank_step = -1.0 is refused'),
-        ('min_transmission_angle:=.nan', 'min_transmission_angle = nan is refused'),
-        ('diagnostics_period:=0.0', 'it must be within 0.01 .. 3600'),
-        ('diagnostics_period:=1.0e+300', 'it must be within 0.01 .. 3600'),
-        (
-            'qos_overrides./crank_angle.subscription.reliability:=foo',
-            "reliability = 'foo' is refused: it must be one of system_default, reliable, ",
-        ),
-        ('frame_id:=3', 'parameter frame_id must be of type string'),
-    ],
-)
-def test_a_refused_parameter_ends_it_with_one_line(
-    ros: World, parameter: str, reason: str
-) -> None:
-    name, value = parameter.split(':=')
-    solver = ros.start('solver_node', **{name: value})
-    assert solver.wait() == 1
-    assert solver.errors.startswith('solver_node: ')
-    assert reason in solver.errors
-    assert solver.errors.count('\n') == 1
-
-
-def test_a_parameter_file_that_is_not_there_is_one_line(ros: World) -> None:
-    solver = ros.start('solver_node', '--ros-args', '--params-file', '/not/there.yaml')
-    assert solver.wait() == 1
-    assert 'Traceback' not in solver.errors
-    assert '/not/there.yaml' in solver.errors
-
-
 def test_with_crank_node_every_pose_is_right_for_its_own_alpha(ros: World) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     feet = ros.probe.listen(PointStamped, 'point_h')

@@ -91,9 +91,7 @@ def as_drawn(numbers: list[float]) -> str:
     return ' '.join(repr(number).removesuffix('.0') for number in numbers)
 
 
-def test_the_page_drives_when_asked_and_says_so_and_stops_when_it_is_closed(
-    moving: Live,
-) -> None:
+def test_the_page_drives_when_asked_and_says_so_and_stops_when_it_is_closed(moving: Live) -> None:
     ros, page = moving.ros, moving.page
 
     def drivers() -> list[str]:
@@ -252,10 +250,7 @@ def test_a_recorder_and_a_player_have_buttons(moving: Live) -> None:
     player.declare_parameter('rate', 2.0)
     moving.until("document.querySelectorAll('#machines .card').length === 2")
     cards = moving.page.locator('#machines .card')
-    of = {
-        'recorder': cards.filter(has_text='Recorder'),
-        'player': cards.filter(has_text='Player'),
-    }
+    of = {'recorder': cards.filter(has_text='Recorder'), 'player': cards.filter(has_text='Player')}
     of['recorder'].get_by_role('button', name='Pause').click()
     moving.ros.probe.until(lambda: 'made_up_recorder pause' in called)
     of['recorder'].get_by_role('button', name='New file').click()
@@ -321,8 +316,7 @@ def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
     node.destroy_publisher(odometry)
     drawn = {
         view: moving.page.eval_on_selector(
-            f'#{view}',
-            DRAWN.replace("svg.dataset.x.split(' ').map(Number)", '0'),
+            f'#{view}', DRAWN.replace("svg.dataset.x.split(' ').map(Number)", '0')
         )['points']
         for view in ('side', 'above')
     }
@@ -349,9 +343,7 @@ def test_read_only_drives_nothing_and_ends_in_order_while_somebody_looks(
     ros_of_all: World, browser: Any
 ) -> None:
     process = ros_of_all.start_by(
-        [],
-        'view_node',
-        *('--port', '0', '--read-only', '--ros-args', '-r', '__node:=looker'),
+        [], 'view_node', *('--port', '0', '--read-only', '--ros-args', '-r', '__node:=looker')
     )
     url = address(process)
     assert 'token' not in url

@@ -1,4 +1,4 @@
-"""What users give a node and does nothing there: said, with the nearest name that would."""
+"""Arguments of a node without effect, each reported with the nearest name that has one."""
 
 from collections.abc import Collection, Iterator, Sequence
 from itertools import islice, pairwise
@@ -9,50 +9,40 @@ from klann_ros.sanitize.files import NotRegularFileError, open_regular, read_reg
 from klann_ros.sanitize.text import printable
 from rclpy.node import Node
 
-from .parameters import LONGEST_NAME, overrides, unknown_parameter
+from .parameters import MAX_NAME_LENGTH, overrides, unknown_parameter
 
-# A file may hold any number of names, and names any number of letters.
-MOST_LINES = 10
-MOST_NAMES = 5
-# A longer file is not looked at [bytes]; one of six legs has 3000.
-LONGEST_FILE = 50_000
+# A file may hold any number of names.
+MAX_LINES = 10
+_MAX_NAMES = 5
+# A longer file is not checked [bytes]; one of six legs has 3000.
+_MAX_FILE_SIZE = 50_000
 
 
-def complaints(node: Node, executable: str, arguments: Sequence[str]) -> list[str]:
+def unused_arguments(node: Node, executable: str, arguments: Sequence[str]) -> list[str]:
     """
-    Return a line for each thing that was given to a node and does nothing.
+    Return a line for each argument behind --ros-args that has no effect on a node.
 
-    Nodes may share a parameter file, so what belongs to another node of this package is no mistake
-    in a file; typed behind `-p` it is one.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The node, which has declared all of its parameters.
-    executable : str
-        What users know it by.
-    arguments : sequence of str
-        The command line's arguments for ROS.
-
+    The node has declared all of its parameters. Nodes may share a parameter file, so a parameter
+    of another node of this package is no mistake in a file; behind `-p` it is one.
     """
     rules = list(_behind(arguments, '-p', '--param'))
     files = list(_behind(arguments, '--params-file'))
     lines = [
-        *islice(_unknown(node, executable, rules), MOST_LINES + 1),
-        *islice(_for_others(node, rules), MOST_LINES + 1),
-        *islice(_without_effect(node, files), MOST_LINES + 1),
+        *islice(_unknown(node, executable, rules), MAX_LINES + 1),
+        *islice(_for_others(node, rules), MAX_LINES + 1),
+        *islice(_without_effect(node, files), MAX_LINES + 1),
     ]
-    return lines if len(lines) <= MOST_LINES else [*lines[:MOST_LINES], '... and more of the kind']
+    return lines if len(lines) <= MAX_LINES else [*lines[:MAX_LINES], '... and more of the kind']
 
 
-def endless_file(arguments: Sequence[str]) -> str:
+def unreadable_params_file(arguments: Sequence[str]) -> str:
     """
-    Return a line about the first parameter file that is none; '' if all may be one.
+    Return a line about the first parameter file that is no regular file; '' without one.
 
     For a pipe without a writer ROS would block for ever and ignore every signal.
     """
     for file in _behind(arguments, '--params-file'):
-        # What a shell has opened, as in `--params-file <(...)`, has somebody who writes it.
+        # A shell's process substitution, as in `--params-file <(...)`, has a writer.
         if file.startswith(('/dev/fd/', '/proc/self/fd/')):
             continue
         try:
@@ -60,7 +50,7 @@ def endless_file(arguments: Sequence[str]) -> str:
         except NotRegularFileError as error:
             return f'{printable(file)} cannot be read: {error.strerror}'
         except (OSError, ValueError):
-            continue  # ROS says so
+            continue  # ROS reports it
     return ''
 
 
@@ -89,7 +79,7 @@ def _unknown(node: Node, executable: str, rules: Sequence[str]) -> Iterator[str]
         else:
             yield unknown_parameter(name, executable, known)
     for family, group in strangers.items():
-        why = f': {printable(family, LONGEST_NAME)} is not in legs' if 'legs' in known else ''
+        why = f': {printable(family, MAX_NAME_LENGTH)} is not in legs' if 'legs' in known else ''
         yield f"{_listed(group)}: none of {executable}'s parameters{why}"
 
 
@@ -98,26 +88,27 @@ def _for_others(node: Node, rules: Sequence[str]) -> Iterator[str]:
     for rule in rules:
         of, _, name = rule.partition(':=')[0].rpartition(':')
         if of and name not in overrides(node):
-            yield f'-p {printable(rule, LONGEST_NAME)} is not for {_full_name(node)}'
+            full_name = node.get_fully_qualified_name()
+            yield f'-p {printable(rule, MAX_NAME_LENGTH)} is not for {full_name}'
 
 
 def _without_effect(node: Node, files: Sequence[str]) -> Iterator[str]:
-    """Yield a line for each parameter file that is for nodes of other names, or for none."""
+    """Yield a line for each parameter file for nodes of other names, or without parameters."""
     for file in files:
         try:
-            content = yaml_text.load(read_regular(file, LONGEST_FILE))
+            content = yaml_text.load(read_regular(file, _MAX_FILE_SIZE))
         except (OSError, ValueError):
             continue  # ROS has read it all the same
         names = set(_names(content))
         if not names:
             yield f'{printable(file)} holds no parameters (NODE: ros__parameters: NAME: VALUE)'
         elif names.isdisjoint(overrides(node)):
-            sections = _listed([str(key) for key in content])
-            yield f'{printable(file)} has nothing for {_full_name(node)}; it is for {sections}'
+            sections, full_name = _listed([*map(str, content)]), node.get_fully_qualified_name()
+            yield f'{printable(file)} has nothing for {full_name}; it is for {sections}'
 
 
 def _names(content: Any) -> Iterator[str]:
-    """Yield the names of the parameters in a parameter file, for whichever nodes they are."""
+    """Yield the names of the parameters of all nodes in a parameter file."""
     for key, value in content.items() if isinstance(content, dict) else ():
         yield from _flat(value, '') if key == 'ros__parameters' else _names(value)
 
@@ -132,10 +123,9 @@ def _flat(content: Any, prefix: str) -> Iterator[str]:
 
 
 class _OtherNodes:
-    """The parameters of all nodes of this package."""
+    """The parameters of all nodes of this package, imported only after a mistake."""
 
     def __init__(self) -> None:
-        # Loaded only for a command line with an error.
         from .crank import motion as crank  # noqa: PLC0415
         from .player import controls as player  # noqa: PLC0415
         from .recorder import interface as recorder  # noqa: PLC0415
@@ -158,16 +148,11 @@ class _OtherNodes:
             ),
         }
         self.owners = {p.name: node for node, of_node in own.items() for p in of_node}
-        of_a_leg = (*solver.drive('LEG.'), *solver.place('LEG'))
-        self._of_legs = {
-            *solver.GEOMETRY_NAMES,
-            *(p.name.removeprefix('LEG.') for p in of_a_leg),
-        }
-        self._for_others = set(solver.FOR_OTHERS)
+        self._of_legs, self._for_others = solver.OF_LEG, set(solver.FOR_OTHERS)
         self._topics = {topic.rpartition('/')[2] for topic in recorder.TOPICS}
 
     def has(self, name: str, known: Collection[str]) -> bool:
-        """Return whether a file may hold it for a node that knows others."""
+        """Return whether a file may hold a name for another node than one with `known`."""
         family, _, last = name.rpartition('.')
         if family.startswith('qos_overrides./'):
             is_of_others = not any(other.startswith(f'{family}.') for other in known)
@@ -178,10 +163,5 @@ class _OtherNodes:
 
 
 def _listed(names: Sequence[str]) -> str:
-    shown = ', '.join(printable(name, LONGEST_NAME) for name in names[:MOST_NAMES])
-    return f'{shown} and {len(names) - MOST_NAMES} more' if len(names) > MOST_NAMES else shown
-
-
-def _full_name(node: Node) -> str:
-    name: str = node.get_fully_qualified_name()
-    return name
+    shown = ', '.join(printable(name, MAX_NAME_LENGTH) for name in names[:_MAX_NAMES])
+    return f'{shown} and {len(names) - _MAX_NAMES} more' if len(names) > _MAX_NAMES else shown

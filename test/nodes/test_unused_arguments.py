@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from klann_ros.nodes.complaints import MOST_LINES
-from klann_ros.nodes.parameters import LONGEST_NAME
+from klann_ros.nodes.parameters import MAX_NAME_LENGTH
+from klann_ros.nodes.unused_arguments import MAX_LINES
 import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
@@ -101,9 +101,9 @@ def test_a_file_of_nonsense_is_told_in_a_few_short_lines(ros: World) -> None:
     names = [f'{k}x' * 40 for k in range(400)] + ['\N{RIGHT-TO-LEFT OVERRIDE}l_ab', 'y' * 1000]
     lines = ''.join(f'    "{name}": 1.0\n' for name in names)
     told = warnings(ros, 'solver_node', file=f'/**:\n  ros__parameters:\n{lines}')
-    assert len(told) == MOST_LINES + 1
+    assert len(told) == MAX_LINES + 1
     assert told[-1] == '... and more of the kind'
-    assert all(len(line) < 2 * LONGEST_NAME for line in told)
+    assert all(len(line) < 2 * MAX_NAME_LENGTH for line in told)
 
 
 def sets(ros: World, name: str, value: Any) -> Any:
@@ -124,7 +124,7 @@ def test_a_running_node_names_the_nearest_parameter_too(ros: World) -> None:
         answer = sets(ros, name, 0.2)
         assert not answer.successful
         assert answer.reason.isprintable()
-        assert len(answer.reason) < 2 * LONGEST_NAME
+        assert len(answer.reason) < 2 * MAX_NAME_LENGTH
     both = [Parameter(n, value=0.12).to_parameter_msg() for n in ('left.l_ab', 'left.l_bla')]
     request = SetParametersAtomically.Request(parameters=both)
     service = 'solver_node/set_parameters_atomically'
@@ -143,69 +143,3 @@ def test_a_value_of_any_length_is_refused_on_a_short_line(ros: World) -> None:
     request = SetParameters.Request(parameters=[empty])
     response = ros.probe.call(SetParameters, 'solver_node/set_parameters', request)
     assert not response.results[0].successful
-
-
-def test_a_value_of_any_length_in_a_file_is_refused_on_a_short_line(
-    ros: World, tmp_path: Path
-) -> None:
-    file = tmp_path / 'crank.yaml'
-    file.write_text(f'/**:\n  ros__parameters:\n    mode: {"x" * 10**6}\n', encoding='utf-8')
-    crank = ros.start('crank_node', '--ros-args', '--params-file', str(file))
-    assert crank.wait() == 1
-    assert crank.errors.count('\n') == 1
-    assert crank.errors.endswith('it must be one of constant, sine, sweep, step\n')
-    assert len(crank.errors) < 300
-
-
-@pytest.mark.parametrize(
-    ('name', 'given', 'hint'),
-    [
-        ('solver_node', 'legs:=front_left', '(write [front_left], not front_left)'),
-        ('solver_node', 'assembly:=[1.0, -1.0]', '(write [1, -1], not [1.0, -1.0])'),
-        ('solver_node', 'tolerance:=1', '(write 1.0, not 1)'),
-        ('solver_node', 'frame_id:=3', '(write "\'3\'", not 3)'),
-        ('recorder_node', 'min_free_space:=5.0', '(write 5, not 5.0)'),
-        ('crank_node', 'speed:=fast', 'parameter speed must be of type double\n'),
-        ('recorder_node', 'topics:=[1, 2]', '(write ["\'1\'", "\'2\'"], not [1, 2])'),
-    ],
-)
-def test_a_value_of_the_wrong_type_is_told_how_it_is_written(
-    ros: World, name: str, given: str, hint: str
-) -> None:
-    node = ros.start(name, '--ros-args', '-p', given)
-    assert node.wait() == 1
-    assert hint in node.errors
-    assert node.errors.count('\n') == 1
-
-
-@pytest.mark.parametrize(
-    ('arguments', 'hint'),
-    [
-        (['-p', 'l_ab:=0.1'], 'arguments for ROS go behind --ros-args'),
-        (['crank_angle:=motor'], 'arguments for ROS go behind --ros-args'),
-        (['sem104.yaml'], 'a parameter file is given as --ros-args --params-file FILE'),
-    ],
-)
-def test_arguments_for_ros_are_told_where_they_stand(
-    ros: World, arguments: list[str], hint: str
-) -> None:
-    node = ros.start('solver_node', *arguments)
-    assert node.wait() == 2
-    assert node.errors.endswith(f'{hint}\n')
-
-
-@pytest.mark.parametrize('given', ['--parms-file', 'l_ab:=0.1'])
-def test_what_ros_does_not_know_is_told_with_what_it_takes(ros: World, given: str) -> None:
-    node = ros.start('solver_node', '--ros-args', given)
-    assert node.wait() == 1
-    assert node.errors.count('\n') == 1
-    assert f"unknown arguments for ROS ['{given}']; it takes -p NAME:=VALUE, " in node.errors
-
-
-def test_a_wrong_path_of_a_shipped_linkage_is_answered_with_its_name(ros: World) -> None:
-    node = ros.start('solver_node', linkage='linkages/jansen.yaml')
-    assert node.wait() == 1
-    assert node.errors.count('\n') == 1
-    name = node.errors.strip().partition('the shipped one is called ')[2]
-    assert ros.start('solver_node', linkage=name)
-    ros.probe.until(lambda: 'solver_node' in ros.probe.node.get_node_names())

@@ -1,0 +1,404 @@
+"""Other nodes, as the live page needs them: the ROS graph, subscriptions, and service calls."""
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from threading import Lock
+from time import monotonic
+from typing import Any
+
+from klann_ros.live.clients import Answer
+from klann_ros.live.rates import TopicRate
+from klann_ros.nodes.endpoints import message_class, name_refusal, UnknownMessageTypeError
+from klann_ros.nodes.process import ROS_ERRORS
+from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
+from klann_ros.sanitize.text import printable
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.client import Client
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node, NodeNameNonExistentError
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+ODOMETRY = 'nav_msgs/msg/Odometry'
+_CRANK_ANGLE = 'std_msgs/msg/Float64'
+_TWIST = 'geometry_msgs/msg/TwistStamped'
+_TRIGGER = 'std_srvs/srv/Trigger'
+# Subscribed types, and the endings of names for types that other nodes use as well.
+_ENDINGS = {
+    JOINT_STATE: ('',),
+    DIAGNOSTICS: ('diagnostics',),
+    ODOMETRY: ('odom',),
+    _CRANK_ANGLE: ('crank_angle',),
+    _TWIST: ('velocity_h', 'cmd_vel'),
+    'geometry_msgs/msg/PointStamped': ('point_h',),
+}
+# Types whose messages are stored; the others are counted only.
+_DECODED_TYPES = {JOINT_STATE, DIAGNOSTICS, ODOMETRY}
+# Best effort requests no retransmission, so it delays no publisher; losses are shown.
+_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+# Topics and machines of a page.
+_MAX_TOPICS, _MAX_MACHINES = 60, 12
+# A walker's legs may answer in messages of their own; they differ in their names [bytes].
+_JOINT_NAME_BYTES = slice(12, 96)
+_MAX_NAME_SETS = 32
+# A larger message is no leg's [bytes].
+_MAX_MESSAGE_SIZE = 300_000
+# A shorter silence is not shown [s].
+_SHOWN_SILENCE = 2.0
+# Services that identify recorders and players, and those that pages may call.
+_RECORDER_SERVICES = {'pause', 'resume', 'split'}
+_PLAYER_SERVICES = {'pause', 'resume', 'step'}
+_BUTTONS = {
+    'recorder': ('pause', 'resume', 'split', 'trigger'),
+    'player': tuple(sorted(_PLAYER_SERVICES)),
+}
+# Discovery knows a publisher before it knows its node.
+_UNKNOWN_NODE = '_UNKNOWN_'
+
+# Timeout of a service call [s].
+CALL_TIMEOUT = 3.0
+# Pending calls, and clients that are kept.
+_MAX_PENDING, _MAX_CLIENTS = 64, 64
+BUSY = 'too much is under way already'
+
+Names = Sequence[tuple[str, Sequence[str]]]
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A recorder or a player: its kind, the node's full name, and its services for pages."""
+
+    kind: str
+    node: str
+    services: tuple[str, ...]
+
+
+class Graph:
+    """Query the ROS graph, without this node and without names that ROS refuses."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._own = node.get_fully_qualified_name()
+
+    def topics(self) -> list[tuple[str, list[str]]]:
+        """Return the topics with their types; none if a name is no text."""
+        return _query(self._node.get_topic_names_and_types)
+
+    def publishers(self, topic: str) -> list[Any]:
+        """Return the publishers of a topic."""
+        infos = _query(lambda: self._node.get_publishers_info_by_topic(topic))
+        known = (info for info in infos if _UNKNOWN_NODE not in info.node_name)
+        return [info for info in known if _node_of(info) != self._own]
+
+    def names_of_publishers(self, topic: str) -> list[str]:
+        """Return the names of those nodes, each once."""
+        return list(dict.fromkeys(map(_node_of, self.publishers(topic))))
+
+    def names_of_subscribers(self, topic: str) -> list[str]:
+        """Return the names of the nodes that subscribe to a topic."""
+        infos = _query(lambda: self._node.get_subscriptions_info_by_topic(topic))
+        return [name for name in map(_node_of, infos) if name != self._own]
+
+    def crank_topics(self, node: str) -> list[str]:
+        """Return the topics of crank angles that a node subscribes to."""
+        namespace, _, name = node.rpartition('/')
+        subscribed = _query(
+            lambda: self._node.get_subscriber_names_and_types_by_node(name, namespace or '/')
+        )
+        return sorted(
+            t for t, kinds in subscribed if _CRANK_ANGLE in kinds and not name_refusal(t)
+        )
+
+    def walker_topics(self, topics: Names) -> list[str]:
+        """Return the topics of velocities that have a subscriber."""
+        return sorted(
+            name
+            for name, kinds in topics
+            if _TWIST in kinds
+            and name.rpartition('/')[2] == 'cmd_vel'
+            and not name_refusal(name)
+            and self._node.count_subscribers(name) > 0
+        )
+
+    def machines(self) -> list[Machine]:
+        """Return the recorders and players."""
+        offered: dict[str, set[str]] = {}
+        for service, kinds in _query(self._node.get_service_names_and_types):
+            if _TRIGGER in kinds and not name_refusal(service):
+                node, _, name = service.rpartition('/')
+                offered.setdefault(node, set()).add(name)
+        found = []
+        for node, names in sorted(offered.items()):
+            kind = ''
+            if names >= _RECORDER_SERVICES:
+                kind = 'recorder'
+            elif names >= _PLAYER_SERVICES:
+                kind = 'player'
+            # A service is listed as long as it has a client, such as this node.
+            if kind and node and self._node.count_services(f'{node}/pause') > 0:
+                services = tuple(name for name in _BUTTONS[kind] if name in names)
+                found.append(Machine(kind, node, services))
+        return found[:_MAX_MACHINES]
+
+
+class SubscribedTopic:
+    """A topic with its rate and newest messages; `on_update` is called when one is stored."""
+
+    def __init__(
+        self,
+        node: Node,
+        group: RawCallbackGroup,
+        name: str,
+        kind: str,
+        on_update: Callable[[], object],
+    ) -> None:
+        self.name, self.kind = name, kind
+        self.rate = TopicRate()
+        self._class = message_class(kind)
+        self._newest: dict[object, tuple[float, bytes]] = {}
+        self._decoded: dict[object, tuple[bytes, Any]] = {}
+        self._on_update = on_update if kind in _DECODED_TYPES else None
+        self.subscription = node.create_subscription(
+            self._class,
+            name,
+            self._on_message,
+            _QOS,
+            raw=True,
+            callback_group=group,
+            event_callbacks=SubscriptionEventCallbacks(
+                matched=self._on_matched, use_default_callbacks=False
+            ),
+        )
+
+    def newest(self) -> list[tuple[float, Any]]:
+        """Return the newest messages with their times of reception [s]; thread safe."""
+        found = []
+        for key, (time, data) in list(self._newest.items()):
+            known = self._decoded.get(key)
+            if known is None or known[0] is not data:
+                try:
+                    known = data, deserialize_message(data, self._class)
+                # Untrusted bytes.
+                except Exception:  # noqa: S112
+                    continue
+                self._decoded[key] = known
+            found.append((time, known[1]))
+        return found
+
+    def as_data(self) -> dict[str, Any]:
+        """Return its rate and losses for the page, ready for JSON."""
+        silence = self.rate.silence()
+        return {
+            'name': printable(self.name),
+            'type': self.kind,
+            'rate': round(self.rate.rate(), 1),
+            'lost': self.rate.lost,
+            'publishers': self.rate.publishers,
+            'silence': None if silence is None or silence < _SHOWN_SILENCE else round(silence),
+        }
+
+    def _on_matched(self, status: Any) -> None:
+        self.rate.loss.publishers_changed()
+        self.rate.publishers = status.current_count
+
+    def _on_message(self, data: bytes, info: Info) -> None:
+        self.rate.add(info['publication_sequence_number'])
+        if self._on_update is None or len(data) > _MAX_MESSAGE_SIZE:
+            return
+        key = (len(data) if self.kind == JOINT_STATE else 0, data[_JOINT_NAME_BYTES])
+        if key not in self._newest and len(self._newest) >= _MAX_NAME_SETS:
+            self._newest.clear()
+            self._decoded.clear()
+        self._newest[key] = monotonic(), data
+        self._on_update()
+
+
+class TopicSubscriptions:
+    """Subscribe to the topics of legs while they have publishers."""
+
+    def __init__(self, node: Node, on_update: Callable[[], object]) -> None:
+        # By full name. Other threads read it: it is replaced, not changed.
+        self.topics: dict[str, SubscribedTopic] = {}
+        self._node, self._on_update = node, on_update
+        self._group = RawCallbackGroup()
+        self._refused: set[tuple[str, str]] = set()
+
+    def update(self, known: Names) -> None:
+        """Subscribe to new topics of the given names and types, and drop the vanished ones."""
+        present = {
+            name: kind for name, kinds in known for kind in kinds if self._is_wanted(name, kind)
+        }
+        gone = [name for name, topic in self.topics.items() if present.get(name) != topic.kind]
+        for name in gone:
+            self._node.destroy_subscription(self.topics[name].subscription)
+        if gone:
+            self.topics = {n: topic for n, topic in self.topics.items() if n not in gone}
+        for name in sorted(set(present) - set(self.topics)):
+            if len(self.topics) < _MAX_TOPICS:
+                self._subscribe(name, present[name])
+
+    def messages(self, name: str) -> list[tuple[float, Any]]:
+        """Return the newest messages of a topic; none without a subscription."""
+        topic = self.topics.get(name)
+        return [] if topic is None else topic.newest()
+
+    def rate_of(self, name: str) -> TopicRate | None:
+        """Return the rate of a topic; None without a subscription."""
+        topic = self.topics.get(name)
+        return None if topic is None else topic.rate
+
+    def of_kind(self, kind: str) -> list[SubscribedTopic]:
+        """Return the topics of a type."""
+        return [topic for topic in self.topics.values() if topic.kind == kind]
+
+    def _is_wanted(self, name: str, kind: str) -> bool:
+        last = name.rpartition('/')[2]
+        if (name, kind) in self._refused or '/_' in name:
+            return False
+        fits = any(last.endswith(ending) for ending in _ENDINGS.get(kind, ()))
+        return fits and self._node.count_publishers(name) > 0
+
+    def _subscribe(self, name: str, kind: str) -> None:
+        if name_refusal(name):
+            self._refused.add((name, kind))
+            return
+        try:
+            topic = SubscribedTopic(self._node, self._group, name, kind, self._on_update)
+        except (UnknownMessageTypeError, *ROS_ERRORS) as error:
+            self._refused.add((name, kind))
+            self._node.get_logger().warning(f'{printable(name)} is not shown: {printable(error)}')
+            return
+        self.topics = {**self.topics, name: topic}
+
+
+@dataclass
+class _Call:
+    """A pending request, and its end on the steady clock [s]."""
+
+    client: Client
+    future: Future
+    answer: Answer
+    end: float
+
+
+class ServiceCalls:
+    """Work for ROS's thread, and calls of services there, with a timeout."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._due: deque[Callable[[], object]] = deque()
+        self._lock = Lock()
+        self._pending: list[_Call] = []
+        self._clients: dict[str, Client] = {}
+        self._guard = node.create_guard_condition(self._run)
+
+    def put(self, work: Callable[[], object]) -> bool:
+        """Run a function soon, unless too many are due; thread safe."""
+        with self._lock:
+            if len(self._due) >= _MAX_PENDING:
+                return False
+            self._due.append(work)
+        self._guard.trigger()
+        return True
+
+    def expire(self) -> None:
+        """Answer calls after their timeout; to be called periodically."""
+        now = monotonic()
+        for call in [call for call in self._pending if now > call.end]:
+            self._pending.remove(call)
+            call.client.remove_pending_request(call.future)
+            call.answer(False, f'no answer for {CALL_TIMEOUT:g} s')
+
+    def trigger(self, service: str, answer: Answer) -> None:
+        """Call a service without arguments."""
+
+        def on_response(response: Any) -> None:
+            answer(bool(response.success), printable(response.message))
+
+        self._call(Trigger, service, Trigger.Request(), on_response, answer)
+
+    def set_parameters(self, node: str, values: Mapping[str, Any], answer: Answer) -> None:
+        """Set parameters of a node, all or none."""
+
+        def on_response(response: Any) -> None:
+            result = response.result
+            default = '' if result.successful else 'no reason given'
+            answer(bool(result.successful), printable(result.reason, 600) or default)
+
+        parameters = [Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
+        request = SetParametersAtomically.Request(parameters=parameters)
+        service = f'{node}/set_parameters_atomically'
+        self._call(SetParametersAtomically, service, request, on_response, answer)
+
+    def get_number(self, node: str, name: str, on_value: Callable[[str, float], object]) -> None:
+        """Read a numeric parameter of a node."""
+
+        def on_response(response: Any) -> None:
+            for value in response.values[:1]:
+                on_value(name, float(value.double_value or value.integer_value))
+
+        request, service = GetParameters.Request(names=[name]), f'{node}/get_parameters'
+        self._call(GetParameters, service, request, on_response, lambda *_: None)
+
+    def _run(self) -> None:
+        while True:
+            with self._lock:
+                if not self._due:
+                    return
+                work = self._due.popleft()
+            work()
+
+    def _call(
+        self,
+        kind: Any,
+        service: str,
+        request: Any,
+        on_response: Callable[[Any], object],
+        answer: Answer,
+    ) -> None:
+        if len(self._pending) >= _MAX_PENDING:
+            answer(False, BUSY)
+            return
+        client = self._client(kind, service)
+        call = _Call(client, client.call_async(request), answer, monotonic() + CALL_TIMEOUT)
+        self._pending.append(call)
+
+        def on_done(future: Future) -> None:
+            if call in self._pending:
+                self._pending.remove(call)
+                error = future.exception()
+                if error is None:
+                    on_response(future.result())
+                else:
+                    answer(False, printable(error))
+
+        call.future.add_done_callback(on_done)
+
+    def _client(self, kind: Any, service: str) -> Client:
+        client = self._clients.get(service)
+        if client is None:
+            if len(self._clients) >= _MAX_CLIENTS:
+                _, oldest = self._clients.popitem()
+                self._node.destroy_client(oldest)
+            client = self._clients[service] = self._node.create_client(kind, service)
+        return client
+
+
+def _node_of(info: Any) -> str:
+    """Return the full name of an endpoint's node."""
+    return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+
+
+def _query(query: Callable[[], Any]) -> list[Any]:
+    """Return the middleware's answer; an empty one if it fails."""
+    try:
+        return list(query())
+    # A foreign name that is no text, or a node that has just gone.
+    except (UnicodeDecodeError, NodeNameNonExistentError, *ROS_ERRORS):
+        return []
