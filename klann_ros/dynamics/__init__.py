@@ -15,9 +15,8 @@ angles at once (inverse dynamics); `simulate` integrates the motion by a torque 
 """
 
 from .balance import Reactions
-from .forces import Dynamics, GRAVITY, TurnOfForces
+from .forces import Dynamics, GRAVITY, NoScipyError, simulate, Simulation, TurnOfForces
 from .masses import BodyMass, MassError, Masses, masses_from_file, masses_from_text, rods, Spring
-from .simulation import NoScipyError, simulate, Simulation
 
 __all__ = [
     'GRAVITY',

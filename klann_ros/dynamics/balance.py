@@ -52,8 +52,7 @@ def reactions(
     `rates` are the crank's rate and acceleration [rad/s, rad/s^2], one or one for each angle;
     `forces` act on points [N].
     """
-    structure = moving.linkage.structure
-    count, n = moving.alphas.size, len(bodies)
+    structure, count, n = moving.linkage.structure, moving.alphas.size, len(bodies)
     centres = [moving.fixed_to(j, body.centre) for j, body in enumerate(bodies)]
     right = np.zeros((count, 3 * n))
     for j, (body, (_, c_1, c_2)) in enumerate(zip(bodies, centres, strict=True)):
@@ -69,8 +68,7 @@ def reactions(
         right[:, 3 * j] -= given.real
         right[:, 3 * j + 1] -= given.imag
         right[:, 3 * j + 2] -= cross(arm, given)
-    system = _System(moving, [c for c, _, _ in centres])
-    return system.solve(right)
+    return _System(moving, [c for c, _, _ in centres]).solve(right)
 
 
 class _System:

@@ -1,5 +1,5 @@
 """
-Crank torque, energies and joint reactions of a linkage in motion.
+Crank torque, energies, joint reactions and motion of a linkage with masses.
 
 With a single crank, angle a, all follows from the derivatives by a (dashes). With the centres of
 mass c, the bodies' rotations phi and the potential energy V,
@@ -12,12 +12,18 @@ method is the other's oracle. (J. J. Uicker, G. R. Pennock, J. E. Shigley, Theor
 Mechanisms, the chapters on dynamic force analysis.)
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from math import pi
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import Linkage, LinkageLeg, PartialTurnError, reachable_arcs
+from klann_ros.kinematics import (
+    KinematicsError,
+    Linkage,
+    LinkageLeg,
+    PartialTurnError,
+    reachable_arcs,
+)
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.linkage.linkage import as_linkage
 from klann_ros.kinematics.validation import rate as checked_rate
@@ -31,6 +37,8 @@ from .motion import body_motion, body_motion_at, BodyMotion
 # Standard gravity [m/s^2].
 GRAVITY = 9.80665
 Forces = Mapping[str, tuple[float, float]]
+# The crank torque [N m], by time, crank angle and rate [s, rad, rad/s].
+Torque = Callable[[float, float, float], float]
 
 
 class TurnOfForces(NamedTuple):
@@ -135,7 +143,6 @@ class Dynamics:
     def __init__(
         self, linkage: Any, masses: Masses, *, gravity: tuple[float, float] = (0.0, -GRAVITY)
     ) -> None:
-        """Compute nothing yet."""
         self.linkage: Linkage = as_linkage(linkage)
         self.masses = masses
         bodies = len(self.linkage.structure.bodies)
@@ -145,7 +152,6 @@ class Dynamics:
 
     @cached_property
     def _leg(self) -> LinkageLeg:
-        """Return the stateful solver."""
         return LinkageLeg(self.linkage)
 
     def reduced_inertia(self, alphas: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -247,7 +253,7 @@ class Dynamics:
         return inertia, inertia_1 / 2.0 * rate**2 + slope
 
     def _inertia(self, moving: BodyMotion) -> tuple[FloatArray, FloatArray]:
-        inertia, inertia_1 = np.zeros(moving.alphas.size), np.zeros(moving.alphas.size)
+        inertia, inertia_1 = np.zeros((2, moving.alphas.size))
         for j, body in enumerate(self.masses.bodies):
             _, c_1, c_2 = moving.fixed_to(j, body.centre)
             inertia += body.mass * np.abs(c_1) ** 2 + body.inertia * moving.rotation_1[j] ** 2
@@ -256,7 +262,7 @@ class Dynamics:
         return inertia, inertia_1
 
     def _potential(self, moving: BodyMotion) -> tuple[FloatArray, FloatArray]:
-        energy, slope = np.zeros(moving.alphas.size), np.zeros(moving.alphas.size)
+        energy, slope = np.zeros((2, moving.alphas.size))
         for j, body in enumerate(self.masses.bodies):
             c, c_1, _ = moving.fixed_to(j, body.centre)
             energy -= body.mass * _dot(self.gravity, c)
@@ -303,3 +309,84 @@ def _pulls(spring: Spring, moving: BodyMotion) -> list[tuple[str, Any]]:
 
 def _dot(a: Any, b: Any) -> Any:
     return np.real(a * np.conj(b))
+
+
+class Simulation(NamedTuple):
+    """
+    A motion in time.
+
+    Attributes
+    ----------
+    times : numpy.ndarray, shape (k,)
+        [s]
+    alpha, alpha_rate : numpy.ndarray, shape (k,)
+        Crank angle and rate [rad, rad/s].
+
+    """
+
+    times: FloatArray
+    alpha: FloatArray
+    alpha_rate: FloatArray
+
+
+class NoScipyError(ImportError):
+    """scipy is not installed."""
+
+
+def simulate(
+    dynamics: Dynamics,
+    torque: Torque | float,
+    times: ArrayLike,
+    *,
+    alpha: float,
+    alpha_rate: float = 0.0,
+    tolerance: float = 1e-10,
+) -> Simulation:
+    """
+    Return the motion by a crank torque: a.. = (T - V' - I'/2 a.^2) / I.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+        The linkage with masses.
+    torque : callable or float
+        At the crank, of time, crank angle and rate; or a constant [N m].
+    times : array-like of float, shape (k,)
+        Times of the result, ascending from the start [s].
+    alpha, alpha_rate : float
+        Crank angle and rate at the start [rad, rad/s].
+    tolerance : float
+        Of the integration, relative and absolute.
+
+    Raises
+    ------
+    KinematicsError
+        The motion reaches a singular pose, or one that does not close.
+    NoScipyError
+        scipy is not installed: the extra "dynamics".
+
+    """
+    try:
+        from scipy.integrate import solve_ivp  # noqa: PLC0415 - scipy is optional
+    except ImportError as error:
+        raise NoScipyError(
+            "a simulation needs scipy: pip install 'klann_ros[dynamics]'"
+        ) from error
+    instants = np.asarray(times, dtype=np.float64)
+    if instants.ndim != 1 or len(instants) < 2 or not (np.diff(instants) > 0.0).all():
+        raise ValueError('times are refused: they must be two or more, and ascend')
+
+    def derivative(time: float, state: FloatArray) -> tuple[float, float]:
+        angle, rate = state.tolist()
+        given = torque(time, angle, rate) if callable(torque) else torque
+        inertia, needed = dynamics.inertia_and_torque(angle, rate)
+        change = (given - needed) / inertia
+        if not np.isfinite(change):
+            msg = f'at {time:.6g} s the crank is at {angle:.6g} rad, where it cannot move on'
+            raise KinematicsError(msg)
+        return rate, change
+
+    options = {'method': 'DOP853', 't_eval': instants, 'rtol': tolerance, 'atol': tolerance}
+    start = alpha, alpha_rate
+    found = solve_ivp(derivative, (instants[0], instants[-1]), start, **options)
+    return Simulation(found.t, *found.y)

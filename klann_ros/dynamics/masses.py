@@ -67,7 +67,6 @@ class Spring:
     free_length: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse invalid numbers."""
         _not_negative('stiffness', self.stiffness, 'N/m')
         _not_negative('free_length', self.free_length, 'm')
 
@@ -90,7 +89,6 @@ class Masses:
     springs: tuple[Spring, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse invalid numbers."""
         for number, body in enumerate(self.bodies):
             _not_negative(f'mass of body {number}', body.mass, 'kg')
             _not_negative(f'inertia of body {number}', body.inertia, 'kg m^2')
@@ -104,7 +102,8 @@ class Masses:
 
     def with_mass(self, j: int, added: BodyMass) -> 'Masses':
         """Return the masses with another one added to a body, such as a foot's."""
-        bodies = [body.plus(added) if i == j else body for i, body in enumerate(self.bodies)]
+        bodies = list(self.bodies)
+        bodies[j] = bodies[j].plus(added)
         return replace(self, bodies=tuple(bodies))
 
 
@@ -135,12 +134,11 @@ def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
     for j, body in enumerate(given.structure.bodies):
         total = BodyMass()
         for bar in body.rigid:
-            starts = [bar.start, *([bar.brace.start] if bar.brace else [])]
-            for start in starts:
+            for start in (bar.start, *([bar.brace.start] if bar.brace else [])):
                 p, q = places[j, start], places[j, bar.end]
-                length = abs(q - p)
-                mass = density * length
-                total = total.plus(BodyMass(mass, (p + q) / 2.0, mass * length**2 / 12.0))
+                mass = density * abs(q - p)
+                own = BodyMass(mass, (p + q) / 2.0, mass * abs(q - p) ** 2 / 12.0)
+                total = total.plus(own)
         bodies.append(total)
     made = Masses(tuple(bodies))
     foot = given.structure.foot
@@ -183,21 +181,18 @@ def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses:
         Masses are missing or invalid; the text says which.
 
     """
-    content = parse(text)
+    content, shown = parse(text), printable(name)
     metre = LENGTH_UNITS[content.get('units', {}).get('length', 'm')]
     springs = tuple(_spring(each, linkage, metre) for each in content.get('springs', ()))
     bodies = content['bodies']
     without = [angle for angle in linkage.joint_names if 'mass' not in bodies[angle]]
     if 'density' in content:
-        return replace(_by_density(content, linkage, name, metre), springs=springs)
+        return replace(_by_density(content, linkage, shown, metre), springs=springs)
     if len(without) == len(bodies):
-        msg = (
-            f'{printable(name)} has no masses: give each body mass, centre and inertia, or '
-            f'density [kg/m] for all bars'
-        )
-        raise MassError(msg)
+        ways = 'give each body mass, centre and inertia, or density [kg/m] for all bars'
+        raise MassError(f'{shown} has no masses: {ways}')
     if without:
-        raise MassError(f'{printable(name)}: {", ".join(without)} without mass; 0 is allowed')
+        raise MassError(f'{shown}: {", ".join(without)} without mass; 0 is allowed')
     return Masses(tuple(_body(bodies[angle], metre) for angle in linkage.joint_names), springs)
 
 
@@ -208,17 +203,14 @@ def _by_density(content: Mapping[str, Any], linkage: Linkage, name: str, metre: 
         given = content['bodies'][body.angle]
         if 'mass' in given:
             if body.rigid:
-                msg = f'{printable(name)} has both density and masses: leave one of them out'
-                raise MassError(msg)
+                raise MassError(f'{name} has both density and masses: leave one of them out')
             masses = masses.with_mass(j, _body(given, metre))
     return masses
 
 
 def _body(content: Mapping[str, Any], metre: float) -> BodyMass:
-    x, y = content.get('centre', (0.0, 0.0))
-    return BodyMass(
-        float(content['mass']), metre * complex(x, y), float(content.get('inertia', 0.0))
-    )
+    centre = metre * place_of(content.get('centre', (0.0, 0.0)))
+    return BodyMass(float(content['mass']), centre, float(content.get('inertia', 0.0)))
 
 
 def _spring(content: Mapping[str, Any], linkage: Linkage, metre: float) -> Spring:
@@ -226,10 +218,8 @@ def _spring(content: Mapping[str, Any], linkage: Linkage, metre: float) -> Sprin
         if isinstance(given, str):
             points = linkage.structure.points
             if given not in points:
-                hint = did_you_mean(given, points)
-                raise MassError(
-                    f'springs: {given} is none of the points: {", ".join(points)}{hint}'
-                )
+                there_are = f'{", ".join(points)}{did_you_mean(given, points)}'
+                raise MassError(f'springs: {given} is none of the points: {there_are}')
             return given
         x, y = given
         return metre * x, metre * y

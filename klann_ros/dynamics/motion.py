@@ -72,10 +72,8 @@ def body_motion_at(linkage: Linkage, angles: FloatArray, x: FloatArray) -> BodyM
     """Return the motion through poses, by all coordinates, shapes (k,) and (n - 1, k)."""
     structure = linkage.structure
     u = np.array(joints.body_vectors(structure, [angles, *x]))
-    n = len(u)
-    x_1, x_2 = np.zeros((n, angles.size)), np.zeros((n, angles.size))
+    (x_1, x_2), (u_1, u_2) = np.zeros((2, *u.shape)), np.zeros((2, *u.shape), dtype=complex)
     x_1[0] = 1.0
-    u_1, u_2 = np.zeros_like(u), np.zeros_like(u)
     u_1[0] = joints.vector_velocity(structure, u, x_1, 0)
     u_2[0] = -u[0]
     for own, closing in closing_blocks(linkage, u):
@@ -90,12 +88,11 @@ def body_motion_at(linkage: Linkage, angles: FloatArray, x: FloatArray) -> BodyM
         x_2[own] = closing(u_2)
         for j in own:
             u_2[j] = bent[j] + joints.vector_velocity(structure, u, x_2, j)
+    senses = np.array(structure.senses)[:, None]
+    frames = np.array(structure.frames)
+    # The ground does not rotate.
     rotation = [
-        np.array([_rotation(structure, x, j) + 0.0 * angles for j in range(n)]) for x in (x_1, x_2)
+        np.where(frames[:, None] < 0, 0.0, (senses * rate)[frames]) + 0.0 * angles
+        for rate in (x_1, x_2)
     ]
     return BodyMotion(linkage, angles, u, u_1, u_2, *rotation)
-
-
-def _rotation(structure: Any, x: FloatArray, j: int) -> Any:
-    frame = structure.frames[j]
-    return 0.0 if frame < 0 else structure.senses[frame] * x[frame]

@@ -179,20 +179,30 @@ def test_a_simulation_keeps_its_energy() -> None:
     np.testing.assert_allclose(energy, energy[0], rtol=1e-8)
 
 
-def made(change: tuple[str, str]) -> Any:
+def made(*changes: tuple[str, str]) -> Any:
     text = (SHIPPED / 'four_bar.yaml').read_text(encoding='utf-8')
     text = text.replace('density: 1 ', 'density: 1.0\n')
     text += 'springs: [{from: A, to: [0, 1], stiffness: 5}]\n'
-    assert change[0] in text
-    text = text.replace(*change)
+    for change in changes:
+        assert change[0] in text
+        text = text.replace(*change)
     return masses_from_text(text, linkage_from_text(text, 'x.yaml'), 'x.yaml')
 
 
 def test_masses_of_a_file_are_those_of_its_rods() -> None:
     linkage = shipped_linkage('four_bar')
-    masses = made(('stiffness: 5', 'stiffness: 5'))
+    masses = made()
     assert masses.bodies == rods(linkage, 1.0).bodies
     assert masses.springs == (Spring(('A', (0.0, 0.001)), 5.0, 0.0),)
+
+
+def test_centres_are_in_the_unit_of_the_file() -> None:
+    bodies = [
+        (f'{name}:\n', f'{name}:\n    mass: 2\n    centre: [30, -4]\n    inertia: 5\n')
+        for name in ('theta2', 'theta3', 'theta4')
+    ]
+    masses = made(('density: 1.0\n', ''), *bodies)
+    assert masses.bodies == (BodyMass(2.0, 0.03 - 0.004j, 5.0),) * 3
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,13 @@
-"""Many poses at once: `linkage_poses`, and `klann_poses` for Klann legs."""
+"""Many poses at once: solved (`linkage_poses`, `klann_poses`), or given by measured angles."""
 
 from collections.abc import Callable, Iterable, Iterator
 from math import prod
 from typing import Any, TypeAlias
 
+from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import AnyArray, FloatArray
 from klann_ros.kinematics.klann import KlannGeometry
+from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.linkage import as_linkage
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
@@ -234,3 +236,65 @@ def _blocks(legs: int, angles: int, *, one_by_one: bool) -> Iterator[tuple[slice
         step = 1 if one_by_one else BLOCK_SIZE // (columns.stop - first)
         for leg in range(0, legs, step):
             yield slice(leg, min(leg + step, legs)), columns
+
+
+# Measured or recorded poses: their coordinates are given, shape (n, number of angles).
+
+
+def vectors(leg: Any, angles: FloatArray) -> list[FloatArray]:
+    """Return the bodies' vectors u of each pose, the common input of the other functions."""
+    with np.errstate(invalid='ignore', over='ignore'):
+        return joints.body_vectors(as_linkage(leg).structure, [*angles.T])
+
+
+def loop_errors(leg: Any, angles: FloatArray, u: joints.Vectors | None = None) -> FloatArray:
+    """
+    Return the closure error of each pose, the Euclidean norm of f, shape (n,) [m].
+
+    NaN where a coordinate is not finite. `u` are the poses' `vectors`, if known.
+    """
+    linkage = as_linkage(leg)
+    w, c = linkage.equations
+    u = vectors(leg, angles) if u is None else u
+    with np.errstate(invalid='ignore', over='ignore'):
+        gaps = np.stack(u, axis=-1) @ w.T + c
+        return np.asarray(np.sqrt((gaps.real**2 + gaps.imag**2).sum(axis=1)))
+
+
+def feet(leg: Any, angles: FloatArray, u: joints.Vectors | None = None) -> FloatArray:
+    """Return the foot H of each pose, shape (n, 2) [m], NaN likewise; see `loop_errors`."""
+    linkage = as_linkage(leg)
+    terms, constant = linkage.point_rows[linkage.foot]
+    u = vectors(leg, angles) if u is None else u
+    with np.errstate(invalid='ignore', over='ignore'):
+        h = np.full(len(angles), constant, dtype=np.complex128)
+        for j, w in terms.items():
+            h += w * u[j]
+    return np.column_stack([h.real, h.imag])
+
+
+def differences(leg: Any, one: FloatArray, other: FloatArray) -> FloatArray:
+    """
+    Return the differences of poses' coordinates without the crank's, shape (n, k - 1).
+
+    Angles modulo a turn, in [-pi, pi] [rad]; distances relative to the linkage's size.
+    """
+    linkage = as_linkage(leg)
+    slides = np.array([body.slides for body in linkage.structure.bodies[1:]])
+    with np.errstate(invalid='ignore', over='ignore'):
+        apart = one - other
+        return np.where(slides, apart / linkage.size, wrapped(apart))
+
+
+def wrapped(angles: FloatArray) -> FloatArray:
+    """Return angles in [-pi, pi], unchanged if within already; NaN for infinite ones."""
+    with np.errstate(over='ignore', invalid='ignore'):
+        return np.asarray(angles - TURN * np.round(angles / TURN))
+
+
+def transmission_angles(leg: Any, angles: FloatArray) -> FloatArray:
+    """Return the transmission angles of each pose, one a block [rad]; see `loop_errors`."""
+    linkage = as_linkage(leg)
+    u = vectors(leg, angles)
+    with np.errstate(invalid='ignore', over='ignore'):
+        return np.column_stack([block.transmission_angle(u) for block in linkage.blocks])

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 
 from klann_ros.kinematics.arrays import FloatArray, IntArray
-from klann_ros.kinematics.batch.given_angles import differences, wrapped
+from klann_ros.kinematics.batch.poses import differences, wrapped
 from klann_ros.review.model.answers import (
     Cause,
     Duplicates,

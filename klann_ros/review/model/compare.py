@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from klann_ros.kinematics import AnyLeg
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.batch.given_angles import feet
+from klann_ros.kinematics.batch.poses import feet
 from klann_ros.sanitize.text import printable
 import numpy as np
 

@@ -15,7 +15,7 @@ from klann_ros.kinematics import (
     LinkageLeg,
 )
 from klann_ros.kinematics.arrays import FloatArray, IndexArray
-from klann_ros.kinematics.batch.given_angles import (
+from klann_ros.kinematics.batch.poses import (
     differences,
     feet,
     loop_errors,

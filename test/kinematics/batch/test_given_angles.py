@@ -11,7 +11,7 @@ from klann_ros.kinematics import (
     linkage_from_file,
     LinkageLeg,
 )
-from klann_ros.kinematics.batch.given_angles import feet, loop_errors
+from klann_ros.kinematics.batch.poses import feet, loop_errors
 import numpy as np
 import pytest
 from strategies import legs

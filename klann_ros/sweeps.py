@@ -14,11 +14,15 @@ Millions of geometries: solved in chunks by any engine, stored on disk, resumabl
 Chunks already in the folder are not computed again: the same call resumes an interrupted sweep.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+import hashlib
+import json
 from pathlib import Path
+import secrets
 from typing import Any
 
+from klann_ros.engines import parallel_map, TaskError
 from klann_ros.kinematics import (
     Linkage,
     linkage_poses,
@@ -27,30 +31,126 @@ from klann_ros.kinematics import (
     validation,
     Variants,
 )
+from klann_ros.kinematics.arrays import AnyArray
 from klann_ros.kinematics.batch.tolerance_study import tolerance_draw, ToleranceDraw
+from klann_ros.sanitize.files import open_regular, read_regular
+from klann_ros.sanitize.text import printable
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from .store import ChunkStore, fingerprint, Progress, SweepError
+from numpy.typing import ArrayLike
 
 __all__ = ['PoseSweep', 'SweepError', 'sweep_poses', 'sweep_tolerances']
 
+MANIFEST = 'sweep.json'
+_MAX_MANIFEST_SIZE = 1_000_000
+Arrays = Mapping[str, AnyArray]
+# Called with the number of finished chunks, and of all.
+Progress = Callable[[int, int], object]
+
+
+class SweepError(Exception):
+    """A sweep that cannot be started, resumed or completed; the text says why."""
+
+
+def fingerprint(*parts: object) -> str:
+    """Return the SHA-256 of arrays, by their bytes, and of other values, by their text."""
+    digest = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            digest.update(f'{part.dtype} {part.shape}'.encode())
+            digest.update(np.ascontiguousarray(part).tobytes())
+        else:
+            digest.update(repr(part).encode())
+        digest.update(b'\0')
+    return digest.hexdigest()
+
+
+class ChunkStore:
+    """
+    The chunks of one sweep in a folder, written atomically, by the sweep's fingerprint.
+
+    A SweepError says that the folder holds another sweep, or cannot be written.
+    """
+
+    def __init__(self, folder: str | Path, identity: str, count: int) -> None:
+        self.folder, self.count = Path(folder), count
+        manifest_text = json.dumps({'klann_ros': 'sweep', 'identity': identity, 'chunks': count})
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            manifest = self.folder / MANIFEST
+            if manifest.exists():
+                if read_regular(manifest, _MAX_MANIFEST_SIZE) != manifest_text:
+                    raise SweepError(
+                        f'{printable(folder)} holds another sweep: choose an empty folder'
+                    )
+            elif any(self.folder.iterdir()):
+                raise SweepError(f'{printable(folder)} is not empty, and holds no sweep')
+            else:
+                _write(manifest, lambda path: path.write_text(manifest_text))
+        except (OSError, ValueError) as error:
+            reason = getattr(error, 'strerror', None) or error
+            raise SweepError(f'{printable(folder)} cannot be used: {reason}') from error
+
+    def path(self, number: int) -> Path:
+        """Return the file of a chunk."""
+        return self.folder / f'chunk_{number:06}.npz'
+
+    def load(self, number: int) -> dict[str, AnyArray]:
+        """Return the arrays of a chunk, read-only."""
+        with open_regular(self.path(number)) as file, np.load(file, allow_pickle=False) as content:
+            arrays = {name: content[name] for name in content.files}
+        for array in arrays.values():
+            array.setflags(write=False)
+        return arrays
+
+    def fill(
+        self,
+        function: Callable[[Any], Arrays],
+        items: Sequence[Any],
+        progress: Progress | None,
+        **engine: Any,
+    ) -> None:
+        """Compute the missing chunks; a SweepError if one fails, the others are stored."""
+        missing = [number for number in range(self.count) if not self.path(number).exists()]
+        done, faults = self.count - len(missing), []
+        work = partial(_compute, function)
+        tasks = ((self.path(number), items[number]) for number in missing)
+        for place, answer in parallel_map(work, tasks, **engine):
+            if isinstance(answer, TaskError):
+                faults.append(f'chunk {missing[place]}: {answer.reason}')
+                continue
+            done += 1
+            if progress is not None:
+                progress(done, self.count)
+        if faults:
+            more = f' (and {len(faults) - 1} more)' if len(faults) > 1 else ''
+            raise SweepError(f'{printable(faults[0])}{more}; finished chunks are kept')
+
+
+def _compute(function: Callable[[Any], Arrays], task: tuple[Path, Any]) -> None:
+    """Compute a chunk and store it from the worker, into the shared folder."""
+    path, item = task
+    arrays = function(item)
+
+    def save(place: Path) -> None:
+        with place.open('wb') as file:
+            np.savez(file, **dict(arrays))  # type: ignore[arg-type]
+
+    _write(path, save)
+
+
+def _write(path: Path, save: Callable[[Path], object]) -> None:
+    beside = path.with_name(f'.{path.name}.{secrets.token_hex(8)}')
+    try:
+        save(beside)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
 
 class PoseSweep:
-    """
-    The poses of many linkages, on disk; iteration loads one chunk at a time.
-
-    Parameters
-    ----------
-    store : ChunkStore
-        The chunks.
-    length, chunk : int
-        Number of linkages, in total and in a chunk.
-
-    """
+    """The poses of many linkages, on disk; iteration loads one chunk at a time."""
 
     def __init__(self, store: ChunkStore, length: int, chunk: int) -> None:
-        """Load nothing yet."""
         self._store, self._length, self._chunk = store, length, chunk
 
     def __len__(self) -> int:
@@ -133,10 +233,10 @@ def sweep_poses(
 
 def _solve_chunk(
     base: Linkage,
-    alphas: NDArray[np.float64],
+    alphas: AnyArray,
     wanted: dict[str, Any],
-    part: tuple[NDArray[Any], NDArray[Any]],
-) -> dict[str, NDArray[Any]]:
+    part: tuple[AnyArray, AnyArray],
+) -> dict[str, AnyArray]:
     numbers, signs = part
     changes = dict(zip(base.dimensions, numbers, strict=True))
     poses = linkage_poses(Variants(base, changes, assembly=signs), alphas, **wanted)
@@ -198,7 +298,7 @@ def sweep_tolerances(
 _cached_draw: dict[str, ToleranceDraw] = {}
 
 
-def _deviations(item: tuple[str, ToleranceDraw, slice]) -> dict[str, NDArray[Any]]:
+def _deviations(item: tuple[str, ToleranceDraw, slice]) -> dict[str, AnyArray]:
     identity, draw, part = item
     if identity not in _cached_draw:
         _cached_draw.clear()

@@ -1,0 +1,294 @@
+"""
+Map a pure function over many items: in processes of this machine, or on a cluster by Ray.
+
+>>> from klann_ros.engines import parallel_map
+>>> [answer for _, answer in sorted(parallel_map(abs, [-1, 2, -3], jobs=1))]
+[1, 2, 3]
+
+Answers come as they are completed, each with the number of its item. Failures are isolated: an
+item without an answer yields a `TaskError` with the reason.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+import logging
+import multiprocessing
+from multiprocessing.connection import Connection, wait
+import os
+import signal
+import sys
+from time import monotonic
+from typing import Any, NamedTuple, TypeVar
+
+__all__ = ['ENGINES', 'EngineError', 'TaskError', 'parallel_map']
+
+Item = TypeVar('Item')
+Answer = TypeVar('Answer')
+_Function = Callable[[Any], Any]
+_Answers = Iterator[tuple[int, Any]]
+ENGINES = ('local', 'ray')
+# Not forked: this process may have threads, and a worker needs none of its state.
+_SPAWN = multiprocessing.get_context('spawn')
+# Time for an idle worker to exit by itself [s].
+_EXIT_TIMEOUT = 2.0
+# A worker may die of something else than its task, so the task is tried again.
+MAX_TRIES = 2
+# The same text for every engine: its reports are compared byte for byte.
+WORKER_DIED = f'its worker died while it worked on it, {MAX_TRIES} times'
+
+
+class EngineError(Exception):
+    """An unavailable engine; the text says why."""
+
+
+class TaskError(NamedTuple):
+    """The result of an item without an answer, and its reason."""
+
+    reason: str
+
+
+def parallel_map(
+    function: Callable[[Item], Answer],
+    items: Iterable[Item],
+    *,
+    engine: str = 'local',
+    jobs: int | None = None,
+    time_limit: float | None = None,
+    address: str | None = None,
+) -> Iterator[tuple[int, Answer | TaskError]]:
+    """
+    Yield the number of each item and the function's answer, in order of completion.
+
+    Parameters
+    ----------
+    function : callable
+        Of one item; pure, and in a module that workers can import.
+    items : iterable
+        Consumed as workers become free.
+    engine : str
+        'local' or 'ray'.
+    jobs : int, optional
+        Number of workers, >= 1; by default the CPUs of the machine or of the cluster.
+    time_limit : float, optional
+        Limit for each item; beyond it there is no answer [s].
+    address : str, optional
+        Of a Ray cluster; by default the variable RAY_ADDRESS, or else a Ray on this machine.
+
+    Raises
+    ------
+    EngineError
+        The engine does not exist, is not installed, or cannot be reached.
+    ValueError
+        `jobs` is less than 1.
+
+    """
+    if engine not in ENGINES:
+        raise EngineError(f'there is no engine {engine!r}: {" or ".join(ENGINES)}')
+    if jobs is not None and jobs < 1:
+        raise ValueError(f'jobs = {jobs} is refused: it must be 1 or more')
+    if engine == 'ray':
+        return _ray_map(function, items, jobs, time_limit, address)
+    return _process_map(function, items, jobs, time_limit)
+
+
+# Worker processes on this machine, one task at a time each, with a deadline. The pool of the
+# standard library breaks when a worker dies, and does not know its task.
+
+
+class _WorkerDiedError(TaskError):
+    __slots__ = ()
+
+
+class _Task(NamedTuple):
+    number: int
+    item: Any
+    tries: int = 1
+
+
+def _process_map(
+    function: _Function, items: Iterable[Any], jobs: int | None, time_limit: float | None
+) -> _Answers:
+    """Yield as `parallel_map` does."""
+    new_tasks = (_Task(number, item) for number, item in enumerate(items))
+    retries: list[_Task] = []
+    workers: list[_Worker] = []
+    try:
+        for _ in range(jobs or len(os.sched_getaffinity(0))):
+            if (task := next(new_tasks, None)) is None:
+                break
+            workers.append(_Worker(function, time_limit, task))
+        while workers:
+            deadline = min(worker.deadline for worker in workers)
+            timeout = None if deadline == float('inf') else max(0.0, deadline - monotonic())
+            wait([worker.connection for worker in workers], timeout)
+            for worker in [worker for worker in workers if worker.is_done]:
+                done, answer = worker.task, worker.receive()
+                retry = isinstance(answer, _WorkerDiedError) and done.tries < MAX_TRIES
+                if retry:
+                    retries.append(done._replace(tries=done.tries + 1))
+                if (task := retries.pop() if retries else next(new_tasks, None)) is None:
+                    workers.remove(worker)
+                    worker.stop()
+                else:
+                    worker.send(task)
+                if not retry:
+                    yield done.number, answer
+    finally:
+        for worker in workers:
+            worker.kill()
+
+
+class _Worker:
+    """A process and its current task."""
+
+    def __init__(self, function: _Function, time_limit: float | None, task: _Task) -> None:
+        self._function, self._time_limit = function, time_limit
+        self._start()
+        self.send(task)
+
+    def _start(self) -> None:
+        self.connection, remote_end = _SPAWN.Pipe()
+        own: Any = {'daemon': True, 'name': 'klann_ros worker'}
+        self._process = _SPAWN.Process(target=_work, args=(remote_end, self._function), **own)
+        self._process.start()
+        # The worker then holds the only copy: the pipe closes when it dies.
+        remote_end.close()
+
+    def send(self, task: _Task) -> None:
+        """Send a task; to a new process if the old one has died."""
+        self.task = task
+        try:
+            self.connection.send(task.item)
+        except OSError:
+            self._restart()
+            self.connection.send(task.item)
+        limit = self._time_limit
+        self.deadline = float('inf') if limit is None else monotonic() + limit
+
+    @property
+    def is_done(self) -> bool:
+        """Return whether there is an answer, or the deadline has passed."""
+        return self.connection.poll() or monotonic() >= self.deadline
+
+    def receive(self) -> Any:
+        """Return the task's answer or error."""
+        if not self.connection.poll():
+            self._restart()
+            return TaskError(f'it took longer than {self._time_limit:g} s')
+        try:
+            return self.connection.recv()
+        except (EOFError, OSError):
+            self._restart()
+            return _WorkerDiedError(WORKER_DIED)
+
+    def _restart(self) -> None:
+        self.kill()
+        self._start()
+
+    def stop(self) -> None:
+        """Let an idle process exit."""
+        self.connection.close()
+        self._process.join(_EXIT_TIMEOUT)
+        self.kill()
+
+    def kill(self) -> None:
+        """Kill the process, busy or not."""
+        self._process.kill()
+        self._process.join()
+        self.connection.close()
+
+
+def _work(connection: Connection, function: _Function) -> None:
+    """Answer tasks until the pipe closes."""
+    # Ctrl-C reaches all processes of a terminal; only the parent handles it.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    while True:
+        try:
+            item = connection.recv()
+        except (EOFError, OSError):
+            return
+        try:
+            connection.send(_answer(function, item))
+        except OSError:
+            return
+
+
+def _answer(function: _Function, item: Any) -> Any:
+    try:
+        return function(item)
+    except Exception as error:
+        return TaskError(f'{type(error).__name__}: {error}')
+
+
+# Workers of a Ray cluster, or of a Ray on this machine.
+
+
+def _ray_map(
+    function: _Function,
+    items: Iterable[Any],
+    jobs: int | None,
+    time_limit: float | None,
+    address: str | None,
+) -> _Answers:
+    """Yield as `parallel_map` does."""
+    # No usage statistics to its makers.
+    os.environ.setdefault('RAY_USAGE_STATS_ENABLED', '0')
+    try:
+        import ray  # noqa: PLC0415 - it is optional
+    except ImportError as error:
+        raise EngineError("the engine ray needs Ray: pip install 'klann_ros[cluster]'") from error
+    where = address or os.environ.get('RAY_ADDRESS') or None
+    own: dict[str, Any] = {}
+    if not where:
+        # Workers import from the paths of this process.
+        path = {'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}
+        own = {'num_cpus': jobs, 'include_dashboard': False, 'runtime_env': {'env_vars': path}}
+    started = not ray.is_initialized()
+    if started:
+        try:
+            ray.init(address=where, log_to_driver=False, logging_level=logging.ERROR, **own)
+        except (ConnectionError, RuntimeError, ValueError, OSError) as error:
+            reason = str(error).splitlines()[0]
+            raise EngineError(
+                f'Ray cannot be reached at {where or "this machine"}: {reason}'
+            ) from error
+    try:
+        yield from _ray_answers(ray, function, items, jobs, time_limit)
+    finally:
+        if started:
+            ray.shutdown()
+
+
+def _ray_answers(
+    ray: Any,
+    function: _Function,
+    items: Iterable[Any],
+    jobs: int | None,
+    time_limit: float | None,
+) -> _Answers:
+    remote = ray.remote(max_retries=MAX_TRIES - 1)(_answer)
+    shared = ray.put(function)
+    workers = jobs or max(1, int(ray.cluster_resources().get('CPU', 1)))
+    tasks = enumerate(items)
+    running: dict[Any, int] = {}
+    while True:
+        while len(running) < workers and (task := next(tasks, None)) is not None:
+            running[remote.remote(shared, task[1])] = task[0]
+        if not running:
+            return
+        done, _ = ray.wait(list(running), timeout=time_limit)
+        if not done:
+            # No task ended within the limit: the oldest has exceeded it.
+            oldest = next(iter(running))
+            ray.cancel(oldest, force=True)
+            yield running.pop(oldest), TaskError(f'it took longer than {time_limit:g} s')
+        for reference in done:
+            number = running.pop(reference)
+            try:
+                yield number, ray.get(reference)
+            except ray.exceptions.RayError as error:
+                reason = WORKER_DIED
+                if type(error).__name__ != 'WorkerCrashedError':
+                    # The last line of Ray's text is the original error.
+                    last = str(error).strip().splitlines()[-1]
+                    reason = f'{type(error).__name__}: {last}'
+                yield number, TaskError(reason)
