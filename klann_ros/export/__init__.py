@@ -1,5 +1,5 @@
 """
-What a robot is given to others as: URDF, and its plates for the cutter as SVG and DXF.
+A robot in other formats: URDF, and flat plates for a cutter as SVG and DXF.
 
 The command `export` writes the MJCF of `klann_ros.twin` as well.
 
@@ -13,15 +13,13 @@ The command `export` writes the MJCF of `klann_ros.twin` as well.
 >>> urdf(robot).count('<joint')
 12
 
-Nothing here knows ROS. Of the formats only DXF needs a package, ezdxf, imported when it is used.
+It does not need ROS. DXF needs ezdxf, which is imported only to write it.
 """
 
 from .assembly import assembly
-from .drawing import Drawing, drawing
-from .dxf import dxf, NoEzdxfError
+from .drawing import Drawing, drawing, dxf, NoEzdxfError, svg
 from .layers import Layers, layers
 from .plates import ExportError, Plate, plates
-from .svg import svg
 from .urdf import urdf
 
 __all__ = [

@@ -1,18 +1,17 @@
 """The assembly sheet: a leg layer by layer, with its pins, spacers and washers, as SVG."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from math import ceil
+from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
 from klann_ros.sanitize.text import counted, printable
 
+from .drawing import MM, path_data, svg_file
 from .layers import Layers, Shaft
 from .outline import Outline, outlines
 from .plates import Hole, Plate
-from .svg import path_data, written
 
-MM = 1e3
 # Lengths of screws up to 60 mm, then every 10 mm (ISO 4762) [mm].
 SCREWS = (5, 6, 8, 10, 12, 16, 20, 25, 30, 35, 40, 45, 50, 55, 60)
 # A nut and two threads, as a part of the diameter.
@@ -21,13 +20,13 @@ NUT = 1.2
 COLUMNS, PANEL, TITLE, TEXT = 3, 88.0, 5.0, 3.2
 MARGIN, LINE = 8.0, 1.6
 LAYER_COLOURS = ('#1f77b4', '#d95f02', '#1b9e77', '#7570b3', '#a6761d', '#e7298a')
+# Columns of the table of pins, and their widths [mm].
 HEADS = ('Pin', 'Hole', 'Layers', 'Spacers', 'Washers', 'Grip', 'Screw', 'Ends')
 WIDTHS = (44.0, 18.0, 20.0, 18.0, 20.0, 20.0, 18.0, 0.0)
 
 
-@dataclass(frozen=True)
-class Pin:
-    """A pin as a maker needs it: lengths and diameters in [mm]."""
+class Pin(NamedTuple):
+    """A pin for a maker: lengths and diameters in [mm]."""
 
     name: str
     diameter: float
@@ -39,49 +38,28 @@ class Pin:
     screw: int
     ends: str
 
-    @property
-    def row(self) -> tuple[str, ...]:
-        """Return it as a row of a table."""
-        span = f'{self.low} to {self.high}'
-        counts = str(self.spacers), str(self.washers)
-        lengths = f'{self.grip:.4g} mm', f'{self.screw} mm'
-        return (
-            printable(self.name, 24),
-            f'{self.diameter:g} mm',
-            span,
-            *counts,
-            *lengths,
-            self.ends,
-        )
 
-
-def pins(of: Layers, thickness: float, washer: float) -> list[Pin]:
-    """Return the pins of a leg for plates and washers of a thickness [m], in its order."""
-    flush = {(shaft.name, way) for shaft, way in of.flush}
-    stubs = {shaft.name: crossing for shaft, crossing in of.stubs}
-    made = []
+def pins(of: Layers, thickness: float, washer: float) -> Iterator[Pin]:
+    """Yield the pins of a leg for plates and washers of a thickness [m], in its order."""
+    stubs = {shaft.name: between for shaft, between in of.stubs}
     for shaft in of.shafts:
         low, high = of.span(shaft)
         diameter, gaps = MM * shaft.diameter, high - low
         grip = MM * ((gaps + 1) * thickness + gaps * washer)
-        ends = [
-            f'{end} flush'
-            for way, end in ((-1, 'lower'), (1, 'upper'))
-            if (shaft.name, way) in flush
-        ]
+        ends = []
         if shaft.name in stubs:
             names = ', '.join(printable(of.plates[p].name, 24) for p in stubs[shaft.name])
-            ends.insert(0, f'a stub: {names} passes')
+            ends.append(f'a stub: {names} passes')
+        for end, side in (('lower', -1), ('upper', 1)):
+            if any(one.name == shaft.name and at == side for one, at in of.flush):
+                ends.append(f'{end} flush')
         screw = _screw(grip + NUT * diameter)
-        about = '; '.join(ends) or 'head and nut'
-        made.append(
-            Pin(shaft.name, diameter, low, high, of.spacers(shaft), gaps, grip, screw, about)
-        )
-    return made
+        text = '; '.join(ends) or 'head and nut'
+        yield Pin(shaft.name, diameter, low, high, of.spacers(shaft), gaps, grip, screw, text)
 
 
 def _screw(least: float) -> int:
-    """Return the shortest usual length of a screw [mm]."""
+    """Return the shortest standard length of a screw [mm]."""
     longer = (length for length in SCREWS if length >= least)
     return next(longer, 10 * ceil(least / 10.0))
 
@@ -108,7 +86,7 @@ def assembly(legs: Sequence[Layers], *, thickness: float, washer: float) -> str:
     Parameters
     ----------
     legs : sequence of Layers
-        Each leg that is different once.
+        Each distinct leg once.
     thickness, washer : float
         Of the plates, and of the washers between layers; 0 for none [m].
 
@@ -121,15 +99,14 @@ def assembly(legs: Sequence[Layers], *, thickness: float, washer: float) -> str:
         y = _leg(root, leg, y, thickness, washer)
     high = y + MARGIN
     root.attrib.update(width=f'{wide:g}mm', height=f'{high:g}mm', viewBox=f'0 0 {wide:g} {high:g}')
-    return written(root)
+    return svg_file(root)
 
 
 def _leg(root: Element, of: Layers, y: float, thickness: float, washer: float) -> float:
-    """Draw a leg from a height of the sheet on; return the height below it [mm]."""
-    view = _View(of)
-    legs = of.plates[0].legs
-    name = f'Leg {printable(legs, 40)}' if legs else 'Leg'
-    each = f', {of.plates[0].count} times' if of.plates[0].count > 1 else ''
+    """Draw a leg below a height of the sheet; return its lower end [mm]."""
+    view, (plate, *_) = _View(of), of.plates
+    name = f'Leg {printable(plate.legs, 40)}' if plate.legs else 'Leg'
+    each = f', {plate.count} times' if plate.count > 1 else ''
     _text(root, f'{name}{each}: {counted(of.count, "layer")}, from the bottom', y + TITLE, TITLE)
     y += 2.0 * TITLE
     for layer in range(of.count):
@@ -144,8 +121,7 @@ def _leg(root: Element, of: Layers, y: float, thickness: float, washer: float) -
         panel = SubElement(root, 'g', transform=f'translate({left:g} {top + 1.5 * TEXT:g})')
         view.draw(panel, layer)
     y += ceil(of.count / COLUMNS) * (PANEL + 2.0 * TEXT)
-    rows = [HEADS, *(pin.row for pin in pins(of, thickness, washer))]
-    for row in rows:
+    for row in (HEADS, *map(_row, pins(of, thickness, washer))):
         y += LINE * TEXT
         x = MARGIN
         for cell, width in zip(row, WIDTHS, strict=True):
@@ -155,6 +131,15 @@ def _leg(root: Element, of: Layers, y: float, thickness: float, washer: float) -
         y += LINE * TEXT
         _text(root, note, y, TEXT)
     return y + 2.0 * TITLE
+
+
+def _row(pin: Pin) -> tuple[str, ...]:
+    hole, span = f'{pin.diameter:g} mm', f'{pin.low} to {pin.high}'
+    counts, lengths = (
+        (str(pin.spacers), str(pin.washers)),
+        (f'{pin.grip:.4g} mm', f'{pin.screw} mm'),
+    )
+    return printable(pin.name, 24), hole, span, *counts, *lengths, pin.ends
 
 
 def _notes(of: Layers, scale: float, thickness: float, washer: float) -> Iterator[str]:
@@ -181,19 +166,16 @@ class _View:
         places = [
             self._at(plate, end) for plate in of.plates for link in plate.links for end in link
         ]
-        edge = max(plate.width for plate in of.plates) / 2.0
-        low = complex(min(p.real for p in places), min(p.imag for p in places)) - edge * (1 + 1j)
-        high = complex(max(p.real for p in places), max(p.imag for p in places)) + edge * (1 + 1j)
-        size = high - low
-        room = PANEL - 2.0 * TEXT
-        self.scale = room / (MM * max(size.real, size.imag))
-        self._low = low
+        edge = max(plate.width for plate in of.plates) / 2.0 * (1 + 1j)
+        self._low = complex(min(p.real for p in places), min(p.imag for p in places)) - edge
+        high = complex(max(p.real for p in places), max(p.imag for p in places)) + edge
+        size = high - self._low
+        self.scale = (PANEL - 2.0 * TEXT) / (MM * max(size.real, size.imag))
 
     def draw(self, panel: Element, layer: int) -> None:
         """Draw a layer, and the layers below it in grey."""
         of = self._of
-        ordered = sorted(range(len(of.plates)), key=lambda p: of.layer[p])
-        for p in ordered:
+        for p in sorted(range(len(of.plates)), key=lambda p: of.layer[p]):
             if of.layer[p] <= layer:
                 self._plate(panel, p, is_new=of.layer[p] == layer)
         for shaft in of.shafts:
@@ -207,12 +189,11 @@ class _View:
         style = {'fill': colour, 'fill-opacity': '0.35' if is_new else '0.15', 'stroke': colour}
         links = [(self._mm(plate, a), self._mm(plate, b)) for a, b in plate.links]
         cuts: list[Outline] = [*outlines(links, self._length(plate.width / 2.0))]
-        for slot in plate.slots:
-            ends = self._mm(plate, slot.start), self._mm(plate, slot.end)
-            cuts += outlines([ends], self._length(slot.diameter / 2.0))
-        for hole in plate.holes:
-            at = self._mm(plate, hole.at)
-            cuts += outlines([(at, at)], self._length(hole.diameter / 2.0))
+        round_cuts = [(slot.start, slot.end, slot.diameter) for slot in plate.slots]
+        round_cuts += [(hole.at, hole.at, hole.diameter) for hole in plate.holes]
+        for start, end, diameter in round_cuts:
+            line = self._mm(plate, start), self._mm(plate, end)
+            cuts += outlines([line], self._length(diameter / 2.0))
         data = ' '.join(path_data(cut, PANEL) for cut in cuts)
         SubElement(
             panel, 'path', {'d': data, 'fill-rule': 'evenodd', 'stroke-width': '0.25', **style}
@@ -222,7 +203,7 @@ class _View:
             holes = [self._mm(plate, hole.at) for hole in plate.holes]
             places = [start + part * (end - start) for part in (0.5, 0.4, 0.6, 0.3, 0.7)]
             clear = max(places, key=lambda at: min((abs(at - h) for h in holes), default=0.0))
-            self._label(panel, plate.name, clear)
+            _label(panel, plate.name, clear)
 
     def _pin(self, panel: Element, shaft: Shaft, layer: int) -> None:
         of = self._of
@@ -230,26 +211,11 @@ class _View:
         at, radius = self._mm(plate, shaft.at), self._length(shaft.diameter / 2.0)
         place = {'cx': f'{at.real:.3f}', 'cy': f'{PANEL - at.imag:.3f}'}
         if all(of.layer[p] != layer for p in shaft.plates):
-            ring = self._length(shaft.radius(plate.width))
-            SubElement(
-                panel,
-                'circle',
-                {
-                    **place,
-                    'r': f'{ring:.3f}',
-                    'fill': '#ffffff',
-                    'stroke': '#000000',
-                    'stroke-width': '0.3',
-                },
-            )
+            ring = f'{self._length(shaft.radius(plate.width)):.3f}'
+            style = {'fill': '#ffffff', 'stroke': '#000000', 'stroke-width': '0.3'}
+            SubElement(panel, 'circle', {**place, 'r': ring, **style})
         SubElement(panel, 'circle', {**place, 'r': f'{radius:.3f}', 'fill': '#000000'})
-        self._label(panel, shaft.name, at + complex(1.2, 1.2) * radius + 0.5)
-
-    def _label(self, panel: Element, text: str, at: complex) -> None:
-        place = {'x': f'{at.real:.3f}', 'y': f'{PANEL - at.imag:.3f}', 'font-size': f'{TEXT:g}'}
-        style = {'fill': '#000000', 'font-family': 'sans-serif', 'paint-order': 'stroke'}
-        halo = {'stroke': '#ffffff', 'stroke-width': '0.6'}
-        SubElement(panel, 'text', {**place, **style, **halo}).text = printable(text, 24)
+        _label(panel, shaft.name, at + complex(1.2, 1.2) * radius + 0.5)
 
     def _at(self, plate: Plate, place: complex) -> complex:
         return complex(self._of.motion.place(plate, place)[self._of.motion.shown])
@@ -259,6 +225,13 @@ class _View:
 
     def _length(self, metres: float) -> float:
         return metres * MM * self.scale
+
+
+def _label(panel: Element, text: str, at: complex) -> None:
+    place = {'x': f'{at.real:.3f}', 'y': f'{PANEL - at.imag:.3f}', 'font-size': f'{TEXT:g}'}
+    style = {'fill': '#000000', 'font-family': 'sans-serif', 'paint-order': 'stroke'}
+    halo = {'stroke': '#ffffff', 'stroke-width': '0.6'}
+    SubElement(panel, 'text', {**place, **style, **halo}).text = printable(text, 24)
 
 
 def _text(

@@ -2,10 +2,12 @@
 
 import argparse
 from collections.abc import Sequence
-from functools import partial
+from dataclasses import replace
 import sys
 from typing import BinaryIO
 
+from klann_ros.dynamics import BodyMass, Masses, rods
+from klann_ros.kinematics import Linkage
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.robot.robot import SEPARATORS
 from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, NOT_WRITTEN, path, UsageError
@@ -14,25 +16,24 @@ from klann_ros.sanitize.text import counted, printable, printable_line
 from klann_ros.twin import robot_mjcf
 
 from .assembly import assembly, spacers
-from .drawing import drawing
-from .dxf import dxf, NoEzdxfError
-from .layers import Layers, layers
-from .mjcf import weighed
+from .drawing import drawing, dxf, NoEzdxfError, svg
+from .layers import layers
 from .plates import plates, slot_conflict
-from .svg import svg
 from .urdf import urdf
 
 HOLE, THICKNESS, WASHER = 3.2, 3.0, 0.5
-# Default width: this multiple of the hole, but at least this part of the longest plate.
-HOLES, PART = 3.0, 0.04
+# Default width of links: a multiple of the hole, but at least a part of the linkage's size.
+WIDTH_BY_HOLE, WIDTH_BY_SIZE = 3.0, 0.04
+# Length of a sliding body without bars, as a part of the linkage's size.
+SLIDER_LENGTH = 0.1
 FORMATS = ('mjcf', 'urdf', 'svg', 'dxf', 'assembly')
 PLATES = ('svg', 'dxf', 'assembly')
 DESCRIPTION = """\
-Write a leg or a walker for others: MuJoCo, ROS, and the laser cutter. Several at once.
+Write a leg or a walker for MuJoCo, ROS or a laser cutter; several formats at once.
 
 FILE is a parameter file of solver_node, a linkage's YAML file, or a shipped name: sem104."""
 EPILOG = """\
-SVG and DXF have each body as a plate with holes in mm, and how many there are of it.
+SVG and DXF show each distinct plate once, with its holes and its number, in mm.
 The shell's own `export` comes before this one: `ros2 run klann_ros export FILE ...`,
 `env export FILE ...` start this one.
 Exit code: 0 written, 2 FILE or an option is refused, 3 an OUT cannot be written. No OUT may be
@@ -52,22 +53,23 @@ def _export(options: argparse.Namespace) -> int:
     robot = robot_of(options.file)
     files = outputs(options, FORMATS, [options.file], refuse_yaml=True)
     # All contents before the first file is written: an error leaves no partial set.
-    made = _made(robot, options)
-    for file in files:
-        file.save(partial(_write, made[file.option]))
-        print(f'written: {file.option} {printable(file.path)}')
+    contents = _contents(robot, options)
+    for output in files:
+
+        def save(file: BinaryIO, content: bytes = contents[output.option]) -> None:
+            file.write(content)
+
+        output.save(save)
+        print(f'written: {output.option} {printable(output.path)}')
     return 0
 
 
-def _write(content: bytes, file: BinaryIO) -> None:
-    file.write(content)
-
-
-def _made(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
+def _contents(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
+    """Return the content of each file, by its option."""
     made: dict[str, bytes] = {}
     if options.mjcf is not None:
         density = options.bar_density
-        heavy = robot if density is None else weighed(robot, density)
+        heavy = robot if density is None else with_rods(robot, density)
         made['--mjcf'] = robot_mjcf(heavy).encode()
     if options.urdf is not None:
         mark = options.joint_separator
@@ -81,14 +83,15 @@ def _made(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
 
 
 def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
-    """Return the files of the plates; report their faults and their size."""
+    """Return the contents of the files of plates; report their faults and their size."""
     holes = {name: mm / 1e3 for name, mm in options.hole or ()}
     hole = holes.pop('', HOLE / 1e3)
     width = options.width
     linkages = list(dict.fromkeys(leg.linkage.scaled(options.scale) for leg in robot.legs))
     if width is None:
         widest = 1e3 * max(hole, *holes.values(), 0.0)
-        width = max(HOLES * widest, 1e3 * PART * max(linkage.size for linkage in linkages))
+        longest = 1e3 * max(linkage.size for linkage in linkages)
+        width = max(WIDTH_BY_HOLE * widest, WIDTH_BY_SIZE * longest)
     cut = plates(robot, hole=hole, width=width / 1e3, scale=options.scale, holes=holes)
     for plate in cut:
         warning = slot_conflict(plate)
@@ -112,7 +115,8 @@ def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
     count = counted(sum(plate.count for plate in cut), 'plate')
     sheet = f'{drawn.size.real:.0f} x {drawn.size.imag:.0f} mm'
     widths = f'bars {width:.4g} mm wide, holes {1e3 * hole:g} mm'
-    print(f'{count}, {widths}, in {most_layers(stacked)}, drawn on {sheet}')
+    highest = counted(max(of.count for of in stacked), 'layer')
+    print(f'{count}, {widths}, in {highest}, drawn on {sheet}')
     for of in stacked:
         for shaft, crossing in of.stubs:
             crossed = printable_line(', '.join(of.plates[p].name for p in crossing))
@@ -121,9 +125,31 @@ def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
     return made
 
 
-def most_layers(stacked: Sequence[Layers]) -> str:
-    """Return the number of layers in words."""
-    return counted(max(of.count for of in stacked), 'layer')
+def with_rods(robot: Robot, density: float) -> Robot:
+    """
+    Return a robot with masses: slender rods [kg/m] for legs without masses in its file.
+
+    Raises
+    ------
+    MassError
+        The density is invalid.
+
+    """
+    legs = (
+        leg if leg.masses else replace(leg, masses=_rods(leg.linkage, density))
+        for leg in robot.legs
+    )
+    return replace(robot, legs=tuple(legs))
+
+
+def _rods(linkage: Linkage, density: float) -> Masses:
+    """Return the masses of rods; a sliding body without bars weighs as a short rod."""
+    masses, length = rods(linkage, density), SLIDER_LENGTH * linkage.size
+    mass = density * length
+    for j, body in enumerate(linkage.structure.bodies):
+        if not body.rigid:
+            masses = masses.with_mass(j, BodyMass(mass, 0j, mass * length**2 / 12.0))
+    return masses
 
 
 def _positive(text: str) -> float:
@@ -200,6 +226,6 @@ def _parser() -> ArgumentParser:
         '--bar-density',
         metavar='KG_PER_M',
         type=_positive,
-        help='what bars weigh in the MJCF, for a leg whose masses FILE does not tell [kg/m]',
+        help='of bars in the MJCF, for legs without masses in FILE [kg/m]',
     )
     return parser

@@ -1,37 +1,56 @@
-"""Plates laid out flat beside each other, in millimetres: what SVG and DXF are written from."""
+"""The plates laid out on a sheet in millimetres, and the sheet as SVG and DXF."""
 
 from cmath import rect
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from io import StringIO
 from itertools import combinations
-from math import hypot, sqrt, tau
+from math import atan, hypot, sin, sqrt, tau
 from typing import NamedTuple
+from xml.etree.ElementTree import Element, indent, SubElement, tostring
 
 from klann_ros.sanitize.text import printable
 
-from .outline import distance_to, Outline, outlines
+from .outline import distance_to, Outline, outlines, Segment
 from .plates import ExportError, Plate
 
 MM = 1e3
-# Between plates, and around all [mm].
-GAP = 5.0
-# Heights of letters [mm]; the width of one as a part of its height, capitals being wider.
+# Between plates, and around the sheet [mm].
+PLATE_GAP = 5.0
+# Heights of letters [mm], and their width as a part of that; capitals are wider.
 TITLE, MIN_LETTER, LETTER, CAPITAL = 4.0, 0.7, 0.75, 1.2
 # Between a label and a cut [mm]; directions and distances that are tried for a label.
-MARGIN, DIRECTIONS, DISTANCES = 0.3, 24, 16
+LABEL_CLEARANCE, DIRECTIONS, DISTANCES = 0.3, 24, 16
 # Of a title [characters].
 MAX_TITLE = 80
+# A capital's height, as a part of the SVG font's.
+FONT_CAPITAL = 0.72
+# Colours by which the programs of laser cutters tell cutting from engraving.
+SVG_STYLES = {
+    'CUT': {'fill': 'none', 'stroke': '#ff0000', 'stroke-width': '0.1'},
+    'HOLES': {'fill': 'none', 'stroke': '#0000ff', 'stroke-width': '0.1'},
+    'LABELS': {'fill': '#000000', 'stroke': 'none', 'font-family': 'sans-serif'},
+}
+# The colours' numbers in AutoCAD: red, blue, black or white.
+DXF_COLOURS = {'CUT': 1, 'HOLES': 5, 'LABELS': 7}
+
+
+class NoEzdxfError(RuntimeError):
+    """DXF output without ezdxf (the extra `dxf`)."""
+
+    def __init__(self) -> None:
+        super().__init__("DXF needs ezdxf, which is not here: pip install 'klann_ros[dxf]'")
 
 
 class Circle(NamedTuple):
-    """A hole: its middle and its radius [mm]."""
+    """A hole: its centre and radius [mm]."""
 
     at: complex
     radius: float
 
 
 class Text(NamedTuple):
-    """A text: where it begins, on its base line, and how high it is [mm]."""
+    """A text: the start of its base line and its height [mm]."""
 
     text: str
     at: complex
@@ -46,7 +65,7 @@ class Drawing:
     Attributes
     ----------
     size : complex
-        How wide and how high it is.
+        Width and height.
     outlines : tuple of tuple of Corner
         The plates, closed, counter-clockwise, in the order of the plates.
     windows : tuple of tuple of Corner
@@ -54,9 +73,9 @@ class Drawing:
     circles : tuple of Circle
         The holes.
     slots : tuple of tuple of Corner
-        The slots, as outlines are.
+        The slots, closed, counter-clockwise.
     texts : tuple of Text
-        The titles and the letters.
+        Titles and hole names.
 
     """
 
@@ -70,19 +89,19 @@ class Drawing:
 
 def drawing(plates: Sequence[Plate], *, kerf: float = 0.0) -> Drawing:
     """
-    Return plates laid out in rows, none over another, each with its title below.
+    Return plates laid out in rows without overlap, each with its title below.
 
     Parameters
     ----------
     plates : sequence of Plate
         The plates.
     kerf : float
-        The width of the cut: outlines grow, holes and slots shrink by half of it [m].
+        Width of the cut: outlines grow, holes and slots shrink by half of it [m].
 
     Raises
     ------
     ExportError
-        The kerf is not >= 0, or a hole is no wider.
+        The kerf is negative, or a hole is not wider.
 
     """
     least = min((hole.diameter for plate in plates for hole in plate.holes), default=1.0)
@@ -92,28 +111,29 @@ def drawing(plates: Sequence[Plate], *, kerf: float = 0.0) -> Drawing:
             f'{least * 1e3:g} mm'
         )
     placed = [_PlacedPlate(plate, MM * kerf / 2.0) for plate in plates]
-    room = sum((one.size.real + GAP) * (one.size.imag + GAP) for one in placed)
-    widest = max(*(one.size.real for one in placed), 1.2 * sqrt(room))
-    x = y = GAP
+    area = sum((one.size.real + PLATE_GAP) * (one.size.imag + PLATE_GAP) for one in placed)
+    widest = max(*(one.size.real for one in placed), 1.2 * sqrt(area))
+    x = y = PLATE_GAP
     row = right = 0.0
     for one in placed:
-        if x > GAP and x + one.size.real > widest + GAP:
-            x, y, row = GAP, y + row + GAP, 0.0
+        if x > PLATE_GAP and x + one.size.real > widest + PLATE_GAP:
+            x, y, row = PLATE_GAP, y + row + PLATE_GAP, 0.0
         one.corner = complex(x, y)
-        x, row = x + one.size.real + GAP, max(row, one.size.imag)
+        x, row = x + one.size.real + PLATE_GAP, max(row, one.size.imag)
         right = max(right, x)
+    cuts = [one.outlines() for one in placed]
     return Drawing(
-        complex(right, y + row + GAP),
-        tuple(one.outlines[0] for one in placed),
-        tuple(window for one in placed for window in one.outlines[1:]),
-        tuple(circle for one in placed for circle in one.circles),
-        tuple(slot for one in placed for slot in one.slots),
-        tuple(text for one in placed for text in one.texts),
+        complex(right, y + row + PLATE_GAP),
+        tuple(outer for outer, *_ in cuts),
+        tuple(window for _, *windows in cuts for window in windows),
+        tuple(circle for one in placed for circle in one.circles()),
+        tuple(slot for one in placed for slot in one.slots()),
+        tuple(text for one in placed for text in one.texts()),
     )
 
 
 class _PlacedPlate:
-    """A plate on the sheet: its longest way lies along x, its title is below it."""
+    """A plate on the sheet: its longest side lies along x, its title below it."""
 
     def __init__(self, plate: Plate, offset: float) -> None:
         self._plate, self._offset = plate, offset
@@ -122,83 +142,166 @@ class _PlacedPlate:
         corners = [end for link in plate.links for end in link]
         far = max(combinations(corners, 2), key=lambda pair: abs(pair[1] - pair[0]))
         along = far[1] - far[0]
-        self._turn = MM * (along.conjugate() / abs(along) if along else 1.0)
-        turned = [corner * self._turn for corner in corners]
+        self._rotation = MM * (along.conjugate() / abs(along) if along else 1.0)
+        turned = [corner * self._rotation for corner in corners]
         low = complex(min(at.real for at in turned), min(at.imag for at in turned))
         high = complex(max(at.real for at in turned), max(at.imag for at in turned))
         edge = complex(1.0, 1.0) * (self._radius + offset)
-        self._low = low - edge
         bare = high - low + 2.0 * edge
+        self._origin = low - edge - 1.5j * TITLE
         letters = LETTER * TITLE * len(self._title)
-        self._below = 1.5 * TITLE
-        self.size = complex(max(bare.real, letters), bare.imag + self._below)
+        self.size = complex(max(bare.real, letters), bare.imag + 1.5 * TITLE)
         self.corner = 0j
 
-    @property
     def outlines(self) -> tuple[Outline, ...]:
-        return outlines(self._links, self._radius + self._offset)
+        return outlines(self._links(), self._radius + self._offset)
 
-    @property
-    def _links(self) -> list[tuple[complex, complex]]:
-        return [(self._placed(start), self._placed(end)) for start, end in self._plate.links]
-
-    @property
     def circles(self) -> list[Circle]:
         return [
             Circle(self._placed(hole.at), MM * hole.diameter / 2.0 - self._offset)
             for hole in self._plate.holes
         ]
 
-    @property
     def slots(self) -> list[Outline]:
-        return [
-            outlines(
-                [(self._placed(slot.start), self._placed(slot.end))],
-                MM * slot.diameter / 2.0 - self._offset,
-            )[0]
-            for slot in self._plate.slots
-        ]
+        return [outlines([line], radius - self._offset)[0] for line, radius in self._slot_lines()]
 
-    @property
-    def texts(self) -> list[Text]:
-        title = Text(self._title, self.corner + 0.25j * TITLE, TITLE)
-        return [title, *self._labels()]
-
-    def _labels(self) -> Iterator[Text]:
-        """Yield the names of holes where there is room beside them, clear of every cut."""
-        taken = [(circle.at, circle.radius) for circle in self.circles]
+    def texts(self) -> Iterator[Text]:
+        """Yield the title, and the names of holes with space beside them, clear of every cut."""
+        yield Text(self._title, self.corner + 0.25j * TITLE, TITLE)
+        taken = [(circle.at, circle.radius) for circle in self.circles()]
         for hole in (hole for hole in self._plate.holes if hole.name):
             name, at = printable(hole.name, MAX_TITLE), self._placed(hole.at)
-            # Around the text: its diagonal for a height of 1.
-            across = hypot(1.0, CAPITAL * len(name))
-            rooms = self._rooms(at, MM * hole.diameter, taken)
-            best, room = max(rooms, key=lambda pair: pair[1])
-            height = min(TITLE, 2.0 * room / across)
+            # The diagonal of the text's box for a height of 1.
+            diagonal = hypot(1.0, CAPITAL * len(name))
+            places = self._free_places(at, MM * hole.diameter, taken)
+            best, radius = max(places, key=lambda pair: pair[1])
+            height = min(TITLE, 2.0 * radius / diagonal)
             if height >= MIN_LETTER:
                 corner = complex(-CAPITAL * len(name), -1.0) * height / 2.0
-                taken.append((best, across * height / 2.0))
+                taken.append((best, diagonal * height / 2.0))
                 yield Text(name, best + corner, height)
 
-    def _rooms(
+    def _free_places(
         self, at: complex, hole: float, taken: Sequence[tuple[complex, float]]
     ) -> Iterator[tuple[complex, float]]:
         """Yield places around a hole with the radius that is clear of cuts and labels [mm]."""
-        slots = [
-            ((self._placed(slot.start), self._placed(slot.end)), MM * slot.diameter / 2.0)
-            for slot in self._plate.slots
-        ]
+        slots, links, circles = [*self._slot_lines()], self._links(), self.circles()
         reach = hole / 2.0 + 2.0 * self._radius
         for k in range(DIRECTIONS * DISTANCES):
             far = hole / 2.0 + (reach - hole / 2.0) * (1 + k // DIRECTIONS) / DISTANCES
             place = at + rect(far, tau * (k % DIRECTIONS) / DIRECTIONS)
-            if any(abs(place - circle.at) < far * (1.0 - 1e-9) for circle in self.circles):
+            if any(abs(place - circle.at) < far * (1.0 - 1e-9) for circle in circles):
                 # Another hole is nearer.
                 continue
-            inside = self._radius - min(distance_to(link, place) for link in self._links)
+            inside = self._radius - min(distance_to(link, place) for link in links)
             clear = [abs(place - centre) - radius for centre, radius in taken]
             clear += [distance_to(slot, place) - radius for slot, radius in slots]
-            # Of the same room the nearest counts.
-            yield place, min(inside, *clear) - MARGIN - 1e-3 * far
+            # Among equal ones the nearest wins.
+            yield place, min(inside, *clear) - LABEL_CLEARANCE - 1e-3 * far
+
+    def _links(self) -> list[Segment]:
+        return [(self._placed(start), self._placed(end)) for start, end in self._plate.links]
+
+    def _slot_lines(self) -> Iterator[tuple[Segment, float]]:
+        for slot in self._plate.slots:
+            line = self._placed(slot.start), self._placed(slot.end)
+            yield line, MM * slot.diameter / 2.0
 
     def _placed(self, at: complex) -> complex:
-        return at * self._turn - self._low + self.corner + 1j * self._below
+        return at * self._rotation - self._origin + self.corner
+
+
+def svg(given: Drawing) -> str:
+    """Return a drawing as SVG in millimetres: groups of cuts, holes and labels."""
+    wide, high = given.size.real, given.size.imag
+    root = Element(
+        'svg',
+        xmlns='http://www.w3.org/2000/svg',
+        width=f'{wide:.6f}mm',
+        height=f'{high:.6f}mm',
+        viewBox=f'0 0 {wide:.6f} {high:.6f}',
+    )
+    cuts, holes, labels = (
+        SubElement(root, 'g', {'id': name, **style}) for name, style in SVG_STYLES.items()
+    )
+
+    def x_y(at: complex) -> tuple[str, str]:
+        # y is down.
+        return f'{at.real:.6f}', f'{high - at.imag:.6f}'
+
+    for outline in (*given.outlines, *given.windows):
+        SubElement(cuts, 'path', d=path_data(outline, high))
+    for circle in given.circles:
+        cx, cy = x_y(circle.at)
+        SubElement(holes, 'circle', cx=cx, cy=cy, r=f'{circle.radius:.6f}')
+    for slot in given.slots:
+        SubElement(holes, 'path', d=path_data(slot, high))
+    for text in given.texts:
+        x, y = x_y(text.at)
+        size = f'{text.height / FONT_CAPITAL:.6f}'
+        SubElement(labels, 'text', {'x': x, 'y': y, 'font-size': size}).text = text.text
+    return svg_file(root)
+
+
+def path_data(outline: Outline, high: float) -> str:
+    """Return an outline as the data of an SVG path, with y down from a height [mm]."""
+
+    def x_y(at: complex) -> str:
+        return f'{at.real:.6f} {high - at.imag:.6f}'
+
+    commands = [f'M {x_y(outline[0].at)}']
+    for corner, following in zip(outline, [*outline[1:], outline[0]], strict=True):
+        if corner.bulge:
+            chord = abs(following.at - corner.at)
+            radius = chord / (2.0 * sin(2.0 * atan(corner.bulge)))
+            commands.append(f'A {radius:.6f} {radius:.6f} 0 0 0 {x_y(following.at)}')
+        else:
+            commands.append(f'L {x_y(following.at)}')
+    return ' '.join([*commands, 'Z'])
+
+
+def svg_file(root: Element) -> str:
+    """Return an SVG element as the text of a file."""
+    indent(root)
+    text = tostring(root, encoding='unicode')
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
+
+
+def dxf(given: Drawing) -> bytes:
+    """
+    Return a drawing as DXF in millimetres: closed LWPOLYLINEs with arcs, CIRCLEs and TEXTs.
+
+    Raises
+    ------
+    NoEzdxfError
+        ezdxf is not installed.
+
+    """
+    try:
+        from ezdxf.filemanagement import new  # noqa: PLC0415 - an extra
+        from ezdxf.units import MM as DXF_MM  # noqa: PLC0415 - as above
+    except ModuleNotFoundError as error:
+        raise NoEzdxfError from error
+
+    document = new('R2010', units=DXF_MM)
+    for name, colour in DXF_COLOURS.items():
+        document.layers.add(name, color=colour)
+    space = document.modelspace()
+
+    def closed(outline: Outline, layer: str) -> None:
+        corners = [(corner.at.real, corner.at.imag, corner.bulge) for corner in outline]
+        space.add_lwpolyline(corners, format='xyb', close=True, dxfattribs={'layer': layer})
+
+    for outline in (*given.outlines, *given.windows):
+        closed(outline, 'CUT')
+    for circle in given.circles:
+        at = circle.at.real, circle.at.imag
+        space.add_circle(at, circle.radius, dxfattribs={'layer': 'HOLES'})
+    for slot in given.slots:
+        closed(slot, 'HOLES')
+    for text in given.texts:
+        label = space.add_text(text.text, height=text.height, dxfattribs={'layer': 'LABELS'})
+        label.set_placement((text.at.real, text.at.imag))
+    stream = StringIO()
+    document.write(stream)
+    return document.encode(stream.getvalue())

@@ -1,24 +1,35 @@
 """
-The layers of a leg's plates: over all crank angles nothing in a layer collides.
+The layers of a leg's plates: over all crank angles no two parts in a layer collide.
 
-Plates of one layer keep a clearance from each other, and so does a plate from each foreign shaft
-that passes its layer; a shaft is the pin of a joint, from the lowest of its plates to the highest.
-The search for the fewest layers is exact: depth first, with the plates of a layer and
-the shafts through it checked at each step.
+Plates in a layer keep a clearance from each other, and from each foreign shaft through the layer;
+a shaft is the pin of a joint, from its lowest plate to its highest. Distances are sampled over the
+crank angle and reduced by a bound of their change between samples. The search for the minimum
+number of layers is exact: depth first, with all plates and shafts of a layer checked at each step.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, count
 
-from klann_ros.kinematics import Linkage
+from klann_ros.kinematics import Linkage, linkage_poses
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 from klann_ros.kinematics.linkage.structure import FIXED
+import numpy as np
 
 from .plates import COINCIDENCE, ExportError, Plate
-from .sweep import SweptMotion
+from .travel import crank_angles
 
-# Steps of a search for the first arrangement, and for a better one.
+# Search steps for the first arrangement, and for a better one.
 MAX_STEPS, MAX_BETTER = 1_000_000, 100_000
+# Between moving parts [m].
+CLEARANCE = 0.5e-3
+# Crank angles of a turn, or of an arc.
+SWEEP_SAMPLES = 3601
+
+# The centre lines of a part at all crank angles, shape (k,) for both ends, and its half width.
+SweptPart = tuple[list[tuple[ComplexArray, ComplexArray]], float]
+# Of each shaft: its plates, and the foreign plates that it would cross.
+Pins = Sequence[tuple[tuple[int, ...], tuple[int, ...]]]
 
 
 @dataclass(frozen=True)
@@ -33,9 +44,9 @@ class Shaft:
     plates : tuple of int
         The plates that it joins.
     carrier : int
-        A plate that it is fixed to, and where in its coordinates [m].
+        A plate that it is fixed to.
     at : complex
-        As above.
+        Its place in that plate's coordinates [m].
     diameter : float
         Of its holes [m].
 
@@ -48,7 +59,7 @@ class Shaft:
     diameter: float
 
     def radius(self, width: float) -> float:
-        """Return the outer radius of its spacers: that of two holes, or of a link [m]."""
+        """Return the outer radius of its spacers: two holes wide, but no wider than a link [m]."""
         return min(self.diameter, width / 2.0)
 
 
@@ -62,16 +73,16 @@ class Layers:
     plates : tuple of Plate
         The plates of a leg.
     layer : tuple of int
-        Of each plate, from 0 at the bottom.
+        The layer of each plate, from 0 at the bottom.
     shafts : tuple of Shaft
         The pins.
     stubs : tuple of (Shaft, tuple of int)
-        Those that no arrangement leaves whole, and the plates that pass between theirs.
+        The pins that every arrangement interrupts, and the plates between their own.
     flush : tuple of (Shaft, int)
-        A shaft, and -1 for its lower or 1 for its upper end, that a plate passes over: no head or
+        A pin, and -1 for its lower or 1 for its upper end, that a plate passes over: no head or
         nut may stand out there.
-    motion : SweptMotion
-        Of the plates.
+    motion : PlateMotion
+        The motion of the plates.
 
     """
 
@@ -80,7 +91,7 @@ class Layers:
     shafts: tuple[Shaft, ...]
     stubs: tuple[tuple[Shaft, tuple[int, ...]], ...]
     flush: tuple[tuple[Shaft, int], ...]
-    motion: SweptMotion
+    motion: 'PlateMotion'
 
     @property
     def count(self) -> int:
@@ -93,16 +104,16 @@ class Layers:
         return min(own), max(own)
 
     def spacers(self, shaft: Shaft) -> int:
-        """Return in how many layers between its plates a shaft has none of them."""
+        """Return the number of layers between a shaft's plates without one of them."""
         low, high = self.span(shaft)
         return high - low + 1 - len({self.layer[p] for p in shaft.plates})
 
 
 def layers(linkage: Linkage, plates: Sequence[Plate]) -> Layers:
     """
-    Return the fewest layers of a leg's plates, the ground outermost where that takes no more.
+    Return the minimum number of layers, with the ground outermost unless that takes more.
 
-    Among these, few shafts that must be flush, then short shafts.
+    Among these, with few flush ends, then with short shafts.
 
     Parameters
     ----------
@@ -117,96 +128,182 @@ def layers(linkage: Linkage, plates: Sequence[Plate]) -> Layers:
         The crank reaches no angle, or the plates are too many for the search.
 
     """
-    shafts = _shafts(plates)
-    motion = SweptMotion(linkage)
+    shafts, motion = _shafts(plates), PlateMotion(linkage)
     swept = [motion.swept(plate) for plate in plates]
-    paths = [motion.pin(plates[s.carrier], s.at, s.radius(plates[0].width)) for s in shafts]
     clashes: list[set[int]] = [set() for _ in plates]
     for i, j in combinations(range(len(plates)), 2):
         if motion.collide(swept[i], swept[j]):
             clashes[i].add(j)
             clashes[j].add(i)
-    crossed = [
-        tuple(
-            p
-            for p in range(len(plates))
-            if p not in shaft.plates and motion.collide(swept[p], pin)
-        )
-        for shaft, pin in zip(shafts, paths, strict=True)
-    ]
+    pins = []
+    for shaft in shafts:
+        pin = motion.pin(plates[shaft.carrier], shaft.at, shaft.radius(plates[0].width))
+        foreign = (p for p in range(len(plates)) if p not in shaft.plates)
+        pins.append((shaft.plates, tuple(p for p in foreign if motion.collide(swept[p], pin))))
     ground = next((p for p, plate in enumerate(plates) if plate.body == FIXED), None)
-    pins = [(shaft.plates, each) for shaft, each in zip(shafts, crossed, strict=True)]
     for number in range(len(shafts) + 1):
         for cut in combinations(range(len(shafts)), number):
             remaining = [(own, () if k in cut else each) for k, (own, each) in enumerate(pins)]
             found = _fewest(clashes, remaining, ground)
             if found is not None:
-                flush = tuple((shafts[k], way) for k, way in _flush(found, pins))
-                stubs = tuple(
-                    (shafts[k], tuple(p for p in crossed[k] if _is_between(found, p, shafts[k])))
-                    for k in cut
-                )
+                flush = tuple((shafts[k], side) for k, side in _flush(found, pins))
+                stubs = tuple((shafts[k], _between(found, *pins[k])) for k in cut)
                 return Layers(tuple(plates), found, tuple(shafts), stubs, flush, motion)
     raise AssertionError('without shafts, a layer for each plate is enough')
 
 
+class PlateMotion:
+    """
+    The motion of a leg's plates over all crank angles.
+
+    Attributes
+    ----------
+    bound : float
+        Upper bound of the change of a distance between two samples, of those computed [m].
+    crank : str
+        The first point of the crank.
+    shown : int
+        The sample that is drawn.
+
+    """
+
+    def __init__(self, linkage: Linkage) -> None:
+        structure = linkage.structure
+        alphas = crank_angles(linkage, SWEEP_SAMPLES)
+        found = linkage_poses(linkage, alphas, points=True)
+        if found.points is None:
+            raise AssertionError('points are requested')
+        points = found.points[..., 0] + 1j * found.points[..., 1]
+        is_known = np.asarray(np.isfinite(points).all(axis=1))
+        if not is_known.any():
+            raise ExportError('the crank reaches no angle: nothing moves')
+        self._steps = is_known[1:] & is_known[:-1]
+        # Nothing moves across the gap between two arcs.
+        last = SWEEP_SAMPLES - 1
+        self._steps[last::SWEEP_SAMPLES] = False
+        self.shown = int(np.flatnonzero(is_known)[is_known.sum() // 6])
+        at = {name: points[:, k] for k, name in enumerate(structure.points)}
+        zero = np.zeros(alphas.size, np.complex128)
+        rotations = {FIXED: zero + 1.0}
+        for j, body in enumerate(structure.bodies):
+            if not body.slides:
+                along = at[body.bars[0].end] - at[body.bars[0].start]
+                rotations[j] = along / np.abs(along)
+        self._frames = {FIXED: (zero, rotations[FIXED])} | {
+            j: (at[body.points[0]], rotations[structure.frames[j]])
+            for j, body in enumerate(structure.bodies)
+        }
+        self.bound = 0.0
+        self.crank = structure.crank.points[0]
+
+    def place(self, plate: Plate, at: complex) -> ComplexArray:
+        """Return the path of a point of a plate, shape (k,) [m]."""
+        origin, rotation = self._frames[plate.body]
+        return np.asarray(origin + at * rotation)
+
+    def swept(self, plate: Plate) -> SweptPart:
+        """Return the links of a plate over all crank angles."""
+        links = [(self.place(plate, a), self.place(plate, b)) for a, b in plate.links]
+        return links, plate.width / 2.0
+
+    def pin(self, plate: Plate, at: complex, radius: float) -> SweptPart:
+        """Return a shaft over all crank angles."""
+        place = self.place(plate, at)
+        return [(place, place)], radius
+
+    def collide(self, one: SweptPart, other: SweptPart) -> bool:
+        """Return whether two parts may come nearer than the clearance, between samples too."""
+        least = one[1] + other[1] + CLEARANCE
+        return any(self._least(a, b) < least for a in one[0] for b in other[0])
+
+    def _least(
+        self, one: tuple[ComplexArray, ComplexArray], other: tuple[ComplexArray, ComplexArray]
+    ) -> float:
+        """Return a lower bound of the distance of two segments over all crank angles [m]."""
+        moved = sum(
+            np.max([np.abs(np.diff(end)) for end in segment], axis=0) for segment in (one, other)
+        )
+        far = distances(one, other)
+        least = (far[1:] + far[:-1] - moved) / 2.0
+        self.bound = max(self.bound, float(np.max(moved[self._steps])) / 2.0)
+        return float(least[self._steps].min())
+
+
+def distances(
+    one: tuple[ComplexArray, ComplexArray], other: tuple[ComplexArray, ComplexArray]
+) -> FloatArray:
+    """Return the distances of two segments in many poses, shape (k,)."""
+    a, b, apart = one[1] - one[0], other[1] - other[0], other[0] - one[0]
+    across = _cross(a, b)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        s, t = _cross(apart, b) / across, _cross(apart, a) / across
+    crossing = (s >= 0.0) & (s <= 1.0) & (t >= 0.0) & (t <= 1.0)
+    ends = [_from_segment(end, other) for end in one] + [_from_segment(end, one) for end in other]
+    return np.where(crossing, 0.0, np.min(ends, axis=0))
+
+
+def _from_segment(at: ComplexArray, segment: tuple[ComplexArray, ComplexArray]) -> FloatArray:
+    along = segment[1] - segment[0]
+    size = np.abs(along) ** 2
+    part = ((at - segment[0]) * along.conj()).real / np.where(size > 0.0, size, 1.0)
+    return np.asarray(np.abs(at - segment[0] - np.clip(part, 0.0, 1.0) * along))
+
+
+def _cross(a: ComplexArray, b: ComplexArray) -> FloatArray:
+    return np.asarray((a.conj() * b).imag)
+
+
 def _shafts(plates: Sequence[Plate]) -> list[Shaft]:
-    """Return the pins of the plates, those at one place of a plate as one."""
-    joined: list[dict[tuple[int, int], None]] = []
+    """Return the pins of the plates; holes that share a point have one."""
+    groups: list[list[tuple[int, int]]] = []
     for p, plate in enumerate(plates):
         for h, hole in enumerate(plate.holes):
             names = set(hole.name.split(',')) - {''}
             same = [
                 group
-                for group in joined
+                for group in groups
                 if any(names & set(plates[q].holes[k].name.split(',')) for q, k in group)
             ]
-            joined = [group for group in joined if group not in same]
-            joined.append(dict.fromkeys([*(key for group in same for key in group), (p, h)]))
+            groups = [group for group in groups if group not in same]
+            groups.append([*(key for group in same for key in group), (p, h)])
     found = []
-    for group in joined:
+    for group in groups:
         (carrier, h), *_ = group
-        holes = [plates[p].holes[k] for p, k in group]
-        points = dict.fromkeys(n for hole in holes for n in hole.name.split(',') if n)
-        through = dict.fromkeys(p for p, _ in group)
-        guided = None
-        for p, plate in enumerate(plates):
-            for slot in plate.slots:
-                for q, k in group:
-                    at = plates[q].holes[k].at
-                    if (
-                        plates[q].body == slot.body
-                        and min(abs(at - x) for x in slot.pins) < COINCIDENCE
-                    ):
-                        through[p] = guided = None
-                        guided = slot.name
+        holes = [(plates[p].body, plates[p].holes[k]) for p, k in group]
+        points = dict.fromkeys(n for _, hole in holes for n in hole.name.split(',') if n)
+        guiding = {
+            p: slot.name
+            for p, plate in enumerate(plates)
+            for slot in plate.slots
+            for body, hole in holes
+            if body == slot.body and min(abs(hole.at - x) for x in slot.pins) < COINCIDENCE
+        }
+        through = tuple(dict.fromkeys([*(p for p, _ in group), *guiding]))
         if len(through) > 1:
-            name = ','.join(points) or f'guide of {guided}'
-            widest = max(hole.diameter for hole in holes)
-            found.append(Shaft(name, tuple(through), carrier, plates[carrier].holes[h].at, widest))
+            name = ','.join(points) or f'guide of {[*guiding.values()][-1]}'
+            widest = max(hole.diameter for _, hole in holes)
+            found.append(Shaft(name, through, carrier, plates[carrier].holes[h].at, widest))
     return found
 
 
-def _is_between(layer: Sequence[int], plate: int, shaft: Shaft) -> bool:
-    own = [layer[p] for p in shaft.plates]
-    return min(own) <= layer[plate] <= max(own)
-
-
-Pins = Sequence[tuple[tuple[int, ...], tuple[int, ...]]]
+def _between(layer: Sequence[int], own: Sequence[int], crossing: Sequence[int]) -> tuple[int, ...]:
+    """Return the plates among `crossing` between the lowest and the highest of a shaft's own."""
+    span = [layer[p] for p in own]
+    return tuple(p for p in crossing if min(span) <= layer[p] <= max(span))
 
 
 def _fewest(clashes: Sequence[set[int]], pins: Pins, ground: int | None) -> tuple[int, ...] | None:
-    """Return the layer of each plate, the fewest that there are; None if no number is enough."""
+    """Return the layer of each plate, as few as possible; None if no number is enough."""
     for number in range(1, len(clashes) + 1):
         for first in (ground, None) if ground is not None else (None,):
-            found = [*_Search(clashes, pins, number, first).found()]
+            found = [*_Search(clashes, pins, number, first).arrangements(0)]
             if found:
                 return found[-1]
     return None
 
 
 class _Search:
-    """Plates into a number of layers, depth first."""
+    """Depth-first search of the plates' layers, for a given number of layers."""
 
     def __init__(
         self, clashes: Sequence[set[int]], pins: Pins, number: int, lowest: int | None
@@ -219,11 +316,8 @@ class _Search:
         self._best: tuple[int, int] | None = None
         self._steps = count()
 
-    def found(self) -> Iterator[tuple[int, ...]]:
+    def arrangements(self, depth: int) -> Iterator[tuple[int, ...]]:
         """Yield arrangements, each better than the one before."""
-        yield from self._down(0)
-
-    def _down(self, depth: int) -> Iterator[tuple[int, ...]]:
         step = next(self._steps)
         if step > MAX_STEPS and self._best is None:
             raise ExportError(f'{len(self._order)} plates are too many to find their layers')
@@ -240,7 +334,7 @@ class _Search:
         for layer in (0,) if plate == self._lowest else range(self._number):
             self._layer[plate] = layer
             if self._is_free(plate):
-                yield from self._down(depth + 1)
+                yield from self.arrangements(depth + 1)
             del self._layer[plate]
 
     def _is_free(self, plate: int) -> bool:
@@ -258,7 +352,7 @@ class _Search:
         return True
 
     def _length(self) -> int:
-        """Return how many layers all shafts span so far."""
+        """Return the total length of all shafts so far [layers]."""
         placed = [[self._layer[p] for p in own if p in self._layer] for own, _ in self._pins]
         return sum(max(each) - min(each) for each in placed if each)
 

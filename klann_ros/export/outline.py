@@ -1,8 +1,8 @@
 """
 The outline of links of one width: the curve at a distance from segments.
 
-It is made of lines beside the segments and of arcs about their ends, cut where they meet; what is
-nearer to a segment than the distance is inside and left out.
+It consists of lines beside the segments and arcs about their ends, cut at their intersections.
+Pieces nearer to a segment than the distance are inside and left out.
 """
 
 from cmath import phase, rect
@@ -11,22 +11,22 @@ from itertools import pairwise
 from math import pi, sqrt, tan, tau
 from typing import NamedTuple
 
-# As parts of the distance: 0, the least piece, the gap between pieces, the extent of a curve.
-ZERO, MIN_PIECE, GAP, MIN_EXTENT = 1e-9, 1e-6, 1e-5, 1e-3
+# As parts of the distance: rounding, the shortest piece, gaps between pieces, the least curve.
+ZERO, MIN_PIECE, MAX_PIECE_GAP, MIN_EXTENT = 1e-9, 1e-6, 1e-5, 1e-3
 Segment = tuple[complex, complex]
 
 
 class Corner(NamedTuple):
     """
-    A corner of an outline, as DXF has it.
+    A corner of an outline, as in DXF.
 
     Attributes
     ----------
     at : complex
         Its place.
     bulge : float
-        Of the way to the next corner: the tangent of a quarter of its arc, > 0 counter-clockwise;
-        0 for a straight line.
+        The tangent of a quarter of the arc to the next corner, > 0 counter-clockwise; 0 for a
+        straight line.
 
     """
 
@@ -47,7 +47,7 @@ class _Piece(NamedTuple):
 
 
 def nearest_on(segment: Segment, at: complex) -> complex:
-    """Return the place on a segment that is nearest to another."""
+    """Return the point of a segment nearest to a place."""
     start, end = segment
     along = end - start
     if not along:
@@ -78,7 +78,7 @@ def outlines(segments: Sequence[Segment], radius: float) -> tuple[Outline, ...]:
     An outer curve is counter-clockwise, one around a window clockwise. A segment of length 0 is a
     disc.
     """
-    gap, pieces, found = GAP * radius, _edges(segments, radius), []
+    gap, pieces, found = MAX_PIECE_GAP * radius, _edges(segments, radius), []
     while pieces:
         chain = [pieces.pop()]
         while pieces:
@@ -88,20 +88,21 @@ def outlines(segments: Sequence[Segment], radius: float) -> tuple[Outline, ...]:
                 break
             pieces.remove(following)
             chain.append(following)
-        # Where pieces only touch, one without an extent is left over.
+        # Where pieces only touch, one of no size is left over.
         if max(abs(piece.start - chain[0].start) for piece in chain) > MIN_EXTENT * radius:
             found.append(tuple(Corner(piece.start, piece.bulge) for piece in chain))
     return tuple(sorted(found, key=lambda outline: min(corner.at.real for corner in outline)))
 
 
 def _edges(segments: Sequence[Segment], radius: float) -> list[_Piece]:
-    """Return the pieces that are nowhere inside, each once."""
+    """Return the pieces outside all segments, each once."""
+    gap = MAX_PIECE_GAP * radius
     boundary: list[_Piece] = []
     for piece in (*_lines(segments, radius), *_arcs(segments, radius)):
         inside = any(distance_to(s, piece.middle) < radius * (1.0 - ZERO) for s in segments)
         is_known = any(
-            abs(piece.start - one.start) + abs(piece.end - one.end) < GAP * radius
-            and abs(piece.middle - one.middle) < GAP * radius
+            abs(piece.start - one.start) + abs(piece.end - one.end) < gap
+            and abs(piece.middle - one.middle) < gap
             for one in boundary
         )
         if not inside and not is_known:
@@ -111,8 +112,8 @@ def _edges(segments: Sequence[Segment], radius: float) -> list[_Piece]:
 
 def _sides(segments: Sequence[Segment], radius: float) -> list[Segment]:
     """Return the lines beside segments, the segment to the left."""
-    ways = [(a, b) for s in segments if s[0] != s[1] for a, b in (s, s[::-1])]
-    return [(a + side, b + side) for a, b in ways for side in [-1j * radius * _unit(b - a)]]
+    directed = [(a, b) for s in segments if s[0] != s[1] for a, b in (s, s[::-1])]
+    return [(a + side, b + side) for a, b in directed for side in [-1j * radius * _unit(b - a)]]
 
 
 def _lines(segments: Sequence[Segment], radius: float) -> Iterator[_Piece]:
@@ -149,9 +150,8 @@ def _arcs(segments: Sequence[Segment], radius: float) -> Iterator[_Piece]:
         for other in {end for segment in segments for end in segment}:
             apart = other - centre
             if 0.0 < abs(apart) <= 2.0 * radius:
-                turned = rect(1.0, phase(apart))
                 half = sqrt(max(radius**2 - abs(apart) ** 2 / 4.0, 0.0))
-                cuts += [phase((abs(apart) / 2.0 + 1j * h) * turned) for h in (-half, half)]
+                cuts += [phase((abs(apart) / 2.0 + 1j * h) * _unit(apart)) for h in (-half, half)]
         cuts = sorted(cut % tau for cut in cuts)
         for a, b in zip(cuts, [*cuts[1:], cuts[0] + tau], strict=True):
             if b - a > MIN_PIECE:
@@ -159,5 +159,5 @@ def _arcs(segments: Sequence[Segment], radius: float) -> Iterator[_Piece]:
                 yield _Piece(p, q, middle, tan((b - a) / 4.0))
 
 
-def _unit(way: complex) -> complex:
-    return way / abs(way)
+def _unit(vector: complex) -> complex:
+    return vector / abs(vector)

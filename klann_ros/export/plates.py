@@ -2,7 +2,7 @@
 The bodies of a robot as flat plates: links of one width along bars, with holes at the joints.
 
 A plate's coordinates are those of its body, from its first point along its angle; the ground's are
-the plane's. What slides along a body has a slot there, as wide as a hole, for its pins to run in.
+the plane's. A sliding body has pins, and the body that it slides along a slot for them.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,12 +19,12 @@ from klann_ros.sanitize.text import counted, did_you_mean
 from .outline import crosses, distance_to, nearest_on, Segment
 from .travel import ExportError, slide_lines, SlideLine
 
-# Nearer than this two points are one [m].
+# Points within this distance coincide [m].
 COINCIDENCE = 1e-9
-# Where the pins of what slides may stand, by the width from where its distance is measured.
-GUIDES = (0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0, 5.0, -5.0)
+# Candidate positions of a sliding body's pins along its line, in widths from its first point.
+GUIDE_POSITIONS = (0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0, 5.0, -5.0)
 GROUND = 'ground'
-# The least material between a hole and an edge, or another hole, as a part of its diameter.
+# Minimum material between a hole and an edge, or another hole, as a part of its diameter.
 MIN_WALL = 0.25
 
 __all__ = ['ExportError', 'Hole', 'Plate', 'Slot', 'plates', 'slot_conflict']
@@ -34,7 +34,7 @@ __all__ = ['ExportError', 'Hole', 'Plate', 'Slot', 'plates', 'slot_conflict']
 class Hole:
     """A hole in a plate."""
 
-    # The points there, such as 'A'; '' for a pin that only guides.
+    # Its points, such as 'A'; '' for a guide pin.
     name: str
     # Its centre [m].
     at: complex
@@ -58,7 +58,7 @@ class Slot:
     end: complex
     # Its width, the diameter of the pins' holes [m].
     diameter: float
-    # The body that slides, and its pins, in its coordinates [m].
+    # The sliding body, and its pins in its coordinates [m].
     body: int
     pins: tuple[complex, ...]
 
@@ -67,9 +67,10 @@ class Slot:
         """Return its name for messages."""
         return f'the slot of {self.name}'
 
-    def distance(self, at: complex) -> float:
-        """Return the distance of a place from its centre line [m]."""
-        return distance_to((self.start, self.end), at)
+    @property
+    def line(self) -> Segment:
+        """Return its centre line [m]."""
+        return self.start, self.end
 
 
 @dataclass(frozen=True)
@@ -80,15 +81,15 @@ class Plate:
     Attributes
     ----------
     name : str
-        Its body.
+        The name of its body.
     holes : tuple of Hole
-        Its holes.
+        The holes.
     slots : tuple of Slot
-        Its slots.
+        The slots.
     count : int
-        How many the robot has of it.
+        Number of such plates in the robot.
     legs : str
-        Of which legs it is, where not all are alike.
+        The first leg that has it, if legs differ.
     links : tuple of (complex, complex)
         The centre lines of its material, all of one width [m].
     width : float
@@ -123,18 +124,18 @@ def plates(
     holes: Mapping[str, float] | None = None,
 ) -> tuple[Plate, ...]:
     """
-    Return the plates of a robot: of legs that are alike once, with their number.
+    Return the plates of a robot; equal legs once, with their number.
 
     Parameters
     ----------
     robot : Robot
-        Its bodies are cut.
+        The robot.
     hole : float
         The diameter of the holes [m].
     width : float
         The width of a link [m].
     scale : float
-        The plates' size over the robot's; hole and width stay.
+        Scale of the robot; holes and width stay.
     holes : mapping of str to float, optional
         The diameters of some joints, by the names of their points [m].
 
@@ -143,8 +144,7 @@ def plates(
     GeometryError
         The scale is not finite and > 0.
     ExportError
-        A diameter or the width is refused, or there is no such joint; holes are too near to each
-        other.
+        A diameter or the width is invalid, a joint is unknown, or holes are too close.
 
     """
     sizes = {'': hole, **(holes or {})}
@@ -184,9 +184,8 @@ def plates(
 def _check_holes(plate: Plate) -> None:
     """Refuse holes that leave too little material between them."""
     for one, other in combinations(plate.holes, 2):
-        least = (one.diameter + other.diameter) / 2.0 + MIN_WALL * max(
-            one.diameter, other.diameter
-        )
+        diameters = one.diameter, other.diameter
+        least = sum(diameters) / 2.0 + MIN_WALL * max(diameters)
         if abs(one.at - other.at) < least:
             raise ExportError(
                 f'{plate.name}: {one.shown} and {other.shown} are '
@@ -196,23 +195,18 @@ def _check_holes(plate: Plate) -> None:
 
 
 def slot_conflict(plate: Plate) -> str:
-    """Return which slots of a plate run into a hole or a slot, '' for none."""
-    cuts: tuple[Hole | Slot, ...] = (*plate.slots, *plate.holes)
+    """Return a message about slots of a plate that overlap a hole or a slot, '' without any."""
+    cuts: list[tuple[Hole | Slot, Segment]] = [(slot, slot.line) for slot in plate.slots]
+    cuts += [(hole, (hole.at, hole.at)) for hole in plate.holes]
     met = [
         f'{one.shown} and {other.shown}'
-        for one, other in combinations(cuts, 2)
-        if isinstance(one, Slot) and _distance(one, other) < (one.diameter + other.diameter) / 2.0
+        for (one, line), (other, place) in combinations(cuts, 2)
+        if isinstance(one, Slot) and _gap(line, place)[0] < (one.diameter + other.diameter) / 2.0
     ]
     if not met:
         return ''
     more = f', and {counted(len(met) - 1, "more pair")}' if len(met) > 1 else ''
     return f'{plate.name}: {met[0]} run into each other{more}'
-
-
-def _distance(one: Slot, other: Hole | Slot) -> float:
-    if isinstance(other, Hole):
-        return one.distance(other.at)
-    return _gap((one.start, one.end), (other.start, other.end))[0]
 
 
 def _of_linkage(linkage: Linkage, sizes: Mapping[str, float], width: float) -> Iterator[Plate]:
@@ -228,43 +222,31 @@ def _of_linkage(linkage: Linkage, sizes: Mapping[str, float], width: float) -> I
         for name, at in zip(structure.pivots, linkage.pivots, strict=True)
         if len(structure.owners[name]) > 1
     ]
-    widest = {line.body: drilled[line.body][0].diameter for line in lines}
+    # A sliding body's pins keep clear of the slots in it, first taken as short as with one pin.
+    short: dict[int, list[Segment]] = {j: [] for j in drilled}
+    for line in lines:
+        short[line.on].append(line.ends([0.0]))
     slots: dict[int, list[Slot]] = {j: [] for j in drilled}
     for line in lines:
-        slots[line.on].append(_slot(line, [0.0], widest[line.body]))
-    pins = {}
-    for line in lines:
-        pins[line.body] = [0.0]
-        if structure.bodies[line.body].rigid:
-            body = structure.bodies[line.body]
-            is_joint = len(structure.owners[body.points[0]]) > 1
-            pins[line.body] = _pins(
-                line, drilled[line.body], slots[line.body], hole, width, is_joint
-            )
-            round_holes = drilled[line.body] if is_joint else drilled[line.body][1:]
-            guides = [
-                Hole('', x * line.direction, hole) for x in pins[line.body] if x or not is_joint
-            ]
-            drilled[line.body] = [*round_holes, *guides]
-            widest[line.body] = max(hole, widest[line.body]) if is_joint else hole
-    for on in slots:
-        slots[on] = [
-            _slot(line, pins[line.body], widest[line.body]) for line in lines if line.on == on
-        ]
+        j, pins, widest = line.body, [0.0], drilled[line.body][0].diameter
+        if structure.bodies[j].rigid:
+            is_joint = len(structure.owners[structure.bodies[j].points[0]]) > 1
+            joints = drilled[j] if is_joint else drilled[j][1:]
+            pins = _pins(line, joints, short[j], hole, width, is_joint=is_joint)
+            guides = [Hole('', x * line.direction, hole) for x in pins if x or not is_joint]
+            drilled[j] = [*joints, *guides]
+            widest = max(hole, widest) if is_joint else hole
+        places_on_line = tuple(x * line.direction for x in pins)
+        slots[line.on].append(Slot(line.name, *line.ends(pins), widest, j, places_on_line))
     names = {FIXED: GROUND, **dict(enumerate(structure.angles))}
     for j in (FIXED, *range(len(structure.bodies))):
         if drilled[j] or slots[j]:
             holes = tuple(_merged(drilled[j]))
             bars = [] if j == FIXED else [*_bars(linkage, j, places)]
-            cuts: list[Segment] = [(at, at) for one in holes for at in [one.at]]
-            cuts += [(slot.start, slot.end) for slot in slots[j]]
+            cuts: list[Segment] = [(one.at, one.at) for one in holes]
+            cuts += [slot.line for slot in slots[j]]
             links = tuple(_joined(bars, cuts))
             yield Plate(names[j], holes, tuple(slots[j]), links=links, width=width, body=j)
-
-
-def _slot(line: SlideLine, pins: Sequence[float], diameter: float) -> Slot:
-    at = tuple(x * line.direction for x in pins)
-    return Slot(line.name, *line.ends(pins), diameter, line.body, at)
 
 
 def _bars(
@@ -278,7 +260,7 @@ def _bars(
 
 
 def _joined(bars: Sequence[Segment], cuts: Sequence[Segment]) -> Iterator[Segment]:
-    """Yield bars, what cuts need around them, and the shortest links that join it all."""
+    """Yield bars, links around cuts, and the shortest links that connect all of these."""
     groups: list[list[Segment]] = []
     for segment in (*bars, *cuts):
         touched = [
@@ -299,7 +281,7 @@ def _joined(bars: Sequence[Segment], cuts: Sequence[Segment]) -> Iterator[Segmen
 
 
 def _gap(one: Segment, other: Segment) -> tuple[float, Segment]:
-    """Return the distance of two segments, and the shortest link between them; 0 if they cross."""
+    """Return the distance of two segments, 0 if they cross, and the shortest link between."""
     if crosses(one, other):
         return 0.0, (one[0], one[0])
     links = [(end, nearest_on(other, end)) for end in one]
@@ -308,42 +290,37 @@ def _gap(one: Segment, other: Segment) -> tuple[float, Segment]:
     return abs(link[1] - link[0]), link
 
 
-def _pins(  # noqa: PLR0917 - shared state
+def _pins(
     line: SlideLine,
-    holes: list[Hole],
-    slots: list[Slot],
+    joints: Sequence[Hole],
+    slots: Sequence[Segment],
     hole: float,
     width: float,
+    *,
     is_joint: bool,
 ) -> list[float]:
-    """
-    Return where on its line the two pins are that hold what slides [m].
-
-    One is the joint where its distance is measured, if that is one.
-    """
-    holes = holes if is_joint else holes[1:]
-    room = max(hole, width / 2.0)
+    """Return the positions of a sliding body's two pins on its line [m]; one may be its joint."""
+    clearance = max(hole, width / 2.0)
     pins = [0.0] if is_joint else []
-    for part in GUIDES:
+    for part in GUIDE_POSITIONS:
         at = part * width * line.direction
-        apart = [abs(other.at - at) for other in holes] + [slot.distance(at) for slot in slots]
+        apart = [abs(other.at - at) for other in joints]
+        apart += [distance_to(slot, at) for slot in slots]
         apart += [abs(part * width - pin) for pin in pins]
-        if len(pins) < 2 and all(far >= room for far in apart):
+        if len(pins) < 2 and all(far >= clearance for far in apart):
             pins.append(part * width)
     return pins or [0.0]
 
 
 def _merged(holes: list[Hole]) -> Iterator[Hole]:
-    """Yield holes, those at one place as one."""
-    merged: list[Hole] = []
+    """Yield holes, coincident ones as one."""
+    groups: list[list[Hole]] = []
     for hole in holes:
-        same = next(
-            (k for k, other in enumerate(merged) if abs(other.at - hole.at) < COINCIDENCE), None
-        )
-        if same is None:
-            merged.append(hole)
+        group = next((g for g in groups if abs(g[0].at - hole.at) < COINCIDENCE), None)
+        if group is None:
+            groups.append([hole])
         else:
-            name = f'{merged[same].name},{hole.name}'.strip(',')
-            widest = max(merged[same].diameter, hole.diameter)
-            merged[same] = Hole(name, merged[same].at, widest)
-    yield from merged
+            group.append(hole)
+    for group in groups:
+        name = ','.join(filter(None, (hole.name for hole in group)))
+        yield Hole(name, group[0].at, max(hole.diameter for hole in group))

@@ -1,34 +1,33 @@
-"""How far bodies slide, over all that the crank can reach."""
+"""The strokes of sliding bodies over all reachable crank angles."""
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
-from math import pi
 from typing import NamedTuple
 
 from klann_ros.dynamics.masses import body_places
 from klann_ros.kinematics import Linkage, linkage_poses, reachable_arcs
 from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.linkage.structure import FIXED
 import numpy as np
-from numpy.typing import NDArray
 
-# So fine the end of a stroke is missed by less than 2e-6 of the stroke.
+# The end of a stroke is then missed by less than 2e-6 of the stroke.
 TRAVEL_SAMPLES = 1441
 
 
 class ExportError(ValueError):
-    """A robot that cannot be written so; the text says why."""
+    """A robot that a format cannot represent; the text says why."""
 
 
 class SlideLine(NamedTuple):
-    """What a body slides along."""
+    """The line that a body slides along."""
 
-    # What slides, and what has the line, FIXED being the ground.
+    # The sliding body, and the body of the line, FIXED being the ground.
     body: int
     on: int
-    # What slides.
+    # The sliding body's name.
     name: str
-    # Where the distance is 0, in what has the line [m], and which way it grows.
+    # Distance 0 in the line's body [m], and the line's direction.
     origin: complex
     direction: complex
     # Of the distance [m].
@@ -43,7 +42,7 @@ class SlideLine(NamedTuple):
 
 def travel(linkage: Linkage) -> dict[int, tuple[float, float]]:
     """
-    Return of each body that slides its least and its greatest distance [m].
+    Return the least and the greatest distance of each sliding body [m].
 
     Raises
     ------
@@ -64,30 +63,30 @@ def travel(linkage: Linkage) -> dict[int, tuple[float, float]]:
 def slide_lines(linkage: Linkage) -> Iterator[SlideLine]:
     """Yield the lines that bodies slide along."""
     structure, places = linkage.structure, body_places(linkage)
+    pivots = dict(zip(structure.pivots, map(complex, linkage.pivots), strict=True))
     for j, (least, greatest) in travel(linkage).items():
         body, along = structure.bodies[j], structure.along[j]
         on, start = FIXED if along is None else along, body.bars[0].start
-        pivots = dict(zip(structure.pivots, linkage.pivots, strict=True))
-        origin = complex(pivots[start]) if on == FIXED else places[on, start]
+        origin = pivots[start] if on == FIXED else places[on, start]
         direction = complex(linkage.bars[structure.line_of[j]])
         yield SlideLine(j, on, body.angle, origin, direction, least, greatest)
 
 
-def crank_angles(linkage: Linkage, count: int) -> NDArray[np.float64]:
+def crank_angles(linkage: Linkage, count: int) -> FloatArray:
     """
-    Return crank angles, a number of them in each arc that can be reached, with its ends [rad].
+    Return `count` crank angles in each reachable arc, with its ends [rad].
 
-    They are even in a full turn. Elsewhere they are dense at the ends, where links get in line and
-    bodies move by the square root of the angle.
+    They are uniform in a full turn, else dense at the ends of arcs, where links are in line and
+    bodies move with the square root of the angle.
     """
     arcs = _arcs(linkage)
     part = np.linspace(0.0, 1.0, count)
     if arcs != ((0.0, TURN),):
-        part = (1.0 - np.cos(pi * part)) / 2.0
+        part = (1.0 - np.cos(np.pi * part)) / 2.0
     return np.concatenate([np.empty(0), *(a + (b - a) * part for a, b in arcs)])
 
 
-# Where something slides the search takes some tenths of a second.
+# With sliding bodies the search takes some tenths of a second.
 @lru_cache(maxsize=32)
 def _arcs(linkage: Linkage) -> tuple[tuple[float, float], ...]:
     return tuple(reachable_arcs(linkage))

@@ -1,12 +1,12 @@
 """
-A robot as URDF, moved by the joint_states of its legs alone: any linkage, not the Klann leg only.
+A robot of any linkage as URDF, moved by the joint_states of its legs alone.
 
-Each leg has a plane with the textbook's axes. The published angles are absolute, those of a URDF
-relative to the parent, so a body that hangs on another one hangs on a link without length that
-turns back as far as its parent has turned. The joints that nothing mimics are exactly the
-published ones. A tree cannot close loops: where two bodies meet one of them carries the point, and
-the angles see to it that the other one ends there too. For the same reason no link has a mass.
-Of a Klann leg's the frames and joints are those of klann.urdf.xacro.
+Each leg has a plane with the textbook's axes. Published angles are absolute, those of a URDF are
+relative to the parent. So a body is attached to its parent by a link without length, whose mimic
+joint turns back the parent's rotation. The joints without mimic are exactly the published ones. A
+tree cannot close loops: where two bodies meet, one carries the point, and the published angles let
+the other end there too. For the same reason no link has a mass. Frames and joints of a Klann leg
+are those of klann.urdf.xacro.
 """
 
 from cmath import phase
@@ -25,18 +25,18 @@ from .travel import ExportError, travel
 URDF_HEADER = '<?xml version="1.0" encoding="utf-8"?>\n'
 PIN, FRAME = 'klann_pin', 'klann_frame'
 LINK_COLOURS = {PIN: '0.15 0.15 0.15 1', FRAME: '0.45 0.45 0.48 1'}
-# Width of bars, as a part of the longest; sliders are drawn this number of widths long.
-WIDTH, BLOCK = 0.05, 1.6
+# Width of bars, as a part of the longest; length of sliders in widths.
+BAR_WIDTH, SLIDER_LENGTH = 0.05, 1.6
 
 
 class Place(NamedTuple):
-    """Where a point of a body is."""
+    """The place of a point of a body."""
 
     # The link that carries it.
     link: str
-    # Where in it [m].
+    # Its position in the link [m].
     at: complex
-    # How far the link is turned from its body's angle [rad].
+    # The link's rotation from its body's angle [rad].
     bend: float
 
 
@@ -49,25 +49,25 @@ def urdf(
     joint_separator: str = '_',
 ) -> str:
     """
-    Return a robot as URDF, in which its legs are moved by joint_states.
+    Return a robot as URDF, its legs moved by joint_states.
 
     Parameters
     ----------
     robot : Robot
-        The text.
+        The robot.
     base_frame, frame_id : str
-        What carries the legs, and the plane of each.
+        The frame of the body, and of each leg's plane.
     frame_prefix : str
-        What goes before every frame but `base_frame`.
+        Prefix of every frame but `base_frame`.
     joint_separator : str
-        What stands between the names of a leg and of its joint, as solver_node publishes them.
+        Separator between the names of a leg and its joint, as in solver_node's parameter.
 
     Raises
     ------
     ValueError
         Two legs have joints of one name.
     ExportError
-        A linkage is no tree that its own points tell, or reaches no angle.
+        A linkage is no tree of its own points, or reaches no angle.
 
     """
     taken = {*robot.joint_names(joint_separator)}
@@ -81,14 +81,13 @@ def urdf(
         SubElement(SubElement(root, 'material', name=name), 'color', rgba=colour)
     SubElement(root, 'link', name=base_frame)
     for leg in robot.legs:
-        _Leg(root, leg, frame_prefix + leg.prefix, joint_separator, taken).write(
-            base_frame, frame_id
-        )
+        writer = _LegWriter(root, leg, frame_prefix + leg.prefix, joint_separator, taken)
+        writer.write(base_frame, frame_id)
     indent(root)
     return URDF_HEADER + tostring(root, encoding='unicode') + '\n'
 
 
-class _Leg:
+class _LegWriter:
     """Writes the links and joints of one leg."""
 
     def __init__(
@@ -98,7 +97,7 @@ class _Leg:
         self._separator = separator
         self._linkage, self._structure = leg.linkage, leg.linkage.structure
         self._places, self._travel = body_places(leg.linkage), travel(leg.linkage)
-        self._width = WIDTH * max(
+        self._width = BAR_WIDTH * max(
             (abs(bar) for n, bar in enumerate(map(complex, leg.linkage.bars))
              if n not in self._structure.lines),
             default=leg.linkage.size,
@@ -119,41 +118,41 @@ class _Leg:
         self._ground(self._link(plane))
         for name, at in zip(structure.pivots, self._linkage.pivots, strict=True):
             self._points[FIXED, name] = Place(plane, complex(at), 0.0)
-        rest = [*range(len(structure.bodies))]
-        while rest:
-            j = next((j for j in rest if self._hang(j)), None)
+        pending = [*range(len(structure.bodies))]
+        while pending:
+            j = next((j for j in pending if self._attach(j)), None)
             if j is None:
-                names = ', '.join(structure.angles[j] for j in rest)
-                raise ExportError(f'{names}: nothing that stands before carries a point of them')
-            rest.remove(j)
+                names = ', '.join(structure.angles[j] for j in pending)
+                raise ExportError(f'{names}: no earlier body carries a point of them')
+            pending.remove(j)
         carried = self._points[structure.first_owner(structure.foot), structure.foot]
         self._fixed('foot', carried, foot, 0.0)
         self._sphere(self._link(foot), 0j, 0, 1.5)
 
-    def _hang(self, j: int) -> bool:
-        """Write a body that hangs on one that is there; return whether there is one."""
+    def _attach(self, j: int) -> bool:
+        """Write a body if one of its points is written already; return whether it is."""
         body = self._structure.bodies[j]
         if body.line is not None:
             along = self._structure.along[j]
             on = self._points.get((FIXED if along is None else along, body.line.start))
             if on is None:
                 return False
-            self._slide(j, body.line, on)
+            self._sliding(j, body.line, on)
             return True
         for point in body.points:
             owner = next(
                 (i for i in self._structure.owners[point] if (i, point) in self._points), None
             )
             if owner is not None:
-                self._turn(j, owner, point)
+                self._rotating(j, owner, point)
                 return True
         return False
 
-    def _turn(self, j: int, owner: int, point: str) -> None:
+    def _rotating(self, j: int, owner: int, point: str) -> None:
         body, on = self._structure.bodies[j], self._points[owner, point]
         first, frame = body.bars[0], FIXED if owner == FIXED else self._structure.frames[owner]
         if frame != FIXED:
-            on = Place(self._back(owner, point, frame), 0j, 0.0)
+            on = Place(self._unrotated(owner, point, frame), 0j, 0.0)
         link = self._new_frame(_name(first.start, first.end))
         child = link if point == first.start else self._new_frame(f'{link}_{point.lower()}')
         self._moving(j, 'continuous', on, child, (0.0, 0.0, float(body.sense)))
@@ -166,8 +165,8 @@ class _Leg:
         self._points[j, first.end] = Place(link, complex(self._length(j, first)), 0.0)
         self._bars(j, body.bars[1:])
 
-    def _back(self, owner: int, point: str, frame: int) -> str:
-        """Return the link at a point that has no part in its body's turning."""
+    def _unrotated(self, owner: int, point: str, frame: int) -> str:
+        """Return the link at a point of a body without the body's rotation."""
         if (owner, point) not in self._backs:
             body = self._structure.bodies[frame]
             link = self._new_frame(point.lower())
@@ -180,7 +179,7 @@ class _Leg:
             self._backs[owner, point] = link
         return self._backs[owner, point]
 
-    def _slide(self, j: int, line: Bar, on: Place) -> None:
+    def _sliding(self, j: int, line: Bar, on: Place) -> None:
         body = self._structure.bodies[j]
         direction = complex(self._linkage.bars[self._structure.line_of[j]])
         least, greatest = self._travel[j]
@@ -192,13 +191,13 @@ class _Leg:
             joint, 'limit', lower=_number(least - beyond), upper=_number(greatest + beyond),
             effort='1000', velocity='1000',
         )  # fmt: skip
-        size = BLOCK * self._width, self._width, self._width / 2.0
+        size = SLIDER_LENGTH * self._width, self._width, self._width / 2.0
         self._box(self._link(link), 0j, phase(direction), self._layer(j), size, f'klann_{j}')
         self._points[j, line.end] = Place(link, 0j, 0.0)
         self._bars(j, body.rigid)
 
     def _bars(self, j: int, bars: tuple[Bar, ...]) -> None:
-        """Write the bars of a body that has a link, each bent from where it begins."""
+        """Write bars of a written body, each bent from its start."""
         for bar in bars:
             begin = self._points[j, bar.start]
             bend = phase(complex(self._linkage.bars[self._numbers[j, bar]]))
@@ -232,10 +231,10 @@ class _Leg:
         return joint
 
     def _fixed(self, name: str, on: Place, child: str, bend: float) -> None:
-        """Join a link that is bent so far from its body's angle."""
-        turn = 0.0, 0.0, bend - on.bend if name != 'foot' else 0.0
+        """Join a link at an angle `bend` to its body's."""
+        rpy = 0.0, 0.0, bend - on.bend if name != 'foot' else 0.0
         xyz = on.at.real, on.at.imag, 0.0
-        self._joint(self._new_joint(name), 'fixed', on.link, child, xyz, turn)
+        self._joint(self._new_joint(name), 'fixed', on.link, child, xyz, rpy)
 
     def _moving(self, j: int, kind: str, on: Place, child: str, axis: Triple) -> Element:
         name = self._leg.joint_name(self._structure.bodies[j].angle, self._separator)
@@ -250,16 +249,16 @@ class _Leg:
     # Visual geometry.
 
     def _layer(self, j: int) -> int:
-        """Return how many bars lie below a body's."""
+        """Return the number of bars drawn below a body's."""
         return j % 4
 
     def _ground(self, plane: Element) -> None:
         pivots = [complex(at) for at in self._linkage.pivots]
         for n, at in enumerate(pivots):
-            way = pivots[n - 1] - at
+            side = pivots[n - 1] - at
             if n or len(pivots) > 2:
-                size = abs(way), self._width, self._width / 2.0
-                self._box(plane, at + way / 2.0, phase(way), -1, size, FRAME)
+                size = abs(side), self._width, self._width / 2.0
+                self._box(plane, at + side / 2.0, phase(side), -1, size, FRAME)
             self._sphere(plane, at, -1, 1.0)
 
     def _bar(self, link: Element, j: int, length: float) -> None:
@@ -288,13 +287,13 @@ class _Leg:
 
 
 def _name(start: str, end: str) -> str:
-    """Return what the link of a bar is called: 'ab', or 'a_b2' where points have long names."""
+    """Return the link's name of a bar: 'ab', or 'a_b2' for points with long names."""
     between = '_' if len(start) > 1 or len(end) > 1 else ''
     return f'{start}{between}{end}'.lower()
 
 
 def _new(name: str, taken: set[str]) -> str:
-    """Return a name that is not taken, and take it."""
+    """Return an unused name, and mark it as used."""
     while name in taken:
         name += '_'
     taken.add(name)
