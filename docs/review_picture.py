@@ -9,7 +9,7 @@ import shutil
 import sys
 import tempfile
 
-from klann_ros.review.page import page
+from klann_ros.review.page import save
 from klann_ros.review.reviewing import review_run
 from playwright.sync_api import sync_playwright
 
@@ -24,7 +24,7 @@ def save_picture(run: str, file: Path) -> None:
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         path = Path(folder, 'review.html')
         with path.open('wb') as written:
-            page.save([review_run(run, rates='f4')], None, written)
+            save([review_run(run, rates='f4')], None, written)
         browser = playwright.chromium.launch(
             executable_path=shutil.which('chromium'), args=['--no-sandbox']
         )

@@ -8,7 +8,7 @@ from typing import Any
 from klann_ros.kinematics import AnyLeg, KlannGeometry, KlannLeg, Linkage, linkage_poses
 from klann_ros.kinematics.klann import BENDS, JOINTS, NUMBERS
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER, SolverParameters
-from klann_ros.review.load.solvers import leg_solvers, parent, published_legs
+from klann_ros.review.load.geometry import leg_solvers, parent, published_legs
 from klann_ros.review.model.recording import LegSolver
 from klann_ros.robot.file import of_leg
 from klann_ros.sanitize.text import printable

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from .model.limits import Limits, limits_from_file, LimitsFileError
     from .model.review import Finding, Review, ReviewedLeg, Severity
     from .model.topics import TopicFigures
-    from .report.pose_table import NoPandasError, pose_arrays, pose_frame
+    from .report.data import NoPandasError, pose_arrays, pose_frame
     from .reviewing import review_run
 
 __all__ = [
@@ -61,24 +61,15 @@ __all__ = [
     'review_run',
 ]
 
-_PLACES = {
-    'Comparison': '.model.compare',
-    'Difference': '.model.compare',
-    'Finding': '.model.review',
-    'Limits': '.model.limits',
-    'LimitsFileError': '.model.limits',
-    'NoPandasError': '.report.pose_table',
-    'NotALogError': 'klann_ros.log.errors',
-    'Review': '.model.review',
-    'ReviewedLeg': '.model.review',
-    'Severity': '.model.review',
-    'TopicFigures': '.model.topics',
-    'compare': '.model.compare',
-    'limits_from_file': '.model.limits',
-    'pose_arrays': '.report.pose_table',
-    'pose_frame': '.report.pose_table',
-    'review_run': '.reviewing',
-}
+_MODULES = (
+    '.model.compare',
+    '.model.limits',
+    '.model.review',
+    '.model.topics',
+    '.report.data',
+    '.reviewing',
+    'klann_ros.log.errors',
+)
 
 
 def __dir__() -> list[str]:
@@ -86,7 +77,10 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name on first use: the live page needs `load.solvers` only."""
-    if name not in _PLACES:
-        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    return getattr(import_module(_PLACES[name], __name__), name)
+    """Import a public name on first use: the live page needs `load.geometry` only."""
+    if name in __all__:
+        for module in _MODULES:
+            found = getattr(import_module(module, __name__), name, None)
+            if found is not None:
+                return found
+    raise AttributeError(f'module {__name__!r} has no attribute {name!r}')

@@ -14,8 +14,7 @@ from klann_ros.kinematics import KlannGeometry, Linkage, shipped_linkage
 from klann_ros.kinematics.linkage.file import SHIPPED
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.solver.leg_parameters import declared_robot, LegParameters
-from klann_ros.review.load.solvers import published_legs
-from klann_ros.review.load.urdf import klann_legs_in_urdf
+from klann_ros.review.load.geometry import klann_legs_in_urdf, published_legs
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.robot.file import solver_section

@@ -13,6 +13,7 @@ from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
 from klann_ros.log.write.writer import RunWriter
+from klann_ros.review.command import main
 import numpy as np
 import pytest
 from rosbags.typesys import get_typestore, Stores
@@ -74,6 +75,22 @@ class Script:
 
     def change(self, index: int, **fields: Any) -> None:
         self.answers[index] = replace(self.answers[index], **fields)
+
+    def move(self, index: int, alpha: float) -> None:
+        """Set another crank angle, with its pose and its foot."""
+        pose = KlannLeg(self.geometry).solve(alpha)
+        self.change(index, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
+
+    def renumber(self) -> None:
+        """Set the numbers of the answers that are left, without a gap."""
+        self.answers = [
+            replace(answer, sequence=n + 1) for n, answer in enumerate(filter(None, self.answers))
+        ]
+
+    def swap_stamps(self, one: int, other: int) -> None:
+        first, second = self.answers[one].stamp, self.answers[other].stamp
+        self.change(one, header_stamp=second)
+        self.change(other, header_stamp=first)
 
     def ask_unstamped(self, index: int) -> None:
         """Add an input without a stamp, logged behind an answered one."""
@@ -188,6 +205,19 @@ def message(
 @pytest.fixture
 def make_run(tmp_path: Path) -> Callable[..., Path]:
     return lambda script, name='run': write(script, tmp_path / name)
+
+
+@pytest.fixture
+def printed(
+    make_run: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+) -> Callable[..., str]:
+    """Return what writes a run, reviews it, and returns the report."""
+
+    def report(script: Script, *arguments: str, code: int = 0) -> str:
+        assert main([str(make_run(script)), *arguments]) == code
+        return capsys.readouterr().out
+
+    return report
 
 
 @pytest.fixture

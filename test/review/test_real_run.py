@@ -1,7 +1,8 @@
-"""Runs that the real nodes made: a healthy one has no finding, a node that stood still is one."""
+"""Runs of the real nodes: a healthy one has no finding, a stopped node or a second one has."""
 
 from dataclasses import replace
 from itertools import pairwise
+from math import isnan
 from pathlib import Path
 import signal
 from typing import Any
@@ -10,15 +11,18 @@ from domain import own_domain
 from findings import checks
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import PAUSE_RECORD
+from klann_ros.nodes.endpoints import OUTPUT
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.review import Review
 from klann_ros.review.reviewing import review_run
 import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_world import Process, RecorderReports, World, world
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
-ROOT = Path(__file__).resolve().parents[2]
-WALKER = ROOT / 'config' / 'walker4.yaml'
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+WALKER = Path(__file__).resolve().parents[2] / 'config' / 'walker4.yaml'
 # This machine may hold anything up for a moment, but for no second; a node is stopped for longer.
 LIMITS = Limits(gap_time=1.0, latency=1.0)
 STOPPED = 1.3
@@ -90,6 +94,40 @@ def hear_poses(reports: RecorderReports, count: int) -> None:
     reports.until_heard({topic: count + before[topic] for topic in topics})
 
 
+def two_cranks(ros: World) -> Path:
+    """Record two cranks at 500 Hz, and what was latched long before."""
+    described = ros.probe.node.create_publisher(String, 'robot_description', LATCHED)
+    described.publish(String(data='<robot name="none"/>'))
+    ros.probe.spin(1.5)
+    reports = RecorderReports(ros.probe)
+    recorder = ros.start('recorder_node', output=ros.folder / 'cranks')
+    for n in range(2):
+        named = ('--ros-args', '-r', f'__node:=crank_{n}')
+        # So slow that they are apart whenever each of them begins.
+        ros.start('crank_node', *named, start=4.0 * n, speed=0.3, rate=500.0, min_subscribers=1)
+    # As soon as it hears both it can no longer tell what is lost.
+    ros.probe.until(lambda: any(s.get('/crank_angle lost') == 'unknown' for s in reports.said()))
+    reports.until_heard({'/crank_angle': reports.count('/crank_angle received') + 1000})
+    reports.until_heard({'/robot_description': 1})
+    assert recorder.stop() == 0
+    return ros.folder / 'cranks'
+
+
+def two_solvers(ros: World) -> Path:
+    """Record two solvers that answer the same crank."""
+    reports = RecorderReports(ros.probe)
+    recorder = ros.start('recorder_node', output=ros.folder / 'solvers')
+    for name in ('first', 'second'):
+        ros.solver('--ros-args', '-r', f'__node:={name}')
+    ros.probe.listen(JointState, 'joint_states', OUTPUT)
+    ros.probe.matched('joint_states', publishers=2)
+    # Both answer from the first question on, and the recorder knows both by then.
+    ros.start('crank_node', rate=100.0, min_subscribers=3)
+    reports.until_heard({'/joint_states': 200})
+    assert recorder.stop() == 0
+    return ros.folder / 'solvers'
+
+
 @pytest.fixture(scope='module')
 def reviews(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Review]:
     """Return the reviews of what the real nodes made."""
@@ -105,10 +143,15 @@ def reviews(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Review]:
                 'stalled_solver', scene.solver, '/crank_state'
             ),
         }
-    return {
+    found = {
         name: review_run(run, limits=LIMITS if name == 'healthy' else AFTER_A_STOP)
         for name, run in runs.items()
     }
+    for record in (two_cranks, two_solvers):
+        other = tmp_path_factory.mktemp(record.__name__)
+        with own_domain() as domain, world(domain, other) as ros:
+            found[record.__name__] = review_run(record(ros), limits=LIMITS)
+    return found
 
 
 def said(review: Review) -> list[Any]:
@@ -155,3 +198,32 @@ def test_a_solver_that_stood_still_is_one_gap_of_its_answers(reviews) -> None:
     (finding,) = review.findings
     assert '/joint_states' in finding.text
     assert '/crank_state' not in finding.text
+
+
+def test_two_cranks_are_no_clock_set_back_and_named(reviews: dict[str, Review]) -> None:
+    review = reviews['two_cranks']
+    (topic,) = [topic for topic in review.recording.topics if topic.name == '/crank_angle']
+    assert len(topic.times) >= 1000
+    assert (topic.lost, topic.shared) == (None, True)
+    # There is no solver in this run.
+    assert checks(review) == ['poses', 'jump']
+    said = 'multiple publishers set the crank at once (/crank_angle), each with its own angle'
+    assert review.findings[1].meaning == said
+
+
+def test_what_was_latched_before_has_no_latency(reviews: dict[str, Review]) -> None:
+    (topic,) = [t for t in reviews['two_cranks'].topics if t.name == '/robot_description']
+    assert topic.count == 1
+    assert isnan(topic.latency_p50)
+
+
+def test_two_solvers_are_named(reviews: dict[str, Review]) -> None:
+    review = reviews['two_solvers']
+    assert checks(review) == ['solvers']
+    text = review.findings[0].text
+    assert text.startswith('two solvers (/first, /second) answer on /joint_states: ')
+    (leg,) = review.legs
+    answers, asked = leg.answers.count, leg.answers.asked
+    assert text.endswith(f': {answers} answers to {asked} crank angles')
+    # The last question may have been answered by one of them only when the recorder stopped.
+    assert 2 * asked - 2 <= answers <= 2 * asked

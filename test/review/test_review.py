@@ -24,9 +24,8 @@ ROOT = Path(__file__).resolve().parents[2]
 MS = 1_000_000
 
 
-def test_a_healthy_run_has_no_finding(healthy, make_run, capsys) -> None:
-    assert main([str(make_run(healthy))]) == 0
-    output = capsys.readouterr().out
+def test_a_healthy_run_has_no_finding(healthy, printed) -> None:
+    output = printed(healthy)
     assert output.endswith('nothing found: every pose is the right one for its crank angle\n')
     assert re.search(r'turns of the crank +2\.000', output)
     assert re.search(r'stride +0\.4910 m', output)

@@ -5,11 +5,10 @@ from typing import TypeAlias
 
 from klann_ros.review.model.review import Finding, Review
 
-from .answers import check_answers, check_solvers
 from .clocks import check_clocks, check_order
 from .completeness import check_container, check_gaps, check_losses, check_recorder_findings
 from .motion import check_motion, check_walking
-from .poses import check_poses
+from .poses import check_answers, check_poses, check_solvers
 from .torques import check_torques
 
 Check: TypeAlias = Callable[[Review], Iterator[Finding]]

@@ -47,10 +47,8 @@ def check_order(review: Review) -> Iterator[Finding]:
         if leg.recording.solver.sim_time or leg.answers.duplicates.solvers > 1:
             continue
         # `check_motion` finds two sources.
-        if (
-            reordered & leg.recording.pose_topics
-            or back_and_forth(leg.evaluated, review.limits).size
-        ):
+        swaps = back_and_forth(leg.evaluated, review.limits)
+        if reordered & leg.recording.pose_topics or swaps.size:
             continue
         rows = np.flatnonzero(np.diff(leg.evaluated.poses.stamps) < 0)
         if rows.size:
@@ -71,6 +69,7 @@ def _clock_is_off(topic: TopicFigures, recorded: TopicRecording, review: Review)
 
 
 def _known(recorded: TopicRecording) -> int:
+    """Return the number of known latencies."""
     return int(np.count_nonzero(~np.isnan(recorded.latencies)))
 
 
@@ -121,10 +120,10 @@ def _stamps(review: Review) -> Iterator[Finding]:
             side = 'behind' if off < 0 else 'ahead of'
             of = CLOCK if leg.recording.solver.sim_time else "the log's clock"
             text = f'the stamps of the poses are {abs(off):.3f} s {side} {of}'
-            meaning = (
+            why = (
                 'the inputs have another clock, or are that old; tf and viewers may drop the poses'
             )
-            yield Finding('clock', Severity.WARNING, text, meaning, leg=leg.recording.title)
+            yield Finding('clock', Severity.WARNING, text, why, leg=leg.recording.title)
 
 
 def _offset(leg: ReviewedLeg, clock: Series) -> float:

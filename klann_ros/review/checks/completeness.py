@@ -31,41 +31,31 @@ def check_container(review: Review) -> Iterator[Finding]:
             what = 'part of the log is refused'
         yield Finding('container', Severity.ERROR, f'{what}: {shown}{also}', meaning)
     if recording.stopped:
-        yield Finding(
-            'container',
-            Severity.WARNING,
-            f'the recording ended early: {recording.stopped}',
-            'later messages are not in the run',
-        )
+        text = f'the recording ended early: {recording.stopped}'
+        yield Finding('container', Severity.WARNING, text, 'later messages are not in the run')
     for failed in recording.undecoded:
-        yield Finding(
-            'decode',
-            Severity.ERROR,
-            f'{counted(failed.count, "message")} of {printable(failed.topic)} cannot be decoded',
-            'the bytes do not match the type, or joints have no positions; they are ignored',
-            recording.since_start(failed.time),
-        )
+        messages = f'{counted(failed.count, "message")} of {printable(failed.topic)}'
+        text, time = f'{messages} cannot be decoded', recording.since_start(failed.time)
+        meaning = 'the bytes do not match the type, or joints have no positions; they are ignored'
+        yield Finding('decode', Severity.ERROR, text, meaning, time)
     yield from _poses(review)
 
 
 def check_recorder_findings(review: Review) -> Iterator[Finding]:
     """Yield the findings of the recorder, whose run is judged again as a whole."""
     recording = review.recording
-    for number, recorder_findings in enumerate(recording.recorder_findings):
-        left = len(recording.recorder_findings) - number
-        if number == _MAX_RECORDER_FINDINGS:
-            text = f'the recorder reported {left} more findings'
-            yield Finding(
-                'recorder_finding', Severity.NOTE, text, 'they are in the run (klann_ros.finding)'
-            )
-            return
-        what = ' of '.join(
-            printable(part) for part in (recorder_findings.check, recorder_findings.leg) if part
-        )
-        text = f'the recorder reported: {printable_line(recorder_findings.text)} ({what})'
+    recorded = recording.recorder_findings
+    for found in recorded[:_MAX_RECORDER_FINDINGS]:
+        what = ' of '.join(printable(part) for part in (found.check, found.leg) if part)
+        text = f'the recorder reported: {printable_line(found.text)} ({what})'
         meaning = 'it was on /diagnostics during the recording; the whole run is judged separately'
-        time = recording.since_start(recorder_findings.time)
+        time = recording.since_start(found.time)
         yield Finding('recorder_finding', Severity.NOTE, text, meaning, time)
+    more = len(recorded) - _MAX_RECORDER_FINDINGS
+    if more > 0:
+        text = f'the recorder reported {more} more findings'
+        meaning = 'they are in the run (klann_ros.finding)'
+        yield Finding('recorder_finding', Severity.NOTE, text, meaning)
 
 
 def _poses(review: Review) -> Iterator[Finding]:
@@ -93,30 +83,19 @@ def check_losses(review: Review) -> Iterator[Finding]:
     recording = review.recording
     for topic in recording.topics:
         if topic.lost:
-            yield Finding(
-                'lost',
-                Severity.WARNING,
-                f'{_messages(topic.lost, topic)} lost',
-                _meaning(topic, recording),
-                None if topic.lost_at is None else recording.since_start(topic.lost_at),
-            )
+            text, meaning = f'{_messages(topic.lost, topic)} lost', _meaning(topic, recording)
+            time = recording.since_start(topic.missing[0, 1]) if len(topic.missing) else None
+            yield Finding('lost', Severity.WARNING, text, meaning, time)
         if topic.early:
-            yield Finding(
-                'lost',
-                Severity.WARNING,
-                f'{_messages(topic.early, topic)} sent before the recorder discovered their '
-                'publishers',
-                'the publisher did not wait for discovery (crank_node: min_subscribers)',
-            )
+            text = f'{_messages(topic.early, topic)} sent before the recorder discovered their '
+            meaning = 'the publisher did not wait for discovery (crank_node: min_subscribers)'
+            yield Finding('lost', Severity.WARNING, f'{text}publishers', meaning)
         # One publisher may leave at the end of the run.
         if topic.publishers_left > 1 and topic.lost is not None:
-            name = printable(topic.name)
-            yield Finding(
-                'lost',
-                Severity.NOTE,
-                f'{counted(topic.publishers_left, "publisher")} of {name} left during the run',
-                "losses at the end of a publisher's life cannot be detected",
-            )
+            count = counted(topic.publishers_left, 'publisher')
+            text = f'{count} of {printable(topic.name)} left during the run'
+            meaning = "losses at the end of a publisher's life cannot be detected"
+            yield Finding('lost', Severity.NOTE, text, meaning)
 
 
 def _meaning(topic: TopicRecording, recording: RunRecording) -> str:
@@ -186,8 +165,8 @@ def _join(gaps: list[Gap]) -> list[Gap]:
     """Join overlapping gaps of several topics: they have one cause."""
     joined: list[Gap] = []
     for gap in sorted(gaps):
-        last = joined[-1] if joined else None
-        if last is not None and gap.begin < last.end:
+        if joined and gap.begin < joined[-1].end:
+            last = joined[-1]
             topics = tuple(dict.fromkeys((*last.topics, *gap.topics)))
             joined[-1] = Gap(last.begin, max(last.end, gap.end), topics)
         else:
@@ -236,11 +215,9 @@ def _ended(review: Review) -> Iterator[Finding]:
         silent = (int(cranks.times[-1]) - int(poses.times[-1])) / 1e9
         if silent > review.limits.stale_time:
             after = counted(leg.answers.late, 'crank angle')
-            yield Finding(
-                'stale',
-                Severity.WARNING,
-                f'the poses ended {silent:.1f} s before the crank did; {after} came after them',
-                'the solver stopped, refused every angle, or its poses did not reach the recorder',
-                recording.since_start(poses.times[-1]),
-                leg.recording.title,
+            text = f'the poses ended {silent:.1f} s before the crank did; {after} came after them'
+            why = (
+                'the solver stopped, refused every angle, or its poses did not reach the recorder'
             )
+            time = recording.since_start(poses.times[-1])
+            yield Finding('stale', Severity.WARNING, text, why, time, leg.recording.title)

@@ -12,7 +12,7 @@ from klann_ros.review.model.times import median, merge_intervals, overlaps, pair
 from klann_ros.sanitize.text import listed, times as times_
 import numpy as np
 
-_TURN = 2 * np.pi
+_FULL_TURN = 2 * np.pi
 # A jump exceeds the median change by this factor.
 _JUMP_RATIO = 5.0
 # An interval with missing messages exceeds the median by this factor.
@@ -34,11 +34,10 @@ def check_motion(review: Review) -> Iterator[Finding]:
     for leg in review.legs:
         if len(leg.evaluated.cranks):
             swaps = back_and_forth(leg.evaluated, review.limits)
-            yield from (
-                _swaps(review, leg.evaluated, swaps)
-                if swaps.size
-                else _jumps(review, leg.evaluated)
-            )
+            if swaps.size:
+                yield _swaps(review, leg.evaluated, swaps)
+            else:
+                yield from _jumps(review, leg.evaluated)
             yield from _standstill(review, leg.evaluated)
         # With a geometry `check_poses` judges every foot; two solvers may have two legs.
         alone = leg.answers.duplicates.solvers == 1
@@ -57,17 +56,16 @@ def back_and_forth(leg: LegRecording, limits: Limits) -> IndexArray:
     return rows if len(rows) > max(_MIN_SWAPS, _MIN_SWAP_SHARE * len(steps)) else rows[:0]
 
 
-def _swaps(review: Review, leg: LegRecording, rows: IndexArray) -> Iterator[Finding]:
+def _swaps(review: Review, leg: LegRecording, rows: IndexArray) -> Finding:
     by = np.abs(np.diff(leg.cranks.values[:, 0])[rows]).max()
     text = f'the crank angle jumps back and forth {times_(rows.size)}, by up to {by:.3g} rad'
     shared = any(t.shared for t in review.recording.topics if t.name in leg.crank_topics)
-    several = shared or len(leg.crank_topics) > 1
     where = f' ({listed(sorted(leg.crank_topics))})'
-    meaning = f'multiple publishers set the crank at once{where}, each with its own angle'
-    if not several:
-        meaning = f'two sources alternate, or an encoder slips{where}'
+    meaning = f'two sources alternate, or an encoder slips{where}'
+    if shared or len(leg.crank_topics) > 1:
+        meaning = f'multiple publishers set the crank at once{where}, each with its own angle'
     time = review.recording.since_start(leg.cranks.times[rows[0] + 1])
-    yield Finding('jump', Severity.WARNING, text, meaning, time, leg.title)
+    return Finding('jump', Severity.WARNING, text, meaning, time, leg.title)
 
 
 def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
@@ -106,7 +104,7 @@ def _standstill(review: Review, leg: LegRecording) -> Iterator[Finding]:
         return
     steps = time_steps(times)
     # The time of gaps does not count.
-    regular = steps <= max(Limits.gap_periods * median(steps), Limits.gap_time)
+    regular = steps <= Limits().max_interval(median(steps))
     elapsed = np.concatenate([[0.0], np.cumsum(steps * regular)])
     firsts, lasts = np.append(0, changes + 1), np.append(changes, len(times) - 1)
     still = elapsed[lasts] - elapsed[firsts]
@@ -119,47 +117,37 @@ def _standstill(review: Review, leg: LegRecording) -> Iterator[Finding]:
 
 
 def _drift(review: Review, leg: LegRecording) -> Iterator[Finding]:
-    drift = path_drift(leg)
+    drift = _path_drift(leg)
     if drift > review.limits.path_drift:
         text = f'the foot path drifts by {drift:.3g} m from the first to the last part'
         meaning = 'equal crank angles give different foot positions: a length has changed'
         yield Finding('drift', Severity.WARNING, text, meaning, leg=leg.title)
 
 
-def path_drift(leg: LegRecording) -> float:
-    """
-    Return the distance between the foot paths of the first and the last quarter [m].
-
-    The largest one at equal crank angles, interpolated; NaN if a quarter has less than a turn.
-    """
-    alphas, feet = _feet_by_angle(leg)
+def _path_drift(leg: LegRecording) -> float:
+    """Return how far the foot paths of the first and the last quarter are apart; NaN if short."""
+    of_feet, of_poses = pairs(leg.feet.stamps, leg.poses.stamps)
+    alphas, feet = leg.poses.values[of_poses, 0], leg.feet.values[of_feet]
+    finite = np.isfinite(alphas) & np.isfinite(feet).all(axis=1)
+    alphas, feet = alphas[finite], feet[finite]
     quarter = len(alphas) // _DRIFT_PARTS
     first, last = slice(0, quarter), slice(len(alphas) - quarter, len(alphas))
-    if (
-        any(np.ptp(alphas[part]) < _TURN for part in (first, last) if quarter)
-        or quarter < _DRIFT_PARTS
-    ):
+    if quarter < _DRIFT_PARTS or min(np.ptp(alphas[first]), np.ptp(alphas[last])) < _FULL_TURN:
         return nan
     known, is_exact = _interpolated(alphas[first], feet[first], alphas[last])
     apart = np.hypot(*(feet[last] - known).T)[is_exact]
     return float(apart.max()) if apart.size else nan
 
 
-def _feet_by_angle(leg: LegRecording) -> tuple[FloatArray, FloatArray]:
-    """Return crank angle and foot of each pose with a foot, in the order of time."""
-    of_feet, of_poses = pairs(leg.feet.stamps, leg.poses.stamps)
-    alphas, feet = leg.poses.values[of_poses, 0], leg.feet.values[of_feet]
-    finite = np.isfinite(alphas) & np.isfinite(feet).all(axis=1)
-    return alphas[finite], feet[finite]
-
-
 def _interpolated(
     alphas: FloatArray, feet: FloatArray, at: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
     """Return interpolated feet, and where the interpolation is exact enough."""
-    turned, wanted = np.mod(alphas, _TURN), np.mod(at, _TURN)
+    turned, wanted = np.mod(alphas, _FULL_TURN), np.mod(at, _FULL_TURN)
     order = np.argsort(turned)
-    known = np.concatenate([turned[order[-1:]] - _TURN, turned[order], turned[order[:1]] + _TURN])
+    known = np.concatenate(
+        [turned[order[-1:]] - _FULL_TURN, turned[order], turned[order[:1]] + _FULL_TURN]
+    )
     rows = np.concatenate([order[-1:], order, order[:1]])
     after = np.clip(np.searchsorted(known, wanted), 1, len(known) - 1)
     left, right = wanted - known[after - 1], known[after] - wanted
@@ -174,36 +162,24 @@ def check_walking(review: Review) -> Iterator[Finding]:
     """Yield crank lag, phase error and odometry error above their limits."""
     limits, since = review.limits, review.recording.since_start
     for walk in review.walks:
-        title = walk.namespace.lstrip('/')
-        if walk.crank_lag > limits.crank_lag and walk.lag_time is not None:
-            yield Finding(
-                'crank_lag',
-                Severity.WARNING,
-                f'a crank was up to {degrees(walk.crank_lag):.3g} deg off its command',
-                'its motor is too weak or blocked, or its encoder jumped',
-                since(walk.lag_time),
-                title,
-            )
-        if walk.phase_error > limits.phase and walk.phase_time is not None:
-            yield Finding(
-                'phase',
-                Severity.WARNING,
-                f'the phase between two cranks was up to {degrees(walk.phase_error):.3g} deg '
-                'off its command',
-                'the gait was not kept; the body may lose its support',
-                since(walk.phase_time),
-                title,
-            )
-        if (
-            walk.odometry_error > limits.odometry * walk.distance
-            and walk.odometry_time is not None
-        ):
-            yield Finding(
-                'odometry',
-                Severity.WARNING,
+        title, lag, phase = walk.namespace.lstrip('/'), walk.crank_lag, walk.phase_error
+        if lag > limits.crank_lag and walk.lag_time is not None:
+            text = f'a crank was up to {degrees(lag):.3g} deg off its command'
+            meaning = 'its motor is too weak or blocked, or its encoder jumped'
+            time = since(walk.lag_time)
+            yield Finding('crank_lag', Severity.WARNING, text, meaning, time, title)
+        if phase > limits.phase and walk.phase_time is not None:
+            off = f'up to {degrees(phase):.3g} deg off its command'
+            text = f'the phase between two cranks was {off}'
+            meaning = 'the gait was not kept; the body may lose its support'
+            time = since(walk.phase_time)
+            yield Finding('phase', Severity.WARNING, text, meaning, time, title)
+        off_limit = walk.odometry_error > limits.odometry * walk.distance
+        if off_limit and walk.odometry_time is not None:
+            text = (
                 f'odometry was up to {walk.odometry_error:.3g} m off the ground truth over '
-                f'{walk.distance:.3g} m, its heading up to {degrees(walk.heading_error):.3g} deg',
-                'the feet slipped, crank angles were lost, or it turned without an IMU',
-                since(walk.odometry_time),
-                title,
+                f'{walk.distance:.3g} m, its heading up to {degrees(walk.heading_error):.3g} deg'
             )
+            meaning = 'the feet slipped, crank angles were lost, or it turned without an IMU'
+            time = since(walk.odometry_time)
+            yield Finding('odometry', Severity.WARNING, text, meaning, time, title)

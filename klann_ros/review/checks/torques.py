@@ -22,31 +22,24 @@ MAX_MOMENTS, CHUNK = 50_000, 2048
 
 
 class Motion(NamedTuple):
-    """Rate and acceleration of a crank at some samples."""
+    """Rate [rad/s] and acceleration [rad/s^2] of a crank at k samples, with standard errors."""
 
-    # Shape (k,): indices of the samples.
-    rows: IntArray
-    # Shape (k,): [rad/s], [rad/s^2].
+    rows: IntArray  # indices of the samples
     rate: FloatArray
     acceleration: FloatArray
-    # Shape (k,): their standard errors.
     rate_error: FloatArray
     acceleration_error: FloatArray
 
 
 class Torques(NamedTuple):
-    """Recorded and expected efforts of a drive."""
+    """Recorded and expected efforts of a drive at k samples [N m]."""
 
-    # Shape (k,): log times [ns].
-    times: IntArray
-    # Shape (k,): efforts [N m].
+    times: IntArray  # log times [ns]
     recorded: FloatArray
     expected: FloatArray
-    # Shape (k,): standard error of the expected effort [N m].
-    accuracy: FloatArray
-    # Number of efforts that are not finite, and of all efforts.
-    invalid: int
-    total: int
+    accuracy: FloatArray  # standard error of the expected effort
+    invalid: int  # number of efforts that are not finite
+    total: int  # of all efforts
 
 
 def torques(drive: Drive, legs: Sequence[LegRecording]) -> Torques | None:
@@ -84,28 +77,12 @@ def torques(drive: Drive, legs: Sequence[LegRecording]) -> Torques | None:
         turning += np.abs(slope * rates)
     accuracy = inertia * moving.acceleration_error + turning * moving.rate_error
     there = np.isfinite(expected) & np.isfinite(accuracy)
-    return Torques(
-        logged[rows][there],
-        efforts[rows][there],
-        expected[there],
-        accuracy[there],
-        invalid,
-        total,
-    )
+    rows, expected, accuracy = rows[there], expected[there], accuracy[there]
+    return Torques(logged[rows], efforts[rows], expected, accuracy, invalid, total)
 
 
 def crank_motion(times: FloatArray, angles: FloatArray) -> Motion:
-    """
-    Return rate and acceleration of a crank, at MAX_MOMENTS samples at most.
-
-    Parameters
-    ----------
-    times : numpy.ndarray, shape (n,)
-        [s].
-    angles : numpy.ndarray, shape (n,)
-        Any number of turns [rad].
-
-    """
+    """Return rate and acceleration of a crank by times [s] and angles [rad], shape (n,)."""
     later = np.concatenate([[True], times[1:] > np.maximum.accumulate(times)[:-1]])
     increasing = np.flatnonzero(later)
     times, angles = times[increasing], angles[increasing]

@@ -1,5 +1,5 @@
 """
-Many runs, each judged alone: a row a run, whichever machine works on it.
+Many runs, each judged alone, in parallel: a row a run.
 
 >>> from klann_ros.review.fleet import find_runs, judge_runs, Task
 >>> tasks = [Task(run) for run in find_runs(['runs'])]
@@ -7,8 +7,16 @@ Many runs, each judged alone: a row a run, whichever machine works on it.
 ...     print(row.run, row.verdict, row.reason)
 """
 
-from .expectations import Expectations, expectations_from_file, ExpectationsFileError
-from .judge import find_runs, FoundRun, judge, judge_runs, Task
+from .judge import (
+    Expectations,
+    expectations_from_file,
+    ExpectationsFileError,
+    find_runs,
+    FoundRun,
+    judge,
+    judge_runs,
+    Task,
+)
 from .table import Row
 
 __all__ = [

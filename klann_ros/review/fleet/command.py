@@ -24,8 +24,15 @@ from klann_ros.sanitize.outputs import OutputError, outputs, save_all
 from klann_ros.sanitize.text import counted, printable
 from tqdm import tqdm
 
-from .expectations import Expectations, expectations_from_file
-from .judge import find_runs, FoundRun, judge_unordered, Task, written
+from .judge import (
+    Expectations,
+    expectations_from_file,
+    find_runs,
+    FoundRun,
+    judge_unordered,
+    Task,
+    written,
+)
 from .reports import save_index, save_junit
 from .table import (
     check_table,
@@ -47,9 +54,9 @@ DESCRIPTION = """\
 Review many runs, each alone and in parallel: a row a run.
 
 Folders are searched for runs. A run that cannot be read is a row with its reason and never stops
-the rest. The rows are the same, byte for byte, whichever engine makes them and however many jobs.
+the rest. The rows are the same, byte for byte, with every engine and any number of jobs.
 Exit code: the worst of the runs': 0 nothing found, 1 findings, 2 one is not readable (or no run is
-there); 3 what was asked for cannot be written."""
+there); 3 an output cannot be written."""
 
 
 def main(argv: Sequence[str]) -> int:
@@ -113,13 +120,13 @@ def _judge(
     """Add the missing rows; return whether all are there, and the faults of pages."""
     left = [number for number in range(len(tasks)) if number not in rows]
     faults: list[str] = []
-    engine = {
-        'engine': options.engine,
-        'jobs': options.jobs,
-        'time_limit': options.time_limit,
-        'address': options.ray_address,
-    }
-    judged = judge_unordered([tasks[number] for number in left], **engine)
+    judged = judge_unordered(
+        [tasks[number] for number in left],
+        engine=options.engine,
+        jobs=options.jobs,
+        time_limit=options.time_limit,
+        address=options.ray_address,
+    )
     with tqdm(
         judged, total=len(left), unit='run', delay=1.0, leave=False, file=sys.stderr, disable=None
     ) as bar:
@@ -145,16 +152,15 @@ def _resumed(tasks: Sequence[Task], table: str) -> dict[int, Row]:
     if not Path(table).exists():
         return {}
     known = {row.run: row for row in rows_from_table(table) if row.verdict != UNREADABLE}
-    found = {}
-    for number, task in enumerate(tasks):
-        row = known.get(printable(task.run.path))
-        if row is None or row.settings != task.settings:
-            continue
-        if written(task.run) != {'size': row.size, 'modified': row.modified}:
-            continue
-        if not task.page or Path(task.page).exists():
-            found[number] = row
-    return found
+    pairs = ((number, known.get(printable(task.run.path))) for number, task in enumerate(tasks))
+    return {n: row for n, row in pairs if row is not None and _is_valid(row, tasks[n])}
+
+
+def _is_valid(row: Row, task: Task) -> bool:
+    """Return whether run, settings and page are those of a row."""
+    files = {'size': row.size, 'modified': row.modified}
+    is_same = row.settings == task.settings and written(task.run) == files
+    return is_same and (not task.page or Path(task.page).exists())
 
 
 def _pages(index: str | None, runs: Sequence[FoundRun]) -> list[str]:

@@ -1,9 +1,10 @@
-"""Find runs, and review each of them in parallel."""
+"""Find runs, review each of them in parallel, and hold them against expectations."""
 
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 import hashlib
+from math import inf, isfinite
 import os
 from pathlib import Path
 import re
@@ -15,34 +16,26 @@ from klann_ros.engines import parallel_map, TaskError
 from klann_ros.log.bag_metadata import FILE_NAME
 from klann_ros.log.errors import LogError
 from klann_ros.log.read.run_files import is_log_name, natural, run_files, run_name
+from klann_ros.review.model.compare import compare
 from klann_ros.review.model.limits import Limits
-from klann_ros.review.model.review import Review
-from klann_ros.review.page.page import save
+from klann_ros.review.model.review import Finding, Review, Severity
+from klann_ros.review.model.topics import TopicFigures
+from klann_ros.review.page import save
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import Robot
 from klann_ros.sanitize.outputs import Output, OutputError
-from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.text import did_you_mean, printable, printable_line
+from klann_ros.sanitize.yaml_text import parse_file
 
-from .expectations import Expectations
 from .table import reviewed_row, Row, unreadable_row
 
 
 @dataclass(frozen=True)
 class FoundRun:
-    """
-    A run, or a path that is none.
-
-    Attributes
-    ----------
-    path : str
-        Its path.
-    fault : str
-        Why it cannot be one; '' for a run.
-
-    """
+    """A run, or a path that is none."""
 
     path: str
-    fault: str = ''
+    fault: str = ''  # why it cannot be one; '' for a run
 
 
 def find_runs(paths: Iterable[str]) -> list[FoundRun]:
@@ -118,68 +111,156 @@ def _are_one(logs: Iterable[str]) -> bool:
     return len({part and part[1] for part in parts}) == 1 and None not in parts
 
 
+CHECK, BASELINE = 'expected', 'baseline'
+_KEYS = ('topics', 'allow', 'baseline')
+_TOPIC_KEYS = ('min_rate', 'max_gap', 'max_lost')
+
+
+class ExpectationsFileError(LogError):
+    """A file without valid expectations; the text gives the reason."""
+
+
+@dataclass(frozen=True)
+class ExpectedTopic:
+    """Expectations of a topic."""
+
+    min_rate: float = 0.0  # of the mean [Hz]
+    max_gap: float = inf  # [s]
+    max_lost: float = 1.0  # share of its messages, 0 to 1
+
+
+@dataclass(frozen=True)
+class Expectations:
+    """Expectations of every run."""
+
+    topics: Mapping[str, ExpectedTopic] = field(default_factory=dict)  # the required topics
+    allow: frozenset[str] = frozenset()  # checks whose findings do not count
+    baseline: str = ''  # a run from which no other may differ beyond the limits; '' for none
+
+    def unmet(self, review: Review, baseline: Review | None) -> Iterator[Finding]:
+        """Yield the unmet expectations of a reviewed run."""
+        known = {topic.name: topic for topic in review.topics}
+        for name, expected in self.topics.items():
+            for text in _unmet(known.get(name), expected):
+                severity = Severity.ERROR if name not in known else Severity.WARNING
+                meaning = 'the run does not meet the expectations (--expect)'
+                yield Finding(CHECK, severity, f'{printable(name)} {text}', meaning)
+        for found in compare(baseline, review).differences if baseline is not None else ():
+            meaning = 'it differs from the baseline, the first run in the text'
+            yield Finding(BASELINE, Severity.WARNING, found.text, meaning, leg=found.leg)
+
+
+def _unmet(topic: TopicFigures | None, expected: ExpectedTopic) -> Iterator[str]:
+    if topic is None:
+        yield 'is missing'
+        return
+    # One message has no rate.
+    rate = topic.rate if isfinite(topic.rate) else 0.0
+    if rate < expected.min_rate:
+        yield f'has {rate:.4g} Hz, at least {expected.min_rate:g} Hz are expected'
+    if topic.longest_gap > expected.max_gap:
+        yield f'has a gap of {topic.longest_gap:.4g} s, at most {expected.max_gap:g} s are allowed'
+    lost = topic.lost or 0
+    share = lost / (lost + topic.count) if lost else 0.0
+    if share > expected.max_lost:
+        yield f'lost {share:.3%} of its messages, at most {expected.max_lost:.3%} are allowed'
+
+
+def expectations_from_file(path: str) -> Expectations:
+    """
+    Return the expectations in a YAML file; a relative baseline is looked for beside the file.
+
+    Raises
+    ------
+    ExpectationsFileError
+        The file cannot be read, or holds none.
+
+    """
+    try:
+        return _expectations(parse_file(path), Path(path).parent)
+    except OSError as error:
+        raise ExpectationsFileError(f'{path} cannot be read: {error.strerror}') from error
+    except ValueError as error:
+        what = f'{path} holds no expectations: {printable_line(error)}'
+        raise ExpectationsFileError(what) from error
+
+
+def _expectations(content: Any, folder: Path) -> Expectations:
+    _must(isinstance(content, Mapping), f'it must be a mapping of {", ".join(_KEYS)}')
+    _only(content, _KEYS)
+    topics, allow, baseline = (content.get(key) for key in _KEYS)
+    example = '"/joint_states: {min_rate: 190}"'
+    _must(isinstance(topics, Mapping | None), f'topics must be a mapping, such as {example}')
+    are_names = isinstance(allow, list | None) and all(isinstance(one, str) for one in allow or ())
+    _must(are_names, 'allow must be a list of checks, such as [latency, gap]')
+    _must(isinstance(baseline, str | None), 'baseline must be the path of a run')
+    return Expectations(
+        {str(name): _topic(name, of) for name, of in (topics or {}).items()},
+        frozenset(allow or ()),
+        str(folder / Path(baseline).expanduser()) if baseline else '',
+    )
+
+
+def _topic(name: Any, content: Any) -> ExpectedTopic:
+    if content is None:
+        return ExpectedTopic()
+    _must(isinstance(content, Mapping), f'{name} must be a mapping of {", ".join(_TOPIC_KEYS)}')
+    _only(content, _TOPIC_KEYS)
+    for key, value in content.items():
+        most = 1.0 if key == 'max_lost' else inf
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (number and 0 <= value <= most):
+            what = 'a share, 0 to 1' if key == 'max_lost' else 'a number >= 0'
+            raise ValueError(f'{name} {key} = {value!r} is refused: it must be {what}')
+    return ExpectedTopic(**{key: float(value) for key, value in content.items()})
+
+
+def _must(condition: bool, text: str) -> None:
+    if not condition:
+        raise ValueError(text)
+
+
+def _only(content: Mapping[Any, Any], keys: tuple[str, ...]) -> None:
+    for key in content:
+        if key not in keys:
+            raise ValueError(f'{key}: there is {", ".join(keys)}{did_you_mean(key, keys)}')
+
+
 # Data of a page among many [bytes]: a thousand pages fit on a disk.
 MAX_PAGE_DATA = 300e3
 
 
 @dataclass(frozen=True)
 class Task:
-    """
-    A run to judge.
-
-    Attributes
-    ----------
-    run : FoundRun
-        Its path.
-    robot : Robot, optional
-        The reference robot, instead of the one in the run.
-    limits : Limits
-        Limits of the checks.
-    expectations : Expectations
-        Its expectations.
-    page : str
-        Path of its page; '' for none.
-
-    """
+    """A run to judge."""
 
     run: FoundRun
-    robot: Robot | None = None
+    robot: Robot | None = None  # the reference robot, instead of the one in the run
     limits: Limits = field(default_factory=Limits)
     expectations: Expectations = field(default_factory=Expectations)
-    page: str = ''
+    page: str = ''  # path of its page; '' for none
 
     @property
     def settings(self) -> str:
         """Return a hash of the settings."""
-        legs = self.robot and self.robot.legs
-        allowed = sorted(self.expectations.allow)
+        legs, expected = self.robot and self.robot.legs, self.expectations
         settings = (
             __version__,
             self.limits,
             legs and [(leg.name, leg.linkage.numbers, leg.linkage.joint_names) for leg in legs],
-            sorted(self.expectations.topics.items()),
-            allowed,
-            self.expectations.baseline,
+            sorted(expected.topics.items()),
+            sorted(expected.allow),
+            expected.baseline,
         )
         return hashlib.sha256(repr(settings).encode()).hexdigest()[:12]
 
 
 @dataclass(frozen=True)
 class Judged:
-    """
-    The result of a task.
-
-    Attributes
-    ----------
-    row : Row
-        Its row.
-    page_fault : str
-        Why its page could not be written; '' for none.
-
-    """
+    """The result of a task."""
 
     row: Row
-    page_fault: str = ''
+    page_fault: str = ''  # why its page could not be written; '' for none
 
 
 def judge_runs(
@@ -209,41 +290,37 @@ def judge_unordered(
     """Yield the number and the result of each task, as they finish."""
     for number, answer in parallel_map(judge, tasks, **options):
         if isinstance(answer, TaskError):
-            task = tasks[number]
-            row = unreadable_row(
-                task.run.path, answer.reason, **written(task.run), settings=task.settings
-            )
-            yield number, Judged(row)
+            yield number, _unreadable(tasks[number], answer.reason)
         else:
             yield number, answer
 
 
+def _unreadable(task: Task, reason: object) -> Judged:
+    known = {**written(task.run), 'settings': task.settings}
+    return Judged(unreadable_row(task.run.path, reason, **known))
+
+
 def judge(task: Task) -> Judged:
     """Return the row of a run, and write its page if it has a path."""
-    known = {**written(task.run), 'settings': task.settings}
     if task.run.fault:
-        return Judged(unreadable_row(task.run.path, task.run.fault, **known))
+        return _unreadable(task, task.run.fault)
+    known = {**written(task.run), 'settings': task.settings}
     try:
         baseline = _baseline(task.expectations.baseline, task.robot, task.limits)
         rates = 'f4' if task.page else ''
         review = review_run(task.run.path, robot=task.robot, limits=task.limits, rates=rates)
     except (LogError, OSError, MemoryError) as error:
-        reason = str(error) or 'there is not memory enough for it'
-        return Judged(unreadable_row(task.run.path, reason, **known))
+        return _unreadable(task, str(error) or 'there is not memory enough for it')
     findings = (*review.findings, *task.expectations.unmet(review, baseline))
-    review = replace(review, findings=findings)
+    review, page_fault = replace(review, findings=findings), ''
     row = reviewed_row(task.run.path, review, findings, task.expectations.allow, **known)
-    return Judged(row, _page_fault(task.page, review))
-
-
-def _page_fault(path: str, review: Review) -> str:
-    if not path:
-        return ''
-    try:
-        Output('--html', path).save(lambda file: save([review], None, file, MAX_PAGE_DATA))
-    except OutputError as error:
-        return str(error)
-    return ''
+    if task.page:
+        page = partial(save, [review], None, max_bytes=MAX_PAGE_DATA)
+        try:
+            Output('--html', task.page).save(page)
+        except OutputError as error:
+            page_fault = str(error)
+    return Judged(row, page_fault)
 
 
 def written(run: FoundRun) -> dict[str, int]:

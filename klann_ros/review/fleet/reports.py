@@ -51,10 +51,7 @@ def _text(text: str) -> str:
     return printable(text, 20_000)
 
 
-_PARTS = Parts(
-    styles=(*FRAME, SHARED / 'tables.css'),
-    scripts=(),
-)
+_PARTS = Parts(styles=(*FRAME, SHARED / 'tables.css'), scripts=())
 _HEADS = (
     'Run',
     'Finding',
@@ -72,29 +69,15 @@ _GROUPS = (
 )
 
 
-def save_index(rows: Sequence[Row], place: str, pages: Mapping[str, str], file: BinaryIO) -> None:
-    """
-    Write the page to an open file.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-        The runs.
-    place : str
-        Path of the page, which its links start from.
-    pages : mapping of str to str
-        The path of each run's own page, '' where there is none.
-    file : binary file
-        Where it is written.
-
-    """
-    folder = Path(place).resolve().parent
-    links = {run: _link(page, folder) for run, page in pages.items() if page}
+def save_index(rows: Sequence[Row], path: str, pages: Mapping[str, str], file: BinaryIO) -> None:
+    """Write the index at `path` to an open file, with links to the pages of runs."""
+    folder = Path(path).resolve().parent
+    links = {
+        run: quote(os.path.relpath(Path(page).resolve(), folder))
+        for run, page in pages.items()
+        if page
+    }
     file.write(_page(rows, links).encode(errors='replace'))
-
-
-def _link(page: str, folder: Path) -> str:
-    return quote(os.path.relpath(Path(page).resolve(), folder))
 
 
 def _page(rows: Sequence[Row], links: Mapping[str, str]) -> str:

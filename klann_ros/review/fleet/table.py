@@ -1,6 +1,6 @@
 """The row of a run, and the table of all rows: CSV, Parquet, resumable."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 import csv
 from dataclasses import asdict, dataclass, fields
 from io import BytesIO, StringIO, TextIOWrapper
@@ -22,70 +22,35 @@ EXIT_CODES = {OK: 0, FINDINGS: 1, UNREADABLE: 2}
 
 @dataclass(frozen=True)
 class Row:
-    """
-    The row of a run; None for unknown.
+    """The row of a run; None for unknown. Figures of legs are the worst, or largest, of all."""
 
-    Attributes
-    ----------
-    run : str
-        Its path.
-    verdict : str
-        'ok', 'findings' or 'unreadable'.
-    reason : str
-        The most severe finding, or why it cannot be read; '' for none.
-    errors, warnings, notes, allowed : int
-        How many findings of each severity; allowed ones are in no other number.
-    start_time, duration : float
-        When it began [s since the epoch], and how long it is [s].
-    size, modified : int
-        Of its files [bytes], and latest modification [ns since the epoch].
-    messages, topics, legs, poses : int
-        Their numbers in the run.
-    lost : int
-        Known number of lost messages.
-    longest_gap : float
-        On any topic [s].
-    turns : float
-        Net turns of a crank, the largest of all legs.
-    stride, lift : float
-        Of the foot's path, the largest of all legs [m].
-    worst_residual, worst_angle_error, worst_foot_error : float
-        Largest of all legs [m, rad, m].
-    worst_transmission_angle : float
-        Least of all legs [rad].
-    findings : str
-        All of them as a JSON list.
-    settings : str
-        Hash of limits, reference and expectations.
-
-    """
-
-    run: str
-    verdict: str
-    reason: str = ''
+    run: str  # its path
+    verdict: str  # 'ok', 'findings' or 'unreadable'
+    reason: str = ''  # the most severe finding, or why it cannot be read; '' for none
+    # Number of findings; allowed ones are in no other number.
     errors: int = 0
     warnings: int = 0
     notes: int = 0
     allowed: int = 0
-    start_time: float | None = None
-    duration: float | None = None
-    size: int | None = None
-    modified: int | None = None
+    start_time: float | None = None  # [s since the epoch]
+    duration: float | None = None  # [s]
+    size: int | None = None  # of its files [bytes]
+    modified: int | None = None  # latest modification [ns since the epoch]
     messages: int | None = None
     topics: int | None = None
     legs: int | None = None
     poses: int | None = None
-    lost: int | None = None
-    longest_gap: float | None = None
-    turns: float | None = None
-    stride: float | None = None
-    lift: float | None = None
-    worst_residual: float | None = None
-    worst_angle_error: float | None = None
-    worst_foot_error: float | None = None
-    worst_transmission_angle: float | None = None
-    findings: str = '[]'
-    settings: str = ''
+    lost: int | None = None  # known number of lost messages
+    longest_gap: float | None = None  # on any topic [s]
+    turns: float | None = None  # net turns of a crank
+    stride: float | None = None  # [m]
+    lift: float | None = None  # [m]
+    worst_residual: float | None = None  # [m]
+    worst_angle_error: float | None = None  # [rad]
+    worst_foot_error: float | None = None  # [m]
+    worst_transmission_angle: float | None = None  # [rad]
+    findings: str = '[]'  # as a JSON list
+    settings: str = ''  # hash of limits, reference and expectations
 
     @property
     def exit_code(self) -> int:
@@ -172,8 +137,8 @@ def _most(values: Iterable[float]) -> float | None:
 
 # Spreadsheets compute cells with these first characters; a quote keeps them text.
 _FORMULA = ('=', '+', '-', '@', "'")
-# Of a million runs [bytes].
-_MAX_SIZE = 10**10
+# Largest table that is read [bytes]: of a million runs.
+_MAX_TABLE_SIZE = 10**10
 
 
 class TableError(LogError):
@@ -181,15 +146,7 @@ class TableError(LogError):
 
 
 def check_table(path: str) -> None:
-    """
-    Refuse a table that could not be written in the end.
-
-    Raises
-    ------
-    TableError
-        The name's ending tells no kind, or pyarrow is not installed.
-
-    """
+    """Raise a TableError for another ending than .csv and .parquet, or without pyarrow."""
     suffix = Path(path).suffix.lower()
     if suffix not in ('.csv', '.parquet'):
         raise TableError(f'--table {printable(path)} is refused: it must end in .csv or .parquet')
@@ -198,7 +155,7 @@ def check_table(path: str) -> None:
 
 
 def save_table(path: str, rows: Iterable[Row], file: BinaryIO) -> None:
-    """Write rows to an open file, in the kind that the path's ending tells."""
+    """Write rows to an open file, in the format of the path's ending."""
     if Path(path).suffix.lower() == '.parquet':
         _save_parquet(rows, file)
     else:
@@ -206,28 +163,17 @@ def save_table(path: str, rows: Iterable[Row], file: BinaryIO) -> None:
 
 
 def rows_from_table(path: str) -> list[Row]:
-    """
-    Return the rows of a table that `save_table` wrote.
-
-    Raises
-    ------
-    TableError
-        The table is invalid.
-    OSError
-        It cannot be read.
-
-    """
+    """Return the rows of a table by `save_table`; a TableError for another file."""
     with open_regular(path) as file:
-        if os.fstat(file.fileno()).st_size > _MAX_SIZE:
-            raise TableError(f'{printable(path)} is refused above {_MAX_SIZE // 10**6} MB')
+        if os.fstat(file.fileno()).st_size > _MAX_TABLE_SIZE:
+            raise TableError(f'{printable(path)} is refused above {_MAX_TABLE_SIZE // 10**6} MB')
         # A size given to it would be allocated at once.
         data = file.read()
     try:
         made = _parquet_rows(data) if path.lower().endswith('.parquet') else _csv_rows(data)
         return [Row(**{name: row[name] for name in NAMES}) for row in made]
     except (KeyError, ValueError, TypeError) as error:
-        what = f'{printable(path)} is no table of runs: {error}'
-        raise TableError(what) from error
+        raise TableError(f'{printable(path)} is no table of runs: {error}') from error
 
 
 def _save_csv(rows: Iterable[Row], file: BinaryIO) -> None:
@@ -263,16 +209,13 @@ def _value(name: str, cell: str) -> Any:
 
 def _save_parquet(rows: Iterable[Row], file: BinaryIO) -> None:
     arrow, parquet = _pyarrow()
-    kinds = {
-        name: arrow.string() if name in TEXTS else arrow.int64() if name in COUNTS else None
+    kinds = (
+        arrow.string() if name in TEXTS else arrow.int64() if name in COUNTS else arrow.float64()
         for name in NAMES
-    }
-    schema = arrow.schema([(name, kind or arrow.float64()) for name, kind in kinds.items()])
-    columns: Mapping[str, list[Any]] = {name: [] for name in NAMES}
-    for row in rows:
-        for name, column in columns.items():
-            column.append(getattr(row, name))
-    parquet.write_table(arrow.table(columns, schema=schema), file, compression='zstd')
+    )
+    schema = arrow.schema([*zip(NAMES, kinds, strict=True)])
+    table = arrow.Table.from_pylist([*map(asdict, rows)], schema=schema)
+    parquet.write_table(table, file, compression='zstd')
 
 
 def _parquet_rows(data: bytes) -> list[dict[str, Any]]:

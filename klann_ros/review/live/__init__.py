@@ -1,9 +1,8 @@
 """
-Holds what passes against the limits of a review, while it passes.
+Judge messages during the recording.
 
-`LiveJudge` is given messages as they come and tells findings at most a second later. It is the
-same review as of a whole run, of the last second again and again, with what only a present
-can show: a topic that is silent now, and a leg that was changed.
+`LiveJudge` reviews the last second repeatedly and reports findings within a second. It adds what a
+finished run does not have: a topic that is silent now, and a leg that was changed.
 """
 
 from .judge import LiveFinding, LiveJudge

@@ -1,7 +1,7 @@
-"""A run that is being recorded, judged as it grows."""
+"""Follow a run during the recording, and judge it."""
 
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from datetime import datetime, timezone
 from pathlib import Path
 import re
@@ -24,20 +24,17 @@ from klann_ros.sanitize.text import printable
 
 from .judge import LiveJudge, STEP
 
-# Period of reading [s].
-PERIOD = 0.2
-# Time for the next file of a split run to appear [s].
-SPLIT = 2.0
-# Stall of the recorder that is reported [s].
-QUIET = 5.0
+# Period of reading, time for the next file of a split run to appear, and stall of the recorder
+# that is reported [s].
+PERIOD, SPLIT, STALL = 0.2, 2.0, 5.0
 _SUFFIX = '.mcap'
-# What clocks may say, as a time to people [ns].
-_LAST_TIME = 253_402_300_799 * 10**9
+# End of the year 9999 [ns].
+_MAX_TIME = 253_402_300_799 * 10**9
+_STEP = round(STEP * 1e9)
+Report = Callable[[str], object]
 
-Say = Callable[[str], object]
 
-
-def follow(path: str, limits: Limits, *, found: Say, said: Say) -> None:
+def follow(path: str, limits: Limits, *, found: Report, said: Report) -> None:
     """
     Print the findings of a run during the recording, until it is closed or abandoned.
 
@@ -58,16 +55,16 @@ def follow(path: str, limits: Limits, *, found: Say, said: Say) -> None:
         It cannot be read.
 
     """
-    judging = _FollowJudge(limits, found)
+    judge = _FollowJudge(limits, found)
     for record in _FileFollower(Path(path), said).records():
-        judging.take(record)
-    judging.ask()
+        judge.take(record)
+    judge.report()
 
 
 class _FollowJudge:
-    """Asks the judge by the clock of the log, that is as fast as the run can be read."""
+    """Judges by the clock of the log, as fast as the run can be read."""
 
-    def __init__(self, limits: Limits, found: Say) -> None:
+    def __init__(self, limits: Limits, found: Report) -> None:
         self._judge, self._found = LiveJudge(limits), found
         self._waiting: list[Message] = []
         self._last = self._due = 0
@@ -82,52 +79,44 @@ class _FollowJudge:
                     self._judge.excuse(recorded_pause(content))
             return
         self._waiting.append(record)
-        self._last = max(self._last, min(record.log_time, _LAST_TIME))
+        self._last = max(self._last, min(record.log_time, _MAX_TIME))
         self._due = self._due or self._last + _STEP
-        # Where nothing is, nothing need be judged.
         if self._last >= self._due:
-            self.ask()
+            self.report()
 
-    def ask(self) -> None:
+    def report(self) -> None:
         self._judge.add_all(self._waiting)
         self._waiting.clear()
         self._due = self._last + _STEP
         for finding in self._judge.findings(self._last):
             if finding.is_new:
-                time = datetime.fromtimestamp(min(finding.time, _LAST_TIME) / 1e9, timezone.utc)
+                time = datetime.fromtimestamp(min(finding.time, _MAX_TIME) / 1e9, timezone.utc)
                 shown = f'{time:%Y-%m-%dT%H:%M:%S}.{time.microsecond // 1000:03}Z'
                 severity, of = finding.severity.name, f'{printable(finding.leg)}: '
                 text = f'{of if finding.leg else ""}{finding.text}'
                 self._found(f'{shown} {severity} {finding.check}: {text}')
 
 
-_STEP = round(STEP * 1e9)
-
-
 class _FileFollower:
     """Reads the files of a run one after the other, each as it grows."""
 
-    def __init__(self, path: Path, said: Say) -> None:
+    def __init__(self, path: Path, said: Report) -> None:
         self._path, self._said = path, said
         self._growth = monotonic()
-        self._is_quiet = False
+        self._is_stalled = False
 
     def records(self) -> Iterator[Message | NamedRecord]:
-        place: Path | None = self._first()
-        while place is not None:
-            file = GrowingFile(place)
-            self._said(f'following {printable(place)}')
-            try:
+        path: Path | None = self._first()
+        while path is not None:
+            self._said(f'following {printable(path)}')
+            with closing(GrowingFile(path)) as file:
                 yield from self._all_of(file)
-            finally:
-                file.close()
-            place = self._after(file)
+            path = self._next(path)
 
     def _first(self) -> Path:
-        """Return the first file of the run, when it is there."""
-        is_reported = False
+        """Return the first file of the run, as soon as it is there."""
+        path, is_reported = self._path, False
         while True:
-            path = self._path
             if path.is_dir():
                 files = sorted(path.glob(f'*{_SUFFIX}'), key=natural)
                 files = [file for file in files if not file.name.startswith('.')]
@@ -152,42 +141,37 @@ class _FileFollower:
             is_written = _is_written(file.path)
             was_written = was_written or is_written
             for record in file.read():
-                self._growth, self._is_quiet = monotonic(), False
+                self._growth, self._is_stalled = monotonic(), False
                 yield record
             if file.is_finished:
                 return
+            end = ''
             if file.problem:
-                self._said(f'{printable(file.path.name)} cannot be read on: {file.problem}')
+                end = f'cannot be read on: {file.problem}'
+            elif file.is_gone:
+                end = 'was removed'
+            elif was_written and not is_written:
+                end = 'is unfinished, and its recorder has stopped'
+            if end:
+                self._said(f'{printable(file.path.name)} {end}')
                 return
-            if file.is_gone:
-                self._said(f'{printable(file.path.name)} was removed')
-                return
-            if was_written and not is_written:
-                self._said(
-                    f'{printable(file.path.name)} is unfinished, and its recorder has stopped'
-                )
-                return
-            self._report_stall()
+            if not self._is_stalled and monotonic() - self._growth > STALL:
+                self._is_stalled = True
+                self._said(f'nothing new for {STALL:g} s; Ctrl-C ends it')
             sleep(PERIOD)
 
-    def _report_stall(self) -> None:
-        if not self._is_quiet and monotonic() - self._growth > QUIET:
-            self._is_quiet = True
-            self._said(f'nothing new for {QUIET:g} s; Ctrl-C ends it')
-
-    def _after(self, file: GrowingFile) -> Path | None:
-        """Return the file that follows in a run that was split, None if there is none."""
-        numbered = re.fullmatch(r'(.*)_([0-9]{1,9})', file.path.stem)
+    def _next(self, path: Path) -> Path | None:
+        """Return the next file of a split run; None for none."""
+        numbered = re.fullmatch(r'(.*)_([0-9]{1,9})', path.stem)
         if numbered is None or not self._path.is_dir():
             return None
         end = monotonic() + SPLIT
         while True:
-            # Numbers may be left out where somebody has put files of his own.
+            # Numbers may be missing.
             later = [
-                path
-                for path in file.path.parent.glob(f'*_*{_SUFFIX}')
-                if path.stem.rpartition('_')[0] == numbered[1]
-                and natural(path) > natural(file.path)
+                other
+                for other in path.parent.glob(f'*_*{_SUFFIX}')
+                if other.stem.rpartition('_')[0] == numbered[1] and natural(other) > natural(path)
             ]
             if later:
                 return min(later, key=natural)
@@ -197,7 +181,7 @@ class _FileFollower:
 
 
 def _is_written(path: Path) -> bool:
-    """Return whether a recorder of this project has a file in hand."""
+    """Return whether a recorder of this project has the file open."""
     try:
         with open_regular(path) as file:
             return is_being_written(file)

@@ -1,29 +1,31 @@
-"""Findings about what passes: a review of the last seconds, again and again."""
+"""Findings in the passing messages: repeated reviews of the last seconds."""
 
 from collections import defaultdict, deque
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from time import time_ns
 from typing import NamedTuple
 
-from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import Pause, SolverParameters
+from klann_ros.log.read.block import block_of_messages, HEAD, MessageBlock
+from klann_ros.log.records import Message, Topic
+from klann_ros.log.run_parameters import Pause, SOLVER_RECORD, solver_record, SolverParameters
 from klann_ros.review.checks import CHECKS
 from klann_ros.review.checks.clocks import check_clocks
 from klann_ros.review.checks.completeness import answer_topics, check_losses
+from klann_ros.review.load.geometry import leg_solvers, parent
+from klann_ros.review.load.legs import is_leg_topic
 from klann_ros.review.load.load import load
-from klann_ros.review.load.solvers import leg_solvers, parent
 from klann_ros.review.model.answers import MAX_RESPONSE_TIME
 from klann_ros.review.model.compare import leg_dimensions
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.recording import RunRecording
 from klann_ros.review.model.review import Severity
-from klann_ros.review.model.times import median, time_steps
+from klann_ros.review.model.times import Interval, median, merge_intervals, time_steps
 from klann_ros.review.model.topics import TopicRecording
 from klann_ros.review.reviewing import review_recording
 from klann_ros.sanitize.text import counted, printable, verb
-
-from .window import Window
+import numpy as np
 
 # Length of the window, and period of reviews [s]: a short gap falls into one window, and a fault
 # is found within a second.
@@ -43,32 +45,14 @@ _MAX_TRANSPORT_TIME = 0.2
 
 @dataclass(frozen=True)
 class LiveFinding:
-    """
-    A finding in the passing messages.
-
-    Attributes
-    ----------
-    check : str
-        Name of the check, as in a review.
-    severity : Severity
-        Its severity.
-    text : str
-        Description.
-    time : int
-        First occurrence, log time [ns since the epoch].
-    leg : str
-        Its leg or topic; '' for the only one.
-    is_new : bool
-        Whether the previous window did not have it.
-
-    """
+    """A finding in the passing messages; check, severity and text are those of a review."""
 
     check: str
     severity: Severity
     text: str
-    time: int
-    leg: str = ''
-    is_new: bool = True
+    time: int  # first occurrence, log time [ns since the epoch]
+    leg: str = ''  # its leg or topic; '' for the only one
+    is_new: bool = True  # whether the previous window did not have it
 
 
 class _Topic(NamedTuple):
@@ -105,38 +89,146 @@ class _SequenceNumbers:
             self.lost += self._gaps.popleft()[1]
 
 
+# The channels of a block are numbers of 16 bits.
+_MAX_TOPICS = 2**16
+
+
+class Window:
+    """
+    The last messages, which a review loads like a log.
+
+    New messages become a block once, as consecutive windows share most messages.
+    """
+
+    path = Path('window')
+    paths: tuple[Path, ...] = ()
+    problems: tuple[str, ...] = ()
+
+    def __init__(self) -> None:
+        self.metadata: dict[str, list[Mapping[str, str]]] = {}
+        # Intervals without reception, log times [ns].
+        self.gaps: tuple[Interval, ...] = ()
+        # The messages since the last move.
+        self.new: deque[Message] = deque(maxlen=MAX_MESSAGES)
+        self._blocks: deque[MessageBlock] = deque()
+        # By the object, as to compare topics takes long; and the topic stays alive.
+        self._channels: dict[int, tuple[int, Topic]] = {}
+        self._topics: dict[int, Topic] = {}
+        self.types: dict[str, str] = {}
+        # By node: the last two parameter sets.
+        self._solvers: dict[str, list[SolverParameters]] = {}
+
+    def clear(self) -> None:
+        """Forget all messages."""
+        self.new.clear()
+        self._blocks.clear()
+
+    def __len__(self) -> int:
+        return sum(map(len, self._blocks)) + len(self.new)
+
+    @property
+    def start_time(self) -> int:
+        """Return the log time of the earliest message [ns]."""
+        return min(int(block.heads['log_time'].min()) for block in self._blocks)
+
+    @property
+    def end_time(self) -> int:
+        """Return the log time of the latest message [ns]."""
+        return max(int(block.heads['log_time'].max()) for block in self._blocks)
+
+    def set_solver(self, solver: SolverParameters) -> None:
+        """Set the parameters of a solver."""
+        # The previous one holds for older messages in the window.
+        known = [*self._solvers.get(solver.node, ())[-1:], solver]
+        self._solvers[solver.node] = known
+        records = [each for sets in self._solvers.values() for each in sets]
+        self.metadata = {SOLVER_RECORD: [solver_record(each) for each in records]}
+
+    def solver(self, node: str) -> SolverParameters | None:
+        """Return the parameters of a solver, if known."""
+        return self._solvers[node][-1] if node in self._solvers else None
+
+    def move(self, now: int) -> None:
+        """Move the window to a time: add new messages, drop old ones."""
+        if self.new:
+            self._blocks.append(self._block([*self.new]))
+            self.new.clear()
+        begin = now - round(LENGTH * 1e9)
+        current = (_since(block, begin) for block in self._blocks)
+        self._blocks = deque(block for block in current if len(block))
+        self.gaps = tuple(gap for gap in self.gaps if gap[1] >= begin)
+        while len(self._blocks) > 1 and self._is_too_much():
+            self._blocks.popleft()
+
+    def blocks(self, progress: Callable[[float], object] | None = None) -> Iterator[MessageBlock]:
+        """Yield all messages."""
+        if progress is not None:
+            progress(0.0)
+        yield from self._blocks
+
+    def _is_too_much(self) -> bool:
+        size = sum(len(block.data) for block in self._blocks)
+        return len(self) > MAX_MESSAGES or size > MAX_BYTES
+
+    def _block(self, messages: Sequence[Message]) -> MessageBlock:
+        ids = [id(message.topic) for message in messages]
+        if not self._channels.keys() >= set(ids):
+            for message in messages:
+                self._know(message.topic)
+        channels = self._channels
+        heads = np.zeros(len(messages), HEAD)
+        heads['channel'] = numbers = [channels[key][0] for key in ids]
+        heads['sequence'] = [m.sequence & 0xFFFFFFFF for m in messages]
+        heads['log_time'] = [m.log_time for m in messages]
+        heads['publish_time'] = [m.publish_time for m in messages]
+        topics, data = self._topics, [m.data for m in messages]
+        if any(not topic.type for topic in topics.values()):
+            data = [d if topics[n].type else b'' for n, d in zip(numbers, data, strict=True)]
+        return block_of_messages(heads, data, topics)
+
+    def _know(self, topic: Topic) -> None:
+        """Add a topic; only topics of legs keep their data."""
+        if id(topic) not in self._channels:
+            number = len(self._channels)
+            if number >= _MAX_TOPICS:
+                msg = f'more than {_MAX_TOPICS} topics'
+                raise ValueError(msg)
+            self._channels[id(topic)] = number, topic
+            self.types[topic.name] = topic.type
+            self._topics[number] = topic if is_leg_topic(topic) else Topic(topic.name, '')
+
+
+def _since(block: MessageBlock, time: int) -> MessageBlock:
+    """Return the messages of a block that were received since a time [ns]."""
+    times = block.heads['log_time']
+    if not len(times) or times.min() >= time:
+        return block
+    rows = times >= time
+    return replace(block, heads=block.heads[rows], starts=block.starts[rows])
+
+
 class LiveJudge:
-    """
-    Judges passing messages; used by one thread.
-
-    Parameters
-    ----------
-    limits : Limits
-        Limits of the checks.
-
-    """
+    """Judges passing messages by the limits of a review; used by one thread."""
 
     def __init__(self, limits: Limits | None = None) -> None:
-        """Start without messages."""
         self._limits = limits or Limits()
-        self._window = Window(LENGTH, MAX_MESSAGES, MAX_BYTES)
+        self._window = Window()
+        # By topic: first message [ns], losses so far, and of answers the topics of their inputs.
         self._topics: dict[str, _Topic] = {}
-        # By topic: when it was first heard [ns], and its losses so far.
         self._starts: dict[str, int] = {}
         self._numbers: defaultdict[str, _SequenceNumbers] = defaultdict(_SequenceNumbers)
         self._lost: dict[str, int] = {}
-        # By topic of answers, the topics of their questions.
-        self._questions: dict[str, frozenset[str]] = {}
+        self._inputs: dict[str, frozenset[str]] = {}
         self._before: set[tuple[str, str]] = set()
         self._changes: list[LiveFinding] = []
 
     def add(self, message: Message) -> None:
         """Add a message."""
-        self._window.add((message,))
+        self._window.new.append(message)
 
     def add_all(self, messages: Iterable[Message]) -> None:
         """Add messages in the order of reception."""
-        self._window.add(messages)
+        self._window.new.extend(messages)
 
     def set_solver(self, solver: SolverParameters) -> None:
         """Set the parameters of a solver; a changed leg is a finding."""
@@ -152,7 +244,8 @@ class LiveJudge:
 
     def excuse(self, pause: Pause) -> None:
         """Excuse gaps while the recorder paused or stalled."""
-        self._window.excuse(pause.begin, pause.end + MAX_RESPONSE_TIME)
+        interval = pause.begin, pause.end + MAX_RESPONSE_TIME
+        self._window.gaps = merge_intervals([*self._window.gaps, interval])
 
     def findings(
         self,
@@ -166,11 +259,11 @@ class LiveJudge:
         Parameters
         ----------
         now : int, optional
-            The time by the clock of the log [ns since the epoch]; that of this machine otherwise.
+            Time of the log [ns since the epoch]; by default that of this machine.
         published : collection of str, optional
-            The topics that have a publisher: one that left in order is not waited for.
+            The topics with a publisher: one that left in order is not waited for.
         lost : mapping of str to int, optional
-            How many messages of each topic were lost so far; counted here otherwise.
+            Lost messages of each topic so far; by default counted here.
 
         """
         now = time_ns() if now is None else now
@@ -210,8 +303,7 @@ class LiveJudge:
         """Note the inputs of answers, and the last messages of periodic topics."""
         for leg in recording.legs:
             for name in answer_topics(leg) if leg.crank_topics else ():
-                self._questions[name] = self._questions.get(name, leg.crank_topics)
-                self._questions[name] |= leg.crank_topics
+                self._inputs[name] = self._inputs.get(name, frozenset()) | leg.crank_topics
         for topic in recording.topics:
             if not topic.is_periodic:
                 continue
@@ -232,7 +324,7 @@ class LiveJudge:
                 continue
             explained = max((end for _, end in self._window.gaps), default=0)
             silent = (now - max(topic.last, explained)) / 1e9
-            longest = max(self._limits.gap_periods * topic.period, self._limits.gap_time)
+            longest = self._limits.max_interval(topic.period)
             if (topic.last - self._starts.get(name, 0)) / 1e9 < self._limits.start_time:
                 longest = max(longest, LENGTH)
             if silent > longest + _MAX_TRANSPORT_TIME and self._is_expected(name, longest):
@@ -241,9 +333,9 @@ class LiveJudge:
 
     def _is_expected(self, name: str, longest: float) -> bool:
         """Return whether messages are due: answers only after inputs."""
-        if name not in self._questions:
+        if name not in self._inputs:
             return True
-        asked = [self._topics[each].last for each in self._questions[name] if each in self._topics]
+        asked = [self._topics[each].last for each in self._inputs[name] if each in self._topics]
         return max(asked, default=0) > self._topics[name].last + longest * 1e9
 
     def _losses(self, now: int, lost: Mapping[str, int] | None) -> Iterator[LiveFinding]:

@@ -1,6 +1,6 @@
 """Decode messages of the types that describe a leg or a walker, many at a time."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr
 from functools import lru_cache
 from io import StringIO
@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from klann_ros.kinematics.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray
 from klann_ros.log.read.block import MessageBlock
 from klann_ros.log.records import Topic
+from klann_ros.review.model.recording import Undecoded
 from klann_ros.review.model.times import LAST_TIME, nanoseconds
 from klann_ros.sanitize.cdr import CdrCursor, HEADER_SIZE, read_joint_state, STAMP_SIZE
 from mcap.records import Schema
@@ -23,10 +24,6 @@ FOOT = 'geometry_msgs/msg/PointStamped'
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 ODOMETRY = 'nav_msgs/msg/Odometry'
 COMMAND = 'crank_command'
-# Position, and orientation as a quaternion.
-POSE = 7
-
-
 _HEADER = {
     'std_msgs/Header': ('builtin_interfaces/Time stamp', 'string frame_id'),
     'builtin_interfaces/Time': ('int32 sec', 'uint32 nanosec'),
@@ -67,32 +64,16 @@ _STANDARD_FIELDS = {
 }
 
 
-class Numbers(NamedTuple):
-    """An array of doubles in a message: its offset [bytes] and length."""
-
-    begin: int
-    size: int
-
-    @property
-    def end(self) -> int:
-        """Return its end [bytes]."""
-        return self.begin + 8 * self.size
-
-
 class Layout(NamedTuple):
     """Offsets of the numbers in a message, and in all with equal texts and lengths."""
 
-    # The message it was found in.
-    data: bytes
-    # The byte order of its numbers, as NumPy writes it.
-    order: str
-    # Whether it begins with a header, and so with a stamp.
-    is_stamped: bool
-    # The joints in a JointState.
-    names: tuple[str, ...]
-    # The number of a Float64; x, y and z of a point; the pose of an Odometry; positions,
-    # velocities and efforts.
-    numbers: tuple[Numbers, ...]
+    data: bytes  # the message it was found in
+    order: str  # the byte order of its numbers, as NumPy writes it
+    is_stamped: bool  # whether it begins with a header
+    names: tuple[str, ...]  # the joints in a JointState
+    # Offset [bytes] and length of the number of a Float64; of x, y and z of a point; of the pose
+    # of an Odometry; of positions, velocities and efforts.
+    numbers: tuple[tuple[int, int], ...]
     # Indices of the bytes that all such messages share: byte order, lengths and texts; padding
     # may differ.
     fixed: IndexArray
@@ -105,8 +86,8 @@ class Layout(NamedTuple):
 
     def doubles(self, rows: ByteArray, which: int) -> FloatArray:
         """Return an array of doubles of matching messages, shape (n, count)."""
-        begin, end = self.numbers[which].begin, self.numbers[which].end
-        columns = np.ascontiguousarray(rows[:, slice(begin, end)])
+        begin, size = self.numbers[which]
+        columns = np.ascontiguousarray(rows[:, slice(begin, begin + 8 * size)])
         return columns.view(f'{self.order}f8').astype(np.float64)
 
     def stamps(self, rows: ByteArray) -> IntArray:
@@ -117,56 +98,33 @@ class Layout(NamedTuple):
         return stamps
 
 
-def _crank_angle(data: bytes) -> Layout:
+# Number of strings after the stamp, and of doubles behind them.
+_POINT_SIZE, _POSE_SIZE = 3, 7
+_PLAIN_LAYOUTS = {FOOT: (1, _POINT_SIZE), ODOMETRY: (2, _POSE_SIZE)}
+
+
+def _layout(kind: str, data: bytes) -> Layout:
+    """Return the layout of a message of a standard type; a ValueError for an invalid one."""
     cursor = CdrCursor(data)
-    return _layout(cursor, data, (), Numbers(cursor.skip(8), 1), is_stamped=False)
-
-
-def _foot(data: bytes) -> Layout:
-    cursor = CdrCursor(data)
-    cursor.skip(STAMP_SIZE)
-    cursor.string()
-    cursor.align(8)
-    return _layout(cursor, data, (), Numbers(cursor.skip(24), 3))
-
-
-def _odometry(data: bytes) -> Layout:
-    cursor = CdrCursor(data)
-    cursor.skip(STAMP_SIZE)
-    cursor.string()
-    cursor.string()
-    cursor.align(8)
-    return _layout(cursor, data, (), Numbers(cursor.skip(8 * POSE), POSE))
-
-
-def _joint_state(data: bytes) -> Layout:
-    cursor = CdrCursor(data)
-    joints, sequences = read_joint_state(cursor)
-    names = tuple(name.decode(errors='replace') for name in joints)
-    return _layout(cursor, data, names, *(Numbers(*sequence) for sequence in sequences))
-
-
-def _layout(
-    cursor: CdrCursor,
-    data: bytes,
-    names: tuple[str, ...],
-    *numbers: Numbers,
-    is_stamped: bool = True,
-) -> Layout:
+    names: tuple[str, ...] = ()
+    if kind == CRANK_ANGLE:
+        numbers = [(cursor.skip(8), 1)]
+    elif kind == JOINT_STATE:
+        joints, numbers = read_joint_state(cursor)
+        names = tuple(name.decode(errors='replace') for name in joints)
+    else:
+        strings, count = _PLAIN_LAYOUTS[kind]
+        cursor.skip(STAMP_SIZE)
+        for _ in range(strings):
+            cursor.string()
+        cursor.align(8)
+        numbers = [(cursor.skip(8 * count), count)]
     fixed = [np.arange(2), *(np.arange(part.start, part.stop) for part in cursor.structure)]
-    return Layout(data, cursor.order, is_stamped, names, numbers, np.concatenate(fixed))
+    is_stamped = kind != CRANK_ANGLE
+    return Layout(data, cursor.order, is_stamped, names, tuple(numbers), np.concatenate(fixed))
 
 
-LAYOUTS: Mapping[str, Callable[[bytes], Layout]] = {
-    CRANK_ANGLE: _crank_angle,
-    FOOT: _foot,
-    JOINT_STATE: _joint_state,
-    ODOMETRY: _odometry,
-}
-"""Functions that find the layout of a message, by type; a ValueError for an invalid one."""
-
-
-def has_standard_fields(topic: Topic) -> bool:
+def _has_standard_fields(topic: Topic) -> bool:
     """Return whether a topic has CDR messages with the fields of Jazzy."""
     if (topic.message_encoding, topic.schema_encoding) != ('cdr', 'ros2msg'):
         return False
@@ -192,9 +150,9 @@ def _fields(definition: str) -> dict[str, tuple[str, ...]]:
 
 
 # Messages of legs are much smaller; a small file may unpack to any size [bytes].
-MAX_MESSAGE = 256 * 1024
+MAX_MESSAGE_SIZE = 256 * 1024
 # A DiagnosticArray's has 600 characters without comments.
-MAX_DEFINITION = 16 * 1024
+MAX_DEFINITION_SIZE = 16 * 1024
 
 _COMMENT = re.compile('#[^\r\n]*')
 Decode = Callable[[bytes], Any]
@@ -213,7 +171,7 @@ def decoder(topic: Topic) -> Decode:
 @lru_cache(maxsize=16)
 def _decoder(name: str, definition: str, schema_encoding: str, encoding: str) -> Decode:
     text = _COMMENT.sub('', definition)
-    if len(text) > MAX_DEFINITION:
+    if len(text) > MAX_DEFINITION_SIZE:
         return _refuse
     schema = Schema(id=1, data=text.encode(), encoding=schema_encoding, name=name)
     try:
@@ -225,8 +183,8 @@ def _decoder(name: str, definition: str, schema_encoding: str, encoding: str) ->
         return _refuse
 
     def bounded(data: bytes) -> Any:
-        if len(data) > MAX_MESSAGE:
-            raise ValueError(f'{len(data)} bytes, more than the limit of {MAX_MESSAGE}')
+        if len(data) > MAX_MESSAGE_SIZE:
+            raise ValueError(f'{len(data)} bytes, more than the limit of {MAX_MESSAGE_SIZE}')
         return decode(data)
 
     return bounded
@@ -241,40 +199,27 @@ _MAX_LAYOUTS = 16
 
 
 class DecodedRows(NamedTuple):
-    """Decoded messages of a topic with equal joints."""
+    """Decoded messages of a topic with equal joints; arrays have n rows."""
 
-    # Shape (n,): their rows in the block.
-    rows: IndexArray
-    # Shape (n,): their header stamps [ns]; 0 for a type without.
-    stamps: IntArray
-    # The joints in a JointState.
-    names: tuple[str, ...]
+    rows: IndexArray  # in the block
+    stamps: IntArray  # of their headers [ns]; 0 for a type without
+    names: tuple[str, ...]  # the joints in a JointState
     # Shape (n, k): the number; x, y and z; the pose; or the positions.
     values: FloatArray
-    # Shape (n, k) or (n, 0): the velocities of a JointState.
+    # Shape (n, k) or (n, 0): of a JointState.
     velocities: FloatArray
-    # Shape (n, k) or (n, 0): the efforts of a JointState.
     efforts: FloatArray
 
 
 class TopicReader:
-    """
-    Reads the messages of a topic of one of LAYOUTS's types.
-
-    Attributes
-    ----------
-    failed : int
-        Number of messages that do not match their type.
-    failed_at : int
-        Log time of the first of them [ns].
-
-    """
+    """Reads the messages of a topic of one of the types in _FIELDS."""
 
     def __init__(self, topic: Topic) -> None:
-        self.failed = 0
-        self.failed_at = 0
+        # Number of messages that do not match their type, and log time of the first [ns].
+        self.failed = self.failed_at = 0
+        self._topic = topic.name
         self._type = topic.type
-        self._make_layout = LAYOUTS[topic.type] if has_standard_fields(topic) else None
+        self._is_standard = _has_standard_fields(topic)
         self._layout: Layout | None = None
         self._decode = decoder(topic)
 
@@ -298,6 +243,11 @@ class TopicReader:
         first = int(times.min())
         self.failed_at = min(self.failed_at, first) if self.failed else first
         self.failed += len(times)
+
+    @property
+    def undecoded(self) -> tuple[Undecoded, ...]:
+        """Return the undecodable messages, if any."""
+        return (Undecoded(self._topic, self.failed, self.failed_at),) if self.failed else ()
 
     def _of_size(
         self, block: MessageBlock, rows: IndexArray, size: int, others: list[IndexArray]
@@ -326,10 +276,10 @@ class TopicReader:
             row = np.frombuffer(data, np.uint8)[np.newaxis]
             if known.alike(row)[0]:
                 return known
-        if self._make_layout is None:
+        if not self._is_standard:
             return None
         try:
-            self._layout = self._make_layout(data)
+            self._layout = _layout(self._type, data)
         except ValueError:
             return None
         return self._layout
@@ -351,9 +301,9 @@ class TopicReader:
 def _piece(layout: Layout, rows: IndexArray, data: NDArray[np.uint8]) -> DecodedRows:
     count = len(rows)
     stamps = layout.stamps(data) if layout.is_stamped else np.zeros(count, dtype=np.int64)
-    joints = len(layout.numbers) > 1
-    others = [layout.doubles(data, which) if joints else np.empty((count, 0)) for which in (1, 2)]
-    return DecodedRows(rows, stamps, layout.names, layout.doubles(data, 0), *others)
+    numbers = [layout.doubles(data, which) for which in range(len(layout.numbers))]
+    numbers += [np.empty((count, 0))] * (3 - len(numbers))
+    return DecodedRows(rows, stamps, layout.names, *numbers)
 
 
 def _stamp(decoded: Any) -> int:
@@ -361,22 +311,19 @@ def _stamp(decoded: Any) -> int:
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
-def _point(decoded: Any) -> tuple[float, ...]:
-    return tuple(float(getattr(decoded.point, axis)) for axis in 'xyz')
+def _axes(decoded: Any, axes: str) -> tuple[float, ...]:
+    return tuple(float(getattr(decoded, axis)) for axis in axes)
 
 
 def _pose(decoded: Any) -> tuple[float, ...]:
-    at, turned = decoded.pose.pose.position, decoded.pose.pose.orientation
-    return (
-        *(float(getattr(at, axis)) for axis in 'xyz'),
-        *(float(getattr(turned, axis)) for axis in 'xyzw'),
-    )
+    pose = decoded.pose.pose
+    return _axes(pose.position, 'xyz') + _axes(pose.orientation, 'xyzw')
 
 
 # Stamp, names, values, velocities and efforts.
 _FIELDS: dict[str, Callable[[Any], tuple[int, Any, Any, Any, Any]]] = {
     CRANK_ANGLE: lambda decoded: (0, (), (float(decoded.data),), (), ()),
-    FOOT: lambda decoded: (_stamp(decoded), (), _point(decoded), (), ()),
+    FOOT: lambda decoded: (_stamp(decoded), (), _axes(decoded.point, 'xyz'), (), ()),
     ODOMETRY: lambda decoded: (_stamp(decoded), (), _pose(decoded), (), ()),
     JOINT_STATE: lambda decoded: (
         _stamp(decoded),

@@ -1,10 +1,9 @@
 """Assign the numbers of messages to legs: crank inputs, poses, feet and efforts."""
 
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import ClassVar
 
 from klann_ros.kinematics.arrays import IndexArray
 from klann_ros.log.read.block import MessageBlock
@@ -16,8 +15,8 @@ from klann_ros.robot import Robot
 import numpy as np
 
 from .decode import COMMAND, CRANK_ANGLE, DecodedRows, FOOT, JOINT_STATE, log_times, TopicReader
+from .geometry import leg_solvers, parent, published_legs, REFERENCE, reference_leg
 from .series import GrowingArray, SeriesColumns
-from .solvers import leg_solvers, parent, published_legs, REFERENCE, reference_leg
 
 LAST_PARTS = {CRANK_ANGLE: 'crank_angle', FOOT: 'point_h'}
 # Key of crank_angle, the input of all legs, among the joints.
@@ -33,34 +32,7 @@ def is_leg_topic(topic: Topic) -> bool:
 
 
 class LegCollector:
-    """
-    Collects the data of legs, block by block.
-
-    Parameters
-    ----------
-    records : sequence of SolverParameters
-        Solver parameters in the run.
-    given : Robot, optional
-        The reference robot, instead of the one in the run.
-    rates : str
-        Type of the joint velocities: 'f8', 'f4' for half the memory, '' for none.
-
-    Attributes
-    ----------
-    poses, rates : dict of SeriesColumns
-        By namespace and name of the leg.
-    pose_topics : dict of set
-        By namespace and name of the leg, the topics of its poses.
-    feet : dict of SeriesColumns
-        By the namespace of their topic.
-    cranks, crank_topics : dict of SeriesColumns, dict of set
-        By namespace and joint: the inputs, and their topics.
-    efforts : dict of SeriesColumns
-        By namespace and crank joint, or crank angle of a leg: angles and efforts.
-    unstamped : dict of GrowingArray
-        By namespace and joint, log times of inputs with unknown answers.
-
-    """
+    """Collects the data of legs, block by block; parameters as `review_run`."""
 
     def __init__(
         self,
@@ -69,12 +41,16 @@ class LegCollector:
         *,
         rates: str = '',
     ) -> None:
+        # By namespace and name of the leg.
         self.poses: dict[LegKey, SeriesColumns] = {}
         self.rates: dict[LegKey, SeriesColumns] = {}
+        self.pose_topics: dict[LegKey, set[str]] = defaultdict(set)
+        # By the namespace of the topic.
         self.feet: dict[str, SeriesColumns] = defaultdict(partial(SeriesColumns, 2))
+        # By namespace and joint: inputs, their topics, angles with efforts, and log times of
+        # inputs with unknown answers.
         self.cranks: dict[LegKey, SeriesColumns] = defaultdict(partial(SeriesColumns, 1))
         self.efforts: dict[LegKey, SeriesColumns] = defaultdict(partial(SeriesColumns, 2))
-        self.pose_topics: dict[LegKey, set[str]] = defaultdict(set)
         self.crank_topics: dict[LegKey, set[str]] = defaultdict(set)
         self.unstamped: dict[LegKey, GrowingArray] = defaultdict(partial(GrowingArray, np.int64))
         self._records = records
@@ -123,18 +99,20 @@ class LegCollector:
             if self._lacks_positions(parent(topic.name), piece):
                 reader.refuse(log_times(block, piece))
             else:
-                self._add[topic.type](self, topic.name, block, piece)
+                if topic.type == CRANK_ANGLE:
+                    self._add_crank(topic.name, ALL_JOINTS, block, piece, 0)
+                elif topic.type == JOINT_STATE:
+                    self._add_joint_state(topic.name, block, piece)
+                else:
+                    foot = piece.values[:, :2]
+                    self.feet[parent(topic.name)].add(log_times(block, piece), piece.stamps, foot)
                 taken.append(piece)
         return taken
 
-    def undecoded(self) -> tuple[Undecoded, ...]:
-        """Return the topics with undecodable messages."""
-        found = ((topic, reader) for topic, reader in self._readers.items() if reader)
-        return tuple(
-            Undecoded(topic.name, reader.failed, reader.failed_at)
-            for topic, reader in found
-            if reader.failed
-        )
+    def undecoded(self) -> Iterator[Undecoded]:
+        """Yield the topics with undecodable messages."""
+        for reader in filter(None, self._readers.values()):
+            yield from reader.undecoded
 
     def _lacks_positions(self, namespace: str, piece: DecodedRows) -> bool:
         """Return whether joints of a leg have no positions; other robots may omit them."""
@@ -154,15 +132,8 @@ class LegCollector:
 
     def _reader(self, topic: Topic) -> TopicReader | None:
         if topic not in self._readers:
-            wanted = is_leg_topic(topic)
-            self._readers[topic] = TopicReader(topic) if wanted else None
+            self._readers[topic] = TopicReader(topic) if is_leg_topic(topic) else None
         return self._readers[topic]
-
-    def _add_crank_angle(self, topic: str, block: MessageBlock, piece: DecodedRows) -> None:
-        self._add_crank(topic, ALL_JOINTS, block, piece, 0)
-
-    def _add_foot(self, topic: str, block: MessageBlock, piece: DecodedRows) -> None:
-        self.feet[parent(topic)].add(log_times(block, piece), piece.stamps, piece.values[:, :2])
 
     def _add_joint_state(self, topic: str, block: MessageBlock, piece: DecodedRows) -> None:
         namespace, names = parent(topic), piece.names
@@ -226,9 +197,3 @@ class LegCollector:
         self.unstamped[namespace, joint].add(times[unmatched])
         stamps, values, times = (a[~unmatched] for a in (stamps, values, times))
         self.cranks[namespace, joint].add(times, stamps, values)
-
-    _add: ClassVar[Mapping[str, Callable[..., None]]] = {
-        CRANK_ANGLE: _add_crank_angle,
-        FOOT: _add_foot,
-        JOINT_STATE: _add_joint_state,
-    }

@@ -1,10 +1,10 @@
 """From a log to a recording: messages of legs are decoded, all others counted."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from klann_ros.kinematics.arrays import IndexArray
 from klann_ros.log.read.block import MessageBlock
@@ -12,11 +12,9 @@ from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import (
     FAULT_RECORD,
     FINDING_RECORD,
-    Pause,
     PAUSE_RECORD,
     recorded_finding,
     recorded_pause,
-    RecordedFinding,
 )
 from klann_ros.review.model.answers import MAX_RESPONSE_TIME
 from klann_ros.review.model.recording import Drive, LegRecording, RunRecording
@@ -34,18 +32,18 @@ from klann_ros.robot import Robot
 from klann_ros.sanitize.text import printable_line
 import numpy as np
 
+from .geometry import Descriptions, Metadata, solver_records, with_dynamics
 from .legs import ALL_JOINTS, LegCollector
-from .series import ArrayPool, ClockCollector, Iterations, WalkCollector
-from .solvers import Metadata, solver_records, with_dynamics
+from .series import ArrayPool, ClockCollector, IterationCollector, WalkCollector
 from .topics import recorded_losses, TopicCollector
-from .urdf import Descriptions
 
+RecordT = TypeVar('RecordT')
 # A larger latency mixes two clocks [s].
 MAX_LATENCY = 3600.0
 
 
 class Loadable(Protocol):
-    """A source of messages, such as `klann_ros.log.reader.Log`."""
+    """A source of messages: a `klann_ros.log.reader.Log`, or the window of a recording."""
 
     path: Path
 
@@ -87,7 +85,7 @@ def load(
     """Decode a log; see `review_run`. `progress` gets the read share, 0 to 1."""
     records = solver_records(log.metadata)
     legs_ = LegCollector(records, robot, rates=rates)
-    topics_, iterations, descriptions = TopicCollector(), Iterations(), Descriptions()
+    topics_, iterations, descriptions = TopicCollector(), IterationCollector(), Descriptions()
     walks, simulated = WalkCollector(), ClockCollector()
     for block in log.blocks(progress):
         for topic, rows in by_topic(block):
@@ -98,7 +96,7 @@ def load(
             simulated.add(topic, block, rows)
             walks.add(topic, block, rows, pieces)
     # Damage is known after reading only.
-    pauses = [*_pauses(log.metadata.get(PAUSE_RECORD, ()))]
+    pauses = [*_records(log, PAUSE_RECORD, recorded_pause)]
     # After a stall of the recorder, the solver needs time to answer.
     ends = (
         (pause.begin, pause.end + (MAX_RESPONSE_TIME if pause.reason else 0)) for pause in pauses
@@ -131,15 +129,17 @@ def load(
         stopped=_file_faults(log, 'stopped'),
         file_fault=_file_faults(log, 'faults'),
         drives=tuple(_drives(legs_, legs, shared)),
-        recorder_findings=tuple(_recorder_findings(log)),
+        recorder_findings=tuple(_records(log, FINDING_RECORD, recorded_finding)),
     )
 
 
-def _recorder_findings(log: Loadable) -> Iterator[RecordedFinding]:
-    """Yield the findings of the recorder."""
-    for record in log.metadata.get(FINDING_RECORD, ()):
+def _records(
+    log: Loadable, name: str, parse: Callable[[Mapping[str, str]], RecordT]
+) -> Iterator[RecordT]:
+    """Yield the valid records of the recorder of one kind."""
+    for record in log.metadata.get(name, ()):
         with suppress(ValueError):
-            yield recorded_finding(record)
+            yield parse(record)
 
 
 def _drives(
@@ -174,7 +174,7 @@ def by_topic(block: MessageBlock) -> Iterator[tuple[Topic, IndexArray]]:
 
 def _legs(
     legs_: LegCollector,
-    iterations: Iterations,
+    iterations: IterationCollector,
     descriptions: Descriptions,
     shared: ArrayPool,
     clock: Series,
@@ -182,6 +182,7 @@ def _legs(
     """Yield the legs of solvers with poses; without any, legs with inputs or feet only."""
     feet = {namespace: columns.series(shared) for namespace, columns in legs_.feet.items()}
     cranks = {place: columns.series(shared) for place, columns in legs_.cranks.items()}
+    nothing = np.empty(0, dtype=np.int64)
     unstamped = {place: times.array() for place, times in legs_.unstamped.items()}
     places = legs_.places() or sorted({(namespace, '') for namespace, _ in cranks})
     for namespace, name in places or [(path, '') for path in sorted(feet)]:
@@ -205,9 +206,7 @@ def _legs(
             iterations=iterations.series(name),
             feet=feet.get(f'{namespace}/{name}' if name else namespace, no_series(2)),
             unstamped=np.sort(
-                np.concatenate(
-                    [np.empty(0, np.int64), *(unstamped.get(joint, ()) for joint in joints)]
-                )
+                np.concatenate([nothing, *(unstamped.get(joint, ()) for joint in joints)])
             ),
             **({'rates': rates.series(shared).values} if rates else {}),
         )
@@ -224,13 +223,6 @@ def _merged(inputs: list[Series]) -> Series:
     stamps = np.concatenate([series.stamps for series in inputs])
     values = np.concatenate([series.values for series in inputs])
     return Series(times[order], stamps[order], values[order])
-
-
-def _pauses(records: Iterable[Mapping[str, str]]) -> Iterator[Pause]:
-    """Yield the recorded pauses and stalls of the recorder."""
-    for record in records:
-        with suppress(ValueError):
-            yield recorded_pause(record)
 
 
 def _without_wall_times(topic: TopicRecording) -> TopicRecording:

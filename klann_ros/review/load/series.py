@@ -9,7 +9,7 @@ from typing import Any
 from klann_ros.kinematics.arrays import FloatArray, IndexArray, IntArray
 from klann_ros.log.read.block import MessageBlock
 from klann_ros.log.records import Topic
-from klann_ros.review.model.recording import Undecoded, Walk
+from klann_ros.review.model.recording import Undecoded, WalkRecording
 from klann_ros.review.model.times import CLOCK, nanoseconds, no_series, Series
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -20,17 +20,7 @@ _INITIAL_ROWS = 1024
 
 
 class GrowingArray:
-    """
-    An array that grows by rows, with half the memory of joined small arrays.
-
-    Parameters
-    ----------
-    kind : data type
-        Of the numbers.
-    width : int
-        Numbers of a row; 0 for rows that are numbers themselves.
-
-    """
+    """An array that grows by rows of `width` numbers, 0 for rows that are numbers themselves."""
 
     def __init__(self, kind: DTypeLike, width: int = 0) -> None:
         self._columns = (width,) if width else ()
@@ -45,7 +35,7 @@ class GrowingArray:
         new = np.asarray(rows)
         begin, self._count = self._count, self._count + len(new)
         if self._count > len(self._rows):
-            # realloc moves pages, not bytes; untouched pages cost nothing.
+            # realloc moves pages, not bytes: half the memory of joined arrays.
             room = max(self._count, len(self._rows) * 3 // 2)
             self._rows.resize((room, *self._columns), refcheck=False)
         self._rows[slice(begin, self._count)] = new
@@ -75,17 +65,7 @@ class ArrayPool:
 
 
 class SeriesColumns:
-    """
-    Builds a series of log times, stamps and numbers, block by block.
-
-    Parameters
-    ----------
-    width : int
-        Numbers of a row.
-    kind : data type
-        Of the numbers.
-
-    """
+    """Builds a series of log times, stamps and rows of numbers, block by block."""
 
     def __init__(self, width: int, kind: DTypeLike = np.float64) -> None:
         self._times = GrowingArray(np.int64)
@@ -93,7 +73,7 @@ class SeriesColumns:
         self._values = GrowingArray(kind, width)
 
     def add(self, times: IntArray, stamps: IntArray, values: FloatArray) -> None:
-        """Add rows: log times and stamps [ns], shape (n,), and values, shape (n, width)."""
+        """Add log times and stamps [ns], shape (n,), and values, shape (n, width)."""
         self._times.add(times)
         self._stamps.add(stamps)
         self._values.add(values)
@@ -129,9 +109,8 @@ class WalkCollector:
         """Add the messages of a topic in a block; joint states come decoded."""
         space, _, name = topic.name.rpartition('/')
         if topic.type == ODOMETRY and name in (ODOMETRY_NAME, TRUTH_NAME):
-            if topic not in self._readers:
-                self._readers[topic] = TopicReader(topic)
-            for piece in self._readers[topic].read(block, rows):
+            reader = self._readers.setdefault(topic, TopicReader(topic))
+            for piece in reader.read(block, rows):
                 poses = _planar(piece.values)
                 known = np.isfinite(poses).all(axis=1)
                 times = log_times(block, piece)
@@ -149,36 +128,27 @@ class WalkCollector:
             known = np.isfinite(column[:, 0])
             self._cranks[space, name, joint].add(times[known], piece.stamps[known], column[known])
 
-    def walks(self, shared: ArrayPool) -> Iterator[Walk]:
+    def walks(self, shared: ArrayPool) -> Iterator[WalkRecording]:
         """Yield the robots with odometry, ground truth or crank commands."""
         poses = {
             place: _unwrapped(columns.series(shared)) for place, columns in self._poses.items()
         }
         cranks = {place: columns.series(shared) for place, columns in self._cranks.items()}
         commanded = {space for space, name, _ in cranks if name == COMMAND}
-        nothing = Series(
-            np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty((0, 3))
-        )
         for space in sorted({space for space, _ in poses} | commanded):
-            of_name = {
-                name: {joint: s for (at, which, joint), s in cranks.items() if (at, which) == one}
-                for name, one in ((name, (space, name)) for name in (COMMAND, STATE))
-            }
-            yield Walk(
-                space,
-                poses.get((space, ODOMETRY_NAME), nothing),
-                poses.get((space, TRUTH_NAME), nothing),
-                of_name[COMMAND],
-                of_name[STATE],
+            commands, states = (
+                {joint: s for (*at, joint), s in cranks.items() if at == [space, name]}
+                for name in (COMMAND, STATE)
             )
+            odometry, truth = (
+                poses.get((space, name), no_series(3)) for name in (ODOMETRY_NAME, TRUTH_NAME)
+            )
+            yield WalkRecording(space, odometry, truth, commands, states)
 
-    def undecoded(self) -> tuple[Undecoded, ...]:
-        """Return the topics with undecodable messages."""
-        return tuple(
-            Undecoded(topic.name, reader.failed, reader.failed_at)
-            for topic, reader in self._readers.items()
-            if reader.failed
-        )
+    def undecoded(self) -> Iterator[Undecoded]:
+        """Yield the topics with undecodable messages."""
+        for reader in self._readers.values():
+            yield from reader.undecoded
 
 
 def _planar(poses: FloatArray) -> FloatArray:
@@ -196,30 +166,25 @@ def _unwrapped(poses: Series) -> Series:
 
 
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
-
-
 # Name of an unnamed leg in diagnostics.
 _UNNAMED = 'leg'
 
 
-class Iterations:
+class IterationCollector:
     """Collects solver iterations from diagnostics: the maximum since the last report."""
 
     def __init__(self) -> None:
         self._columns: dict[str, SeriesColumns] = defaultdict(partial(SeriesColumns, 1))
         self._solvers: dict[str, set[str]] = defaultdict(set)
-        self._decoders: dict[Topic, Any] = {}
 
     def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> None:
         """Add the messages of a topic in a block."""
         if topic.type != DIAGNOSTICS:
             return
-        if topic not in self._decoders:
-            self._decoders[topic] = decoder(topic)
         for row in rows.tolist():
             # Invalid messages are ignored.
             with suppress(Exception):
-                message = self._decoders[topic](block.message(row))
+                message = decoder(topic)(block.message(row))
                 self._report(message, nanoseconds(block.heads['log_time'][[row]]))
 
     def series(self, name: str) -> Series:
@@ -229,7 +194,7 @@ class Iterations:
             return no_series(1)
         return self._columns[name].series(ArrayPool())
 
-    def _report(self, message: Any, time: 'np.ndarray[Any, np.dtype[np.int64]]') -> None:
+    def _report(self, message: Any, time: IntArray) -> None:
         for status in message.status:
             solver, _, leg = str(status.name).rpartition(': ')
             for value in status.values:

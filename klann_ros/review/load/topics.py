@@ -1,8 +1,9 @@
 """Reception of each topic: times, latencies, sequence numbers and clock steps."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
+from functools import lru_cache, partial
 import re
 from typing import Any
 
@@ -15,8 +16,8 @@ from klann_ros.review.model.topics import TopicRecording
 import numpy as np
 from numpy.typing import NDArray
 
+from .geometry import Metadata
 from .series import GrowingArray
-from .solvers import Metadata
 
 # As words or, until Humble, as a number of rmw.
 _LATCHED = re.compile('durability: *(transient_local|1)\\b')
@@ -31,10 +32,8 @@ class _TopicState:
     published_end: int = 0
     publishers: int = 0
     latched: bool = False
-    # On a latched topic, when its publisher was discovered.
-    discovered: int = 0
-    # Last sequence number; they begin at 1, and 0 means unknown.
-    last: int = 0
+    discovered: int = 0  # on a latched topic, when its publisher was
+    last: int = 0  # last sequence number; they begin at 1, and 0 means unknown
     numbered: int = 0
     missing: GrowingArray = field(default_factory=partial(GrowingArray, np.int64, 3))
     steps_back: int = 0
@@ -68,10 +67,8 @@ class _TopicState:
         """Return when the publisher of each message was discovered [ns]."""
         before = np.concatenate([[self.last], numbers[:-1]])
         # A restart of the numbers is another publisher, maybe an older one.
-        first = np.where(
-            (before > 0) & (numbers > 0) & (numbers <= before), np.arange(len(times)), -1
-        )
-        first = np.maximum.accumulate(first)
+        restarts = (before > 0) & (numbers > 0) & (numbers <= before)
+        first = np.maximum.accumulate(np.where(restarts, np.arange(len(times)), -1))
         since: IntArray = np.where(first < 0, self.discovered, times[first])
         self.discovered = int(since[-1])
         return since
@@ -95,15 +92,15 @@ class _TopicState:
         self.missing.add(np.column_stack([befores[rows], times[rows], steps[rows] - 1]))
 
     @property
-    def is_numbered(self) -> bool:
-        """Return whether the sequence numbers are those of one publisher."""
-        return bool(self.numbered) and not self.is_shared
-
-    @property
     def is_shared(self) -> bool:
         """Return whether there were several publishers at once."""
         # A restarted publisher steps back once; those of two publishers do so repeatedly.
         return self.steps_back > 1 or self.publishers > 1
+
+    @property
+    def is_numbered(self) -> bool:
+        """Return whether the sequence numbers are those of one publisher."""
+        return bool(self.numbered) and not self.is_shared
 
 
 class TopicCollector:
@@ -111,23 +108,15 @@ class TopicCollector:
 
     def __init__(self) -> None:
         self._seen: dict[tuple[str, str], _TopicState] = {}
-        self._offers: dict[str, tuple[int, bool]] = {}
 
     def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> None:
         """Count a topic's messages in a block."""
         seen = self._seen.setdefault((topic.name, topic.type), _TopicState())
         # The files of a split run may have different profiles of a topic.
-        publishers, latched = self._offer(topic.qos)
+        publishers, latched = _offer(topic.qos)
         seen.publishers = max(seen.publishers, publishers)
         seen.latched = seen.latched or latched
         seen.add(block.heads, rows)
-
-    def _offer(self, qos: str) -> tuple[int, bool]:
-        """Return the number of publishers in a QoS text, and whether one is latched."""
-        if qos not in self._offers:
-            is_latched = _LATCHED.search(qos) is not None
-            self._offers[qos] = qos.count('history:'), is_latched
-        return self._offers[qos]
 
     def topics(
         self, recorded: Mapping[str, TopicCount], unrecorded: Sequence[Interval]
@@ -140,22 +129,18 @@ class TopicCollector:
         self._seen.clear()
         names = {topic.name for topic in found}
         # A topic without any received message is lost, too.
-        nothing, none = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.float32)
-        missing = [
-            TopicRecording(
-                name,
-                '',
-                nothing,
-                none,
-                count.lost,
-                count.before_discovery,
-                count.departed,
-                dropped=count.dropped,
-            )
-            for name, count in recorded.items()
-            if (count.lost or count.before_discovery or count.departed > 1) and name not in names
-        ]
-        return (*found, *missing)
+        for name, c in recorded.items():
+            if (c.lost or c.before_discovery or c.departed > 1) and name not in names:
+                nothing, none = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.float32)
+                counts = c.lost, c.before_discovery, c.departed
+                found.append(TopicRecording(name, '', nothing, none, *counts, dropped=c.dropped))
+        return tuple(found)
+
+
+@lru_cache(maxsize=64)
+def _offer(qos: str) -> tuple[int, bool]:
+    """Return the number of publishers in a QoS text, and whether one is latched."""
+    return qos.count('history:'), _LATCHED.search(qos) is not None
 
 
 def _topic(
@@ -174,13 +159,17 @@ def _topic(
     if len(back):
         order = np.argsort(times, kind='stable')
         times, latencies = times[order], latencies[order]
-    missing = seen.missing.array()
-    if seen.is_numbered:
-        # Numbers missing at a pause or at damage are no loss.
-        missing = missing[~overlaps(missing[:, 0], missing[:, 1], unrecorded)]
-    else:
-        missing = missing[:0]
-    lost, early, publishers_left, shared = _losses(seen, recorded, int(missing[:, 2].sum()))
+    missing = seen.missing.array() if seen.is_numbered else np.empty((0, 3), dtype=np.int64)
+    # Numbers missing at a pause or at damage are no loss.
+    missing = missing[~overlaps(missing[:, 0], missing[:, 1], unrecorded)]
+    # Unknown; a restarted publisher has left before.
+    lost, early, publishers_left, shared = None, 0, 0, seen.is_shared
+    if recorded is not None:
+        lost, shared = recorded.lost, recorded.missed is None
+        early, publishers_left = recorded.before_discovery, recorded.departed
+    elif seen.is_numbered:
+        lost, publishers_left = int(missing[:, 2].sum()), seen.steps_back
+        early = 0 if seen.latched else seen.early
     if seen.latched and not seen.numbered:
         # Latched messages from before the discovery cannot be told from later ones.
         latencies = np.full_like(latencies, np.nan)
@@ -201,42 +190,16 @@ def _topic(
     )
 
 
-def _losses(
-    seen: _TopicState, recorded: TopicCount | None, missing: int
-) -> tuple[int | None, int, int, bool]:
-    """Return lost, early, publishers that left, and whether there are several at once."""
-    if recorded is not None:
-        unknown = recorded.missed is None
-        return recorded.lost, recorded.before_discovery, recorded.departed, unknown
-    if not seen.is_numbered:
-        return None, 0, 0, seen.is_shared
-    # A restarted publisher has left before.
-    return missing, 0 if seen.latched else seen.early, seen.steps_back, False
-
-
 def recorded_losses(metadata: Metadata) -> dict[str, TopicCount]:
-    """Return the losses that the recorder counted, by topic."""
+    """Return the losses that the recorder counted, by topic; not those of invalid records."""
     known: dict[str, TopicCount] = {}
     for record in metadata.get(LOSS_RECORD, ()):
-        known.update(_counts(record))
+        with suppress(ValueError):
+            for name, c in topic_counts(record).items():
+                numbers = c.lost or 0, c.dropped, c.before_discovery, c.departed
+                if min(numbers) >= 0 and max(numbers) <= LAST_TIME:
+                    known[name] = c
     return known
-
-
-def _counts(record: Mapping[str, str]) -> dict[str, TopicCount]:
-    try:
-        counts = topic_counts(record)
-    except ValueError:
-        return {}
-    numbers = {
-        name: (c.lost or 0, c.dropped, c.before_discovery, c.departed)
-        for name, c in counts.items()
-    }
-    # Negative or huge counts are invalid.
-    return {
-        name: count
-        for name, count in counts.items()
-        if min(numbers[name]) >= 0 and max(numbers[name]) <= LAST_TIME
-    }
 
 
 # Recorders empty one queue after the other, and retransmissions come late: so messages are
@@ -254,20 +217,13 @@ def recorder_clock_steps(
     latencies: NDArray[np.float32], steps: IntArray, *, alone: bool
 ) -> BoolArray:
     """
-    Return the steps back of log times that are steps of the recorder's clock.
+    Return which steps back of log times are steps of the recorder's clock, shape (k,).
 
     Either the publish times step back, too (same machine), or all later latencies are smaller.
-
-    Parameters
-    ----------
-    latencies : numpy.ndarray of float32, shape (n,)
-        Times from publishing to receiving in the order of the log [s]; NaN for unknown.
-    steps : numpy.ndarray, shape (k, 3)
-        Message logged earlier than its predecessor, step of the log time, and step of the publish
-        time, usually negative [ns].
-    alone : bool
-        Whether there is a single publisher.
-
+    `latencies` are those of all messages in the order of the log [s], NaN for unknown; a row of
+    `steps`, shape (k, 3), is a message logged earlier than its predecessor, the step of the log
+    time, and that of the publish time, usually negative [ns]; `alone` says that there is a single
+    publisher.
     """
     rows, back, published_back = steps.T
     likely: BoolArray = back >= _MAX_REORDERING
@@ -295,11 +251,8 @@ def _latency_drops(latencies: NDArray[np.float32], rows: IntArray, back: IntArra
     for i in np.flatnonzero(found)[:_LATENCY_WINDOW].tolist():
         row = int(rows[i])
         before_it, since = latencies[:row][-_LATENCY_WINDOW:], latencies[row:][:_LATENCY_WINDOW]
-        most = (
-            np.nanpercentile(before_it, _LATENCY_PERCENTILE),
-            np.nanpercentile(since, _LATENCY_PERCENTILE),
-        )
-        found[i] = _is_about(*most, back[i])
+        high, low = (np.nanpercentile(part, _LATENCY_PERCENTILE) for part in (before_it, since))
+        found[i] = _is_about(high, low, back[i])
     return found
 
 

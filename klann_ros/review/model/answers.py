@@ -35,16 +35,12 @@ class Cause(IntEnum):
 
 
 class Duplicates(NamedTuple):
-    """Inputs with several answers."""
+    """Inputs with several answers: n poses."""
 
-    # Shape (n,): their poses.
-    rows: IndexArray
-    # Shape (n,): the input of each, from 0.
-    inputs: IndexArray
-    # Shape (n,): whether the stamp belongs to one input only.
-    alone: BoolArray
-    # Number of solvers, if most inputs have equally many answers; else 1.
-    solvers: int
+    rows: IndexArray  # indices of the poses
+    inputs: IndexArray  # the input of each, from 0
+    alone: BoolArray  # whether the stamp belongs to one input only
+    solvers: int  # their number, if most inputs have equally many answers; else 1
 
     def explained(self, wrong: BoolArray) -> IndexArray:
         """Return the wrong poses whose input has a right answer, too."""
@@ -64,13 +60,9 @@ class Answers:
     early: int
     asked: int
     late: int
-    # Number of answers in between.
-    count: int
-    # Indices of the inputs without answer.
-    rows: IndexArray
-    # The Cause of each.
-    causes: IndexArray
-    # Inputs with several answers.
+    count: int  # of the answers in between
+    rows: IndexArray  # indices of the inputs without answer
+    causes: IndexArray  # the Cause of each
     duplicates: Duplicates
 
     def of(self, cause: Cause) -> IndexArray:
@@ -79,8 +71,8 @@ class Answers:
         return rows
 
 
-_NONE = np.empty(0, dtype=np.intp)
-_NO_DUPLICATES = Duplicates(_NONE, _NONE, np.empty(0, dtype=bool), 1)
+_NO_ROWS = np.empty(0, dtype=np.intp)
+_NO_DUPLICATES = Duplicates(_NO_ROWS, _NO_ROWS, np.empty(0, dtype=bool), 1)
 # Inputs with several answers that make a second solver.
 _MIN_DUPLICATES = 5
 
@@ -89,7 +81,7 @@ def match_answers(leg: LegRecording) -> Answers:
     """Match the crank inputs of a leg with its poses."""
     asked, answers = leg.cranks.stamps, leg.poses.stamps
     if not len(answers):
-        return Answers(len(asked), 0, 0, 0, _NONE, _NONE, _NO_DUPLICATES)
+        return Answers(len(asked), 0, 0, 0, _NO_ROWS, _NO_ROWS, _NO_DUPLICATES)
     early, late = asked < answers.min(), asked > answers.max()
     inside = np.flatnonzero(~(early | late))
     ends = int(np.count_nonzero(early)), int(np.count_nonzero(late))
@@ -105,11 +97,9 @@ def match_answers(leg: LegRecording) -> Answers:
 
 def find_duplicates(stamps: IntArray) -> Duplicates:
     """Return the answers with equal stamps, for a run without inputs."""
-    return (
-        _NO_DUPLICATES
-        if is_monotonic(stamps)
-        else _duplicates(stamps, count_stamps(np.unique(stamps), stamps))
-    )
+    if is_monotonic(stamps):
+        return _NO_DUPLICATES
+    return _duplicates(stamps, count_stamps(np.unique(stamps), stamps))
 
 
 def requested_angles(leg: LegRecording) -> tuple[IndexArray, FloatArray]:
@@ -121,11 +111,9 @@ def requested_angles(leg: LegRecording) -> tuple[IndexArray, FloatArray]:
     rows = alone(leg.cranks.stamps)
     known, of_cranks = match_stamps(leg.poses.stamps, leg.cranks.stamps[rows])
     asked = _leg_angles(leg, leg.cranks.values[rows[of_cranks], 0])
-    if not leg.solver.nodes and 2 * np.count_nonzero(leg.poses.values[known, 0] != asked) > len(
-        known
-    ):
-        return known[:0], asked[:0]
-    return known, asked
+    others = np.count_nonzero(leg.poses.values[known, 0] != asked)
+    count = 0 if not leg.solver.nodes and 2 * others > len(known) else len(known)
+    return known[:count], asked[:count]
 
 
 def _leg_angles(leg: LegRecording, alphas: FloatArray) -> FloatArray:
@@ -191,15 +179,11 @@ MAX_RESPONSE_TIME = 200_000_000
 class Unanswered:
     """Inputs without an expected answer, by their cause."""
 
-    # Number of inputs in gaps of the poses, and of these gaps.
-    in_gaps: int
-    gaps: int
-    # Number of others at pauses of the recorder, or at damage of the log.
-    unrecorded: int
-    # Largest number of others whose answers were lost on the way into the log.
-    lost: int
-    # Indices of the others; `lost` of them are explained.
-    other_rows: IndexArray
+    in_gaps: int  # inputs in gaps of the poses
+    gaps: int  # these gaps
+    unrecorded: int  # others at pauses of the recorder, or at damage of the log
+    lost: int  # others whose answers were lost on the way into the log, at most
+    other_rows: IndexArray  # indices of the others; `lost` of them are explained
 
     @property
     def count(self) -> int:
@@ -223,26 +207,9 @@ class Unanswered:
 
 
 def unanswered(
-    recording: RunRecording,
-    leg: LegRecording,
-    answers: Answers,
-    gaps: Sequence[Gap],
+    recording: RunRecording, leg: LegRecording, answers: Answers, gaps: Sequence[Gap]
 ) -> Unanswered:
-    """
-    Return the inputs of a leg without an expected answer.
-
-    Parameters
-    ----------
-    recording : RunRecording
-        The run.
-    leg : LegRecording
-        Its judged part.
-    answers : Answers
-        The matched inputs of that part.
-    gaps : sequence of Gap
-        The gaps of all topics.
-
-    """
+    """Return the inputs of the judged part of a leg without an expected answer."""
     rows = answers.of(Cause.UNKNOWN)
     times = leg.cranks.times[rows]
     begins, ends = times - MAX_RESPONSE_TIME, times + MAX_RESPONSE_TIME

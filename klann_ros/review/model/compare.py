@@ -17,7 +17,7 @@ from .recording import LegSolver
 from .review import Review, ReviewedLeg
 
 
-class Dimension(NamedTuple):
+class Quantity(NamedTuple):
     """A number with its unit."""
 
     value: float
@@ -28,20 +28,20 @@ class Dimension(NamedTuple):
         return f'{self.value:.9g} {self.unit}'.rstrip()
 
 
-def leg_dimensions(solver: LegSolver) -> dict[str, Dimension | str]:
+def leg_dimensions(solver: LegSolver) -> dict[str, Quantity | str]:
     """Return all known dimensions of a leg."""
     leg = solver.leg
-    found: dict[str, Dimension | str] = {
-        'direction': Dimension(solver.direction),
-        'phase': Dimension(solver.phase, 'rad'),
+    found: dict[str, Quantity | str] = {
+        'direction': Quantity(solver.direction),
+        'phase': Quantity(solver.phase, 'rad'),
     }
     if leg is not None:
         linkage = leg.linkage
         found |= {'linkage': linkage.name, 'foot': linkage.structure.foot}
         for body in linkage.structure.bodies:
-            found[f'sense of {body.angle}'] = Dimension(body.sense)
+            found[f'sense of {body.angle}'] = Quantity(body.sense)
         for dimension, number in zip(linkage.structure.dimensions, linkage.numbers, strict=True):
-            found[dimension.name] = Dimension(number, dimension.unit)
+            found[dimension.name] = Quantity(number, dimension.unit)
         found['assembly'] = str(list(leg.assembly))
     return found
 
@@ -121,10 +121,9 @@ def _unmatched_legs(
 ) -> Iterator[Difference]:
     """Yield the legs of one run only."""
     for which, own, foreign in (('first', ones, others), ('second', others, ones)):
-        for title in own:
-            if title not in foreign:
-                text = f'the leg {printable(title) or "without a name"} is in the {which} run only'
-                yield Difference('legs', text, inf, '', title)
+        for title in (title for title in own if title not in foreign):
+            text = f'the leg {printable(title) or "without a name"} is in the {which} run only'
+            yield Difference('legs', text, inf, '', title)
 
 
 def _differences(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterator[Difference]:
@@ -144,7 +143,7 @@ def _dimensions(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterato
     for name, a in before.items():
         b = after[name]
         text = f'{name} is {a} in the first run, {b} in the second'
-        if not (isinstance(a, Dimension) and isinstance(b, Dimension)):
+        if not (isinstance(a, Quantity) and isinstance(b, Quantity)):
             if a != b:
                 yield Difference(name, text, inf, '', title)
         elif abs(b.value - a.value) > limits.compare_length:
@@ -156,11 +155,8 @@ def _dimensions(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterato
 def _remarks(one: ReviewedLeg, other: ReviewedLeg) -> Iterator[str]:
     """Yield the parts of a leg that could not be compared."""
     of = f'{printable(one.recording.title)}: ' if one.recording.title else ''
-    unknown = [
-        which
-        for which, leg in (('first', one), ('second', other))
-        if leg.recording.solver.leg is None
-    ]
+    both = (('first', one), ('second', other))
+    unknown = [which for which, leg in both if leg.recording.solver.leg is None]
     if len(unknown) == 2:
         yield f'{of}neither run contains the geometry: motion not compared (--geometry FILE)'
     elif unknown:
@@ -169,8 +165,7 @@ def _remarks(one: ReviewedLeg, other: ReviewedLeg) -> Iterator[str]:
 
 def _motion(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterator[Difference]:
     """Yield the distance of the motion in one run from the leg of the other."""
-    leg, title = one.recording.solver.leg, one.recording.title
-    moved = other
+    leg, moved, title = one.recording.solver.leg, other, one.recording.title
     if leg is None:
         leg, moved = other.recording.solver.leg, one
     if leg is None or moved.evaluated.poses.values.shape[1] != len(leg.joint_names):

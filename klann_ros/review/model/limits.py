@@ -75,6 +75,10 @@ class Limits:
     compare_angle: float = 1e-6
     compare_length: float = 0.0
 
+    def max_interval(self, period: float) -> float:
+        """Return the longest interval that is no gap, for a period [s]."""
+        return max(self.gap_periods * period, self.gap_time)
+
 
 # YAML knows integers that are larger.
 _LARGEST = sys.float_info.max

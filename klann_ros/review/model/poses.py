@@ -54,7 +54,6 @@ class PoseErrors:
 class SolvedBlock(NamedTuple):
     """Some recorded poses, and the solved ones at their crank angles."""
 
-    # Their rows.
     rows: slice
     # Shape (k, number of angles) [rad]: recorded, and by the closed form, which shares no equation
     # with the solver; NaN for an unreachable crank angle.
@@ -128,24 +127,17 @@ _TURN = 2 * np.pi
 class LegFigures:
     """Figures of a leg in a run; NaN for unknown."""
 
-    # Net turns of the crank, positive counter-clockwise.
-    turns: float
-    # Extent of the foot path in x and y [m]; NaN where the crank did not turn once.
-    stride: float
-    lift: float
-    # Share of the poses in stance.
-    duty_factor: float
+    turns: float  # net turns of the crank, positive counter-clockwise
+    stride: float  # extent of the foot path in x [m]; NaN where the crank did not turn once
+    lift: float  # and in y
+    duty_factor: float  # share of the poses in stance
     # Largest distance of the stance path from its best straight line, as a share of its length;
     # of the geometry, over a turn.
     straightness: float
-    # Least min(mu, pi - mu) of all dyads [rad].
-    worst_transmission_angle: float
-    # Largest residual of a recorded pose [m].
-    worst_residual: float
-    # Largest difference from the solved pose [rad].
-    worst_angle_error: float
-    # Largest distance of H from the foot of its pose [m].
-    worst_foot_error: float
+    worst_transmission_angle: float  # least min(mu, pi - mu) of all dyads [rad]
+    worst_residual: float  # of a recorded pose [m]
+    worst_angle_error: float  # largest difference from the solved pose [rad]
+    worst_foot_error: float  # largest distance of H from the foot of its pose [m]
 
 
 def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigures:
@@ -159,16 +151,18 @@ def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigure
         turns = float(alphas[-1] - alphas[0]) / _TURN if len(alphas) else nan
     leg = recording.solver.leg
     stance = _stance(leg.linkage) if leg else None
+    worst = [nan] * 4
+    if errors is not None:
+        mu = errors.transmission_angles
+        worst = [-_worst((-np.minimum(mu, np.pi - mu)).ravel())]
+        worst += map(_worst, (errors.residuals, errors.angle_errors, errors.foot_errors))
     return LegFigures(
-        turns=turns,
-        stride=float(stride),
-        lift=float(lift),
-        duty_factor=_duty_factor(alphas, stance) if stance else nan,
-        straightness=stance.straightness if stance else nan,
-        worst_transmission_angle=_singularity_margin(errors) if errors else nan,
-        worst_residual=_worst(errors.residuals) if errors else nan,
-        worst_angle_error=_worst(errors.angle_errors) if errors else nan,
-        worst_foot_error=_worst(errors.foot_errors) if errors else nan,
+        turns,
+        float(stride),
+        float(lift),
+        _duty_factor(alphas, stance) if stance else nan,
+        stance.straightness if stance else nan,
+        *worst,
     )
 
 
@@ -208,12 +202,6 @@ def _stance(linkage: Linkage) -> Stance | None:
 def _duty_factor(alphas: FloatArray, stance: Stance) -> float:
     turned = np.mod(alphas - stance.start, _TURN)
     return float(np.mean(turned < stance.end - stance.start)) if turned.size else nan
-
-
-def _singularity_margin(errors: PoseErrors) -> float:
-    mu = errors.transmission_angles
-    least = np.fmin.reduce(np.minimum(mu, np.pi - mu), axis=None, initial=inf)
-    return nan if np.isinf(least) else float(least)
 
 
 def _worst(values: FloatArray) -> float:

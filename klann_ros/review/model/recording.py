@@ -18,35 +18,26 @@ from .topics import TopicRecording
 class Undecoded:
     """Messages of a topic that do not match their type."""
 
-    # The topic's name.
     topic: str
-    # Their number.
     count: int
-    # Log time of the first [ns].
-    time: int
+    time: int  # log time of the first [ns]
 
 
 @dataclass(frozen=True)
 class LegSolver:
     """The solver of a leg."""
 
-    # The joint of its crank.
     crank_joint: str = 'crank'
-    # Whether it stamps unstamped inputs by a simulated clock.
-    sim_time: bool = False
-    # Its last leg; None if unknown.
-    leg: AnyLeg | None = None
-    # Log time of the last change of the leg [ns]; 0 for none.
-    leg_time: int = 0
+    sim_time: bool = False  # whether it stamps unstamped inputs by a simulated clock
+    leg: AnyLeg | None = None  # its last leg; None if unknown
+    leg_time: int = 0  # log time of the last change of the leg [ns]; 0 for none
     # The leg's crank angle is direction * crank + phase [rad].
     direction: float = 1
     phase: float = 0.0
     # Full names of the solver nodes, if known; without any, direction and phase are unknown.
     nodes: tuple[str, ...] = ()
-    # Source of the leg; '' if unknown.
-    source: str = ''
-    # Separator of leg and joint names in JointState.
-    joint_separator: str = '/'
+    source: str = ''  # of the leg; '' if unknown
+    joint_separator: str = '/'  # of leg and joint names in JointState
     # The leg with its masses, as mounted; None if unknown.
     dynamics: Dynamics | None = field(default=None, compare=False)
 
@@ -72,20 +63,14 @@ class LegSolver:
 class LegRecording:
     """The data of a leg in a run."""
 
-    # Its namespace and name; '' for the root, and for the unnamed leg.
-    namespace: str
-    name: str
-    # Its solver in the run, or the reference.
-    solver: LegSolver
-    # Topics of its poses and its crank inputs.
+    namespace: str  # '' for the root
+    name: str  # '' for the unnamed leg
+    solver: LegSolver  # in the run, or the reference
     pose_topics: frozenset[str]
     crank_topics: frozenset[str]
-    # Crank inputs, before direction and phase [rad], values of shape (k, 1).
-    cranks: Series
-    # The leg's angles, the crank's first [rad], values of shape (n, number of angles).
-    poses: Series
-    # H (x, y) [m], values of shape (m, 2).
-    feet: Series
+    cranks: Series  # inputs, before direction and phase [rad], values of shape (k, 1)
+    poses: Series  # angles, the crank's first [rad], values of shape (n, number of angles)
+    feet: Series  # H (x, y) [m], values of shape (m, 2)
     # Shape (n, number of angles) or (0, 0): velocities of the poses [rad/s], NaN for unknown; only
     # on request, as f8 or f4.
     rates: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
@@ -131,22 +116,18 @@ class LegRecording:
 class Drive:
     """A joint with recorded efforts that drives cranks."""
 
-    # Its name.
     joint: str
-    # Indices of its legs in the run.
-    legs: tuple[int, ...]
-    # Whether its angle is an input, before direction and phase; else the leg's crank angle.
-    is_input: bool
-    # Angles [rad] and efforts [N m], values of shape (k, 2).
-    efforts: Series
+    legs: tuple[int, ...]  # indices of its legs in the run
+    is_input: bool  # whether its angle is an input, before direction and phase; else the leg's
+    efforts: Series  # angles [rad] and efforts [N m], values of shape (k, 2)
 
 
 @dataclass(frozen=True, eq=False)
-class Walk:
+class WalkRecording:
     """The data of a walker in a namespace."""
 
     namespace: str
-    # x, y and yaw of the body [m, rad], by odometry and by ground truth.
+    # x, y and yaw of the body [m, rad].
     odometry: Series
     truth: Series
     # Crank angles by joint [rad]: commanded and measured.
@@ -158,36 +139,23 @@ class Walk:
 class RunRecording:
     """A run, decoded."""
 
-    # Its path.
     path: str
-    # Its files, and their sizes [bytes].
-    files: tuple[tuple[str, int], ...]
-    # First and last log time [ns].
-    start: int
-    end: int
-    # All topics.
+    files: tuple[tuple[str, int], ...]  # names and sizes [bytes]
+    start: int  # first log time [ns]
+    end: int  # last log time [ns]
     topics: tuple[TopicRecording, ...]
-    # Faults of the container, one line each.
-    problems: tuple[str, ...]
-    # Undecodable messages on topics of a leg.
-    undecoded: tuple[Undecoded, ...]
-    # Pauses of the recorder and damage of the log: intervals of log times in order [ns].
-    unrecorded: tuple[Interval, ...]
-    # The legs.
+    problems: tuple[str, ...]  # faults of the container, one line each
+    undecoded: tuple[Undecoded, ...]  # on topics of legs and walkers
+    unrecorded: tuple[Interval, ...]  # pauses of the recorder and damage of the log, in order
     legs: tuple[LegRecording, ...]
-    # Reason of an early end, and faults of the file meanwhile, by the recorder; '' for none.
-    stopped: str = ''
-    file_fault: str = ''
-    # Joints with efforts that drive cranks.
+    stopped: str = ''  # reason of an early end, by the recorder
+    file_fault: str = ''  # faults of the file meanwhile, by the recorder
     drives: tuple[Drive, ...] = ()
-    # Walkers.
-    walks: tuple[Walk, ...] = ()
-    # Stalls of the recorder, with their reasons.
-    stalls: tuple[Pause, ...] = ()
+    walks: tuple[WalkRecording, ...] = ()
+    stalls: tuple[Pause, ...] = ()  # of the recorder, with their reasons
     # Simulated time by log times, values of shape (k, 0); empty without /clock.
     clock: Series = field(default_factory=lambda: no_series(0))
-    # Findings of the recorder during the recording.
-    recorder_findings: tuple[RecordedFinding, ...] = ()
+    recorder_findings: tuple[RecordedFinding, ...] = ()  # made during the recording
 
     @property
     def duration(self) -> float:

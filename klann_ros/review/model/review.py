@@ -68,11 +68,11 @@ class ReviewedLeg:
     recording : LegRecording
         Its whole recording.
     evaluated : LegRecording
-        The part since the last change of its geometry.
+        The part since the last change of its geometry, which the other attributes are about.
     errors : PoseErrors or None
-        Errors of that part against the solved poses; None for an unknown leg.
-    answering : Answering
-        Its inputs in that part, and their answers.
+        Errors against the solved poses; None for an unknown leg.
+    answers : Answers
+        Its inputs, and their answers.
     unanswered : Unanswered
         Inputs without an expected answer.
 

@@ -78,14 +78,15 @@ def covered_time(begins: IntArray, ends: IntArray, intervals: Sequence[Interval]
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Values of messages in the order of their log times."""
+    """
+    Values of messages in the order of their log times, shape (n, k).
 
-    # Shape (n,): log times [ns], the clock of the run.
-    times: IntArray
-    # Shape (n,): header stamps, or their substitute [ns]: they match answers with inputs, and may
-    # have another clock than the log times.
-    stamps: IntArray
-    # Shape (n, k): values.
+    The stamps are those of the headers, or their substitute: they match answers with inputs, and
+    may have another clock than the log times.
+    """
+
+    times: IntArray  # [ns]
+    stamps: IntArray  # [ns]
     values: FloatArray
 
     def __post_init__(self) -> None:
@@ -107,15 +108,6 @@ def no_series(width: int) -> Series:
     return Series(nothing, nothing.copy(), np.empty((0, width)))
 
 
-class _Groups(NamedTuple):
-    """Rows by stamp: the stamps, each once, where its rows begin in `order`, how many it has."""
-
-    stamps: IntArray
-    begins: IndexArray
-    counts: IndexArray
-    order: IndexArray
-
-
 def pairs(first: IntArray, second: IntArray) -> tuple[IndexArray, IndexArray]:
     """
     Return the pairs of rows with equal stamps, in the order of the second.
@@ -126,21 +118,22 @@ def pairs(first: IntArray, second: IntArray) -> tuple[IndexArray, IndexArray]:
     if len(first) == len(second) and (first == second).all() and is_monotonic(first):
         rows = np.arange(len(first), dtype=np.intp)
         return rows, rows
-    a, b = _groups(first), _groups(second)
-    _, in_a, in_b = np.intersect1d(a.stamps, b.stamps, assume_unique=True, return_indices=True)
-    equal = a.counts[in_a] == b.counts[in_b]
-    in_a, in_b = in_a[equal], in_b[equal]
-    of_a, of_b = _rows(a, in_a), _rows(b, in_b)
-    by_b = np.argsort(of_b, kind='stable')
-    return of_a[by_b], of_b[by_b]
+    a, b = (np.argsort(stamps, kind='stable') for stamps in (first, second))
+    ordered = first[a], second[b]
+    a, b = (
+        rows[np.equal(*(_counts(stamps, each) for each in ordered))]
+        for rows, stamps in zip((a, b), ordered, strict=True)
+    )
+    by_b = np.argsort(b, kind='stable')
+    return a[by_b], b[by_b]
 
 
 def alone(stamps: IntArray) -> IndexArray:
     """Return the rows with a unique stamp."""
     if is_monotonic(stamps):
         return np.arange(len(stamps))
-    groups = _groups(stamps)
-    return np.sort(groups.order[groups.begins[groups.counts == 1]])
+    _, rows, counts = np.unique(stamps, return_index=True, return_counts=True)
+    return np.sort(rows[counts == 1])
 
 
 def match_stamps(stamps: IntArray, single: IntArray) -> tuple[IndexArray, IndexArray]:
@@ -164,43 +157,30 @@ def isin(stamps: IntArray, among: IntArray) -> BoolArray:
 
 
 class StampCounts(NamedTuple):
-    """Number of occurrences of each stamp."""
+    """Number of occurrences of k stamps."""
 
-    # Shape (k,): the unique stamps of the first, sorted.
-    stamps: IntArray
-    # Index of each of the first in `stamps`.
-    of_first: IndexArray
-    # Shape (k,): count of each in the first, and in the second.
-    first: IndexArray
-    second: IndexArray
+    stamps: IntArray  # the unique stamps of the first, sorted
+    of_first: IndexArray  # index of each of the first in `stamps`
+    first: IndexArray  # count of each in the first
+    second: IndexArray  # count of each in the second
 
 
 def count_stamps(first: IntArray, second: IntArray) -> StampCounts:
     """Count each stamp of the first in both arrays."""
     stamps, of_first, counts = np.unique(first, return_inverse=True, return_counts=True)
-    ordered = np.sort(second)
+    return StampCounts(stamps, of_first, counts, _counts(stamps, np.sort(second)))
+
+
+def _counts(stamps: IntArray, ordered: IntArray) -> IndexArray:
+    """Return how often each stamp is among sorted ones."""
     begins, ends = (np.searchsorted(ordered, stamps, side=side) for side in ('left', 'right'))
-    return StampCounts(stamps, of_first, counts, ends - begins)
+    counts: IndexArray = ends - begins
+    return counts
 
 
 def is_monotonic(stamps: IntArray) -> bool:
     """Return whether each stamp is later than the one before."""
     return bool((np.diff(stamps) > 0).all())
-
-
-def _groups(stamps: IntArray) -> _Groups:
-    order = np.argsort(stamps, kind='stable')
-    found, begins, counts = np.unique(stamps[order], return_index=True, return_counts=True)
-    return _Groups(found, begins, counts, order)
-
-
-def _rows(groups: _Groups, which: IndexArray) -> IndexArray:
-    """Return the rows of some groups, one group after the other."""
-    begins, counts = groups.begins[which], groups.counts[which]
-    ends = np.cumsum(counts)
-    within = np.arange(ends[-1] if len(ends) else 0) - np.repeat(ends - counts, counts)
-    rows: IndexArray = groups.order[np.repeat(begins, counts) + within]
-    return rows
 
 
 CLOCK = '/clock'

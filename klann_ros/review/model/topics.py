@@ -36,22 +36,17 @@ LOWER_BOUND_REASON = 'publishers left: losses at the end of their life cannot be
 class TopicRecording:
     """Reception of the messages of a topic."""
 
-    # The topic and its message type; '' without messages.
     name: str
+    # '' without messages.
     type: str  # noqa: A003, RUF100 - as all tools call it; ruff lets it be
-    # Shape (n,): log times, sorted [ns].
-    times: IntArray
+    times: IntArray  # shape (n,): log times, sorted [ns]
     # Shape (n,): times from publishing to receiving [s]; NaN of latched messages from before the
     # discovery of their publisher.
     latencies: NDArray[np.float32]
-    # Messages lost on the way into the run; None for unknown.
-    lost: int | None
-    # Messages of later publishers from before their discovery.
-    early: int = 0
-    # Publishers that left; losses at the end of their life cannot be detected.
-    publishers_left: int = 0
-    # Whether several publishers were active at once.
-    shared: bool = False
+    lost: int | None  # messages lost on the way into the run; None for unknown
+    early: int = 0  # messages of later publishers from before their discovery
+    publishers_left: int = 0  # losses at the end of their life cannot be detected
+    shared: bool = False  # whether several publishers were active at once
     # Shape (k, 3): missing sequence numbers: log times before and after [ns], and their count.
     missing: IntArray = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
     # Shape (k, 2): steps back of the recorder's clock: log times after, and least size [ns].
@@ -62,15 +57,8 @@ class TopicRecording:
     # Number of other messages logged earlier than their predecessor in the file: several
     # publishers interleave, and retransmissions come late.
     reordered: int = 0
-    # Number of lost messages that the recorder had received.
-    dropped: int = 0
-    # Log time of the topic's first message in a window of a run [ns]; 0 for the first of these.
-    first: int = 0
-
-    @property
-    def lost_at(self) -> int | None:
-        """Return the log time after the first missing sequence number [ns]."""
-        return int(self.missing[0, 1]) if len(self.missing) else None
+    dropped: int = 0  # lost messages that the recorder had received
+    first: int = 0  # in a window of a run, log time of the topic's first message [ns]
 
     @property
     def is_periodic(self) -> bool:
@@ -192,21 +180,13 @@ def find_gaps(topic: TopicRecording, limits: Limits, resolution: float = 0.0) ->
     """
     Yield the gaps of a periodic topic, without those explained by lost messages.
 
-    Parameters
-    ----------
-    topic : TopicRecording
-        Its recording.
-    limits : Limits
-        Limits of the checks.
-    resolution : float
-        Step of the log times [s].
-
+    `resolution` is the step of the log times [s].
     """
     if len(topic.times) < _MIN_MESSAGES or not topic.is_periodic:
         return
     steps = time_steps(topic.times)
     period = max(median(steps), resolution)
-    max_interval = _max_interval(period, limits)
+    max_interval = limits.max_interval(period)
     rows = np.flatnonzero(steps > max_interval)
     if not rows.size or not _has_rate(topic, steps, period):
         return
@@ -224,7 +204,7 @@ def find_gaps(topic: TopicRecording, limits: Limits, resolution: float = 0.0) ->
 
 def _has_rate(topic: TopicRecording, steps: FloatArray, period: float) -> bool:
     """Return whether intervals [s] are regular, gaps aside."""
-    usual = _max_interval(period, _DEFAULT_LIMITS)
+    usual = _DEFAULT_LIMITS.max_interval(period)
     if float(np.percentile(steps, _REGULAR_PERCENTILE)) > usual:
         return False
     if topic.is_stream:
@@ -239,8 +219,3 @@ def exclude_intervals(found: Sequence[Gap], intervals: Sequence[Interval]) -> li
     begins, ends = (np.array([one[i] for one in found], dtype=np.int64) for i in (0, 1))
     rest = (ends - begins) / 1e9 - covered_time(begins, ends, intervals) / 1e9
     return [gap for gap, time in zip(found, rest.tolist(), strict=True) if time > gap.max_interval]
-
-
-def _max_interval(period: float, limits: Limits) -> float:
-    """Return the longest interval that is no gap [s]."""
-    return max(limits.gap_periods * period, limits.gap_time)

@@ -1,13 +1,13 @@
 """Figures of a walker: distance, odometry error, crank lag and phase error."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import nan
 from typing import Any
 
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import FloatArray, IntArray
 import numpy as np
 
-from .recording import Walk
+from .recording import WalkRecording
 from .times import Series
 
 # Smallest number of messages, and shortest distance [m], of a walk.
@@ -16,52 +16,29 @@ _MIN_MESSAGES, _MIN_DISTANCE = 10, 0.05
 
 @dataclass(frozen=True)
 class WalkFigures:
-    """
-    Figures of a walker; NaN for unknown.
-
-    Attributes
-    ----------
-    namespace : str
-        Its namespace.
-    distance : float
-        Distance travelled, by the ground truth or else by odometry [m].
-    odometry_error : float
-        Largest distance of odometry from the ground truth, both relative to their start [m].
-    heading_error : float
-        Largest difference of the headings [rad].
-    crank_lag : float
-        Largest difference of a crank from its command [rad].
-    phase_error : float
-        Largest error of the phase between two cranks [rad].
-    odometry_time, lag_time, phase_time : int or None
-        Log times of these largest ones [ns].
-
-    """
+    """Figures of a walker, with the log times of the largest ones [ns]; NaN for unknown."""
 
     namespace: str
-    distance: float = nan
-    odometry_error: float = nan
-    heading_error: float = nan
-    crank_lag: float = nan
-    phase_error: float = nan
+    distance: float = nan  # travelled, by the ground truth or else by odometry [m]
+    odometry_error: float = nan  # distance from the ground truth, both relative to their start [m]
+    heading_error: float = nan  # difference of the headings [rad]
+    crank_lag: float = nan  # difference of a crank from its command [rad]
+    phase_error: float = nan  # error of the phase between two cranks [rad]
     odometry_time: int | None = None
     lag_time: int | None = None
     phase_time: int | None = None
 
 
-def walk_figures(walk: Walk) -> WalkFigures:
+def walk_figures(walk: WalkRecording) -> WalkFigures:
     """Return the figures of a walker."""
     return WalkFigures(walk.namespace, **_odometry(walk), **_cranks(walk))
 
 
-def _odometry(walk: Walk) -> dict[str, Any]:
+def _odometry(walk: WalkRecording) -> dict[str, Any]:
     odometry, truth = walk.odometry, walk.truth
     if len(truth) < _MIN_MESSAGES or len(odometry) < _MIN_MESSAGES:
-        return (
-            {'distance': _distance_travelled(odometry.values)}
-            if len(odometry) >= _MIN_MESSAGES
-            else {}
-        )
+        few = len(odometry) < _MIN_MESSAGES
+        return {} if few else {'distance': _distance_travelled(odometry.values)}
     within = (odometry.stamps >= truth.stamps.min()) & (odometry.stamps <= truth.stamps.max())
     if np.count_nonzero(within) < _MIN_MESSAGES:
         return {'distance': _distance_travelled(truth.values)}
@@ -78,25 +55,25 @@ def _odometry(walk: Walk) -> dict[str, Any]:
     }
 
 
-def _cranks(walk: Walk) -> dict[str, Any]:
+def _cranks(walk: WalkRecording) -> dict[str, Any]:
     """Return the largest crank lag and phase error."""
-    behind: dict[str, tuple[FloatArray, Series]] = {}
+    behind: list[tuple[FloatArray, Series]] = []
     for joint, command in walk.commands.items():
         state = walk.states.get(joint)
         if state is None or len(state) < _MIN_MESSAGES or len(command) < _MIN_MESSAGES:
             continue
         within = (command.stamps >= state.stamps.min()) & (command.stamps <= state.stamps.max())
-        lag = np.where(
-            within, _interpolate(state, command.stamps)[:, 0] - command.values[:, 0], 0.0
-        )
-        behind[joint] = lag, command
+        lag = _interpolate(state, command.stamps)[:, 0] - command.values[:, 0]
+        behind.append((np.where(within, lag, 0.0), command))
     if not behind:
         return {}
-    found: dict[str, Any] = {}
-    lag, command = max(behind.values(), key=lambda each: float(np.abs(each[0]).max()))
+    lag, command = max(behind, key=lambda each: float(np.abs(each[0]).max()))
     worst = int(np.argmax(np.abs(lag)))
-    found |= {'crank_lag': float(np.abs(lag[worst])), 'lag_time': int(command.times[worst])}
-    (first, base), *others = behind.values()
+    found: dict[str, Any] = {
+        'crank_lag': float(np.abs(lag[worst])),
+        'lag_time': int(command.times[worst]),
+    }
+    (first, base), *others = behind
     same = [lag for lag, each in others if np.array_equal(each.stamps, base.stamps)]
     if same:
         apart = np.abs(np.array(same) - first).max(axis=0)
@@ -105,7 +82,7 @@ def _cranks(walk: Walk) -> dict[str, Any]:
     return found
 
 
-def body_paths(walk: Walk) -> dict[str, Series]:
+def body_paths(walk: WalkRecording) -> dict[str, Series]:
     """Return the paths by 'odometry' and 'ground truth', relative to their common start."""
     paths = {'odometry': walk.odometry, 'ground truth': walk.truth}
     paths = {name: series for name, series in paths.items() if len(series) >= _MIN_MESSAGES}
@@ -113,18 +90,12 @@ def body_paths(walk: Walk) -> dict[str, Series]:
         return {}
     begin = np.array([max(int(series.stamps.min()) for series in paths.values())])
     return {
-        name: Series(
-            series.times,
-            series.stamps,
-            _relative_to(series.values, _interpolate(series, begin)[0]),
-        )
+        name: replace(series, values=_relative_to(series.values, _interpolate(series, begin)[0]))
         for name, series in paths.items()
     }
 
 
-def _interpolate(
-    series: Series, stamps: 'np.ndarray[tuple[int], np.dtype[np.int64]]'
-) -> FloatArray:
+def _interpolate(series: Series, stamps: IntArray) -> FloatArray:
     """Return a series interpolated at some stamps."""
     order = np.argsort(series.stamps, kind='stable')
     at = (series.stamps[order] - series.stamps[order[0]]) / 1e9

@@ -1,1 +1,279 @@
-"""A review as one HTML page that opens offline: what stands in it, and what moves in it."""
+"""The page of a review: one HTML file, with its scripts and data, that opens offline."""
+
+from collections.abc import Iterator, Sequence
+from datetime import datetime, timezone
+from math import degrees, isnan
+from pathlib import Path
+from string import Template
+from typing import BinaryIO
+
+from klann_ros.review.model.compare import Comparison
+from klann_ros.review.model.poses import LegFigures
+from klann_ros.review.model.review import Finding, Review, Severity
+from klann_ros.review.model.topics import LOWER_BOUND_MARK, LOWER_BOUND_REASON, TopicFigures
+from klann_ros.sanitize.outputs import finite
+from klann_ros.sanitize.text import counted, printable
+from klann_ros.web.markup import element, joined, Markup, scrolling_table, UNKNOWN_NUMBER
+from klann_ros.web.parts import as_script, FRAME, Parts, SHARED, text
+
+from .data import run_data
+
+_OWN = Path(__file__).resolve().parent / 'static'
+_UPLOT = SHARED / 'uplot'
+PARTS = Parts(
+    styles=(
+        _UPLOT / 'uPlot.min.css',
+        *FRAME,
+        SHARED / 'drawing.css',
+        _OWN / 'charts.css',
+        SHARED / 'tables.css',
+        *(_OWN / f'{name}.css' for name in ('player', 'phone', 'print')),
+    ),
+    # In this order: each uses those above it.
+    scripts=(
+        _UPLOT / 'uPlot.iife.min.js',
+        *(SHARED / f'{name}.js' for name in ('theme', 'drawing')),
+        *(_OWN / f'{name}.js' for name in ('packed', 'leg', 'run', 'player', 'picture', 'way')),
+        *(_OWN / f'{name}.js' for name in ('axes', 'legend', 'chart', 'envelope', 'leg_charts')),
+        *(_OWN / f'{name}.js' for name in ('path_lines', 'path_chart', 'timing_chart')),
+        *(_OWN / f'{name}.js' for name in ('controls', 'page')),
+    ),
+)
+
+# Bytes of the numbers of all runs; as text they are a third more, below 12 MB. Ten minutes of a
+# Klann leg at 200 Hz are kept whole.
+MAX_DATA_SIZE = 8.5e6
+
+
+def save(
+    reviews: Sequence[Review],
+    comparison: Comparison | None,
+    file: BinaryIO,
+    max_bytes: float = MAX_DATA_SIZE,
+) -> None:
+    """Write the page of one run, or of two, to an open file, with so many bytes of numbers."""
+    data = [run_data(review, max_bytes / len(reviews)) for review in reviews]
+    licence = Markup(f'<!-- uPlot\n{text(_UPLOT / "LICENSE")}-->')
+    page = Template(text(_OWN / 'page.html')).substitute(
+        title=element('title', f'Review of {_names(reviews)}'),
+        policy=PARTS.policy(),
+        styles=PARTS.style_elements(),
+        header=header(reviews, comparison),
+        tiles=figures(reviews),
+        findings=findings(reviews),
+        differences=differences(comparison),
+        topics=topics(reviews),
+        data=element('script', as_script(finite(data)), id='data', type='application/json'),
+        scripts=joined([licence, PARTS.script_elements()]),
+    )
+    # A path may hold bytes that are no text.
+    file.write(page.encode(errors='replace'))
+
+
+def _names(reviews: Sequence[Review]) -> str:
+    return ' and '.join(Path(review.recording.path).name for review in reviews)
+
+
+_TOPIC_HEADS = (
+    'Topic',
+    'Messages',
+    'Rate / Hz',
+    'Longest gap / ms',
+    'Latency p50 / ms',
+    'p99 / ms',
+    'Lost',
+)
+# A mark beside the colour: some see none.
+_MARKS = {Severity.ERROR: '✕', Severity.WARNING: '!', Severity.NOTE: 'i'}
+
+
+def header(reviews: Sequence[Review], comparison: Comparison | None) -> Markup:
+    """Return the runs and their verdicts."""
+    runs = joined(_run(review, n) for n, review in enumerate(reviews))
+    faults = sum(finding.is_fault for review in reviews for finding in review.findings)
+    verdicts = [_verdict(faults, 'finding', 'Healthy', 'nothing found')]
+    if comparison is not None:
+        count = len(comparison.differences)
+        verdicts.append(_verdict(count, 'difference', 'Alike', 'no difference'))
+    return element('header', element('div', element('h1', _names(reviews)), runs), *verdicts)
+
+
+def findings(reviews: Sequence[Review]) -> Markup:
+    """Return the findings, the gravest first; those with a time are buttons that lead there."""
+    return joined(
+        element(
+            'section',
+            element('h2', _of_run('Findings', n, len(reviews))),
+            element('ul', *map(_finding, review.findings), class_='findings'),
+        )
+        for n, review in enumerate(reviews)
+        if review.findings
+    )
+
+
+def differences(comparison: Comparison | None) -> Markup:
+    """Return in what two runs differ, and what could not be compared."""
+    if comparison is None:
+        return Markup()
+    items = [
+        element(
+            'li',
+            element('strong', found.what),
+            ' ',
+            element('span', f'{_of(found.leg)}{found.text}'),
+            class_='warning',
+        )
+        for found in comparison.differences
+    ]
+    content = (
+        element('ul', *items, class_='findings')
+        if items
+        else element('p', f'{comparison.alike.capitalize()}.', class_='quiet')
+    )
+    remarks = (element('p', remark, class_='quiet') for remark in comparison.remarks)
+    return element('section', element('h2', 'Differences'), content, *remarks)
+
+
+def topics(reviews: Sequence[Review]) -> Markup:
+    """Return a table of the topics."""
+    return joined(
+        element(
+            'section',
+            element('h2', name),
+            scrolling_table(name, _TOPIC_HEADS, map(_topic, review.topics)),
+            _legend(review.topics),
+        )
+        for n, review in enumerate(reviews)
+        for name in [_of_run('Topics', n, len(reviews))]
+    )
+
+
+def _run(review: Review, number: int) -> Markup:
+    recording = review.recording
+    began = datetime.fromtimestamp(recording.start / 1e9, timezone.utc)
+    size = sum(size for _, size in recording.files) / 1e6
+    about = f'{began:%Y-%m-%d %H:%M:%S} UTC · {recording.duration:.2f} s · {size:.1f} MB'
+    key = element('span', class_=f'key key-{number}', aria_hidden='true')
+    return element(
+        'p', key, element('strong', recording.path, class_='path'), ' ', element('span', about)
+    )
+
+
+def _verdict(count: int, what: str, none: str, meaning: str) -> Markup:
+    """Return the verdict by the number of faults."""
+    if not count:
+        return element(
+            'p', element('strong', f'✓ {none}'), element('span', meaning), class_='verdict good'
+        )
+    head = element('strong', f'! {counted(count, what)}')
+    return element('p', head, element('span', 'see below'), class_='verdict bad')
+
+
+def _finding(finding: Finding) -> Markup:
+    kind = finding.severity.name.lower()
+    mark = element('span', _MARKS[finding.severity], class_='mark', aria_hidden='true')
+    parts = [
+        element('strong', f'{finding.severity.name.capitalize()}: {finding.check}'),
+        ' ',
+        element('span', f'{_of(finding.leg)}{finding.text}'),
+        element('em', finding.meaning),
+    ]
+    if finding.time is None:
+        return element('li', mark, element('div', *parts), class_=kind)
+    when = element('span', f'at {finding.time:.3f} s →', class_='when')
+    button = element(
+        'button',
+        *parts,
+        when,
+        type='button',
+        data_time=repr(finding.time),
+        data_leg=printable(finding.leg),
+    )
+    return element('li', mark, button, class_=kind)
+
+
+def _legend(topics_: Sequence[TopicFigures]) -> Markup:
+    if not any(topic.lost_in_words.endswith(LOWER_BOUND_MARK) for topic in topics_):
+        return Markup()
+    return element('p', f'{LOWER_BOUND_MARK}: {LOWER_BOUND_REASON}.', class_='quiet')
+
+
+def _topic(topic: TopicFigures) -> Sequence[str]:
+    return (
+        topic.name,
+        str(topic.count),
+        _number(topic.rate, 1.0, 1),
+        _number(topic.longest_gap, 1e3, 1),
+        _number(topic.latency_p50, 1e3, 2),
+        _number(topic.latency_p99, 1e3, 2),
+        'unknown' if topic.lost is None else topic.lost_in_words,
+    )
+
+
+def _number(value: float, factor: float, digits: int) -> str:
+    return UNKNOWN_NUMBER if isnan(value) else f'{factor * value:.{digits}f}'
+
+
+def _of_run(what: str, number: int, of: int) -> str:
+    return f'{what} of run {"AB"[number]}' if of > 1 else what
+
+
+def _of(title: str) -> str:
+    return f'{title}: ' if title else ''
+
+
+def figures(reviews: Sequence[Review]) -> Markup:
+    """Return the key figures of every leg, of two runs both: tiles of one, a table of several."""
+    legs = [
+        (_leg_title(leg.recording.title, n, len(reviews)), leg)
+        for n, review in enumerate(reviews)
+        for leg in review.legs
+    ]
+    if not legs:
+        return Markup()
+    rows = [(title, list(_figures(leg.figures))) for title, leg in legs]
+    if len(legs) > 1:
+        heads = ['Leg', *(f'{name}, {unit}' for name, _, unit in rows[0][1])]
+        texts = ([title, *(value for _, value, _ in row)] for title, row in rows)
+        content = scrolling_table('Figures', heads, texts)
+    else:
+        content = element('dl', *map(_tile, rows[0][1]), class_='tiles')
+    sources = {title: leg.recording.solver.source for title, leg in legs}
+    known = {title: source for title, source in sources.items() if source}
+    if len(set(known.values())) == 1:
+        # Once where all legs have their geometry from there.
+        known = {'': next(iter(known.values()))}
+    lines = (
+        f'{title}{": " * bool(title)}the geometry is that of {source}.'
+        for title, source in known.items()
+    )
+    return element(
+        'section',
+        element('h2', 'Figures'),
+        content,
+        *(element('p', line, class_='quiet') for line in lines),
+    )
+
+
+def _leg_title(title: str, number: int, of: int) -> str:
+    return ', '.join(filter(None, (_of_run('', number, of).removeprefix(' of '), title)))
+
+
+def _tile(figure: tuple[str, str, str]) -> Markup:
+    name, value, unit = figure
+    number = element('dd', element('b', value), ' ', element('span', unit))
+    return element('div', element('dt', name), number)
+
+
+def _figures(figures: LegFigures) -> Iterator[tuple[str, str, str]]:
+    """Yield each figure: name, value, and unit or reference."""
+    for name, number, form, unit in (
+        ('Turns', figures.turns, '.3f', 'of the crank'),
+        ('Stride', 1e3 * figures.stride, '.1f', 'mm'),
+        ('Lift', 1e3 * figures.lift, '.1f', 'mm'),
+        ('Duty', figures.duty_factor, '.1%', 'on the ground'),
+        ('Straightness', figures.straightness, '.2%', 'off, of the stance'),
+        ('Transmission', degrees(figures.worst_transmission_angle), '.1f', 'deg from in line'),
+        ('Residual', figures.worst_residual, '.1e', 'm, worst'),
+    ):
+        yield name, UNKNOWN_NUMBER if isnan(number) else format(number, form), unit

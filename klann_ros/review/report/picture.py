@@ -1,5 +1,6 @@
-"""A picture of a run: the leg at its last pose that closes, and the path that its foot took."""
+"""A picture of a run: the leg at its last pose that closes, and the path of its foot."""
 
+from contextlib import suppress
 from math import degrees
 from pathlib import Path
 from typing import BinaryIO
@@ -22,11 +23,7 @@ class NoPictureError(OutputError):
 
 
 def picture_format(path: str) -> str:
-    """
-    Return the format of a picture by the ending of its path, such as .png or .svg.
-
-    A NoPictureError says that matplotlib is not installed, or knows no such format.
-    """
+    """Return the format of a picture by the ending of its path; a NoPictureError for none."""
     try:
         from matplotlib.backend_bases import FigureCanvasBase  # noqa: PLC0415 - as below
     except ModuleNotFoundError:
@@ -41,24 +38,7 @@ def picture_format(path: str) -> str:
 
 
 def save_picture(review: Review, form: str, file: BinaryIO) -> None:
-    """
-    Write a picture of a run's first leg to an open file.
-
-    Parameters
-    ----------
-    review : Review
-        The run.
-    form : str
-        The picture's format.
-    file : binary file
-        Where it is written to.
-
-    Raises
-    ------
-    NoPictureError
-        The leg closes at none of the run's poses.
-
-    """
+    """Write a picture of a run's first leg; a NoPictureError if it closes at none of its poses."""
     if not review.legs:
         raise NoPictureError('there is no leg in the run')
     recording = review.legs[0].evaluated
@@ -85,17 +65,8 @@ def save_picture(review: Review, form: str, file: BinaryIO) -> None:
 
 def _last_that_closes(recording: LegRecording, leg: AnyLeg) -> LinkagePose:
     """Return the last drawable pose."""
-    alphas = reversed(recording.poses.values[:, 0].tolist())
-    poses = (_pose(leg, alpha) for alpha in alphas)
-    pose = next((pose for pose in poses if pose is not None), None)
-    if pose is None:
-        raise NoPictureError('there is no pose in the run at which this leg can be drawn')
-    return pose
-
-
-def _pose(leg: AnyLeg, alpha: float) -> LinkagePose | None:
-    try:
-        pose: LinkagePose = leg.closed_form(alpha)
-    except KinematicsError:
-        return None
-    return pose
+    for alpha in reversed(recording.poses.values[:, 0].tolist()):
+        with suppress(KinematicsError):
+            pose: LinkagePose = leg.closed_form(alpha)
+            return pose
+    raise NoPictureError('there is no pose in the run at which this leg can be drawn')

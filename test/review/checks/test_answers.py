@@ -109,8 +109,7 @@ def test_a_silence_where_nothing_can_be_answered_is_no_gap(make_script, make_run
 def test_a_solver_that_stood_still_is_a_gap_of_its_answers(healthy, make_run) -> None:
     silent, healthy.answers[100:150] = healthy.answers[100:150], []
     healthy.unanswered = [(answer.stamp, answer.alpha) for answer in silent]
-    for n, answer in enumerate(healthy.answers):
-        healthy.answers[n] = replace(answer, sequence=n + 1)
+    healthy.renumber()
     review = review_run(make_run(healthy))
     assert moments(review) == [('gap', 0.495)]
     silence, _, count = review.findings[0].text.partition('; ')

@@ -11,7 +11,7 @@ from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
 from klann_ros.review.command import main
 from klann_ros.review.model.limits import Limits
-from klann_ros.review.page.run_data import timing
+from klann_ros.review.page.data import timing
 from klann_ros.review.reviewing import review_run
 import pytest
 
@@ -61,9 +61,7 @@ def test_late_messages_are_found_on_their_topic(healthy, make_run, without) -> N
 
 def test_stamps_that_go_back_are_found(healthy, make_run) -> None:
     healthy.by_crank_state()
-    first, second = healthy.answers[100].stamp, healthy.answers[101].stamp
-    healthy.change(100, header_stamp=second)
-    healthy.change(101, header_stamp=first)
+    healthy.swap_stamps(100, 101)
     review = review_run(make_run(healthy))
     assert moments(review) == [('order', 0.505)]
 

@@ -26,7 +26,7 @@ def lost(output: str) -> str:
     return re.search(r'^/crank_angle .* (\S+)$', output, flags=re.MULTILINE)[1]
 
 
-def test_the_recorders_own_count_comes_first(healthy, make_run, capsys) -> None:
+def test_the_recorders_own_count_comes_first(healthy, printed) -> None:
     del healthy.answers[50:53]
     counted = {
         '/crank_angle': TopicCount(400, 397, dropped=3, missed=4),
@@ -34,8 +34,7 @@ def test_the_recorders_own_count_comes_first(healthy, make_run, capsys) -> None:
         '/point_h': TopicCount(400, 400, missed=None),
     }
     healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
-    assert main([str(make_run(healthy))]) == 1
-    output = capsys.readouterr().out
+    output = printed(healthy, code=1)
     said = '7 messages of /crank_angle were lost (first at 0.265 s)'
     assert re.findall(r'WARNING lost: (.*)', output) == [said]
     assert re.search(r'/point_h .* \?\n', output)
@@ -77,38 +76,34 @@ def test_what_a_strangers_run_says_of_itself_is_shown_in_one_line(
     assert r'the recording ended early: a\x1b[2J b' in said
 
 
-def test_a_topic_that_is_lost_altogether_is_told(healthy, make_run, capsys) -> None:
+def test_a_topic_that_is_lost_altogether_is_told(healthy, printed) -> None:
     counted = {'/velocity_h': TopicCount(9, 0, dropped=9)}
     healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
-    assert main([str(make_run(healthy))]) == 1
-    output = capsys.readouterr().out
+    output = printed(healthy, code=1)
     assert re.search(r'^/velocity_h +0( +-){4} +9$', output, flags=re.MULTILINE)
     assert 'WARNING lost: 9 messages of /velocity_h were lost' in output
 
 
 @pytest.mark.parametrize('count', ['many', '-7', '', *GARBLED])
-def test_a_garbled_count_is_no_count(healthy, make_run, capsys, count) -> None:
+def test_a_garbled_count_is_no_count(healthy, count, printed) -> None:
     healthy.metadata.append((LOSS_RECORD, {'/crank_angle': count}))
-    assert main([str(make_run(healthy))]) == 0
-    assert lost(capsys.readouterr().out) == '0'
+    assert lost(printed(healthy)) == '0'
 
 
-def test_numbers_of_two_publishers_tell_nothing(healthy, make_run, capsys) -> None:
+def test_numbers_of_two_publishers_tell_nothing(healthy, printed) -> None:
     for n in range(0, 400, 2):
         healthy.change(n, sequence=90_000 + n)
-    assert main([str(make_run(healthy))]) == 0
-    assert lost(capsys.readouterr().out) == '?'
+    assert lost(printed(healthy)) == '?'
 
 
-def test_what_publishers_sent_before_they_were_heard_is_told(healthy, make_run, capsys) -> None:
+def test_what_publishers_sent_before_they_were_heard_is_told(healthy, printed) -> None:
     counted = {
         '/crank_angle': TopicCount(400, 400, before_discovery=20, departed=2),
         '/joint_states': TopicCount(400, 400, departed=1),
         '/point_h': TopicCount(400, 400, missed=None, departed=3),
     }
     healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
-    assert main([str(make_run(healthy))]) == 1
-    output = capsys.readouterr().out
+    output = printed(healthy, code=1)
     early, left = re.findall('^[A-Z]+ lost: (.*)', output, re.MULTILINE)
     of_cranks = '20 messages of /crank_angle were'
     assert early == f'{of_cranks} sent before the recorder discovered their publishers'
@@ -118,32 +113,28 @@ def test_what_publishers_sent_before_they_were_heard_is_told(healthy, make_run, 
     assert '+: publishers left: losses at the end of their life cannot be detected\n' in output
 
 
-def test_a_count_of_all_needs_no_explanation(healthy, make_run, capsys) -> None:
-    assert main([str(make_run(healthy))]) == 0
-    assert 'publishers left' not in capsys.readouterr().out
+def test_a_count_of_all_needs_no_explanation(healthy, printed) -> None:
+    assert 'publishers left' not in printed(healthy)
 
 
-def test_one_step_back_is_a_publisher_that_started_anew(healthy, make_run, capsys) -> None:
+def test_one_step_back_is_a_publisher_that_started_anew(healthy, printed) -> None:
     for n in range(100, 400):
         healthy.change(n, sequence=n - 99)
     del healthy.answers[250:254]
-    assert main([str(make_run(healthy))]) == 1
     # Of what it sent last before nothing is known.
-    assert lost(capsys.readouterr().out) == '4+'
+    assert lost(printed(healthy, code=1)) == '4+'
 
 
-def test_numbers_out_of_order_tell_nothing(healthy, make_run, capsys) -> None:
+def test_numbers_out_of_order_tell_nothing(healthy, printed) -> None:
     healthy.change(100, sequence=102)
     healthy.change(101, sequence=101)
-    assert main([str(make_run(healthy))]) == 0
-    assert lost(capsys.readouterr().out) == '?'
+    assert lost(printed(healthy)) == '?'
 
 
-def test_profiles_of_two_publishers_tell_nothing(healthy, make_run, capsys) -> None:
+def test_profiles_of_two_publishers_tell_nothing(healthy, printed) -> None:
     del healthy.answers[50:53]
     two = qos_to_yaml([Qos(), Qos()])
     healthy.crank, healthy.poses, healthy.feet = (
         replace(topic, qos=two) for topic in (healthy.crank, healthy.poses, healthy.feet)
     )
-    assert main([str(make_run(healthy))]) == 0
-    assert lost(capsys.readouterr().out) == '?'
+    assert lost(printed(healthy)) == '?'

@@ -4,7 +4,6 @@ from dataclasses import replace
 import math
 
 from findings import checks, moments
-from klann_ros.kinematics import KlannLeg
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.review import Severity
@@ -19,10 +18,8 @@ def slow(make_script):
 
 
 def test_a_jump_of_the_crank_is_found(healthy, make_run) -> None:
-    leg = KlannLeg()
     for n in range(100, 400):
-        pose = leg.solve(healthy.answers[n].alpha + 1.0)
-        healthy.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
+        healthy.move(n, healthy.answers[n].alpha + 1.0)
     review = review_run(make_run(healthy))
     assert moments(review) == [('jump', 0.5)]
     assert review.findings[0].text.startswith('the crank angle jumps once, by up to 1.03 rad')
@@ -33,10 +30,8 @@ def test_a_crank_that_stands_still_is_a_note(slow, make_run) -> None:
     for n in range(401, 1000):
         slow.change(n, alpha=still.alpha, pose=still.pose, foot=still.foot)
     behind = slow.answers[1000:]
-    leg = KlannLeg()
     for n, answer in enumerate(behind, start=1000):
-        pose = leg.solve(answer.alpha - behind[0].alpha + still.alpha)
-        slow.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
+        slow.move(n, answer.alpha - behind[0].alpha + still.alpha)
     review = review_run(make_run(slow))
     assert review.is_healthy
     assert [(f.check, f.severity) for f in review.findings] == [('frozen', Severity.NOTE)]
@@ -66,10 +61,8 @@ def test_a_fast_crank_is_no_drift(make_script, make_run, turns) -> None:
 
 def by_turns(script, offset: float, every: int = 2):
     """Let another source, whose angle is off by so much, ask every so often."""
-    leg = KlannLeg()
     for n in range(0, len(script.answers), every):
-        pose = leg.solve(script.answers[n].alpha + offset)
-        script.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
+        script.move(n, script.answers[n].alpha + offset)
     return script
 
 
@@ -85,9 +78,7 @@ def test_several_publishers_of_the_crank_are_named(healthy, make_run) -> None:
     healthy.crank = replace(healthy.crank, qos=qos_to_yaml([Qos(), Qos()]))
     # Their inputs come out of order as well, as a rule.
     healthy.by_crank_state()
-    first, second = healthy.answers[100].stamp, healthy.answers[101].stamp
-    healthy.change(100, header_stamp=second)
-    healthy.change(101, header_stamp=first)
+    healthy.swap_stamps(100, 101)
     healthy.crank = replace(healthy.crank, qos=qos_to_yaml([Qos(), Qos()]))
     (finding,) = review_run(make_run(by_turns(healthy, 2.0, every=3))).findings
     assert finding.check == 'jump'
@@ -102,10 +93,9 @@ def test_several_publishers_of_the_crank_are_named(healthy, make_run) -> None:
     ids=['a sine', 'a step of 0.5 rad and one back of 0.3 rad'],
 )
 def test_a_fast_crank_that_rocks_is_turned_by_one(make_script, make_run, angle) -> None:
-    script, leg = make_script(), KlannLeg()
+    script = make_script()
     for n in range(400):
-        pose = leg.solve(angle(n))
-        script.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
+        script.move(n, angle(n))
     assert checks(review_run(make_run(script))) == []
 
 
@@ -115,11 +105,9 @@ def test_a_crank_of_which_nothing_is_heard_does_not_stand_still(slow, make_run) 
         slow.change(n, alpha=still.alpha, pose=still.pose, foot=still.foot)
     skipped = slow.answers[1000].alpha - still.alpha
     for n in range(1000, 1800):
-        pose = KlannLeg().solve(slow.answers[n].alpha - skipped)
-        slow.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
+        slow.move(n, slow.answers[n].alpha - skipped)
     del slow.answers[450:950]
-    for n, answer in enumerate(slow.answers):
-        slow.answers[n] = replace(answer, sequence=n + 1)
+    slow.renumber()
     assert checks(review_run(make_run(slow))) == ['gap']
 
 

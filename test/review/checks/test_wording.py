@@ -67,17 +67,13 @@ def one_for_another_angle(script: Any) -> None:
 
 
 def one_jump(script: Any) -> None:
-    leg = KlannLeg()
     for n in range(200, 400):
-        pose = leg.solve(script.answers[n].alpha + 1.0)
-        script.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
+        script.move(n, script.answers[n].alpha + 1.0)
 
 
 def one_stamp_back(script: Any) -> None:
     script.by_crank_state()
-    first, second = script.answers[100].stamp, script.answers[101].stamp
-    script.change(100, header_stamp=second)
-    script.change(101, header_stamp=first)
+    script.swap_stamps(100, 101)
 
 
 def one_answer_again(script: Any) -> None:
@@ -103,8 +99,7 @@ def one_in_a_silence(script: Any) -> None:
     # One of them is in it.
     del script.unanswered[:-1]
     del script.answers[200:220]
-    for n, answer in enumerate(script.answers):
-        script.answers[n] = replace(answer, sequence=n + 1)
+    script.renumber()
 
 
 def one_after_the_end(script: Any) -> None:

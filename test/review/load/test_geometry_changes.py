@@ -18,27 +18,24 @@ def changed(make_script):
     return run
 
 
-def test_only_what_is_younger_than_the_change_is_judged(changed, make_run, capsys) -> None:
-    assert main([str(make_run(changed))]) == 0
-    output = capsys.readouterr().out
+def test_only_what_is_younger_than_the_change_is_judged(changed, printed) -> None:
+    output = printed(changed)
     line = 'the leg changed during the run; poses before 1.00 s were not judged\n'
     assert line in output
     assert 'nothing found: each of the 200 judged poses is the right one' in output
 
 
-def test_a_wrong_pose_after_the_change_is_found(changed, make_run, capsys) -> None:
+def test_a_wrong_pose_after_the_change_is_found(changed, printed) -> None:
     changed.answers[300].pose[2] += 1e-3
-    assert main([str(make_run(changed))]) == 1
-    output = capsys.readouterr().out
+    output = printed(changed, code=1)
     assert 'ERROR closure: 1 of 200 poses' in output
     assert '(first at 1.500 s)' in output
 
 
-def test_a_restart_with_the_same_geometry_is_no_change(healthy, make_run, capsys) -> None:
+def test_a_restart_with_the_same_geometry_is_no_change(healthy, printed) -> None:
     healthy.add_solver(healthy.answers[200].stamp, healthy.geometry)
     healthy.answers[100].pose[2] += 1e-3
-    assert main([str(make_run(healthy))]) == 1
-    output = capsys.readouterr().out
+    output = printed(healthy, code=1)
     assert 'ERROR closure: 1 of 400 poses' in output
     assert 'the leg changed' not in output
 
@@ -52,16 +49,14 @@ def test_a_given_geometry_holds_for_the_whole_run(changed, make_run, tmp_path, c
     assert 'the leg changed' not in output
 
 
-def test_an_input_before_the_change_is_not_judged_either(changed, make_run, capsys) -> None:
+def test_an_input_before_the_change_is_not_judged_either(changed, printed) -> None:
     changed.unanswered = [(changed.answers[100].stamp + 1000, 1.0)]
-    assert main([str(make_run(changed))]) == 0
-    capsys.readouterr()
+    printed(changed)
 
 
-def test_nothing_is_right_where_nothing_was_judged(healthy, make_run, capsys) -> None:
+def test_nothing_is_right_where_nothing_was_judged(healthy, printed) -> None:
     healthy.add_solver(healthy.answers[-1].stamp + 10**9, OTHER)
-    assert main([str(make_run(healthy))]) == 0
-    output = capsys.readouterr().out
+    output = printed(healthy)
     assert '\nnothing found, but no pose was judged\n' in output
     for figure in ('residual', 'angle, solved again', 'foot, by its angles'):
         assert f'worst {figure}'.ljust(27) + ' ' * 9 + '- ' in output

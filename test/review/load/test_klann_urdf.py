@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import given, HealthCheck, settings, strategies as st
 from klann_ros.kinematics import KlannGeometry
-from klann_ros.review.load.urdf import klann_legs_in_urdf, MAX_DESCRIPTION_SIZE
+from klann_ros.review.load.geometry import klann_legs_in_urdf, MAX_DESCRIPTION_SIZE
 import pytest
 from strategies import legs
 import xacro

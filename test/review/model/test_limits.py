@@ -4,7 +4,7 @@ from dataclasses import fields
 from math import pi
 
 from findings import checks
-from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.kinematics import KlannGeometry
 from klann_ros.review.checks.poses import WrongPoses
 from klann_ros.review.command import main
 from klann_ros.review.model.compare import compare
@@ -53,10 +53,8 @@ def shifted(run) -> None:
 
 
 def jumped(run) -> None:
-    leg = KlannLeg()
     for n in range(200, 400):
-        pose = leg.solve(run.answers[n].alpha + 1.0)
-        run.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
+        run.move(n, run.answers[n].alpha + 1.0)
 
 
 def drifted(run) -> None:

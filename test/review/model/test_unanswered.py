@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from io import BytesIO
 from itertools import accumulate
 import json
 from pathlib import Path
@@ -29,7 +30,7 @@ from klann_ros.log.run_parameters import (
 )
 from klann_ros.log.write.writer import RunWriter
 from klann_ros.review.model.review import Severity
-from klann_ros.review.report import json_report
+from klann_ros.review.report.data import save_json
 from klann_ros.review.reviewing import review_run
 from leg_runs import LegRun, START
 import pytest
@@ -244,11 +245,12 @@ def test_the_report_for_machines_has_all_parts(healthy, make_run) -> None:
     healthy.answers[200:250], silent = [], healthy.answers[200:250]
     for answer in silent:
         healthy.unanswered.append((answer.stamp, answer.alpha))
-    for n, answer in enumerate(healthy.answers):
-        healthy.answers[n] = replace(answer, sequence=n + 1)
+    healthy.renumber()
     healthy_but(healthy, 30, 31)
     healthy.ask(0, -1000)
-    (leg,) = json.loads(json_report.report(review_run(make_run(healthy))))['legs']
+    file = BytesIO()
+    save_json(review_run(make_run(healthy)), None, file)
+    (leg,) = json.loads(file.getvalue())['legs']
     assert leg['crank_angles'] == {
         'before_the_first_answer': 1,
         'asked': 402,

@@ -8,7 +8,7 @@ from typing import Any
 
 from klann_ros.kinematics import KlannLeg, LinkageLeg, shipped_linkage
 from klann_ros.review.model.compare import compare
-from klann_ros.review.page.page import save
+from klann_ros.review.page import save
 from klann_ros.review.reviewing import review_run
 from leg_runs import LegRun
 import numpy as np

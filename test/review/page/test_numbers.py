@@ -13,8 +13,15 @@ from klann_ros.kinematics import (
     shipped_linkages,
     UnreachableError,
 )
-from klann_ros.review.page.leg_data import pack_angles, pack_times, pack_turns, thin_rows
-from klann_ros.review.page.run_data import A_DECADE, FIRST, histogram
+from klann_ros.review.page.data import (
+    A_DECADE,
+    FIRST,
+    histogram,
+    pack_angles,
+    pack_times,
+    pack_turns,
+    thin_rows,
+)
 from klann_ros.web.markup import element, joined, Markup
 from klann_ros.web.parts import as_script
 from klann_ros.web.shape import leg_shape

@@ -146,10 +146,3 @@ def test_a_run_without_poses_has_a_header_only(healthy, make_run, table) -> None
     healthy.answers = []
     healthy.unanswered = [(1000, 1.0)]
     assert list(table(make_run(healthy)).columns) == COLUMNS
-
-
-def test_a_file_that_cannot_be_written_is_one_line(healthy, make_run, capsys) -> None:
-    assert main([str(make_run(healthy)), '--csv', '/not/there/run.csv']) == 3
-    error = capsys.readouterr().err
-    assert error.startswith('review: ')
-    assert error.count('\n') == 1

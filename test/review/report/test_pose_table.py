@@ -58,16 +58,6 @@ def test_columns_are_what_the_messages_say(run: Path) -> None:
     assert np.abs(columns['residual [m]']).max() < 1e-12
 
 
-def test_what_a_run_does_not_tell_is_nan(tmp_path: Path) -> None:
-    (leg,) = review_run(LegRun(rates=False).write(tmp_path / 'run'), rates='f8').legs
-    columns = pose_arrays(leg)
-    untold = {name for name, values in columns.items() if np.isnan(values).all()}
-    assert untold == {f'{name}_rate [rad/s]' for name in LEG} | {
-        'residual [m]',
-        'angle_error [rad]',
-    }
-
-
 def test_poses_before_another_geometry_have_no_errors(tmp_path: Path) -> None:
     later = (100, KlannGeometry.patent().as_dict())
     run = LegRun(parameters=PARAMETERS, later=later).write(tmp_path / 'run')

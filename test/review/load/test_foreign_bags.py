@@ -1,38 +1,25 @@
-"""Runs of other recorders are reviewed all the same, and what is missing is said."""
+"""Runs that other recorders stored: reviewed all the same, and what is missing is reported."""
 
+import json
 from pathlib import Path
+from typing import Any
 
 from findings import checks
 from klann_ros.log.reader import open_log
 from klann_ros.review.command import main
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import robot_from_file
+from leg_runs import LegRun
 from mcap.writer import Writer as McapWriter
 import pytest
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import get_typestore, Stores
+from rosbag2_bags import convert, KINDS, NAMES
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-ROOT = Path(__file__).resolve().parents[3]
-STORE = get_typestore(Stores.ROS2_JAZZY)
-SEM104 = str(ROOT / 'config' / 'sem104.yaml')
+SEM104 = str(Path(__file__).parents[3] / 'config' / 'sem104.yaml')
 
 
-def messages(run):
-    with open_log(run) as log:
-        return list(log.messages())
-
-
-def by_rosbags(run, folder: Path) -> Path:
-    """Write the messages of a run as rosbags does: without numbers and without our records."""
-    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as bag:
-        connections = {}
-        for message in messages(run):
-            topic = message.topic
-            if topic.name not in connections:
-                added = bag.add_connection(topic.name, topic.type, typestore=STORE)
-                connections[topic.name] = added
-            bag.write(connections[topic.name], message.log_time, message.data)
-    return folder
+def by_rosbags(run: Path, folder: Path) -> Path:
+    return convert(run, folder, StoragePlugin.MCAP, CompressionMode.NONE)
 
 
 def by_mcap(run, folder: Path, *, knows_source: bool = True) -> Path:
@@ -42,7 +29,9 @@ def by_mcap(run, folder: Path, *, knows_source: bool = True) -> Path:
         writer = McapWriter(file)
         writer.start('ros2')
         channels = {}
-        for message in messages(run):
+        with open_log(run) as log:
+            messages = list(log.messages())
+        for message in messages:
             topic = message.topic
             if topic.name not in channels:
                 definition = topic.definition.encode()
@@ -91,3 +80,46 @@ def test_a_wrong_pose_is_found_all_the_same(foreign, healthy) -> None:
     review = review_run(foreign(), robot=robot_from_file(SEM104))
     assert checks(review) == ['closure']
     assert review.findings[0].time == pytest.approx(0.5)
+
+
+@pytest.fixture(scope='module')
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write a run that does not tell its geometry: rosbag2 keeps no metadata of others."""
+    return LegRun(count=600).write(tmp_path_factory.mktemp('runs') / 'run')
+
+
+@pytest.fixture(scope='module')
+def wanted(run: Path) -> dict[str, Any]:
+    return report_of(run)
+
+
+def report_of(log: Path) -> dict[str, Any]:
+    report = log.parent / 'report.json'
+    assert main([str(log), '--geometry', SEM104, '--json', str(report)]) == 0
+    found: dict[str, Any] = json.loads(report.read_text())
+    return found
+
+
+@pytest.mark.parametrize('kind', KINDS, ids=NAMES)
+def test_a_bag_of_any_kind_has_the_figures_of_the_run(
+    kind: Any, run: Path, wanted: dict[str, Any], tmp_path: Path
+) -> None:
+    found = report_of(convert(run, tmp_path / 'bag', *kind))
+    assert found['legs'] == wanted['legs']
+    assert found['findings'] == wanted['findings'] == []
+    for topic, expected in zip(found['topics'], wanted['topics'], strict=True):
+        for key in ('name', 'count', 'rate', 'longest_gap'):
+            assert topic[key] == expected[key]
+        # Neither the source time nor a number of the message is in the bag.
+        assert topic['latency_p50'] is None
+        assert topic['lost'] is None
+
+
+def test_cranks_without_a_source_time_are_not_called_unanswered(
+    healthy: Any, make_run: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An answer has the stamp of its input, which for a plain number is the source time."""
+    run = make_run(healthy)
+    bag = convert(run, tmp_path / 'bag', StoragePlugin.SQLITE3, CompressionMode.NONE)
+    assert main([str(bag), '--geometry', SEM104]) == 0
+    assert 'not answered' not in capsys.readouterr().out

@@ -1,18 +1,81 @@
-"""A run as a table, one row a pose, units in the heads: as CSV, as arrays, for pandas."""
+"""A review for programs: the report as JSON, and poses as CSV, arrays and data frames."""
 
 from collections.abc import Iterable, Mapping
 import csv
+from dataclasses import asdict
 from io import TextIOWrapper
-from typing import Any, BinaryIO, TextIO, TYPE_CHECKING
+import json
+from typing import Any, BinaryIO, TYPE_CHECKING
 
+from klann_ros import __version__
 from klann_ros.kinematics.arrays import FloatArray, IntArray
+from klann_ros.review.model.answers import Cause
+from klann_ros.review.model.compare import Comparison
 from klann_ros.review.model.review import Review, ReviewedLeg
+from klann_ros.sanitize.outputs import finite
 from klann_ros.sanitize.text import printable
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     import pandas as pd
+
+# Version of the report; it counts up when a key changes its meaning.
+VERSION = 1
+
+
+def save_json(review: Review, comparison: Comparison | None, file: BinaryIO) -> None:
+    """Write the report to an open file: SI units, times from the start; null for unknown."""
+    recording = review.recording
+    content: dict[str, Any] = {
+        'version': VERSION,
+        'klann_ros': __version__,
+        'path': recording.path,
+        'files': [{'name': name, 'size': size} for name, size in recording.files],
+        'start_time': recording.start / 1e9,
+        'duration': recording.duration,
+        'healthy': review.is_healthy,
+        'topics': [asdict(topic) for topic in review.topics],
+        'legs': [
+            {
+                'leg': leg.recording.title,
+                'poses': len(leg.recording.poses),
+                'judged_poses': len(leg.evaluated.poses) if leg.errors is not None else 0,
+                'geometry_source': leg.recording.solver.source,
+                **asdict(leg.figures),
+                'crank_angles': _crank_angles(leg),
+            }
+            for leg in review.legs
+        ],
+        'walks': [asdict(walk) for walk in review.walks],
+        'limits': asdict(review.limits),
+        'findings': [
+            {**asdict(finding), 'severity': finding.severity.name.lower()}
+            for finding in review.findings
+        ],
+    }
+    if comparison is not None:
+        content['comparison'] = asdict(comparison)
+    file.write(f'{json.dumps(finite(content), indent=2)}\n'.encode())
+
+
+def _crank_angles(leg: ReviewedLeg) -> dict[str, int | None]:
+    """Return the counts of a leg's inputs by their answers; None for unknown."""
+    found, left = leg.answers, leg.unanswered
+    counts: dict[str, int | None] = {
+        'before_the_first_answer': found.early,
+        'asked': found.asked,
+        'answered': found.asked - len(found.rows),
+        'no_angle': len(found.of(Cause.NO_ANGLE)),
+        'out_of_reach': len(found.of(Cause.OUT_OF_REACH)),
+        'unanswered_in_gaps': left.in_gaps,
+        'unanswered_while_unrecorded': left.unrecorded,
+        'unanswered_by_lost_answers': left.lost,
+        'unanswered_unexplained': left.unexplained,
+        'after_the_last_answer': found.late,
+    }
+    return counts if len(leg.evaluated.cranks) else dict.fromkeys(counts)
+
 
 # Rows formatted at once.
 _BLOCK = 16384
@@ -21,7 +84,7 @@ _FORMULA = ('=', '+', '-', '@')
 
 
 class NoPandasError(ImportError):
-    """A data frame that cannot be made; the text says what to install."""
+    """A data frame that cannot be made; the text gives the remedy."""
 
     def __str__(self) -> str:
         return "a data frame needs pandas: pip install 'klann_ros[pandas]'"
@@ -32,18 +95,11 @@ def save_csv(review: Review, file: BinaryIO) -> None:
     Write every pose of every leg to an open file.
 
     A row has the leg (of a run with several), log time and stamp, the angles, the velocities, the
-    foot H, and what came of solving the pose again. What a run does not tell is an empty field;
-    numbers are written so that reading them gives the same doubles.
+    foot H, and the errors against the solved pose. Unknown values are empty fields; reading a
+    number gives the same double.
     """
     text = TextIOWrapper(file, newline='', encoding='utf-8')
-    _write(review, text)
-    text.flush()
-    # The file is its opener's to close.
-    text.detach()
-
-
-def _write(review: Review, file: TextIO) -> None:
-    writer = csv.writer(file, lineterminator='\n')
+    writer = csv.writer(text, lineterminator='\n')
     units, several = _units(review.legs), len(review.legs) > 1
     leg_head = ['leg'] if several else []
     writer.writerow([*leg_head, 'log_time [s]', 'stamp [s]', *_heads(units)])
@@ -58,6 +114,9 @@ def _write(review: Review, file: TextIO) -> None:
                 [*title, time, stamp, *map(_text, values)]
                 for time, stamp, values in zip(times, stamps, numbers, strict=True)
             )
+    text.flush()
+    # The caller closes the file.
+    text.detach()
 
 
 def pose_arrays(leg: ReviewedLeg) -> dict[str, NDArray[Any]]:
@@ -65,7 +124,7 @@ def pose_arrays(leg: ReviewedLeg) -> dict[str, NDArray[Any]]:
     Return the poses of a leg as columns, by their names and units.
 
     Log time and stamp are in nanoseconds; then come the angles, the velocities (of a review with
-    `rates`), the foot H, and what came of solving the pose again. What a run does not tell is NaN.
+    `rates`), the foot H, and the errors against the solved pose; NaN for unknown values.
     """
     poses = leg.recording.poses
     times: dict[str, NDArray[Any]] = {'log_time [ns]': poses.times, 'stamp [ns]': poses.stamps}
@@ -123,7 +182,7 @@ def _heads(units: Mapping[str, str]) -> list[str]:
 
 
 def _columns(leg: ReviewedLeg, joints: Iterable[str]) -> list[FloatArray]:
-    """Return what stands below the heads; NaN for joints that another leg has."""
+    """Return the columns; NaN for joints of other legs."""
     recording, names = leg.recording, leg.recording.solver.joint_names
     unknown = np.broadcast_to(np.nan, len(recording.poses))
     errors = [unknown, unknown]
@@ -132,7 +191,7 @@ def _columns(leg: ReviewedLeg, joints: Iterable[str]) -> list[FloatArray]:
         errors = [leg.for_all_poses(values) for values in both]
     tables = (
         dict(zip(names, recording.poses.values.T, strict=True)),
-        # Empty where they were not asked for.
+        # Empty unless requested.
         dict(zip(names, recording.rates.T, strict=False)),
     )
     numbers = [table.get(joint, unknown) for table in tables for joint in joints]
@@ -140,11 +199,7 @@ def _columns(leg: ReviewedLeg, joints: Iterable[str]) -> list[FloatArray]:
 
 
 def _cell(text: str) -> str:
-    """
-    Return a name as a spreadsheet may show it: on one line, and never computed.
-
-    No name that ROS takes begins with a sign that begins a formula.
-    """
+    """Return a name for a spreadsheet: on one line, and never a formula."""
     shown = printable(text)
     return f"'{shown}" if shown.startswith(_FORMULA) else shown
 

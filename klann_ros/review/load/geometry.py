@@ -1,0 +1,400 @@
+"""The legs that a run describes: by parameters of its solvers, or by robot_description."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import lru_cache
+import json
+from math import isfinite
+import sys
+from typing import Any, NamedTuple
+from xml.parsers import expat
+
+from klann_ros.dynamics import Dynamics
+from klann_ros.kinematics import AnyLeg, GeometryError, KlannGeometry, KlannLeg, LinkageLeg
+from klann_ros.kinematics.arrays import IndexArray
+from klann_ros.log.read.block import MessageBlock
+from klann_ros.log.records import Topic
+from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD, SolverParameters
+from klann_ros.review.model.recording import LegRecording, LegSolver
+from klann_ros.review.model.times import nanoseconds, Series
+from klann_ros.robot import Robot, robot_from_parameters
+from klann_ros.robot.file import LEG_PARAMETERS, of_leg
+from klann_ros.robot.robot import SEPARATORS
+from klann_ros.sanitize.cdr import CdrCursor
+from klann_ros.sanitize.text import printable
+import numpy as np
+
+# Source of a reference leg.
+REFERENCE = '--geometry'
+Metadata = Mapping[str, Sequence[Mapping[str, str]]]
+
+
+def solver_records(metadata: Metadata) -> list[SolverParameters]:
+    """Return the solver parameters of a run, in the order of time."""
+    found = []
+    for record in metadata.get(SOLVER_RECORD, ()):
+        with suppress(ValueError):
+            found.append(solver_parameters(record))
+    return sorted(found, key=lambda solver: solver.time)
+
+
+def leg_solvers(
+    records: Sequence[SolverParameters], namespace: str, reference: Robot | None = None
+) -> dict[str, LegSolver]:
+    """
+    Return the solvers of the legs in a namespace by their names, '' for the unnamed one.
+
+    Without a solver in the namespace, the last node of the run counts. A reference robot replaces
+    the legs in the run.
+    """
+    own = [record for record in records if parent(record.node) == namespace]
+    own = own or [record for record in records if record.node == records[-1].node]
+    # The last parameters of each node count; several nodes may have the same leg.
+    last = {record.node: _names(record.parameters.get('legs')) for record in own}
+    return {
+        name: _solver([record for record in own if name in last[record.node]], name, reference)
+        for name in dict.fromkeys(name for names in last.values() for name in names)
+    }
+
+
+def _solver(own: Sequence[SolverParameters], name: str, reference: Robot | None) -> LegSolver:
+    values = [of_leg(record.parameters, name) for record in own]
+    legs = [reference_leg(reference, name)] if reference else [*map(_leg, values)]
+    last, source = values[-1], REFERENCE if reference else ''
+    if legs[-1] and not reference:
+        source = f'the parameters of {printable(own[-1].node)}'
+    return LegSolver(
+        crank_joint=str(last.get('crank_joint') or LegSolver.crank_joint),
+        sim_time=any(record.parameters.get('use_sim_time') is True for record in own),
+        leg=legs[-1],
+        leg_time=0 if reference else _last_change([record.time for record in own], legs),
+        direction=_number(last.get('direction'), 1),
+        phase=_number(last.get('phase'), 0.0),
+        nodes=tuple(dict.fromkeys(record.node for record in own)),
+        source=source,
+        joint_separator='_' if last.get('joint_separator') == '_' else '/',
+    )
+
+
+def _last_change(times: Sequence[int], legs: Sequence[AnyLeg | None]) -> int:
+    """Return the time of the last change of a leg; 0 for none."""
+    linkages = [leg and leg.linkage for leg in legs]
+    changes = zip(times[1:], linkages, linkages[1:], strict=False)
+    return max((time for time, before, after in changes if before != after), default=0)
+
+
+def _names(legs: Any) -> tuple[str, ...]:
+    """Return the leg names of an unchecked parameter; '' for the unnamed leg."""
+    names = [str(name) for name in legs if name] if isinstance(legs, list) else []
+    return tuple(names) or ('',)
+
+
+def _number(value: Any, otherwise: float) -> float:
+    number = isinstance(value, int | float) and abs(value) <= sys.float_info.max
+    return value if number else otherwise
+
+
+def parent(name: str) -> str:
+    """Return the namespace of a full name; '' for the root."""
+    return name.rpartition('/')[0]
+
+
+def reference_leg(robot: Robot | None, name: str) -> AnyLeg | None:
+    """Return the leg of a robot by its name; None without one."""
+    leg = robot and robot.leg(name)
+    return LinkageLeg(leg.linkage) if leg else None
+
+
+def published_legs(names: Sequence[str], joints: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield the name and the separator of each leg with all its joints among the names."""
+    known = set(names)
+    for name in names:
+        head = name.removesuffix(joints[0])
+        prefix, separator = head[:-1], head[-1:] or SEPARATORS[0]
+        is_prefix = head == '' or (prefix and separator in SEPARATORS)
+        if head != name and is_prefix and all(f'{head}{other}' in known for other in joints):
+            yield prefix, separator
+
+
+def _leg(parameters: Mapping[str, Any]) -> AnyLeg | None:
+    # The run has the text of a linkage; a file name in it is never opened.
+    names = [name for name in LEG_PARAMETERS if name in parameters and name != 'linkage']
+    try:
+        return _leg_of(json.dumps({name: parameters[name] for name in names}))
+    except (TypeError, ValueError):
+        return None
+
+
+@lru_cache(maxsize=64)
+def _leg_of(text: str) -> AnyLeg:
+    """Return the leg of parameters as JSON; cached for many runs."""
+    (leg,) = robot_from_parameters(json.loads(text), weigh=False).legs
+    return LinkageLeg(leg.linkage)
+
+
+def with_dynamics(
+    leg: LegRecording, records: Sequence[SolverParameters], robot: Robot | None = None
+) -> LegSolver:
+    """Return a leg's solver with its masses by the reference robot, or by the run if known."""
+    solver = leg.solver
+    if robot is not None:
+        return replace(solver, dynamics=_dynamics(robot, leg.name))
+    own = [record for record in records if record.node in solver.nodes]
+    if solver.leg is None or not own:
+        return solver
+    # A file name in a run is never opened, and only this leg matters.
+    given = own[-1].parameters.items()
+    parameters = {name: v for name, v in given if name.rpartition('.')[2] != 'linkage'}
+    parameters['legs'] = [leg.name] if leg.name else []
+    try:
+        return replace(solver, dynamics=_dynamics(robot_from_parameters(parameters), leg.name))
+    except (TypeError, ValueError, RecursionError):
+        return solver
+
+
+def _dynamics(robot: Robot, name: str) -> Dynamics | None:
+    leg = robot.leg(name)
+    return robot.dynamics(leg) if leg and leg.masses else None
+
+
+TEXT, NAME = 'std_msgs/msg/String', 'robot_description'
+# Longest description that is read [characters], and bytes of its message beside the text.
+MAX_DESCRIPTION_SIZE, _MESSAGE_OVERHEAD = 4 * 1024 * 1024, 16
+# Different descriptions of one namespace that are read.
+_MAX_DESCRIPTIONS = 32
+
+
+class _Described(NamedTuple):
+    """Dimensions of legs by their names, since a log time [ns]."""
+
+    time: int
+    legs: dict[str, dict[str, float]]
+
+
+class Descriptions:
+    """Collects the legs of robot descriptions, by the namespace of the topic."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, bytes] = {}
+        self._found: dict[str, list[_Described]] = defaultdict(list)
+
+    def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> None:
+        """Add the descriptions of a topic in a block."""
+        namespace, _, name = topic.name.rpartition('/')
+        if (topic.type, name) != (TEXT, NAME):
+            return
+        found = self._found[namespace]
+        for row in rows[block.sizes[rows] <= MAX_DESCRIPTION_SIZE + _MESSAGE_OVERHEAD].tolist():
+            data = block.message(row)
+            # It is usually repeated.
+            if data != self._last.get(topic.name) and len(found) < _MAX_DESCRIPTIONS:
+                self._last[topic.name] = data
+                time = int(nanoseconds(block.heads['log_time'][[row]])[0])
+                found.append(_Described(time, klann_legs_in_urdf(_text(data))))
+
+    def described(self, solver: LegSolver, namespace: str, name: str, poses: Series) -> LegSolver:
+        """Return a solver with the described leg, if its own is unknown."""
+        spaces = [space for space, found in self._found.items() if any(d.legs for d in found)]
+        # A single description holds for every namespace.
+        space = namespace if namespace in spaces or len(spaces) != 1 else spaces[0]
+        found = sorted(self._found.get(space, ()), key=lambda described: described.time)
+        assembly = _assembly(poses)
+        legs = [_klann_leg(described.legs.get(name), assembly) for described in found]
+        if solver.leg is not None or not legs or legs[-1] is None:
+            return solver
+        times = [described.time for described in found]
+        source = f'{printable(f"{space}/{NAME}")}, assembly mode from its poses'
+        return replace(solver, leg=legs[-1], leg_time=_last_change(times, legs), source=source)
+
+
+def _text(data: bytes) -> str:
+    try:
+        return CdrCursor(data).string().decode()
+    except ValueError:
+        return ''
+
+
+def _assembly(poses: Series) -> tuple[int, int]:
+    """Return the assembly mode of most poses of a Klann leg, which no URDF has."""
+    _, gamma, beta, delta, theta = poses.values.T
+    with np.errstate(over='ignore', invalid='ignore'):
+        sums = [float(np.nansum(np.sign(np.sin(both)))) for both in (gamma + beta, delta + theta)]
+    return (1 if sums[0] >= 0 else -1), (1 if sums[1] >= 0 else -1)
+
+
+def _klann_leg(numbers: dict[str, float] | None, assembly: tuple[int, int]) -> KlannLeg | None:
+    try:
+        return None if numbers is None else KlannLeg(KlannGeometry(**numbers, assembly=assembly))
+    except GeometryError:
+        return None
+
+
+_Vector = tuple[float, ...]
+_ZERO = (0.0, 0.0, 0.0)
+
+
+@dataclass
+class _Joint:
+    """A joint of a URDF; an axis that is not given is x."""
+
+    kind: str
+    parent: str = ''
+    child: str = ''
+    xyz: _Vector = _ZERO
+    rpy: _Vector = _ZERO
+    axis: _Vector = (1.0, 0.0, 0.0)
+    mimics: tuple[str, float, float] | None = None
+
+
+class _ExpectedJoint(NamedTuple):
+    """
+    A joint that `klann.urdf.xacro` generates.
+
+    It turns about z (`turns` is the sign), compensates another joint (`back`), or is a bend. `on`
+    is its parent joint, '' for the plane of the leg. Each number of its origin is a dimension or
+    zero.
+    """
+
+    name: str
+    on: str = ''
+    x: str = ''
+    y: str = ''
+    bend: str = ''
+    bend_sign: int = 1
+    turns: int = 0
+    back: str = ''
+
+
+_JOINTS = (
+    _ExpectedJoint('alpha', y='y_a', turns=1),
+    _ExpectedJoint('alpha_back', 'alpha', x='l_ab', turns=1, back='alpha'),
+    _ExpectedJoint('gamma', 'alpha_back', turns=-1),
+    _ExpectedJoint('bend_c', 'gamma', x='l_bc', bend='angle_bcg'),
+    _ExpectedJoint('beta', x='x_d', turns=1),
+    _ExpectedJoint('delta', x='x_e', y='y_e', turns=1),
+    _ExpectedJoint('delta_back', 'delta', x='l_ef', turns=1, back='delta'),
+    _ExpectedJoint('theta', 'delta_back', turns=-1),
+    _ExpectedJoint('bend_g', 'theta', x='l_fg', bend='angle_fgh', bend_sign=-1),
+    _ExpectedJoint('foot', 'bend_g', x='l_gh'),
+)
+# A tree cannot close loops: these bars end freely, and have the length of the box on this joint.
+_BAR_LENGTHS = {'l_dc': 'beta', 'l_cg': 'bend_c'}
+
+
+class _ForeignUrdfError(ValueError):
+    """A URDF that `klann.urdf.xacro` did not generate."""
+
+
+def klann_legs_in_urdf(text: str) -> dict[str, dict[str, float]]:
+    """
+    Return the lengths [m], pivots [m] and bends [rad] of the legs in a URDF, by the legs' names.
+
+    They are the arguments of `KlannGeometry` without the assembly, which no URDF has. Of
+    other robots, and of an invalid URDF, nothing is returned. The text is untrusted: a document
+    type declaration is refused, so nothing is expanded or fetched.
+    """
+    if len(text) > MAX_DESCRIPTION_SIZE:
+        return {}
+    urdf = _Urdf()
+    try:
+        urdf.read(text)
+    except (_ForeignUrdfError, expat.ExpatError, UnicodeEncodeError):
+        return {}
+    crank = _JOINTS[0].name
+    prefixes = (name.removesuffix(crank) for name in urdf.joints if name.endswith(crank))
+    found = {}
+    for prefix in (each for each in prefixes if not each or each[-1] in SEPARATORS):
+        # Joints of another robot may have such names.
+        with suppress(KeyError, _ForeignUrdfError):
+            found[prefix[:-1]] = urdf.dimensions(prefix)
+    return found
+
+
+class _Urdf:
+    """The joints of a URDF, and the lengths of the boxes that show its links."""
+
+    def __init__(self) -> None:
+        self.joints: dict[str, _Joint] = {}
+        self._boxes: dict[str, float] = {}
+        self._path: list[str] = []
+        self._joint = _Joint('')
+        self._link = ''
+
+    def read(self, text: str) -> None:
+        # The text is decoded already, whatever encoding it declares.
+        parser = expat.ParserCreate('utf-8')
+        parser.StartElementHandler = self._begin
+        parser.EndElementHandler = lambda _: self._path.pop()
+        parser.StartDoctypeDeclHandler = self._refuse
+        parser.Parse(text.encode(), True)
+
+    def dimensions(self, prefix: str) -> dict[str, float]:
+        """Return the dimensions of the leg whose joints have a prefix."""
+        joints = self.joints
+        plane = joints[f'{prefix}{_JOINTS[0].name}'].parent
+        found: dict[str, float] = {}
+        for made in _JOINTS:
+            joint = joints[f'{prefix}{made.name}']
+            on = joints[f'{prefix}{made.on}'].child if made.on else plane
+            mimics = (f'{prefix}{made.back}', -1.0, 0.0) if made.back else None
+            kind = 'continuous' if made.turns else 'fixed'
+            # The axis of a fixed joint is arbitrary.
+            axis = (0.0, 0.0, float(made.turns)) if made.turns else joint.axis
+            if (joint.parent, joint.kind, joint.axis, joint.mimics) != (on, kind, axis, mimics):
+                raise _ForeignUrdfError(made.name)
+            places = (made.x, made.y, '', '', '', made.bend)
+            for name, value in zip(places, (*joint.xyz, *joint.rpy), strict=True):
+                if name:
+                    found[name] = value
+                elif value:
+                    raise _ForeignUrdfError(made.name)
+            if made.bend_sign < 0:
+                found[made.bend] *= -1
+        for name, on in _BAR_LENGTHS.items():
+            found[name] = self._boxes[joints[f'{prefix}{on}'].child]
+        return found
+
+    def _refuse(self, *_: object) -> None:
+        raise _ForeignUrdfError('a document type')
+
+    def _begin(self, tag: str, attributes: dict[str, str]) -> None:
+        self._path.append(tag)
+        if len(self._path) > 5:
+            return
+        try:
+            self._take('/'.join(self._path), attributes)
+        except (KeyError, ValueError):
+            raise _ForeignUrdfError(tag) from None
+
+    def _take(self, path: str, attributes: dict[str, str]) -> None:
+        joint = self._joint
+        if path == 'robot/link':
+            self._link = attributes['name']
+        elif path == 'robot/link/visual/geometry/box':
+            self._boxes.setdefault(self._link, _numbers(attributes['size'])[0])
+        elif path == 'robot/joint':
+            self._joint = _Joint(attributes['type'])
+            if self.joints.setdefault(attributes['name'], self._joint) is not self._joint:
+                raise ValueError('two joints of one name')
+        elif path == 'robot/joint/parent':
+            joint.parent = attributes['link']
+        elif path == 'robot/joint/child':
+            joint.child = attributes['link']
+        elif path == 'robot/joint/origin':
+            joint.xyz = _numbers(attributes.get('xyz', '0 0 0'))
+            joint.rpy = _numbers(attributes.get('rpy', '0 0 0'))
+        elif path == 'robot/joint/axis':
+            joint.axis = _numbers(attributes['xyz'])
+        elif path == 'robot/joint/mimic':
+            factor, offset = attributes.get('multiplier', '1'), attributes.get('offset', '0')
+            multiplier, angle, _ = _numbers(f'{factor} {offset} 0')
+            joint.mimics = attributes['joint'], multiplier, angle
+
+
+def _numbers(text: str) -> _Vector:
+    numbers = tuple(map(float, text.split()))
+    if len(numbers) != 3 or not all(map(isfinite, numbers)):
+        raise ValueError('these are not three numbers')
+    return numbers

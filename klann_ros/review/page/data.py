@@ -1,0 +1,339 @@
+"""The data of a run in its page: legs, walkers and topics, thinned out and packed in base64."""
+
+from base64 import b64encode
+from collections.abc import Iterable, Sequence
+from math import degrees, isnan, pi
+from typing import Any
+
+from klann_ros.kinematics import AnyLeg
+from klann_ros.kinematics.arrays import FloatArray, IndexArray, IntArray
+from klann_ros.review.model.limits import Limits
+from klann_ros.review.model.poses import linkage_foot_path
+from klann_ros.review.model.recording import WalkRecording
+from klann_ros.review.model.review import Review, ReviewedLeg
+from klann_ros.review.model.times import Series, time_steps
+from klann_ros.review.model.topics import TopicRecording
+from klann_ros.review.model.walks import body_paths, WalkFigures
+from klann_ros.sanitize.text import printable, verb
+from klann_ros.web.shape import leg_shape
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Packed = dict[str, Any]
+
+# The largest of 32 bits, and the mark of a missing number.
+_MAX_INT32, _MISSING = 2**31 - 1, -(2**31)
+_FULL_TURN = 2.0 * pi
+# Bytes of a number in the page, before base64.
+_NUMBER_SIZE = 4
+# Share of the paths of walkers in all numbers.
+_WALK_SHARE = 0.125
+
+
+def run_data(review: Review, max_bytes: float) -> dict[str, Any]:
+    """Return the data of a run, whose rows have at most `max_bytes` before base64."""
+    walks = _walks(review, _WALK_SHARE * max_bytes)
+    share = max_bytes * (1.0 - _WALK_SHARE * bool(walks)) / max(len(review.legs), 1)
+    return {
+        'path': printable(review.recording.path),
+        'duration': review.recording.duration,
+        'legs': [_leg(leg, review, share) for leg in review.legs],
+        'walks': walks,
+        'topics': [timing(topic) for topic in review.recording.topics],
+        'marks': [finding.time for finding in review.findings if finding.time is not None],
+    }
+
+
+def pack_floats(values: NDArray[Any]) -> Packed:
+    """Pack numbers as float32; NaN stays NaN."""
+    with np.errstate(over='ignore'):
+        return _packed('f32', values.astype('<f4'))
+
+
+def pack_times(seconds: FloatArray) -> Packed:
+    """Pack times to the microsecond, or to 2^-31 of the longest."""
+    return _scaled(seconds, max(1e-6, float(seconds.max(initial=0.0)) / _MAX_INT32))
+
+
+def pack_angles(radians: FloatArray) -> Packed:
+    """Pack angles modulo a turn, to 2^-32 of it: 1.5e-9 rad, less than 1e-8 of any length."""
+    with np.errstate(invalid='ignore', over='ignore'):
+        parts = radians / _FULL_TURN
+        # With more turns, a double has no fraction.
+        parts = np.where(np.abs(parts) <= _MAX_INT32, parts - np.round(parts), np.nan)
+        return _scaled(parts * _FULL_TURN, _FULL_TURN / 2.0**32)
+
+
+def pack_turns(radians: FloatArray) -> Packed:
+    """Pack the whole turns that `pack_angles` omits."""
+    with np.errstate(invalid='ignore', over='ignore'):
+        return _scaled(np.round(radians / _FULL_TURN), 1.0)
+
+
+def _scaled(values: FloatArray, scale: float) -> Packed:
+    with np.errstate(invalid='ignore', over='ignore'):
+        counts = np.round(values / scale)
+        known = np.abs(counts) <= _MAX_INT32 + 1.0
+    counts = np.where(known, np.clip(counts, -_MAX_INT32, _MAX_INT32), _MISSING)
+    return {**_packed('i32', counts.astype('<i4')), 'scale': scale}
+
+
+def _packed(kind: str, array: NDArray[Any]) -> Packed:
+    return {'kind': kind, 'data': b64encode(array.tobytes()).decode('ascii')}
+
+
+def thin_rows(
+    count: int, columns: Sequence[FloatArray], max_rows: int, needed: ArrayLike = ()
+) -> IndexArray:
+    """
+    Return the rows to keep of `count`, sorted: about `max_rows`, and those that are needed.
+
+    Half of them are evenly spaced. The others hold the extremes of each column, shape (count,), in
+    equal parts of the run, so that no peak gets lost.
+    """
+    if count <= max_rows:
+        return np.arange(count)
+    half = max(max_rows // 2, 2)
+    even = np.linspace(0, count - 1, half).astype(np.intp)
+    parts = max(half // (2 * max(len(columns), 1)), 1)
+    rows = [even, np.asarray(needed, dtype=np.intp)]
+    rows += [_maxima(signed, parts) for column in columns for signed in (column, -column)]
+    thinned: IndexArray = np.unique(np.concatenate(rows))
+    return thinned
+
+
+def _maxima(column: FloatArray, parts: int) -> IndexArray:
+    """Return the row of the largest value of each part, without NaN."""
+    size = -(-len(column) // parts)
+    known = np.where(np.isnan(column), -np.inf, column)
+    whole = len(known) // size
+    table = known[slice(whole * size)].reshape(whole, size)
+    rows: IndexArray = np.arange(whole) * size + table.argmax(axis=1)
+    rest = known[slice(whole * size, None)]
+    return np.append(rows, whole * size + rest.argmax()) if rest.size else rows
+
+
+def _leg(leg: ReviewedLeg, review: Review, max_bytes: float) -> dict[str, Any]:
+    recording = leg.recording
+    solver, start = recording.solver, review.recording.start
+    rows = _pose_rows if len(recording.poses) else _foot_rows
+    return {
+        'title': printable(recording.title),
+        'joints': list(map(printable, solver.joint_names)),
+        'slides': solver.slides,
+        'shape': drawing_data(solver.leg) if solver.leg is not None else None,
+        # Before that it had another shape, and is not drawn [s].
+        'since': (solver.leg_time - start) / 1e9 if solver.leg_time else 0.0,
+        'rows': rows(leg, review, max_bytes),
+        'iterations': {
+            'times': pack_times((recording.iterations.times - start) / 1e9),
+            'most': pack_floats(recording.iterations.values[:, 0]),
+        },
+        'texts': chart_texts(leg),
+    }
+
+
+def drawing_data(leg: AnyLeg) -> dict[str, Any]:
+    """Return a leg's shape, with the foot path of the geometry and whether it is closed."""
+    path = linkage_foot_path(leg.linkage)
+    if path is None:
+        return {**leg_shape(leg), 'path': None}
+    packed = [pack_floats(s) for s in path.h.T]
+    return {**leg_shape(leg), 'path': packed, 'closed': path.full_turn}
+
+
+def _pose_rows(leg: ReviewedLeg, review: Review, max_bytes: float) -> dict[str, Any]:
+    """Return a leg's poses, with foot, velocities, residual and transmission angles of each."""
+    poses, rates = leg.recording.poses, leg.recording.rates
+    count = len(poses)
+    feet = leg.recording.paired_feet()
+    residuals, mu = np.full(count, np.nan), np.empty((count, 0))
+    if leg.errors is not None:
+        residuals = leg.for_all_poses(leg.errors.residuals)
+        mu = leg.for_all_poses(leg.errors.transmission_angles)
+    has_rates = rates.size > 0 and bool(np.isfinite(rates).any())
+    columns = [*poses.values.T[1:], *feet.T, residuals, *mu.T]
+    columns += list(rates.T) if has_rates else []
+    # Beside the columns: time, whole turns of the crank, and their fraction.
+    max_rows = int(max_bytes / (_NUMBER_SIZE * (3 + len(columns))))
+    gaps = _gaps(poses.times, review.limits)
+    rows = thin_rows(count, columns, max_rows, [*gaps, *(gaps + 1), *_found(leg, review)])
+    values = poses.values[rows]
+    return {
+        'of': count,
+        'times': pack_times((poses.times[rows] - review.recording.start) / 1e9),
+        'turns': pack_turns(values[:, 0]),
+        'angles': [
+            pack_floats(column) if slides else pack_angles(column)
+            for column, slides in zip(values.T, leg.recording.solver.slides, strict=True)
+        ],
+        'rates': [pack_floats(column) for column in rates[rows].T] if has_rates else None,
+        'foot': [pack_floats(column) for column in feet[rows].T],
+        'residuals': pack_floats(residuals[rows]),
+        'transmission': [pack_floats(column) for column in mu[rows].T],
+        # The rows before gaps.
+        'gaps': np.searchsorted(rows, gaps).tolist(),
+    }
+
+
+def _foot_rows(leg: ReviewedLeg, review: Review, max_bytes: float) -> dict[str, Any]:
+    """Return a leg's feet without poses."""
+    feet = leg.recording.feet
+    columns = list(feet.values.T)
+    rows = thin_rows(len(feet), columns, int(max_bytes / (3 * _NUMBER_SIZE)))
+    return {
+        'of': len(feet),
+        'times': pack_times((feet.times[rows] - review.recording.start) / 1e9),
+        'foot': [pack_floats(column[rows]) for column in columns],
+        'gaps': [],
+    }
+
+
+def _gaps(times: IntArray, limits: Limits) -> IndexArray:
+    """Return the rows before gaps, by the limits of the check."""
+    steps = time_steps(times)
+    if not steps.size:
+        return np.empty(0, dtype=np.intp)
+    return np.flatnonzero(steps > limits.max_interval(float(np.median(steps))))
+
+
+def _found(leg: ReviewedLeg, review: Review) -> IndexArray:
+    """Return the poses at the times of findings, which the page links to."""
+    seconds = [finding.time for finding in review.findings if finding.time is not None]
+    moments = review.recording.start + np.array(seconds) * 1e9
+    times = leg.recording.poses.times
+    return np.minimum(np.searchsorted(times, moments), len(times) - 1)
+
+
+def chart_texts(leg: ReviewedLeg) -> dict[str, str]:
+    """Return a sentence for each chart."""
+    recording, figures = leg.recording, leg.figures
+    names, slides = recording.solver.joint_names, np.array(recording.solver.slides)
+    # No rates are recorded, or those of all joints.
+    poses, rates = recording.poses.values.T, recording.rates.T
+    turning, sliding = (
+        [name for name, one in zip(names, slides, strict=True) if one == kind]
+        for kind in (False, True)
+    )
+    iterations = recording.iterations.values[np.isfinite(recording.iterations.values)]
+    foot = 'No foot is recorded'
+    if len(recording.feet):
+        x, y = np.ptp(recording.feet.values, axis=0)
+        foot = f'The recorded foot covers {x:.4f} m in x and {y:.4f} m in y'
+    texts = {
+        'path': foot,
+        'angles': _ranges(turning[1:], np.degrees(poses[~slides][1:]), 'deg'),
+        'distances': _ranges(sliding, poses[slides], 'm'),
+        'rates': _ranges(turning, rates[~slides] if len(rates) else rates, 'rad/s'),
+        'speeds': _ranges(sliding, rates[slides] if len(rates) else rates, 'm/s'),
+        'iterations': f'The solver reports {iterations.max():.0f} at most'
+        if iterations.size
+        else 'Nothing is recorded',
+    }
+    if leg.errors is not None and not isnan(figures.worst_transmission_angle):
+        mu = degrees(figures.worst_transmission_angle)
+        texts['residuals'] = f'The worst residual is {figures.worst_residual:.1e} m'
+        texts['transmission'] = (
+            f'The worst is {mu:.1f} deg from in line; solver_node warns below 20 deg by default'
+        )
+    return {name: f'{text}.' for name, text in texts.items()}
+
+
+def _ranges(names: Iterable[str], rows: Iterable[FloatArray], unit: str) -> str:
+    found = [
+        f'{printable(name)} from {known.min():.4g} to {known.max():.4g} {unit}'
+        for name, values in zip(names, rows, strict=False)
+        if (known := values[np.isfinite(values)]).size
+    ]
+    return '; '.join(found) if found else 'Nothing is recorded'
+
+
+# Decades of the bins, 1 us to 1000 s, and bins of a decade.
+FIRST, LAST, A_DECADE = -6, 3, 20
+
+
+def timing(topic: TopicRecording) -> dict[str, Any]:
+    """Return the histograms of a topic."""
+    return {
+        'name': printable(topic.name),
+        'intervals': histogram(time_steps(topic.times)),
+        'latencies': histogram(topic.latencies[~np.isnan(topic.latencies)]),
+    }
+
+
+def histogram(seconds: NDArray[Any]) -> dict[str, Any]:
+    """
+    Return the number of times in each bin, and a sentence about them.
+
+    Bin k begins at 10^(FIRST + k / A_DECADE); `counts` begins and ends with a bin that is not
+    empty. Times above LAST are in the last bin.
+    """
+    positive = seconds[seconds >= 10.0**FIRST]
+    bins = np.floor((np.log10(positive) - FIRST) * A_DECADE).astype(np.intp)
+    last = (LAST - FIRST) * A_DECADE - 1
+    counts = np.bincount(np.clip(bins, 0, last), minlength=1)
+    filled = np.flatnonzero(counts)
+    begin, end = (int(filled[0]), int(filled[-1]) + 1) if filled.size else (0, 0)
+    return {
+        'first': begin,
+        'counts': counts[slice(begin, end)].tolist(),
+        'text': _sentence(seconds, len(seconds) - len(positive)),
+    }
+
+
+def _sentence(seconds: NDArray[Any], below: int) -> str:
+    if not len(seconds):
+        return 'There is none.'
+    half, most, longest = (1e3 * float(s) for s in np.percentile(seconds, [50.0, 99.0, 100.0]))
+    are = verb(below, 'is', 'are')
+    rest = f'; {below} {are} below 1 µs or negative, and not drawn' if below else ''
+    if len(seconds) == 1:
+        return f'The only one is {longest:.4g} ms{rest}.'
+    return (
+        f'Half of {len(seconds)} are up to {half:.4g} ms, 99 % up to {most:.4g} ms, '
+        f'the longest is {longest:.4g} ms{rest}.'
+    )
+
+
+def _walks(review: Review, max_bytes: float) -> list[dict[str, Any]]:
+    """Return the paths of the robots of a run."""
+    found = zip(review.recording.walks, review.walks, strict=True)
+    walks = [(walk, figures, body_paths(walk)) for walk, figures in found]
+    # A row has a time, x, y and yaw.
+    row_size = 4 * _NUMBER_SIZE
+    max_rows = int(max_bytes / (row_size * max(1, sum(len(paths) for *_, paths in walks))))
+    start = review.recording.start
+    return [
+        {
+            'title': printable(walk.namespace),
+            'text': _walk_text(walk, figures),
+            'lines': [
+                {'name': name, **_line(series, start, max_rows)} for name, series in paths.items()
+            ],
+        }
+        for walk, figures, paths in walks
+        if paths
+    ]
+
+
+def _line(series: Series, start: int, max_rows: int) -> dict[str, Any]:
+    x, y, yaw = series.values.T
+    rows = thin_rows(len(series), [x, y], max_rows)
+    return {
+        'times': pack_times((series.times[rows] - start) / 1e9),
+        'at': [pack_floats(x[rows]), pack_floats(y[rows])],
+        'yaw': pack_angles(yaw[rows]),
+    }
+
+
+def _walk_text(walk: WalkRecording, figures: WalkFigures) -> str:
+    name = printable(walk.namespace)
+    who = f'The robot {name}' if name else 'The robot'
+    if isnan(figures.distance):
+        return f'{who} stays where it is'
+    if isnan(figures.odometry_error):
+        return f'{who} goes {figures.distance:.2f} m'
+    return (
+        f'{who} goes {figures.distance:.2f} m; odometry is up to {figures.odometry_error:.3f} m '
+        f'off the ground truth, and {degrees(figures.heading_error):.1f} deg'
+    )
