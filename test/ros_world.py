@@ -13,6 +13,8 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from fork_server import ForkedProcess, PACKAGE, server
+from klann_ros.nodes.parameters import prepare_sets
+from klann_ros.nodes.solver.node import ManagedSolverNode, SolverNode
 from rcl_interfaces.srv import GetParameters
 import rclpy
 from rclpy.context import Context
@@ -156,6 +158,13 @@ class Probe:
     def neighbour(self, name: str, **options: Any) -> Node:
         """Return another node, whose callbacks run when the probe spins."""
         node = Node(name, context=self.context, **options)
+        self._executor.add_node(node)
+        self._neighbours.append(node)
+        return node
+
+    def add(self, kind: Callable[..., Any], *arguments: str) -> Any:
+        """Return a node with arguments behind --ros-args; its callbacks run as the probe's do."""
+        node = kind(context=self.context, cli_args=['--ros-args', *arguments])
         self._executor.add_node(node)
         self._neighbours.append(node)
         return node
@@ -315,6 +324,13 @@ class World:
         inputs = [f'{namespace}/{topic}' for topic in ('crank_angle', 'crank_state')]
         reliable = {f'qos_overrides.{topic}.{policy}': 'reliable' for topic in inputs}
         return self.start('solver_node', *arguments, **reliable, **parameters)
+
+    def solve(self, *arguments: str, managed: bool = False, **parameters: object) -> Any:
+        """Return a solver in this process: its inputs are not lost, however busy the machine."""
+        given = [word for key, value in parameters.items() for word in ('-p', f'{key}:={value}')]
+        solver = self.probe.add(ManagedSolverNode if managed else SolverNode, *arguments, *given)
+        prepare_sets(solver, 'solver_node')
+        return solver
 
     def start_by(
         self, wrapper: Sequence[str], name: str, *arguments: str, **options: Any

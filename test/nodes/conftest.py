@@ -5,11 +5,22 @@ from pathlib import Path
 from typing import Any
 
 from domain import own_domain
+from klann_ros.nodes.crank.node import CrankNode
+from klann_ros.nodes.process import ProcessNode
+from klann_ros.nodes.recorder.node import RecorderNode
+from klann_ros.nodes.solver.node import ManagedSolverNode, SolverNode
 import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 from ros_world import World, world
+
+KINDS: dict[str, Callable[..., Any]] = {
+    'solver_node': SolverNode,
+    'solver_node --lifecycle': ManagedSolverNode,
+    'crank_node': lambda **options: CrankNode(lambda _=0: None, **options),
+    'recorder_node': lambda **options: RecorderNode(lambda _=0: None, **options),
+}
 
 
 @pytest.fixture
@@ -37,19 +48,27 @@ def own_context(ros: World) -> Iterator[Callable[[], Node]]:
 
 
 @pytest.fixture(scope='module')
-def create() -> Iterator[Callable[..., Any]]:
-    """Return a function that creates nodes in this process, with arguments behind --ros-args."""
-    created: list[Node] = []
+def local_context() -> Iterator[Context]:
     context = Context()
-
-    def make(kind: Callable[..., Any], *arguments: str, **options: Any) -> Any:
-        cli_args = ['--ros-args', *arguments]
-        created.append(kind(context=context, cli_args=cli_args, **options))
-        return created[-1]
-
     with own_domain() as domain:
         context.init(args=[], domain_id=domain)
-        yield make
-        for node in created:
-            node.destroy_node()
+        yield context
         context.try_shutdown()
+
+
+@pytest.fixture
+def create(local_context: Context, tmp_path: Path) -> Iterator[Callable[..., Any]]:
+    """Return a function that creates nodes in this process, with arguments behind --ros-args."""
+    created: list[Any] = []
+
+    def make(name: str, *arguments: str) -> Any:
+        output = ['-p', f'output:={tmp_path / "run"}'] if name == 'recorder_node' else []
+        cli_args = ['--ros-args', *output, *arguments]
+        created.append(KINDS[name](context=local_context, cli_args=cli_args))
+        return created[-1]
+
+    yield make
+    for node in created:
+        if isinstance(node, ProcessNode):
+            node.close()
+        node.destroy_node()

@@ -13,18 +13,10 @@ from klann_ros.nodes.process import split
 import pytest
 from ros_world import Process, World
 
-NODES = ['solver_node', 'crank_node', 'recorder_node']
-NODES_OF_WALKERS = ['walker_node', 'sim_node']
 EXECUTABLES = [
-    *NODES,
-    'player_node',
-    'view_node',
-    *NODES_OF_WALKERS,
-    'review',
-    'recover',
-    'export',
+    *('solver_node', 'crank_node', 'recorder_node', 'player_node', 'view_node', 'walker_node'),
+    *('sim_node', 'review', 'recover', 'export', 'describe'),
 ]
-STOP_SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 
 
 @pytest.fixture
@@ -42,14 +34,17 @@ def blocked(process: Process) -> set[int]:
 
 
 @pytest.mark.parametrize('name', EXECUTABLES)
-def test_help_and_version(ros: World, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_help_version_and_an_unknown_option(
+    ros: World, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv('COLUMNS', '80')
-    asked = {option: ros.start(name, option) for option in ('--help', '--version')}
-    assert [process.wait() for process in asked.values()] == [0, 0]
-    assert asked['--help'].output.startswith(f'usage: {name}')
-    # Of a terminal's 80 columns argparse leaves two free.
-    assert max(map(len, asked['--help'].output.splitlines())) <= 80
-    assert asked['--version'].output == f'{name} {__version__}\n'
+    options = ('--help', '--version', '--no-such-option')
+    helped, versioned, refused = (ros.start(name, option) for option in options)
+    assert [process.wait() for process in (helped, versioned, refused)] == [0, 0, 2]
+    assert helped.output.startswith(f'usage: {name}')
+    assert max(map(len, helped.output.splitlines())) <= 80
+    assert versioned.output == f'{name} {__version__}\n'
+    assert 'Traceback' not in refused.errors
 
 
 @pytest.mark.parametrize(
@@ -59,29 +54,23 @@ def test_help_and_version(ros: World, name: str, monkeypatch: pytest.MonkeyPatch
         ('review --each runs --engine r', 'ray'),
     ],
 )
-def test_a_shell_completes_options_and_choices(line: str, completed: str, tmp_path: Path) -> None:
-    name = line.partition(' ')[0]
+def test_a_shell_completes_options_and_choices(
+    ros: World, monkeypatch: pytest.MonkeyPatch, line: str, completed: str
+) -> None:
+    completions = ros.folder / 'completions'
     variables = {
         '_ARGCOMPLETE': '1',
         '_ARGCOMPLETE_IFS': ' ',
         '_ARGCOMPLETE_SUPPRESS_SPACE': '1',
-        '_ARGCOMPLETE_STDOUT_FILENAME': str(tmp_path / 'completions'),
+        '_ARGCOMPLETE_STDOUT_FILENAME': str(completions),
         'COMP_LINE': line,
         'COMP_POINT': str(len(line)),
         'COMP_TYPE': '9',
     }
-    command = f'import sys; from klann_ros.executables import {name}; sys.exit({name}())'
-    subprocess.run(
-        [sys.executable, '-c', command], env=os.environ | variables, check=True, timeout=60
-    )
-    assert (tmp_path / 'completions').read_text().split() == [completed]
-
-
-@pytest.mark.parametrize('name', EXECUTABLES)
-def test_an_unknown_option_is_exit_code_2_without_a_traceback(ros: World, name: str) -> None:
-    process = ros.start(name, '--no-such-option')
-    assert process.wait() == 2
-    assert 'Traceback' not in process.errors
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    assert ros.start(line.partition(' ')[0]).wait() == 0
+    assert completions.read_text().split() == [completed]
 
 
 def test_a_folder_for_logs_that_cannot_be_made_names_the_remedy(fresh: World) -> None:
@@ -93,35 +82,39 @@ def test_a_folder_for_logs_that_cannot_be_made_names_the_remedy(fresh: World) ->
     assert 'set ROS_LOG_DIR' in line
 
 
-@pytest.mark.parametrize('number', STOP_SIGNALS)
-@pytest.mark.parametrize('name', NODES)
-def test_a_stop_signal_ends_a_node_in_order(ros: World, name: str, number: signal.Signals) -> None:
-    node = ros.start(name)
-    ros.probe.until(lambda: name in ros.probe.node.get_node_names())
-    assert node.stop(number) == 0
-    assert 'Traceback' not in node.errors
-    assert 'rror' not in node.errors
-
-
-@pytest.mark.parametrize('name', NODES)
-def test_two_interrupts_in_a_row_are_one(ros: World, name: str) -> None:
-    node = ros.start(name)
-    ros.probe.until(lambda: name in ros.probe.node.get_node_names())
-    node.popen.send_signal(signal.SIGINT)
-    assert node.stop(signal.SIGINT) == 0
-    assert 'Traceback' not in node.errors
-
-
-@pytest.mark.parametrize('delay', [0.0, 0.1, 0.2, 0.4, 0.7])
-@pytest.mark.parametrize('name', NODES)
-def test_an_interrupt_while_it_starts_leaves_no_traceback(
-    fresh: World, name: str, delay: float
+@pytest.mark.parametrize(
+    ('name', 'number'),
+    [('solver_node', number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+    + [('crank_node', signal.SIGTERM), ('recorder_node', signal.SIGINT)],
+)
+def test_a_stop_signal_ends_a_node_in_order_and_so_do_two(
+    ros: World, name: str, number: signal.Signals
 ) -> None:
-    node = fresh.start(name)
-    fresh.probe.until(lambda: signal.SIGINT in blocked(node))
-    time.sleep(delay)
-    assert node.stop(signal.SIGINT) == 0
-    assert 'Traceback' not in node.errors
+    given = [['-r', f'__node:=node_{k}'] for k in range(2)]
+    if name == 'recorder_node':
+        given = [[*words, '-p', f'output:=run_{k}'] for k, words in enumerate(given)]
+    nodes = [ros.start(name, '--ros-args', *words) for words in given]
+    ros.probe.until(lambda: {'node_0', 'node_1'} <= {*ros.probe.node.get_node_names()})
+    nodes[1].popen.send_signal(number)
+    for node in nodes:
+        assert node.stop(number) == 0
+        assert 'rror' not in node.errors
+        assert 'Traceback' not in node.errors
+
+
+@pytest.mark.parametrize(
+    ('name', 'delays'),
+    [('solver_node', [0.0, 0.1, 0.2, 0.4, 0.7]), ('crank_node', [0.1]), ('recorder_node', [0.2])],
+)
+def test_an_interrupt_during_the_start_leaves_no_traceback(
+    fresh: World, name: str, delays: list[float]
+) -> None:
+    for delay in delays:
+        node = fresh.start(name)
+        fresh.probe.until(lambda node=node: signal.SIGINT in blocked(node))
+        time.sleep(delay)
+        assert node.stop(signal.SIGINT) == 0
+        assert 'Traceback' not in node.errors
 
 
 def test_nohup_outlives_its_terminal(fresh: World) -> None:

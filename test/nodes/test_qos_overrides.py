@@ -4,8 +4,6 @@ from typing import Any
 
 from geometry_msgs.msg import PointStamped
 from klann_ros.kinematics import KlannLeg
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 import pytest
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
@@ -33,12 +31,12 @@ def profile(ros: World, topic: str, *, of_subscription: bool = False) -> QoSProf
     return info.qos_profile
 
 
-def test_who_comes_late_hears_what_a_latched_solver_said(ros: World) -> None:
+def test_a_latched_solver_repeats_its_answers_to_late_subscribers(ros: World) -> None:
     given = {
         **override('joint_states', 'publisher', durability='transient_local', depth=2),
         **override('point_h', 'publisher', durability='transient_local'),
     }
-    ros.solver(**given)
+    ros.solve(**given)
     crank = ros.probe.publisher(Float64, 'crank_angle')
     early = ros.probe.listen(PointStamped, 'point_h')
     ros.probe.matched('point_h')
@@ -54,7 +52,7 @@ def test_who_comes_late_hears_what_a_latched_solver_said(ros: World) -> None:
 
 
 def test_an_override_is_of_its_topic_alone(ros: World) -> None:
-    ros.start('solver_node', **override('joint_states', 'publisher', reliability='best_effort'))
+    ros.solve(**override('joint_states', 'publisher', reliability='best_effort'))
     assert profile(ros, 'joint_states').reliability == ReliabilityPolicy.BEST_EFFORT
     for topic in ('point_h', 'velocity_h', '/diagnostics', 'markers'):
         assert profile(ros, topic).reliability == ReliabilityPolicy.RELIABLE
@@ -77,23 +75,12 @@ def test_rare_policies_are_honoured_too(ros: World) -> None:
     assert offered.liveliness_lease_duration == Duration(seconds=5.0)
 
 
-def test_an_input_that_asks_for_more_tells_whom_it_does_not_hear(ros: World) -> None:
-    given = override('crank_angle', 'subscription', reliability='reliable')
-    solver = ros.start('solver_node', **given)
+def test_an_input_that_requests_more_reports_incompatible_publishers(
+    ros: World, capfd: pytest.CaptureFixture[str]
+) -> None:
+    ros.solve(**override('crank_angle', 'subscription', reliability='reliable'))
     asked = profile(ros, 'crank_angle', of_subscription=True)
     assert asked.reliability == ReliabilityPolicy.RELIABLE
     best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
     ros.probe.node.create_publisher(Float64, 'crank_angle', best_effort)
-    ros.probe.until(lambda: 'incompatible QoS' in solver.errors)
-
-
-def test_a_managed_node_knows_its_inputs_overrides_before_it_listens(ros: World) -> None:
-    given = override('crank_angle', 'subscription', durability='transient_local')
-    solver = ros.start('solver_node', '--lifecycle', **given)
-    ros.probe.until(lambda: 'ready' in solver.errors)
-    for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
-        request = ChangeState.Request(transition=Transition(id=transition))
-        assert ros.probe.call(ChangeState, 'solver_node/change_state', request).success
-    asked = profile(ros, 'crank_angle', of_subscription=True)
-    assert asked.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    assert '[WARN]' not in solver.errors
+    ros.probe.until(lambda: 'incompatible QoS' in capfd.readouterr().err)

@@ -8,21 +8,12 @@ from typing import Any
 
 from klann_ros.kinematics.linkage.file import SHIPPED
 from klann_ros.nodes import process
-from klann_ros.nodes.crank.node import CrankNode
 from klann_ros.nodes.parameters import StartError
-from klann_ros.nodes.recorder.node import RecorderNode
-from klann_ros.nodes.solver.node import ManagedSolverNode, SolverNode
 from klann_ros.sanitize.arguments import ArgumentParser
 import pytest
 from ros_world import World
 import yaml
 
-NODES: dict[str, Callable[..., Any]] = {
-    'solver_node': SolverNode,
-    'solver_node --lifecycle': ManagedSolverNode,
-    'crank_node': lambda **options: CrankNode(lambda _=0: None, **options),
-    'recorder_node': lambda **options: RecorderNode(lambda _=0: None, **options),
-}
 REFUSED = yaml.safe_load(Path(__file__).with_name('refused_parameters.yaml').read_text('utf-8'))
 LINKAGES = {
     'name: [': 'holds no linkage: line 1, column 8: expected the node content',
@@ -37,7 +28,7 @@ def refusal(create: Callable[..., Any], name: str, *parameters: str) -> str:
     """Return the one line of a node that refuses its parameters."""
     arguments = chain.from_iterable(('-p', parameter) for parameter in parameters)
     with pytest.raises(StartError) as refused:
-        create(NODES[name], *arguments)
+        create(name, *arguments)
     text = str(refused.value)
     assert '\n' not in text
     assert len(text) < 400
@@ -60,7 +51,7 @@ def test_a_value_of_any_length_is_refused_on_a_short_line(
     file = tmp_path / 'crank.yaml'
     file.write_text(f'/**:\n  ros__parameters:\n    mode: {"x" * 10**6}\n', encoding='utf-8')
     with pytest.raises(StartError, match='must be one of constant, sine, sweep') as found:
-        create(NODES['crank_node'], '--params-file', str(file))
+        create('crank_node', '--params-file', str(file))
     assert len(str(found.value)) < 300
 
 
@@ -101,7 +92,7 @@ def test_a_wrong_path_of_a_shipped_linkage_is_answered_with_its_name(
 ) -> None:
     text = refusal(create, 'solver_node', 'linkage:=linkages/jansen.yaml')
     name = text.partition('the shipped one is called ')[2]
-    assert create(SolverNode, '-p', f'linkage:={name}')
+    assert create('solver_node', '-p', f'linkage:={name}')
 
 
 @pytest.mark.parametrize(

@@ -165,7 +165,7 @@ class RecorderNode(ProcessNode):
 
     def _await_responses(self) -> None:
         """Wait for requested solver parameters, which explain a short run."""
-        executor = SingleThreadedExecutor()
+        executor = SingleThreadedExecutor(context=self.context)
         executor.add_node(self)
         end = monotonic() + _RESPONSE_TIMEOUT
 

@@ -1,4 +1,4 @@
-"""Several legs in one node, each with its own crank, phase and direction; and what is seen."""
+"""Several legs in one node, each with its own crank, phase and direction; and their markers."""
 
 import math
 from pathlib import Path
@@ -26,7 +26,7 @@ TWO = {'legs': '[left, right]', 'left.phase': 0.5, 'right.direction': -1, 'right
 def test_each_leg_is_driven_by_its_direction_and_phase(ros: World) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     feet = {name: ros.probe.listen(PointStamped, f'{name}/point_h') for name in ('left', 'right')}
-    ros.solver(**TWO)
+    ros.solve(**TWO)
     crank = ros.probe.publisher(Float64, 'crank_angle')
     for topic in ('joint_states', 'left/point_h', 'right/point_h'):
         ros.probe.matched(topic)
@@ -47,10 +47,10 @@ def test_each_leg_is_driven_by_its_direction_and_phase(ros: World) -> None:
         assert foot.header.stamp == pose.header.stamp
 
 
-def test_legs_with_cranks_of_their_own_are_answered_when_theirs_is_told(ros: World) -> None:
+def test_legs_with_cranks_of_their_own_follow_them(ros: World) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     velocities = ros.probe.listen(TwistStamped, 'right/velocity_h')
-    ros.solver(legs='[left, right]', **{'right.crank_joint': 'other', **DIRECTION})
+    ros.solve(legs='[left, right]', **{'right.crank_joint': 'other', **DIRECTION})
     state = ros.probe.publisher(JointState, 'crank_state')
     ros.probe.matched('joint_states')
     ros.probe.matched('right/velocity_h')
@@ -72,7 +72,7 @@ DIRECTION = {'right.direction': -1}
 
 def test_one_unnamed_leg_has_an_encoders_zero_and_sign(ros: World) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
-    ros.solver(phase=0.25, direction=-1)
+    ros.solve(phase=0.25, direction=-1)
     crank = ros.probe.publisher(Float64, 'crank_angle')
     ros.probe.matched('joint_states')
     crank.publish(Float64(data=1.0))
@@ -86,7 +86,7 @@ def test_every_leg_has_its_own_status_and_fails_alone(ros: World) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
     short = {'right.l_bc': 0.33}
-    ros.solver(legs='[left, right]', diagnostics_period=0.3, **short)
+    ros.solve(legs='[left, right]', diagnostics_period=0.3, **short)
     crank = ros.probe.publisher(Float64, 'crank_angle')
     ros.probe.matched('joint_states')
     crank.publish(Float64(data=math.radians(165.6)))
@@ -104,7 +104,7 @@ def test_every_leg_has_its_own_status_and_fails_alone(ros: World) -> None:
 
 def test_a_legs_length_is_changed_by_its_own_parameter(ros: World) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
-    ros.solver(legs='[left, right]')
+    ros.solve(legs='[left, right]')
     crank = ros.probe.publisher(Float64, 'crank_angle')
     ros.probe.matched('joint_states')
 
@@ -149,7 +149,7 @@ def test_several_sources_are_reported_while_they_send_at_once(ros: World) -> Non
 
 @pytest.mark.parametrize('name', ['', 'left'])
 def test_bars_end_where_the_poses_points_are(ros: World, name: str) -> None:
-    ros.solver(**({'legs': f'[{name}]'} if name else {}))
+    ros.solve(**({'legs': f'[{name}]'} if name else {}))
     crank = ros.probe.publisher(Float64, 'crank_angle')
     latched = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     arrays = ros.probe.listen(MarkerArray, 'markers', latched)
@@ -181,7 +181,7 @@ def test_a_shipped_walkers_feet_are_where_its_legs_put_them(ros: World, walker: 
     file = CONFIG / f'walker{walker}.yaml'
     legs = yaml.safe_load(file.read_text(encoding='utf-8'))['/**']['ros__parameters']
     feet = {name: ros.probe.listen(PointStamped, f'{name}/point_h') for name in legs['legs']}
-    ros.solver('--ros-args', '--params-file', str(file))
+    ros.solve('--params-file', str(file))
     crank = ros.probe.publisher(Float64, 'crank_angle')
     for name in feet:
         ros.probe.matched(f'{name}/point_h')
