@@ -137,7 +137,7 @@ def test_a_pipe_beside_a_run_that_was_left_hides_it_from_nobody(run: Path, tmp_p
     make('pipe', run / 'a.mcap')
     (tmp_path / 'other').mkdir()
     make('pipe', tmp_path / 'other' / 'x.mcap')
-    code = 'import sys; from klann_ros.log.write.unfinished import unfinished_runs as u; '
+    code = 'import sys; from klann_ros.log.write.run_folder import unfinished_runs as u; '
     code += 'from pathlib import Path; print(*(path.name for path in u(Path(sys.argv[1]))))'
     done = subprocess.run(
         [sys.executable, '-c', code, str(tmp_path)],

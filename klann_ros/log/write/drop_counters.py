@@ -1,19 +1,16 @@
 """Drop counters of a recording: what became of every message, for each topic."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-import stat
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Protocol
 
-from klann_ros.log.bag_metadata import FileSummary
 from klann_ros.log.loss import LossCounter
-from klann_ros.log.records import Topic
 from klann_ros.log.run_parameters import TopicCount
 
-from .durable_file import NOT_FOUND
-from .mcap_file import McapFile
+# Counts by topic name.
+Counts = Mapping[str, TopicCount]
+_NO_MESSAGES = TopicCount(0, 0)
 
 
 @dataclass(slots=True)
@@ -34,21 +31,17 @@ class TopicCounters:
     # Dropped after the queue: the file refused them.
     unwritten: int = 0
 
-
-@dataclass(frozen=True)
-class CountSnapshot:
-    """The counters of a topic at a moment."""
-
-    received: int = 0
-    skipped: int = 0
-    missed: int = 0
-    before_discovery: int = 0
-    departed: int = 0
-
-
-# By topic name.
-Snapshot = Mapping[str, CountSnapshot]
-_ZERO = CountSnapshot()
+    def count(self, written: int, dropped: int, missed: int | None) -> TopicCount:
+        """Return the counts, given those of the file and of messages lost before reception."""
+        return TopicCount(
+            self.received,
+            written,
+            dropped,
+            self.skipped,
+            missed,
+            self.loss.before_discovery,
+            self.loss.departed,
+        )
 
 
 @dataclass(frozen=True)
@@ -70,16 +63,10 @@ class CountedRun(Protocol):
 
 class DropCounters:
     """
-    Counters of all topics of a recording.
+    Counters of all topics of a recording to a run.
 
     Every message outside the queue is in exactly one place: for each topic
     received = skipped + dropped + written.
-
-    Parameters
-    ----------
-    run : CountedRun
-        Where messages are written.
-
     """
 
     def __init__(self, run: CountedRun) -> None:
@@ -100,37 +87,23 @@ class DropCounters:
         """Return what became of the messages of each topic so far; thread-safe."""
         stored = self._run.stored_counts()
         return {
-            name: TopicCount(
-                received=counters.received,
+            name: counters.count(
                 written=stored.written[name],
                 dropped=counters.overrun + counters.unwritten + stored.dropped[name],
-                skipped=counters.skipped,
                 missed=counters.loss.lost if counters.loss.is_known else None,
-                before_discovery=counters.loss.before_discovery,
-                departed=counters.loss.departed,
             )
             for name, counters in self._items()
         }
 
-    def snapshot(self) -> Snapshot:
+    def snapshot(self) -> Counts:
         """Return the present counters of messages before they are written."""
         return {
-            name: CountSnapshot(
-                counters.received,
-                counters.skipped,
-                counters.loss.lost,
-                counters.loss.before_discovery,
-                counters.loss.departed,
-            )
+            name: counters.count(written=0, dropped=0, missed=counters.loss.lost)
             for name, counters in self._items()
         }
 
     def counts_between(
-        self,
-        begin: Snapshot,
-        end: Snapshot,
-        stored: Mapping[str, TopicCount],
-        pretrigger: Mapping[str, int],
+        self, begin: Counts, end: Counts, stored: Counts, pretrigger: Mapping[str, int]
     ) -> dict[str, TopicCount]:
         """
         Return what became of the messages of each topic between two snapshots.
@@ -147,14 +120,15 @@ class DropCounters:
         """
         counts = {}
         for name, counters in self._items():
-            first, last = begin.get(name, _ZERO), end.get(name, _ZERO)
-            run_count = stored.get(name, TopicCount(0, 0))
+            first, last = begin.get(name, _NO_MESSAGES), end.get(name, _NO_MESSAGES)
+            run_count = stored.get(name, _NO_MESSAGES)
+            missed = (last.missed or 0) - (first.missed or 0)
             counts[name] = TopicCount(
                 received=last.received - first.received + pretrigger.get(name, 0),
                 written=run_count.written,
                 dropped=run_count.dropped,
                 skipped=last.skipped - first.skipped,
-                missed=last.missed - first.missed if counters.loss.is_known else None,
+                missed=missed if counters.loss.is_known else None,
                 before_discovery=last.before_discovery - first.before_discovery,
                 departed=last.departed - first.departed,
             )
@@ -163,77 +137,3 @@ class DropCounters:
     def _items(self) -> list[tuple[str, TopicCounters]]:
         # Another thread may add a topic meanwhile.
         return list(self._topics.items())
-
-
-@dataclass(frozen=True)
-class FinishedFile:
-    """A finished file of a run."""
-
-    summary: FileSummary
-    size: int
-
-    def is_intact(self, folder: Path) -> bool:
-        """Return whether it is in the folder with its size, as far as that is visible."""
-        try:
-            status = (folder / self.summary.name).stat()
-        except OSError as error:
-            return error.errno not in NOT_FOUND
-        return stat.S_ISREG(status.st_mode) and status.st_size == self.size
-
-
-@dataclass(frozen=True)
-class WrittenFiles:
-    """
-    The files of a run at a moment.
-
-    Immutable: other threads read the counts, and each message is in one place at any time.
-    """
-
-    # The file in progress; None after the last.
-    current: McapFile | None
-    finished: tuple[FinishedFile, ...] = ()
-    # Messages of the finished files, by topic name.
-    written: Counter[str] = field(default_factory=Counter)
-    # Messages of files that are gone or changed.
-    dropped: Counter[str] = field(default_factory=Counter)
-
-    def stored_counts(self) -> StoredCounts:
-        """Return what became of all messages so far."""
-        if self.current is None:
-            return StoredCounts(self.written, self.dropped)
-        summary, dropped = self.current.durable_summary()
-        return StoredCounts(
-            self.written + _by_name(summary.counts), self.dropped + _by_name(dropped)
-        )
-
-    def summaries(self) -> list[FileSummary]:
-        """Return the content of each file."""
-        finished = [file.summary for file in self.finished]
-        return finished if self.current is None else [*finished, self.current.summary()]
-
-    def finish_current(self, file: McapFile) -> 'WrittenFiles':
-        """Return the files after the one in progress was finished."""
-        summary = file.summary()
-        finished = (*self.finished, FinishedFile(summary, file.size))
-        written = self.written + _by_name(summary.counts)
-        return replace(self, current=None, finished=finished, written=written)
-
-    def drop_current(self, file: McapFile) -> 'WrittenFiles':
-        """Return the files without the one in progress."""
-        summary, unwritten = file.durable_summary()
-        dropped = self.dropped + _by_name(summary.counts) + _by_name(unwritten)
-        return replace(self, current=None, dropped=dropped)
-
-    def drop_finished(self, files: Sequence[FinishedFile]) -> 'WrittenFiles':
-        """Return the files without some of the finished ones."""
-        lost = sum((_by_name(file.summary.counts) for file in files), Counter[str]())
-        finished = tuple(file for file in self.finished if file not in files)
-        written, dropped = self.written - lost, self.dropped + lost
-        return replace(self, finished=finished, written=written, dropped=dropped)
-
-
-def _by_name(counts: Mapping[Topic, int]) -> Counter[str]:
-    named = Counter[str]()
-    for topic, count in counts.items():
-        named[topic.name] += count
-    return named

@@ -1,24 +1,35 @@
 """Event recording: a ring buffer in memory that is written when a trigger occurs."""
 
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 import re
+from threading import Thread
 from time import monotonic, time_ns
 
 from klann_ros.log.errors import LogError
 from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import EVENT_RECORD, Pause, RecordedFinding, SolverParameters
+from klann_ros.log.run_parameters import (
+    EVENT_RECORD,
+    Pause,
+    RecordedFinding,
+    SolverParameters,
+    TopicCount,
+)
 from klann_ros.sanitize.text import counted, printable
 
-from .background_writer import RunEntry
-from .drop_counters import DropCounters, StoredCounts
+from .background_writer import BackgroundWriter, RunEntry
+from .drop_counters import Counts, DropCounters, StoredCounts
 from .durable_file import free_space
-from .event_run import EventOpening, EventRun, EventTimes, OpenedRun, OpenRun
-from .recording import Pauses, RecordingState
+from .recording import Pauses, RecordingSession, RecordingState
 from .ring_buffer import RingBuffer, SEGMENT_SECONDS
+from .writer import RunWriter
+
+OpenedRun = tuple[RunWriter, BackgroundWriter]
+# Opens a run in a new folder.
+OpenRun = Callable[[Path], OpenedRun]
 
 # Maximum delay between reception and `put` [s].
 _RECEPTION_DELAY = 0.25
@@ -39,6 +50,103 @@ class EventSettings:
     post_trigger: float
     # Memory limit of the ring buffer [bytes].
     max_bytes: int
+
+
+class EventOpening:
+    """Opens the run of an event in a thread: a slow disk does not delay reception."""
+
+    def __init__(
+        self, open_run: OpenRun, path: Path, causes: list[RecordedFinding], end: float
+    ) -> None:
+        self.path, self.causes = path, causes
+        # Begin and end of the event, monotonic [s], and its begin [ns since the epoch].
+        self.begin, self.end, self.time = monotonic(), end, time_ns()
+        self._open_run = open_run
+        self._opened: OpenedRun | None = None
+        self._error: Exception | None = None
+        self._thread = Thread(target=self._run, name='opening', daemon=True)
+        self._thread.start()
+
+    def result(self, timeout: float | None) -> OpenedRun | None:
+        """Return the opened run, or None after a timeout [s]; raise the error of opening."""
+        self._thread.join(timeout)
+        if self._error is not None:
+            raise self._error
+        return self._opened
+
+    def _run(self) -> None:
+        try:
+            self._opened = self._open_run(self.path)
+        # Raised by `result`, in the caller's thread.
+        except Exception as error:
+            self._error = error
+
+
+class EventRun:
+    """
+    A run that begins in the past, at a snapshot of the recording's drop counters.
+
+    Its counts are those of the recording between two snapshots: messages removed from the ring
+    buffer before are no loss, and each message in between was received, skipped or dropped.
+
+    Attributes
+    ----------
+    end : float
+        Monotonic time of the end [s].
+    result : tuple of bool and str, or None
+        Success and a message for the user, when the run is closed.
+
+    """
+
+    def __init__(
+        self, opened: OpenedRun, recording: DropCounters, begin: Counts, end: float
+    ) -> None:
+        run, self._background = opened
+        self.end = end
+        self.result: tuple[bool, str] | None = None
+        self.put, self.path = self._background.put, run.path
+        self.put_entry = self._background.put_entry
+        self._recording, self._begin = recording, begin
+        self._last: Counts | None = None
+        self._pretrigger = Counter[str]()
+        self._session = session = RecordingSession(run, self._background, self.counts)
+        self.split, self.state = session.split, session.state
+        self.add_solver, self.add_finding = session.add_solver, session.add_finding
+        self.add_pause = session.add_pause
+        self._thread: Thread | None = None
+
+    def write_pretrigger(self, messages: Iterable[Message]) -> None:
+        """Write messages that were received before the first snapshot."""
+        for message in messages:
+            self._pretrigger[message.topic.name] += 1
+            self.put(message)
+
+    def counts(self) -> dict[str, TopicCount]:
+        """Return what became of the messages of each topic."""
+        last = self._recording.snapshot() if self._last is None else self._last
+        own = self._background.counters
+        for name in last:
+            own[name]  # creates missing counters
+        return self._recording.counts_between(self._begin, last, own.counts(), self._pretrigger)
+
+    @property
+    def has_failed(self) -> bool:
+        """Return whether nothing more can be written."""
+        return self._background.failure is not None
+
+    def close(self) -> None:
+        """Finish the run in a thread, as a disk may be slow; no more messages may follow."""
+        self._last = self._recording.snapshot()
+        self._thread = Thread(target=self._finish, name='event', daemon=True)
+        self._thread.start()
+
+    def join(self) -> None:
+        """Wait until it is closed."""
+        if self._thread is not None:
+            self._thread.join()
+
+    def _finish(self) -> None:
+        self.result = self._session.finish()
 
 
 class EventSession:
@@ -62,13 +170,6 @@ class EventSession:
     on_status : callable
         Receives success and a message for the user.
 
-    Attributes
-    ----------
-    counters : DropCounters
-        Counts every message, written or not.
-    pauses : Pauses
-        Skips messages.
-
     """
 
     def __init__(
@@ -80,7 +181,6 @@ class EventSession:
         entries: Sequence[RunEntry] = (),
         on_status: Callable[[bool, str], object],
     ) -> None:
-        """Begin to buffer messages."""
         self.counters = DropCounters(self)
         self.pauses = Pauses(self.counters)
         self._folder, self._settings = folder, settings
@@ -128,7 +228,7 @@ class EventSession:
             self._event.end = self._end()
         elif self._opening is not None:
             self._opening.causes.append(finding)
-            self._opening.times.end = self._end()
+            self._opening.end = self._end()
         else:
             self._pending_triggers.append(finding)
             self.tick()
@@ -155,7 +255,7 @@ class EventSession:
             self._begin_if_open(self._opening, 0.0)
         if now >= self._rotated + SEGMENT_SECONDS:
             self._rotated = now
-            self._buffer.rotate(now, self._opening.times.begin if self._opening else now)
+            self._buffer.rotate(now, self._opening.begin if self._opening else now)
             self._remove_old(now - self._buffer.buffered_time(now))
         if self._event is not None and (now >= self._event.end or self._event.has_failed):
             self._closing, self._event = self._event, None
@@ -171,12 +271,10 @@ class EventSession:
 
     def stored_counts(self) -> StoredCounts:
         """Return what became of the messages of all events so far."""
-        written, dropped = self._stored.written.copy(), self._stored.dropped.copy()
+        stored = self._stored
         for event in (self._event, self._closing):
-            for name, count in event.counts().items() if event else ():
-                written[name] += count.written
-                dropped[name] += count.dropped
-        return StoredCounts(written, dropped)
+            stored = _add_counts(stored, event.counts()) if event else stored
+        return stored
 
     def state(self) -> RecordingState:
         """Return the present state."""
@@ -226,9 +324,8 @@ class EventSession:
     def _open_event(self) -> None:
         """Open the run of the pending triggers."""
         causes, self._pending_triggers = self._pending_triggers, []
-        times = EventTimes(monotonic(), self._end(), time_ns())
         path = _unused_path(self._folder, causes[0].check)
-        self._opening = EventOpening(self._open_run, path, causes, times)
+        self._opening = EventOpening(self._open_run, path, causes, self._end())
         self._begin_if_open(self._opening, _OPENING_TIMEOUT)
 
     def _end(self) -> float:
@@ -245,19 +342,16 @@ class EventSession:
             return
         if opened is not None:
             self._opening = None
-            self._begin(opened, opening.causes, opening.times)
+            self._begin(opened, opening)
 
-    def _begin(
-        self, opened: OpenedRun, causes: Sequence[RecordedFinding], times: EventTimes
-    ) -> None:
+    def _begin(self, opened: OpenedRun, opening: EventOpening) -> None:
         """Write metadata, the buffer and the causes to the event's run."""
-        run, background = opened
         self._count += 1
-        buffer = self._buffer
-        event = self._event = EventRun(run, background, self.counters, buffer.counters, times.end)
-        first = next((message.log_time for message in buffer.messages()), times.time)
+        buffer, causes = self._buffer, opening.causes
+        event = self._event = EventRun(opened, self.counters, buffer.counters, opening.end)
+        first = next((message.log_time for message in buffer.messages()), opening.time)
         for entry in self._entries:
-            background.put_entry(entry)
+            event.put_entry(entry)
         for changes in self._solvers.values():
             for solver in changes:
                 event.add_solver(solver)
@@ -268,40 +362,34 @@ class EventSession:
             event.put(message)
         for cause in causes:
             event.add_finding(cause)
-        buffered, pre_trigger = buffer.buffered_time(times.begin), self._settings.pre_trigger
-        event.add_metadata(
-            EVENT_RECORD,
-            {
-                'cause': causes[0].check,
-                'time': str(times.time),
-                'buffered': f'{buffered:.3f}',
-                'pre_trigger': str(pre_trigger),
-                'post_trigger': str(self._settings.post_trigger),
-                'evicted': str(buffer.evicted),
-            },
-        )
-        self._on_status(True, f'{causes[0].check}: recording to {printable(run.path)}')
+        buffered, pre_trigger = buffer.buffered_time(opening.begin), self._settings.pre_trigger
+        record = {
+            'cause': causes[0].check,
+            'time': str(opening.time),
+            'buffered': f'{buffered:.3f}',
+            'pre_trigger': str(pre_trigger),
+            'post_trigger': str(self._settings.post_trigger),
+            'evicted': str(buffer.evicted),
+        }
+        event.put_entry(lambda run: run.add_metadata(EVENT_RECORD, record))
+        self._on_status(True, f'{causes[0].check}: recording to {printable(event.path)}')
         if buffer.evicted and buffered < pre_trigger:
             available = f'only {buffered:.1f} s of {pre_trigger:g} s before it'
             self._on_status(False, f'{available} were still in memory (pre_trigger_bytes)')
 
     def _finalize(self, event: EventRun) -> None:
         """Add the counts of a closed run, and report its result."""
-        result = event.result
-        if result is None:
+        if event.result is None:
             return
         self._closing = None if event is self._closing else self._closing
         self._event = None if event is self._event else self._event
-        written, dropped = self._stored.written.copy(), self._stored.dropped.copy()
-        for name, count in result.counts.items():
-            written[name] += count.written
-            dropped[name] += count.dropped
-        self._stored = StoredCounts(written, dropped)
-        if result.ok:
+        self._stored = _add_counts(self._stored, event.counts())
+        ok, message = event.result
+        if ok:
             self._failure = ''
-            self._on_status(True, result.message)
+            self._on_status(True, message)
         else:
-            self._fail(result.message)
+            self._fail(message)
 
     def _fail(self, text: str) -> None:
         """Report an event that is missing or incomplete."""
@@ -316,6 +404,14 @@ class EventSession:
         for changes in self._solvers.values():
             while len(changes) > 1 and changes[1].time < earliest:
                 changes.popleft()
+
+
+def _add_counts(stored: StoredCounts, counts: Mapping[str, TopicCount]) -> StoredCounts:
+    written, dropped = stored.written.copy(), stored.dropped.copy()
+    for name, count in counts.items():
+        written[name] += count.written
+        dropped[name] += count.dropped
+    return StoredCounts(written, dropped)
 
 
 def _unused_path(folder: Path, cause: str) -> Path:

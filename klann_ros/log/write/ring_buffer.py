@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from klann_ros.log.records import Message, Topic
 
 from .background_writer import MESSAGE_OVERHEAD
-from .drop_counters import Snapshot
+from .drop_counters import Counts
 
 SEGMENT_SECONDS = 0.25
 """Duration of a segment; old messages are removed by segments [s]."""
@@ -26,7 +26,7 @@ class Segment:
     # Monotonic time [s].
     begin: float
     # Counters before its first message.
-    counters: Snapshot
+    counters: Counts
     messages: list[Message] = field(default_factory=list)
     # Memory [bytes].
     size: int = 0
@@ -34,30 +34,15 @@ class Segment:
 
 class RingBuffer:
     """
-    Hold the last messages, and the last ones of latched topics of any age.
+    Hold the messages of the last seconds, and the last ones of latched topics of any age.
 
-    Parameters
-    ----------
-    duration : float
-        Age of the oldest message [s].
-    max_bytes : int
-        Memory limit; messages evicted because of it are counted.
-    snapshot : callable
-        Returns the present counters of all messages.
-    now : float
-        Monotonic time [s].
-
-    Attributes
-    ----------
-    evicted : int
-        Messages removed early, because of the memory limit.
-
+    Memory is bounded [bytes]; ``evicted`` counts messages that were removed early because of it.
+    A snapshot returns the present counters of all messages. Times are monotonic [s].
     """
 
     def __init__(
-        self, duration: float, max_bytes: int, snapshot: Callable[[], Snapshot], now: float
+        self, duration: float, max_bytes: int, snapshot: Callable[[], Counts], now: float
     ) -> None:
-        """Begin empty."""
         self.evicted = 0
         self._duration, self._max_bytes, self._snapshot = duration, max_bytes, snapshot
         self._now = self._newest = now
@@ -80,13 +65,7 @@ class RingBuffer:
         """
         Begin a new segment, and remove old ones; to be called every SEGMENT_SECONDS.
 
-        Parameters
-        ----------
-        now
-            Monotonic time [s].
-        newest
-            The time from which the buffer's duration counts back [s].
-
+        The buffer's duration counts back from ``newest``.
         """
         self._now, self._newest = now, newest
         self._size += self._segment.size
@@ -98,7 +77,7 @@ class RingBuffer:
             self.evicted += self._remove_oldest()
 
     @property
-    def counters(self) -> Snapshot:
+    def counters(self) -> Counts:
         """Return the counters before the first message."""
         return self._segments[0].counters
 

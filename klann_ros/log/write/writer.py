@@ -1,28 +1,44 @@
 """Write a run: a folder of MCAP files and metadata.yaml, which every rosbag2 tool opens."""
 
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from klann_ros import __version__
+from klann_ros.log.bag_metadata import (
+    bag_metadata,
+    FILE_NAME,
+    FileSummary,
+    metadata_record,
+    metadata_yaml,
+    RECORD_NAME,
+)
 from klann_ros.log.errors import (
     AnyPath,
+    DiskFullError,
     LogError,
+    LowSpaceError,
     RunClosedError,
+    RunExistsError,
     RunIncompleteError,
+    RunLostError,
     UnwritableError,
 )
 from klann_ros.log.records import Attachment, Message
+from klann_ros.sanitize.text import counted, verb
 
 from .drop_counters import StoredCounts
-from .durable_file import RunFaults
+from .durable_file import FileFault, RESERVE_SIZE, RunFaults
 from .mcap_file import COMPRESSIONS, McapFile
-from .run_files import RunFiles
+from .run_folder import RunContent, RunFolder
 
 _LIBRARY = f'klann_ros {__version__}'
 # A chunk's entry in the summary, and the size of a small chunk [bytes].
 _INDEX_SIZE, _SMALL_CHUNK_SIZE = 200, 16 * 1024
+# Subjects of faults, beside metadata.yaml.
+_CURRENT, _FINISHED = 'current file', 'finished files'
 
 
 class RunWriter(AbstractContextManager['RunWriter']):
@@ -56,6 +72,10 @@ class RunWriter(AbstractContextManager['RunWriter']):
 
     Attributes
     ----------
+    path : pathlib.Path
+        The run's folder, absolute.
+    file : McapFile
+        The MCAP file in progress, or the last one.
     faults : RunFaults
         Outside changes of the run.
 
@@ -88,44 +108,43 @@ class RunWriter(AbstractContextManager['RunWriter']):
     ) -> None:
         if compression not in COMPRESSIONS:
             raise UnwritableError(f'compression is {compression!r}, not one of {[*COMPRESSIONS]}')
+        self.path = Path(folder).absolute()
         self.faults = faults or RunFaults()
-        self._closed = False
-        self._repeated: list[Callable[[McapFile], None]] = []
-        self._flushes = 0
-        self._files = RunFiles(
-            Path(folder),
-            ros_distro,
-            open_file=partial(
-                McapFile,
-                compression=compression,
-                chunk_size=chunk_size,
-                profile=profile,
-                library=_LIBRARY,
-            ),
-            begin_file=self._repeat_entries,
-            faults=self.faults,
-            reserve=reserve,
+        self._ros_distro = ros_distro
+        self._open_file = partial(
+            McapFile,
+            compression=compression,
+            chunk_size=chunk_size,
+            profile=profile,
+            library=_LIBRARY,
         )
-
-    @property
-    def path(self) -> Path:
-        """Return the run's folder."""
-        return self._files.path
-
-    @property
-    def file(self) -> McapFile:
-        """Return the MCAP file in progress."""
-        return self._files.current
+        self._repeated: list[Callable[[McapFile], None]] = []
+        self._number = self._checks = self._flushes = 0
+        self._closed = False
+        self._folder = RunFolder(self.path, has_reserve=reserve)
+        try:
+            self.file = self._open(0)
+            # Some network disks report no sizes or names of files before they are closed.
+            self._can_check = self.file.find_fault() is None
+            self._content = RunContent(self.file)
+            self._replace_metadata_yaml()
+        except BaseException:
+            # Nothing is in it yet, and it would block a second attempt.
+            self._folder.remove()
+            raise
 
     @property
     def file_is_empty(self) -> bool:
-        """Return whether that file has no message."""
+        """Return whether the file in progress has no message."""
         return not self.file.summary().counts
 
     @property
     def next_name(self) -> str:
         """Return the name of the file after the next split."""
-        return self._files.next_name
+        number = self._number + 1
+        with suppress(OSError):
+            number = self._folder.next_number(self._number)
+        return self._folder.name_of(number)
 
     @property
     def counts(self) -> dict[str, int]:
@@ -134,17 +153,17 @@ class RunWriter(AbstractContextManager['RunWriter']):
 
     def stored_counts(self) -> StoredCounts:
         """Return the messages that are in the run, and those dropped after writing."""
-        return self._files.files.stored_counts()
+        return self._content.stored_counts()
 
     @property
     def closed(self) -> bool:
         """Return whether the run is closed, or has lost its last file."""
-        return self._closed or not self._files.is_open
+        return self._closed or not self._is_open
 
     @property
     def is_full(self) -> bool:
         """Return whether the disk is full, so that only the end may be written."""
-        return self._files.is_full
+        return self._folder.reserve is not None and self._folder.reserve.spent is not None
 
     @property
     def failure(self) -> OSError | None:
@@ -154,12 +173,12 @@ class RunWriter(AbstractContextManager['RunWriter']):
     @property
     def is_unfinished(self) -> bool:
         """Return whether the disk prevented the end of a file."""
-        return self.failure is not None and self._files.is_open
+        return self.failure is not None and self._is_open
 
     @property
     def free_space(self) -> int:
         """Return the space free for this user on the disk [bytes]; OSError if unknown."""
-        return self._files.free_space
+        return self._folder.free_space
 
     def write(self, message: Message) -> None:
         """
@@ -207,7 +226,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
     def check_files(self) -> None:
         """Check that the files are intact, and begin a new one if the present one is not."""
         self._require_open()
-        self._files.check()
+        self._check()
 
     def split(self) -> None:
         """
@@ -217,7 +236,9 @@ class RunWriter(AbstractContextManager['RunWriter']):
         """
         self.check_files()
         if not self.file_is_empty:
-            self._files.split()
+            self._finish_current()
+            self._open_next()
+            self._write_metadata_yaml()
 
     def space_problem(self, min_free_space: int) -> LogError | None:
         """
@@ -225,8 +246,15 @@ class RunWriter(AbstractContextManager['RunWriter']):
 
         The run can and should be closed then. An OSError if the free space is unknown.
         """
-        chunks = self._flushes + self.file.size // _SMALL_CHUNK_SIZE
-        return self._files.space_problem(min_free_space, chunks * _INDEX_SIZE)
+        reserve = self._folder.reserve
+        if reserve is not None:
+            chunks = self._flushes + self.file.size // _SMALL_CHUNK_SIZE
+            reserve.grow(RESERVE_SIZE + chunks * _INDEX_SIZE)
+            if reserve.spent is not None:
+                return DiskFullError(self.path, str(reserve.spent))
+        if min_free_space > 0 and (free := self.free_space) < min_free_space:
+            return LowSpaceError(self.path, free, min_free_space)
+        return None
 
     def close(self) -> None:
         """
@@ -244,8 +272,19 @@ class RunWriter(AbstractContextManager['RunWriter']):
         if self._closed:
             return
         self._closed = True
-        self._files.release_reserve()
-        self._files.close()
+        self._folder.release_reserve()
+        try:
+            if self._is_open and self.file.failure is None:
+                self._check()
+            if self._is_open:
+                self._finish_current()
+        finally:
+            with suppress(OSError):
+                if self._is_open and (fault := self._find_fault()) is not None:
+                    self.faults.add(_CURRENT, self._drop_current(fault))
+            self.file.close()
+            self._check_finished(self._content.finished)
+            self._write_metadata_yaml()
         if self.faults.active:
             raise RunIncompleteError(self.path, self.faults.active)
 
@@ -253,7 +292,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
         """Remove the run, unless its path is another folder's now."""
         self._closed = True
         self.file.close()
-        self._files.remove()
+        self._folder.remove()
 
     def __exit__(self, _: object, error: BaseException | None, *__: object) -> None:
         try:
@@ -262,6 +301,10 @@ class RunWriter(AbstractContextManager['RunWriter']):
             # The body may raise this very error already.
             if failure is not error:
                 raise failure from error
+
+    @property
+    def _is_open(self) -> bool:
+        return self._content.current is not None
 
     def _require_open(self) -> None:
         if self.closed:
@@ -273,6 +316,100 @@ class RunWriter(AbstractContextManager['RunWriter']):
         if in_every_file:
             self._repeated.append(add)
 
-    def _repeat_entries(self, file: McapFile) -> None:
+    def _open(self, number: int) -> McapFile:
+        path = self.path / self._folder.name_of(number)
+        file = self._open_file(path, reserve=self._folder.reserve)
+        self._number = number
+        return file
+
+    def _open_next(self) -> None:
+        """Begin the next file, in a new folder if there is none any more."""
+        if not self._folder.owns_path():
+            self._folder.create()
+        self.file = self._open(self._folder.next_number(self._number))
+        self._content = replace(self._content, current=self.file)
         for add in self._repeated:
-            add(file)
+            add(self.file)
+
+    def _find_fault(self) -> FileFault | None:
+        return self.file.find_fault() if self._can_check else None
+
+    def _check(self) -> None:
+        """Check the file in progress, and at each call one of the finished files in turn."""
+        fault = self._find_fault()
+        if fault is not None:
+            self._replace_current(fault)
+        finished = self._content.finished
+        if finished:
+            self._checks += 1
+            self._check_finished([finished[self._checks % len(finished)]])
+        if FILE_NAME in self.faults:
+            self._write_metadata_yaml()
+
+    def _check_finished(self, files: Sequence[tuple[FileSummary, int]]) -> None:
+        """Take finished files out of the run that are gone or changed."""
+        if not self._can_check:
+            return
+        lost = [file for file in files if not self._folder.has_file(file[0].name, file[1])]
+        if not lost:
+            return
+        self._content = self._content.drop_finished(lost)
+        names = ', '.join(summary.name for summary, _ in lost[:3])
+        others = f' and {len(lost) - 3} more' if len(lost) > 3 else ''
+        count = counted(sum(summary.message_count for summary, _ in lost), 'message')
+        text = f'finished files are gone or changed: {names}{others}, with {count}'
+        self.faults.add(_FINISHED, text)
+        self._write_metadata_yaml()
+
+    def _write_end(self) -> None:
+        metadata = bag_metadata(self._content.summaries(), self._ros_distro)
+        self.file.add_metadata(RECORD_NAME, metadata_record(metadata))
+        self.file.finish()
+
+    def _finish_current(self) -> None:
+        self._write_end()
+        fault = self._find_fault()
+        if fault is None:
+            self._content = self._content.finish_current(self.file)
+        else:
+            self.faults.add(_CURRENT, self._drop_current(fault))
+        self.file.close()
+
+    def _replace_current(self, fault: FileFault) -> None:
+        """Continue in a new file."""
+        if fault is FileFault.GONE:
+            with suppress(OSError):
+                self._write_end()  # a moved file becomes complete
+        text = self._drop_current(fault)
+        self.file.close()
+        try:
+            self._open_next()
+        except RunExistsError as error:
+            raise RunLostError(f'{text}; {error}') from None
+        except OSError as error:
+            raise RunLostError(f'{text}; no new file: {error.strerror}') from error
+        self.faults.add(_CURRENT, text, f'the recording continues in {self.file.path.name}')
+        self._check_finished(self._content.finished)
+        self._write_metadata_yaml()
+
+    def _drop_current(self, fault: FileFault) -> str:
+        """Take the file in progress out of the run; return the text of the fault."""
+        path, count = self.file.path, self.file.message_count
+        self._content = self._content.drop_current(self.file)
+        number = f'{counted(count, "message")} {verb(count, "counts", "count")} as lost'
+        text = f'{path.name} {fault.value} while it was recorded: its {number}'
+        return f'{text}; `recover {path}` saves the rest' if fault is FileFault.CHANGED else text
+
+    def _write_metadata_yaml(self) -> None:
+        """Replace metadata.yaml; an error is a fault until it can be written."""
+        try:
+            self._replace_metadata_yaml()
+        except OSError as error:
+            text = f'{self.path / FILE_NAME} cannot be written: {error.strerror}'
+            self.faults.add(FILE_NAME, text)
+        else:
+            self.faults.clear(FILE_NAME)
+
+    def _replace_metadata_yaml(self) -> None:
+        text = metadata_yaml(bag_metadata(self._content.summaries(), self._ros_distro))
+        self._folder.replace_file(FILE_NAME, text.encode())

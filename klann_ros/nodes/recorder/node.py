@@ -17,7 +17,7 @@ from klann_ros.log.write.background_writer import BackgroundWriter, QUEUE_CAPACI
 from klann_ros.log.write.durable_file import check_free_space, RunFaults
 from klann_ros.log.write.event_session import EventSession, EventSettings
 from klann_ros.log.write.recording import RecordingSession
-from klann_ros.log.write.unfinished import unfinished_runs
+from klann_ros.log.write.run_folder import unfinished_runs
 from klann_ros.log.write.writer import RunWriter
 from klann_ros.nodes.endpoints import create_trigger
 from klann_ros.nodes.parameters import declare, overrides, StartError, usage

@@ -19,9 +19,9 @@ from klann_ros.log.run_parameters import (
     SOLVER_RECORD,
     SolverParameters,
     topic_counts,
+    TopicCount,
 )
 from klann_ros.log.write.background_writer import BackgroundWriter, MESSAGE_OVERHEAD
-from klann_ros.log.write.drop_counters import CountSnapshot
 from klann_ros.log.write.event_session import EventSession, EventSettings
 from klann_ros.log.write.ring_buffer import MAX_LATCHED_MESSAGES, RingBuffer
 from klann_ros.log.write.writer import RunWriter
@@ -323,7 +323,7 @@ def test_whatever_a_cause_is_called_its_run_is_in_the_folder(stage: Stage, cause
 
 
 def ring_buffer(max_bytes: int, duration: float = 10.0) -> RingBuffer:
-    return RingBuffer(duration, max_bytes, lambda: {CRANK.name: CountSnapshot()}, 0.0)
+    return RingBuffer(duration, max_bytes, lambda: {CRANK.name: TopicCount(0, 0)}, 0.0)
 
 
 def test_a_ring_takes_no_more_memory_than_it_may_and_says_what_fell_out() -> None:

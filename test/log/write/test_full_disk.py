@@ -75,7 +75,7 @@ def test_a_reserve_takes_space_until_it_is_given_up(tmp_path: Path) -> None:
 
 def test_a_reserve_has_no_name_that_a_kill_could_leave_or_a_user_remove(tmp_path: Path) -> None:
     with RunWriter(tmp_path / 'run', reserve=True) as writer:
-        assert taken(writer._files._reserve) >= RESERVE_SIZE
+        assert taken(writer._folder.reserve) >= RESERVE_SIZE
         assert {path.name for path in writer.path.iterdir()} == {'run_0.mcap', 'metadata.yaml'}
 
 

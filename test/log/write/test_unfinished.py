@@ -5,7 +5,7 @@ from pathlib import Path
 from types import ModuleType
 
 from klann_ros.log.errors import RunIncompleteError
-from klann_ros.log.write.unfinished import unfinished_runs
+from klann_ros.log.write.run_folder import unfinished_runs
 from klann_ros.log.write.writer import RunWriter
 import pytest
 
