@@ -1,12 +1,14 @@
 """Check times: order, latency, and the offset of clocks."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterable, Iterator
 
+from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.times import CLOCK, offsets, overlaps, Series
 from klann_ros.review.model.topics import TopicFigures, TopicRecording
 from klann_ros.sanitize.text import listed, printable, times, verb
 import numpy as np
+from numpy.typing import NDArray
 
 from .motion import back_and_forth
 
@@ -19,11 +21,11 @@ _MIN_MESSAGES = 10
 
 def check_clocks(review: Review) -> Iterator[Finding]:
     """Yield clock offsets and late messages."""
-    both = zip(review.topics, review.recording.topics, strict=True)
-    off = [topic for topic, recorded in both if _clock_is_off(topic, recorded, review)]
-    yield from _latency(review, {topic.name for topic in off})
+    topics = [topic for topic in review.recording.topics if _has_latency(topic.latencies)]
+    off = [topic for topic in topics if _clock_is_off(topic.figures, review.limits)]
+    yield from _latency(review, [topic for topic in topics if topic not in off])
     if off:
-        yield _publishers_clock(off)
+        yield _publishers_clock([topic.figures for topic in off])
     else:
         # Stamps usually have the publisher's clock: one finding is enough.
         yield from _stamps(review)
@@ -39,8 +41,7 @@ def check_order(review: Review) -> Iterator[Finding]:
         text = f'the log times go back {often}, by {by:.3g} s or more, on {names}'
         meaning = "the recorder's clock was set back, or the log was merged from others"
         first = min(int(topic.set_back[0, 0]) for topic in back)
-        time = review.recording.since_start(first)
-        yield Finding('order', Severity.WARNING, text, meaning, time)
+        yield Finding('order', Severity.WARNING, text, meaning, review.since_start(first))
         return
     reordered = {topic.name for topic in review.recording.topics if topic.reordered}
     for leg in review.legs:
@@ -56,21 +57,18 @@ def check_order(review: Review) -> Iterator[Finding]:
             stamps = verb(count, 'stamp of 1 pose is', f'stamps of {count} poses are')
             text = f'the {stamps} earlier than that of the pose before'
             meaning = 'inputs came out of order; robot_state_publisher drops such poses'
-            time = review.recording.since_start(leg.evaluated.poses.times[rows[0] + 1])
+            time = review.since_start(leg.evaluated.poses.times[rows[0] + 1])
             yield Finding('order', Severity.WARNING, text, meaning, time, leg.recording.title)
 
 
-def _clock_is_off(topic: TopicFigures, recorded: TopicRecording, review: Review) -> bool:
-    if _known(recorded) < _MIN_MESSAGES:
-        return False
-    if topic.latency_p50 < -review.limits.latency:
+def _has_latency(latencies: NDArray[np.float32]) -> bool:
+    return bool(np.count_nonzero(~np.isnan(latencies)) >= _MIN_MESSAGES)
+
+
+def _clock_is_off(topic: TopicFigures, limits: Limits) -> bool:
+    if topic.latency_p50 < -limits.latency:
         return True
-    return topic.latency_p50 > review.limits.clock_offset and _is_steady(topic)
-
-
-def _known(recorded: TopicRecording) -> int:
-    """Return the number of known latencies."""
-    return int(np.count_nonzero(~np.isnan(recorded.latencies)))
+    return topic.latency_p50 > limits.clock_offset and _is_steady(topic)
 
 
 def _is_steady(topic: TopicFigures) -> bool:
@@ -88,27 +86,25 @@ def _publishers_clock(topics: list[TopicFigures]) -> Finding:
     return Finding('clock', Severity.WARNING, text, meaning)
 
 
-def _latency(review: Review, skipped: Collection[str]) -> Iterator[Finding]:
+def _latency(review: Review, topics: Iterable[TopicRecording]) -> Iterator[Finding]:
     limit = review.limits.latency
-    for topic, recorded in zip(review.topics, review.recording.topics, strict=True):
-        is_late = topic.latency_p99 > limit and _known(recorded) >= _MIN_MESSAGES
-        if topic.name in skipped or not (recorded.is_periodic and is_late):
+    for topic in (each for each in topics if each.is_periodic):
+        if topic.figures.latency_p99 <= limit:
             continue
         # Messages that waited for a stalled recorder do not count.
-        times, unrecorded = recorded.times, review.recording.unrecorded
-        latencies = np.where(overlaps(times, times, unrecorded), np.nan, recorded.latencies)
-        known = int(np.count_nonzero(~np.isnan(latencies)))
-        if known < _MIN_MESSAGES or np.nanpercentile(latencies, 99.0) <= limit:
+        waited = overlaps(topic.times, topic.times, review.recording.unrecorded)
+        latencies = np.where(waited, np.nan, topic.latencies)
+        if not _has_latency(latencies) or np.nanpercentile(latencies, 99.0) <= limit:
             continue
-        late = latencies > limit
+        late, known = latencies > limit, int(np.count_nonzero(~np.isnan(latencies)))
         text = (
             f'{int(late.sum())} of {known} messages of {printable(topic.name)} took more than '
             f'{limit:g} s to arrive, up to {float(np.nanmax(latencies)):.3f} s'
         )
         meaning = 'the recorder or the network was overloaded'
-        if topic.latency_p50 > limit and _is_steady(topic):
+        if topic.figures.latency_p50 > limit and _is_steady(topic.figures):
             meaning = 'all take about equally long: a slow link, or unsynchronised clocks'
-        time = review.recording.since_start(recorded.times[int(np.argmax(late))])
+        time = review.since_start(topic.times[int(np.argmax(late))])
         yield Finding('latency', Severity.WARNING, text, meaning, time)
 
 

@@ -35,7 +35,7 @@ def check_container(review: Review) -> Iterator[Finding]:
         yield Finding('container', Severity.WARNING, text, 'later messages are not in the run')
     for failed in recording.undecoded:
         messages = f'{counted(failed.count, "message")} of {printable(failed.topic)}'
-        text, time = f'{messages} cannot be decoded', recording.since_start(failed.time)
+        text, time = f'{messages} cannot be decoded', review.since_start(failed.time)
         meaning = 'the bytes do not match the type, or joints have no positions; they are ignored'
         yield Finding('decode', Severity.ERROR, text, meaning, time)
     yield from _poses(review)
@@ -43,13 +43,12 @@ def check_container(review: Review) -> Iterator[Finding]:
 
 def check_recorder_findings(review: Review) -> Iterator[Finding]:
     """Yield the findings of the recorder, whose run is judged again as a whole."""
-    recording = review.recording
-    recorded = recording.recorder_findings
+    recorded = review.recording.recorder_findings
     for found in recorded[:_MAX_RECORDER_FINDINGS]:
         what = ' of '.join(printable(part) for part in (found.check, found.leg) if part)
         text = f'the recorder reported: {printable_line(found.text)} ({what})'
         meaning = 'it was on /diagnostics during the recording; the whole run is judged separately'
-        time = recording.since_start(found.time)
+        time = review.since_start(found.time)
         yield Finding('recorder_finding', Severity.NOTE, text, meaning, time)
     more = len(recorded) - _MAX_RECORDER_FINDINGS
     if more > 0:
@@ -84,7 +83,7 @@ def check_losses(review: Review) -> Iterator[Finding]:
     for topic in recording.topics:
         if topic.lost:
             text, meaning = f'{_messages(topic.lost, topic)} lost', _meaning(topic, recording)
-            time = recording.since_start(topic.missing[0, 1]) if len(topic.missing) else None
+            time = review.since_start(topic.missing[0, 1]) if len(topic.missing) else None
             yield Finding('lost', Severity.WARNING, text, meaning, time)
         if topic.early:
             text = f'{_messages(topic.early, topic)} sent before the recorder discovered their '
@@ -120,11 +119,11 @@ _FOOT_TOPICS = ('point_h', 'velocity_h')
 
 def check_gaps(review: Review) -> Iterator[Finding]:
     """Yield gaps within the run, restarts of publishers, stalls, and poses that ended early."""
-    excused = _excused_intervals(review)
+    explained = _explained_intervals(review)
     found = [
         gap
         for (topic,), own in groupby(review.gaps, key=attrgetter('topics'))
-        for gap in exclude_intervals(list(own), excused.get(topic, review.recording.unrecorded))
+        for gap in exclude_intervals(list(own), explained.get(topic, review.recording.unrecorded))
     ]
     answers = {topic for leg in review.legs for topic in answer_topics(leg.recording)}
     # A restart of a solver leaves inputs without answer: that is a gap.
@@ -135,14 +134,14 @@ def check_gaps(review: Review) -> Iterator[Finding]:
     if restarts:
         yield _restart(review, _join(restarts))
     for stall in review.recording.stalls:
-        meaning = 'the gap is excused; messages published meanwhile may be lost'
-        time = review.recording.since_start(stall.begin)
+        meaning = 'the gap is explained; messages published meanwhile may be lost'
+        time = review.since_start(stall.begin)
         yield Finding('stall', Severity.NOTE, printable_line(stall.reason), meaning, time)
     yield from _ended(review)
 
 
-def _excused_intervals(review: Review) -> dict[str, tuple[Interval, ...]]:
-    """Return by topic when a gap is no fault: no valid input, a restart, a pause or damage."""
+def _explained_intervals(review: Review) -> dict[str, tuple[Interval, ...]]:
+    """Return the explained intervals by topic: no valid input, restart, pause or damage."""
     recording = review.recording
     paused = [*recording.unrecorded, *pauses(recording.clock)]
     found = {topic.name: [*paused] for topic in recording.topics if topic.name != CLOCK}
@@ -175,25 +174,24 @@ def _join(gaps: list[Gap]) -> list[Gap]:
 
 
 def _gap(review: Review, gaps: list[Gap]) -> Finding:
-    recording, longest = review.recording, max(gaps, key=attrgetter('length'))
+    longest = max(gaps, key=attrgetter('length'))
     what = f'nothing on {listed(longest.topics)} for {longest.length:.3f} s'
     if len(gaps) > 1:
-        at = recording.since_start(longest.begin)
+        at = review.since_start(longest.begin)
         what = f'{len(gaps)} gaps; the longest: {what} at {at:.3f} s'
     count = _unanswered(review)
     if count:
         angles = verb(count, 'crank angle was', 'crank angles were')
         what += f'; {count} {angles} not answered meanwhile'
     meaning = 'the publisher stalled, or messages could not reach the recorder'
-    time = recording.since_start(gaps[0].begin)
-    return Finding('gap', Severity.WARNING, what, meaning, time)
+    return Finding('gap', Severity.WARNING, what, meaning, review.since_start(gaps[0].begin))
 
 
 def _restart(review: Review, gaps: list[Gap]) -> Finding:
-    recording, first = review.recording, gaps[0]
+    first = gaps[0]
     text = f'another publisher of {listed(first.topics)} began {first.length:.3f} s after the last'
     meaning = 'a node was shut down and started again; the time between is no gap'
-    return Finding('restart', Severity.NOTE, text, meaning, recording.since_start(first.begin))
+    return Finding('restart', Severity.NOTE, text, meaning, review.since_start(first.begin))
 
 
 def _unanswered(review: Review) -> int:
@@ -207,7 +205,6 @@ def _unanswered(review: Review) -> int:
 
 def _ended(review: Review) -> Iterator[Finding]:
     """Yield poses that ended while the crank angles went on."""
-    recording = review.recording
     for leg in review.legs:
         poses, cranks = leg.evaluated.poses, leg.evaluated.cranks
         if not (len(poses) and len(cranks)):
@@ -219,5 +216,5 @@ def _ended(review: Review) -> Iterator[Finding]:
             why = (
                 'the solver stopped, refused every angle, or its poses did not reach the recorder'
             )
-            time = recording.since_start(poses.times[-1])
+            time = review.since_start(poses.times[-1])
             yield Finding('stale', Severity.WARNING, text, why, time, leg.recording.title)

@@ -64,7 +64,7 @@ def _swaps(review: Review, leg: LegRecording, rows: IndexArray) -> Finding:
     meaning = f'two sources alternate, or an encoder slips{where}'
     if shared or len(leg.crank_topics) > 1:
         meaning = f'multiple publishers set the crank at once{where}, each with its own angle'
-    time = review.recording.since_start(leg.cranks.times[rows[0] + 1])
+    time = review.since_start(leg.cranks.times[rows[0] + 1])
     return Finding('jump', Severity.WARNING, text, meaning, time, leg.title)
 
 
@@ -92,7 +92,7 @@ def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
     if rows.size:
         text = f'the crank angle jumps {times_(rows.size)}, by up to {steps[rows].max():.3g} rad'
         meaning = 'the angle was set, an encoder slips, or inputs were lost before publishing'
-        time = review.recording.since_start(times[rows[0] + 1])
+        time = review.since_start(times[rows[0] + 1])
         yield Finding('jump', Severity.WARNING, text, meaning, time, leg.title)
 
 
@@ -112,7 +112,7 @@ def _standstill(review: Review, leg: LegRecording) -> Iterator[Finding]:
     if still[longest] > _MIN_STANDSTILL:
         text = f'the crank stands still for {still[longest]:.1f} s, while its angle is published'
         meaning = 'expected at rest; otherwise the sensor is frozen'
-        time = review.recording.since_start(times[firsts[longest]])
+        time = review.since_start(times[firsts[longest]])
         yield Finding('frozen', Severity.NOTE, text, meaning, time, leg.title)
 
 
@@ -160,7 +160,7 @@ def _interpolated(
 
 def check_walking(review: Review) -> Iterator[Finding]:
     """Yield crank lag, phase error and odometry error above their limits."""
-    limits, since = review.limits, review.recording.since_start
+    limits, since = review.limits, review.since_start
     for walk in review.walks:
         title, lag, phase = walk.namespace.lstrip('/'), walk.crank_lag, walk.phase_error
         if lag > limits.crank_lag and walk.lag_time is not None:

@@ -73,7 +73,7 @@ def check_poses(review: Review) -> Iterator[Finding]:
                 if which.any():
                     count = int(which.sum())
                     text = f'{count} of {len(which)} {what} {verb(count, *verbs)} {fault}'
-                    time = review.recording.since_start(series.times[int(np.argmax(which))])
+                    time = review.since_start(series.times[int(np.argmax(which))])
                     title = leg.recording.title
                     yield Finding(check, Severity.ERROR, text, meaning, time, title)
 
@@ -175,7 +175,7 @@ def _wrong_questions(review: Review, reviewed: ReviewedLeg) -> Iterator[Finding]
             'than their input'
         )
         meaning = 'alpha does not follow from the input by direction and phase'
-        time = review.recording.since_start(leg.poses.times[int(np.argmax(wrong))])
+        time = review.since_start(leg.poses.times[int(np.argmax(wrong))])
         yield Finding('alpha', Severity.ERROR, text, meaning, time, leg.title)
 
 
@@ -187,7 +187,7 @@ def _refused(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
         if not rows.size:
             continue
         angles = f'{rows.size} of {found.asked} crank angles'
-        time = review.recording.since_start(leg.evaluated.cranks.times[rows[0]])
+        time = review.since_start(leg.evaluated.cranks.times[rows[0]])
         if cause == Cause.NO_ANGLE:
             were = verb(rows.size, 'was', 'were')
             text = f'{angles} {were} invalid: not finite, or beyond 1e6 rad'
@@ -220,7 +220,7 @@ def _missing_answers(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
         )
     were = verb(found.count, 'was', 'were')
     text = f'{found.count} of {leg.answers.asked} crank angles {were} not answered{found}'
-    time = review.recording.since_start(leg.evaluated.cranks.times[found.other_rows[0]])
+    time = review.since_start(leg.evaluated.cranks.times[found.other_rows[0]])
     yield Finding('answers', severity, text, meaning, time, leg.recording.title)
 
 
@@ -248,7 +248,7 @@ def _stamped(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
         text = f'{count} of {found.asked} crank {were} answered more than once'
         meaning = 'a second solver ran for a moment, or the log holds answers twice'
         first = leg.evaluated.poses.times[found.duplicates.rows.min()]
-        time = review.recording.since_start(first)
+        time = review.since_start(first)
         yield Finding('solvers', Severity.NOTE, text, meaning, time, leg.recording.title)
 
 
@@ -292,7 +292,7 @@ def _several(review: Review, leg: ReviewedLeg, duplicates: Duplicates, counts: s
     severity = Severity.ERROR if apart else Severity.WARNING
     text = f'{who} answer on {listed(sorted(evaluated.pose_topics))}: {counts}{apart}'
     meaning = 'subscribers receive all of them: stop one, or give it its own namespace'
-    time = review.recording.since_start(evaluated.poses.times[duplicates.rows.min()])
+    time = review.since_start(evaluated.poses.times[duplicates.rows.min()])
     return Finding('solvers', severity, text, meaning, time, leg.recording.title)
 
 

@@ -180,7 +180,7 @@ def _differences(review: Review, found: Torques, name: str, title: str) -> Itera
         f'{off[worst]:.3g} N m: recorded {found.recorded[worst]:.3g}, expected '
         f'{found.expected[worst]:.3g} +- {found.accuracy[worst]:.1g} N m'
     )
-    time = review.recording.since_start(found.times[worst])
+    time = review.since_start(found.times[worst])
     yield Finding('effort', Severity.WARNING, text, _meaning(found), time, title)
 
 

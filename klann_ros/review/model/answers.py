@@ -215,8 +215,8 @@ def unanswered(
     begins, ends = times - MAX_RESPONSE_TIME, times + MAX_RESPONSE_TIME
     unrecorded = overlaps(begins, ends, recording.unrecorded)
     own = [gap for gap in gaps if not leg.pose_topics.isdisjoint(gap.topics)]
-    excused = merge_intervals([*recording.unrecorded, *refused_intervals(leg, answers)])
-    pose_gaps = merge_intervals((gap.begin, gap.end) for gap in exclude_intervals(own, excused))
+    explained = merge_intervals([*recording.unrecorded, *refused_intervals(leg, answers)])
+    pose_gaps = merge_intervals((gap.begin, gap.end) for gap in exclude_intervals(own, explained))
     in_gaps = ~unrecorded & overlaps(times, times, pose_gaps)
     other_rows = rows[~unrecorded & ~in_gaps]
     ends = np.array([end for _, end in pose_gaps], dtype=np.int64)

@@ -162,10 +162,6 @@ class RunRecording:
         """Return the time between the first and the last message [s]."""
         return (self.end - self.start) / 1e9
 
-    def since_start(self, log_time: int) -> float:
-        """Return a log time from the start of the run [s]."""
-        return (int(log_time) - self.start) / 1e9
-
     def restarts_on(self, names: Collection[str]) -> list[Interval]:
         """Return the restarts of publishers on some topics: intervals of log times [ns]."""
         restarts = (t.restarts.tolist() for t in self.topics if t.name in names)

@@ -132,6 +132,10 @@ class Review:
         """Return its topics' figures."""
         return tuple(topic.figures for topic in self.recording.topics)
 
+    def since_start(self, log_time: int) -> float:
+        """Return a log time [ns] from the start of the run [s]."""
+        return (int(log_time) - self.recording.start) / 1e9
+
     @property
     def is_healthy(self) -> bool:
         """Return whether there is no fault."""

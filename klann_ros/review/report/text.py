@@ -112,7 +112,7 @@ def _findings(review: Review, paint: _Paint) -> Iterator[str]:
     for leg in review.legs:
         left_out = len(leg.recording.poses) - len(leg.evaluated.poses)
         if left_out:
-            since = review.recording.since_start(leg.recording.solver.leg_time)
+            since = review.since_start(leg.recording.solver.leg_time)
             yield (
                 f'{_of(leg.recording.title)}the leg changed during the run; poses before '
                 f'{since:.2f} s were not judged'
