@@ -17,13 +17,7 @@ from klann_ros.review.model.limits import Limits, limits_from_file, NAMES
 from klann_ros.review.report.picture import picture_format, save_picture
 from klann_ros.robot import robot_of, RobotFileError
 from klann_ros.robot.file import preset_names
-from klann_ros.sanitize.arguments import (
-    ArgumentParser,
-    command_words,
-    NOT_READ,
-    path,
-    UsageError,
-)
+from klann_ros.sanitize.arguments import ArgumentParser, command_words, NOT_READ, path, UsageError
 from klann_ros.sanitize.outputs import outputs, save_all
 from klann_ros.sanitize.text import printable
 from klann_ros.web.browser import is_opened

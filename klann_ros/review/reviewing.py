@@ -91,9 +91,5 @@ def _review_leg(
         errors = pose_errors(evaluated, leg.solver.leg, partial(report, what))
     answers = match_answers(evaluated)
     return ReviewedLeg(
-        leg,
-        evaluated,
-        errors,
-        answers,
-        unanswered(recording, evaluated, answers, gaps),
+        leg, evaluated, errors, answers, unanswered(recording, evaluated, answers, gaps)
     )

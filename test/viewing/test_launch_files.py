@@ -52,15 +52,7 @@ def test_the_launch_files_are_those_of_the_manual() -> None:
     page = (ROOT / 'docs' / 'viewing.md').read_text()
     assert set(FILES) == {
         f'{name}.launch.py'
-        for name in (
-            'leg',
-            'walker',
-            'walk',
-            'ros2_control',
-            'demo',
-            'replay',
-            'description',
-        )
+        for name in ('leg', 'walker', 'walk', 'ros2_control', 'demo', 'replay', 'description')
     } | {'checks.py'}
     assert [name for name in FILES if f'| `{name}` |' not in page] == []
 

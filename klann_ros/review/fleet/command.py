@@ -13,13 +13,7 @@ from klann_ros.log.errors import LogError
 from klann_ros.log.reader import open_log
 from klann_ros.review.model.limits import Limits, limits_from_file
 from klann_ros.robot import robot_of, RobotFileError
-from klann_ros.sanitize.arguments import (
-    ArgumentParser,
-    NOT_READ,
-    NOT_WRITTEN,
-    path,
-    print_error,
-)
+from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, NOT_WRITTEN, path, print_error
 from klann_ros.sanitize.outputs import OutputError, outputs, save_all
 from klann_ros.sanitize.text import counted, printable
 from tqdm import tqdm

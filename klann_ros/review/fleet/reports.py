@@ -62,11 +62,7 @@ _HEADS = (
     'Worst angle error / rad',
     'Worst foot error / m',
 )
-_GROUPS = (
-    (UNREADABLE, 'Not readable'),
-    (FINDINGS, 'With findings'),
-    (OK, 'Nothing found'),
-)
+_GROUPS = ((UNREADABLE, 'Not readable'), (FINDINGS, 'With findings'), (OK, 'Nothing found'))
 
 
 def save_index(rows: Sequence[Row], path: str, pages: Mapping[str, str], file: BinaryIO) -> None:

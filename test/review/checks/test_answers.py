@@ -38,7 +38,7 @@ def test_a_stamp_that_two_inputs_share_tells_no_angle(healthy, make_run) -> None
 def test_what_is_no_crank_angle_is_found_as_such(healthy, make_run, alpha) -> None:
     healthy.unanswered = [(healthy.answers[100].stamp + 1000, alpha)]
     assert found(make_run(healthy)) == [
-        'rejected: 1 of 401 crank angles was invalid: not finite, or beyond 1e6 rad',
+        'rejected: 1 of 401 crank angles was invalid: not finite, or beyond 1e6 rad'
     ]
 
 

@@ -57,11 +57,7 @@ def legs_of(parameters: dict) -> dict:
     names = (*NUMBERS, 'assembly')
     leg = KlannLeg(KlannGeometry(**{name: parameters[name] for name in names}))
     return {
-        name: (
-            leg,
-            parameters.get(f'{name}.direction', 1),
-            parameters.get(f'{name}.phase', 0.0),
-        )
+        name: (leg, parameters.get(f'{name}.direction', 1), parameters.get(f'{name}.phase', 0.0))
         for name in parameters.get('legs', [''])
     }
 

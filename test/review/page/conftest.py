@@ -94,11 +94,7 @@ class Opened:
 
     def points(self, within: str = '#picture', group: str = 'leg') -> dict[str, np.ndarray]:
         """Return where the points are drawn, in metres of the leg's plane."""
-        found = self.page.eval_on_selector(
-            within,
-            PLACES,
-            group,
-        )
+        found = self.page.eval_on_selector(within, PLACES, group)
         return {
             name: np.array([left + x / scale, top - y / scale])
             for name, (x, y), left, top, scale in found
@@ -116,10 +112,7 @@ def linkage_run(name: str) -> LegRun:
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Return the page of each run, and of two runs side by side."""
     folder = tmp_path_factory.mktemp('pages')
-    runs = {
-        **RUNS,
-        **{name: linkage_run(name) for name in ('jansen', 'quick_return')},
-    }
+    runs = {**RUNS, **{name: linkage_run(name) for name in ('jansen', 'quick_return')}}
     reviews = {
         name: review_run(run.write(folder / name), rates='f4') for name, run in runs.items()
     }

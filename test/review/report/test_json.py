@@ -67,14 +67,7 @@ SHAPE = {
     'walks': [],
     'limits': dict.fromkeys(asdict(Limits()), NUMBER),
     'findings': [
-        {
-            'check': str,
-            'severity': str,
-            'text': str,
-            'meaning': str,
-            'time': MAYBE,
-            'leg': str,
-        }
+        {'check': str, 'severity': str, 'text': str, 'meaning': str, 'time': MAYBE, 'leg': str}
     ],
 }
 COMPARISON = {
