@@ -1,19 +1,25 @@
 """What a review finds in a run, short enough to be compared as a whole."""
 
 from pathlib import Path
+import re
 from typing import Any
 
 from klann_ros.review.model.review import Review
 from klann_ros.review.reviewing import review_run
 
+# One of something, and not one of several: 1 messages, 1 poses were.
+PLURAL = re.compile(r'(?<![\d.])1 (?!of )(?:\w+ )?(?:\w+[^s\d\W]s|feet|were|are|have|do)\b')
+
 
 def checks(review: Review) -> list[str]:
-    """Return which checks found something, the gravest first."""
+    """Return the checks that found something, the gravest first; none has a plural of one."""
+    assert [f.text for f in review.findings if PLURAL.search(f'{f.text} {f.meaning}')] == []
     return [finding.check for finding in review.findings]
 
 
 def moments(review: Review) -> list[tuple[str, float | None]]:
-    """Return which checks found something, and when [s], to the millisecond."""
+    """Return the checks that found something, and their times [s], to the millisecond."""
+    checks(review)
     return [
         (finding.check, None if finding.time is None else round(finding.time, 3))
         for finding in review.findings
@@ -22,4 +28,5 @@ def moments(review: Review) -> list[tuple[str, float | None]]:
 
 def found(run: Path, **options: Any) -> list[str]:
     """Return the findings of a run as they are printed."""
-    return [f'{finding.check}: {finding.text}' for finding in review_run(run, **options).findings]
+    review = review_run(run, **options)
+    return [f'{check}: {f.text}' for check, f in zip(checks(review), review.findings, strict=True)]
