@@ -172,14 +172,6 @@ def test_progress_is_for_terminals_only(faulty) -> None:
     assert '%|' not in output
 
 
-def test_names_in_a_log_do_not_reach_the_terminal_as_commands(healthy, make_run) -> None:
-    healthy.in_namespace('/\x1b[2J')
-    code, output, _ = in_pipe(make_run(healthy), PYTHONIOENCODING='ascii')
-    assert code == 0
-    assert ESCAPE not in output
-    assert r'/\x1b[2J/joint_states' in output
-
-
 def test_a_letter_that_a_terminal_does_not_know_is_no_traceback(healthy, make_run) -> None:
     healthy.in_namespace('/börde')
     code, output, errors = in_pipe(make_run(healthy), PYTHONIOENCODING='ascii')

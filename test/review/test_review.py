@@ -189,16 +189,6 @@ def test_a_silence_behind_a_pause_is_a_gap_all_the_same(healthy, make_run) -> No
     assert checks(review_run(make_run(healthy))) == ['gap']
 
 
-def test_a_run_without_geometry_takes_a_file(healthy, make_run, capsys) -> None:
-    healthy.geometry = None
-    run = str(make_run(healthy))
-    assert main([run]) == 1
-    assert 'WARNING geometry: the run does not contain the geometry' in capsys.readouterr().out
-    assert main([run, '--geometry', str(ROOT / 'config' / 'sem104.yaml')]) == 0
-    assert main([run, '--geometry', str(ROOT / 'config' / 'patent.yaml')]) == 1
-    capsys.readouterr()
-
-
 @pytest.mark.parametrize('content', ['', '[1, 2]', 'a: 1', 'l_ab: -1.0', ': :', 'l_ab: {}'])
 def test_a_geometry_file_that_holds_none_is_one_line(
     healthy, make_run, capsys, tmp_path, content

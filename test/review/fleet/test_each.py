@@ -4,6 +4,7 @@ from collections.abc import Iterator
 import json
 import os
 from pathlib import Path
+import resource
 import shutil
 import signal
 import subprocess
@@ -188,7 +189,11 @@ def test_ctrl_c_leaves_a_table_and_resume_goes_on(runs: Path, tmp_path: Path) ->
     done = rows_from_table(str(table))
     assert 1 <= len(done) < MANY
     before = (pages / '01_run0.html').stat().st_mtime_ns
-    again = review(many, '--table', table, '--html', tmp_path / 'index.html', '--resume')
+    # The table is read whole, in less memory than its largest size.
+    again = review(
+        *(many, '--table', table, '--html', tmp_path / 'index.html', '--resume'),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (8_000_000_000,) * 2),
+    )
     again.communicate(timeout=120.0)
     assert again.returncode == 0
     assert len(rows_from_table(str(table))) == MANY

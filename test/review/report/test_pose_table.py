@@ -9,7 +9,7 @@ from klann_ros import review as face
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.review import NoPandasError, pose_arrays, pose_frame, review_run
 from klann_ros.review.command import main
-from leg_runs import LegRun, START
+from leg_runs import LegRun
 import numpy as np
 import pandas as pd
 import pytest
@@ -42,27 +42,6 @@ def test_a_run_of_many_blocks_is_judged_as_one(run: Path, monkeypatch: pytest.Mo
     assert parts.errors is not None
     np.testing.assert_array_equal(parts.errors.foot_errors, whole.errors.foot_errors)
     np.testing.assert_array_equal(parts.errors.angle_errors, whole.errors.angle_errors)
-
-
-def test_columns_are_what_the_messages_say(run: Path) -> None:
-    (leg,) = review_run(run, rates='f8').legs
-    columns, made, solver = pose_arrays(leg), LegRun(), KlannLeg()
-    poses = [solver.solve(made.alpha(n)) for n in range(made.count)]
-    angles = np.array([pose.joints for pose in poses])
-    for name, values in zip(LEG, angles.T, strict=True):
-        assert columns[f'{name} [rad]'].tolist() == values.tolist()
-    assert columns['h_y [m]'].tolist() == [pose.h[1] for pose in poses]
-    assert columns['stamp [ns]'][:2].tolist() == [START, START + 5_000_000]
-    assert columns['log_time [ns]'][0] == START + 150_000
-    assert np.isfinite(columns['theta_rate [rad/s]']).all()
-    assert np.abs(columns['residual [m]']).max() < 1e-12
-
-
-def test_poses_before_another_geometry_have_no_errors(tmp_path: Path) -> None:
-    later = (100, KlannGeometry.patent().as_dict())
-    run = LegRun(parameters=PARAMETERS, later=later).write(tmp_path / 'run')
-    residuals = pose_arrays(review_run(run).legs[0])['residual [m]']
-    assert np.isnan(residuals).tolist() == [True] * 100 + [False] * 300
 
 
 def test_a_frame_has_the_numbers_of_the_csv_file(run: Path, tmp_path: Path) -> None:
