@@ -72,27 +72,15 @@ def body_motion_at(linkage: Linkage, angles: FloatArray, x: FloatArray) -> BodyM
     """Return the motion through poses, by all coordinates, shapes (k,) and (n - 1, k)."""
     structure = linkage.structure
     u = np.array(joints.body_vectors(structure, [angles, *x]))
-    (x_1, x_2), (u_1, u_2) = np.zeros((2, *u.shape)), np.zeros((2, *u.shape), dtype=complex)
-    x_1[0] = 1.0
-    u_1[0] = joints.vector_velocity(structure, u, x_1, 0)
-    u_2[0] = -u[0]
-    for own, closing in closing_blocks(linkage, u):
-        for j in own:
-            u_1[j] = joints.known_velocity(structure, u, x_1, j, own)
-        x_1[own] = closing(u_1)
-        for j in own:
-            u_1[j] = joints.vector_velocity(structure, u, x_1, j)
-        bent = joints.velocity_product(structure, u, x_1)
-        for j in own:
-            u_2[j] = bent[j] + joints.known_velocity(structure, u, x_2, j, own)
-        x_2[own] = closing(u_2)
-        for j in own:
-            u_2[j] = bent[j] + joints.vector_velocity(structure, u, x_2, j)
+    blocks = [*closing_blocks(linkage, u)]
+    x_1, u_1 = joints.solve_rates(structure, u, blocks, 1.0)
+    bent = joints.velocity_product(structure, u, x_1)
+    x_2, u_2 = joints.solve_rates(structure, u, blocks, 0.0, bent=bent)
     senses = np.array(structure.senses)[:, None]
     frames = np.array(structure.frames)
     # The ground does not rotate.
     rotation = [
-        np.where(frames[:, None] < 0, 0.0, (senses * rate)[frames]) + 0.0 * angles
+        np.where(frames[:, None] < 0, 0.0, (senses * np.array(rate))[frames]) + 0.0 * angles
         for rate in (x_1, x_2)
     ]
-    return BodyMotion(linkage, angles, u, u_1, u_2, *rotation)
+    return BodyMotion(linkage, angles, u, np.array(u_1), np.array(u_2), *rotation)

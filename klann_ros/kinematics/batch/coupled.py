@@ -1,6 +1,6 @@
 """Coupled loops in bulk: Newton-Raphson and velocities at many crank angles at once."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -14,6 +14,7 @@ from klann_ros.kinematics.linkage.step import MAX_BRANCH_JUMP
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 
+from .gradients import store_gradients
 from .results import LinkagePoses, open_loops, Reason, store, unreachable
 
 MAX_ITERATIONS = 10
@@ -62,7 +63,14 @@ class _Solution:
         linkage, u = self._linkage, self._u
         u[:, self._reason != 0] = np.nan
         results.reason[0] = self._reason
-        x_1, u_1 = rates(linkage, u) if results.h_1 is not None else (u[:0], u[:0])
+        blocks = [*closing_blocks(linkage, u)]
+        x_1: list[Any] = []
+        u_1: list[Any] = []
+        if results.h_1 is not None or results.h_gradient is not None:
+            x_1, u_1 = joints.solve_rates(linkage.structure, [*u], blocks, 1.0)
+            singular = np.isnan(np.sum(x_1, axis=0))
+            for each in (*x_1, *u_1):
+                each[singular] = np.nan
 
         def point(vectors: ComplexArray, which: int, *, moved: bool) -> ComplexArray:
             terms, constant = linkage.point_rows[which]
@@ -75,6 +83,8 @@ class _Solution:
             return linkage.blocks[k].transmission_angle(u)
 
         store(results, linkage.structure, (u, x_1, u_1), point, transmission_angle)
+        vectors = linkage.pivots, linkage.bars
+        store_gradients(results, linkage.structure, ([*u], x_1, u_1), blocks, vectors)
 
     def _others(self, block: Block) -> ComplexArray:
         """Return the closure error of each loop of a block, without its own bodies."""
@@ -132,38 +142,12 @@ class _Solution:
         self._reason[new] = np.broadcast_to(reason, new.shape)[new]
 
 
-def rates(linkage: Linkage, u: ComplexArray) -> tuple[FloatArray, ComplexArray]:
-    """
-    Return dx/dalpha, shape (n, k), and du/dalpha of all bodies, shape (n, k), of many poses.
-
-    `u` are the bodies' vectors, shape (n, k); NaN at a singular pose. Block by block,
-    as the velocity of one pose: Phi of its own bodies against the loop velocities of the others.
-    """
-    structure = linkage.structure
-    x_1 = np.zeros(u.shape)
-    x_1[0] = 1.0
-    u_1 = np.zeros_like(u)
-    u_1[0] = 1j * linkage.structure.senses[0] * u[0]
-    for own, closing in closing_blocks(linkage, u):
-        for j in own:
-            # Carried by bodies that are solved already.
-            u_1[j] = joints.known_velocity(structure, u, x_1, j, own)
-        x_1[own] = closing(u_1)
-        for j in own:
-            u_1[j] = joints.vector_velocity(structure, u, x_1, j)
-    singular = np.isnan(x_1).any(axis=0)
-    x_1[:, singular] = u_1[:, singular] = np.nan
-    return x_1, u_1
-
-
-def closing_blocks(
-    linkage: Linkage, u: ComplexArray
-) -> Iterator[tuple[list[int], Callable[[ComplexArray], FloatArray]]]:
+def closing_blocks(linkage: Linkage, u: ComplexArray) -> Iterator[joints.Closing]:
     """
     Yield the bodies of each block, and a function that closes its loops, at many poses.
 
-    The function takes du of all bodies, shape (n, k), and returns the changes of the block's
-    coordinates that close the loops, shape (number of unknowns, k); NaN at a singular pose.
+    The function takes du of all bodies, and further openings of its loops; it returns the changes
+    of the block's coordinates that close them, shape (number of unknowns, k).
     """
     for block in linkage.blocks:
         matrix = block.jacobian(u)
@@ -174,9 +158,15 @@ def closing_blocks(
 
 
 def _close(
-    rows: Sequence[Any], matrix: FloatArray, singular: BoolArray, du: ComplexArray
+    rows: Sequence[Any],
+    matrix: FloatArray,
+    singular: BoolArray,
+    du: Any,
+    further: Sequence[Any] = (),
 ) -> FloatArray:
     opened = np.array([sum((w * du[j] for j, w in t.items()), 0j * du[0]) for t, _ in rows])
+    if len(further):
+        opened += np.array(further)
     right = np.stack([opened.real, opened.imag], axis=1).reshape(-1, len(singular)).T
     singular = singular | ~np.isfinite(right).all(axis=1)
     changes: FloatArray = np.full(right.T.shape, np.nan)

@@ -5,8 +5,9 @@ Where all joints are pins a kernel runs the compiled program. Dyads with sliding
 by `linkage.dyads` on arrays of complex numbers, which takes three times as long.
 """
 
-from collections.abc import Iterator, Sequence, Set as AbstractSet
-from itertools import islice
+from collections.abc import Hashable, Iterator, Sequence, Set as AbstractSet
+from functools import partial
+from itertools import chain, islice
 from typing import Any, TypeAlias
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
@@ -17,11 +18,13 @@ from klann_ros.kinematics.linkage.equations import path_terms
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 
+from .gradients import store_gradients
 from .kernels import NumpyKernel
 from .program import compile_program, constants, Derived, differentiate, PathTerms, Program
 from .results import LinkagePoses, part_of, Reason, store, unreachable
 
-Pairs: TypeAlias = tuple[tuple[str, str], ...]
+# The x and the y of vectors of many poses.
+Planes: TypeAlias = list[tuple[FloatArray, FloatArray]]
 # Poses of a block: its buffers stay in a processor's second-level cache.
 BLOCK_SIZE = 8192
 # Single linkages whose constants are cached: repeated calls have few poses each.
@@ -36,33 +39,21 @@ class PinnedDyads:
         self._results, self._variants, self._crank = results, variants, kernel.crank
         self._structure = structure = variants.base.structure
         others = results.arrays().keys() - {'h'}
-        self._program = program = compile_program(structure, links=bool(others))
-        self._derived = Derived(program, {})
-        if results.h_1 is not None:
-            self._derived = differentiate(program)
-            self._program = self._derived.program
-        kind = bool(others), results.h_1 is not None
+        rates = results.h_1 is not None
+        gradients = frozenset(
+            name.removesuffix('_gradient').removesuffix('_1')
+            for name in others
+            if name.endswith('_gradient')
+        )
+        program = compile_program(structure, links=bool(others), gradients=gradients)
+        derived = differentiate(program) if rates else Derived(program, {})
+        self._program = derived.program
+        kind = bool(others), rates, gradients
         self._terms, self._constants = _terms_of(variants, self._program, kind)
-        self._wanted = self._names(program, others)
-        names = (name for pairs in self._wanted.values() for pair in pairs for name in pair)
+        self._wanted = _wanted(program, derived, others)
+        names = (name for some in self._wanted.values() for name in some)
         self._kernel = kernel(self._program, (*program.foot, *names), BLOCK_SIZE)
         self._block_crank: tuple[slice, Any] | None = None
-
-    def _names(self, program: Program, others: AbstractSet[str]) -> dict[str, Pairs]:
-        """Return the pairs of numbers that the kernel computes besides the foot."""
-        wanted: dict[str, Pairs] = {}
-        if others - {'points'}:
-            wanted['links'] = program.links
-        if 'points' in others:
-            wanted['points'] = program.points
-        for name, pairs in (
-            ('h', [program.foot]),
-            ('angles', program.links),
-            ('points', program.points),
-        ):
-            if f'{name}_1' in others:
-                wanted[f'{name}_1'] = self._derived.of(pairs)
-        return wanted
 
     def fill(self, rows: slice, columns: slice, alphas: AnyArray) -> None:
         """Compute and store a block."""
@@ -105,55 +96,79 @@ class PinnedDyads:
     ) -> Iterator[FloatArray]:
         """Store and yield the requested arrays except the feet."""
         part = part_of(self._results, rows, columns)
-        numbers = iter(list(zip(found[::2], found[1::2], strict=True)))
-        own = {name: [*islice(numbers, len(pairs))] for name, pairs in self._wanted.items()}
-        singular = self._singular(own['links'], rows) if part.h_1 is not None else None
+        numbers = iter(found)
+        own = {name: [*islice(numbers, len(some))] for name, some in self._wanted.items()}
+        links = [*zip(own['links'][::2], own['links'][1::2], strict=True)]
+        singular = self._singular(own['D'], rows) if own['D'] else None
+        if singular is not None and not singular.any():
+            singular = None
         for name, array in part.arrays().items():
             if name == 'h':
                 continue
-            if name in {'angles', 'angles_1'}:
-                self._store_angles(array, own, rows, rate=name == 'angles_1')
-            elif name == 'transmission_angles':
-                self._store_transmission(array, own['links'])
-            elif name == 'h_1':
-                array[..., 0], array[..., 1] = own['h_1'][0]
+            if name == 'transmission_angles':
+                self._store_transmission(array, links)
+            elif name in {'angles', 'angles_1'}:
+                rates = own.get('angles_1', [])
+                pairs = [*zip(rates[::2], rates[1::2], strict=True)]
+                self._store_angles(array, links, pairs if name == 'angles_1' else None, rows)
             else:
-                for k, (x, y) in enumerate(own[name]):
-                    array[..., k, 0], array[..., k, 1] = x, y
-            if singular is not None and name.endswith('_1'):
+                # Numbers in the order of the array's last axes.
+                for place, number in zip(np.ndindex(array.shape[2:]), own[name], strict=True):
+                    array[(..., *place)] = number
+            if singular is not None and name.endswith(('_1', '_gradient')):
                 array[singular] = np.nan
             yield array
 
     def _store_angles(
-        self, angles: FloatArray, own: dict[str, list[Any]], rows: slice, *, rate: bool
+        self, angles: FloatArray, links: Planes, rates: Planes | None, rows: slice
     ) -> None:
+        """Store the angles, or their rates by those of the links."""
         senses = self._structure.senses
-        links = [(k, j) for k, group in enumerate(self._structure.groups) for j in group]
-        for n, (k, j) in enumerate(links):
-            if rate:
-                angles[..., j - 1] = _angle_rate(own['links'][n], own['angles_1'][n], senses[j])
+        sides = [(k, j) for k, group in enumerate(self._structure.groups) for j in group]
+        for n, (k, j) in enumerate(sides):
+            if rates is not None:
+                angles[..., j - 1] = _angle_rate(links[n], rates[n], senses[j])
             else:
                 w = self._terms.links(k)[n % 2]
-                x, y = own['links'][n]
-                angles[..., j - 1] = _angle(x, y, w[rows, None], senses[j])
+                angles[..., j - 1] = _angle(*links[n], w[rows, None], senses[j])
 
-    def _store_transmission(self, angles: FloatArray, links: list[Any]) -> None:
+    def _store_transmission(self, angles: FloatArray, links: Planes) -> None:
         for k, ((x, y), (u, v)) in enumerate(zip(links[::2], links[1::2], strict=True)):
             along = np.abs(np.arctan2(x * v - y * u, x * u + y * v))
             angles[..., k] = along if k + 1 in self._structure.outside else np.pi - along
 
-    def _singular(self, links: list[Any], rows: slice) -> BoolArray:
+    def _singular(self, determinants: Sequence[FloatArray], rows: slice) -> BoolArray:
         """Return the poses with a singular dyad, to rounding."""
-        found: BoolArray = np.zeros(links[0][0].shape, dtype=np.bool_)
-        for k, ((x, y), (u, v)) in enumerate(zip(links[::2], links[1::2], strict=True)):
-            sine = np.abs(x * v - y * u) / (np.hypot(x, y) * np.hypot(u, v))
-            least = np.broadcast_to(self._terms.singular_sine(k), len(self._variants))
-            found |= sine <= least[rows, None]
+        found: BoolArray = np.zeros(determinants[0].shape, dtype=np.bool_)
+        for k, determinant in enumerate(determinants):
+            least = np.broadcast_to(self._terms.singular_determinant(k), len(self._variants))
+            found |= np.abs(determinant) <= least[rows, None]
         return found
 
 
+def _wanted(
+    program: Program, derived: Derived, others: AbstractSet[str]
+) -> dict[str, Sequence[str]]:
+    """Return the numbers that the kernel computes besides the foot, by the results."""
+    derivatives = {name for name in others if name.endswith(('_1', '_gradient'))}
+    links = [*chain(*program.links)]
+    of_links = others & {'angles', 'angles_1', 'transmission_angles'}
+    wanted: dict[str, Sequence[str]] = {
+        'links': links if of_links else [],
+        'D': program.determinants if derivatives else [],
+        'points': [*chain(*program.points)] if 'points' in others else [],
+    }
+    numbers = {'h': program.foot, 'angles': links, 'points': [*chain(*program.points)]}
+    for name in derivatives:
+        of = name.removesuffix('_gradient')
+        base = of.removesuffix('_1')
+        own = program.gradients[base] if name.endswith('_gradient') else numbers[base]
+        wanted[name] = derived.of(own) if of.endswith('_1') else own
+    return wanted
+
+
 def _terms_of(
-    variants: Variants, program: Program, kind: tuple[bool, bool]
+    variants: Variants, program: Program, kind: Hashable
 ) -> tuple[PathTerms, FloatArray]:
     """Return the path terms and the constants of linkages for a program of a kind."""
     structure = variants.base.structure
@@ -206,10 +221,12 @@ class SlidingDyads:
     def __init__(self, variants: Variants, rows: Any = slice(None)) -> None:
         self.structure = structure = variants.base.structure
         count = len(variants)
-        self._pivots, self._bars = (
+        # The pivots and the bars.
+        pivots, bars = (
             [np.broadcast_to(each, count)[rows, None] for each in some]
             for some in variants.vectors
         )
+        self.plane_vectors = pivots, bars
         self._signs = variants.signs[:, rows, None]
         self._loops = [self._row(structure.paths.loops[k]) for (k,) in structure.paths.rows]
         self.solvers: list[DyadSolver] = [
@@ -231,27 +248,21 @@ class SlidingDyads:
         (terms, constant), own = self._loops[k], self.structure.groups[k]
         return -sum((w * u[j] for j, w in terms.items() if j not in own), constant)
 
-    def derivatives(self, u: list[Any]) -> tuple[list[Any], list[Any]]:
-        """Return dx/dalpha and du/dalpha of every body, shapes (n, k); NaN at singular poses."""
-        structure, zero = self.structure, np.zeros(np.shape(u[-1]))
-        x_1, u_1 = [zero] * len(u), [zero] * len(u)
-        x_1[0] = zero + 1.0
-        u_1[0] = joints.vector_velocity(structure, u, x_1, 0)
-        for k, (a, b) in enumerate(structure.groups):
-            terms, _ = self._loops[k]
-            for j in (a, b):
-                u_1[j] = zero + joints.known_velocity(structure, u, x_1, j, (a, b))
-            opened = sum(w * u_1[j] for j, w in terms.items())
-            solver = self.solvers[k]
-            p, q = solver.dyad.jacobian_columns(u)
-            determinant = cross(p, q)
-            sine = determinant / solver.column_lengths(self.closure_vector(k, u))
-            least = np.sqrt(solver.dyad.rounding / solver.min_length)
-            determinant = np.where(np.abs(sine) <= least, np.nan, determinant)
-            x_1[a], x_1[b] = cross(q, opened) / determinant, cross(opened, p) / determinant
-            for j in (a, b):
-                u_1[j] = joints.vector_velocity(structure, u, x_1, j)
-        return x_1, u_1
+    def closing_blocks(self, u: list[Any]) -> list[joints.Closing]:
+        """Return what closes the loop of each dyad again: see `joints.solve_rates`."""
+        return [
+            (group, partial(self._close, k, u)) for k, group in enumerate(self.structure.groups)
+        ]
+
+    def _close(self, k: int, u: list[Any], du: list[Any], opened: Any) -> tuple[Any, Any]:
+        opened = sum(opened) + sum(w * du[j] for j, w in self._loops[k][0].items())
+        solver = self.solvers[k]
+        p, q = solver.dyad.jacobian_columns(u)
+        determinant = cross(p, q)
+        sine = determinant / solver.column_lengths(self.closure_vector(k, u))
+        least = np.sqrt(solver.dyad.rounding / solver.min_length)
+        determinant = np.where(np.abs(sine) <= least, np.nan, determinant)
+        return cross(q, opened) / determinant, cross(opened, p) / determinant
 
     def point(self, u: list[Any], which: int, *, moved: bool = False) -> Any:
         """Return a point as a complex number [m]; of derivatives, its derivative."""
@@ -270,7 +281,7 @@ class SlidingDyads:
         return why
 
     def _row(self, path: Any) -> tuple[dict[int, Any], Any]:
-        return path_terms(self.structure, path, self._pivots, self._bars)
+        return path_terms(self.structure, path, *self.plane_vectors)
 
 
 def fill_sliding(variants: Variants, rows: slice, alphas: AnyArray, results: LinkagePoses) -> None:
@@ -284,13 +295,18 @@ def fill_sliding(variants: Variants, rows: slice, alphas: AnyArray, results: Lin
     why[np.broadcast_to(~within, why.shape)] = Reason.CRANK_ANGLE
     why[variants.error_codes[rows] != 0] = Reason.REFUSED
     results.reason[...] = why
-    x_1, u_1 = dyads.derivatives(u) if results.h_1 is not None else ([], [])
+    blocks = dyads.closing_blocks(u)
+    x_1: list[Any] = []
+    u_1: list[Any] = []
+    if results.h_1 is not None or results.h_gradient is not None:
+        x_1, u_1 = joints.solve_rates(dyads.structure, u, blocks, 1.0)
 
     def transmission_angle(k: int) -> Any:
         outside = k + 1 in dyads.structure.outside
         return dyads.solvers[k].transmission_angle(u, outside=outside)
 
     store(results, dyads.structure, (u, x_1, u_1), dyads.point, transmission_angle)
+    store_gradients(results, dyads.structure, (u, x_1, u_1), blocks, dyads.plane_vectors)
     gone = why != 0
     if gone.any():
         for array in results.arrays().values():

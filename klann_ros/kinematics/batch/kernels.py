@@ -23,6 +23,8 @@ from .program import Operation, Program
 # Loading numba and its machine code takes as long as NumPy takes for millions of poses; a batch of
 # this size is unlikely to be the only one [poses].
 MIN_NUMBA_SIZE = 100_000
+# Results that numba stores row by row; more are stored in strips of so many poses first.
+MAX_ROWS, STRIP_SIZE = 4, 128
 _UFUNCS: dict[str, Any] = {
     '+': np.add,
     '-': np.subtract,
@@ -189,25 +191,42 @@ def _crank(alphas: FloatArray, cos: FloatArray, sin: FloatArray) -> None:
 
 def _source(program: Program, results: Sequence[str]) -> str:
     """Return the source of the function; it contains only indices and operators."""
-    lines = ['def place(constants, start, cosines, sines, rows):', '    missing = 0']
-    lines += ['    for i in range(rows.shape[1]):']
-    lines += [f'        k{k} = constants[{k}, start + i]' for k in range(len(program.constants))]
-    # Separate rows let the compiler vectorise the loop.
-    lines += [f'        row{n} = rows[{n}, i]' for n in range(len(results))]
-    lines += ['        for j in range(cosines.shape[0]):']
-    lines += ['            cos = cosines[j]', '            sin = sines[j]']
+    constants = [f'k{k} = constants[{k}, start + i]' for k in range(len(program.constants))]
+    steps = ['cos = own_cosines[j]', 'sin = own_sines[j]']
     for name, operator, one, other in program.operations:
         value = f'{one} {operator} {other}' if other else f'{operator}({one})'
-        lines.append(f'            {name} = {value}')
-    lines += [f'            row{n}[j] = {name}' for n, name in enumerate(results)]
-    lines += [f'            missing += isnan({results[0]})', '    return missing']
-    return '\n'.join(lines) + '\n'
+        steps.append(f'{name} = {value}')
+    count = len(results)
+    # Separate rows let the compiler vectorise the loop. It cannot tell many of them apart, but the
+    # parts of a strip, whose distances it knows.
+    in_strips = count > MAX_ROWS
+    for n, name in enumerate(results):
+        target = f'strip[{n * STRIP_SIZE} + j]' if in_strips else f'row{n}[j]'
+        steps.append(f'{target} = {name}')
+    steps.append(f'missing += isnan({results[0]})')
+    lines = ['def place(constants, start, cosines, sines, rows):', '    missing = 0']
+    lines += [f'    strip = empty({count * STRIP_SIZE})'] * in_strips
+    lines += ['    for i in range(rows.shape[1]):', *(f'        {line}' for line in constants)]
+    if in_strips:
+        lines.append(f'        for first in range(0, cosines.shape[0], {STRIP_SIZE}):')
+    else:
+        lines += [f'        row{n} = rows[{n}, i]' for n in range(count)]
+        lines.append('        for first in (0,):')
+    part = f'[first : first + {STRIP_SIZE}]' if in_strips else ''
+    lines += [f'            own_{name} = {name}{part}' for name in ('cosines', 'sines')]
+    lines += ['            for j in range(own_cosines.shape[0]):']
+    lines += [f'                {line}' for line in steps]
+    if in_strips:
+        lines += [f'            for n in range({count}):', '                row = rows[n, i]']
+        lines += ['                for j in range(own_cosines.shape[0]):']
+        lines += [f'                    row[first + j] = strip[{STRIP_SIZE} * n + j]']
+    return '\n'.join([*lines, '    return missing']) + '\n'
 
 
 @cache
 def _compiled_program(text: str) -> Any:
     path = _source_file(text)
-    names: dict[str, Any] = {'sqrt': sqrt, 'isnan': isnan, '__name__': __name__}
+    names: dict[str, Any] = {'sqrt': sqrt, 'isnan': isnan, 'empty': np.empty, '__name__': __name__}
     exec(compile(text, path or '<klann_ros kernel>', 'exec'), names)  # noqa: S102 - our own source
     return _compile(names['place'], PLACE_SIGNATURE, cached=bool(path))
 

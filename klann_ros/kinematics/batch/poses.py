@@ -19,6 +19,8 @@ from .kernels import choose_kernel
 from .results import LinkagePoses, part_of
 
 Progress: TypeAlias = Callable[[int, int], object]
+# Numbers of a pose up to which they are stored pose by pose; more are stored number by number.
+MAX_INTERLEAVED = 16
 
 
 def linkage_poses(
@@ -29,6 +31,7 @@ def linkage_poses(
     points: bool = False,
     transmission_angles: bool = False,
     velocities: bool = False,
+    gradients: bool = False,
     out: FloatArray | None = None,
     progress: Progress | None = None,
     kernel: str | None = None,
@@ -52,6 +55,10 @@ def linkage_poses(
     velocities : bool
         Whether to compute derivatives by the crank angle: of the foot, and of the requested angles
         and points. `LinkagePoses.velocity` and `.crank_torque` need them.
+    gradients : bool
+        Whether to compute derivatives by every dimension, in the order of `dimension_names`: of
+        the foot, of the requested angles and points, and of the foot's velocity if requested. Far
+        from singular poses they are as precise as the poses.
     out : numpy.ndarray of float64, optional
         Array for the feet, in exactly their shape. It may be a view whose axes of crank angles can
         be flattened without a copy.
@@ -102,11 +109,22 @@ def linkage_poses(
     }
     if velocities:
         axes |= {'h_1': (2,), 'angles_1': axes['angles'], 'points_1': axes['points']}
+    names = tuple(d.name for d in structure.dimensions) if gradients and structure else ()
+    if gradients:
+        last = (len(names),)
+        axes |= {'h_gradient': (2, *last), 'h_1_gradient': (2, *last) if velocities else None}
+        axes |= {
+            f'{name}_gradient': (*own, *last)
+            for name, own in axes.items()
+            if name in {'angles', 'points'} and own
+        }
     wanted = {name: each for name, each in axes.items() if each is not None}
+    made: dict[str, Any] = {name: _empty(shape, each) for name, each in wanted.items()}
     poses = LinkagePoses(
         np.empty((*shape, 2)) if out is None else out,
         np.empty(shape, dtype=np.uint8),
-        **{name: np.empty((*shape, *each)) for name, each in wanted.items()},
+        **made,
+        dimension_names=names,
     )
     table = (count, flat.size)
     h = poses.h.reshape(*table, 2) if out is None else _checked(out, shape, table)
@@ -116,7 +134,9 @@ def linkage_poses(
         flat = flat.copy()
     if variants is not None:
         others = poses.arrays()
-        tables = {name: others[name].reshape(*table, *each) for name, each in wanted.items()}
+        tables: dict[str, Any] = {
+            name: others[name].reshape(*table, *each) for name, each in wanted.items()
+        }
         results = LinkagePoses(h, poses.reason.reshape(table), **tables)
         _fill(variants, flat.reshape(-1), results, chosen, progress)
     poses.reason.setflags(write=False)
@@ -180,6 +200,14 @@ def _alphas(alphas: ArrayLike) -> AnyArray:
         msg = f'alphas is refused: it must be an array of real numbers, not of {array.dtype}'
         raise ValueError(msg)
     return array
+
+
+def _empty(shape: tuple[int, ...], axes: tuple[int, ...]) -> FloatArray:
+    """Return an array of (*shape, *axes); many last axes are first in memory: rows of poses."""
+    if prod(axes) <= MAX_INTERLEAVED:
+        return np.empty((*shape, *axes))
+    first = range(len(axes))
+    return np.moveaxis(np.empty((*axes, *shape)), first, [n - len(axes) for n in first])
 
 
 def _checked(out: object, shape: tuple[int, ...], table: tuple[int, int]) -> FloatArray:

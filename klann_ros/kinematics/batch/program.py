@@ -17,22 +17,40 @@ linkage's constants
 The next dyad's M and the foot are a constant, the crank's part, and such products. They follow
 from the structure alone, so it is compiled once; the kernels run the operations. The derivative of
 a program by the crank angle is a program too: each operation is followed by its rule.
+
+Derivatives of a coordinate y by the dimensions are found by the adjoint method: one pass over the
+dyads, the last first, serves all dimensions. A rotation of body j changes y by g_j. A dyad with
+the links A = W_a u_a and B = W_b u_b follows an opening r of its loop by the rotations
+-(B . r) / D and (A . r) / D, D = A x B, which change y by
+
+    m . r,    m = (g_b A - g_a B) / D,
+
+and r is the direct part of a dimension, plus i W_j u_j times the rotations of the bodies before:
+these add m . (i W_j u_j) to their g_j. So dy is the direct part of y, plus m . r of each loop.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence, Set as AbstractSet
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, partial
 from sys import float_info
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.linkage.dimension_derivatives import (
+    bar_derivatives,
+    moved_bars,
+)
 from klann_ros.kinematics.linkage.equations import path_terms
-from klann_ros.kinematics.linkage.structure import Structure
+from klann_ros.kinematics.linkage.structure import Dimension, Structure
 from klann_ros.kinematics.linkage.topology import Path
 import numpy as np
 
 # The name of a real number in a program; None if it is 0 for every linkage of the structure.
 Number = str | None
+# A number that is 1: a factor that costs no operation.
+ONE = '1'
 Components = tuple[Number, Number]
+Pair = tuple[str, str]
 Bars = tuple[tuple[int, int], ...]
 # Computes one constant of n linkages, shape (n,).
 Constant = Callable[['PathTerms'], Any]
@@ -47,20 +65,26 @@ class Operation(NamedTuple):
     other: str = ''
 
 
-class Program(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Program:
     """The operations that compute poses, and the names of the results."""
 
     # In order; 'cos' and 'sin' are the crank's, 'k0', 'k1', ... the constants.
     operations: tuple[Operation, ...]
     constants: tuple[Constant, ...]
     # Coordinates of the foot.
-    foot: tuple[str, str]
+    foot: Pair
     # Squared distance of each dyad's ends.
     distances: tuple[str, ...]
     # W_a u_a and W_b u_b of each dyad; empty for a program of the foot alone.
-    links: tuple[tuple[str, str], ...]
+    links: tuple[Pair, ...]
     # Coordinates of each point; empty as above.
-    points: tuple[tuple[str, str], ...]
+    points: tuple[Pair, ...]
+    # The cross product of each dyad's links, its determinant; empty likewise.
+    determinants: tuple[str, ...]
+    # Derivatives by the dimensions of what is asked for: of 'h', shape (2, d), of 'points', shape
+    # (p, 2, d), and of 'angles', shape (n - 1, d), as flat lists.
+    gradients: dict[str, tuple[str, ...]]
 
 
 class PathTerms:
@@ -76,6 +100,7 @@ class PathTerms:
     ) -> None:
         self._structure, self._pivots, self._bars, self.signs = structure, pivots, bars, signs
         self._rows: dict[Path, tuple[Mapping[int, Any], Any]] = {}
+        self._derivatives: dict[Dimension, list[Any]] = {}
 
     def body(self, path: Path, j: int) -> Any:
         """Return the coefficient of a body in a path."""
@@ -85,6 +110,13 @@ class PathTerms:
         """Return the constant of a path, by the pivots."""
         return self._row(path)[1]
 
+    def derivative(self, dimension: Dimension, bars: Sequence[int]) -> Any:
+        """Return the derivative of a sum of bars by a dimension."""
+        if dimension not in self._derivatives:
+            found = bar_derivatives(self._structure, self._bars, dimension)
+            self._derivatives[dimension] = found
+        return sum(self._derivatives[dimension][bar] for bar in bars)
+
     def links(self, k: int) -> tuple[Any, Any]:
         """Return W_a and W_b of a dyad."""
         a, b = self._structure.groups[k]
@@ -92,13 +124,14 @@ class PathTerms:
         path = self._structure.paths.loops[loop]
         return self.body(path, a), self.body(path, b)
 
-    def singular_sine(self, k: int) -> Any:
-        """Return the threshold of a dyad's sine for singularity: see `Block.singular_sine`."""
+    def singular_determinant(self, k: int) -> Any:
+        """Return the threshold of |D| of a dyad for singularity: see `Block.singular_sine`."""
         (loop,) = self._structure.paths.rows[k]
         bodies, fixed = self._row(self._structure.paths.loops[loop])
         longest = np.max(np.broadcast_arrays(np.abs(fixed), *map(np.abs, bodies.values())), axis=0)
-        shorter = np.minimum(*(np.abs(link) for link in self.links(k)))
-        return np.sqrt(8.0 * float_info.epsilon * longest / shorter)
+        one, other = (np.abs(link) for link in self.links(k))
+        sine = np.sqrt(8.0 * float_info.epsilon * longest / np.minimum(one, other))
+        return sine * one * other
 
     def _row(self, path: Path) -> tuple[Mapping[int, Any], Any]:
         if path not in self._rows:
@@ -106,14 +139,21 @@ class PathTerms:
         return self._rows[path]
 
 
-@cache
-def compile_program(structure: Structure, *, links: bool) -> Program:
+def compile_program(
+    structure: Structure, *, links: bool, gradients: AbstractSet[str] = frozenset()
+) -> Program:
     """
     Return the program of a structure whose blocks are all dyads, cached.
 
-    With `links` it also computes the links and the points.
+    With `links` it also computes the links and the points, and with `gradients` the derivatives by
+    the dimensions of some of 'h', 'points' and 'angles'.
     """
-    return _Compiler(structure).compile(links=links)
+    return _compile(structure, links, tuple(sorted(gradients)))
+
+
+@cache
+def _compile(structure: Structure, links: bool, gradients: tuple[str, ...]) -> Program:
+    return _Compiler(structure).program(links=links or bool(gradients), gradients=gradients)
 
 
 class _Compiler:
@@ -124,11 +164,16 @@ class _Compiler:
         self._paths = structure.paths
         self._operations: list[Operation] = []
         self._constants: list[Constant] = []
-        self._spans: list[tuple[str, str]] = []
-        self._roots: list[tuple[str, str]] = []
+        self._spans: list[Pair] = []
+        self._roots: list[Pair] = []
+        self._links: list[Pair] = []
+        # The dyad of each body but the crank, and its side.
+        self._sides = {j: (k, s) for k, g in enumerate(structure.groups) for s, j in enumerate(g)}
+        # Vectors that are computed already.
+        self._known: dict[Hashable, Any] = {}
 
-    def compile(self, *, links: bool) -> Program:
-        distances, vectors = [], []
+    def program(self, *, links: bool, gradients: Sequence[str]) -> Program:
+        distances = []
         for k, (loop,) in enumerate(self._paths.rows):
             # M = W_a u_a + W_b u_b is minus the rest of the loop.
             path = Path((), ()).plus(self._paths.loops[loop], -1)
@@ -138,17 +183,27 @@ class _Compiler:
             self._spans.append(m)
             self._roots.append((w, r))
             if links:
-                vectors += self._links(k, m, w, r)
+                self._links += self._link_pair(k, m, w, r)
         names, foot = self._structure.points, self._structure.foot
         blocks = range(len(self._paths.rows))
         path = self._shortest(self._paths.points[names.index(foot)], len(blocks))
         ends = self._sum(path, blocks, ())
         points = [
-            ends if name == foot else self._point(self._shortest(path, len(blocks)), vectors)
+            ends if name == foot else self._point(self._shortest(path, len(blocks)))
             for name, path in (zip(names, self._paths.points, strict=True) if links else ())
         ]
-        own = tuple(self._operations), tuple(self._constants)
-        return Program(*own, ends, tuple(distances), tuple(vectors), tuple(points))
+        found = {name: tuple(self._gradient(name)) for name in gradients}
+        determinants = [self._determinant(k) for k in blocks] if links else ()
+        return Program(
+            operations=tuple(self._operations),
+            constants=tuple(self._constants),
+            foot=ends,
+            distances=tuple(distances),
+            links=tuple(self._links),
+            points=tuple(points),
+            determinants=tuple(determinants),
+            gradients=found,
+        )
 
     # Paths.
 
@@ -179,56 +234,187 @@ class _Compiler:
         x, y = self._add(x, fixed[0]), self._add(y, fixed[1])
         return x or fixed[0], y or fixed[1]
 
-    def _point(self, path: Path, links: Sequence[tuple[str, str]]) -> tuple[str, str]:
-        """Return the end of a path, by the links of the dyads."""
-        x, y = self._crank(path)
-        for k, group in enumerate(self._structure.groups):
-            loop = self._paths.loops[self._paths.rows[k][0]]
-            for side, j in enumerate(group):
-                own, link = (
-                    tuple(item for item in each.bars if self._structure.bars[item[0]][0] == j)
-                    for each in (path, loop)
-                )
-                if own:
-                    (u, v), sign = self._along(links[2 * k + side], own, link, (path, k, side))
-                    x, y = self._add(x, u, sign), self._add(y, v, sign)
-        fixed = self._constant(lambda n: np.real(n.fixed(path)))
-        level = self._constant(lambda n: np.imag(n.fixed(path)))
-        return self._add(x, fixed) or fixed, self._add(y, level) or level
+    def _point(self, path: Path) -> Pair:
+        """Return the end of a path, by the crank and the links of the dyads."""
+        x, y = (
+            self._constant(lambda n: np.real(n.fixed(path))),
+            self._constant(lambda n: np.imag(n.fixed(path))),
+        )
+        for j in self._bodies(path):
+            (u, v), sign = self._vector(path, j)
+            x, y = self._apply(sign, x, u), self._apply(sign, y, v)
+        return x, y
 
-    def _along(
-        self, link: tuple[str, str], own: Bars, bars: Bars, which: tuple[Path, int, int]
-    ) -> tuple[tuple[str, str], str]:
-        """Return a vector of a body, and its sign; the link itself if it is the same vector."""
-        if own == bars:
-            return link, '+'
-        if own == tuple((bar, -times) for bar, times in bars):
-            return link, '-'
-        path, k, side = which
-        j = self._structure.groups[k][side]
+    def _bodies(self, path: Path) -> list[int]:
+        """Return the bodies along a path."""
+        return sorted({self._structure.bars[bar][0] for bar, _ in path.bars})
+
+    def _bars(self, path: Path, j: int) -> Bars:
+        return tuple(item for item in path.bars if self._structure.bars[item[0]][0] == j)
+
+    def _vector(self, path: Path, j: int) -> tuple[Pair, str]:
+        """Return the vector of a body in a path, and its sign; a dyad's link if it is the same."""
+        own = self._bars(path, j)
+        if own not in self._known:
+            self._known[own] = self._new_vector(path, j, own)
+        found: tuple[Pair, str] = self._known[own]
+        return found
+
+    def _new_vector(self, path: Path, j: int, own: Bars) -> tuple[Pair, str]:
+        if j == 0:
+            x, y = self._crank(path)
+            if x is None or y is None:
+                raise AssertionError('the crank has a vector')
+            return (x, y), '+'
+        k, side = self._sides[j]
+        link = self._bars(self._paths.loops[self._paths.rows[k][0]], j)
+        if own == link:
+            return self._links[2 * k + side], '+'
+        if own == tuple((bar, -times) for bar, times in link):
+            return self._links[2 * k + side], '-'
 
         def ratio(n: PathTerms) -> Any:
             return n.body(path, j) / n.links(k)[side]
 
         factor = self._part(ratio, 0), self._part(ratio, 1)
-        return self._product(link, factor), '+'
+        return self._product(self._links[2 * k + side], factor), '+'
 
     def _crank(self, path: Path) -> Components:
-        bars = [bar for bar, _ in path.bars if self._structure.bars[bar][0] == 0]
+        bars = [bar for bar, _ in self._bars(path, 0)]
         if not bars:
             return None, None
+        return self._rotated(lambda n: n.body(path, 0), real={*bars} <= self._structure.straight)
+
+    def _rotated(self, w: Constant, *, real: bool) -> Pair:
+        """Return w u_0 of a constant and the crank."""
         sense = self._structure.senses[0]
-        a = self._constant(lambda n: np.real(n.body(path, 0)))
-        d = self._constant(lambda n: sense * np.real(n.body(path, 0)))
-        x, y = self._apply('*', a, 'cos'), self._apply('*', d, 'sin')
-        if {*bars} <= self._structure.straight:
+        x = self._apply('*', self._part(w, 0), 'cos')
+        y = self._apply('*', self._constant(lambda n: sense * np.real(w(n))), 'sin')
+        if real:
             return x, y
-        b = self._constant(lambda n: np.imag(n.body(path, 0)))
-        g = self._constant(lambda n: -sense * np.imag(n.body(path, 0)))
-        return (
-            self._add(x, self._apply('*', g, 'sin')),
-            self._add(y, self._apply('*', b, 'cos')),
-        )
+        g = self._constant(lambda n: -sense * np.imag(w(n)))
+        x = self._apply('+', x, self._apply('*', g, 'sin'))
+        return x, self._apply('+', y, self._apply('*', self._part(w, 1), 'cos'))
+
+    # Derivatives by the dimensions.
+
+    def _gradient(self, name: str) -> Iterator[str]:
+        """Yield the derivatives of the foot, of all points or of all angles."""
+        structure = self._structure
+        if name == 'angles':
+            for j in range(1, len(structure.bodies)):
+                sense = float(structure.senses[j])
+                yield from self._derivatives([], {j: self._constant(partial(_number, sense))})
+            return
+        some = [structure.foot] if name == 'h' else structure.points
+        for point in some:
+            path = self._paths.points[structure.points.index(point)]
+            for axis in (0, 1):
+                rates: dict[int, Number] = {}
+                for j in self._bodies(path):
+                    vector, sign = self._vector(path, j)
+                    # Of i v: -y and x.
+                    rates[j] = self._add(None, vector[1 - axis], '-+'[(sign == '+') == axis])
+                direct: Components = (ONE, None) if axis == 0 else (None, ONE)
+                yield from self._derivatives([(path, direct)], rates)
+
+    def _derivatives(
+        self, arms: list[tuple[Path, Components]], rates: dict[int, Number]
+    ) -> Iterator[str]:
+        """
+        Yield the derivatives of a coordinate y by each dimension.
+
+        `arms` are paths r with m of dy = m . r, and `rates` are dy by a rotation of each body; the
+        dyads turn these into further arms.
+        """
+        for k in reversed(range(len(self._structure.groups))):
+            loop = self._paths.loops[self._paths.rows[k][0]]
+            (a, b), (p, q) = self._structure.groups[k], self._links[slice(2 * k, 2 * k + 2)]
+            g_a, g_b = rates.pop(a, None), rates.pop(b, None)
+            if g_a is None and g_b is None:
+                continue
+            inverse = self._inverse(k)
+            m_x, m_y = (
+                self._times(self._add(self._times(g_b, v), self._times(g_a, w), '-'), inverse)
+                for v, w in zip(p, q, strict=True)
+            )
+            arms = [*arms, (loop, (m_x, m_y))]
+            for j in self._bodies(loop):
+                if j not in {0, a, b}:
+                    (x, y), sign = self._vector(loop, j)
+                    rate = self._add(self._times(m_y, x), self._times(m_x, y), '-')
+                    rates[j] = self._add(rates.get(j), rate, sign)
+        for dimension in self._structure.dimensions:
+            found = self._derivative(arms, dimension) or self._zero
+            yield self._one if found == ONE else found
+
+    def _derivative(self, arms: Sequence[tuple[Path, Components]], dimension: Dimension) -> Number:
+        weights: dict[tuple[int, ...], list[int]] = {}
+        if dimension.kind in {'x', 'y'}:
+            times = tuple(dict(path.pivots).get(dimension.place, 0) for path, _ in arms)
+            weight = self._weight(arms, times)['xy'.index(dimension.kind)]
+            return self._add(None, weight, '+-'[dimension.sense < 0])
+        for bar in moved_bars(self._structure, dimension):
+            times = tuple(dict(path.bars).get(bar, 0) for path, _ in arms)
+            if any(times):
+                weights.setdefault(times, []).append(bar)
+        total: Number = None
+        for times, bars in weights.items():
+            (m_x, m_y), (x, y) = self._weight(arms, times), self._moved(dimension, tuple(bars))
+            total = self._add(total, self._add(self._times(m_x, x), self._times(m_y, y)))
+        return total
+
+    def _weight(self, arms: Sequence[tuple[Path, Components]], times: Sequence[int]) -> Components:
+        """Return the sum of the arms' m, each so many times."""
+        key = tuple(m for _, m in arms), tuple(times)
+        if key not in self._known:
+            x: Number = None
+            y: Number = None
+            for (_, m), count in zip(arms, times, strict=True):
+                for _ in range(abs(count)):
+                    sign = '+-'[count < 0]
+                    x, y = self._add(x, m[0], sign), self._add(y, m[1], sign)
+            self._known[key] = x, y
+        found: Components = self._known[key]
+        return found
+
+    def _moved(self, dimension: Dimension, bars: tuple[int, ...]) -> Pair:
+        """Return the derivative of a body's bars by a dimension, in the plane."""
+        key = dimension, bars
+        if key not in self._known:
+            j, straight = self._structure.bars[bars[0]][0], self._structure.straight
+            if j == 0:
+                real = dimension.kind == 'length' and {*bars} <= straight
+                made = self._rotated(lambda n: n.derivative(dimension, bars), real=real)
+            else:
+                k, side = self._sides[j]
+
+                def ratio(n: PathTerms) -> Any:
+                    return n.derivative(dimension, bars) / n.links(k)[side]
+
+                link = self._bars(self._paths.loops[self._paths.rows[k][0]], j)
+                real = dimension.kind == 'length' and {*bars, *(n for n, _ in link)} <= straight
+                factor = self._part(ratio, 0), None if real else self._part(ratio, 1)
+                made = self._product(self._links[2 * k + side], factor)
+            self._known[key] = made
+        found: Pair = self._known[key]
+        return found
+
+    def _determinant(self, k: int) -> str:
+        """Return D of a dyad."""
+        if ('D', k) not in self._known:
+            (x, y), (u, v) = self._links[slice(2 * k, 2 * k + 2)]
+            d = self._apply('-', self._apply('*', x, v), self._apply('*', y, u))
+            self._known['D', k] = d
+        found: str = self._known['D', k]
+        return found
+
+    def _inverse(self, k: int) -> str:
+        """Return 1 / D of a dyad."""
+        if ('1 / D', k) not in self._known:
+            self._known['1 / D', k] = self._apply('/', self._one, self._determinant(k))
+        found: str = self._known['1 / D', k]
+        return found
 
     # A dyad.
 
@@ -296,7 +482,7 @@ class _Compiler:
             if self._structure.bars[bar][0] in group
         )
 
-    def _links(self, k: int, m: tuple[str, str], w: str, r: str) -> list[tuple[str, str]]:
+    def _link_pair(self, k: int, m: tuple[str, str], w: str, r: str) -> list[tuple[str, str]]:
         """Return W_a u_a = z M and W_b u_b = M - z M."""
 
         def excess(n: PathTerms) -> Any:
@@ -312,6 +498,14 @@ class _Compiler:
 
     # Numbers.
 
+    @cached_property
+    def _zero(self) -> str:
+        return self._constant(lambda _: 0.0)
+
+    @cached_property
+    def _one(self) -> str:
+        return self._constant(lambda _: 1.0)
+
     def _product(self, one: tuple[str, str], other: Components) -> tuple[str, str]:
         """Return a complex product."""
         (x, y), (u, v) = one, other
@@ -324,13 +518,19 @@ class _Compiler:
         return self._apply('-', xu, yv), self._apply('+', yu, xv)
 
     def _add(self, one: Number, other: Number, sign: str = '+') -> Number:
-        if one is None and sign == '-':
-            one = self._constant(lambda _: 0.0)
+        if other is None:
+            return one
+        if one is None and sign == '+':
+            return other
+        return self._apply(sign, one or self._zero, other)
+
+    def _times(self, one: Number, other: Number) -> Number:
         if one is None or other is None:
-            return one or other
-        return self._apply(sign, one, other)
+            return None
+        return other if one == ONE else one if other == ONE else self._apply('*', one, other)
 
     def _apply(self, operator: str, one: str, other: str) -> str:
+        one, other = (self._one if name == ONE else name for name in (one, other))
         name = f't{len(self._operations)}'
         self._operations.append(Operation(name, operator, one, other))
         return name
@@ -338,6 +538,10 @@ class _Compiler:
     def _constant(self, make: Constant) -> str:
         self._constants.append(make)
         return f'k{len(self._constants) - 1}'
+
+
+def _number(value: float, _: PathTerms) -> float:
+    return value
 
 
 def constants(program: Program, terms: PathTerms, count: int) -> FloatArray:
@@ -355,9 +559,9 @@ class Derived(NamedTuple):
     program: Program
     names: dict[str, str]
 
-    def of(self, pairs: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
-        """Return the names of the derivatives of points or vectors."""
-        return tuple((self.names[x], self.names[y]) for x, y in pairs)
+    def of(self, numbers: Sequence[str]) -> list[str]:
+        """Return the names of the derivatives of numbers."""
+        return [self.names[name] for name in numbers]
 
 
 @cache
@@ -366,7 +570,8 @@ def differentiate(program: Program) -> Derived:
     writer = _Differentiator(program)
     for step in program.operations:
         writer.derive(step)
-    full = program._replace(
+    full = replace(
+        program,
         operations=(*program.operations, *writer.operations),
         constants=(*program.constants, lambda _: 0.0),
     )

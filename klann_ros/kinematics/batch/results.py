@@ -70,6 +70,17 @@ class LinkagePoses:
         Derivatives of the angles if both are requested.
     points_1 : numpy.ndarray, shape (..., p, 2), or None
         Derivatives of the points [m/rad] if both are requested.
+    h_gradient : numpy.ndarray, shape (..., 2, d), or None
+        Derivatives of the foot by each dimension [m/m, m/rad] if gradients are requested. That by
+        an encoder's zero is h_1.
+    angles_gradient : numpy.ndarray, shape (..., n - 1, d), or None
+        The same of the angles if both are requested [rad/m, rad/rad].
+    points_gradient : numpy.ndarray, shape (..., p, 2, d), or None
+        The same of the points if both are requested.
+    h_1_gradient : numpy.ndarray, shape (..., 2, d), or None
+        The same of h_1 if both are requested; of a torque see `crank_torque_gradient`.
+    dimension_names : tuple of str
+        The names of the d dimensions, as in `Linkage.dimensions`, if gradients are requested.
 
     """
 
@@ -81,6 +92,11 @@ class LinkagePoses:
     h_1: FloatArray | None = None
     angles_1: FloatArray | None = None
     points_1: FloatArray | None = None
+    h_gradient: FloatArray | None = None
+    angles_gradient: FloatArray | None = None
+    points_gradient: FloatArray | None = None
+    h_1_gradient: FloatArray | None = None
+    dimension_names: tuple[str, ...] = ()
 
     def velocity(self, alpha_rate: ArrayLike) -> FloatArray:
         """
@@ -119,14 +135,35 @@ class LinkagePoses:
             The velocities were not requested, or the force does not fit.
 
         """
-        f = np.asarray(force, dtype=np.float64)
-        if f.shape[-1:] != (2,):
-            msg = f'force is refused: its shape must be (2,) or (..., 2), not {f.shape}'
-            raise ValueError(msg)
+        f = self._force(force)
         h_1 = self._foot_rates()
         # From 0.0, to give 0.0 and not -0.0 without force.
         torque: FloatArray = 0.0 - (f[..., 0] * h_1[..., 0] + f[..., 1] * h_1[..., 1])
         return torque
+
+    def crank_torque_gradient(self, force: ArrayLike) -> FloatArray:
+        """
+        Return the derivatives of `crank_torque` by each dimension, shape (..., d).
+
+        Raises
+        ------
+        ValueError
+            Velocities and gradients were not both requested, or the force does not fit.
+
+        """
+        if self.h_1_gradient is None:
+            msg = 'request both: linkage_poses(..., velocities=True, gradients=True)'
+            raise ValueError(msg)
+        f = self._force(force)
+        torques: FloatArray = -np.einsum('...i,...id->...d', f, self.h_1_gradient)
+        return torques
+
+    def _force(self, force: ArrayLike) -> FloatArray:
+        f = np.asarray(force, dtype=np.float64)
+        if f.shape[-1:] != (2,):
+            msg = f'force is refused: its shape must be (2,) or (..., 2), not {f.shape}'
+            raise ValueError(msg)
+        return f
 
     def _foot_rates(self) -> FloatArray:
         if self.h_1 is None:
@@ -137,12 +174,16 @@ class LinkagePoses:
     def arrays(self) -> dict[str, FloatArray]:
         """Return the existing arrays by name, without the reasons."""
         found = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: a for name, a in found.items() if a is not None and name != 'reason'}
+        return {
+            name: a for name, a in found.items() if isinstance(a, np.ndarray) and name != 'reason'
+        }
 
 
 def part_of(results: LinkagePoses, rows: slice, columns: slice) -> LinkagePoses:
     """Return the part of the results in a block."""
-    parts = {name: array[rows, columns] for name, array in results.arrays().items()}
+    parts: dict[str, Any] = {
+        name: array[rows, columns] for name, array in results.arrays().items()
+    }
     return LinkagePoses(reason=results.reason[rows, columns], **parts)
 
 
@@ -162,6 +203,8 @@ def store(
     u, x_1, u_1 = poses
     for name, array in results.arrays().items():
         is_rate = name.endswith('_1')
+        if name.endswith('_gradient'):
+            continue
         if name == 'transmission_angles':
             for k in range(len(structure.groups)):
                 array[..., k] = transmission_angle(k)

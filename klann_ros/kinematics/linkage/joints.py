@@ -14,7 +14,7 @@ The functions take one pose, or many at once: a coordinate or a vector is a numb
 """
 
 from cmath import phase
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from klann_ros.kinematics.angles import wrap
@@ -102,14 +102,71 @@ def known_velocity(
     return partial_derivative(structure, u, j, f) * x_1[f] if known else 0.0
 
 
-def velocity_product(structure: Structure, u: Vectors, rates: Any) -> list[Any]:
-    """Return the part of d2u_j/dt2 that is quadratic in the rates dx/dt."""
+def velocity_product(
+    structure: Structure, u: Vectors, rates: Any, others: Any = None
+) -> list[Any]:
+    """
+    Return the part of d2u_j that is bilinear in two rates of the coordinates.
+
+    Both are dx/dt for an acceleration; for a mixed derivative they are those by two parameters.
+    """
     found = []
+    others = rates if others is None else others
     for j, body in enumerate(structure.bodies):
         own = structure.frames[j]
-        turning = rates[own] if own != FIXED else 0.0
-        part = -u[j] * turning**2
+        one, other = (x[own] if own != FIXED else 0.0 for x in (rates, others))
+        part = -u[j] * (one * other)
         if body.slides and own != FIXED:
-            part = part + 2j * structure.senses[own] * rates[j] * turning * u[own]
+            slid = rates[j] * other + others[j] * one
+            part = part + 1j * structure.senses[own] * slid * u[own]
         found.append(part)
     return found
+
+
+# The bodies of a block, and a function of du of all bodies and of further openings of its loops:
+# the changes of the bodies' coordinates that close the loops again, NaN at a singular pose.
+Closing: TypeAlias = tuple[Sequence[int], Callable[[Vectors, Any], Any]]
+
+
+def solve_rates(
+    structure: Structure,
+    u: Vectors,
+    blocks: Iterable[Closing],
+    crank: float,
+    *,
+    opened: Sequence[Any] = (),
+    bent: Sequence[Any] = (),
+) -> tuple[list[Any], list[Any]]:
+    """
+    Return dx and du of all bodies that keep the loops closed: block by block, at many poses.
+
+    Parameters
+    ----------
+    structure : Structure
+        The bodies and joints.
+    u : list of numpy.ndarray of complex
+        The bodies' vectors, all of one shape.
+    blocks : iterable of Closing
+        The blocks in the order of their solution.
+    crank : float
+        dx of the crank.
+    opened : sequence, optional
+        Of each block the openings of its loops at fixed coordinates, one a loop [m].
+    bent : sequence, optional
+        Of each body the part of du that dx does not determine; see `velocity_product`.
+
+    """
+    zero = np.zeros(np.shape(u[-1]))
+    x, du = [zero] * len(u), list(bent) or [zero] * len(u)
+    x[0] = zero + crank
+    du[0] = du[0] + vector_velocity(structure, u, x, 0)
+    for number, (own, closing) in enumerate(blocks):
+        free = [du[j] for j in own]
+        for j, part in zip(own, free, strict=True):
+            du[j] = part + known_velocity(structure, u, x, j, own)
+        changes = closing(du, opened[number] if opened else ())
+        for j, change in zip(own, changes, strict=True):
+            x[j] = change
+        for j, part in zip(own, free, strict=True):
+            du[j] = part + vector_velocity(structure, u, x, j)
+    return x, du

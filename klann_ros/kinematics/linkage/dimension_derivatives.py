@@ -1,0 +1,79 @@
+"""
+Derivatives of a linkage's vectors by its dimensions: lengths, braces, bends and pivots.
+
+Loops and points are sums of bars and pivots, f = W u + c and p = Q u + q, and W, c, Q and q are
+linear in these. So with z of a bar and its derivative dz by a dimension, df at fixed coordinates
+is the same sum with dz for z, and the implicit function theorem gives the rest,
+
+    Phi dx = -df,    dp = (dQ) u + dq + Q du:
+
+a linear step like that of the velocity. A length changes its bar by dz = z / |z|, a bend by i z.
+Two sides r_p = |z| and r_q = |z - b| of a triangle with the base b, r_q being a brace, are kept by
+
+    z . dz = r_p dr_p,    (z - b) . (dz - db) = r_q dr_q.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .structure import Dimension, Structure
+
+
+def moved_bars(structure: Structure, dimension: Dimension) -> tuple[int, ...]:
+    """Return the bars that a dimension changes in their body's frame: its own, and braced ones."""
+    if dimension.kind in ('x', 'y'):
+        return ()
+    body, bar = structure.bars[dimension.place]
+    moved, ends = [dimension.place], {bar.end}
+    for number, (other, later) in enumerate(structure.bars):
+        if other != body or number <= dimension.place:
+            continue
+        braced = later.brace is not None and not ends.isdisjoint((later.start, later.brace.start))
+        if braced:
+            moved.append(number)
+        if braced or later.start in ends:
+            ends.add(later.end)
+    return tuple(moved)
+
+
+def pivot_derivatives(structure: Structure, dimension: Dimension) -> list[complex]:
+    """Return the derivatives of the pivots."""
+    moved = [0j] * len(structure.pivots)
+    if dimension.kind in ('x', 'y'):
+        moved[dimension.place] = dimension.sense * (1.0 if dimension.kind == 'x' else 1j)
+    return moved
+
+
+def bar_derivatives(structure: Structure, bars: Sequence[Any], dimension: Dimension) -> list[Any]:
+    """Return the derivatives dz of the bars, given the bars z: numbers, or arrays [m]."""
+    moved: list[Any] = [0.0] * len(bars)
+    body = structure.bars[dimension.place][0]
+    for number in moved_bars(structure, dimension):
+        z = bars[number]
+        bar = structure.bars[number][1]
+        own = number == dimension.place
+        if bar.brace is None:
+            moved[number] = z / abs(z) if dimension.kind == 'length' else dimension.sense * 1j * z
+            continue
+        places, changed = _positions(structure, body, bars), _positions(structure, body, moved)
+        z_q = z - (places[bar.brace.start] - places[bar.start])
+        d_base = changed[bar.brace.start] - changed[bar.start]
+        p = abs(z) if own and dimension.kind == 'length' else 0.0
+        q = np.real(np.conj(z_q) * d_base)
+        if own and dimension.kind == 'brace':
+            q = q + abs(z_q)
+        moved[number] = 1j * (q * z - p * z_q) / np.imag(np.conj(z) * z_q)
+    return moved
+
+
+def _positions(structure: Structure, body: int, bars: Sequence[Any]) -> dict[str, Any]:
+    """Return the points of a body in its frame, by the vectors of all bars."""
+    places: dict[str, Any] = {}
+    for number, (owner, bar) in enumerate(structure.bars):
+        if owner == body:
+            is_line = number in structure.lines
+            start = 0.0 if is_line else places.setdefault(bar.start, 0.0)
+            places[bar.end] = start + (0.0 if is_line else bars[number])
+    return places
