@@ -19,7 +19,7 @@ from klann_ros.robot import Robot
 from klann_ros.sanitize.text import printable
 import numpy as np
 
-from .checks import Check, CHECKS, findings
+from .checks import Check, CHECKS
 
 # Gets the name of the current step, and its progress from 0 to 1.
 Progress = Callable[[str, float], object]
@@ -79,7 +79,9 @@ def review_recording(
             limits,
             tuple(map(walk_figures, recording.walks)),
         )
-        return replace(review, findings=findings(review, checks))
+        findings = [finding for check in checks for finding in check(review)]
+        findings.sort(key=lambda finding: -finding.severity)
+        return replace(review, findings=tuple(findings))
 
 
 def _review_leg(

@@ -1,6 +1,6 @@
 """The checks of a review, one file for each kind; CHECKS lists them all."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import TypeAlias
 
 from klann_ros.review.model.review import Finding, Review
@@ -28,9 +28,3 @@ CHECKS: tuple[Check, ...] = (
     check_recorder_findings,
 )
 """Each yields findings of a review; causes come before their effects."""
-
-
-def findings(review: Review, checks: Sequence[Check] = CHECKS) -> tuple[Finding, ...]:
-    """Return the findings of a run, by falling severity."""
-    found = (finding for check in checks for finding in check(review))
-    return tuple(sorted(found, key=lambda finding: -finding.severity))

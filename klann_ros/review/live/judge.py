@@ -32,6 +32,8 @@ import numpy as np
 LENGTH, STEP = 1.0, 0.7
 # Largest window [messages], [bytes].
 MAX_MESSAGES, MAX_BYTES = 40_000, 64_000_000
+# Largest channel number of a block.
+_MAX_CHANNEL = 2**16 - 1
 # Checks that need a whole run, or are replaced here.
 _EXCLUDED_CHECKS = frozenset({'container', 'geometry', 'drift', 'stale', 'frozen'})
 _CHECKS = tuple(check for check in CHECKS if check not in (check_clocks, check_losses))
@@ -87,10 +89,6 @@ class _SequenceNumbers:
             self._gaps.append((self._ordered + _MIN_ORDERED, number - before - 1))
         while self._gaps and self._gaps[0][0] <= self._ordered:
             self.lost += self._gaps.popleft()[1]
-
-
-# The channels of a block are numbers of 16 bits.
-_MAX_TOPICS = 2**16
 
 
 class Window:
@@ -190,9 +188,8 @@ class Window:
         """Add a topic; only topics of legs keep their data."""
         if id(topic) not in self._channels:
             number = len(self._channels)
-            if number >= _MAX_TOPICS:
-                msg = f'more than {_MAX_TOPICS} topics'
-                raise ValueError(msg)
+            if number > _MAX_CHANNEL:
+                raise ValueError(f'more than {_MAX_CHANNEL + 1} topics')
             self._channels[id(topic)] = number, topic
             self.types[topic.name] = topic.type
             self._topics[number] = topic if is_leg_topic(topic) else Topic(topic.name, '')

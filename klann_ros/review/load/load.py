@@ -42,41 +42,40 @@ RecordT = TypeVar('RecordT')
 MAX_LATENCY = 3600.0
 
 
-class Loadable(Protocol):
-    """A source of messages: a `klann_ros.log.reader.Log`, or the window of a recording."""
+class _Loadable(Protocol):
+    """
+    A source of messages: a `klann_ros.log.reader.Log`, or the window of a recording.
+
+    Times are log times [ns]; `gaps` are the damaged intervals, `problems` the faults.
+    """
 
     path: Path
 
     @property
-    def metadata(self) -> Metadata:
-        """Return the contents of its metadata records under their names."""
+    def metadata(self) -> Metadata: ...
 
     @property
-    def paths(self) -> Sequence[Path]:
-        """Return its files."""
+    def paths(self) -> Sequence[Path]: ...
 
     @property
-    def start_time(self) -> int:
-        """Return the log time of the earliest message [ns]."""
+    def start_time(self) -> int: ...
 
     @property
-    def end_time(self) -> int:
-        """Return that of the latest."""
+    def end_time(self) -> int: ...
 
     @property
-    def problems(self) -> tuple[str, ...]:
-        """Return its faults."""
+    def problems(self) -> tuple[str, ...]: ...
 
     @property
-    def gaps(self) -> tuple[Interval, ...]:
-        """Return the damaged intervals, log times [ns]."""
+    def gaps(self) -> tuple[Interval, ...]: ...
 
-    def blocks(self, progress: Callable[[float], object] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages in large pieces."""
+    def blocks(
+        self, progress: Callable[[float], object] | None = None
+    ) -> Iterator[MessageBlock]: ...
 
 
 def load(
-    log: Loadable,
+    log: _Loadable,
     robot: Robot | None = None,
     *,
     rates: str = '',
@@ -134,7 +133,7 @@ def load(
 
 
 def _records(
-    log: Loadable, name: str, parse: Callable[[Mapping[str, str]], RecordT]
+    log: _Loadable, name: str, parse: Callable[[Mapping[str, str]], RecordT]
 ) -> Iterator[RecordT]:
     """Yield the valid records of the recorder of one kind."""
     for record in log.metadata.get(name, ()):
@@ -154,7 +153,7 @@ def _drives(
             yield Drive(joint, tuple(turned), not own, columns.series(shared))
 
 
-def _file_faults(log: Loadable, key: str) -> str:
+def _file_faults(log: _Loadable, key: str) -> str:
     """Return the file faults that the recorder noted, in one line."""
     found = (record.get(key, '') for record in log.metadata.get(FAULT_RECORD, ()))
     return printable_line('; '.join(filter(None, found)))

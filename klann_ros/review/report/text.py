@@ -24,7 +24,7 @@ _GOOD, _HEAD, _FAINT, _DIFFERENT = '1;32', '1', '2', '1;33'
 
 def report(review: Review, *, colour: bool = False) -> str:
     """Return the report of a run."""
-    paint = _painted if colour else _plain
+    paint: _Paint = _painted if colour else lambda text, _: text
     recording = review.recording
     size = sum(size for _, size in recording.files) / 1e6
     files = counted(len(recording.files), 'file')
@@ -43,7 +43,7 @@ def report(review: Review, *, colour: bool = False) -> str:
 
 def differences(comparison: Comparison, *, colour: bool = False) -> str:
     """Return in what two runs differ."""
-    paint = _painted if colour else _plain
+    paint: _Paint = _painted if colour else lambda text, _: text
     word = paint('DIFFERS', _DIFFERENT)
     lines = [
         f'{word} {printable(found.what)}: {_of(found.leg)}{printable_line(found.text)}'
@@ -143,10 +143,6 @@ def _nothing(review: Review) -> str:
         else f'each of the {counted(evaluated, "judged pose")} is'
     )
     return f'nothing found: {which} the right one for its crank angle'
-
-
-def _plain(text: str, _: str) -> str:
-    return text
 
 
 def _painted(text: str, code: str) -> str:
