@@ -202,6 +202,7 @@ class DecodedRows(NamedTuple):
     """Decoded messages of a topic with equal joints; arrays have n rows."""
 
     rows: IndexArray  # in the block
+    times: IntArray  # log times [ns]
     stamps: IntArray  # of their headers [ns]; 0 for a type without
     names: tuple[str, ...]  # the joints in a JointState
     # Shape (n, k): the number; x, y and z; the pose; or the positions.
@@ -264,9 +265,9 @@ class TopicReader:
                 continue
             alike = layout.alike(data)
             if alike.all():
-                yield _piece(layout, rows, data)
+                yield _piece(block, layout, rows, data)
                 return
-            yield _piece(layout, rows[alike], data[alike])
+            yield _piece(block, layout, rows[alike], data[alike])
             rows = rows[~alike]
         others.append(rows)
 
@@ -290,6 +291,7 @@ class TopicReader:
         stamp, names, values, velocities, efforts = _FIELDS[self._type](decoded)
         return DecodedRows(
             np.array([row]),
+            nanoseconds(block.heads['log_time'][[row]]),
             np.array([min(max(stamp, -LAST_TIME), LAST_TIME)]),
             tuple(map(str, names)),
             np.array([values], dtype=np.float64),
@@ -298,12 +300,14 @@ class TopicReader:
         )
 
 
-def _piece(layout: Layout, rows: IndexArray, data: NDArray[np.uint8]) -> DecodedRows:
-    count = len(rows)
+def _piece(
+    block: MessageBlock, layout: Layout, rows: IndexArray, data: NDArray[np.uint8]
+) -> DecodedRows:
+    count, times = len(rows), nanoseconds(block.heads['log_time'][rows])
     stamps = layout.stamps(data) if layout.is_stamped else np.zeros(count, dtype=np.int64)
     numbers = [layout.doubles(data, which) for which in range(len(layout.numbers))]
     numbers += [np.empty((count, 0))] * (3 - len(numbers))
-    return DecodedRows(rows, stamps, layout.names, *numbers)
+    return DecodedRows(rows, times, stamps, layout.names, *numbers)
 
 
 def _stamp(decoded: Any) -> int:
@@ -333,8 +337,3 @@ _FIELDS: dict[str, Callable[[Any], tuple[int, Any, Any, Any, Any]]] = {
         tuple(decoded.effort),
     ),
 }
-
-
-def log_times(block: MessageBlock, piece: DecodedRows) -> IntArray:
-    """Return the log times of decoded messages [ns]."""
-    return nanoseconds(block.heads['log_time'][piece.rows])

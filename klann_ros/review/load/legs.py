@@ -14,7 +14,7 @@ from klann_ros.review.model.times import nanoseconds
 from klann_ros.robot import Robot
 import numpy as np
 
-from .decode import COMMAND, CRANK_ANGLE, DecodedRows, FOOT, JOINT_STATE, log_times, TopicReader
+from .decode import COMMAND, CRANK_ANGLE, DecodedRows, FOOT, JOINT_STATE, TopicReader
 from .geometry import leg_solvers, parent, published_legs, REFERENCE, reference_leg
 from .series import GrowingArray, SeriesColumns
 
@@ -67,10 +67,8 @@ class LegCollector:
     def _unknown(self, name: str) -> LegSolver:
         """Return the solver of a leg that the run does not define."""
         if name not in self._unknowns:
-            source = REFERENCE if self._reference else ''
-            self._unknowns[name] = LegSolver(
-                leg=reference_leg(self._reference, name), source=source
-            )
+            leg, source = reference_leg(self._reference, name), REFERENCE * bool(self._reference)
+            self._unknowns[name] = LegSolver(leg=leg, source=source)
         return self._unknowns[name]
 
     def _unknown_legs(self, names: Sequence[str]) -> dict[str, LegSolver]:
@@ -97,7 +95,7 @@ class LegCollector:
         taken = []
         for piece in reader.read(block, rows):
             if self._lacks_positions(parent(topic.name), piece):
-                reader.refuse(log_times(block, piece))
+                reader.refuse(piece.times)
             else:
                 if topic.type == CRANK_ANGLE:
                     self._add_crank(topic.name, ALL_JOINTS, block, piece, 0)
@@ -105,7 +103,7 @@ class LegCollector:
                     self._add_joint_state(topic.name, block, piece)
                 else:
                     foot = piece.values[:, :2]
-                    self.feet[parent(topic.name)].add(log_times(block, piece), piece.stamps, foot)
+                    self.feet[parent(topic.name)].add(piece.times, piece.stamps, foot)
                 taken.append(piece)
         return taken
 
@@ -144,23 +142,20 @@ class LegCollector:
             if set(joints) <= set(names):
                 found = True
                 self.pose_topics[namespace, name].add(topic)
-                self._add_pose((namespace, name), [names.index(j) for j in joints], block, piece)
-                self._add_effort(namespace, joints[0], block, piece)
+                self._add_pose((namespace, name), [names.index(j) for j in joints], piece)
+                self._add_effort(namespace, joints[0], piece)
         # A command is no measured input.
         if not found and topic.rpartition('/')[2] != COMMAND:
             for joint in {solver.crank_joint for solver in self._crank_solvers(namespace)}:
                 if joint in names:
                     self._add_crank(topic, joint, block, piece, names.index(joint))
-                    self._add_effort(namespace, joint, block, piece)
+                    self._add_effort(namespace, joint, piece)
 
     def _crank_solvers(self, namespace: str) -> Sequence[LegSolver]:
         return tuple(self._solvers_in(namespace).values()) or (self._unknown(''),)
 
-    def _add_pose(
-        self, place: LegKey, columns: list[int], block: MessageBlock, piece: DecodedRows
-    ) -> None:
-        times = log_times(block, piece)
-        poses = self.poses.setdefault(place, SeriesColumns(len(columns)))
+    def _add_pose(self, place: LegKey, columns: list[int], piece: DecodedRows) -> None:
+        poses, times = self.poses.setdefault(place, SeriesColumns(len(columns))), piece.times
         poses.add(times, piece.stamps, piece.values[:, columns])
         if self._kind_of_rates:
             known = piece.velocities.shape[1] == len(piece.names)
@@ -169,14 +164,11 @@ class LegCollector:
             with np.errstate(over='ignore'):
                 rates.add(times, piece.stamps, piece.velocities[:, columns] if known else missing)
 
-    def _add_effort(
-        self, namespace: str, joint: str, block: MessageBlock, piece: DecodedRows
-    ) -> None:
-        if piece.efforts.shape[1] != len(piece.names):
-            return
-        column = piece.names.index(joint)
-        values = np.column_stack([piece.values[:, column], piece.efforts[:, column]])
-        self.efforts[namespace, joint].add(log_times(block, piece), piece.stamps, values)
+    def _add_effort(self, namespace: str, joint: str, piece: DecodedRows) -> None:
+        if piece.efforts.shape[1] == len(piece.names):
+            column = piece.names.index(joint)
+            values = np.column_stack([piece.values[:, column], piece.efforts[:, column]])
+            self.efforts[namespace, joint].add(piece.times, piece.stamps, values)
 
     def _add_crank(
         self, topic: str, joint: str, block: MessageBlock, piece: DecodedRows, column: int
@@ -185,8 +177,7 @@ class LegCollector:
         namespace = parent(topic)
         self.crank_topics[namespace, joint].add(topic)
         stamps, values = piece.stamps, piece.values[:, slice(column, column + 1)]
-        times = log_times(block, piece)
-        unstamped = stamps == 0
+        times, unstamped = piece.times, stamps == 0
         sources = nanoseconds(block.heads['publish_time'][piece.rows])
         # Without a source time, recorders write the log time or 0.
         unmatched = unstamped & ((sources == times) | (sources == 0))

@@ -97,21 +97,17 @@ def load(
     # Damage is known after reading only.
     pauses = [*_records(log, PAUSE_RECORD, recorded_pause)]
     # After a stall of the recorder, the solver needs time to answer.
-    ends = (
-        (pause.begin, pause.end + (MAX_RESPONSE_TIME if pause.reason else 0)) for pause in pauses
-    )
-    unrecorded = merge_intervals([*ends, *log.gaps])
+    paused = ((p.begin, p.end + (MAX_RESPONSE_TIME if p.reason else 0)) for p in pauses)
+    unrecorded = merge_intervals([*paused, *log.gaps])
     shared = ArrayPool()
     topics = topics_.topics(recorded_losses(log.metadata), unrecorded)
     clock = simulated.series()
     if is_time_of_log(clock):
         topics = tuple(map(_without_wall_times, topics))
-    drives = legs_.efforts
-    legs = [
-        # Masses serve the efforts only.
-        leg if not drives else replace(leg, solver=with_dynamics(leg, records, robot))
-        for leg in _legs(legs_, iterations, descriptions, shared, clock)
-    ]
+    legs = [*_legs(legs_, iterations, descriptions, shared, clock)]
+    # Masses serve the efforts only.
+    if legs_.efforts:
+        legs = [replace(leg, solver=with_dynamics(leg, records, robot)) for leg in legs]
     return RunRecording(
         path=str(log.path),
         files=tuple((path.name, path.stat().st_size) for path in log.paths),
@@ -213,14 +209,13 @@ def _legs(
 
 def _merged(inputs: list[Series]) -> Series:
     """Return the inputs of several topics by their log times."""
-    if len(inputs) == 1:
-        return inputs[0]
-    if not inputs:
-        return no_series(1)
-    times = np.concatenate([series.times for series in inputs])
+    if len(inputs) < 2:
+        return inputs[0] if inputs else no_series(1)
+    times, stamps, values = (
+        np.concatenate([getattr(series, name) for series in inputs])
+        for name in ('times', 'stamps', 'values')
+    )
     order = np.argsort(times, kind='stable')
-    stamps = np.concatenate([series.stamps for series in inputs])
-    values = np.concatenate([series.values for series in inputs])
     return Series(times[order], stamps[order], values[order])
 
 

@@ -14,7 +14,7 @@ from klann_ros.review.model.times import CLOCK, nanoseconds, no_series, Series
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from .decode import COMMAND, DecodedRows, decoder, JOINT_STATE, log_times, ODOMETRY, TopicReader
+from .decode import COMMAND, DecodedRows, decoder, JOINT_STATE, ODOMETRY, TopicReader
 
 _INITIAL_ROWS = 1024
 
@@ -112,21 +112,15 @@ class WalkCollector:
             reader = self._readers.setdefault(topic, TopicReader(topic))
             for piece in reader.read(block, rows):
                 poses = _planar(piece.values)
-                known = np.isfinite(poses).all(axis=1)
-                times = log_times(block, piece)
-                self._poses[space, name].add(times[known], piece.stamps[known], poses[known])
+                known, columns = np.isfinite(poses).all(axis=1), self._poses[space, name]
+                columns.add(piece.times[known], piece.stamps[known], poses[known])
         elif topic.type == JOINT_STATE and name in (COMMAND, STATE):
             for piece in pieces:
-                self._add_cranks(space, name, block, piece)
-
-    def _add_cranks(self, space: str, name: str, block: MessageBlock, piece: DecodedRows) -> None:
-        if len(piece.names) != piece.values.shape[1]:
-            return
-        times = log_times(block, piece)
-        for k, joint in enumerate(piece.names):
-            column = piece.values[:, slice(k, k + 1)]
-            known = np.isfinite(column[:, 0])
-            self._cranks[space, name, joint].add(times[known], piece.stamps[known], column[known])
+                has_positions = len(piece.names) == piece.values.shape[1]
+                for k, joint in enumerate(piece.names if has_positions else ()):
+                    column, columns = piece.values[:, [k]], self._cranks[space, name, joint]
+                    known = np.isfinite(column[:, 0])
+                    columns.add(piece.times[known], piece.stamps[known], column[known])
 
     def walks(self, shared: ArrayPool) -> Iterator[WalkRecording]:
         """Yield the robots with odometry, ground truth or crank commands."""

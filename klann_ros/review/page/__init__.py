@@ -99,7 +99,7 @@ def header(reviews: Sequence[Review], comparison: Comparison | None) -> Markup:
 
 
 def findings(reviews: Sequence[Review]) -> Markup:
-    """Return the findings, the gravest first; those with a time are buttons that lead there."""
+    """Return the findings by falling severity; those with a time are buttons that lead there."""
     return joined(
         element(
             'section',
@@ -112,24 +112,16 @@ def findings(reviews: Sequence[Review]) -> Markup:
 
 
 def differences(comparison: Comparison | None) -> Markup:
-    """Return in what two runs differ, and what could not be compared."""
+    """Return the differences of two runs, and the parts that could not be compared."""
     if comparison is None:
         return Markup()
-    items = [
-        element(
-            'li',
-            element('strong', found.what),
-            ' ',
-            element('span', f'{_of(found.leg)}{found.text}'),
-            class_='warning',
-        )
-        for found in comparison.differences
-    ]
-    content = (
-        element('ul', *items, class_='findings')
-        if items
-        else element('p', f'{comparison.alike.capitalize()}.', class_='quiet')
-    )
+    items = []
+    for found in comparison.differences:
+        text = element('span', f'{_of(found.leg)}{found.text}')
+        items.append(element('li', element('strong', found.what), ' ', text, class_='warning'))
+    content = element('ul', *items, class_='findings')
+    if not items:
+        content = element('p', f'{comparison.alike.capitalize()}.', class_='quiet')
     remarks = (element('p', remark, class_='quiet') for remark in comparison.remarks)
     return element('section', element('h2', 'Differences'), content, *remarks)
 
@@ -154,17 +146,15 @@ def _run(review: Review, number: int) -> Markup:
     size = sum(size for _, size in recording.files) / 1e6
     about = f'{began:%Y-%m-%d %H:%M:%S} UTC · {recording.duration:.2f} s · {size:.1f} MB'
     key = element('span', class_=f'key key-{number}', aria_hidden='true')
-    return element(
-        'p', key, element('strong', recording.path, class_='path'), ' ', element('span', about)
-    )
+    path = element('strong', recording.path, class_='path')
+    return element('p', key, path, ' ', element('span', about))
 
 
 def _verdict(count: int, what: str, none: str, meaning: str) -> Markup:
     """Return the verdict by the number of faults."""
     if not count:
-        return element(
-            'p', element('strong', f'✓ {none}'), element('span', meaning), class_='verdict good'
-        )
+        head = element('strong', f'✓ {none}')
+        return element('p', head, element('span', meaning), class_='verdict good')
     head = element('strong', f'! {counted(count, what)}')
     return element('p', head, element('span', 'see below'), class_='verdict bad')
 
@@ -181,14 +171,8 @@ def _finding(finding: Finding) -> Markup:
     if finding.time is None:
         return element('li', mark, element('div', *parts), class_=kind)
     when = element('span', f'at {finding.time:.3f} s →', class_='when')
-    button = element(
-        'button',
-        *parts,
-        when,
-        type='button',
-        data_time=repr(finding.time),
-        data_leg=printable(finding.leg),
-    )
+    data = {'data_time': repr(finding.time), 'data_leg': printable(finding.leg)}
+    button = element('button', *parts, when, type='button', **data)
     return element('li', mark, button, class_=kind)
 
 
