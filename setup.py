@@ -60,7 +60,7 @@ setup(
         NAME: ['py.typed', 'linkages/*.yaml'],
         f'{NAME}.kinematics.linkage': ['schema.json'],
         f'{NAME}.live': ['static/*'],
-        f'{NAME}.datasheet.html_page': ['static/*'],
+        f'{NAME}.datasheet': ['static/*'],
         f'{NAME}.web': ['static/*', 'static/js_yaml/*', 'static/uplot/*'],
         f'{NAME}.web.lab': ['lab.html', 'static/*'],
         f'{NAME}.review.page': ['static/*'],

@@ -10,7 +10,7 @@ import sys
 import tempfile
 
 from klann_ros.datasheet import data_sheet, motor_from_file
-from klann_ros.datasheet.html_page import page
+from klann_ros.datasheet.page import page
 from klann_ros.robot import Robot, robot_from_file
 from playwright.sync_api import sync_playwright
 

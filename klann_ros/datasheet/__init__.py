@@ -1,5 +1,5 @@
 """
-The data sheet of a leg or a walker before it is built: motion, forces, and a motor for it.
+The data sheet of a leg or a walker before it is built: motion, forces and the choice of a motor.
 
 >>> from klann_ros.datasheet import data_sheet
 >>> from klann_ros.robot import robot_of
@@ -10,8 +10,8 @@ The data sheet of a leg or a walker before it is built: motion, forces, and a mo
 >>> round(sheet.cranks[0].loaded.peak, 3)  # [N m]
 3.537
 
-Everything is in SI units, as `DataSheet` describes it; `klann_ros.datasheet.text`, `.json_report`
-and `.html_page` show one and the same object.
+All values are in SI units. `klann_ros.datasheet.text`, `.json_report` and `.page` show the same
+`DataSheet`.
 """
 
 from .computing import data_sheet

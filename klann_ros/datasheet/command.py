@@ -8,29 +8,25 @@ from typing import BinaryIO
 
 from klann_ros.dynamics import MassError, rods
 from klann_ros.robot import Robot, robot_of, RobotFileError
-from klann_ros.sanitize.arguments import (
-    ArgumentParser,
-    NOT_READ,
-    path,
-)
+from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, path
 from klann_ros.sanitize.outputs import outputs, save_all
 
-from . import html_page, json_report
-from .computing import data_sheet, SPEED
+from . import json_report, page
+from .computing import data_sheet, DEFAULT_SPEED
 from .motor import motor_from_file, MotorFileError
 from .sheet import DataSheet, SheetError
 from .text import text
 
-CANNOT = 1
+MOTOR_FAILS = 1
 ERROR_CODES = dict.fromkeys((RobotFileError, MotorFileError, MassError, SheetError), NOT_READ)
 DESCRIPTION = """\
 Describe a leg or a walker before it is built: bars, the path of the foot, transmission angles,
-masses, the torque at the crank, what the joints carry, and whether a motor can turn it.
+masses, crank torque, joint forces, and whether a motor can turn it.
 
 FILE is a parameter file of solver_node, a linkage's file, or a shipped name such as sem104."""
 EPILOG = """\
 FILE of --motor is YAML: stall_torque [N m] and no_load_speed [rad/s] of the motor, gear_ratio and
-efficiency of its gear, and continuous_torque [N m] if its warmth is to be judged.
+efficiency of its gear, and continuous_torque [N m] for the thermal margin.
 Exit code: 0 described, 1 the motor cannot turn it, 2 FILE, the motor or a number is refused, 3 an
 OUT cannot be written."""
 
@@ -52,21 +48,21 @@ def _describe(options: argparse.Namespace) -> int:
         margins=options.margins,
     )
     print(text(sheet), end='')
-    views = {'--html': html_page.page, '--json': json_report.report}
+    views = {'--html': page.page, '--json': json_report.report}
     save_all(files, {option: partial(_save, view, sheet) for option, view in views.items()})
-    return 0 if sheet.motor_turns else CANNOT
+    return 0 if sheet.motor_turns else MOTOR_FAILS
 
 
 def _weighed(robot: Robot, density: float) -> Robot:
-    """Return a robot whose legs are of rods [kg/m] where its file tells no masses."""
-    # Refused even where it is unused: a value that is no density is a mistake.
+    """Return a robot with rods [kg/m] for legs without masses in its file."""
+    # An invalid density is refused even if it is unused.
     of_rods = [replace(leg, masses=rods(leg.linkage, density)) for leg in robot.legs]
     pairs = zip(robot.legs, of_rods, strict=True)
     return replace(robot, legs=tuple(leg if leg.masses else made for leg, made in pairs))
 
 
 def _save(view: Callable[[DataSheet], str], sheet: DataSheet, file: BinaryIO) -> None:
-    # A path may hold bytes that are no text.
+    # A path may contain bytes that are not UTF-8.
     file.write(view(sheet).encode(errors='replace'))
 
 
@@ -77,7 +73,7 @@ def _parser() -> ArgumentParser:
         '--speed',
         metavar='RAD_S',
         type=float,
-        default=SPEED,
+        default=DEFAULT_SPEED,
         help='of the crank [rad/s], negative for clockwise (default: a turn a second)',
     )
     parser.add_argument(
@@ -85,17 +81,17 @@ def _parser() -> ArgumentParser:
         metavar='N',
         type=float,
         default=0.0,
-        help='the force of the ground on each foot that stands [N]',
+        help='ground reaction of each foot in stance [N]',
     )
     parser.add_argument(
         '--bar-density',
         metavar='KG_M',
         type=float,
-        help='of all bars, where FILE tells no masses [kg/m]',
+        help='of all bars, for legs without masses in FILE [kg/m]',
     )
     parser.add_argument('--motor', metavar='FILE', type=path, help='can this motor turn it?')
     parser.add_argument(
-        '--margins', action='store_true', help='those of coupled loops, too: some seconds'
+        '--margins', action='store_true', help='also of coupled loops, which takes seconds'
     )
     parser.add_argument('--html', metavar='OUT', help='the page: the leg moving, and charts')
     parser.add_argument('--json', metavar='OUT', help='the sheet for machines, in SI units')

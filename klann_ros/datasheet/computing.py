@@ -3,31 +3,57 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain
-from math import isfinite
+from math import isfinite, pi
+from typing import Any
 
-from klann_ros.kinematics.angles import TURN
+from klann_ros.dynamics import BodyMass, Dynamics, Masses, Reactions
+from klann_ros.kinematics import (
+    foot_path,
+    FootPath,
+    KinematicsError,
+    length_margins,
+    Linkage,
+    linkage_poses,
+    LinkageLeg,
+    PartialTurnError,
+    reachable_arcs,
+    Stance,
+)
+from klann_ros.kinematics.angles import Arc, TURN
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import Robot, RobotLeg
 from klann_ros.walker import GaitFigures, NoWalkerError, walk_figures
 import numpy as np
 
-from .leg_sheet import alike, dynamics_of, leg_sheet
-from .load import crank_load, CrankLoad, turn_angles, Turned, with_extremes
+from .load import crank_load, CrankLoad, foot_load, LoadedLeg, turn_angles, with_extremes
 from .motor import Motor, verdict
-from .sheet import CrankSheet, DataSheet, LegSheet, SheetError
+from .sheet import (
+    BarFigures,
+    BodyMassFigures,
+    CrankSheet,
+    DataSheet,
+    Extreme,
+    JointForce,
+    LegForces,
+    LegSheet,
+    SheetError,
+    Transmission,
+)
 
 # A turn a second.
-SPEED = TURN
+DEFAULT_SPEED = TURN
 SHEET_SAMPLES = 720
-# Nothing that is built turns slower or faster [rad/s], or carries more [N].
-SLOWEST, FASTEST, MOST = 1e-6, 1e6, 1e9
-# With fewer legs a robot cannot stand.
-FEWEST_LEGS = 3
+# Limits of the crank's rate [rad/s] and of the load [N].
+MIN_SPEED, MAX_SPEED, MAX_LOAD = 1e-6, 1e6, 1e9
+# A robot with fewer legs cannot stand.
+MIN_WALKING_LEGS = 3
+COUPLED = 'of coupled loops they take seconds: --margins'
 
 
 def data_sheet(
     robot: Robot,
     *,
-    speed: float = SPEED,
+    speed: float = DEFAULT_SPEED,
     load: float = 0.0,
     motor: Motor | None = None,
     margins: bool = False,
@@ -43,88 +69,91 @@ def data_sheet(
     speed : float
         Constant rate of the cranks; negative is clockwise [rad/s].
     load : float
-        The force of the ground on each foot that stands, up along y of the leg's plane [N].
+        Ground reaction of each foot in stance, up along y of the leg's plane [N].
     motor : Motor, optional
         The motor of each crank.
     margins : bool
-        Whether the margins of coupled loops are wanted, too, which take seconds.
+        Whether to compute the margins of coupled loops as well, which takes seconds.
     samples : int
-        Of the turn; those where the load steps are added.
+        Samples of the turn, besides those at steps of the load and at extremes.
 
     Raises
     ------
     SheetError
-        A number is refused; a load is asked about where no foot stands, or a motor where there
-        are neither masses nor a load.
+        A number is invalid; there is a load but no stance, or a motor but neither masses nor load.
 
     """
-    _check(speed, load)
-    first, number = _distinct(robot.legs)
-    sheets = [
-        leg_sheet(robot, leg, speed, load, margins=margins, samples=samples) for leg in first
-    ]
-    names = [
-        tuple(leg.name for leg, own in zip(robot.legs, number, strict=True) if own == k)
-        for k in range(len(sheets))
-    ]
-    legs = tuple(replace(sheet, names=own) for sheet, own in zip(sheets, names, strict=True))
-    missing = _missing(robot)
+    if not (isfinite(speed) and MIN_SPEED <= abs(speed) <= MAX_SPEED):
+        raise SheetError(
+            f'speed = {speed!r} rad/s is refused: a number whose size is {MIN_SPEED:g} to '
+            f'{MAX_SPEED:g}, negative for clockwise'
+        )
+    if not (isfinite(load) and 0.0 <= load <= MAX_LOAD):
+        raise SheetError(f'load = {load!r} N is refused: a number from 0 to {MAX_LOAD:g}')
+    legs, sheets = _leg_sheets(robot, speed, load, margins=margins, samples=samples)
+    missing = _missing_masses(robot)
     if motor is not None and missing and not load:
         raise SheetError(f'{missing}; a motor is judged by masses, or by --load')
-    of = {leg.name: sheets[k] for leg, k in zip(robot.legs, number, strict=True)}
     cranks = []
     for joint in robot.crank_joints:
-        turned = [
-            Turned(leg, dynamics_of(robot, leg), own.stance, own.turns_fully)
+        loaded = [
+            LoadedLeg(leg, _dynamics(robot, leg), legs[leg.name].stance)
             for leg in robot.on_joint(joint)
-            for own in [of[leg.name]]
         ]
-        crank, hardest = _crank(joint, turned, speed, load, samples)
-        cranks.append(_judged(crank, hardest, motor, speed))
+        turns = all(legs[each.leg.name].turns_fully for each in loaded)
+        cranks.append(_crank(joint, loaded, speed, load, samples, motor, turns=turns))
     walk, no_walk = _walk(robot)
     return DataSheet(
         name=robot.name,
         source=robot.source,
         speed=float(speed),
         load=float(load),
-        legs=legs,
+        legs=tuple(sheets),
         cranks=tuple(cranks),
         motor=motor,
-        no_forces=_no_forces(legs, missing, load),
+        no_forces=_no_forces(sheets, missing, load),
         walk=walk,
         no_walk=no_walk,
     )
 
 
-def _check(speed: float, load: float) -> None:
-    if not (isfinite(speed) and SLOWEST <= abs(speed) <= FASTEST):
-        raise SheetError(
-            f'speed = {speed!r} rad/s is refused: a number whose size is {SLOWEST:g} to '
-            f'{FASTEST:g}, negative for clockwise'
+def _leg_sheets(
+    robot: Robot, speed: float, load: float, *, margins: bool, samples: int
+) -> tuple[dict[str, LegSheet], list[LegSheet]]:
+    """Return the sheet of each leg by its name, and each distinct sheet once."""
+    groups: list[list[RobotLeg]] = []
+    for leg in robot.legs:
+        group = next((group for group in groups if _are_alike(group[0], leg)), None)
+        if group is None:
+            groups.append([leg])
+        else:
+            group.append(leg)
+    sheets = [
+        replace(
+            _leg_sheet(robot, legs[0], speed, load, margins=margins, samples=samples),
+            names=tuple(leg.name for leg in legs),
         )
-    if not (isfinite(load) and 0.0 <= load <= MOST):
-        raise SheetError(f'load = {load!r} N is refused: a number from 0 to {MOST:g}')
+        for legs in groups
+    ]
+    by_name = {name: sheet for sheet in sheets for name in sheet.names}
+    return by_name, sheets
 
 
-def _distinct(legs: Sequence[RobotLeg]) -> tuple[list[RobotLeg], list[int]]:
-    """Return each leg that is different once, and of all legs which of these they are."""
-    first: list[RobotLeg] = []
-    number = []
-    for leg in legs:
-        like = next((k for k, known in enumerate(first) if alike(known, leg)), len(first))
-        if like == len(first):
-            first.append(leg)
-        number.append(like)
-    return first, number
+def _are_alike(one: RobotLeg, other: RobotLeg) -> bool:
+    """Return whether two legs have one sheet: equal bars, masses, and gravity in their planes."""
+    if one.linkage != other.linkage or one.masses != other.masses:
+        return False
+    down, also = (leg.mount.rotation[2, :2] for leg in (one, other))
+    return bool(np.allclose(down, also, atol=1e-9))
 
 
-def _missing(robot: Robot) -> str:
-    """Return which masses are missing; '' if none is."""
+def _missing_masses(robot: Robot) -> str:
+    """Return a message about legs without masses; '' without any."""
     without = [leg for leg in robot.legs if leg.masses is None]
     if not without:
         return ''
-    one = len(without) == len(robot.legs)
-    which = '' if one else f' for {", ".join(leg.name for leg in without)}'
+    is_all = len(without) == len(robot.legs)
+    which = '' if is_all else f' for {", ".join(leg.name for leg in without)}'
     return f'no masses: bar_density [kg/m] (a linkage: density) is missing{which}'
 
 
@@ -134,20 +163,24 @@ def _no_forces(legs: Sequence[LegSheet], missing: str, load: float) -> str:
         reasons.append('the crank does not turn fully: there are no forces over a turn')
     if missing:
         reasons.append(f'{missing}; the figures are of the load alone' if load else missing)
-    lost = [leg for leg in legs if any(np.isnan(of.torque).any() for of in leg.cases)]
-    if lost:
+    if any(np.isnan(of.torque).any() for leg in legs for of in leg.cases):
         reasons.append(
             'links are in line at a crank angle, where no force follows from the motion'
         )
     return '; '.join(reasons)
 
 
-def _crank(
-    joint: str, turned: Sequence[Turned], speed: float, load: float, samples: int
-) -> tuple[CrankSheet, CrankLoad | None]:
-    """Return the sheet of a joint without its motor, and what the motor has to turn."""
-    legs = [each.leg for each in turned]
-    (first, *others) = legs
+def _crank(  # noqa: PLR0917 - the parameters of `data_sheet`
+    joint: str,
+    loaded: Sequence[LoadedLeg],
+    speed: float,
+    load: float,
+    samples: int,
+    motor: Motor | None,
+    *,
+    turns: bool,
+) -> CrankSheet:
+    (first, *others) = legs = [each.leg for each in loaded]
     bare = CrankSheet(
         joint=joint,
         legs=tuple(leg.name for leg in legs),
@@ -156,38 +189,186 @@ def _crank(
         loaded=None,
         motor=None,
     )
-    if not all(each.is_full for each in turned):
-        return bare, None
-    weighed = all(leg.masses is not None for leg in legs)
-    edges = [edge for each in turned for edge in each.edges] if load else []
-    angles = turn_angles(samples, edges)
+    if not turns:
+        return bare
+    has_masses = all(leg.masses is not None for leg in legs)
+    angles = turn_angles(samples, [edge for each in loaded for edge in each.edges if load])
 
     def cases() -> list[CrankLoad | None]:
         return [
-            crank_load(turned, 0.0, angles) if weighed else None,
-            crank_load(turned, load, angles) if load else None,
+            crank_load(loaded, 0.0, angles) if has_masses else None,
+            crank_load(loaded, load, angles) if load else None,
         ]
 
     known = [case for case in cases() if case]
     curves = [(case.still, case.per_speed_squared, case.torque(speed)) for case in known]
     angles = with_extremes(angles, chain.from_iterable(curves))
-    empty, loaded = cases()
-    empty_turn, loaded_turn = (each.turn(speed) if each else None for each in (empty, loaded))
-    return replace(bare, empty=empty_turn, loaded=loaded_turn), loaded or empty
-
-
-def _judged(
-    crank: CrankSheet, load: CrankLoad | None, motor: Motor | None, speed: float
-) -> CrankSheet:
-    if motor is None or load is None:
-        return crank
-    return replace(crank, motor=verdict(motor, load, speed))
+    empty, full = cases()
+    judged = full or empty
+    return replace(
+        bare,
+        empty=empty.turn(speed) if empty else None,
+        loaded=full.turn(speed) if full else None,
+        motor=verdict(motor, judged, speed) if motor and judged else None,
+    )
 
 
 def _walk(robot: Robot) -> tuple[GaitFigures | None, str]:
-    if len(robot.legs) < FEWEST_LEGS:
+    if len(robot.legs) < MIN_WALKING_LEGS:
         return None, ''
     try:
         return walk_figures(robot), ''
     except NoWalkerError as error:
         return None, str(error)
+
+
+def _leg_sheet(
+    robot: Robot, leg: RobotLeg, speed: float, load: float, *, margins: bool, samples: int
+) -> LegSheet:
+    linkage = leg.linkage
+    arcs = tuple(reachable_arcs(linkage))
+    turns = arcs == ((0.0, TURN),)
+    path, stance, no_stance = _path(linkage)
+    edges = (stance.start, stance.end) if load and stance else ()
+    alphas = turn_angles(samples, edges) if turns else _arc_angles(arcs, samples)
+    bars, no_margins = _bars(linkage, turns=turns, margins=margins)
+    sheet = LegSheet(
+        names=(leg.name,),
+        linkage=linkage,
+        bars=bars,
+        no_margins=no_margins,
+        turns_fully=turns,
+        arcs=arcs,
+        path=path,
+        stance=stance,
+        no_stance=no_stance,
+        masses=_masses(leg),
+        empty=None,
+        loaded=None,
+        **_poses(linkage, alphas),
+    )
+    if not turns:
+        return sheet
+    if load and stance is None:
+        raise SheetError(f'a load on the foot has nowhere to be: {no_stance}')
+
+    def with_forces() -> LegSheet:
+        empty = _forces(robot.dynamics(leg), sheet, speed, 0.0) if leg.masses else None
+        loaded = _forces(_dynamics(robot, leg), sheet, speed, load) if load else None
+        return replace(sheet, empty=empty, loaded=loaded)
+
+    cases = with_forces().cases
+    curves = [curve for of in cases for curve in (of.torque, *(j.force for j in of.joints))]
+    sheet = replace(sheet, **_poses(linkage, with_extremes(alphas, curves)))
+    return with_forces()
+
+
+def _poses(linkage: Linkage, alphas: FloatArray) -> dict[str, Any]:
+    """Return the fields of a sheet that are sampled over crank angles [rad]."""
+    found = linkage_poses(linkage, alphas, points=True, transmission_angles=True)
+    if found.points is None or found.transmission_angles is None:
+        raise AssertionError('points and transmission angles are requested')
+    transmission = _transmission(linkage, alphas, found.transmission_angles)
+    return {'alphas': alphas, 'points': found.points, 'transmission': transmission}
+
+
+def _dynamics(robot: Robot, leg: RobotLeg) -> Dynamics:
+    """Return the dynamics of a leg; without masses a massless one, which carries a load too."""
+    if leg.masses is not None:
+        return robot.dynamics(leg)
+    return Dynamics(leg.linkage, Masses((BodyMass(),) * len(leg.linkage.structure.bodies)))
+
+
+def _arc_angles(arcs: Sequence[Arc], samples: int) -> FloatArray:
+    """Return crank angles of arcs, with their ends."""
+    shares = [max(2, round(samples * (end - start) / TURN)) for start, end in arcs]
+    spread = [np.linspace(*arc, share) for arc, share in zip(arcs, shares, strict=True)]
+    return np.concatenate([np.empty(0), *spread])
+
+
+def _path(linkage: Linkage) -> tuple[FootPath | None, Stance | None, str]:
+    """Return the foot's path, its stance, and the reason for a missing one."""
+    path = None
+    try:
+        path = foot_path(LinkageLeg(linkage))
+        return path, path.stance(), ''
+    except KinematicsError as error:
+        return path, None, str(error)
+
+
+def _bars(linkage: Linkage, *, turns: bool, margins: bool) -> tuple[tuple[BarFigures, ...], str]:
+    """Return the dimensions with their margins, and the reason for missing ones."""
+    known, reason = {}, ''
+    if not turns:
+        reason = 'the crank does not turn fully'
+    elif not linkage.is_dyadic and not margins:
+        reason = COUPLED
+    else:
+        try:
+            known = length_margins(linkage)
+        except PartialTurnError:
+            # Within rounding of a change point.
+            reason = 'the crank only just turns fully'
+    bars = [
+        BarFigures(d.name, d.unit, value, known.get(d.name))
+        for d, value in zip(linkage.structure.dimensions, linkage.numbers, strict=True)
+    ]
+    return tuple(bars), reason
+
+
+def _transmission(
+    linkage: Linkage, alphas: FloatArray, angles: FloatArray
+) -> tuple[Transmission, ...]:
+    found = []
+    for block, mu in zip(linkage.blocks, angles.T, strict=True):
+        if np.isnan(mu).all():
+            continue
+        *_, one, other = block.names
+        least, greatest = (
+            Extreme(float(mu[k]), float(alphas[k])) for k in (np.nanargmin(mu), np.nanargmax(mu))
+        )
+        nearest = min(least.value, pi - greatest.value)
+        at = least.at if nearest == least.value else greatest.at
+        name = ', '.join(filter(None, (one, other))) if block.is_dyad else 'coupled loops'
+        found.append(Transmission(name, mu, least, greatest, Extreme(nearest, at)))
+    return tuple(found)
+
+
+def _masses(leg: RobotLeg) -> tuple[BodyMassFigures, ...]:
+    if leg.masses is None:
+        return ()
+    labels = leg.linkage.structure.labels
+    return tuple(
+        BodyMassFigures(label, body.mass, (body.centre.real, body.centre.imag), body.inertia)
+        for label, body in zip(labels, leg.masses.bodies, strict=True)
+    )
+
+
+def _forces(dynamics: Dynamics, sheet: LegSheet, speed: float, load: float) -> LegForces:
+    """Return the torque and the joint forces of a leg at a speed, with a load on its foot."""
+    alphas, foot = sheet.alphas, sheet.linkage.structure.foot
+    loads = foot_load(foot, sheet.stance, alphas, load)
+    torque = dynamics.crank_torque(alphas, speed, 0.0, loads)
+    reactions = dynamics.reactions(alphas, speed, 0.0, loads)
+    return LegForces(torque, tuple(_joints(sheet, reactions)))
+
+
+def _joints(sheet: LegSheet, reactions: Reactions) -> list[JointForce]:
+    alphas, found = sheet.alphas, []
+    for point in sheet.linkage.structure.points:
+        forces = [np.abs(force) for (name, _), force in reactions.pins.items() if name == point]
+        if forces:
+            force = np.max(forces, axis=0)
+            found.append(JointForce(point, force, _greatest(force, alphas)))
+    for angle, (normal, moment) in reactions.lines.items():
+        force = np.abs(normal)
+        largest = _greatest(np.abs(moment), alphas)
+        found.append(JointForce(angle, force, _greatest(force, alphas), largest))
+    return found
+
+
+def _greatest(values: FloatArray, alphas: FloatArray) -> Extreme:
+    if np.isnan(values).all():
+        return Extreme(float('nan'), float('nan'))
+    k = int(np.nanargmax(values))
+    return Extreme(float(values[k]), float(alphas[k]))

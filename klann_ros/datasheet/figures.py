@@ -1,12 +1,8 @@
-"""
-The figures of a data sheet as texts and page show them: a name, a value in a handy unit, a remark.
-
-The content is defined here once; its layout belongs to the renderers.
-"""
+"""The figures of a data sheet, as text and page show them: name, value, unit and remark."""
 
 from collections.abc import Iterator, Sequence
 from math import degrees, floor, inf, isfinite, log10, pi
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from klann_ros.dynamics import TurnOfForces
 from klann_ros.kinematics.angles import TURN
@@ -15,13 +11,13 @@ from klann_ros.sanitize.text import counted, printable
 from .sheet import CrankSheet, DataSheet, Extreme, LegSheet
 
 # Speed fluctuation of a crank for which a flywheel is sized.
-UNEVENNESS = 0.1
-# Of a mean over a turn, as a part of the peak.
+SPEED_FLUCTUATION = 0.1
+# Sampling error of a mean over a turn, as a part of the peak.
 SAMPLING_ERROR = 1e-5
-# What the literature calls good transmission, from in line [rad].
+# The least transmission angle, from in line, that the literature recommends [rad].
 GOOD_TRANSMISSION = 40.0 * pi / 180.0
-# Groups of feet in the table.
-MOST_GROUPS = 12
+# Rows of the table of support patterns.
+MAX_PATTERNS = 12
 UNKNOWN_VALUE = '\N{EN DASH}'
 
 
@@ -44,7 +40,7 @@ class Table(NamedTuple):
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Return a number with some significant digits; without an exponent where that is short."""
+    """Return a number with significant digits, without an exponent if that is short."""
     if not isfinite(value):
         return UNKNOWN_VALUE
     if value == 0.0:
@@ -66,21 +62,21 @@ def millimetres(metres: float) -> str:
 
 
 def about(sheet: DataSheet) -> str:
-    """Return how the cranks turn, and what stands on the feet, in a line."""
-    way = 'clockwise' if sheet.speed < 0.0 else 'counter-clockwise'
+    """Return the cranks' rate and the load on the feet in a line."""
+    direction = 'clockwise' if sheet.speed < 0.0 else 'counter-clockwise'
     speed = abs(sheet.speed)
-    turns = f'{number(speed)} rad/s ({number(speed * 30.0 / pi)} rpm), {way}'
-    load = f', {number(sheet.load)} N on each foot that stands' if sheet.load else ''
+    turns = f'{number(speed)} rad/s ({number(speed * 30.0 / pi)} rpm), {direction}'
+    load = f', {number(sheet.load)} N on each foot in stance' if sheet.load else ''
     return f'cranks at {turns}{load}'
 
 
 def foot_figures(leg: LegSheet, speed: float) -> Iterator[Figure]:
-    """Yield what a foot does, while the crank turns at a speed [rad/s]."""
+    """Yield the figures of a foot while the crank turns at a speed [rad/s]."""
     path, stance = leg.path, leg.stance
     if path is not None:
         left, right = path.x_range
         low, high = path.y_range
-        # A value that is only rounding of the other counts as 0.
+        # Rounding counts as 0.
         stride, lift = _zero(path.stride, path.length), _zero(path.lift, path.length)
         yield Figure('Stride', millimetres(stride), 'mm', _range('x', left, right))
         yield Figure('Lift', millimetres(lift), 'mm', _range('y', low, high))
@@ -110,8 +106,14 @@ def _span(low: str, high: str) -> str:
     return f'{low} .. {high}'
 
 
+def cases(of: LegSheet | CrankSheet) -> list[tuple[str, Any]]:
+    """Return the forces of a leg or a crank, without and with the load, as far as known."""
+    pairs = ('empty', of.empty), ('loaded', of.loaded)
+    return [(name, case) for name, case in pairs if case]
+
+
 def bars(leg: LegSheet) -> Table:
-    """Return the table of a leg's numbers."""
+    """Return the table of a leg's dimensions."""
     has_margins = not leg.no_margins
     heads = ('Number', 'Value', 'Unit', *(('Turns fully from', 'to') if has_margins else ()))
     rows = []
@@ -124,7 +126,7 @@ def bars(leg: LegSheet) -> Table:
             ends = tuple('any' if known and not isfinite(x) else show(x) for x in limits)
         rows.append((bar.name, show(bar.value), 'mm' if bar.unit == 'm' else 'deg', *ends))
     note = (
-        'One number changed at a time, all others as they are.'
+        'One number changed at a time, all others unchanged.'
         if has_margins
         else f'No margins: {leg.no_margins}.'
     )
@@ -169,8 +171,8 @@ def masses(leg: LegSheet) -> Table:
 
 
 def joint_forces(leg: LegSheet) -> Table:
-    """Return the table of what a leg's joints carry, at most."""
-    columns = [(name, of) for name, of in (('empty', leg.empty), ('loaded', leg.loaded)) if of]
+    """Return the table of the largest force of each joint of a leg."""
+    columns = cases(leg)
     heads = ['Joint']
     for name, _ in columns:
         heads += [f'{name} / N', 'at crank / deg']
@@ -180,7 +182,7 @@ def joint_forces(leg: LegSheet) -> Table:
         moments = [joint.moment for joint in same if joint.moment is not None]
         if moments:
             rows.append((f'{same[0].name}: moment / N m', *_peaks(moments)))
-    return Table('Joint reactions', tuple(heads), tuple(rows), 'The greatest of a turn.')
+    return Table('Joint reactions', tuple(heads), tuple(rows), 'The largest of a turn.')
 
 
 def _peaks(extremes: Sequence[Extreme]) -> list[str]:
@@ -189,7 +191,7 @@ def _peaks(extremes: Sequence[Extreme]) -> list[str]:
 
 def crank_forces(crank: CrankSheet, speed: float) -> Table:
     """Return the table of a crank's torque and power, without and with the load."""
-    columns = [(name, of) for name, of in (('empty', crank.empty), ('loaded', crank.loaded)) if of]
+    columns = cases(crank)
     cells = [_crank_column(turn, speed) for _, turn in columns]
     rows = [
         (same[0].name, *(figure.value for figure in same), same[0].unit)
@@ -197,14 +199,14 @@ def crank_forces(crank: CrankSheet, speed: float) -> Table:
     ]
     heads = ('Over the turn', *(name for name, _ in columns), 'unit')
     note = (
-        'Energy swing: what a shaft with the mean torque gains and loses. '
-        f'Flywheel: for a speed within +-{100.0 * UNEVENNESS / 2.0:.0f} %.'
+        'Energy swing: stored and returned by a shaft with the mean torque. '
+        f'Flywheel: for a speed within +-{100.0 * SPEED_FLUCTUATION / 2.0:.0f} %.'
     )
     return Table('Crank', heads, tuple(rows), note)
 
 
 def crank_title(crank: CrankSheet) -> str:
-    """Return what a crank is called among others."""
+    """Return the title of a crank among others."""
     return 'Crank' if crank.joint == 'crank' else f'Crank {crank.joint}'
 
 
@@ -219,28 +221,28 @@ def _crank_column(turn: TurnOfForces, speed: float) -> list[Figure]:
         Figure('Power, greatest', number(float(power.max())), 'W'),
         Figure('Power, mean', number(_zero(turn.mean * turn.rate, turn.peak * abs(speed))), 'W'),
         Figure('Energy swing', number(turn.energy_swing), 'J'),
-        Figure('Flywheel', number(turn.flywheel(UNEVENNESS)), 'kg m²'),
+        Figure('Flywheel', number(turn.flywheel(SPEED_FLUCTUATION)), 'kg m²'),
     ]
 
 
 def _zero(value: float, scale: float) -> float:
-    """Return a value, 0 where it is within the sampling error of a mean."""
+    """Return a value; 0 within the sampling error of a mean."""
     return 0.0 if abs(value) <= SAMPLING_ERROR * scale else value
 
 
 def motor_figures(crank: CrankSheet) -> Iterator[Figure]:
-    """Yield what a motor has, and what a crank needs."""
+    """Yield the figures of a motor and of its crank's requirements."""
     judged = crank.motor
     if judged is None:
         return
     motor = judged.motor
-    yield Figure('Gives at standstill', number(motor.output_stall_torque), 'N m', 'at the gear')
-    yield Figure('Gives at this speed', number(judged.available), 'N m', 'at the gear')
+    yield Figure('Stall torque', number(motor.output_stall_torque), 'N m', 'at the gear')
+    yield Figure('Available torque', number(judged.available), 'N m', 'at this speed')
     at = f'at {degree(judged.peak_at)} deg'
-    yield Figure('Needed at most', number(judged.peak), 'N m', at if judged.peak else '')
+    yield Figure('Required torque', number(judged.peak), 'N m', at if judged.peak else '')
     yield Figure('Margin', _times(judged.margin), '', '1 is just enough')
     held = f'{number(judged.braking_peak)} of {number(motor.holding_torque)} N m'
-    yield Figure('Margin in holding back', _times(judged.braking_margin), '', held)
+    yield Figure('Braking margin', _times(judged.braking_margin), '', held)
     thermal = judged.thermal_margin
     rms = f'{number(judged.motor_rms)} N m rms at the motor'
     if thermal is None:
@@ -248,7 +250,7 @@ def motor_figures(crank: CrankSheet) -> Iterator[Figure]:
     else:
         yield Figure('Thermal margin', _times(thermal), '', rms)
     rpm = f'{number(judged.fastest * 30.0 / pi)} rpm, by torque and speed'
-    note = rpm if judged.fastest else 'it does not get away from standstill'
+    note = rpm if judged.fastest else 'it cannot start from standstill'
     yield Figure('Fastest', number(judged.fastest), 'rad/s', note)
 
 
@@ -259,7 +261,7 @@ def _times(margin: float) -> str:
 
 
 def motor_line(sheet: DataSheet) -> str:
-    """Return in a line whether the motor can turn it; '' where no motor is asked about."""
+    """Return the verdict on the motor in a line; '' without a motor."""
     if sheet.motor is None:
         return ''
     speed = f'{number(abs(sheet.speed))} rad/s'
@@ -275,7 +277,7 @@ def motor_line(sheet: DataSheet) -> str:
 
 
 def walk_figures(sheet: DataSheet) -> Iterator[Figure]:
-    """Yield what a walker does over a turn of its cranks, on level ground."""
+    """Yield the figures of a walker over a turn of its cranks, on level ground."""
     walk = sheet.walk
     if walk is None:
         return
@@ -283,25 +285,25 @@ def walk_figures(sheet: DataSheet) -> Iterator[Figure]:
         'Speed', number(abs(walk.speed * sheet.speed)), 'm/s', 'straight on, cranks alike'
     )
     yield Figure('Stride', millimetres(walk.stride), 'mm', 'a turn of the cranks')
-    note = 'the centre of mass inside the feet; negative is outside'
+    note = 'of the centre of mass in the support polygon; negative is outside'
     yield Figure('Least static margin', millimetres(walk.least_margin), 'mm', note)
-    yield Figure('Rests on its feet', f'{100.0 * walk.rests:.1f}', '%', 'of the turn')
+    yield Figure('Statically stable', f'{100.0 * walk.rests:.1f}', '%', 'of the turn')
     if walk.rests:
-        yield Figure('Bob', millimetres(walk.bob), 'mm', 'the body up and down')
+        yield Figure('Height variation', millimetres(walk.bob), 'mm', 'of the body')
         yield Figure('Pitch', degree(walk.greatest_pitch, 2), 'deg', 'at most')
         yield Figure('Roll', degree(walk.greatest_roll, 2), 'deg', 'at most')
-    yield Figure('Feet slide', millimetres(walk.slid), 'mm', 'a turn, by the weight on them')
+    yield Figure('Foot slip', millimetres(walk.slid), 'mm', 'a turn, weighted by load')
 
 
 def supports(sheet: DataSheet) -> Table | None:
-    """Return the table of the groups of feet that a walker stands on."""
+    """Return the table of a walker's support patterns."""
     if sheet.walk is None:
         return None
     shares = sheet.walk.on()
     rows = [
-        (f'{100.0 * share:.1f}', str(len(feet)), ', '.join(feet) or 'it does not rest')
-        for feet, share in list(shares.items())[:MOST_GROUPS]
+        (f'{100.0 * share:.1f}', str(len(feet)), ', '.join(feet) or 'unstable')
+        for feet, share in list(shares.items())[:MAX_PATTERNS]
     ]
     more = len(shares) - len(rows)
-    note = f'{counted(more, "group more", "groups more")}.' if more else ''
-    return Table('Supports', ('Part of the turn / %', 'Feet', 'Which'), tuple(rows), note)
+    note = f'{counted(more, "more pattern")}.' if more else ''
+    return Table('Supports', ('Part of the turn / %', 'Feet', 'Legs'), tuple(rows), note)

@@ -1,5 +1,6 @@
-"""A data sheet as JSON, for machines: SI units throughout, null for unknown or infinite values."""
+"""A data sheet as JSON: SI units throughout, null for unknown or infinite values."""
 
+from collections.abc import Sequence
 import json
 from typing import Any
 
@@ -8,33 +9,44 @@ from klann_ros.dynamics import TurnOfForces
 from klann_ros.kinematics import Stance
 from klann_ros.sanitize.outputs import finite
 
-from .motor import MotorVerdict
-from .sheet import (
-    BarFigures,
-    CrankSheet,
-    DataSheet,
-    Extreme,
-    JointForce,
-    LegForces,
-    LegSheet,
-    Transmission,
-)
+from .sheet import CrankSheet, DataSheet, Extreme, LegForces, LegSheet
 
-# Counts up when what stands in the report changes its meaning.
+# Increases when a key changes its meaning.
 VERSION = 1
+PATH_KEYS = ('x_range', 'y_range', 'stride', 'lift', 'length', 'area')
+STANCE_KEYS = (
+    'start',
+    'end',
+    'duty_factor',
+    'ground',
+    'ground_covered',
+    'deviation',
+    'straightness',
+    'ripple',
+)
+MOTOR_KEYS = (
+    'turns',
+    'faults',
+    'available',
+    'peak',
+    'peak_at',
+    'margin',
+    'braking_peak',
+    'braking_margin',
+    'motor_rms',
+    'thermal_margin',
+    'fastest',
+)
 
 
 def report(sheet: DataSheet) -> str:
-    """Return the data sheet as JSON; docs/describe.md has its keys."""
+    """Return the data sheet as JSON; docs/describe.md lists its keys."""
     content = {
         'version': VERSION,
         'klann_ros': __version__,
-        'name': sheet.name,
-        'source': sheet.source,
-        'speed': sheet.speed,
-        'load': sheet.load,
+        **_values(sheet, ('name', 'source', 'speed', 'load')),
         'no_forces': sheet.no_forces or None,
-        'legs': [_leg(leg, sheet) for leg in sheet.legs],
+        'legs': [_leg(leg, sheet.speed) for leg in sheet.legs],
         'cranks': [_crank(crank) for crank in sheet.cranks],
         'motor_turns': sheet.motor_turns if sheet.motor else None,
         'walk': _walk(sheet),
@@ -42,29 +54,44 @@ def report(sheet: DataSheet) -> str:
     return json.dumps(finite(content), indent=1, allow_nan=False) + '\n'
 
 
-def _leg(leg: LegSheet, sheet: DataSheet) -> dict[str, Any]:
+def _values(of: Any, names: Sequence[str]) -> dict[str, Any]:
+    return {name: getattr(of, name) for name in names}
+
+
+def _leg(leg: LegSheet, speed: float) -> dict[str, Any]:
     linkage = leg.linkage
     return {
         'names': list(leg.names),
         'linkage': linkage.name,
         'source': linkage.source,
         'foot': linkage.structure.foot,
-        'bars': [_bar(bar) for bar in leg.bars],
+        'bars': [
+            {
+                **_values(bar, ('name', 'unit', 'value')),
+                'least': bar.margin.least if bar.margin else None,
+                'greatest': bar.margin.greatest if bar.margin else None,
+            }
+            for bar in leg.bars
+        ],
         'no_margins': leg.no_margins or None,
         'turns_fully': leg.turns_fully,
-        'arcs': [list(arc) for arc in leg.arcs],
+        'arcs': leg.arcs,
         'path': _path(leg),
-        'stance': _stance(leg.stance, sheet.speed) if leg.stance else None,
+        'stance': _stance(leg.stance, speed) if leg.stance else None,
         'no_stance': leg.no_stance or None,
-        'transmission': [_transmission(each) for each in leg.transmission],
+        'transmission': [
+            {
+                'name': each.name,
+                'least': _extreme(each.least),
+                'greatest': _extreme(each.greatest),
+                'from_in_line': _extreme(each.worst),
+                'angle': each.angles.tolist(),
+            }
+            for each in leg.transmission
+        ],
         'mass': leg.mass if leg.masses else None,
         'masses': [
-            {
-                'body': body.name,
-                'mass': body.mass,
-                'centre': list(body.centre),
-                'inertia': body.inertia,
-            }
+            {'body': body.name, **_values(body, ('mass', 'centre', 'inertia'))}
             for body in leg.masses
         ],
         'crank_angle': leg.alphas.tolist(),
@@ -73,46 +100,18 @@ def _leg(leg: LegSheet, sheet: DataSheet) -> dict[str, Any]:
     }
 
 
-def _bar(bar: BarFigures) -> dict[str, Any]:
-    ends = (bar.margin.least, bar.margin.greatest) if bar.margin else (None, None)
-    return {
-        'name': bar.name,
-        'unit': bar.unit,
-        'value': bar.value,
-        'least': ends[0],
-        'greatest': ends[1],
-    }
-
-
 def _path(leg: LegSheet) -> dict[str, Any] | None:
     if leg.path is None:
         return None
-    foot = leg.points[:, leg.linkage.foot]
-    return {
-        'x_range': list(leg.path.x_range),
-        'y_range': list(leg.path.y_range),
-        'stride': leg.path.stride,
-        'lift': leg.path.lift,
-        'length': leg.path.length,
-        'area': leg.path.area,
-        'x': foot[:, 0].tolist(),
-        'y': foot[:, 1].tolist(),
-    }
+    x, y = leg.points[:, leg.linkage.foot].T.tolist()
+    return {**_values(leg.path, PATH_KEYS), 'x': x, 'y': y}
 
 
 def _stance(stance: Stance, speed: float) -> dict[str, Any]:
+    per_turn = _values(stance, ('speed_mean', 'speed_least', 'speed_greatest'))
     return {
-        'start': stance.start,
-        'end': stance.end,
-        'duty_factor': stance.duty_factor,
-        'ground': stance.ground,
-        'ground_covered': stance.ground_covered,
-        'deviation': stance.deviation,
-        'straightness': stance.straightness,
-        'speed_mean': stance.speed_mean * abs(speed),
-        'speed_least': stance.speed_least * abs(speed),
-        'speed_greatest': stance.speed_greatest * abs(speed),
-        'ripple': stance.ripple,
+        **_values(stance, STANCE_KEYS),
+        **{name: value * abs(speed) for name, value in per_turn.items()},
         'body_speed': stance.speed(speed),
     }
 
@@ -121,38 +120,27 @@ def _extreme(extreme: Extreme | None) -> dict[str, float] | None:
     return None if extreme is None else extreme._asdict()
 
 
-def _transmission(each: Transmission) -> dict[str, Any]:
-    return {
-        'name': each.name,
-        'least': _extreme(each.least),
-        'greatest': _extreme(each.greatest),
-        'from_in_line': _extreme(each.worst),
-        'angle': each.angles.tolist(),
-    }
-
-
 def _forces(forces: LegForces | None) -> dict[str, Any] | None:
     if forces is None:
         return None
-    return {'torque': forces.torque.tolist(), 'joints': [_joint(each) for each in forces.joints]}
-
-
-def _joint(joint: JointForce) -> dict[str, Any]:
-    return {
-        'name': joint.name,
-        'greatest': _extreme(joint.greatest),
-        'moment': _extreme(joint.moment),
-        'force': joint.force.tolist(),
-    }
+    joints = [
+        {
+            'name': joint.name,
+            'greatest': _extreme(joint.greatest),
+            'moment': _extreme(joint.moment),
+            'force': joint.force.tolist(),
+        }
+        for joint in forces.joints
+    ]
+    return {'torque': forces.torque.tolist(), 'joints': joints}
 
 
 def _crank(crank: CrankSheet) -> dict[str, Any]:
     return {
-        'joint': crank.joint,
-        'legs': list(crank.legs),
+        **_values(crank, ('joint', 'legs')),
         'empty': _turn(crank.empty),
         'loaded': _turn(crank.loaded),
-        'motor': _motor(crank.motor),
+        'motor': _values(crank.motor, MOTOR_KEYS) if crank.motor else None,
     }
 
 
@@ -174,38 +162,19 @@ def _turn(turn: TurnOfForces | None) -> dict[str, Any] | None:
     }
 
 
-def _motor(judged: MotorVerdict | None) -> dict[str, Any] | None:
-    if judged is None:
-        return None
-    return {
-        'turns': judged.turns,
-        'faults': list(judged.faults),
-        'available': judged.available,
-        'peak': judged.peak,
-        'peak_at': judged.peak_at,
-        'margin': judged.margin,
-        'braking_peak': judged.braking_peak,
-        'braking_margin': judged.braking_margin,
-        'motor_rms': judged.motor_rms,
-        'thermal_margin': judged.thermal_margin,
-        'fastest': judged.fastest,
-    }
-
-
 def _walk(sheet: DataSheet) -> dict[str, Any] | None:
     walk = sheet.walk
     if walk is None:
         return {'no_walk': sheet.no_walk} if sheet.no_walk else None
-    rests = walk.rests > 0.0
+    is_stable = walk.rests > 0.0
     return {
         'speed': walk.speed * sheet.speed,
-        'stride': walk.stride,
-        'least_margin': walk.least_margin,
-        'rests': walk.rests,
+        **_values(walk, ('stride', 'least_margin')),
+        'stable_fraction': walk.rests,
         'warnings': walk.warnings,
-        'bob': walk.bob if rests else None,
-        'pitch': walk.greatest_pitch if rests else None,
-        'roll': walk.greatest_roll if rests else None,
-        'slid': walk.slid,
-        'supports': [{'legs': list(feet), 'part': part} for feet, part in walk.on().items()],
+        'height_variation': walk.bob if is_stable else None,
+        'pitch': walk.greatest_pitch if is_stable else None,
+        'roll': walk.greatest_roll if is_stable else None,
+        'foot_slip': walk.slid,
+        'supports': [{'legs': feet, 'fraction': part} for feet, part in walk.on().items()],
     }

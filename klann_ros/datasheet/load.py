@@ -1,4 +1,4 @@
-"""What a crank takes over its turn, at any constant speed: of one leg, or of several."""
+"""The torque of a crank over its turn at any constant speed, for one leg or several."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -6,17 +6,16 @@ from typing import NamedTuple
 from klann_ros.dynamics import Dynamics, TurnOfForces
 from klann_ros.kinematics import Stance
 from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import BoolArray, FloatArray
 from klann_ros.robot import RobotLeg
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 # From a step of the load to the samples on both sides of it [rad].
 EDGE_OFFSET = 1e-9
 # An extreme within this part of a curve's range from its greatest or least value is refined, by
 # this number of samples between its neighbours.
 EXTREME_PART, EXTREME_SAMPLES = 0.02, 15
-Forces = dict[str, tuple[float, float]]
+FootForces = dict[str, tuple[float, float]]
 
 
 class CrankLoad(NamedTuple):
@@ -28,50 +27,68 @@ class CrankLoad(NamedTuple):
     angles : numpy.ndarray, shape (k,)
         Of the joint over a turn, ascending, in [0, 2 pi) [rad].
     still : numpy.ndarray, shape (k,)
-        G: by weight, springs and the load on the foot [N m].
+        G: of weight, springs and the load on the foot [N m].
     per_speed_squared : numpy.ndarray, shape (k,)
-        S: by inertia [N m s^2].
+        S: of inertia [N m s^2].
 
     """
 
-    angles: Array
-    still: Array
-    per_speed_squared: Array
+    angles: FloatArray
+    still: FloatArray
+    per_speed_squared: FloatArray
 
-    def torque(self, speed: float) -> Array:
+    def torque(self, speed: float) -> FloatArray:
         """Return the torque at a speed [rad/s], shape (k,) [N m]."""
         return np.asarray(self.still + self.per_speed_squared * speed**2)
 
     def turn(self, speed: float) -> TurnOfForces:
-        """Return what a turn at a speed [rad/s] takes."""
+        """Return the forces of a turn at a speed [rad/s]."""
         return TurnOfForces(self.angles, float(speed), self.torque(speed))
 
 
-def on_the_ground(stance: Stance, alphas: Array) -> NDArray[np.bool_]:
-    """Return the crank angles with the foot on the ground, shape (k,) [rad]."""
-    since: NDArray[np.bool_] = (alphas - stance.start) % TURN <= stance.end - stance.start
-    return since
+class LoadedLeg(NamedTuple):
+    """A leg on a joint, with its dynamics and its stance."""
+
+    leg: RobotLeg
+    dynamics: Dynamics
+    stance: Stance | None
+
+    @property
+    def edges(self) -> list[float]:
+        """Return the joint angles of the start and the end of the stance [rad]."""
+        alphas = (self.stance.start, self.stance.end) if self.stance else ()
+        return [self.leg.direction * (alpha - self.leg.phase) for alpha in alphas]
 
 
-def foot_load(linkage_foot: str, stance: Stance, alphas: Array, load: float) -> Forces:
-    """Return the force of the ground on a foot that stands: up, along y of the leg's plane [N]."""
+def on_the_ground(stance: Stance, alphas: FloatArray) -> BoolArray:
+    """Return whether the foot is on the ground at crank angles [rad], shape (k,)."""
+    stands: BoolArray = (alphas - stance.start) % TURN <= stance.end - stance.start
+    return stands
+
+
+def foot_load(
+    foot: str, stance: Stance | None, alphas: FloatArray, load: float
+) -> FootForces | None:
+    """Return the ground reaction of a foot in stance, up along y of the leg's plane [N]."""
+    if not load or stance is None:
+        return None
     up = np.where(on_the_ground(stance, alphas), load, 0.0)
-    # Annotated as one number, and taken as an array as well.
-    return {linkage_foot: (0.0, up)}  # type: ignore[dict-item]
+    # Annotated as one number, but an array is accepted as well.
+    return {foot: (0.0, up)}  # type: ignore[dict-item]
 
 
-def turn_angles(samples: int, edges: Iterable[float] = ()) -> Array:
+def turn_angles(samples: int, edges: Iterable[float] = ()) -> FloatArray:
     """
-    Return the sampled angles of a turn: even from 0 on, and both sides of edges, ascending [rad].
+    Return sampled angles of a turn, ascending [rad]: uniform from 0, and both sides of edges.
 
-    Edges are where the load steps: a curve may have its peak there.
+    The load steps at an edge, so a curve may have its peak there.
     """
-    even = TURN * np.arange(samples) / samples
+    uniform = TURN * np.arange(samples) / samples
     sides = [(edge + side) % TURN for edge in edges for side in (-EDGE_OFFSET, EDGE_OFFSET)]
-    return np.unique([*even, *sides])
+    return np.unique([*uniform, *sides])
 
 
-def with_extremes(angles: Array, curves: Iterable[Array]) -> Array:
+def with_extremes(angles: FloatArray, curves: Iterable[FloatArray]) -> FloatArray:
     """Return angles of a turn [rad] with more of them beside the extremes of curves."""
     padded = np.concatenate([[angles[-1] - TURN], angles, [angles[0] + TURN]])
     found = set()
@@ -85,47 +102,26 @@ def with_extremes(angles: Array, curves: Iterable[Array]) -> Array:
     return np.unique(np.concatenate([angles, *added]) % TURN)
 
 
-class Turned(NamedTuple):
-    """A leg that a joint turns, with its masses, its stance, and whether it turns fully."""
-
-    leg: RobotLeg
-    dynamics: Dynamics
-    stance: Stance | None
-    is_full: bool
-
-    @property
-    def edges(self) -> tuple[float, ...]:
-        """Return the joint angles of the start and the end of the stance [rad]."""
-        if self.stance is None:
-            return ()
-        alphas = self.stance.start, self.stance.end
-        return tuple(self.leg.direction * (alpha - self.leg.phase) for alpha in alphas)
-
-
-def crank_load(turned: Sequence[Turned], load: float, angles: Array) -> CrankLoad:
+def crank_load(legs: Sequence[LoadedLeg], load: float, angles: FloatArray) -> CrankLoad:
     """
-    Return what a joint takes that turns some legs, which all turn fully.
+    Return the load of a joint with some legs, which all turn fully.
 
     By virtual work a leg with alpha = direction * angle + phase adds direction times its torque.
 
     Parameters
     ----------
-    turned : sequence of Turned
+    legs : sequence of LoadedLeg
         The legs.
     load : float
-        On each foot that stands [N].
+        On each foot in stance [N].
     angles : numpy.ndarray, shape (k,)
         Of the joint [rad].
 
     """
     still, squared = np.zeros(angles.size), np.zeros(angles.size)
-    for leg, dynamics, stance, _ in turned:
+    for leg, dynamics, stance in legs:
         alphas = leg.crank_angles(angles)
-        forces = (
-            foot_load(leg.linkage.structure.foot, stance, alphas, load)
-            if load and stance
-            else None
-        )
+        forces = foot_load(leg.linkage.structure.foot, stance, alphas, load)
         at_rest = dynamics.crank_torque(alphas, 0.0, 0.0, forces)
         still += leg.direction * at_rest
         squared += leg.direction * (dynamics.crank_torque(alphas, 1.0, 0.0, forces) - at_rest)

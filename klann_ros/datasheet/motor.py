@@ -1,4 +1,4 @@
-"""A motor with its gear, from a file, and whether it can turn a crank."""
+"""A motor with its gear, read from a file, and whether it can turn a crank."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -12,23 +12,23 @@ import numpy as np
 
 from .load import CrankLoad
 
-# No motor that anybody builds is beyond it, in any of its numbers.
+# Upper limit of each number of a motor.
 MAX_VALUE = 1e9
 
 
 class MotorFileError(ValueError):
-    """A file that holds no motor; the text says why."""
+    """A file without a valid motor; the text says why."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motor:
     """
-    A direct-current motor with its gear: its torque falls evenly from standstill to no load.
+    A DC motor with its gear: its torque falls linearly from the stall torque to 0 at no load.
 
     Attributes
     ----------
     stall_torque : float
-        Of the motor, without its gear, at standstill [N m], > 0.
+        Of the motor, without its gear [N m], > 0.
     no_load_speed : float
         Of the motor, without its gear [rad/s], > 0.
     gear_ratio : float
@@ -36,7 +36,7 @@ class Motor:
     efficiency : float
         Of the gear, > 0 and <= 1.
     continuous_torque : float, optional
-        What the motor stands for ever without getting too warm [N m], > 0.
+        The motor's permissible rms torque in continuous operation [N m], > 0.
 
     """
 
@@ -55,21 +55,21 @@ class Motor:
 
     @property
     def output_stall_torque(self) -> float:
-        """Return what the gear gives at standstill [N m]."""
+        """Return the stall torque at the gear's output [N m]."""
         return self.stall_torque * self.gear_ratio * self.efficiency
 
     @property
     def output_no_load_speed(self) -> float:
-        """Return how fast the gear's output turns without load [rad/s]."""
+        """Return the no-load speed of the gear's output [rad/s]."""
         return self.no_load_speed / self.gear_ratio
 
     @property
     def holding_torque(self) -> float:
-        """Return what the motor's stall torque holds back at the output: losses help [N m]."""
+        """Return the largest braking torque at the output: losses of the gear help [N m]."""
         return self.stall_torque * self.gear_ratio / self.efficiency
 
     def torque(self, speed: float) -> float:
-        """Return what the output gives at a speed >= 0 [rad/s]; negative beyond no load [N m]."""
+        """Return the output torque at a speed >= 0 [rad/s]; negative beyond no load [N m]."""
         return self.output_stall_torque * (1.0 - speed / self.output_no_load_speed)
 
 
@@ -84,7 +84,7 @@ def motor_from_file(path: str) -> Motor:
     Raises
     ------
     MotorFileError
-        The file cannot be read, or holds no motor.
+        The file cannot be read, or has no valid motor.
 
     """
     shown = printable(path)
@@ -103,7 +103,7 @@ def motor_from(content: Any) -> Motor:
     Raises
     ------
     ValueError
-        It is no mapping, a number is missing, or is none, or a key is unknown.
+        It is not a mapping, a number is missing or invalid, or a key is unknown.
 
     """
     example = 'such as config/motor_example.yaml is'
@@ -147,18 +147,17 @@ class MotorVerdict:
     speed : float
         Of the crank, without its direction [rad/s].
     available : float
-        What the gear's output gives at this speed [N m].
+        Torque of the gear's output at this speed [N m].
     peak : float
-        The greatest torque against the crank's turning, 0 where there is none, infinite where it
-        is not known at an angle [N m].
+        Largest required driving torque, infinite if undefined at an angle [N m].
     peak_at : float
         The angle of the crank joint there [rad].
     braking_peak : float
-        The greatest torque that drives the crank on, and that the motor must hold back [N m].
+        Largest required braking torque [N m].
     motor_rms : float
-        The root of the mean square of the torque at the motor, losses of the gear included [N m].
+        Rms torque at the motor, losses of the gear included [N m].
     fastest : float
-        Up to this speed it can turn the crank at every speed [rad/s]; 0 where it cannot move it.
+        The largest speed that it reaches from standstill [rad/s]; 0 if it cannot start.
 
     """
 
@@ -173,12 +172,12 @@ class MotorVerdict:
 
     @property
     def margin(self) -> float:
-        """Return how many times the greatest torque it has; infinite where it needs none."""
+        """Return available over required peak torque; infinite if none is required."""
         return self.available / self.peak if self.peak else inf
 
     @property
     def braking_margin(self) -> float:
-        """Return how many times it can hold back what drives the crank on."""
+        """Return available over required braking torque; infinite if none is required."""
         return self.motor.holding_torque / self.braking_peak if self.braking_peak else inf
 
     @property
@@ -190,14 +189,14 @@ class MotorVerdict:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Return why it cannot turn the crank at this speed; empty where it can."""
+        """Return the reasons why it cannot turn the crank at this speed; empty if it can."""
         found = []
         if self.available <= 0.0:
             most = self.motor.output_no_load_speed
             found.append(f'even without load it turns no faster than {most:.4g} rad/s')
         elif self.peak == inf:
-            where = f'{degrees(self.peak_at):.1f} deg'
-            found.append(f'links are in line at {where}, where the torque is undefined')
+            angle = f'{degrees(self.peak_at):.1f} deg'
+            found.append(f'links are in line at {angle}, where the torque is undefined')
         elif self.margin < 1.0:
             found.append(f'it gives {self.available:.4g} N m where {self.peak:.4g} N m are needed')
         if self.braking_margin < 1.0:
@@ -209,34 +208,34 @@ class MotorVerdict:
         thermal = self.thermal_margin
         if thermal is not None and thermal < 1.0 and self.motor_rms < inf:
             found.append(
-                f'it gets too warm: {self.motor_rms:.4g} N m rms at the motor, which stands '
-                f'{self.motor.continuous_torque:.4g} N m for ever'
+                f'it overheats: {self.motor_rms:.4g} N m rms at the motor, whose continuous '
+                f'torque is {self.motor.continuous_torque:.4g} N m'
             )
         return tuple(found)
 
     @property
     def turns(self) -> bool:
-        """Return whether it can, for as long as one likes as far as that is known."""
+        """Return whether it can, continuously as far as that is known."""
         return not self.faults
 
 
 def verdict(motor: Motor, load: CrankLoad, speed: float) -> MotorVerdict:
     """
-    Return whether a motor can turn a crank at a speed, which it keeps all round the turn.
+    Return whether a motor can turn a crank at a constant speed.
 
     Parameters
     ----------
     motor : Motor
         With its gear.
     load : CrankLoad
-        What the crank takes.
+        The torque of the crank.
     speed : float
         Of the crank, negative for clockwise [rad/s].
 
     """
-    way = -1.0 if speed < 0.0 else 1.0
-    torque = way * load.torque(speed)
-    # At a change point links are in line, and no torque follows from the motion.
+    direction = -1.0 if speed < 0.0 else 1.0
+    torque = direction * load.torque(speed)
+    # Links in line at a change point leave the torque undefined.
     torque = np.where(np.isnan(torque), inf, torque)
     at_motor = np.where(torque > 0.0, torque / motor.efficiency, torque * motor.efficiency)
     worst = int(np.argmax(torque))
@@ -248,31 +247,31 @@ def verdict(motor: Motor, load: CrankLoad, speed: float) -> MotorVerdict:
         peak_at=float(load.angles[worst]),
         braking_peak=max(-float(torque.min()), 0.0),
         motor_rms=float(np.sqrt(turn_mean(load.angles, at_motor**2))) / motor.gear_ratio,
-        fastest=_fastest(motor, load, way),
+        fastest=_fastest(motor, load, direction),
     )
 
 
-def _fastest(motor: Motor, load: CrankLoad, way: float) -> float:
+def _fastest(motor: Motor, load: CrankLoad, direction: float) -> float:
     """
-    Return up to which speed w a motor has what all angles need, from standstill on [rad/s].
+    Return the speed w up to which a motor, from standstill, suffices at all angles [rad/s].
 
-    With the torque G + S w^2 an angle needs G + S w^2 <= M (1 - w / w_0) to be driven, and
-    -(G + S w^2) <= B to be held back: two parabolas, which are <= 0 up to their first root.
+    Driving the torque G + S w^2 needs G + S w^2 <= M (1 - w / w_0), braking -(G + S w^2) <= B:
+    two parabolas, which are <= 0 up to their first root.
     """
-    still, squared = way * load.still, way * load.per_speed_squared
-    stall, most = motor.output_stall_torque, motor.output_no_load_speed
+    still, squared = direction * load.still, direction * load.per_speed_squared
+    stall, no_load = motor.output_stall_torque, motor.output_no_load_speed
     if np.isnan(still).any():
         return 0.0
-    driven = _first_root(squared, np.full_like(still, stall / most), still - stall)
+    driven = _first_root(squared, np.full_like(still, stall / no_load), still - stall)
     held = _first_root(-squared, np.zeros_like(still), -still - motor.holding_torque)
-    return float(min(most, driven.min(), held.min()))
+    return float(min(no_load, driven.min(), held.min()))
 
 
 def _first_root(a: Any, b: Any, c: Any) -> Any:
-    """Return the least w >= 0 from which on a w^2 + b w + c > 0; b >= 0; inf if there is none."""
+    """Return the least w >= 0 from which on a w^2 + b w + c > 0; b >= 0; else infinity."""
     with np.errstate(divide='ignore', invalid='ignore'):
         root = np.sqrt(b * b - 4.0 * a * c)
-        # Without cancellation for b >= 0; it is NaN or negative where there is none.
+        # No cancellation for b >= 0; NaN or negative if there is no root.
         first = -2.0 * c / (b + root)
     first = np.where(np.isfinite(first) & (first >= 0.0), first, inf)
     return np.where(c > 0.0, 0.0, first)

@@ -6,17 +6,14 @@ from typing import NamedTuple
 from klann_ros.dynamics import TurnOfForces
 from klann_ros.kinematics import FootPath, Linkage, Margin, Stance
 from klann_ros.kinematics.angles import Arc
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.walker import GaitFigures
-import numpy as np
-from numpy.typing import NDArray
 
 from .motor import Motor, MotorVerdict
 
-Array = NDArray[np.float64]
-
 
 class SheetError(ValueError):
-    """A question that a robot does not answer; the text says why."""
+    """A data sheet that cannot be computed for a robot; the text says why."""
 
 
 class Extreme(NamedTuple):
@@ -29,7 +26,7 @@ class Extreme(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class BarFigures:
     """
-    A number of a linkage.
+    A dimension of a linkage.
 
     Attributes
     ----------
@@ -38,7 +35,7 @@ class BarFigures:
     value : float
         [m or rad].
     margin : Margin, optional
-        Within which the crank turns fully, all others unchanged; None where it is not known.
+        The range in which the crank turns fully, all others unchanged; None if unknown.
 
     """
 
@@ -56,18 +53,18 @@ class Transmission:
     Attributes
     ----------
     name : str
-        Of the two links, or of coupled loops.
+        The two links, or 'coupled loops'.
     angles : numpy.ndarray, shape (k,)
         At the leg's crank angles, in [0, pi] [rad].
     least, greatest : Extreme
         Of the angles [rad].
     worst : Extreme
-        The least min(mu, pi - mu): how near to in line the links come [rad].
+        The least min(mu, pi - mu), the distance from links in line [rad].
 
     """
 
     name: str
-    angles: Array
+    angles: FloatArray
     least: Extreme
     greatest: Extreme
     worst: Extreme
@@ -76,23 +73,23 @@ class Transmission:
 @dataclass(frozen=True, eq=False)
 class JointForce:
     """
-    What a joint carries over the turn.
+    The force of a joint over the turn.
 
     Attributes
     ----------
     name : str
-        A pin's point, or the body that slides.
+        A pin's point, or a sliding body.
     force : numpy.ndarray, shape (k,)
         Its magnitude at the leg's crank angles, on the body with the largest one [N].
     greatest : Extreme
         Of the force [N].
     moment : Extreme, optional
-        The largest magnitude of the moment on what slides [N m].
+        The largest magnitude of the moment on a sliding body [N m].
 
     """
 
     name: str
-    force: Array
+    force: FloatArray
     greatest: Extreme
     moment: Extreme | None = None
 
@@ -100,7 +97,7 @@ class JointForce:
 @dataclass(frozen=True, eq=False)
 class LegForces:
     """
-    What a leg takes at the speed of the sheet, without or with the load on its foot.
+    The forces of a leg at the sheet's speed, without or with the load on its foot.
 
     Attributes
     ----------
@@ -111,7 +108,7 @@ class LegForces:
 
     """
 
-    torque: Array
+    torque: FloatArray
     joints: tuple[JointForce, ...]
 
 
@@ -128,39 +125,39 @@ class BodyMassFigures:
 @dataclass(frozen=True, eq=False)
 class LegSheet:
     """
-    A leg, or several that are alike.
+    A leg, or several equal ones.
 
     Attributes
     ----------
     names : tuple of str
-        What they are called in the robot; '' for the only, unnamed one.
+        Their names; '' for the only, unnamed one.
     linkage : Linkage
-        Its bars.
+        The linkage.
     bars : tuple of BarFigures
-        Its numbers.
+        Its dimensions.
     no_margins : str
-        Why there are no margins; '' where there are.
+        The reason for missing margins, or ''.
     turns_fully : bool
         Whether its crank does.
     arcs : tuple of (float, float)
-        Where the crank can be [rad].
+        The reachable crank angles [rad].
     path : FootPath, optional
-        Of its foot.
+        The path of its foot.
     stance : Stance, optional
-        While the foot is on the ground.
+        The stance of its foot.
     no_stance : str
-        Why there is none; '' where there is one.
+        The reason for a missing stance, or ''.
     alphas : numpy.ndarray, shape (k,)
         Crank angles of all samples over the turn [rad].
     points : numpy.ndarray, shape (k, p, 2)
         The linkage's points there [m].
     transmission : tuple of Transmission
-        One for every dyad.
+        One for each dyad.
     masses : tuple of BodyMassFigures
-        Empty where the file tells none.
+        Empty without masses in the file.
     empty, loaded : LegForces, optional
-        Without and with the load on the standing foot. Without masses there is no `empty`, and
-        `loaded` is what the load alone takes.
+        Without and with the load on the foot in stance. Without masses there is no `empty`, and
+        `loaded` is of the load alone.
 
     """
 
@@ -173,8 +170,8 @@ class LegSheet:
     path: FootPath | None
     stance: Stance | None
     no_stance: str
-    alphas: Array
-    points: Array
+    alphas: FloatArray
+    points: FloatArray
     transmission: tuple[Transmission, ...]
     masses: tuple[BodyMassFigures, ...]
     empty: LegForces | None
@@ -192,14 +189,14 @@ class LegSheet:
 
     @property
     def title(self) -> str:
-        """Return the figure of a name."""
+        """Return the names of the legs in a line."""
         return ', '.join(self.names)
 
 
 @dataclass(frozen=True, eq=False)
 class CrankSheet:
     """
-    What turns legs: the joint of a crank.
+    The joint of a crank, which turns one leg or several.
 
     Attributes
     ----------
@@ -208,12 +205,11 @@ class CrankSheet:
     legs : tuple of str
         The legs that it turns.
     is_own : bool
-        Whether its angle is the crank angle of the only leg that it turns: no phase, no other
-        direction.
+        Whether its angle is the crank angle of its only leg: no phase, the same direction.
     empty, loaded : TurnOfForces, optional
-        Over the angles of the joint, without and with the load on each standing foot.
+        Over the angles of the joint, without and with the load on each foot in stance.
     motor : MotorVerdict, optional
-        Whether the motor can turn it; loaded, if there is a load.
+        Whether the motor can turn it, with the load if there is one.
 
     """
 
@@ -226,7 +222,7 @@ class CrankSheet:
 
     @property
     def hardest(self) -> TurnOfForces | None:
-        """Return what the motor is judged by."""
+        """Return the case by which the motor is judged."""
         return self.loaded or self.empty
 
 
@@ -242,19 +238,19 @@ class DataSheet:
     speed : float
         Of its cranks, negative for clockwise [rad/s].
     load : float
-        On each foot that stands [N].
+        On each foot in stance [N].
     legs : tuple of LegSheet
-        Each leg that is different once.
+        Each distinct leg once.
     cranks : tuple of CrankSheet
         The joints that turn them.
     motor : Motor, optional
         The motor of each of them.
     no_forces : str
-        Why there are no forces, or why not all; '' where there are.
+        The reason for missing forces, or ''.
     walk : GaitFigures, optional
-        What a walker does over a turn.
+        The gait of a walker over a turn.
     no_walk : str
-        Why it does not walk; '' where it does, and for a single leg.
+        The reason why a walker does not walk, or ''.
 
     """
 
@@ -271,11 +267,11 @@ class DataSheet:
 
     @property
     def is_single(self) -> bool:
-        """Return whether there is but one leg, whose crank angle is that of its joint."""
+        """Return whether there is a single leg, whose crank angle is that of its joint."""
         return len(self.cranks) == 1 and self.cranks[0].is_own
 
     @property
     def motor_turns(self) -> bool:
-        """Return whether the motor can turn every crank; True where no motor is asked about."""
+        """Return whether the motor can turn every crank; True without a motor."""
         verdicts = [crank.motor for crank in self.cranks]
         return self.motor is None or all(each is not None and each.turns for each in verdicts)

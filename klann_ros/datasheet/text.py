@@ -1,4 +1,4 @@
-"""A data sheet as text for a terminal, or for a pipe."""
+"""A data sheet as text."""
 
 from collections.abc import Iterable, Iterator
 from math import degrees
@@ -9,8 +9,8 @@ from . import figures
 from .figures import Figure, Table
 from .sheet import DataSheet, LegSheet
 
-# A longer name moves its own line only.
-_WIDEST = 40
+# A longer cell shifts its own line only [characters].
+MAX_COLUMN = 40
 
 
 def text(sheet: DataSheet) -> str:
@@ -29,8 +29,8 @@ def _lines(sheet: DataSheet) -> Iterator[str]:
         yield f'Forces: {sheet.no_forces}.'
     for leg in sheet.legs:
         yield from _leg(leg, sheet)
+    several = not sheet.is_single
     for crank in sheet.cranks:
-        several = not sheet.is_single
         title = figures.crank_title(crank)
         if crank.hardest is not None:
             turns = f', which turns {", ".join(crank.legs)}' if several and any(crank.legs) else ''
@@ -96,11 +96,13 @@ def _table(table: Table, title: str = '') -> Iterator[str]:
     yield from _heading(title or table.title)
     rows = [tuple(map(printable, row)) for row in (table.heads, *table.rows)]
     columns = list(zip(*rows, strict=True))
-    widths = [min(max(map(len, column)), _WIDEST) for column in columns]
-    # Words from the left, numbers from the right.
-    ways = ['<', *('>' if _is_number(column[-1]) else '<' for column in columns[1:])]
+    widths = [min(max(map(len, column)), MAX_COLUMN) for column in columns]
+    # Words are aligned left, numbers right.
+    alignments = ['<', *('>' if _is_number(column[-1]) else '<' for column in columns[1:])]
     for row in rows:
-        cells = [f'{cell:{way}{w}}' for cell, way, w in zip(row, ways, widths, strict=True)]
+        cells = [
+            f'{cell:{side}{w}}' for cell, side, w in zip(row, alignments, widths, strict=True)
+        ]
         yield f'  {"  ".join(cells)}'.rstrip()
     if table.note:
         yield f'  {printable_line(table.note)}'

@@ -9,7 +9,7 @@ from typing import Any
 from browser import find
 from hostile_leg import HOSTILE, LINKAGE
 from klann_ros.datasheet import data_sheet, DataSheet, motor_from_file
-from klann_ros.datasheet.html_page import page
+from klann_ros.datasheet.page import page
 from klann_ros.dynamics import rods
 from klann_ros.kinematics import KlannLeg
 from klann_ros.robot import Robot, robot_from_file, robot_of

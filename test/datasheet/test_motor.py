@@ -55,7 +55,7 @@ def test_the_other_way_round_it_needs_the_other_torque() -> None:
         ([2.0, 0.0], 10.5, None, 'no faster than 10 rad/s'),
         ([2.0, 0.0], 9.0, None, 'where 2 N m are needed'),
         ([2.0, -41.0], 5.0, None, 'cannot hold back 41 N m'),
-        ([2.0, 2.0], 5.0, 0.3, 'too warm'),
+        ([2.0, 2.0], 5.0, 0.3, 'overheats'),
     ],
 )
 def test_each_fault_is_told(

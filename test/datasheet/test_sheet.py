@@ -9,8 +9,8 @@ import re
 
 import klann_ros.datasheet
 from klann_ros.datasheet import data_sheet, DataSheet, Motor, SheetError
-from klann_ros.datasheet.html_page import page
 from klann_ros.datasheet.json_report import report
+from klann_ros.datasheet.page import page
 from klann_ros.dynamics import rods
 from klann_ros.kinematics import (
     foot_path,

@@ -1,31 +1,30 @@
-"""Charts over an angle as SVG that is there without scripts: on paper, and where they are off."""
+"""Charts over an angle as SVG, which need no scripts: on paper, and with scripts disabled."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import ceil, floor, log10, pi
+from math import ceil, degrees as to_degrees, floor, inf, isfinite, log10
 
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.web.markup import element, joined, Markup
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 WIDTH, HEIGHT = 420.0, 210.0
 LEFT, RIGHT, TOP, BOTTOM = 48.0, 8.0, 10.0, 34.0
-# Points of a line that are drawn.
+# Maximum number of points drawn of a line.
 _MAX_POINTS = 361
-# Between the labels of the horizontal axis [deg].
+# Steps between the labels of the horizontal axis [deg].
 _ANGLE_STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0)
 _LINE_COLOURS = 7
-# Samples that are nearer have a step between them [rad].
-_TICK_STEPS = 1e-6
+# A curve may step between samples within this distance [rad].
+_STEP_WIDTH = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class ChartLine:
-    """A line of a chart: its name, its values, and which of the page's colours it has."""
+    """A line of a chart: its name, its values, and the number of its colour."""
 
     name: str
-    values: Array
+    values: FloatArray
     colour: int = 0
     is_dashed: bool = False
 
@@ -35,13 +34,13 @@ class Chart:
     """
     A chart over an angle.
 
-    `spans` are angles [rad] that are shaded, `limits` are named values, each drawn as a line.
-    `moves` says whether the angle that the page shows is marked: that of the leg's own crank.
+    `spans` are shaded angles [rad], `limits` are named values, each drawn as a line. With `moves`
+    a cursor marks the crank angle of the animation.
     """
 
     title: str
     unit: str
-    angles: Array
+    angles: FloatArray
     lines: Sequence[ChartLine]
     text: str
     spans: Sequence[tuple[float, float]] = ()
@@ -50,7 +49,7 @@ class Chart:
     moves: bool = True
 
     def figure(self) -> Markup:
-        """Return it as an element, with title, legend and text."""
+        """Return its element, with title, legend and text."""
         return element(
             'figure',
             element('h3', f'{self.title} / {self.unit}'),
@@ -91,7 +90,7 @@ class Chart:
 
     @property
     def _reach(self) -> tuple[float, float]:
-        """Return the ends of the horizontal axis [deg]; a turn has its end, too."""
+        """Return the ends of the horizontal axis [deg]; a full turn ends at 360."""
         if not self.angles.size:
             return 0.0, 360.0
         ends = np.degrees([self.angles.min(), self.angles.max()])
@@ -105,7 +104,7 @@ class Chart:
         if not values.size:
             return 0.0, 1.0
         low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
-        # A motor's torque far beyond the load would flatten the curves.
+        # A limit far beyond the curves would flatten them.
         near = [value for _, value in self.limits if abs(value) < 2.0 * max(high, -low)]
         low, high = min([low, *near]), max([high, *near])
         return (low, high) if high > low else (0.0, 1.0)
@@ -114,18 +113,18 @@ class Chart:
         step = max(1, len(self.angles) // (_MAX_POINTS - 1))
         indices = np.unique(np.append(np.arange(0, len(self.angles), step), len(self.angles) - 1))
         # Both sides of a step are drawn.
-        before = np.flatnonzero(np.diff(self.angles) < _TICK_STEPS)
+        before = np.flatnonzero(np.diff(self.angles) < _STEP_WIDTH)
         indices = np.union1d(indices, [*before, *before + 1]).astype(int)
         degrees, values = np.degrees(self.angles)[indices].tolist(), line.values[indices].tolist()
         if self._reach == (0.0, 360.0):
             degrees, values = [*degrees, 360.0], [*values, values[0]]
         gap = 5.0 * (frame.x_1 - frame.x_0) / _MAX_POINTS
-        parts, last = [], None
+        parts, last = [], -inf
         for x, y in zip(degrees, values, strict=True):
-            if y - y != 0.0:
-                last = None
+            if not isfinite(y):
+                last = -inf
                 continue
-            pen = 'L' if last is not None and x - last < gap else 'M'
+            pen = 'L' if x - last < gap else 'M'
             parts.append(f'{pen}{frame.x(x):.1f} {frame.y(y):.1f}')
             last = x
         kind = f'curve colour-{line.colour % _LINE_COLOURS}{" dashed" * line.is_dashed}'
@@ -146,7 +145,7 @@ class Chart:
 
 @dataclass(frozen=True)
 class _Frame:
-    """Where angles [deg] and values are in the drawing."""
+    """The mapping of angles [deg] and values to the drawing."""
 
     x_0: float
     x_1: float
@@ -177,43 +176,27 @@ def angle_ticks(low: float, high: float) -> list[float]:
 
 
 def _shade(frame: _Frame, start: float, end: float) -> Markup:
-    """Return the shade over angles [rad], which may go on beyond the turn's end."""
-    a, b = 180.0 * start / pi, 180.0 * end / pi
-    parts = []
+    """Return the shade over angles [rad], which may extend beyond the turn."""
+    a, b = to_degrees(start), to_degrees(end)
+    height, parts = HEIGHT - TOP - BOTTOM, []
     for turn in (-360.0, 0.0, 360.0):
         left, right = max(a + turn, frame.x_0), min(b + turn, frame.x_1)
         if left < right:
-            width = frame.x(right) - frame.x(left)
-            top, height = TOP, HEIGHT - TOP - BOTTOM
-            parts.append(_box(frame.x(left), top, width, height))
+            x, width = frame.x(left), frame.x(right) - frame.x(left)
+            box = {'x': f'{x:.1f}', 'y': f'{TOP:.1f}', 'width': f'{width:.1f}'}
+            parts.append(element('rect', **box, height=f'{height:.1f}', class_='span'))
     return joined(parts)
-
-
-def _box(x: float, y: float, width: float, height: float) -> Markup:
-    return element(
-        'rect',
-        x=f'{x:.1f}',
-        y=f'{y:.1f}',
-        width=f'{width:.1f}',
-        height=f'{height:.1f}',
-        class_='span',
-    )
 
 
 def _row(frame: _Frame, value: float, rows: Sequence[float]) -> Markup:
     y = frame.y(value)
     kind = 'grid zero' if value == 0.0 else 'grid'
-    label = tick_label(value, rows)
-    return joined(
-        [
-            element('path', d=f'M{LEFT} {y:.1f}H{WIDTH - RIGHT}', class_=kind),
-            _text(label, LEFT - 5.0, y + 3.5, 'end'),
-        ]
-    )
+    line = element('path', d=f'M{LEFT} {y:.1f}H{WIDTH - RIGHT}', class_=kind)
+    return joined([line, _text(tick_label(value, rows), LEFT - 5.0, y + 3.5, 'end')])
 
 
 def tick_label(value: float, rows: Sequence[float]) -> str:
-    """Return a label with as many digits as the steps between labels need."""
+    """Return a label with the digits that the steps between labels need."""
     step = rows[1] - rows[0]
     if not 1e-4 <= step < 1e5:
         return f'{value:.0e}' if value else '0'
@@ -222,12 +205,8 @@ def tick_label(value: float, rows: Sequence[float]) -> str:
 
 def _column(frame: _Frame, value: float) -> Markup:
     x = frame.x(value)
-    return joined(
-        [
-            element('path', d=f'M{x:.1f} {TOP}V{HEIGHT - BOTTOM}', class_='grid'),
-            _text(f'{value:g}', x, HEIGHT - BOTTOM + 13.0, 'middle'),
-        ]
-    )
+    line = element('path', d=f'M{x:.1f} {TOP}V{HEIGHT - BOTTOM}', class_='grid')
+    return joined([line, _text(f'{value:g}', x, HEIGHT - BOTTOM + 13.0, 'middle')])
 
 
 def _limit(frame: _Frame, value: float) -> Markup:
@@ -240,10 +219,8 @@ def _text(content: str, x: float, y: float, anchor: str) -> Markup:
 
 def _key(name: str, kind: str) -> Markup:
     shown = 'M1 4H25' if kind != 'span' else 'M1 0H25V8H1Z'
-    mark = element(
-        'svg', element('path', d=shown, class_=kind), viewBox='0 0 26 8', aria_hidden='true'
-    )
-    return element('span', mark, name)
+    path = element('path', d=shown, class_=kind)
+    return element('span', element('svg', path, viewBox='0 0 26 8', aria_hidden='true'), name)
 
 
 def grid(charts: Iterable[Chart]) -> Markup:
@@ -251,6 +228,6 @@ def grid(charts: Iterable[Chart]) -> Markup:
     figures = [chart.figure() for chart in charts]
     if not figures:
         return Markup()
-    # On a telephone they scroll, which keys must reach.
+    # They scroll on a small screen, so keys must reach them.
     group = {'tabindex': '0', 'role': 'group', 'aria_label': 'Charts'}
     return element('div', *figures, class_='charts', **group)

@@ -1,0 +1,315 @@
+"""A data sheet as one HTML page that opens offline."""
+
+from collections.abc import Iterable, Iterator
+from math import degrees
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from klann_ros.kinematics.angles import TURN
+from klann_ros.sanitize.text import printable
+from klann_ros.web.markup import element, joined, Markup, scrolling_table
+from klann_ros.web.parts import as_script, FRAME, Parts, SHARED, text
+from klann_ros.web.shape import leg_shape
+import numpy as np
+
+from . import figures
+from .chart import Chart, ChartLine, grid
+from .figures import cases, Figure, Table
+from .load import EDGE_OFFSET, on_the_ground
+from .sheet import CrankSheet, DataSheet, LegSheet
+
+_STATIC_FILES = Path(__file__).resolve().parent / 'static'
+PAGE_PARTS = Parts(
+    styles=(
+        *FRAME,
+        SHARED / 'drawing.css',
+        SHARED / 'tables.css',
+        _STATIC_FILES / 'sheet.css',
+    ),
+    # Each may use those before it.
+    scripts=(SHARED / 'theme.js', SHARED / 'drawing.js', _STATIC_FILES / 'sheet.js'),
+)
+# Poses of the animation over a turn.
+POSES = 360
+
+
+def page(sheet: DataSheet) -> str:
+    """Return the page of a data sheet."""
+    data = [_animation(leg, sheet.speed) for leg in sheet.legs]
+    several = not sheet.is_single
+    return Template(text(_STATIC_FILES / 'page.html')).substitute(
+        title=element('title', f'Data sheet of {printable(sheet.name)}'),
+        policy=PAGE_PARTS.policy(),
+        styles=PAGE_PARTS.style_elements(),
+        header=_header(sheet),
+        notes=_notes(sheet),
+        legs=joined(_leg(sheet, leg, number) for number, leg in enumerate(sheet.legs)),
+        cranks=joined(_crank(one, sheet) for one in sheet.cranks if several and one.hardest),
+        walking=_walking(sheet),
+        data=element('script', as_script(data), id='data', type='application/json'),
+        scripts=PAGE_PARTS.script_elements(),
+    )
+
+
+def _animation(leg: LegSheet, speed: float) -> dict[str, Any]:
+    """Return the data of the animation: a leg's shape, and its points at crank angles."""
+    known = np.asarray(np.isfinite(leg.points).all(axis=(1, 2)))
+    rows = np.arange(0, len(leg.alphas), max(1, len(leg.alphas) // POSES))
+    if leg.turns_fully:
+        # Uniform: the samples are denser at extremes.
+        uniform = np.linspace(0.0, TURN, POSES, endpoint=False) - EDGE_OFFSET
+        rows = np.unique(np.searchsorted(leg.alphas, uniform) % len(leg.alphas))
+    rows = rows[known[rows]]
+    stands = on_the_ground(leg.stance, leg.alphas) if leg.stance else np.zeros(known.shape, bool)
+    shape = leg_shape(leg.linkage)
+    names = [{**point, 'name': printable(point['name'], 12)} for point in shape['points']]
+    return {
+        'shape': {**shape, 'points': names},
+        'foot': leg.linkage.foot,
+        'isTurn': leg.turns_fully,
+        'isClockwise': speed < 0.0,
+        'angles': np.degrees(leg.alphas[rows]).round(4).tolist(),
+        'points': [
+            [[float(f'{metres:.6g}') for metres in point] for point in pose]
+            for pose in leg.points[rows]
+        ],
+        'stands': stands[rows].tolist(),
+    }
+
+
+def _header(sheet: DataSheet) -> Markup:
+    """Return the name, the conditions, and the verdict on the motor."""
+    source = element('strong', sheet.source, class_='path') if sheet.source else Markup()
+    about = element('p', element('span', figures.about(sheet)))
+    verdict = Markup()
+    if sheet.motor is not None:
+        good = sheet.motor_turns
+        claim = '✓ The motor can turn it' if good else '! The motor cannot turn it'
+        reason = figures.motor_line(sheet).partition(', ' if good else ': ')[2]
+        kind = f'verdict {"good" if good else "bad"}'
+        verdict = element('p', element('strong', claim), element('span', reason), class_=kind)
+    title = element('div', element('h1', sheet.name), element('p', source), about)
+    return element('header', title, verdict)
+
+
+def _notes(sheet: DataSheet) -> Markup:
+    """Return the reason for missing forces."""
+    if not sheet.no_forces:
+        return Markup()
+    mark = element('span', '!', class_='mark', aria_hidden='true')
+    note = element('div', element('strong', 'Forces'), f': {sheet.no_forces}.')
+    return element('section', element('ul', element('li', mark, note), class_='findings'))
+
+
+def _leg(sheet: DataSheet, leg: LegSheet, number: int) -> Markup:
+    """Return the section of a leg, with the crank's charts beside a single one."""
+    own = [*_leg_charts(leg)]
+    crank = [*_crank_charts(sheet.cranks[0], sheet, leg)] if sheet.is_single else []
+    beside, below = (crank, own) if crank else (own, [])
+    motors = [_table(_motor(c)) for c in sheet.cranks if sheet.is_single and c.motor]
+    charts = {'tabindex': '0', 'role': 'group', 'aria_label': 'Charts'}
+    return element(
+        'section',
+        element(
+            'h2', f'{"Legs" if leg.names[1:] else "Leg"} {leg.title}' if leg.title else 'Motion'
+        ),
+        element('dl', *map(_tile, figures.foot_figures(leg, sheet.speed)), class_='tiles'),
+        _quiet(leg.no_stance),
+        _quiet(_about(leg)),
+        element(
+            'div',
+            element('div', _drawing(leg, number), *motors, class_='beside'),
+            element('div', *(chart.figure() for chart in beside[:2]), class_='beside', **charts),
+            class_='stage',
+        ),
+        grid([*beside[2:], *below]),
+        element('div', *map(_table, _tables(sheet, leg)), class_='tables'),
+    )
+
+
+def _about(leg: LegSheet) -> str:
+    linkage = leg.linkage
+    known = ': '.join(filter(None, (linkage.name, linkage.source)))
+    turns = 'the crank turns fully'
+    if not leg.turns_fully:
+        arcs = ', '.join(f'{degrees(a):.3f} to {degrees(b):.3f}' for a, b in leg.arcs)
+        turns = f'the crank does not turn fully; it reaches {arcs or "nothing"} deg'
+    return '; '.join(filter(None, (known, turns)))
+
+
+def _quiet(text: str) -> Markup:
+    return element('p', f'{text[:1].upper()}{text[1:]}.', class_='quiet') if text else Markup()
+
+
+def _tile(figure: Figure) -> Markup:
+    value = element('b', figure.value, element('small', f' {figure.unit}'))
+    content = element('dd', value, element('span', figure.note))
+    return element('div', element('dt', figure.name), content)
+
+
+def _drawing(leg: LegSheet, number: int) -> Markup:
+    foot = leg.linkage.structure.foot
+    text = f'The leg, and the path of its foot {foot}; thick where it is on the ground.'
+    scale = {'type': 'range', 'min': '0', 'max': '1', 'step': 'any', 'value': '0'}
+    controls = element(
+        'div',
+        element('button', 'Play', type='button', class_='play'),
+        element('input', **scale, aria_label='Crank angle', class_='angle'),
+        element('output', class_='at'),
+        class_='controls',
+    )
+    return element(
+        'figure',
+        element('svg', role='img', aria_label=text, class_='drawing'),
+        element('figcaption', text),
+        controls,
+        class_='card leg-view',
+        data_leg=str(number),
+    )
+
+
+def _leg_charts(leg: LegSheet) -> Iterator[Chart]:
+    spans = _spans(leg)
+    if leg.transmission:
+        lines = [
+            ChartLine(each.name, np.degrees(each.angles), number, is_dashed=number > 0)
+            for number, each in enumerate(leg.transmission)
+        ]
+        text = 'How well the links push each other: 90 deg is best, 0 and 180 deg are in line.'
+        limits = [('40 and 140 deg', 40.0), ('', 140.0)]
+        yield Chart('Transmission angles', 'deg', leg.alphas, lines, text, spans, limits)
+    for name, forces in cases(leg)[-1:]:
+        lines = [
+            ChartLine(joint.name, joint.force, number, is_dashed=number % 2 > 0)
+            for number, joint in enumerate(forces.joints)
+        ]
+        text = f'The magnitude of the force in each joint, {name}.'
+        yield Chart('Joint reactions', 'N', leg.alphas, lines, text, spans)
+
+
+def _spans(leg: LegSheet) -> list[tuple[float, float]]:
+    return [(leg.stance.start, leg.stance.end)] if leg.stance else []
+
+
+def _crank_charts(crank: CrankSheet, sheet: DataSheet, leg: LegSheet | None) -> Iterator[Chart]:
+    columns = cases(crank)
+    if not columns:
+        return
+    direction = -1.0 if sheet.speed < 0.0 else 1.0
+    limits = [('the motor gives', direction * crank.motor.available)] if crank.motor else []
+    for title, unit, values, caption, marks in (
+        (
+            'Torque at the crank',
+            'N m',
+            [turn.torque for _, turn in columns],
+            'The torque for a constant speed, counter-clockwise positive.',
+            limits,
+        ),
+        (
+            'Power at the crank',
+            'W',
+            [turn.power for _, turn in columns],
+            'Negative where the leg drives the motor.',
+            [],
+        ),
+    ):
+        lines = [
+            ChartLine(name, curve, number, is_dashed=name == 'empty' and len(columns) > 1)
+            for number, ((name, _), curve) in enumerate(zip(columns, values, strict=True))
+        ]
+        yield Chart(
+            title,
+            unit,
+            columns[0][1].alphas,
+            lines,
+            caption,
+            spans=_spans(leg) if leg else [],
+            limits=marks,
+            axis='crank angle / deg' if leg else f'angle of {crank.joint} / deg',
+            moves=leg is not None,
+        )
+
+
+def _tables(sheet: DataSheet, leg: LegSheet) -> Iterator[Table]:
+    if sheet.is_single:
+        yield from _crank_tables(sheet.cranks, sheet)
+    yield figures.bars(leg)
+    if leg.transmission:
+        yield figures.transmission(leg)
+    if leg.cases:
+        yield figures.joint_forces(leg)
+    if leg.masses:
+        yield figures.masses(leg)
+
+
+def _crank_tables(cranks: Iterable[CrankSheet], sheet: DataSheet) -> Iterator[Table]:
+    for crank in cranks:
+        if crank.motor is not None and not sheet.is_single:
+            yield _motor(crank)
+        if crank.hardest is not None:
+            yield figures.crank_forces(crank, sheet.speed)
+
+
+def _motor(crank: CrankSheet) -> Table:
+    rows = [
+        (each.name, f'{each.value} {each.unit}'.rstrip(), each.note)
+        for each in figures.motor_figures(crank)
+    ]
+    return Table('Motor', ('Figure', 'Value', 'Remark'), tuple(rows))
+
+
+def _crank(crank: CrankSheet, sheet: DataSheet) -> Markup:
+    """Return the section of a walker's crank."""
+    return element(
+        'section',
+        element('h2', figures.crank_title(crank)),
+        _quiet(f'it turns {", ".join(crank.legs)}' if any(crank.legs) else ''),
+        grid(_crank_charts(crank, sheet, None)),
+        element('div', *map(_table, _crank_tables([crank], sheet)), class_='tables'),
+    )
+
+
+def _walking(sheet: DataSheet) -> Markup:
+    """Return the section of a walker's gait."""
+    if sheet.no_walk:
+        return element('section', element('h2', 'Walking'), _quiet(sheet.no_walk))
+    walk, table = sheet.walk, figures.supports(sheet)
+    if walk is None or table is None:
+        return Markup()
+    curves = [
+        (
+            'Static margin',
+            ChartLine('margin', 1e3 * walk.margin),
+            'The centre of mass in the support polygon; negative is outside.',
+        )
+    ]
+    if walk.rests:
+        height = ChartLine('above its mean', 1e3 * (walk.height - np.nanmean(walk.height)))
+        curves.append(('Height of the body', height, 'The height of the body from its mean.'))
+    charts = (
+        Chart(
+            title,
+            'mm',
+            walk.alphas,
+            [line],
+            text,
+            axis='rotation of the cranks / deg',
+            moves=False,
+        )
+        for title, line, text in curves
+    )
+    return element(
+        'section',
+        element('h2', 'Walking'),
+        *(element('p', f'Warning: {warning}.') for warning in walk.warnings),
+        element('dl', *map(_tile, figures.walk_figures(sheet)), class_='tiles'),
+        grid(charts),
+        element('div', _table(table), class_='tables'),
+    )
+
+
+def _table(table: Table) -> Markup:
+    note = element('p', table.note, class_='quiet') if table.note else Markup()
+    content = scrolling_table(table.title, table.heads, table.rows)
+    return element('div', element('h3', table.title), content, note)
