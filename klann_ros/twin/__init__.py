@@ -7,18 +7,16 @@ The twin of a robot in the physics engine MuJoCo; knows nothing of ROS.
 >>> '<velocity name="crank"' in model, '<site name="h"' in model
 (True, True)
 
-`robot_mjcf` writes a leg, hung up, or a walker on a floor as a model of the engine, which it does
-not need for that. `agreement` turns a leg in the engine and tells how far it agrees with its
-kinematics and forces. `Twin` is a robot of its own: motors that take speeds, sensors that are not
-perfect, and the truth. The engine is the extra `sim`; without it the user gets a
-NoMujocoError.
+`robot_mjcf` writes a suspended leg, or a walker on a floor, as a model of the engine; it does not
+need the engine. `agreement` compares a leg in the engine with its kinematics and forces. `Twin` is
+a simulated robot: motors with speed commands, noisy sensors, and the true state. The engine is
+the extra `sim`; without it these raise a NoMujocoError.
 """
 
 from .agreement import Agreement, agreement
-from .engine import NoMujocoError
 from .mjcf import Floor, robot_mjcf
 from .pace import Pace, RealTimeFactor
-from .parts import Imu, Motors, Sensors, SimulatedCrank, Truth, TwinError
+from .parts import Imu, Motors, NoMujocoError, Sensors, SimulatedCrank, Truth, TwinError
 from .twin import DivergedError, Twin
 
 __all__ = [

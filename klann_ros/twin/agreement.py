@@ -1,4 +1,4 @@
-"""How far a leg in the physics engine agrees with its kinematics and its forces."""
+"""The agreement of a leg in the physics engine with its kinematics and its forces."""
 
 from collections.abc import Sequence
 from math import pi
@@ -6,22 +6,21 @@ from typing import Any, NamedTuple
 
 from klann_ros.dynamics import Dynamics, Reactions
 from klann_ros.kinematics import linkage_poses, LinkageLeg
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.linkage.structure import FIXED, GROUND
 from klann_ros.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
-from .engine import engine
-from .leg_tree import joint_rates, spanning_tree
+from .leg_model import joint_rates, spanning_tree
 from .mjcf import robot_mjcf
+from .parts import engine
 
-Array = NDArray[np.float64]
-# The first part of a turn is not looked at: the servo settles.
+# The part of a turn in which the servo settles; it is not compared.
 SETTLING_TURNS = 0.03
-# Forces below this part of the greatest are compared by that part of it.
-FAINT = 1e-2
-# Of an arc that is no full turn this part at each end is left out: there it comes to a stop.
-MARGIN = 0.25
+# Scale of the relative error of a small force, as a part of the largest.
+MIN_FORCE_SCALE = 1e-2
+# The part of an arc at each end that is left out: there the leg comes to a stop.
+ARC_MARGIN = 0.25
 
 
 class Agreement(NamedTuple):
@@ -54,7 +53,7 @@ def agreement(
     robot: Robot, rate: float, *, time_step: float = 2e-4, samples: int = 400
 ) -> Agreement:
     """
-    Turn a leg in the engine, and return how far it agrees with its kinematics and forces.
+    Turn a leg in the engine, and return its agreement with kinematics and forces.
 
     Parameters
     ----------
@@ -65,7 +64,7 @@ def agreement(
     time_step : float
         Of the engine [s].
     samples : int
-        In how many poses to compare, over a turn or what there is of it.
+        Number of compared poses over a turn, or over the arc.
 
     Raises
     ------
@@ -79,7 +78,7 @@ def agreement(
     (start, end), *_ = LinkageLeg(leg.linkage).reachable_arcs()
     is_full = end - start >= 2.0 * pi
     if not is_full:
-        start, end = start + MARGIN * (end - start), end - MARGIN * (end - start)
+        start, end = start + ARC_MARGIN * (end - start), end - ARC_MARGIN * (end - start)
     alpha = start if leg.direction * rate > 0.0 else end
     first = leg.direction * (alpha - leg.phase)
     turned = _Turned(robot, first, rate, time_step)
@@ -88,7 +87,7 @@ def agreement(
 
 
 class _Turned:
-    """A leg that the engine turns, and what it felt."""
+    """A leg turned by the engine, with the recorded motion and forces."""
 
     def __init__(self, robot: Robot, crank: float, rate: float, time_step: float) -> None:
         self._mujoco, (leg,) = engine(), robot.legs
@@ -109,7 +108,7 @@ class _Turned:
         self._forces: list[dict[tuple[str, str], complex]] = []
 
     def run(self, duration: float, samples: int) -> None:
-        """Let the engine turn it."""
+        """Turn it, and record."""
         model, data = self._model, self._data
         steps = int(duration / model.opt.timestep)
         every = max(1, steps // samples)
@@ -131,7 +130,7 @@ class _Turned:
         names = {FIXED: GROUND, **dict(enumerate(structure.angles))}
         pins: dict[tuple[str, str], complex] = {}
 
-        def pull(point: str, on: int, by: int, force: Array) -> None:
+        def pull(point: str, on: int, by: int, force: FloatArray) -> None:
             flat = self._leg.mount.rotation.T @ force
             for body, sign in ((on, 1.0), (by, -1.0)):
                 own = point, names[body]
@@ -146,7 +145,7 @@ class _Turned:
         return pins
 
     def agreement(self, dynamics: Dynamics) -> Agreement:
-        """Return how far it agrees."""
+        """Return the differences from the computed leg."""
         joint, rates, changes, torques, *place = np.array(self._rows).T
         alphas, way = self._leg.crank_angles(joint), self._leg.direction
         feet = self._leg.mount.transform(linkage_poses(self._leg.linkage, alphas).h)
@@ -165,7 +164,7 @@ class _Turned:
 def _apart(forces: Sequence[dict[tuple[str, str], complex]], computed: Reactions) -> float:
     """Return the greatest rms difference of a pin's force, by the rms of it."""
     sizes = {own: _rms(np.abs(force)) for own, force in computed.pins.items()}
-    least = FAINT * max(sizes.values())
+    least = MIN_FORCE_SCALE * max(sizes.values())
     return max(
         _rms(np.abs(np.array([each[own] for each in forces]) - force)) / max(sizes[own], least)
         for own, force in computed.pins.items()

@@ -1,36 +1,106 @@
 """
-One leg in a model of the physics engine MuJoCo: bodies, sites, joints, loops, crank and springs.
+One leg in a MuJoCo model: a tree of bodies, with equalities that close its loops.
 
-It is written in one pose, in which all joints but the crank are at 0: so it starts closed to the
-last digit. Its bodies hang in `leg_plane`, whose x and y are the linkage's own.
+Each body is attached at a point that it shares with an earlier one, or slides along it; where two
+bodies lead to the same point otherwise, an equality closes the loop. In the pose in which a leg is
+written all joints but the crank are at 0, so it starts closed to the last digit. The bodies are in
+`leg_plane`, whose x and y are the linkage's own.
 """
 
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
 from klann_ros.dynamics import Dynamics, MassError
 from klann_ros.dynamics.masses import Spring
-from klann_ros.kinematics import LinkageLeg
-from klann_ros.kinematics.linkage.structure import FIXED
+from klann_ros.dynamics.motion import body_motion
+from klann_ros.kinematics import Linkage, LinkageLeg
+from klann_ros.kinematics.linkage.structure import FIXED, Structure
 from klann_ros.robot import RobotLeg
+from klann_ros.sanitize.text import printable
 import numpy as np
 
-from .leg_tree import spanning_tree, TreeBody
-from .model_text import at, Names, number, SEPARATOR, touching
-
-# What weighs nothing would make its loop soft: it gets this part of the whole, and of its inertia.
-TINY = 1e-4
-# The engine knows no points: their inertia, as a part of their mass by the size squared.
-POINT = 1e-9
-LEAST_INERTIA = 1e-12
-# Bars are drawn so thick, as a part of the leg's size.
-BAR = 0.012
-# Among this many crank angles the leg's inertia at the crank is greatest and least.
+# Between the names of a leg and its joint: ros2_control and MoveIt refuse a slash.
+SEPARATOR = '_'
+# Mass of a massless body, as a part of the leg's: without one its loop would be soft.
+MIN_MASS_PART = 1e-4
+# Inertia of a point mass, as a part of its mass by the size squared, and the least of a body.
+POINT_INERTIA_PART, MIN_INERTIA = 1e-9, 1e-12
+# Thickness of drawn bars, as a part of the leg's size.
+BAR_THICKNESS = 0.012
+# Crank angles among which the leg's inertia at the crank is largest and least.
 INERTIA_SAMPLES = 181
 
 
+class TreeBody(NamedTuple):
+    """The place of a body in the tree."""
+
+    body: int
+    # Its parent, -1 for the ground.
+    parent: int
+    # Its point on the axis or the line.
+    point: str
+
+
+class Closing(NamedTuple):
+    """The closing of a loop: a point to which two bodies lead."""
+
+    point: str
+    # The two bodies, -1 being the ground; the second is constrained to the first.
+    first: int
+    body: int
+
+
+def spanning_tree(linkage: Linkage) -> tuple[list[TreeBody], list[Closing]]:
+    """Return the tree, each body after its parent, and the closings of the loops."""
+    structure = linkage.structure
+    visited: list[int] = [FIXED]
+    tree: list[TreeBody] = []
+    while len(tree) < len(structure.bodies):
+        tree.append(next(_next_bodies(structure, visited)))
+        visited.append(tree[-1].body)
+    joined = {(h.point, h.parent, h.body) for h in tree if not structure.bodies[h.body].slides}
+    closing = []
+    for point, every in structure.owners.items():
+        # One of its bodies has the point; the others are attached or constrained to it.
+        first = next((h.parent for h in tree if h.point == point and h.parent in every), every[0])
+        closing += [
+            Closing(point, first, j)
+            for j in every
+            if j != first and (point, first, j) not in joined
+        ]
+    return tree, closing
+
+
+def joint_rates(linkage: Linkage, tree: Sequence[TreeBody], alpha: float) -> dict[int, float]:
+    """Return the rates of the tree's joints per crank rate [rad/rad, m/rad]."""
+    moving, leg = body_motion(linkage, alpha), LinkageLeg(linkage)
+    sliding = leg.velocity(leg.closed_form(alpha), 1.0).joints
+    rates = {}
+    for j, parent, _ in tree:
+        before = moving.rotation_1[parent, 0] if parent >= 0 else 0.0
+        turns = float(moving.rotation_1[j, 0] - before)
+        rates[j] = sliding[j] if linkage.structure.bodies[j].slides else turns
+    return rates
+
+
+def _next_bodies(structure: Structure, visited: list[int]) -> Iterator[TreeBody]:
+    for j, body in enumerate(structure.bodies):
+        along = structure.along[j]
+        if j in visited:
+            continue
+        if along is not None:
+            if along in visited:
+                yield TreeBody(j, along, body.points[0])
+            continue
+        for point in body.points:
+            parent = next((i for i in structure.owners[point] if i in visited), None)
+            if parent is not None:
+                yield TreeBody(j, parent, point)
+
+
 class Stiffness(NamedTuple):
-    """How stiff loops are closed: a violation r goes by r.. = -stiffness r - damping r. ."""
+    """The stiffness of constraints: a violation r follows r.. = -stiffness r - damping r. ."""
 
     # In 1/s^2.
     stiffness: float
@@ -39,13 +109,13 @@ class Stiffness(NamedTuple):
 
     @classmethod
     def critical(cls, stiffness: float) -> 'Stiffness':
-        """Return one that goes to 0 as fast as it can without overshooting."""
+        """Return the critically damped one."""
         return cls(stiffness, 2.0 * stiffness**0.5)
 
     @property
     def attributes(self) -> dict[str, str]:
         """Return the attributes of an equality; solimp is as hard as the engine allows."""
-        # The numbers are meant as they are where they are negative.
+        # Negative numbers are direct values.
         return {
             'solref': f'{number(-self.stiffness)} {number(-self.damping)}',
             'solimp': '0.9999 0.9999 0.001 0.5 2',
@@ -53,13 +123,13 @@ class Stiffness(NamedTuple):
 
 
 class Section(NamedTuple):
-    """Where a leg writes to, besides its plane."""
+    """The sections of a model that a leg writes to, besides its plane."""
 
     # The sections of the model.
     equality: Element
     tendon: Element
     # Returns a name that its kind ('body', 'joint', 'site') does not have yet.
-    unique: Names
+    unique: 'Names'
 
 
 class LegModel:
@@ -69,7 +139,7 @@ class LegModel:
     Parameters
     ----------
     leg : RobotLeg
-        Which leg.
+        The leg.
     dynamics : Dynamics
         The leg with its masses.
     crank : float
@@ -78,22 +148,22 @@ class LegModel:
     Attributes
     ----------
     crank_name : str
-        What its crank's joint is called in the model, once it is written.
+        The name of its crank's joint in the model, once it is written.
     mass : float
-        Of all of it [kg].
+        Of the whole leg [kg].
 
     Raises
     ------
     CrankAngleError, UnreachableError, LoopsOpenError
         The linkage does not close at this angle.
     MassError
-        It weighs nothing.
+        Its mass is 0.
 
     """
 
     def __init__(self, leg: RobotLeg, dynamics: Dynamics, crank: float) -> None:
         if not dynamics.masses.total > 0.0:
-            raise MassError(f'{leg.name or "the leg"} weighs nothing: it would move anyhow')
+            raise MassError(f'{leg.name or "the leg"} weighs nothing: its motion is undefined')
         self.leg, self._dynamics, self._crank = leg, dynamics, crank
         alpha = float(leg.crank_angles(crank))
         self._pose = LinkageLeg(leg.linkage).closed_form(alpha)
@@ -101,7 +171,7 @@ class LegModel:
         places = (complex(x, y) for x, y in self._pose.points)
         self._points = dict(zip(structure.points, places, strict=True))
         self._tree, self._closing = spanning_tree(leg.linkage)
-        # Where the bodies' frames are in this pose.
+        # The origins of the bodies' frames in this pose.
         self._origins = {h.body: self._points[h.point] for h in self._tree} | {FIXED: 0j}
         self._size = float(np.ptp(self._pose.points, axis=0).max())
         self.mass = dynamics.masses.total
@@ -112,11 +182,11 @@ class LegModel:
 
     @property
     def foot(self) -> complex:
-        """Return where the foot is in the plane [m]."""
+        """Return the foot's place in the plane [m]."""
         return self._points[self.leg.linkage.structure.foot]
 
     def inertias(self) -> tuple[float, float]:
-        """Return the least and the greatest inertia that the crank feels [kg m^2]."""
+        """Return the least and the greatest inertia at the crank [kg m^2]."""
         inertia, _ = self._dynamics.reduced_inertia(np.linspace(0.0, 2.0 * np.pi, INERTIA_SAMPLES))
         there = inertia[np.isfinite(inertia)]
         return float(there.min()), float(there.max())
@@ -132,13 +202,13 @@ class LegModel:
         plane : Element
             The body whose x and y are the linkage's.
         section : Section
-            Where all else goes.
+            The other sections.
         crank_name : str
-            What its crank's joint is called.
+            The name of its crank's joint.
         stiffness : Stiffness
-            Of what closes its loops.
+            Of the closings of its loops.
         rotor : float
-            The inertia of what drives its crank, at the crank [kg m^2].
+            The inertia of the crank's drive, at the crank [kg m^2].
 
         """
         self.crank_name = crank_name
@@ -162,7 +232,7 @@ class LegModel:
             self._spring(plane, section, spring)
 
     def foot_geom(self, radius: float, friction: float) -> None:
-        """Put a ball that touches the floor on the foot; the leg is written before."""
+        """Put a ball that touches the floor on the foot of a written leg."""
         if self._foot is None:
             raise AssertionError('the leg is written before')
         element, place = self._foot
@@ -173,7 +243,7 @@ class LegModel:
 
     @property
     def _radius(self) -> float:
-        return BAR * self._size / 2.0
+        return BAR_THICKNESS * self._size / 2.0
 
     def _body(
         self, parent: Element, section: Section, tree_body: TreeBody, rotor: float
@@ -203,9 +273,9 @@ class LegModel:
         turned = self._pose.vectors[own] if own != FIXED else 1.0 + 0j
         first = self._points[structure.bodies[j].points[0]]
         centre = first + complex(mass.centre * turned) - self._origins[j]
-        weight = mass.mass or TINY * self.mass
-        inertia = max(mass.inertia or POINT * weight * self._size**2, LEAST_INERTIA)
-        # A plate: what it has about the axes in its plane adds up to what it has about the other.
+        weight = mass.mass or MIN_MASS_PART * self.mass
+        inertia = max(mass.inertia or POINT_INERTIA_PART * weight * self._size**2, MIN_INERTIA)
+        # A plate: the moments about the axes in its plane add up to the one about its normal.
         flat = f'{number(inertia / 2.0)} {number(inertia / 2.0)} {number(inertia)}'
         SubElement(element, 'inertial', pos=at(centre), mass=number(weight), diaginertia=flat)
 
@@ -228,7 +298,7 @@ class LegModel:
         j, structure = tree_body.body, self.leg.linkage.structure
         body = structure.bodies[j]
         if j == 0:
-            # It stands where the joint does that turns the crank: alpha = direction q + phase.
+            # It has the angle q of its robot's joint: alpha = direction q + phase.
             sense = structure.senses[0] * self.leg.direction
             SubElement(
                 element, 'joint', name=self.crank_name, type='hinge', axis=f'0 0 {sense}',
@@ -260,3 +330,40 @@ class LegModel:
         name = section.unique('site', f'{self.leg.prefix}spring')
         SubElement(plane, 'site', name=name, pos=at(complex(*end)), size=number(self._radius))
         return name
+
+
+class Names:
+    """Names, unique for each kind of element, and valid in XML."""
+
+    def __init__(self) -> None:
+        self._taken = {('body', 'world')}
+
+    def __call__(self, kind: str, wanted: str) -> str:
+        """Return a name, with `_` appended until it is unique."""
+        name = printable(wanted)
+        while (kind, name) in self._taken:
+            name += '_'
+        self._taken.add((kind, name))
+        return name
+
+
+def touching(friction: float, *, floor: bool = False) -> dict[str, str]:
+    """Return the attributes of a geom that touches only the floor, or of the floor."""
+    own, other = ('1', '2') if floor else ('2', '1')
+    # Stiff contact: in a soft one the feet sink and creep, which shortens a walk.
+    return {
+        'contype': own,
+        'conaffinity': other,
+        'friction': f'{number(friction)} 0.005 0.0001',
+        'solref': '0.003 1',
+    }
+
+
+def at(place: complex) -> str:
+    """Return a place, or a direction, in a leg's plane."""
+    return f'{number(place.real)} {number(place.imag)} 0'
+
+
+def number(value: float) -> str:
+    """Return a number to the last digit."""
+    return repr(float(value) + 0.0).removesuffix('.0')

@@ -11,10 +11,9 @@ from klann_ros.kinematics import KinematicsError, LinkageLeg
 from klann_ros.robot import Robot, RobotLeg, WalkerBody
 import numpy as np
 
-from .leg_model import LegModel, Section, Stiffness
-from .model_text import Names, number, SEPARATOR, touching
+from .leg_model import LegModel, Names, number, Section, SEPARATOR, Stiffness, touching
 
-SLOPES = pi / 4.0
+MAX_SLOPE = pi / 4.0
 
 
 class Accuracy(NamedTuple):
@@ -22,22 +21,21 @@ class Accuracy(NamedTuple):
 
     # In seconds.
     time_step: float
-    # The engine's name of it.
+    # MuJoCo's name of the method.
     integrator: str
-    # The stiffness of what closes loops, by the time step squared.
+    # The stiffness of closed loops, by the time step squared.
     closing: float
-    # By which part of its error a crank's speed is corrected in a step.
+    # The part of a crank's speed error that a step corrects.
     servo: float
 
 
-# Of a leg: stiffer, what closes its loops would shake its crank, and softer, stray; a softer servo
-# would lag, and a stiffer one shake.
+# Of a leg: stiffer loops shake the crank, softer ones open; a softer servo lags, a stiffer shakes.
 SUSPENDED = Accuracy(2e-4, 'RK4', 0.01, 2.0)
-# Feet that touch down know no higher order; and a robot has to keep up with the time.
+# Contacts allow no higher order, and a robot must run in real time.
 WALKING = Accuracy(5e-4, 'implicitfast', 0.04, 0.5)
-# The rotor of a crank's drive has this multiple of the largest inertia that the crank of
-# its leg feels. A servo as stiff as it is stable, and no stiffer, then turns it evenly.
-ROTOR = 10.0
+# Inertia of a crank's drive, as a multiple of the largest one of its leg at the crank: then the
+# stiffest stable servo turns it evenly.
+ROTOR_RATIO = 10.0
 # The ball of a foot [m], and how far above the floor a walker begins [m].
 FOOT_RADIUS, GROUND_GAP = 0.004, 1e-4
 
@@ -45,14 +43,14 @@ FOOT_RADIUS, GROUND_GAP = 0.004, 1e-4
 @dataclass(frozen=True)
 class Floor:
     """
-    What a walker walks on.
+    The floor of a walker.
 
     Attributes
     ----------
     friction : float
-        Coulomb's, of feet and body on it, >= 0.
+        Coulomb friction of feet and body on it, >= 0.
     slope : float
-        By how much it rises along x, within +- pi/4 [rad].
+        Angle by which it rises along x, within +- pi/4 [rad].
 
     """
 
@@ -63,17 +61,17 @@ class Floor:
         """Refuse invalid floor data."""
         if not (isfinite(self.friction) and self.friction >= 0.0):
             raise ValueError(f'friction = {self.friction!r} is refused: it must be >= 0')
-        if not abs(self.slope) <= SLOPES:
-            msg = f'slope = {self.slope!r} rad is refused: it must be within +-{SLOPES:.3f}'
+        if not abs(self.slope) <= MAX_SLOPE:
+            msg = f'slope = {self.slope!r} rad is refused: it must be within +-{MAX_SLOPE:.3f}'
             raise ValueError(msg)
 
     @property
     def euler(self) -> str:
-        """Return how it is turned."""
+        """Return its Euler angles."""
         return f'0 {number(-self.slope)} 0'
 
     def above(self, height: float) -> str:
-        """Return the place so far above its origin [m]."""
+        """Return the place at a height above its origin [m]."""
         return f'{number(-height * sin(self.slope))} 0 {number(height * cos(self.slope))}'
 
 
@@ -97,7 +95,7 @@ def robot_mjcf(
     robot : Robot
         With masses.
     floor : Floor
-        What a walker walks on.
+        The floor of a walker.
     time_step : float
         Of the engine [s]; 0: 0.2 ms for a leg, 0.5 ms for a walker.
     crank : float, optional
@@ -107,9 +105,9 @@ def robot_mjcf(
     Raises
     ------
     MassError
-        The robot's file does not tell what all weighs.
+        The robot has no masses.
     UnreachableError, LoopsOpenError
-        A leg does not close at the angle where it starts.
+        A leg does not close at its initial angle.
     ValueError
         The time step is not > 0.
 
@@ -195,14 +193,14 @@ class _Model:
         return base
 
     def _on_joint(self, base: Element, section: Section, actuator: Element, joint: str) -> None:
-        """Write the legs that a joint turns, and what turns it."""
+        """Write the legs of a joint, and its actuator."""
         name = self._cranks[joint]
         step = self._accuracy.time_step
         stiffness = Stiffness.critical(self._accuracy.closing / step**2)
         turned, legs = 0.0, [leg for leg in self._legs if leg.leg.crank_joint == joint]
         for leg in legs:
             least, most = leg.inertias()
-            rotor = ROTOR * most
+            rotor = ROTOR_RATIO * most
             turned += least + rotor
             crank_name = name
             if leg is not legs[0]:

@@ -3,21 +3,21 @@
 from typing import NamedTuple
 
 # A larger delay is given up: time continues from there, without a burst [s].
-LONGEST_CATCH_UP = 0.2
+MAX_CATCH_UP = 0.2
 
 
 class Pace:
     """
-    Which ticks are due.
+    The ticks of a simulation in real time.
 
     Parameters
     ----------
     period : float
         Of simulated time between ticks [s].
     factor : float
-        How much faster simulated time goes than the world's.
+        Simulated time over wall time.
     now : float
-        The world's time at the start [s].
+        Wall time at the start [s].
 
     Attributes
     ----------
@@ -33,10 +33,10 @@ class Pace:
         self._since, self._done = now, 0
 
     def due(self, now: float) -> int:
-        """Return how many ticks are due [s]; they count as done."""
+        """Return the number of ticks due at a wall time [s]; they count as done."""
         late = now - self._begin - (self._ticks + 1) * self._between
-        if late > LONGEST_CATCH_UP:
-            # One is due now, the others never were.
+        if late > MAX_CATCH_UP:
+            # One tick is due now, the others are dropped.
             self._begin += late
             self.slipped += late
         count = max(0, int((now - self._begin) / self._between + 1e-6) - self._ticks)
@@ -45,7 +45,7 @@ class Pace:
         return count
 
     def factor(self, now: float) -> 'RealTimeFactor':
-        """Return how it has kept up since the last call."""
+        """Return the real-time factor since the last call."""
         elapsed = max(now - self._since, 1e-9)
         wanted = elapsed / self._between
         factor = RealTimeFactor(self._done * self._period / elapsed, self._done / wanted)
@@ -55,12 +55,12 @@ class Pace:
 
 class RealTimeFactor(NamedTuple):
     """
-    How simulated time has kept up.
+    The achieved real-time factor.
 
     Attributes
     ----------
     factor : float
-        Simulated time by the world's.
+        Simulated time over wall time.
     share : float
         Share of the requested steps that were done.
 

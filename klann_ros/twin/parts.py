@@ -1,20 +1,42 @@
-"""What a simulated robot is made of: motors and sensors, and what these read."""
+"""The motors and sensors of a simulated robot, their readings, and the engine itself."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from math import isfinite
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from klann_ros.sanitize.text import printable
 
 
 class TwinError(ValueError):
-    """What a twin cannot be made of, or do; the text says why."""
+    """An invalid simulated robot or command; the text says why."""
 
 
-def _must(condition: bool, name: str, value: float, what: str) -> None:
+class NoMujocoError(ImportError):
+    """The physics engine is not installed; the text says how to install it."""
+
+
+def engine() -> Any:
+    """
+    Return the module of the physics engine, imported when it is used.
+
+    Raises
+    ------
+    NoMujocoError
+        It is not installed.
+
+    """
+    try:
+        return import_module('mujoco')
+    except ImportError as error:
+        msg = "the physics engine is not installed: pip install 'klann_ros[sim]'"
+        raise NoMujocoError(msg) from error
+
+
+def _require(condition: bool, name: str, value: float, rule: str) -> None:
     if not condition:
-        raise TwinError(f'{name} = {value!r} is refused: it must be {what}')
+        raise TwinError(f'{name} = {value!r} is refused: it must be {rule}')
 
 
 @dataclass(frozen=True)
@@ -25,25 +47,25 @@ class Motors:
     Attributes
     ----------
     bandwidth : float
-        By 1 - 1/e of the difference in 1 / bandwidth [rad/s], > 0.
-    most : float
-        No crank turns faster, whatever is asked [rad/s], > 0.
+        Of the first-order response of the speed [rad/s], > 0.
+    max_velocity : float
+        Saturation of the speed [rad/s], > 0.
     factors : mapping of str to float
         Factor of a joint's speed; 1 by default.
 
     """
 
     bandwidth: float = 50.0
-    most: float = 20.0
+    max_velocity: float = 20.0
     factors: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse what turns nothing."""
-        for name in ('bandwidth', 'most'):
+        """Refuse invalid motors."""
+        for name in ('bandwidth', 'max_velocity'):
             value = getattr(self, name)
-            _must(isfinite(value) and value > 0.0, name, value, 'finite and > 0')
+            _require(isfinite(value) and value > 0.0, name, value, 'finite and > 0')
         for joint, factor in self.factors.items():
-            _must(isfinite(factor), f'factor of {printable(joint)}', factor, 'finite')
+            _require(isfinite(factor), f'factor of {printable(joint)}', factor, 'finite')
 
 
 @dataclass(frozen=True)
@@ -58,13 +80,13 @@ class Sensors:
     velocity_noise : float
         Of its rate [rad/s].
     encoder_offset : float
-        By which all encoders are wrong [rad].
+        Constant error of all encoders [rad].
     gyro_noise : float
         Of each component [rad/s].
     accelerometer_noise : float
         Of each component [m/s^2].
     accelerometer_offset : float
-        By which each component is wrong [m/s^2].
+        Constant error of each component [m/s^2].
     orientation_noise : float
         About each axis [rad].
 
@@ -82,9 +104,9 @@ class Sensors:
         """Refuse invalid noise."""
         for name, value in vars(self).items():
             if name.endswith('_offset'):
-                _must(isfinite(value), name, value, 'finite')
+                _require(isfinite(value), name, value, 'finite')
             else:
-                _must(isfinite(value) and value >= 0.0, name, value, 'finite and >= 0')
+                _require(isfinite(value) and value >= 0.0, name, value, 'finite and >= 0')
 
 
 class SimulatedCrank(NamedTuple):
@@ -96,7 +118,7 @@ class SimulatedCrank(NamedTuple):
 
 class Imu(NamedTuple):
     """
-    What an IMU in `base_link` reads.
+    The reading of an IMU in `base_link`.
 
     Attributes
     ----------
@@ -105,7 +127,7 @@ class Imu(NamedTuple):
     angular_velocity : (float, float, float)
         In its own frame [rad/s].
     linear_acceleration : (float, float, float)
-        In its own frame, with what holds it against its weight [m/s^2].
+        Specific force in its own frame, gravity included [m/s^2].
 
     """
 
@@ -116,7 +138,7 @@ class Imu(NamedTuple):
 
 class Truth(NamedTuple):
     """
-    Where `base_link` is, and how it moves, without any error.
+    The true pose and velocity of `base_link`.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""A robot that is none: the model in the engine, with motors and sensors as one has them."""
+"""A simulated robot: the model in the engine, with realistic motors and sensors."""
 
 from math import cos, degrees, exp, isfinite
 from typing import Any
@@ -6,22 +6,20 @@ from typing import Any
 from klann_ros.robot import Robot
 from klann_ros.sanitize.text import did_you_mean, printable, printable_line
 import numpy as np
-from numpy.typing import NDArray
 
-from .engine import engine
 from .mjcf import FLAT, Floor, robot_mjcf
-from .parts import Imu, MOTORS, Motors, SENSORS, Sensors, SimulatedCrank, Truth, TwinError
+from .parts import engine, Imu, MOTORS, Motors, SENSORS, Sensors, SimulatedCrank, Truth, TwinError
 
-Array = NDArray[np.float64]
-# Of the engine, for a walker: as accurate as half of it to 0.3 % of its way, at half the cost [s].
+# For a walker: half of it changes the distance walked by 0.3 %, and takes twice as long [s].
 TIME_STEP = 1e-3
+# Cosine of the tilt beyond which a walker has fallen.
 FALLEN = cos(np.radians(60.0))
-# No place, angle, speed or rate of a robot is so large [m, rad, s].
-ASTRAY = 1e6
+# A larger position, angle, speed or rate means divergence [m, rad, s].
+MAX_STATE = 1e6
 
 
 class DivergedError(TwinError):
-    """The engine has lost its way; `Twin.reset` puts the robot where it began."""
+    """The simulation diverged; `Twin.reset` restarts it."""
 
 
 class Twin:
@@ -35,9 +33,9 @@ class Twin:
     robot : Robot
         With masses.
     floor : Floor
-        What it walks on.
+        The floor.
     motors : Motors
-        What turns its cranks.
+        The drives of the cranks.
     sensors : Sensors
         The sensors.
     time_step : float
@@ -57,9 +55,9 @@ class Twin:
     NoMujocoError
         The engine is not installed.
     MassError
-        The robot's file does not tell what all weighs.
+        The robot has no masses.
     TwinError
-        A motor is of no joint of it, or the engine cannot take it.
+        A motor has no joint, or the engine refuses the model.
 
     """
 
@@ -80,14 +78,14 @@ class Twin:
                 known = ', '.join(map(printable, self.joints))
                 raise TwinError(f'{printable(joint)} turns no crank: there are {known}{hint}')
         self._engine, self._seed = engine(), seed
-        # Otherwise it leaves a file wherever one is.
+        # Otherwise it writes a log file in the working directory.
         self._engine.set_mju_user_warning(_ignore)
         step = time_step or (TIME_STEP if robot.is_walker else 0.0)
         text = robot_mjcf(robot, floor=floor, time_step=step)
         try:
             self._model = self._engine.MjModel.from_xml_string(text)
         except ValueError as error:
-            # Of masses and sizes that no robot has.
+            # Masses or sizes out of range.
             raise TwinError(f'the engine takes no such robot: {printable_line(error)}') from error
         self._model.opt.disableflags |= int(self._engine.mjtDisableBit.mjDSBL_AUTORESET)
         self._data = self._engine.MjData(self._model)
@@ -98,9 +96,9 @@ class Twin:
         self._angles = self._model.jnt_qposadr[ids]
         self._rates = self._model.jnt_dofadr[ids]
         if self.is_free:
-            # Its rates and what it feels, one after the other.
+            # Gyro and accelerometer, one after the other.
             first = int(self._model.sensor('angular_velocity').adr[0])
-            self._feels = slice(first, first + 6)
+            self._imu_data = slice(first, first + 6)
         self._gain = 1.0 - exp(-motors.bandwidth * self._model.opt.timestep)
         self.reset()
 
@@ -124,7 +122,7 @@ class Twin:
         # The reading before the first step.
         self._mean = np.array([0.0, 0.0, 0.0, *-self._model.opt.gravity])
         if self.is_free:
-            self._mean = np.array(self._data.sensordata[self._feels])
+            self._mean = np.array(self._data.sensordata[self._imu_data])
 
     def command(self, joint: str, velocity: float) -> float:
         """
@@ -140,37 +138,37 @@ class Twin:
             raise TwinError(f'{printable(joint)} turns no crank')
         if not isfinite(velocity):
             raise TwinError(f'velocity of {printable(joint)} = {velocity!r} is refused')
-        most = self._motors.most
-        possible = max(-most, min(most, float(velocity)))
+        limit = self._motors.max_velocity
+        possible = max(-limit, min(limit, float(velocity)))
         self._wanted[self.joints.index(joint)] = possible
         return possible
 
     def step(self, until: float) -> None:
         """
-        Let time go by until it is at least `until` [s].
+        Simulate until the time is at least `until` [s].
 
         Raises
         ------
         DivergedError
-            The engine has lost its way.
+            The simulation diverged.
 
         """
         model, data, move = self._model, self._data, self._engine.mj_step
         wanted = self._wanted * self._factors
-        # A step that is due but for rounding is done.
+        # A step is due within rounding.
         end = until - 1e-6 * self.time_step
         while data.time < end:
             data.ctrl += self._gain * (wanted - data.ctrl)
             move(model, data)
             if self.is_free:
-                self._acceleration_sum += data.sensordata[self._feels]
+                self._acceleration_sum += data.sensordata[self._imu_data]
                 self._steps += 1
-        # A NaN is not smaller, either.
-        if not (np.abs(data.qpos).max() < ASTRAY and np.abs(data.qvel).max() < ASTRAY):
+        # NaN fails the comparison as well.
+        if not (np.abs(data.qpos).max() < MAX_STATE and np.abs(data.qvel).max() < MAX_STATE):
             raise DivergedError(f'the simulation became unstable at {self.time:.3f} s')
 
     def cranks(self) -> dict[str, SimulatedCrank]:
-        """Return what the encoders read, by joint."""
+        """Return the readings of the encoders, by joint."""
         sensors, count = self._sensors, len(self.joints)
         angles = self._data.qpos[self._angles] + sensors.encoder_offset
         angles = angles + sensors.encoder_noise * self._random.standard_normal(count)
@@ -182,16 +180,16 @@ class Twin:
         }
 
     def efforts(self) -> list[float]:
-        """Return the torque that each joint's legs take [N m], without what turns the motor."""
+        """Return the torque of each joint's legs [N m], without the rotor's."""
         rotors = self._model.dof_armature[self._rates] * self._data.qacc[self._rates]
         found: list[float] = (self._data.actuator_force - rotors).tolist()
         return found
 
     def imu(self) -> Imu:
         """
-        Return what the IMU reads: since it was last read, as chips that filter what they sample.
+        Return the reading of the IMU, the mean since the last one, as of chips with a filter.
 
-        Of a leg, which hangs, the weight alone.
+        A suspended leg reads gravity alone.
         """
         truth, sensors = self.truth(), self._sensors
         if self._steps:
@@ -206,7 +204,7 @@ class Twin:
         return Imu(tuple(part / size for part in at), tuple(rates.tolist()), tuple(feels.tolist()))
 
     def truth(self) -> Truth:
-        """Return where it is."""
+        """Return the true pose and velocity."""
         if not self.is_free:
             zero = (0.0, 0.0, 0.0)
             return Truth(zero, (0.0, 0.0, 0.0, 1.0), zero, zero)
@@ -224,7 +222,7 @@ class Twin:
 
     @property
     def tilt(self) -> float:
-        """Return by how much its z leans from the vertical [rad]."""
+        """Return the angle of its z axis from the vertical [rad]."""
         if not self.is_free:
             return 0.0
         _, x, y, _ = self._data.qpos[3:7].tolist()
@@ -239,7 +237,7 @@ class Twin:
 
     @property
     def state(self) -> str:
-        """Return whether it stands, in words."""
+        """Return a message if it has fallen, else ''."""
         has_fallen = self.is_free and cos(self.tilt) < FALLEN
         return f'it has fallen, tilted by {degrees(self.tilt):.0f} deg' if has_fallen else ''
 
@@ -256,4 +254,4 @@ def _product(p: tuple[float, ...], q: tuple[float, ...]) -> tuple[float, float, 
 
 
 def _ignore(_: Any) -> None:
-    """Leave it: what goes wrong is looked for after each step."""
+    """Ignore a warning: each step checks for divergence."""

@@ -85,7 +85,7 @@ def test_the_speed_of_a_motor_has_its_bandwidth() -> None:
 
 
 def test_what_is_too_fast_is_limited() -> None:
-    twin = Twin(robot_of('sem104'), motors=Motors(most=3.0))
+    twin = Twin(robot_of('sem104'), motors=Motors(max_velocity=3.0))
     assert twin.command('crank', 1e9) == 3.0
     assert twin.command('crank', -1e300) == -3.0
     assert twin.command('crank', 2.0) == 2.0

@@ -26,7 +26,7 @@ DRIVES = (
         constraint='one number, or one for each crank joint, finite',
     ),
     _number('motor_bandwidth', _MOTORS.bandwidth, 'of the speed of a motor [rad/s]', 0.1, 1000.0),
-    _number('max_crank_rate', _MOTORS.most, 'no crank turns faster [rad/s]', 1e-3, 100.0),
+    _number('max_crank_rate', _MOTORS.max_velocity, 'no crank turns faster [rad/s]', 1e-3, 100.0),
     _number('command_timeout', 0.5, 'without a younger command a crank is held [s]', 0.01, 60.0),
 )
 READINGS = (
@@ -83,7 +83,7 @@ def motors(values: Mapping[str, Any], joints: Sequence[str]) -> Motors:
     each = factors if len(factors) == len(joints) else factors * len(joints)
     return Motors(
         bandwidth=values['motor_bandwidth'],
-        most=values['max_crank_rate'],
+        max_velocity=values['max_crank_rate'],
         factors=dict(zip(joints, each, strict=True)),
     )
 
