@@ -1,8 +1,8 @@
 r"""
-Logs of runs: MCAP that every tool opens, that survives a crash, and is read in any state.
+Logs of runs: crash-safe MCAP for every tool, read in any state.
 
-Writing is a context manager, reading an iterator of typed records, also of what rosbag2 stores in
-other ways (SQLite, packed files, packed messages):
+Writing is a context manager, reading an iterator of typed records, also from the other formats of
+rosbag2 (SQLite, compressed files, compressed messages):
 
 >>> from pathlib import Path
 >>> from tempfile import TemporaryDirectory
@@ -22,7 +22,7 @@ other ways (SQLite, packed files, packed messages):
 /crank_angle 2 12
 [{'tolerance': '1e-12'}] True
 
-What is damaged is left out and told; a new run is made of the rest:
+Damaged parts are left out and reported; a recovery makes a new run from the rest:
 
 >>> path = run / 'walk_0.mcap'
 >>> path.write_bytes(path.read_bytes()[:-100]) > 0  # as after a kill
@@ -35,8 +35,7 @@ walk_0.mcap at byte ...: it was not closed: there is no footer at its end
 (1, [])
 >>> folder.cleanup()
 
-Errors are `LogError` and its kinds, with one line that says what is wrong; an OSError is the
-disk's.
+Errors are `LogError` and its subclasses, one line each; an OSError is an error of the disk.
 """
 
 from importlib import import_module
@@ -94,7 +93,7 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for: a solver counts losses with this package, and needs no MCAP."""
+    """Import on demand: a solver counts losses with this package, and needs no MCAP."""
     if name not in __all__:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     return getattr(import_module(f'.{_PLACES.get(name, "errors")}', __name__), name)

@@ -18,14 +18,14 @@ ROOT_KEY = 'rosbag2_bagfile_information'
 RECORD_NAME = 'rosbag2'
 RECORD_KEY = 'serialized_metadata'
 FILE_NAME = 'metadata.yaml'
-# What a channel's own metadata holds.
+# Keys of a channel's metadata.
 QOS_KEY = 'offered_qos_profiles'
 HASH_KEY = 'topic_type_hash'
 
 
 @dataclass
 class FileSummary:
-    """What one file of a run holds."""
+    """The content of one file of a run."""
 
     # The file's name in the run's folder.
     name: str
@@ -37,7 +37,7 @@ class FileSummary:
 
     @property
     def message_count(self) -> int:
-        """Return how many messages there are of all topics."""
+        """Return the number of messages of all topics."""
         return sum(self.counts.values())
 
 
@@ -60,7 +60,7 @@ def bag_metadata(files: Sequence[FileSummary], ros_distro: str) -> dict[str, obj
             {'topic_metadata': _topic(topic), 'message_count': count}
             for topic, count in _total(files).items()
         ],
-        # What this means is compression by rosbag2 itself, not that of the chunks.
+        # Compression by rosbag2 itself, not that of the chunks.
         'compression_format': '',
         'compression_mode': '',
         'relative_file_paths': [file.name for file in files],

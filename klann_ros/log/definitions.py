@@ -1,12 +1,11 @@
 """
-Message types: the grammar of their names, who is installed, and the text of their definitions.
+Message types: the grammar of their names, the installed ones, and their definitions.
 
-A name, by a log or a publisher, is taken apart and looked up in ament's index before anything is
-done with it: it becomes a path here and a module elsewhere, and to import a module is to run it.
+An untrusted name is parsed and looked up in ament's index first: it becomes a path here and a
+module elsewhere, and importing a module executes it.
 
-The format of a definition is MCAP's ``ros2msg``: the type's own .msg file, then for each type it
-is made of, depth first and each once, a line of 80 ``=``, a line ``MSG: pkg/Type`` and that type's
-file.
+A definition has MCAP's format ``ros2msg``: the type's own .msg file, then for each type in it,
+depth first and each once, a line of 80 ``=``, a line ``MSG: pkg/Type`` and that type's file.
 """
 
 from collections.abc import Iterable, Iterator
@@ -21,7 +20,7 @@ from .errors import AnyPath, UnknownTypeError
 
 SEPARATOR = '=' * 80
 
-_LONGEST = 1_000_000
+_MAX_FILE_SIZE = 1_000_000
 
 _PRIMITIVES = {
     'bool', 'byte', 'char', 'float32', 'float64', 'int8', 'uint8', 'int16', 'uint16', 'int32',
@@ -30,10 +29,9 @@ _PRIMITIVES = {
 _FIELD = re.compile(r'\s*([A-Za-z][\w/]*)', re.ASCII)
 
 INDEX = Path('share', 'ament_index', 'resource_index', 'rosidl_interfaces')
-"""Where a prefix has a file for each package of interfaces that is installed under it."""
+"""Folder of a prefix with a file for each installed package of interfaces."""
 
-# As rosidl has it for packages, letters of both cases: .idl files may have names that .msg files
-# may not.
+# rosidl's rule for packages with letters of both cases, as .idl files allow.
 _WORD = '[A-Za-z][A-Za-z0-9]*(?:_[A-Za-z0-9]+)*'
 _NAME = re.compile(f'({_WORD})/(msg/)?({_WORD})')
 
@@ -47,13 +45,13 @@ def definition(type_name: str, prefixes: Iterable[AnyPath] | None = None) -> str
     type_name
         Such as ``sensor_msgs/msg/JointState``.
     prefixes
-        Install prefixes that are searched in this order for ``share/PKG/msg/Type.msg``; by
-        default those of AMENT_PREFIX_PATH, then ``sys.prefix``, where pip's wheels put them.
+        Install prefixes, searched in this order for ``share/PKG/msg/Type.msg``; by default those
+        of AMENT_PREFIX_PATH, then ``sys.prefix`` for pip's wheels.
 
     Raises
     ------
     UnknownTypeError
-        The name is not one of a message, or its .msg file or that of a type in it is missing.
+        The name is no message type, or its .msg file or that of a type in it is missing.
 
     """
     places = default_prefixes() if prefixes is None else [Path(prefix) for prefix in prefixes]
@@ -67,7 +65,7 @@ def definition(type_name: str, prefixes: Iterable[AnyPath] | None = None) -> str
 
 
 def _collect(package: str, name: str, places: list[Path], texts: dict[str, str]) -> None:
-    """Put a type's text and then those of the types in it into texts; one met before is done."""
+    """Add the text of a type and of the types in it, unless it is known."""
     key = f'{package}/{name}'
     if key in texts:
         return
@@ -96,21 +94,18 @@ def _read(package: str, name: str, places: list[Path]) -> str:
 def _text(path: Path, type_name: str) -> str:
     try:
         with open_regular(path) as file:
-            # Bytes, so that the line ends stay as they are in the file.
-            data = file.read(_LONGEST + 1)
+            # Bytes: the line ends stay.
+            data = file.read(_MAX_FILE_SIZE + 1)
     except OSError as error:
         raise UnknownTypeError(type_name, f'{path} cannot be read: {error.strerror}') from error
-    if len(data) > _LONGEST:
-        raise UnknownTypeError(type_name, f'{path} is longer than {_LONGEST} bytes')
+    if len(data) > _MAX_FILE_SIZE:
+        raise UnknownTypeError(type_name, f'{path} is longer than {_MAX_FILE_SIZE} bytes')
     return data.decode('utf-8', 'replace')
 
 
 def _field_types(text: str) -> Iterator[str]:
     """Yield the type of each field and constant: the first word, without array and bound."""
-    for line in text.splitlines():
-        match = _FIELD.match(line)
-        if match:
-            yield match[1]
+    return (match[1] for match in map(_FIELD.match, text.splitlines()) if match)
 
 
 def _line_end(text: str) -> str:
@@ -119,20 +114,9 @@ def _line_end(text: str) -> str:
 
 def split_type(name: str, *, short: bool = False) -> tuple[str, str] | None:
     """
-    Return the package and the message of a type such as ``std_msgs/msg/Float64``.
+    Return package and message of a type such as ``std_msgs/msg/Float64``; None if it is none.
 
-    Parameters
-    ----------
-    name
-        The name, by anybody.
-    short
-        Whether ``std_msgs/Float64``, as definitions write it, is taken as well.
-
-    Returns
-    -------
-    tuple of str, or None
-        None for whatever is not written like a message type.
-
+    With ``short``, ``std_msgs/Float64`` is accepted too, as in definitions.
     """
     match = _NAME.fullmatch(name)
     if match is None or not (short or match[2]):
@@ -142,9 +126,9 @@ def split_type(name: str, *, short: bool = False) -> tuple[str, str] | None:
 
 def is_installed(package: str, prefixes: Iterable[AnyPath] | None = None) -> bool:
     """
-    Return whether a package is one of interfaces, by ament's index under these prefixes.
+    Return whether a package of interfaces is in ament's index under these prefixes.
 
-    Where AMENT_PREFIX_PATH is not set, as beside pip's wheels, ament's own library knows none.
+    Without AMENT_PREFIX_PATH, as with pip's wheels, ament's own library finds none.
     """
     places = default_prefixes() if prefixes is None else prefixes
     return any(is_regular_file(Path(place) / INDEX / package) for place in places)

@@ -78,15 +78,7 @@ class DiskFullError(LogError):
 
 
 class LowSpaceError(LogError):
-    """
-    Too little space is free on the disk.
-
-    Attributes
-    ----------
-    free, min_free
-        Free space, and its minimum [bytes].
-
-    """
+    """Too little space is free on the disk; `free` and `min_free` are in [bytes]."""
 
     def __init__(self, path: AnyPath, free: int, min_free: int) -> None:
         super().__init__(
@@ -99,19 +91,7 @@ class LowSpaceError(LogError):
 
 
 class DamagedError(LogError):
-    """
-    Damaged bytes of a log.
-
-    Attributes
-    ----------
-    reason
-        The damage, without its place.
-    offset
-        Start of the damaged record [bytes from the start of its file].
-    opcode
-        Opcode of the damaged record; 0 if unknown.
-
-    """
+    """Damaged bytes: the reason, the record's offset in its file [bytes], its opcode or 0."""
 
     def __init__(self, reason: str, offset: int = 0, opcode: int = 0) -> None:
         super().__init__(f'damaged at byte {offset}: {reason}')

@@ -9,29 +9,17 @@ class LossCounter:
     publisher at a time, between its first and its last received message. `publishers_changed`
     and `identify` report changes of publishers; without them, a number that is not above the last
     one is that of a restarted publisher.
-
-    Attributes
-    ----------
-    lost : int
-        Messages lost so far between two received ones of a publisher.
-    before_discovery : int
-        Messages that publishers had sent before their first received one; those of the topic's
-        first publisher, which may be much older, are not counted.
-    departed : int
-        Publishers that left: losses at their end cannot be detected. Set from outside.
-    latched : bool
-        Whether late subscribers receive the last messages again, so that the first number means
-        nothing. Set from outside.
-    shared : bool
-        Whether there ever were several publishers at once: then `lost` is incomplete.
-    numbered : bool
-        Whether all messages had a number; otherwise `lost` is incomplete.
-
     """
 
     def __init__(self) -> None:
+        # Messages lost between two received ones of a publisher; those that later publishers had
+        # sent before their first received one; publishers that left (set from outside): losses at
+        # their end cannot be detected.
         self.lost = self.before_discovery = self.departed = 0
+        # Whether late subscribers receive the last messages again (set from outside), so that the
+        # first number means nothing; whether there ever were several publishers at once.
         self.latched = self.shared = False
+        # Whether all messages had a number.
         self.numbered = True
         self._last: int | None = None
         # The last number before publishers changed, and its publisher.
@@ -68,20 +56,10 @@ class LossCounter:
 
     def count(self, sequence: int | None, publishers: int = 1) -> bool:
         """
-        Count the gap before a message.
+        Count the gap before a message with a sequence number; None where there is none.
 
-        Parameters
-        ----------
-        sequence : int or None
-            Its publication sequence number; None where the middleware has none.
-        publishers : int
-            Number of the topic's publishers; the numbers of several are ambiguous.
-
-        Returns
-        -------
-        bool
-            Whether it is the first since publishers changed: now they can be identified.
-
+        The numbers of several publishers are ambiguous. Return whether it is the first message
+        since publishers changed: now they can be identified.
         """
         if sequence is None or publishers > 1:
             self.shared = self.shared or publishers > 1

@@ -1,10 +1,10 @@
 """
 Quality of service profiles as rosbag2 writes them into a log.
 
-The text is a YAML sequence, one profile a publisher. Since metadata version 9 (Jazzy) the policies
-are words, before they were the numbers of rmw; both are read, words are written. An infinite
-duration is 9223372036 s and 854775807 ns, which is the largest signed 64 bit number of ns. What is
-malformed raises a MalformedQosError; rosbag2 cannot open a file with such a text.
+The text is a YAML sequence of one profile per publisher. Policies are words since metadata version
+9 (Jazzy), and numbers of rmw before; both are read, words are written. An infinite duration is
+9223372036 s and 854775807 ns, the largest signed 64 bit number of ns. A malformed text raises a
+MalformedQosError; rosbag2 cannot open a file with one.
 """
 
 from collections.abc import Iterable, Mapping
@@ -18,23 +18,21 @@ from klann_ros.sanitize.text import printable
 from .errors import MalformedQosError
 
 INFINITE = 2**63 - 1
-"""A duration without end [ns]."""
+"""Infinite duration [ns]."""
 
-MOST_LATCHED = 2000
-"""More messages than these count for nobody who comes late."""
+MAX_LATCHED = 2000
+"""Latched messages that a late subscriber gets at most."""
 
-LONGEST = 2**18
-"""A longer text is refused [characters]; 800 publishers of one topic need so much."""
+MAX_QOS_TEXT = 2**18
+"""Maximum length of a text, enough for 800 publishers [characters]."""
 
-MOST_TEXTS, MOST_DIFFERENT = 2**22, 2**20
-"""So much text is taken for all topics of a log, and so much that differs [characters]."""
+MAX_QOS_TOTAL, MAX_QOS_DISTINCT = 2**22, 2**20
+"""Maximum length of all texts of a log, and of its distinct ones [characters]."""
 
-# A topic is looked at when it is read, when it is written, and when the run is finished.
-_REMEMBERED = 64
-
+_CACHE_SIZE = 64
 _NS = 10**9
 
-# Each policy's words, at the place of its number in rmw.
+# Each policy's words, in the order of its numbers in rmw.
 POLICIES = {
     'history': ('system_default', 'keep_last', 'keep_all', 'unknown'),
     'reliability': ('system_default', 'reliable', 'best_effort', 'unknown', 'best_available'),
@@ -45,13 +43,13 @@ POLICIES = {
     ),
 }  # fmt: skip
 
-# What middlewares of Foxy called infinite (sec, nsec).
+# Infinite durations of middlewares of Foxy (sec, nsec).
 _OLD_INFINITE = {(0x7FFFFFFF, 0xFFFFFFFF), (0x7FFFFFFF, 0x7FFFFFFF)}
 
 
 @dataclass(frozen=True)
 class Qos:
-    """One profile; policies are rosbag2's words, durations are in [ns], INFINITE without end."""
+    """One profile; policies are rosbag2's words, durations are in [ns] or INFINITE."""
 
     history: str = 'unknown'
     depth: int = 0
@@ -101,29 +99,27 @@ def qos_from_yaml(text: str) -> list[Qos]:
     """
     Return the profiles in the text of ``offered_qos_profiles``; none for '' or a null.
 
-    A MalformedQosError for what is no sequence of mappings with all nine keys, or longer than
-    LONGEST.
+    A MalformedQosError if it is no sequence of mappings with all nine keys, or too long.
     """
     return list(_read(text)[0])
 
 
 class QosTexts:
     """
-    Reads the texts of one log's channels, each once, and no more of them than is ever meant.
+    Parses the texts of one log's channels, each once, up to a total length.
 
-    To take a text apart costs a thousand times what it costs to unpack it from a chunk, so that a
-    file of some kilobytes could ask for hours.
+    Parsing costs a thousand times as much as unpacking: a file of kilobytes could take hours.
     """
 
     def __init__(self) -> None:
-        self._left, self._different = MOST_TEXTS, MOST_DIFFERENT
+        self._left, self._distinct = MAX_QOS_TOTAL, MAX_QOS_DISTINCT
         self._known: dict[str, list[Qos] | MalformedQosError] = {}
 
     def profiles(self, text: str) -> list[Qos]:
-        """Return the profiles in a text, unless the log's texts are too long together."""
+        """Return the profiles in a text; a MalformedQosError if all texts are too long."""
         if len(text) > self._left:
             raise MalformedQosError(
-                f'the profiles of all topics have more than {MOST_TEXTS} characters'
+                f'the profiles of all topics have more than {MAX_QOS_TOTAL} characters'
             )
         if text not in self._known:
             self._known[text] = self._first(text)
@@ -134,13 +130,13 @@ class QosTexts:
         return found
 
     def _first(self, text: str) -> list[Qos] | MalformedQosError:
-        # What is too long is refused before it is looked at.
-        size = len(text) if len(text) <= LONGEST else 0
-        if size > self._different:
+        # A longer text is refused without parsing.
+        size = len(text) if len(text) <= MAX_QOS_TEXT else 0
+        if size > self._distinct:
             return MalformedQosError(
-                f'the profiles that differ have more than {MOST_DIFFERENT} characters'
+                f'the profiles that differ have more than {MAX_QOS_DISTINCT} characters'
             )
-        self._different -= size
+        self._distinct -= size
         try:
             return qos_from_yaml(text)
         except MalformedQosError as error:
@@ -149,16 +145,16 @@ class QosTexts:
 
 def latched_count(profiles: Iterable[Qos]) -> int:
     """
-    Return how many messages the publishers of a topic keep for those who come late.
+    Return the number of messages that the publishers of a topic repeat to late subscribers.
 
-    Discovery does not tell a depth, so most logs do not know it; then it counts as 1.
+    An unknown depth counts as 1: discovery does not report it.
     """
     counts = (
-        MOST_LATCHED if profile.history == 'keep_all' else max(1, profile.depth)
+        MAX_LATCHED if profile.history == 'keep_all' else max(1, profile.depth)
         for profile in profiles
         if profile.durability == 'transient_local'
     )
-    return min(sum(counts), MOST_LATCHED)
+    return min(sum(counts), MAX_LATCHED)
 
 
 def qos_for_writing(text: str) -> str:
@@ -167,11 +163,11 @@ def qos_for_writing(text: str) -> str:
     return qos_to_yaml(profiles) if numbered else text
 
 
-@lru_cache(maxsize=_REMEMBERED)
+@lru_cache(maxsize=_CACHE_SIZE)
 def _read(text: str) -> tuple[tuple[Qos, ...], bool]:
-    """Return the profiles in a text, and whether there are numbers in it for words."""
-    if len(text) > LONGEST:
-        raise MalformedQosError(f'it has {len(text)} characters, more than {LONGEST}')
+    """Return the profiles in a text, and whether policies are numbers."""
+    if len(text) > MAX_QOS_TEXT:
+        raise MalformedQosError(f'it has {len(text)} characters, more than {MAX_QOS_TEXT}')
     try:
         data = yaml_text.load(text)
     except ValueError as error:
@@ -212,7 +208,7 @@ def _value(item: Mapping[str, Any], key: str) -> Any:
 
 
 def _word(item: Mapping[str, Any], key: str) -> str:
-    """Return a policy's word; one that is not known is 'unknown', as rmw has it."""
+    """Return a policy's word; 'unknown' for any other, as in rmw."""
     value = _value(item, key)
     words = POLICIES[key]
     if isinstance(value, int):

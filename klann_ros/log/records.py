@@ -1,4 +1,4 @@
-"""What a log holds, as data: topics, messages, attachments."""
+"""The content of a log: topics, messages, attachments."""
 
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -7,7 +7,7 @@ from functools import cached_property
 @dataclass(frozen=True)
 class Topic:
     """
-    A topic with all that is needed to decode and to publish its messages again.
+    A topic with the data to decode its messages and to publish them again.
 
     Parameters
     ----------
@@ -23,9 +23,9 @@ class Topic:
     type_hash
         ``RIHS01_...``; '' if unknown.
     message_encoding, schema_encoding
-        How data and definition are written; other recorders use others than ROS 2's.
+        Encodings of data and definition; other recorders use others than ROS 2's.
     extra
-        Other entries that a recorder put in the channel's metadata, as (key, value) pairs.
+        Other entries of the channel's metadata, as (key, value) pairs.
 
     """
 
@@ -39,8 +39,7 @@ class Topic:
     extra: tuple[tuple[str, str], ...] = ()
 
     def __hash__(self) -> int:
-        # Topics may differ in any field, ten thousand times over, and a writer looks one up for
-        # each message; to hash eight fields costs more than that.
+        # Cached: a writer looks up a topic for each message.
         return self._hash
 
     @cached_property
@@ -51,26 +50,26 @@ class Topic:
         return tuple(getattr(self, field.name) for field in fields(self))
 
     def __reduce__(self) -> tuple[object, ...]:
-        # Another process hashes texts in another way.
+        # Another process hashes texts differently.
         return Topic, self._values()
 
 
-# Not frozen: it is made for each message, and a frozen one takes three times as long to make.
+# Not frozen, which would take three times as long to create.
 @dataclass(slots=True, unsafe_hash=True)
 class Message:
     """
-    A message as it was received; nobody changes it.
+    A received message, never changed.
 
     Parameters
     ----------
     topic
-        Where it was received.
+        Its topic.
     data
         The serialized bytes.
     log_time
-        When it was received [ns since the epoch].
+        Time of reception [ns since the epoch].
     publish_time
-        When it was published, the source time [ns since the epoch].
+        Time of publication, the source time [ns since the epoch].
     sequence
         The publication sequence number; a log keeps its lower 32 bits.
 

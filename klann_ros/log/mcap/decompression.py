@@ -237,14 +237,16 @@ def _decompress_zstd(data: Bytes, size: int) -> Iterator[bytes]:
 
 
 def _decompress_lz4(data: Bytes, size: int) -> Iterator[bytes]:
-    """Yield pieces of at most a size."""
-    frame, given = LZ4FrameDecompressor(), data
+    """Yield pieces of at most a size; input in pieces too, as the library copies the rest."""
+    frame, position = LZ4FrameDecompressor(), 0
     while not frame.eof:
-        piece = frame.decompress(given, max_length=size)
-        given = b''
-        if not piece and frame.needs_input:
-            raise RuntimeError('it is cut off')
-        yield piece
+        given: Bytes = b''
+        if frame.needs_input:
+            if position >= len(data):
+                raise RuntimeError('it is cut off')
+            end = position + _PIECE_SIZE
+            given, position = data[position:end], end
+        yield frame.decompress(given, max_length=size)
 
 
 _DECOMPRESSORS: dict[str, _Decompressor | None] = {

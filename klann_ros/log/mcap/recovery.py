@@ -78,39 +78,23 @@ class RecordScan:
     """
     A pass over the records of an open file.
 
-    Parameters
-    ----------
-    file, size
-        The file, and where to stop [bytes]: its size, or the offset of its footer or summary.
-    channels
-        Receives the schemas and channels.
-    summary
-        A valid summary; it locates records whose own length is damaged.
-
-    Attributes
-    ----------
-    metadata, attachments
-        Places of such records so far.
-    losses
-        Skipped bytes so far; from the thousandth on they are one loss.
-    problems, remarks
-        Faults that lose nothing, and records that only look like faults.
-    verified
-        Whether a CRC of all data matched; set at the end.
-    unknown
-        Number of records of unknown kinds outside of what contents() yields.
-
+    It ends at `size` [bytes], the file's size or the offset of its footer or summary. `channels`
+    receives the schemas and channels. A valid summary locates records whose own length is damaged.
     """
 
     def __init__(
         self, file: BinaryIO, size: int, channels: Channels, *, summary: Summary | None = None
     ) -> None:
+        # Places of such records so far.
         self.metadata: list[RecordSpan] = []
         self.attachments: list[RecordSpan] = []
+        # Skipped bytes, faults that lose nothing, and records that only look like faults.
         self.losses: list[Loss] = []
         self.problems: list[Problem] = []
         self.remarks: list[str] = []
+        # Number of records of unknown kinds outside of what contents() yields.
         self.unknown = 0
+        # Whether a CRC of all data matched; set at the end.
         self.verified = False
         self._file = file
         self._size = size

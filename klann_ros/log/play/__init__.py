@@ -1,1 +1,1 @@
-"""When what is played: a timeline, what moves it, and what reads ahead."""
+"""The schedule of a playback: its timeline, its controls, and reading ahead."""

@@ -18,48 +18,27 @@ from .transport import Transport
 
 NS = 1e9
 
-# What is handed over at once at most: messages, and their size [bytes].
+# Messages of a batch, their size [bytes], and batches that are read ahead, at most.
 BATCH, BATCH_SIZE = 200, 1_000_000
-# So many batches wait at most.
 BATCHES = 8
 
 
 @dataclass(frozen=True)
 class Selection:
-    """What of a log is played."""
+    """The part of a log to play."""
 
     # Names of the topics.
     topics: frozenset[str]
-    # How many of the last messages before a start each latched topic still offers there.
+    # Number of messages that each latched topic repeats before a start.
     latched: Mapping[str, int] = field(default_factory=dict)
-    # From where to where, counted from the start of the log [s].
+    # Positions, from the start of the log [s].
     begin: float = 0.0
     end: float = inf
-    # Whether it is played again and again.
     loop: bool = False
 
 
 class Playback:
-    """
-    Play a log, once or in a loop.
-
-    Parameters
-    ----------
-    log
-        An open log.
-    selection
-        What of it.
-    rate
-        How fast: 2 is twice as fast as it was recorded.
-    paused
-        Whether to wait until it is resumed.
-
-    Attributes
-    ----------
-    transport
-        What moves it.
-
-    """
+    """Plays an open log at a rate (2 is twice as fast as recorded); `transport` controls it."""
 
     def __init__(
         self, log: Log, selection: Selection, *, rate: float = 1.0, paused: bool = False
@@ -71,15 +50,15 @@ class Playback:
 
     @property
     def time(self) -> int:
-        """Return where it is, in log time [ns]."""
+        """Return the position as a log time [ns]."""
         return self._log.start_time + round(self.transport.position * NS)
 
     def passes(self) -> Iterator[Iterator[Message]]:
         """
-        Yield a pass from each start: the first one, each turn of a loop, each jump.
+        Yield a pass from each start: the first one, each loop, each jump.
 
-        A pass yields first what latched topics offer at that position, then each message when it
-        is due. It ends with the log, or where something else is to be done.
+        A pass yields the latched messages of that position, then each message when it is due, up
+        to the end of the log or an interruption.
         """
         while (begin := self.transport.take_target()) is not None:
             yield self._pass(begin)
@@ -92,7 +71,7 @@ class Playback:
         with ReadAhead(log.messages(selection.topics, start=start, end=end)) as ahead:
             transport.on_interrupt(ahead.close)
             for message in ahead:
-                # A log without an index is read as it stands, and may be out of order.
+                # A log without an index may be out of order.
                 furthest = max(furthest, (message.log_time - log.start_time) / NS)
                 if not transport.reach(furthest):
                     return
@@ -109,15 +88,7 @@ def length(log: Log) -> float:
 
 
 class ReadAhead(AbstractContextManager['ReadAhead']):
-    """
-    Iterate over messages that another thread has read already.
-
-    Parameters
-    ----------
-    messages
-        Where they come from; what it raises is raised by the iteration.
-
-    """
+    """Iterate over messages that another thread reads ahead; its error is raised here."""
 
     def __init__(self, messages: Iterable[Message]) -> None:
         self._messages = messages
@@ -155,7 +126,7 @@ class ReadAhead(AbstractContextManager['ReadAhead']):
             for batch in _batches(self._messages):
                 if not self._put(batch):
                     return
-        # Whatever it is: it belongs to whoever iterates.
+        # Raised by the iteration.
         except BaseException as failure:  # noqa: BLE001, RUF100
             self._failure = failure
         finally:
@@ -164,7 +135,7 @@ class ReadAhead(AbstractContextManager['ReadAhead']):
                 self._changed.notify_all()
 
     def _put(self, batch: list[Message]) -> bool:
-        """Wait for room and put a batch there; return whether anyone still wants it."""
+        """Wait for room, and append a batch; return whether it is still wanted."""
         with self._changed:
             self._changed.wait_for(lambda: self._closed or len(self._batches) < BATCHES)
             self._batches.append(batch)

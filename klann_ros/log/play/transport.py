@@ -135,22 +135,10 @@ class PlaybackError(LogError):
 
 class Transport:
     """
-    Wait for one position after the other in one thread, while others steer.
+    Waits for one position after the other in one thread, while others control it.
 
-    Parameters
-    ----------
-    begin, length
-        Where to start, and how much of the log there is, counted from its start [s].
-    rate
-        How fast: 2 is twice as fast as it was recorded.
-    paused
-        Whether to wait for :meth:`resume`.
-
-    Attributes
-    ----------
-    lateness
-        What was late since the latest start or jump.
-
+    Positions are counted from the start of the log [s], up to its length. `lateness` counts the
+    late messages since the last start or jump.
     """
 
     def __init__(
@@ -161,9 +149,9 @@ class Transport:
         self._changed = Condition()
         self._timeline = Timeline(begin, rate)
         self._interrupt: Callable[[], None] = lambda: None
-        # Where to begin the next pass; None while there is nothing but to go on.
+        # Start of the next pass; None to continue.
         self._target: float | None = begin
-        # The position that is waited for, and whether nothing comes after it.
+        # The awaited position, and whether nothing follows it.
         self._next_position = begin
         self._at_end = False
         self._loaded = False
@@ -172,7 +160,7 @@ class Transport:
         self._stopped = False
 
     def take_target(self) -> float | None:
-        """Return where to begin now; None if there is nothing more to do."""
+        """Return the start of the next pass; None without any."""
         with self._changed:
             target, self._target = self._target, None
             if self._stopped or target is None:
@@ -182,14 +170,14 @@ class Transport:
             return target
 
     def on_interrupt(self, interrupt: Callable[[], None]) -> None:
-        """Let a jump or the end call this, from another thread; at once if there was one."""
+        """Set a function that a jump or the end calls, at once if there was one."""
         with self._changed:
             self._interrupt = interrupt
             if self._interrupted:
                 self._interrupt()
 
     def reach(self, position: float) -> bool:
-        """Wait for a message's time; return whether it is to be played."""
+        """Wait for a message's time; return whether to play it."""
         with self._changed:
             self._load(position)
             while not self._interrupted:
@@ -207,17 +195,9 @@ class Transport:
 
     def reach_end(self, begin: float, end: float, loop_to: float | None, *, empty: bool) -> None:
         """
-        Wait at the end of a pass, and go back from there in a loop.
+        Wait at the end of a pass, and continue from ``loop_to`` [s] unless that is None.
 
-        Parameters
-        ----------
-        begin, end
-            From where to where it went [s].
-        loop_to
-            Where a loop begins [s]; None if it is none.
-        empty
-            Whether there was no message, so that a step would look for one for ever.
-
+        An empty pass has no message that a step could find.
         """
         with self._changed:
             if self._interrupted:
@@ -235,7 +215,7 @@ class Transport:
                 self._changed.wait(min(left, _MAX_WAIT))
 
     def _load(self, position: float) -> None:
-        """Let the time run, now that the first message is in memory."""
+        """Start the time, as the first message is in memory."""
         self._next_position = position
         if not self._loaded:
             self._loaded = True
@@ -244,7 +224,7 @@ class Transport:
 
     @property
     def position(self) -> float:
-        """Return where it is, counted from the start of the log [s]."""
+        """Return the position [s]."""
         with self._changed:
             return max(0.0, min(self._timeline.at(self._settled()), self.length))
 
@@ -284,7 +264,7 @@ class Transport:
                 raise PlaybackError(reason)
 
     def seek(self, position: float) -> None:
-        """Go on from another position [s], paused or not; a PlaybackError if it has none."""
+        """Continue from a position [s], paused or not; a PlaybackError if it is outside."""
         if not 0.0 <= position <= self.length:
             raise PlaybackError(f'position = {position} is not within 0 .. {self.length:g} s')
         with self._changed:
@@ -294,7 +274,7 @@ class Transport:
             self._changed.notify_all()
 
     def set_rate(self, rate: float) -> None:
-        """Go on at another rate; a ValueError if it makes no sense."""
+        """Continue at another rate; a ValueError if it is not within RATES."""
         with self._changed:
             self._timeline = self._timeline.at_rate(rate, self._settled())
             self._changed.notify_all()
@@ -311,14 +291,14 @@ class Transport:
         return self._stopped or self._target is not None
 
     def _move(self, position: float) -> None:
-        """Stand at a position until its first message is in memory."""
+        """Wait at a position until its first message is in memory."""
         now = monotonic()
         self._timeline = self._timeline.moved(position, now).stopped(now)
         self._next_position = position
         self._loaded = self._at_end = False
 
     def _settled(self) -> float:
-        """Return the time, after all is put off that is too late to be caught up with."""
+        """Return the time, after a delay beyond `_MAX_CATCH_UP` has shifted the timeline."""
         now = monotonic()
         late = now - self._timeline.due(self._next_position)
         if late > _MAX_CATCH_UP:

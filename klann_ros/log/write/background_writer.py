@@ -46,31 +46,10 @@ class BackgroundWriter:
     """
     Write messages and entries to a run in the order of enqueueing.
 
-    Enqueueing never waits for the disk. A message that does not fit into the queue is dropped and
-    counted.
-
-    Parameters
-    ----------
-    writer : RunWriter
-        The run; from now on only this object's thread writes to it.
-    flush_period : float
-        Maximum time until a message is on the disk [s].
-    on_failure : callable
-        Called once, from the thread, when the disk refuses.
-    limits : SplitLimits
-        When a file is finished and the next one begun.
-    min_free_space : int
-        Free space on the disk below which the recording ends [bytes].
-    capacity : int
-        Capacity of the queue [bytes].
-
-    Attributes
-    ----------
-    failure : Exception or None
-        The error that ended writing.
-    counters : DropCounters
-        What became of the messages.
-
+    Only this object's thread writes to the run. Enqueueing never waits for the disk: a message
+    that does not fit into the queue is dropped and counted. A message is on the disk within
+    `flush_period` [s]. The recording ends below `min_free_space` [bytes]; `on_failure` is called
+    once, from the thread, when the disk refuses.
     """
 
     def __init__(
@@ -83,6 +62,7 @@ class BackgroundWriter:
         min_free_space: int = 0,
         capacity: int = QUEUE_CAPACITY,
     ) -> None:
+        # The error that ended writing.
         self.failure: Exception | None = None
         self.counters = DropCounters(writer)
         self._writer = writer
@@ -135,14 +115,9 @@ class BackgroundWriter:
 
     def close(self, last: RunEntry | None = None) -> Exception | None:
         """
-        Write the queue and then a last entry, and finish the run.
+        Write the queue and a last entry, and finish the run; return the first error.
 
-        Returns
-        -------
-        Exception or None
-            The first error. The run is finished nevertheless where the disk allows it: see
-            `RunWriter.closed`.
-
+        The run is finished despite an error where the disk allows it: see `RunWriter.closed`.
         """
         self._closing = True
         self._filled.set()

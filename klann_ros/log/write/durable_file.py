@@ -34,26 +34,12 @@ class DiskReserve:
     Unnamed file that takes up disk space until the end of a run needs it.
 
     Without a name it cannot be removed by accident, and the end of the process, also by kill -9,
-    frees the space. A system that cannot allocate space has no reserve.
-
-    Parameters
-    ----------
-    folder
-        A folder on the disk.
-
-    Attributes
-    ----------
-    spent : OSError or None
-        The error of the disk that made the reserve release its space.
-
-    Raises
-    ------
-    OSError
-        The disk has too little space.
-
+    frees the space. A system that cannot allocate space has no reserve. Raises an OSError if the
+    folder's disk has too little space.
     """
 
     def __init__(self, folder: Path) -> None:
+        # The error of the disk that made the reserve release its space.
         self.spent: OSError | None = None
         self._size = 0
         self._descriptor = -1
@@ -120,13 +106,8 @@ class RunFaults:
     """
     Outside changes of a run that is being written, which the disk does not report as errors.
 
-    The thread that writes the run adds them; any thread may read `active`.
-
-    Parameters
-    ----------
-    on_fault : callable
-        Receives one line for each new fault.
-
+    The thread that writes the run adds them; any thread may read `active`. `on_fault` receives one
+    line for each new fault.
     """
 
     def __init__(self, on_fault: Callable[[str], object] = lambda _: None) -> None:
@@ -162,32 +143,15 @@ class DurableFile:
     truncates a partial block, so that the file ends with a whole record. A full disk is final
     only if the reserve cannot help.
 
-    The open file is locked: see :func:`is_being_written`.
-
-    Parameters
-    ----------
-    path
-        Must not exist.
-    reserve
-        Space on the same disk that can be released.
-
-    Attributes
-    ----------
-    failure : OSError or None
-        The first error.
-    written_size, synced_size : int
-        How much of the data is known to be in the file, and to be on the disk [bytes].
-
-    Raises
-    ------
-    OSError
-        By every method but :meth:`tell` and :meth:`close`: the disk refused.
-
+    The open file is locked: see :func:`is_being_written`. All methods but :meth:`tell` and
+    :meth:`close` raise an OSError if the disk refuses.
     """
 
     def __init__(self, path: Path, reserve: DiskReserve | None = None) -> None:
         self.path = path
+        # The first error.
         self.failure: OSError | None = None
+        # Size of the data known to be in the file, and to be on the disk [bytes].
         self.written_size = self.synced_size = self._flushed = 0
         self._reserve = reserve
         self._buffer = bytearray()

@@ -88,20 +88,13 @@ class EventRun:
 
     Its counts are those of the recording between two snapshots: messages removed from the ring
     buffer before are no loss, and each message in between was received, skipped or dropped.
-
-    Attributes
-    ----------
-    end : float
-        Monotonic time of the end [s].
-    result : tuple of bool and str, or None
-        Success and a message for the user, when the run is closed.
-
     """
 
     def __init__(
         self, opened: OpenedRun, recording: DropCounters, begin: Counts, end: float
     ) -> None:
         run, self._background = opened
+        # Monotonic time of the end [s]; success and a message for the user, once it is closed.
         self.end = end
         self.result: tuple[bool, str] | None = None
         self.put, self.path = self._background.put, run.path
@@ -157,19 +150,9 @@ class EventSession:
     one long run. Buffered messages stay in the buffer: two events may share messages. All methods
     must be called from one thread.
 
-    Parameters
-    ----------
-    folder : Path
-        Existing folder of the runs, each named by time and cause.
-    settings : EventSettings
-        Recorded times and memory.
-    open_run : callable
-        Opens a run in a new folder, in a thread; raises LogError or OSError.
-    entries : sequence of callable
-        Write metadata to each run.
-    on_status : callable
-        Receives success and a message for the user.
-
+    The runs are folders in an existing one, named by time and cause, opened by `open_run` in a
+    thread (LogError or OSError), each with the entries. `on_status` receives success and a message
+    for the user.
     """
 
     def __init__(

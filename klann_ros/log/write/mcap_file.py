@@ -41,14 +41,7 @@ class ChunkTrackingFile:
     """
     Output of the MCAP library that stores the file's content at the end of each chunk.
 
-    Parameters
-    ----------
-    file
-        The file.
-    summary
-        Returns the messages passed to the library so far; all of them are in chunks when a chunk
-        is written.
-
+    The summary of messages passed to the library is exact then: all of them are in chunks.
     """
 
     def __init__(self, file: DurableFile, summary: Callable[[], FileSummary]) -> None:
@@ -75,29 +68,7 @@ class McapFile:
     """
     An MCAP file that has its header on the disk as soon as it is created.
 
-    Parameters
-    ----------
-    path
-        Must not exist.
-    compression
-        A key of COMPRESSIONS.
-    chunk_size
-        Size of messages that finishes a chunk [bytes].
-    profile, library
-        Fields of the header.
-    reserve
-        Space for the end of the file on a full disk.
-
-    Attributes
-    ----------
-    find_fault : callable
-        Returns an outside change of the file; see DurableFile.
-
-    Raises
-    ------
-    OSError
-        The disk refused.
-
+    See RunWriter for the parameters. An OSError means that the disk refused.
     """
 
     def __init__(

@@ -69,17 +69,6 @@ class Pauses:
     Skips messages received during a pause, with times in [ns since the epoch].
 
     Messages are read later than received, so a pause that has ended still applies.
-
-    Parameters
-    ----------
-    counters : DropCounters
-        Counts skipped messages.
-
-    Attributes
-    ----------
-    paused : bool
-        Whether a pause is in progress.
-
     """
 
     def __init__(self, counters: DropCounters) -> None:
@@ -149,26 +138,9 @@ class Recording(Protocol):
 
 class RecordingSession:
     """
-    Sink of a recorder that writes one run.
+    Sink of a recorder that writes one run by its writer thread; see Recording.
 
-    Parameters
-    ----------
-    writer
-        The run.
-    background
-        Its writer thread with the drop counters.
-    counts
-        Returns what became of each topic's messages; by default the drop counters' counts.
-
-    Attributes
-    ----------
-    put : callable
-        Takes every message that no pause skips.
-    counters : DropCounters
-        Counts every message.
-    pauses : Pauses
-        Skips messages.
-
+    `counts` returns what became of each topic's messages; by default the drop counters' counts.
     """
 
     def __init__(

@@ -131,6 +131,30 @@ def test_a_large_message_that_the_recorder_packed_well_is_read(run, grid, job) -
         assert 'kept: 1 message in all' in said
 
 
+@pytest.mark.parametrize(
+    ('size', 'compressible'), [(1, True), (39, True), (41, True), (41, False), (500, True)]
+)
+def test_what_the_recorder_writes_is_read_up_to_the_memory_limit(
+    size, compressible, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Around 40 MB a chunk needs a proof of its size; the limit is an eighth of the memory."""
+    block = bytes(MB) if compressible else random.Random(2).randbytes(MB)  # noqa: S311
+    kind = 'std_msgs/msg/UInt8MultiArray'
+    topic = Topic(name='/large', type=kind, definition=definition(kind))
+    with RunWriter(tmp_path / 'run', compression='lz4') as writer:
+        writer.write(Message(topic, block * size, 1, 1, 0))
+    # The chunk holds the heads of three records beside the message.
+    with_room, without = 8 * (size * MB + 10_000), 8 * (size * MB - 1)
+    for memory in (with_room, without):
+        monkeypatch.setattr(decompression, 'available_memory', lambda memory=memory: memory)
+        fits = memory == with_room or size * MB < MIN_LIMIT
+        with open_log(tmp_path / 'run') as opened:
+            sizes = [len(message.data) for message in opened.messages()]
+            assert sizes == ([size * MB] if fits else []), opened.problem
+            assert ('refused: ' in opened.problem) == (not fits)
+            assert 'damaged' not in opened.problem
+
+
 def test_a_chunk_above_the_memory_limit_is_refused(
     tmp_path: Path, grid, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -7,7 +7,7 @@ import sys
 
 from klann_ros.log.errors import LogError
 from klann_ros.log.mcap import decompression
-from klann_ros.log.qos import LONGEST, MOST_DIFFERENT, MOST_TEXTS, Qos, qos_to_yaml
+from klann_ros.log.qos import MAX_QOS_DISTINCT, MAX_QOS_TEXT, MAX_QOS_TOTAL, Qos, qos_to_yaml
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Topic
 from klann_ros.log.recovery import recover
@@ -268,11 +268,11 @@ def test_the_same_profiles_are_taken_apart_once(tmp_path: Path) -> None:
 
 
 def test_profiles_that_are_too_long_are_not_taken_apart_and_told(tmp_path: Path) -> None:
-    characters, said = recovered(tmp_path, ['\n' * (LONGEST + 1), '\n' * 10])
+    characters, said = recovered(tmp_path, ['\n' * (MAX_QOS_TEXT + 1), '\n' * 10])
     assert characters == 10
     (line,) = said
     assert line.startswith('/1: left out: malformed quality of service: it has ')
-    assert f'{LONGEST + 1} characters, more than {LONGEST}' in line
+    assert f'{MAX_QOS_TEXT + 1} characters, more than {MAX_QOS_TEXT}' in line
     with open_log(tmp_path / 'again') as log:
         assert len(list(log.messages())) == 2
 
@@ -280,7 +280,7 @@ def test_profiles_that_are_too_long_are_not_taken_apart_and_told(tmp_path: Path)
 def test_no_more_profiles_that_differ_are_taken_apart_than_are_meant(tmp_path: Path) -> None:
     texts = ['\n' * (2**17 + n) for n in range(12)]
     characters, said = recovered(tmp_path, texts)
-    assert 0 < characters <= MOST_DIFFERENT
+    assert 0 < characters <= MAX_QOS_DISTINCT
     assert len(said) == 5
     assert all('the profiles that differ have more than' in text for text in said)
 
@@ -289,11 +289,11 @@ def test_no_more_profiles_are_written_than_are_meant(tmp_path: Path) -> None:
     text = '[]' + ' ' * 2**17
     characters, said = recovered(tmp_path, [text] * 40)
     assert characters == len(text)
-    assert len(said) == 40 - MOST_TEXTS // len(text)
+    assert len(said) == 40 - MAX_QOS_TOTAL // len(text)
     assert all('the profiles of all topics have more than' in text for text in said)
 
 
 def test_ten_thousand_topics_keep_their_profiles(tmp_path: Path) -> None:
     _, said = recovered(tmp_path, [PROFILE] * 3)
     assert said == []
-    assert len(PROFILE) * 10_000 <= MOST_TEXTS
+    assert len(PROFILE) * 10_000 <= MAX_QOS_TOTAL
