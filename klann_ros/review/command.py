@@ -51,7 +51,7 @@ def progress() -> Iterator[Progress]:
 
 ERROR_CODES = dict.fromkeys((LogError, OSError, RobotFileError), NOT_READ)
 DESCRIPTION = """\
-Review a run: how the leg moved, what was lost, and whether every pose is right.
+Review a run: the motion of the leg, lost messages, and whether every pose is right.
 
 Every pose is solved again from its crank angle, by the geometry in the run: a solver's parameters,
 or robot_description.

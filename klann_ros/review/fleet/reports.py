@@ -129,7 +129,7 @@ def _checks(rows: Sequence[Row]) -> Markup:
         element('li', element('strong', check), f' in {counted(count, "run")}')
         for check, count in counts.most_common()
     )
-    heading = element('h2', 'What was found', id='checks')
+    heading = element('h2', 'Findings by check', id='checks')
     return element('section', heading, element('ul', *items), aria_labelledby='checks')
 
 

@@ -171,7 +171,7 @@ def _topic(
         lost, publishers_left = int(missing[:, 2].sum()), seen.steps_back
         early = 0 if seen.latched else seen.early
     if seen.latched and not seen.numbered:
-        # Latched messages from before the discovery cannot be told from later ones.
+        # Latched messages from before the discovery are indistinguishable from later ones.
         latencies = np.full_like(latencies, np.nan)
     return TopicRecording(
         name=name,

@@ -51,7 +51,7 @@ def save(
     file: BinaryIO,
     max_bytes: float = MAX_DATA_SIZE,
 ) -> None:
-    """Write the page of one run, or of two, to an open file, with so many bytes of numbers."""
+    """Write the page of one run, or of two, to an open file, its numbers in `max_bytes`."""
     data = [run_data(review, max_bytes / len(reviews)) for review in reviews]
     licence = Markup(f'<!-- uPlot\n{text(_UPLOT / "LICENSE")}-->')
     page = Template(text(_OWN / 'page.html')).substitute(
