@@ -86,13 +86,13 @@ def write_jazzy_bag(path: Path, messages: Iterable[Message]) -> Path:
     return path
 
 
-def told_by_rosbags(bag: Path) -> list[tuple[str, str, int, bytes]]:
+def read_by_rosbags(bag: Path) -> list[tuple[str, str, int, bytes]]:
     """Return name, type, time and bytes of each message, by rosbags."""
     with rosbag2.Reader(bag) as reader:
         return [(c.topic, c.msgtype, time, bytes(data)) for c, time, data in reader.messages()]
 
 
-def told(bag: Path) -> list[tuple[str, str, int, bytes]]:
+def read_messages(bag: Path) -> list[tuple[str, str, int, bytes]]:
     """Return the same by our reader, of a log that is whole."""
     with open_log(bag) as log:
         found = [(m.topic.name, m.topic.type, m.log_time, m.data) for m in log.messages()]

@@ -46,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _recover(options: argparse.Namespace) -> int:
     output = options.output or default_output(Path(options.log))
     recovery = recover(options.log, output)
-    _tell(recovery, output)
+    _print_report(recovery, output)
     return SOMETHING_LOST if recovery.lost else NOTHING_LOST
 
 
@@ -71,19 +71,19 @@ def _parser() -> ArgumentParser:
     return parser
 
 
-def _tell(recovery: Recovery, output: Path) -> None:
+def _print_report(recovery: Recovery, output: Path) -> None:
     for note in recovery.remarks:
         print(f'note: {printable_line(note)}')
     for loss in recovery.lost:
         print(f'lost: {printable_line(loss)}')
     for topic, count in sorted(recovery.counts.items()):
         print(f'kept: {counted(count, "message")} of {printable(topic)}')
-    kept = [
+    totals = [
         f'{counted(recovery.messages, "message")} in all',
         counted(recovery.attachments, 'attachment'),
         counted(recovery.metadata, 'metadata record'),
     ]
-    print(f'kept: {", ".join(kept)}')
+    print(f'kept: {", ".join(totals)}')
     print(f'written: {printable(output, MAX_LINE_LENGTH)}')
 
 

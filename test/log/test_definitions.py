@@ -115,7 +115,7 @@ def test_the_first_prefix_wins_and_a_sourced_ros_comes_first(
     'name',
     ['no_such_msgs/msg/Thing', 'std_msgs/msg/NoSuch', 'std_msgs/srv/Empty', '../msg/x', '', 'x'],
 )
-def test_an_unknown_type_is_told(name) -> None:
+def test_an_unknown_type_is_reported(name) -> None:
     with pytest.raises(UnknownTypeError) as caught:
         definition(name)
     assert '\n' not in str(caught.value)

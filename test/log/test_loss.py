@@ -22,7 +22,7 @@ WHY = 'several publishers at once, or messages without sequence numbers'
 
 @dataclass
 class Stay:
-    """What is heard of a publisher while it is there, and when it is told that it is gone."""
+    """What is heard of a publisher while it is there, and the time of its departure."""
 
     who: int
     heard: list[int]
@@ -79,7 +79,7 @@ def truth(some: list[Stay]) -> tuple[int, int]:
 
 
 @given(stays(), st.booleans(), st.booleans())
-def test_no_more_is_told_than_was_missing(some: list[Stay], late: bool, known: bool) -> None:
+def test_no_more_is_reported_than_was_missing(some: list[Stay], late: bool, known: bool) -> None:
     counter, (lost, early) = counted(some, late=late, known=known), truth(some)
     assert counter.lost <= lost
     assert counter.before_discovery <= early
@@ -88,7 +88,7 @@ def test_no_more_is_told_than_was_missing(some: list[Stay], late: bool, known: b
 @given(stays())
 # Another publisher goes on with the very number of the last.
 @example([Stay(0, [1, 5]), Stay(1, [5, 6])])
-def test_all_is_told_where_it_is_known_who_is_heard(some: list[Stay]) -> None:
+def test_all_is_reported_where_it_is_known_who_is_heard(some: list[Stay]) -> None:
     counter = counted(some, late=False, known=True)
     # A number that goes on is believed to be the same one's.
     if all(b.heard[0] != a.heard[-1] + 1 for a, b in pairwise(s for s in some if s.heard)):
@@ -96,7 +96,7 @@ def test_all_is_told_where_it_is_known_who_is_heard(some: list[Stay]) -> None:
 
 
 @given(stays())
-def test_what_is_missing_between_two_is_told_in_any_case(some: list[Stay]) -> None:
+def test_what_is_missing_between_two_is_reported_in_any_case(some: list[Stay]) -> None:
     counter = counted(some, late=False, known=False)
     assert counter.lost == sum(stay.missing for stay in some)
 

@@ -1,4 +1,4 @@
-"""Quality of service: text and data say the same, and malformed text is told."""
+"""Quality of service: text and data say the same, and malformed text is refused."""
 
 from contextlib import suppress
 

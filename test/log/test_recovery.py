@@ -1,4 +1,4 @@
-"""Recovery: all that is intact comes back as it was, and what does not is told."""
+"""Recovery: all that is intact comes back as it was, and the rest is reported."""
 
 import hashlib
 import os
@@ -170,7 +170,7 @@ def test_cut_anywhere_all_intact_chunks_come_back(
 
 
 @pytest.mark.parametrize('where', ['in a chunk', 'between records'])
-def test_a_zeroed_tail_is_told(
+def test_a_zeroed_tail_is_reported(
     run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered, where
 ) -> None:
     data = run_file.read_bytes()
@@ -191,7 +191,7 @@ def test_a_missing_metadata_yaml_is_written_anew(
     assert (tmp_path / 'again' / 'metadata.yaml').exists()
 
 
-def test_a_rotten_attachment_is_told_and_the_messages_are_kept(
+def test_a_rotten_attachment_is_reported_and_the_messages_are_kept(
     run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered
 ) -> None:
     data = run_file.read_bytes()

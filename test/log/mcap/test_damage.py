@@ -34,7 +34,7 @@ def intact_chunks(data, length, runs):
         (MCAP0_MAGIC * 2, 'there is no header'),
     ],
 )
-def test_what_is_no_log_is_told_in_one_line(tmp_path: Path, content, reason) -> None:
+def test_what_is_no_log_is_reported_in_one_line(tmp_path: Path, content, reason) -> None:
     path = tmp_path / 'x.mcap'
     if content is not None:
         path.write_bytes(content)
@@ -198,7 +198,7 @@ def test_a_length_is_not_believed(tmp_path: Path, bomb) -> None:
         tracemalloc.stop()
 
 
-def test_an_index_that_points_out_of_the_file_is_told(
+def test_an_index_that_points_out_of_the_file_is_reported(
     run_file: Path, batches: list[list[Message]], runs: ModuleType
 ) -> None:
     """Without a CRC of the summary, as other recorders leave it out, an offset may be anything."""

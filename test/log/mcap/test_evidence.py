@@ -152,7 +152,7 @@ def test_zeros_over_the_head_of_a_chunk_make_it_no_empty_one(
     assert recovery.lost
 
 
-def test_a_rotten_attachment_with_fields_behind_it_is_told(
+def test_a_rotten_attachment_with_fields_behind_it_is_reported(
     runs: ModuleType, batches: list[list[Message]], tmp_path: Path
 ) -> None:
     path = runs.write_run(tmp_path / 'walk', batches)

@@ -126,7 +126,7 @@ def test_what_stands_behind_so_much_that_is_of_no_use_is_read_all_the_same(
     assert found == 100
 
 
-def test_a_limit_that_was_met_is_told(
+def test_a_limit_that_was_met_is_reported(
     read, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(decompression, '_BUDGET', 2**20)
@@ -172,7 +172,7 @@ def test_chunks_that_cannot_be_merged_are_read_in_one_pass(tmp_path: Path) -> No
         assert log.problems == ()
 
 
-def test_a_chunk_of_which_the_index_says_less_is_told(tmp_path: Path) -> None:
+def test_a_chunk_of_which_the_index_says_less_is_reported(tmp_path: Path) -> None:
     path = tmp_path / 'x.mcap'
     path.write_bytes(overlapping(2, 20 * 2**20, honest=False))
     with open_log(path) as log:
@@ -203,7 +203,7 @@ def file_of_qos(texts):
     return file_of_channels([{'metadata': {'offered_qos_profiles': text}} for text in texts])
 
 
-def test_channels_that_differ_in_little_are_told_apart_at_no_cost(read) -> None:
+def test_channels_that_differ_in_little_are_reported_apart_at_no_cost(read) -> None:
     def channels(count):
         return file_of_channels([{'topic': '/a', 'metadata': {'x': str(n)}} for n in range(count)])
 
@@ -267,7 +267,7 @@ def test_the_same_profiles_are_taken_apart_once(tmp_path: Path) -> None:
         assert {topic.qos for topic in log.topics} == {text}
 
 
-def test_profiles_that_are_too_long_are_not_taken_apart_and_told(tmp_path: Path) -> None:
+def test_profiles_that_are_too_long_are_not_taken_apart_and_reported(tmp_path: Path) -> None:
     characters, said = recovered(tmp_path, ['\n' * (MAX_QOS_TEXT + 1), '\n' * 10])
     assert characters == 10
     (line,) = said

@@ -169,7 +169,7 @@ def test_nothing_changed_is_the_same_file(kind) -> None:
     assert LegalFile(FILES[kind]).joined() == FILES[kind]
 
 
-def test_records_of_unknown_kinds_are_told_to_be_left_out(tmp_path: Path) -> None:
+def test_records_of_unknown_kinds_are_reported_to_be_left_out(tmp_path: Path) -> None:
     path = tmp_path / 'x.mcap'
     inner = ALL + mcap.record(0x81, b'y') * 2
     path.write_bytes(closed(mcap.record(0x80, b'x') + mcap.chunk(inner, SPAN)))

@@ -92,7 +92,7 @@ def test_messages_that_stand_out_of_order_come_in_order(runs: ModuleType, tmp_pa
         assert list(log.messages()) == messages
 
 
-def test_a_json_channel_is_told_from_a_ros_one(tmp_path: Path) -> None:
+def test_a_json_channel_is_reported_from_a_ros_one(tmp_path: Path) -> None:
     with (tmp_path / 'log.mcap').open('wb') as file:
         writer = Writer(file)
         writer.start('')
@@ -148,7 +148,7 @@ def test_a_split_run_plays_through(split_run, with_metadata) -> None:
         assert len(log.topics) == 1
 
 
-def test_a_missing_file_of_a_split_run_is_told(split_run) -> None:
+def test_a_missing_file_of_a_split_run_is_reported(split_run) -> None:
     folder, messages = split_run
     (folder / 'split_3.mcap').unlink()
     with open_log(folder) as log:
@@ -157,7 +157,7 @@ def test_a_missing_file_of_a_split_run_is_told(split_run) -> None:
         assert list(log.messages()) == messages[:60] + messages[80:]
 
 
-def test_an_empty_file_of_a_split_run_is_told_and_the_others_are_read(split_run) -> None:
+def test_an_empty_file_of_a_split_run_is_reported_and_the_others_are_read(split_run) -> None:
     folder, messages = split_run
     (folder / 'split_10.mcap').write_bytes(b'')
     with open_log(folder) as log:
@@ -168,7 +168,7 @@ def test_an_empty_file_of_a_split_run_is_told_and_the_others_are_read(split_run)
 @pytest.mark.parametrize(
     'content', ['}{', '[]', '', '1', f'{ROOT_KEY}: 3', f'{ROOT_KEY}: {{compression_mode: flie}}']
 )
-def test_a_damaged_metadata_yaml_is_told_and_the_files_are_read(split_run, content) -> None:
+def test_a_damaged_metadata_yaml_is_reported_and_the_files_are_read(split_run, content) -> None:
     folder, messages = split_run
     (folder / 'metadata.yaml').write_text(content)
     with open_log(folder) as log:

@@ -12,7 +12,16 @@ from klann_ros.log.qos import latched_count, qos_from_yaml, qos_to_yaml
 from klann_ros.log.reader import open_log
 from klann_ros.log.recover_command import main as recover
 import pytest
-from rosbag2_bags import digest, in_blocks, KINDS, LATCHED, NAMES, told, told_by_rosbags, write_bag
+from rosbag2_bags import (
+    digest,
+    in_blocks,
+    KINDS,
+    LATCHED,
+    NAMES,
+    read_by_rosbags,
+    read_messages,
+    write_bag,
+)
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 
@@ -32,8 +41,8 @@ def sent(runs: ModuleType):
 
 
 def test_a_bag_is_read_as_rosbags_reads_it(bag) -> None:
-    found = told(bag)
-    assert sorted(found) == sorted(told_by_rosbags(bag))
+    found = read_messages(bag)
+    assert sorted(found) == sorted(read_by_rosbags(bag))
     times = [time for _, _, time, _ in found]
     assert times == sorted(times)
     assert sorted(in_blocks(bag)) == sorted(found)
@@ -67,8 +76,8 @@ def test_a_bag_is_recovered_to_a_run_that_has_all_of_it(
 ) -> None:
     before = digest(bag)
     assert recover([str(bag), '-o', str(tmp_path / 'run')]) == 0
-    assert f'kept: {len(told(bag))} messages in all' in capsys.readouterr().out
-    assert told(tmp_path / 'run') == told(bag)
+    assert f'kept: {len(read_messages(bag))} messages in all' in capsys.readouterr().out
+    assert read_messages(tmp_path / 'run') == read_messages(bag)
     assert digest(bag) == before
     with open_log(bag) as log, open_log(tmp_path / 'run') as run:
         assert [t.definition for t in run.topics] == [t.definition for t in log.topics]
@@ -77,22 +86,24 @@ def test_a_bag_is_recovered_to_a_run_that_has_all_of_it(
 def test_a_file_of_a_bag_is_read_by_itself(bag) -> None:
     """What is in it tells how, also that its messages are packed: no metadata.yaml is needed."""
     (path,) = (path for path in bag.iterdir() if path.name != 'metadata.yaml')
-    assert told(path) == told(bag)
+    assert read_messages(path) == read_messages(bag)
 
 
 def test_metadata_that_forgot_the_compression_do_no_harm(sent, tmp_path: Path) -> None:
     """`ros2 bag reindex` writes such."""
     bag = write_bag(tmp_path / 'bag', sent, StoragePlugin.SQLITE3, CompressionMode.MESSAGE)
-    wanted = told(bag)
+    wanted = read_messages(bag)
     metadata = bag / 'metadata.yaml'
     metadata.write_text(metadata.read_text().replace('compression_mode: message', ''))
-    assert told(bag) == wanted
+    assert read_messages(bag) == wanted
 
 
 @pytest.mark.parametrize('age', TABLES)
 def test_an_sqlite_file_of_any_age_is_read(age, tmp_path: Path) -> None:
     bag = make_db3(tmp_path / 'old_0.db3', age)
-    assert told(bag) == [('/number', FLOAT, START + n * 10**6, number(n)) for n in range(100)]
+    assert read_messages(bag) == [
+        ('/number', FLOAT, START + n * 10**6, number(n)) for n in range(100)
+    ]
     with open_log(bag) as log:
         (topic,) = log.topics
     # Bags before Iron have no definitions; what is installed has.
@@ -139,7 +150,7 @@ def test_rows_that_stand_out_of_order_come_in_order(tmp_path: Path) -> None:
         begin(bag)
         for n in shuffled:
             add(bag, range(n, n + 1))
-    assert [time for _, _, time, _ in told(tmp_path / 'x.db3')] == [
+    assert [time for _, _, time, _ in read_messages(tmp_path / 'x.db3')] == [
         START + n * 10**6 for n in range(5000)
     ]
 
@@ -149,7 +160,7 @@ def test_a_bag_whose_messages_were_deleted_in_part_is_whole(tmp_path: Path) -> N
     bag = make_db3(tmp_path / 'x.db3', count=5000)
     with closing(sqlite3.connect(bag)) as file, file:
         file.execute('DELETE FROM messages WHERE id % 3')
-    assert len(told(bag)) == 5000 // 3
+    assert len(read_messages(bag)) == 5000 // 3
 
 
 def test_an_empty_bag_has_its_topics(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.recover_command import default_output
 import pytest
-from rosbag2_bags import MODES, told, write_bag
+from rosbag2_bags import MODES, read_messages, write_bag
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 import yaml
 import zstandard
@@ -53,9 +53,9 @@ def test_a_split_bag_of_sqlite_is_one_log(with_metadata, tmp_path: Path) -> None
 @pytest.mark.parametrize('mode', MODES)
 def test_a_bag_without_metadata_is_whole(storage, mode, messages, tmp_path: Path) -> None:
     bag = write_bag(tmp_path / 'bag', messages, storage, mode)
-    wanted = told(bag)
+    wanted = read_messages(bag)
     (bag / 'metadata.yaml').unlink()
-    assert told(bag) == wanted
+    assert read_messages(bag) == wanted
 
 
 def test_of_two_storages_one_is_the_bag(messages, tmp_path: Path) -> None:
@@ -87,9 +87,9 @@ def packed(messages, tmp_path: Path):
 
 def test_what_ros2_bag_play_left_unpacked_is_no_second_file(packed) -> None:
     bag, whole = packed
-    wanted = told(bag)
+    wanted = read_messages(bag)
     (bag / 'x.mcap').write_bytes(whole)
-    assert told(bag) == wanted
+    assert read_messages(bag) == wanted
     with open_log(bag) as log:
         assert [path.name for path in log.paths] == ['x.mcap']
 
@@ -97,26 +97,26 @@ def test_what_ros2_bag_play_left_unpacked_is_no_second_file(packed) -> None:
 @pytest.mark.parametrize('part', [0, 8, 500, 1200])
 def test_what_was_unpacked_in_part_only_is_read_packed(part, packed) -> None:
     bag, whole = packed
-    wanted = told(bag)
+    wanted = read_messages(bag)
     (bag / 'x.mcap').write_bytes(whole[:part])
-    assert told(bag) == wanted
+    assert read_messages(bag) == wanted
 
 
 def test_a_file_that_was_unpacked_since_is_found(packed) -> None:
     bag, whole = packed
-    wanted = told(bag)
+    wanted = read_messages(bag)
     (bag / 'x.mcap').write_bytes(whole)
     (bag / 'x.mcap.zstd').unlink()
-    assert told(bag) == wanted
+    assert read_messages(bag) == wanted
 
 
 @pytest.mark.parametrize('suffix', ['.zstd', '.zst'])
 def test_a_file_that_was_packed_since_is_found(suffix, messages, tmp_path: Path) -> None:
     bag = write_bag(tmp_path / 'x', messages, StoragePlugin.SQLITE3, CompressionMode.NONE)
-    wanted = told(bag)
+    wanted = read_messages(bag)
     (bag / f'x.db3{suffix}').write_bytes(zstandard.compress((bag / 'x.db3').read_bytes()))
     (bag / 'x.db3').unlink()
-    assert told(bag) == wanted
+    assert read_messages(bag) == wanted
 
 
 @pytest.mark.parametrize(
@@ -202,7 +202,7 @@ def test_a_file_is_recovered_to_a_run_of_its_name(name, tmp_path: Path) -> None:
     assert default_output(tmp_path / name) == tmp_path / 'walk_0_recovered'
 
 
-def test_what_is_no_bag_of_sqlite_is_told(tmp_path: Path) -> None:
+def test_what_is_no_bag_of_sqlite_is_reported(tmp_path: Path) -> None:
     (tmp_path / 'empty.db3').touch()
     with pytest.raises(NotALogError, match=r"should be SQLite, rosbag2's \.db3, and is empty"):
         open_log(tmp_path / 'empty.db3')

@@ -44,7 +44,7 @@ def test_what_each_file_repeats_is_there_once(
             assert log.metadata['solver'] == [{'tolerance': '1e-12'}]
 
 
-def test_a_file_behind_those_that_are_named_is_read_and_told(
+def test_a_file_behind_those_that_are_named_is_read_and_reported(
     split_run, batches: list[list[Message]], runs: ModuleType, tmp_path: Path
 ) -> None:
     """When a split recording is killed its metadata.yaml may be a file behind."""
@@ -59,7 +59,7 @@ def test_a_file_behind_those_that_are_named_is_read_and_told(
 
 
 @pytest.mark.parametrize('name', ['copy.mcap', 'run_copy.mcap', 'copy_9.mcap'])
-def test_a_file_of_another_name_is_left_out_and_told(
+def test_a_file_of_another_name_is_left_out_and_reported(
     split_run, batches: list[list[Message]], runs: ModuleType, name
 ) -> None:
     shutil.copy(split_run / 'run_0.mcap', split_run / name)
@@ -109,7 +109,7 @@ def test_the_good_files_come_back_beside_the_bad(
     ],
     ids=['references', 'merges', 'depth', 'length'],
 )
-def test_a_metadata_yaml_that_unfolds_without_end_is_told(
+def test_a_metadata_yaml_that_unfolds_without_end_is_reported(
     split_run,
     batches: list[list[Message]],
     runs: ModuleType,

@@ -13,7 +13,7 @@ from klann_ros.log.read import compressed, temporary
 from klann_ros.log.reader import open_log
 from klann_ros.log.recover_command import main as recover
 import pytest
-from rosbag2_bags import told, write_bag
+from rosbag2_bags import read_messages, write_bag
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 import zstandard
 
@@ -73,7 +73,7 @@ def test_several_frames_one_behind_the_other_are_one_file(file) -> None:
     # What may be skipped stands between them, such as the index of a seekable file.
     skipped = bytes.fromhex('502a4d18') + (5).to_bytes(4, 'little') + b'index'
     packed.write_bytes(skipped.join(map(packer.compress, parts)) + skipped)
-    assert len(told(packed)) == 200
+    assert len(read_messages(packed)) == 200
 
 
 def test_of_a_packed_file_that_is_rotten_what_stands_before_is_read(file) -> None:

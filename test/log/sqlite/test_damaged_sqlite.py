@@ -15,7 +15,7 @@ from klann_ros.log.reader import open_log
 from klann_ros.log.recover_command import main as recover
 from klann_ros.review.command import main as review
 import pytest
-from rosbag2_bags import digest, told, write_bag
+from rosbag2_bags import digest, read_messages, write_bag
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 PAGE = 4096
@@ -138,7 +138,7 @@ STRANGE = {
 
 
 @pytest.mark.parametrize('kind', STRANGE)
-def test_what_only_looks_like_a_bag_is_told_and_not_asked(kind, tmp_path: Path) -> None:
+def test_what_only_looks_like_a_bag_is_reported_and_not_asked(kind, tmp_path: Path) -> None:
     with closing(sqlite3.connect(tmp_path / 'x.db3')) as file:
         begin(file, 'foxy', STRANGE[kind])
     with pytest.raises(NotALogError, match='it is SQLite, but no bag') as caught:
@@ -161,11 +161,11 @@ def test_rows_that_hold_no_message_are_counted(
     said = capsys.readouterr().out
     assert '5 rows of its table of messages hold no message' in said
     assert '1 message of topics whose description is lost' in said
-    found = told(tmp_path / 'x_recovered')
+    found = read_messages(tmp_path / 'x_recovered')
     assert [data for *_, data in found] == [b'0001', b'0002', b'0003', b'0004']
 
 
-def test_names_of_strangers_are_told_in_one_line(tmp_path: Path) -> None:
+def test_names_of_strangers_are_reported_in_one_line(tmp_path: Path) -> None:
     with closing(sqlite3.connect(tmp_path / 'x.db3')) as file:
         file.execute('CREATE TABLE "a\x1b[31m\n\u202e"(b)')
     with pytest.raises(NotALogError, match='no bag') as caught:
@@ -185,7 +185,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory, runs: ModuleType):
         message.data += bytes(900 * n)
     modes = (CompressionMode.NONE, CompressionMode.MESSAGE, CompressionMode.FILE)
     bags = [write_bag(place / m.name, messages, StoragePlugin.SQLITE3, m) for m in modes]
-    return bags, len(told(bags[0]))
+    return bags, len(read_messages(bags[0]))
 
 
 def run(main, *arguments):
@@ -196,7 +196,9 @@ def run(main, *arguments):
 
 
 @pytest.mark.parametrize('seed', range(30))
-def test_any_damage_is_told_and_leaves_the_file_as_it_is(seed, samples, tmp_path: Path) -> None:
+def test_any_damage_is_reported_and_leaves_the_file_as_it_is(
+    seed, samples, tmp_path: Path
+) -> None:
     bags, count = samples
     source = bags[seed % 3]
     bag = tmp_path / 'bag'
@@ -212,8 +214,8 @@ def test_any_damage_is_told_and_leaves_the_file_as_it_is(seed, samples, tmp_path
     if code == 2:
         assert said.count('\n') == 1
     else:
-        found = len(told(tmp_path / 'run'))
-        # SQLite has no CRC: what is changed cannot be told, what is missing is.
+        found = len(read_messages(tmp_path / 'run'))
+        # SQLite has no CRC: changes are undetectable, missing messages are not.
         assert code == 3 or found >= count, f'{story}: {said}'
     code, _ = run(review, bag)
     assert code in (0, 1, 2)

@@ -13,7 +13,7 @@ from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.recover_command import main as recover
 import pytest
-from rosbag2_bags import digest, told
+from rosbag2_bags import digest, read_messages
 
 # Writes messages in transactions of so many until it is killed, and tells how many it has given.
 WRITER = """
@@ -62,7 +62,7 @@ def test_all_that_a_killed_recorder_committed_is_read(
     assert len(found) >= 3000 - CACHE
     assert [m.data[:12] for m in found] == [number(n) for n in range(len(found))]
     assert recover([str(bag), '-o', str(tmp_path / 'run')]) == 0, capsys.readouterr()
-    assert len(told(tmp_path / 'run')) == len(found)
+    assert len(read_messages(tmp_path / 'run')) == len(found)
     assert digest(bag) == before
 
 
@@ -99,7 +99,7 @@ def test_a_journal_that_is_done_with_is_no_sign_of_a_kill(tmp_path: Path) -> Non
         begin(bag)
         add(bag, range(10))
     assert (tmp_path / 'x.db3-journal').stat().st_size
-    assert len(told(tmp_path / 'x.db3')) == 10
+    assert len(read_messages(tmp_path / 'x.db3')) == 10
 
 
 def test_a_journal_cannot_have_a_file_deleted(tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ class Subscriber:
 
 
 class Clock:
-    """A time that goes on when it is told to."""
+    """A time that advances on request."""
 
     def __init__(self) -> None:
         self.now = 1000.0
@@ -210,8 +210,8 @@ def test_latched_topics_and_solvers_are_in_every_run_however_old(stage: Stage) -
     stage.until_closed()
     (run,) = stage.runs()
     assert numbers(run, MODEL.name) == [1]
-    (told,) = metadata(run)[SOLVER_RECORD]
-    assert '2.0' in told['parameters']
+    (record,) = metadata(run)[SOLVER_RECORD]
+    assert '2.0' in record['parameters']
     with open_log(run) as log:
         # As if it had been received then, so that the run does not begin long before.
         assert log.end_time - log.start_time < 10**9
@@ -251,7 +251,7 @@ def test_what_was_lost_before_is_not_lost_of_the_event(stage: Stage) -> None:
     assert (count.received, count.written, count.lost) == (10, 10, 3)
 
 
-def test_a_disk_that_says_no_is_told_and_the_next_event_is_recorded(stage: Stage) -> None:
+def test_a_disk_that_says_no_is_reported_and_the_next_event_is_recorded(stage: Stage) -> None:
     stage.refusal = LowSpaceError(stage.folder, 1, 2)
     stage.session.add_finding(GAP)
     assert 'gap) is not recorded' in stage.session.state().faults[0]
@@ -294,8 +294,8 @@ def test_a_disk_that_takes_its_time_to_open_a_run_holds_nothing_up(
         stage.until_closed()
     (run,) = stage.runs()
     assert numbers(run) == [number for each in heard for number in each]
-    told = [recorded_finding(record).check for record in metadata(run)[FINDING_RECORD]]
-    assert told == ['gap', 'gap', 'trigger']
+    checks = [recorded_finding(record).check for record in metadata(run)[FINDING_RECORD]]
+    assert checks == ['gap', 'gap', 'trigger']
 
 
 def test_the_end_finishes_the_run_of_an_event(stage: Stage) -> None:

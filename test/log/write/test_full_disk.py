@@ -79,7 +79,7 @@ def test_a_reserve_has_no_name_that_a_kill_could_leave_or_a_user_remove(tmp_path
         assert {path.name for path in writer.path.iterdir()} == {'run_0.mcap', 'metadata.yaml'}
 
 
-def test_too_little_space_is_told_with_both_numbers(tmp_path: Path) -> None:
+def test_too_little_space_is_reported_with_both_numbers(tmp_path: Path) -> None:
     free = free_space(tmp_path / 'not' / 'there' / 'yet')
     check_free_space(tmp_path, 0)
     check_free_space(tmp_path, free // 2)

@@ -152,14 +152,14 @@ def test_a_split_keeps_the_order(
         assert [message.sequence for *_, message in found] == [*range(1, 21)]
 
 
-def test_what_another_thread_is_told_while_a_split_goes_on_is_never_wrong(
+def test_what_another_thread_is_reported_while_a_split_goes_on_is_never_wrong(
     tmp_path: Path, batches: list[list[Message]]
 ) -> None:
-    told = []
+    seen = []
 
     def look(frame, *_):
         if frame.f_code.co_filename.startswith(WRITING):
-            told.append(dict(writer.stored_counts().written))
+            seen.append(dict(writer.stored_counts().written))
             return look
         return None
 
@@ -173,8 +173,8 @@ def test_what_another_thread_is_told_while_a_split_goes_on_is_never_wrong(
             writer.split()
         finally:
             sys.settrace(before)
-    assert len(told) > 50
-    assert all(counts == {'/crank_angle': 5} for counts in told)
+    assert len(seen) > 50
+    assert all(counts == {'/crank_angle': 5} for counts in seen)
 
 
 @pytest.mark.parametrize('hours', [-1, 1])

@@ -288,14 +288,17 @@ def test_a_folder_that_cannot_be_made_is_an_os_error(tmp_path: Path) -> None:
         RunWriter(tmp_path / 'file' / 'run')
 
 
-def test_a_full_disk_while_the_body_fails_is_told_with_both(
+def test_a_full_disk_while_the_body_fails_is_reported_with_both(
     tmp_path: Path, runs: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_):
         raise OSError(28, 'No space left on device')
 
-    with pytest.raises(OSError, match='No space left') as told, RunWriter(tmp_path / 'run') as run:
+    with (
+        pytest.raises(OSError, match='No space left') as caught,
+        RunWriter(tmp_path / 'run') as run,
+    ):
         run.write(runs.make_messages(1)[0])
         monkeypatch.setattr(os, 'write', refuse)
         raise KeyError('mine')
-    assert isinstance(told.value.__cause__, KeyError)
+    assert isinstance(caught.value.__cause__, KeyError)
