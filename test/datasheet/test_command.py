@@ -55,9 +55,9 @@ def test_a_motor_that_cannot_gives_exit_code_1(
     options: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main([SEM, '--motor', MOTOR, *options]) == 1
-    told = capsys.readouterr().out
-    assert 'The motor cannot turn it' in told
-    assert said in told
+    reported = capsys.readouterr().out
+    assert 'The motor cannot turn it' in reported
+    assert said in reported
 
 
 def test_no_motor_turns_a_crank_that_does_not_turn_fully(
@@ -86,18 +86,18 @@ def test_no_motor_turns_a_crank_that_does_not_turn_fully(
         (['{bare}', '--motor', MOTOR], 'bar_density [kg/m]'),
     ],
 )
-def test_what_is_refused_is_told_in_one_line(
+def test_what_is_refused_is_reported_in_one_line(
     arguments: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bare = tmp_path / 'bare.yaml'
     weightless = [line for line in Path(SEM).read_text().splitlines() if 'bar_density' not in line]
     bare.write_text('\n'.join(weightless))
     assert main([text.replace('{bare}', str(bare)) for text in arguments]) == 2
-    told = capsys.readouterr()
-    assert told.out == ''
-    assert told.err.startswith('describe: ')
-    assert said in told.err
-    assert told.err.count('\n') == 1
+    reported = capsys.readouterr()
+    assert reported.out == ''
+    assert reported.err.startswith('describe: ')
+    assert said in reported.err
+    assert reported.err.count('\n') == 1
 
 
 @pytest.mark.parametrize('option', ['--speed', '--load', '--bar-density'])
@@ -130,10 +130,10 @@ def test_nothing_is_written_where_it_may_not_be(
         given, tmp_path / 'absent' / 'out'
     )
     assert main([str(leg), '--motor', str(motor), option, str(out)]) == 3
-    told = capsys.readouterr()
-    assert told.out == ''
-    assert told.err.startswith(f'describe: {option} ')
-    assert told.err.count('\n') == 1
+    reported = capsys.readouterr()
+    assert reported.out == ''
+    assert reported.err.startswith(f'describe: {option} ')
+    assert reported.err.count('\n') == 1
     assert leg.read_bytes() == Path(SEM).read_bytes()
     assert motor.read_bytes() == Path(MOTOR).read_bytes()
 
@@ -162,8 +162,8 @@ def test_a_hostile_name_moves_no_terminal_and_is_whole_in_json(
     leg, out = tmp_path / 'leg.yaml', tmp_path / 'leg.json'
     leg.write_text(LINKAGE)
     assert main([str(leg), '--bar-density', '1', '--json', str(out)]) == 0
-    told = capsys.readouterr().out
-    assert not {'\x1b', '\u202e'} & set(told)
+    reported = capsys.readouterr().out
+    assert not {'\x1b', '\u202e'} & set(reported)
     assert json.loads(out.read_text())['legs'][0]['source'].startswith(HOSTILE)
 
 

@@ -58,7 +58,7 @@ def test_the_other_way_round_it_needs_the_other_torque() -> None:
         ([2.0, 2.0], 5.0, 0.3, 'overheats'),
     ],
 )
-def test_each_fault_is_told(
+def test_each_fault_is_reported(
     still: list[float], speed: float, continuous: float | None, fault: str
 ) -> None:
     motor = Motor(**GOOD, continuous_torque=continuous)
@@ -152,7 +152,7 @@ def test_what_is_no_motor_is_refused(changes: Mapping[Any, Any], said: str) -> N
         ('\x00', 'holds no motor'),
     ],
 )
-def test_a_file_that_holds_no_motor_is_told_in_a_line(
+def test_a_file_that_holds_no_motor_is_reported_in_a_line(
     tmp_path: Path, text: str, said: str
 ) -> None:
     path = tmp_path / 'motor.yaml'

@@ -363,7 +363,7 @@ def test_a_page_that_reads_nothing_costs_nothing(served: Served) -> None:
             first = json.loads((await stalled.receive(PATIENCE)).data)
             await stalled.send_json({'ack': first['n']})
             second = json.loads((await stalled.receive(PATIENCE)).data)
-            # What came in between was not kept for it: it is told what is so now.
+            # What came in between was not kept for it; it gets the current state.
             assert (first['n'], second['n']) == (1, 2)
             assert second['poses']['version'] >= seen[-1]
             assert len(set(seen)) > 50
@@ -385,7 +385,7 @@ def test_a_frame_that_was_not_sent_is_not_drawn(served: Served) -> None:
     run(attack)
 
 
-def test_a_world_is_told_who_is_gone(served: Served) -> None:
+def test_a_world_is_reported_who_is_gone(served: Served) -> None:
     async def leave(session: aiohttp.ClientSession) -> None:
         async with opened(session, served) as socket:
             page = (await frame(socket))['you']['page']

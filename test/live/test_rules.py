@@ -193,14 +193,14 @@ def test_parameters_of_strangers_are_no_leg_and_no_fault(parameters: dict[str, o
 def test_a_player_tells_the_legs_of_its_run_by_their_namespaces() -> None:
     """The last lengths hold, and that there were others is said."""
 
-    def told(node: str, time: int, **lengths: float) -> SolverParameters:
+    def parameters_of(node: str, time: int, **lengths: float) -> SolverParameters:
         geometry = {**KlannGeometry.sem104().as_dict(), 'assembly': [1, 1], **lengths}
         return SolverParameters(node, time, geometry)
 
     records = [
-        told('/left/solver_node', 1, l_gh=0.5),
-        told('/solver_node', 2, l_gh=0.6),
-        told('/solver_node', 3, l_gh=0.7),
+        parameters_of('/left/solver_node', 1, l_gh=0.5),
+        parameters_of('/solver_node', 2, l_gh=0.6),
+        parameters_of('/solver_node', 3, l_gh=0.7),
     ]
     written = [*map(solver_record, records), {'no': 'record'}]
     text = replayed_solvers_json(written)
@@ -280,7 +280,7 @@ def test_a_topic_knows_its_rate_and_its_losses() -> None:
         (1, 'something of another node', ''),
     ],
 )
-def test_a_status_is_told_in_plain_words(level: int, message: str, meaning: str) -> None:
+def test_a_status_is_shown_in_plain_words(level: int, message: str, meaning: str) -> None:
     status = status_text(level, 'solver_node: leg', message, [('solved', '5'), ('x', 'y')])
     assert meaning in status.meaning
     assert bool(status.meaning) == bool(meaning)

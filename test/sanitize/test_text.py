@@ -64,24 +64,9 @@ def test_many_names_leave_room_for_what_stands_behind_them() -> None:
     assert len(listed(['x' * 10**6] * 1000)) < MAX_LINE_LENGTH
 
 
-@pytest.mark.parametrize(
-    ('number', 'said'), [(0, '0 messages'), (1, '1 message'), (2, '2 messages')]
-)
-def test_one_is_not_many(number: int, said: str) -> None:
-    assert counted(number, 'message') == said
-
-
-def test_a_word_may_have_a_plural_of_its_own() -> None:
+def test_numbers_agree_with_their_nouns_and_verbs() -> None:
+    assert [counted(n, 'message') for n in range(3)] == ['0 messages', '1 message', '2 messages']
     assert counted(2, 'foot', 'feet') == '2 feet'
-
-
-def test_the_verb_goes_with_the_number() -> None:
     assert [verb(n, 'was', 'were') for n in range(3)] == ['were', 'was', 'were']
-
-
-def test_once_is_a_word() -> None:
     assert [times(n) for n in (1, 2, 3)] == ['once', 'twice', '3 times']
-
-
-def test_small_numbers_are_words() -> None:
     assert [in_words(n) for n in (0, 2, 10, 11, -1)] == ['no', 'two', 'ten', '11', '-1']

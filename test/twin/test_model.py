@@ -115,7 +115,7 @@ def test_points_that_differ_in_case_only_are_two_sites() -> None:
     assert np.linalg.norm(data.site('b').xpos - data.site('b_').xpos) == pytest.approx(0.2)
 
 
-def test_what_is_missing_is_told() -> None:
+def test_what_is_missing_is_reported() -> None:
     leg = RobotLeg('', SEM104)
     with pytest.raises(MassError, match='sem has no masses: bar_density'):
         robot_mjcf(Robot('sem', (leg,)))

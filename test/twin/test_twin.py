@@ -1,4 +1,4 @@
-"""The simulated robot: motors take speeds, sensors are as good as told, all can be repeated."""
+"""The simulated robot: motors with speed commands, noisy sensors, repeatable runs."""
 
 import math
 from pathlib import Path
@@ -112,7 +112,7 @@ def test_a_leg_that_hangs_is_a_robot_as_well() -> None:
     assert twin.efforts() == pytest.approx(expected, rel=0.01)
 
 
-def test_noise_has_the_spread_and_the_offset_that_are_told() -> None:
+def test_noise_has_the_spread_and_the_offset_that_are_reported() -> None:
     sensors = Sensors(
         encoder_noise=0.01, velocity_noise=0.2, encoder_offset=0.5, gyro_noise=0.03,
         accelerometer_noise=0.3, accelerometer_offset=0.7, orientation_noise=0.02,
@@ -143,7 +143,7 @@ def test_the_same_seed_is_the_same_robot_to_the_last_digit() -> None:
     assert run(3) != run(4)
 
 
-def test_what_an_imu_feels_between_two_readings_is_all_told() -> None:
+def test_what_an_imu_feels_between_two_readings_is_all_reported() -> None:
     # However hard the feet hit the ground: it adds up to the velocity that the body has.
     twin = Twin(two_motors())
     for joint in twin.joints:
@@ -179,7 +179,7 @@ def test_up_a_slope_it_gains_height() -> None:
     assert z - Twin(two_motors(), floor=Floor(slope=0.1)).truth().position[2] > 0.01
 
 
-def test_what_was_lost_is_told_and_a_reset_mends_it() -> None:
+def test_what_was_lost_is_reported_and_a_reset_mends_it() -> None:
     twin = Twin(two_motors())
     before = twin.truth()
     twin._data.qvel[:] = 1e12
@@ -215,14 +215,14 @@ def test_a_fallen_robot_says_so() -> None:
         ({'body_mass': 1e300}, 'became unstable'),
     ],
 )
-def test_masses_and_sizes_of_no_robot_are_told_in_one_line(
+def test_masses_and_sizes_of_no_robot_are_reported_in_one_line(
     wrong: dict[str, object], reason: str
 ) -> None:
     content = yaml.safe_load((ROOT / 'config' / 'walker6_two_motors.yaml').read_text())
     given = content['/**']['ros__parameters'] | wrong
-    with pytest.raises((MassError, TwinError), match=reason) as told:
+    with pytest.raises((MassError, TwinError), match=reason) as refused:
         Twin(robot_from_parameters(given)).step(0.1)
-    assert '\n' not in str(told.value)
+    assert '\n' not in str(refused.value)
 
 
 @pytest.mark.parametrize(

@@ -595,8 +595,8 @@ def test_axe_finds_no_barrier(visit) -> None:
         opened.page.wait_for_timeout(150)
         found = axe.Axe().run(opened.page, options=options).response
         assert found['passes']
-        told = [
+        reported = [
             (one['id'], [node['html'][:120] for node in one['nodes']][:3])
             for one in found['violations']
         ]
-        assert told == [], scheme
+        assert reported == [], scheme

@@ -156,10 +156,10 @@ def test_random_legs_have_the_same_poses_and_refusals(
     assert closed > 10
 
 
-def test_what_jams_is_told_as_the_kinematics_tells_it(
+def test_what_jams_is_reported_as_by_the_kinematics(
     random_legs: dict[str, list[dict[str, Any]]], solved: dict[str, list[Any]]
 ) -> None:
-    base, told = shipped_linkage('klann'), 0
+    base, reported = shipped_linkage('klann'), 0
     for case, found in zip(random_legs['klann'], solved['klann'], strict=True):
         linkage = base.varied(dict(zip(base.dimensions, case['numbers'], strict=True)))
         for alpha, pose in zip(case['alphas'], found, strict=True):
@@ -168,8 +168,8 @@ def test_what_jams_is_told_as_the_kinematics_tells_it(
                     LinkageLeg(linkage).closed_form(alpha)
                 assert (info.value.dyad, info.value.stretched) == (pose['block'], pose['isFar'])
                 assert info.value.shortfall == pytest.approx(pose['shortfall'], abs=1e-12)
-                told += 1
-    assert told > 10
+                reported += 1
+    assert reported > 10
 
 
 @pytest.mark.parametrize('value', [0.0, -0.1, 1e300, 1e-300, None])
