@@ -15,9 +15,9 @@ import secrets
 LOOPBACK = ('127.0.0.1', 'localhost', '::1')
 # All of a machine's addresses.
 ANY = ('0.0.0.0', '::')  # noqa: S104 - a name, bound to only where the user gives it
-# Of a web address, where none is written.
-_HTTP = 80
-# Nothing that is asked for here has a longer secret or host.
+# Default port of a web address.
+_HTTP_PORT = 80
+# No valid token or host is longer.
 _MAX_HEADER_LENGTH = 300
 
 
@@ -34,10 +34,10 @@ def new_token() -> str:
 class Guard:
     """The rules of one server."""
 
-    # The address that it listens on, as it was named, and its port.
+    # The address that it listens on, as given, and its port.
     host: str
     port: int
-    # The secret.
+    # The session token.
     token: str
     # Whether every change is refused, with the token as well.
     read_only: bool = False
@@ -54,14 +54,14 @@ class Guard:
 
     @property
     def url(self) -> str:
-        """Return the address to open, with the secret where it is of any use."""
+        """Return the address to open, with the token if it has an effect."""
         shown = '127.0.0.1' if self.host == ANY[0] else '::1' if self.host == ANY[1] else self.host
         place = f'http://{_bracketed(shown)}:{self.port}/'
         return place if self.read_only and self.is_local else f'{place}?token={self.token}'
 
     def check_host(self, host: str | None) -> None:
         """
-        Refuse a request that is meant for another server.
+        Refuse a request for another server.
 
         Parameters
         ----------
@@ -71,7 +71,7 @@ class Guard:
         Raises
         ------
         ForbiddenError
-            It names none of this server's names.
+            It is not a name of this server.
 
         """
         name, port = _split(host or '')
@@ -80,29 +80,29 @@ class Guard:
 
     def check_origin(self, origin: str | None, host: str | None) -> None:
         """
-        Refuse what comes from a page of another server, or from none.
+        Refuse a request of another server's page, or of no page.
 
         Parameters
         ----------
         origin, host : str, optional
-            The Origin and Host headers; the host is a good one.
+            The Origin and Host headers; the host is checked.
 
         Raises
         ------
         ForbiddenError
-            The page is not this server's own, at the very name that is asked for.
+            The page is not this server's own, at the requested name.
 
         """
         if origin is None or origin.lower() != f'http://{(host or "").lower()}':
             raise ForbiddenError('only the page of this server may ask for that')
 
     def check_site(self, site: str | None) -> None:
-        """Refuse what a page of another site has in itself (the Sec-Fetch-Site header)."""
+        """Refuse a request embedded in a page of another site (the Sec-Fetch-Site header)."""
         if site is not None and site not in {'same-origin', 'none'}:
             raise ForbiddenError('only the page of this server may ask for that')
 
     def knows(self, token: str | None) -> bool:
-        """Return whether a secret is the right one; it takes as long for any other."""
+        """Return whether a token is the right one, in constant time."""
         given = (token or '')[:_MAX_HEADER_LENGTH].encode('utf-8', 'replace')
         return compare_digest(given, self.token.encode('ascii'))
 
@@ -113,7 +113,7 @@ class Guard:
         Raises
         ------
         ForbiddenError
-            He may not.
+            The token is missing or wrong.
 
         """
         if not self.is_local and not self.knows(token):
@@ -125,7 +125,7 @@ class Guard:
 
     def _is_own(self, name: str) -> bool:
         if self.host in ANY:
-            # By a name one may be led here from anywhere; by a number one comes on purpose.
+            # A name may be rebound by a foreign DNS server; a number cannot.
             return name in LOOPBACK or _is_number(name)
         names = {self.host.lower()}
         return name in (names.union(LOOPBACK) if self.is_local else names)
@@ -137,7 +137,7 @@ def _split(host: str) -> tuple[str, int]:
         return '', -1
     name, colon, port = host.lower().rpartition(':')
     if not colon or port.endswith(']'):
-        name, port = host.lower(), str(_HTTP)
+        name, port = host.lower(), str(_HTTP_PORT)
     if not (port.isascii() and port.isdecimal() and len(port) <= 5):
         return '', -1
     if name.startswith('[') and name.endswith(']'):

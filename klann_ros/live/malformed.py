@@ -12,8 +12,8 @@ from klann_ros.sanitize.text import printable_line
 
 from .protocol import MAX_MESSAGE_SIZE
 
-# What a socket may have sent since its last whole message [bytes]: old releases of aiohttp put a
-# frame together before they look how large it is.
+# Bytes since the last whole message of a socket: old releases of aiohttp assemble a frame before
+# they check its size.
 MAX_UNREAD = 64 * MAX_MESSAGE_SIZE
 # Minimum time between two log lines [s].
 LOG_PERIOD = 5.0
@@ -97,19 +97,19 @@ class UnreadLimit(asyncio.Protocol):
             self._inner.data_received(data)
 
     def eof_received(self) -> Any:
-        """Hand on the end."""
+        """Forward the end."""
         return self._inner.eof_received()
 
     def connection_lost(self, error: Exception | None) -> None:
-        """Hand on the loss."""
+        """Forward the loss."""
         self._inner.connection_lost(error)
-        # It and the transport would hold each other.
+        # Break the reference cycle with the transport.
         self._transport = None
 
     def pause_writing(self) -> None:
-        """Hand on that nothing is taken any more."""
+        """Forward a pause of writing."""
         self._inner.pause_writing()
 
     def resume_writing(self) -> None:
-        """Hand on that it is again."""
+        """Forward the end of the pause."""
         self._inner.resume_writing()

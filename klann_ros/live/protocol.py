@@ -1,7 +1,7 @@
 """
-What a page may say, and how often: each message is checked here before anything is done.
+The messages of a page and their rate limit; each message is checked before it has an effect.
 
-A page says that it is there and has drawn a frame (`{"ack": 7}`), or wants something done
+A page acknowledges a drawn frame (`{"ack": 7}`) or sends a command
 (`{"id": 3, "do": "turn", "what": "...", "value": 1.5}`). All else is refused.
 """
 
@@ -40,15 +40,15 @@ class ProtocolError(Exception):
 
 @dataclass(frozen=True)
 class Command:
-    """What a page wants."""
+    """A command of a page."""
 
-    # Its number, for the answer.
+    # Its number, repeated in the answer.
     number: int
     # One of COMMANDS.
     do: str
-    # Of what: the name of a drive, a solver, a recorder or a player.
+    # Its target: the name of a drive, a solver, a recorder or a player.
     what: str
-    # Numbers that belong to it, where there are any.
+    # Its numbers, if any.
     value: float = 0.0
     turn: float = 0.0
     # The name of a service, such as `pause`.
@@ -59,14 +59,12 @@ class Command:
 
 def parsed(text: str) -> Command | int | None:
     """
-    Return the message of a page: a command, the number of the frame that it has drawn, or None.
-
-    None stands for nothing but that it is still there.
+    Return the message of a page: a command, the number of a drawn frame, or None (keep-alive).
 
     Raises
     ------
     ProtocolError
-        It is no such message.
+        The message is invalid.
 
     """
     try:
@@ -140,7 +138,7 @@ def _signs(value: list[Any]) -> list[int]:
 
 class RateLimit:
     """
-    Tell whether somebody says more than he may.
+    A token bucket: whether a client exceeds its message rate.
 
     Parameters
     ----------
@@ -163,7 +161,7 @@ class RateLimit:
         self._left, self._last = burst, clock()
 
     def allows(self) -> bool:
-        """Count a message; return whether it is one of those that he may say."""
+        """Count a message; return whether it is within the limit."""
         now = self._clock()
         self._left = min(self._burst, self._left + (now - self._last) * self._rate)
         self._last = now

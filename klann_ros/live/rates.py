@@ -1,4 +1,4 @@
-"""How often a topic's messages come, and how many were lost on their way to the page."""
+"""The rate of a topic's messages, and the number lost on the way to the page."""
 
 from collections import deque
 from collections.abc import Callable
@@ -22,11 +22,11 @@ class TopicRate:
     Attributes
     ----------
     count : int
-        Messages so far.
+        Number of received messages.
     loss : LossCounter
         Counts the missing messages.
     publishers : int
-        How many there are.
+        Number of publishers.
 
     """
 
@@ -50,7 +50,7 @@ class TopicRate:
         return self.loss.lost if self.loss.is_known else None
 
     def rate(self) -> float:
-        """Return how many come in a second [Hz]; to be called now and then."""
+        """Return the rate [Hz], over the last WINDOW of calls."""
         now = self._clock()
         self._marks.append((now, self.count))
         while len(self._marks) > 2 and now - self._marks[1][0] >= WINDOW:
@@ -59,5 +59,5 @@ class TopicRate:
         return (self.count - before) / (now - begin) if now > begin else 0.0
 
     def silence(self) -> float | None:
-        """Return for how long none has come [s]; None if none ever did."""
+        """Return the time since the last message [s]; None without any."""
         return None if self.last < 0.0 else self._clock() - self.last

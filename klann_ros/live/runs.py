@@ -1,4 +1,4 @@
-"""The runs in a folder, and their reviews: made when somebody asks, by another process."""
+"""The runs in a folder, and their reviews, made on request by another process."""
 
 import asyncio
 from collections.abc import Sequence
@@ -11,14 +11,14 @@ import tempfile
 
 from klann_ros.sanitize.text import printable
 
-# A folder may hold a million; the newest of them are shown.
-MOST_RUNS = 500
-_MOST_LOOKED_AT = 20_000
-# A review of a very long run takes a minute; what takes longer is stuck [s].
+# Of a folder with more, the newest are shown.
+MAX_RUNS = 500
+_MAX_ENTRIES = 20_000
+# A review of a very long run takes a minute [s].
 REVIEW_TIMEOUT = 600.0
 # Pages in the cache.
-_MOST_KEPT = 32
-# It leaves the processor to the legs.
+_MAX_PAGES = 32
+# At low priority: the legs come first.
 _REVIEW = (
     'import os, sys; os.nice(10); from klann_ros.executables import review; sys.exit(review())'
 )
@@ -30,16 +30,16 @@ class ListedRun:
 
     name: str
     path: Path
-    # When it was changed last [ns since the epoch].
+    # Time of the last change [ns since the epoch].
     time: int
 
 
 @dataclass
 class Page:
-    """The review of a run, which may still be under way."""
+    """The review of a run, pending or complete."""
 
     file: Path
-    # '' while it is made, then 'ready', or why there is none.
+    # '' while pending, then 'ready', or the reason for a failure.
     state: str = ''
     done: asyncio.Event = field(default_factory=asyncio.Event)
 
@@ -48,20 +48,19 @@ def runs_in(folder: str | Path) -> list[ListedRun]:
     """
     Return the runs that are directly in a folder, the newest first.
 
-    A link leads out of it, perhaps, and is none; what a run's name says goes nowhere but into a
-    comparison.
+    Links are ignored: they may lead out of it. Names of runs are only compared, never opened.
     """
     found: list[ListedRun] = []
     with suppress(OSError), os.scandir(folder) as entries:
         for number, entry in enumerate(entries):
-            if number >= _MOST_LOOKED_AT:
+            if number >= _MAX_ENTRIES:
                 break
             with suppress(OSError):
                 if _is_run(entry):
                     time = entry.stat(follow_symlinks=False).st_mtime_ns
                     found.append(ListedRun(entry.name, Path(entry.path), time))
     found.sort(key=lambda run: (-run.time, run.name))
-    return found[:MOST_RUNS]
+    return found[:MAX_RUNS]
 
 
 def _is_run(entry: 'os.DirEntry[str]') -> bool:
@@ -85,7 +84,7 @@ class Reviews:
     folder : str
         Where the runs are.
     command : sequence of str, optional
-        What reviews: it is given RUN --html FILE.
+        The review program; RUN --html FILE is appended.
 
     """
 
@@ -98,17 +97,17 @@ class Reviews:
         self._temporary = tempfile.TemporaryDirectory(prefix='klann_ros-view-')
 
     def close(self) -> None:
-        """Forget the pages, and end pending reviews."""
+        """Delete the pages, and cancel pending reviews."""
         for task in self._tasks:
             task.cancel()
         self._temporary.cleanup()
 
     async def runs(self) -> list[ListedRun]:
-        """Return the runs in the folder; the disk may be slow."""
+        """Return the runs in the folder, read in a thread: the disk may be slow."""
         return await asyncio.get_running_loop().run_in_executor(None, runs_in, self._folder)
 
     async def page(self, name: str) -> Page | None:
-        """Return the review of a run, begun if there is none; None where no run is called so."""
+        """Return the review of a run, started if there is none; None without such a run."""
         run = next((run for run in await self.runs() if run.name == name), None)
         if run is None:
             return None
@@ -124,7 +123,7 @@ class Reviews:
 
     def _forget(self) -> None:
         finished = [key for key, page in self._pages.items() if page.state]
-        for key in finished[: max(0, len(self._pages) - _MOST_KEPT + 1)]:
+        for key in finished[: max(0, len(self._pages) - _MAX_PAGES + 1)]:
             self._pages.pop(key).file.unlink(missing_ok=True)
 
     async def _make(self, run: ListedRun, page: Page) -> None:
@@ -138,7 +137,7 @@ class Reviews:
     async def _review(self, run: ListedRun, file: Path) -> str:
         process = await asyncio.create_subprocess_exec(
             *self._command,
-            # What begins with a hyphen is no option.
+            # An absolute path is never mistaken for an option.
             str(run.path.absolute()),
             '--html',
             str(file),

@@ -17,12 +17,12 @@ from .malformed import RequestLog, UnreadLimit
 from .protocol import MAX_MESSAGE_SIZE
 from .runs import Reviews
 
-# More pages at once than anybody looks at.
-MOST_PAGES = 200
+# Maximum number of clients.
+MAX_CLIENTS = 200
 # A client is gone if it answers no ping for this time [s].
 _HEARTBEAT = 20.0
 # Shutdown timeout [s].
-_LAST_WORDS = 1.0
+_CLOSE_TIMEOUT = 1.0
 _HEADERS = {
     'Content-Security-Policy': POLICY,
     'Cache-Control': 'no-store',
@@ -49,7 +49,7 @@ class LiveServer:
     Parameters
     ----------
     guard : Guard
-        The access rules; port 0 stands for any free one.
+        The access rules; port 0 for any free one.
     state : PageState
         What the page shows and drives.
     runs : str
@@ -60,7 +60,7 @@ class LiveServer:
     Attributes
     ----------
     guard : Guard
-        With the port that it has.
+        With the actual port.
 
     Raises
     ------
@@ -93,7 +93,7 @@ class LiveServer:
         """Stop the server, and notify the clients."""
         with suppress(RuntimeError):
             self._loop.call_soon_threadsafe(self._ended.set)
-        self._thread.join(5.0 * _LAST_WORDS)
+        self._thread.join(5.0 * _CLOSE_TIMEOUT)
         self._log.close()
 
     def _run(self) -> None:
@@ -120,7 +120,7 @@ class LiveServer:
         if self._reviews is not None:
             self._reviews.close()
         with suppress(asyncio.TimeoutError):
-            await asyncio.wait_for(self._close(runner, site), 2.0 * _LAST_WORDS)
+            await asyncio.wait_for(self._close(runner, site), 2.0 * _CLOSE_TIMEOUT)
 
     async def _close(self, runner: web.AppRunner, site: web.TCPSite) -> None:
         await site.stop()
@@ -131,7 +131,7 @@ class LiveServer:
             for socket in self._clients
         ]
         if closes:
-            _, late = await asyncio.wait(closes, timeout=_LAST_WORDS)
+            _, late = await asyncio.wait(closes, timeout=_CLOSE_TIMEOUT)
             for close in late:
                 close.cancel()
         await runner.cleanup()
@@ -156,7 +156,7 @@ class LiveServer:
                     self._log.count('not exactly one Host header')
                     raise web.HTTPBadRequest
                 self.guard.check_host(_only(request, 'Host'))
-                # A link or a bookmark may lead to the page itself, nothing else may.
+                # Links and bookmarks may lead to the page itself only.
                 if request.path != '/':
                     self.guard.check_site(_only(request, 'Sec-Fetch-Site'))
                 if not request.path.startswith('/static/'):
@@ -184,13 +184,13 @@ class LiveServer:
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
         self.guard.check_origin(_only(request, 'Origin'), _only(request, 'Host'))
-        if len(self._clients) >= MOST_PAGES:
+        if len(self._clients) >= MAX_CLIENTS:
             return web.Response(status=503, text='too many pages look already\n')
         socket = web.WebSocketResponse(
             heartbeat=_HEARTBEAT,
             max_msg_size=MAX_MESSAGE_SIZE,
             compress=False,
-            timeout=_LAST_WORDS,
+            timeout=_CLOSE_TIMEOUT,
         )
         await socket.prepare(request)
         token = _token(request)
@@ -250,7 +250,7 @@ class LiveServer:
 
 
 def _only(request: web.Request, name: str) -> str | None:
-    """Return a header; two of them are as good as a wrong one."""
+    """Return a header; '' for several of that name."""
     values = request.headers.getall(name, [])
     return values[0] if len(values) == 1 else ('' if values else None)
 

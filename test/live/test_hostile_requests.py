@@ -126,7 +126,7 @@ def test_of_two_headers_none_counts(served: Served, twice: tuple[str, str]) -> N
 
 
 def test_no_more_pages_are_served_than_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr('klann_ros.live.server.MOST_PAGES', 2)
+    monkeypatch.setattr('klann_ros.live.server.MAX_CLIENTS', 2)
     server = LiveServer(Guard('127.0.0.1', 0, 'secret'), MadeUpWorld())
     served = Served(MadeUpWorld(), server)
 
