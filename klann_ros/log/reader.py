@@ -169,7 +169,7 @@ class Log(AbstractContextManager['Log']):
             before += file.size
 
     def close(self) -> None:
-        """Remove what was unpacked to read the log; returned data stay valid."""
+        """Remove the unpacked copies; returned data stay valid."""
         for file, _ in self._files:
             file.close()
 

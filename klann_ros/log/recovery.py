@@ -119,7 +119,7 @@ class _FileRecovery:
     _topics: dict[Topic, Topic] = field(default_factory=dict)
 
     def run(self) -> None:
-        """Write what is intact, and report what is not."""
+        """Write the intact content, and report the rest."""
         recovery, salvage = self._recovery, self._file.salvage()
         for message in salvage.messages():
             topic = self._topics.get(message.topic) or self._writable(message.topic)

@@ -119,11 +119,11 @@ class McapStorage:
             return ''
 
     def open(self) -> BinaryIO:  # noqa: A003, RUF100 - as a path calls it; ruff lets it be
-        """Open the file, or what was unpacked from it."""
+        """Open the file, or its unpacked copy."""
         return open_regular(self._unpacked.path if self._unpacked else self.path)
 
     def close(self) -> None:
-        """Remove what was unpacked."""
+        """Remove the unpacked copy."""
         if self._unpacked is not None:
             self._unpacked.close()
 

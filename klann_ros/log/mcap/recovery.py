@@ -143,7 +143,7 @@ class RecordScan:
             reason = f'the {name_of(span.opcode)} or its length is damaged'
             raise DamagedError(reason, offset, span.opcode)
         if len(self.problems) < _MAX_NOTES:
-            text = f'the length of the {name_of(span.opcode)} is damaged, what is in it is whole'
+            text = f'the length of the {name_of(span.opcode)} is damaged, its content is intact'
             self.problems.append(Problem(offset, text))
         return RecordSpan(span.opcode, offset, (end or 0) - span.start)
 

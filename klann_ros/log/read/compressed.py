@@ -98,7 +98,7 @@ class _Unpacking:
         done = 0
         for piece in filter(None, self._unpacked()):
             if not done and not self._is_log(piece):
-                reason = 'it is a zstd file, but what is in it is neither MCAP nor SQLite'
+                reason = 'it is a zstd file, but its content is neither MCAP nor SQLite'
                 raise NotALogError(self._path, reason)
             done += len(piece)
             if done > self._limit:

@@ -106,7 +106,7 @@ class Storage(Protocol):
         """Return a pass over all that is intact in it."""
 
     def close(self) -> None:
-        """Remove what was unpacked or copied to read it."""
+        """Remove its unpacked or copied files."""
 
 
 class Salvage(Protocol):

@@ -96,7 +96,7 @@ def database(path: Path) -> Iterator[sqlite3.Connection]:
 def _authorize(
     action: int, first: str | None, second: str | None, _: str | None, source: str | None
 ) -> int:
-    """Allow only what is listed here, and not from inside a view or a trigger."""
+    """Allow only these actions, and not from inside a view or a trigger."""
     allowed = {
         sqlite3.SQLITE_SELECT: True,
         sqlite3.SQLITE_READ: first in _READABLE,

@@ -146,7 +146,7 @@ class SqliteStorage:
         return SqliteSalvage(self)
 
     def close(self) -> None:
-        """Remove what was unpacked or copied to read it."""
+        """Remove its unpacked or copied files."""
         if self._copy is not None:
             self._copy.close()
 

@@ -156,7 +156,7 @@ class DurableFile:
         self._reserve = reserve
         self._buffer = bytearray()
         self._descriptor = -1
-        # Appending: a file that another process truncates stays shorter than what was written.
+        # Appending: a file that another process truncates stays shorter than the data.
         flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
         self._descriptor = os.open(path, flags, 0o666)
         with suppress(OSError):  # some network disks have no locks

@@ -232,7 +232,7 @@ class EventSession:
         return False, self._failure
 
     def tick(self) -> None:
-        """Do what is due; to be called every 0.1 s, and after changes."""
+        """Begin and end events; to be called every 0.1 s, and after changes."""
         now = monotonic()
         if self._opening is not None:
             self._begin_if_open(self._opening, 0.0)

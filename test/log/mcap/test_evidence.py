@@ -102,7 +102,7 @@ def test_a_chunk_that_is_said_to_reach_over_the_next_costs_nothing(
         assert 'looks like records' in ' '.join(recovery.remarks)
         return
     assert kept == runs.joined(batches)
-    assert 'the length of the chunk is damaged, what is in it is whole' in problems
+    assert 'the length of the chunk is damaged, its content is intact' in problems
     assert recovery.lost == []
 
 
