@@ -2,10 +2,11 @@
 How well a simulated walker walks: its phases, its odometry, its tilt, and what stops it.
 
     python3 benchmarks/walk.py [--seeds N]
-    python3 benchmarks/walk.py --grid [FILE ...]
+    python3 benchmarks/walk.py --grid [FILE ...] [--friction MU] [--seconds S] [--imu | --no-imu]
 
 With --grid: the mean twist in base_link over 60 s on a grid of 5 x 5 commands, with and without an
-IMU. Errors are of the command, or of the grid's largest one where it is 0.
+IMU. Errors are of the command, or of the grid's largest one where it is 0; `3 s` are the least and
+the greatest mean yaw rate of any 3 s from the third on, by the command.
 No ROS: the controller and the odometry of walker_node, and the twin in MuJoCo (the extra `sim`).
 """
 
@@ -34,7 +35,7 @@ from support.aims import SMOKE
 WALKER = Path(__file__).resolve().parents[1] / 'config' / 'walker6_two_motors.yaml'
 FOOT_RADIUS = 0.004
 PERIOD = 0.01
-GRID_SECONDS, PROCESSES = 60.0, 2
+GRID_SECONDS, WINDOW, PROCESSES = 60.0, 3.0, 2
 # It stands so long before it walks, for what its accelerometer is wrong by to be learned [s].
 STANDS = 2.0
 # What walker_node is asked for, one after the other: m/s, rad/s.
@@ -61,6 +62,7 @@ class Walk(NamedTuple):
     speed: float
     yaw_rate: float
     forwards: float
+    yaws: list[float]
 
 
 def walk(
@@ -90,7 +92,7 @@ def walk(
     walker = Walker(steering, ControllerSettings(limits=FREE, phase_lock=lock, motion_gain=gain))
     tilt = phase = path = forwards = 0.0
     begin = last = twin.truth()
-    turned = 0.0
+    turned, yaws = 0.0, list[float]()
     rest, seconds = (0.1, 0.1) if SMOKE else (STANDS, seconds)
     for k in range(-round(rest / PERIOD), round(seconds / PERIOD)):
         now = k * PERIOD
@@ -108,6 +110,7 @@ def walk(
         path += hypot(dx, dy)
         forwards += dx * cos(heading) + dy * sin(heading)
         turned += turn
+        yaws.append(turned)
         last = truth
         if now >= 0.0:
             walker.controller.command(*twist, now)
@@ -138,6 +141,7 @@ def walk(
         path / seconds,
         turned / seconds,
         forwards / seconds,
+        yaws[slice(-round(seconds / PERIOD), None)],
     )
 
 
@@ -198,26 +202,38 @@ def doubt(steering: Steering, seeds: int) -> Iterator[str]:
         )
 
 
-def commands(run: tuple[str, bool]) -> list[str]:
+def window(yaws: list[float], wanted: float) -> str:
+    """Return the range of mean yaw rates over any `WINDOW`, by the commanded one."""
+    size = round(WINDOW / PERIOD)
+    at = np.array(yaws)[slice(size, None)]
+    means = (at[slice(size, None)] - at[slice(None, -size)]) / WINDOW
+    return f'{min(means / wanted):.2f}..{max(means / wanted):.2f}' if means.size else ''
+
+
+def commands(run: tuple[str, bool, float, float]) -> list[str]:
     """Return commanded and reached twists on a grid, and their errors."""
-    file, imu = run
+    file, imu, friction, seconds = run
     steering = Steering(Feet(robot_of(file), foot_radius=FOOT_RADIUS))
     spot = steering.motion(Rates(-1.0, 1.0)).angular
     most = SPEEDS[-1] * steering.speed, YAW_RATES[-1] * spot
     lines = [
-        f'{Path(file).stem}, {"with" if imu else "without"} an IMU: commanded, reached, error',
-        '             v [m/s]                    w [rad/s]            tilt',
+        (
+            f'{Path(file).stem}, friction {friction:g}, {"with" if imu else "without"} an IMU: '
+            'commanded, reached, error'
+        ),
+        '             v [m/s]                    w [rad/s]            tilt       3 s',
     ]
     for part, turn in product(SPEEDS, YAW_RATES):
         wanted = part * steering.speed, turn * spot
-        went = walk(steering, wanted, seconds=GRID_SECONDS, imu=imu)
+        went = walk(steering, wanted, seconds=seconds, friction=friction, imu=imu)
         off = [
             (is_ - was) / (abs(was) or full)
             for was, is_, full in zip(wanted, (went.forwards, went.yaw_rate), most, strict=True)
         ]
         lines.append(
             f'  {wanted[0]:8.4f} {went.forwards:8.4f} {off[0]:9.1%} '
-            f'{wanted[1]:9.4f} {went.yaw_rate:8.4f} {off[1]:9.1%} {went.tilt:5.1f} deg'
+            f'{wanted[1]:9.4f} {went.yaw_rate:8.4f} {off[1]:9.1%} {went.tilt:5.1f} deg  '
+            + (window(went.yaws, wanted[1]) if turn else '')
         )
     return lines
 
@@ -227,10 +243,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--seeds', type=int, default=1 if SMOKE else 20)
     parser.add_argument('--grid', nargs='*', metavar='FILE', help='walkers; default: the shipped')
+    parser.add_argument('--friction', type=float, default=0.8)
+    parser.add_argument('--seconds', type=float, default=GRID_SECONDS)
+    parser.add_argument('--imu', action=argparse.BooleanOptionalAction)
     options = parser.parse_args()
     if options.grid is not None:
         shipped = [str(WALKER.with_name(f'{name}.yaml')) for name in WALKERS]
-        runs = [(f, imu) for f in options.grid or shipped for imu in (True, False)]
+        imus = (True, False) if options.imu is None else (options.imu,)
+        runs = [
+            (file, imu, options.friction, options.seconds)
+            for file in options.grid or shipped
+            for imu in imus
+        ]
         with Pool(PROCESSES) as pool:
             for lines in pool.imap(commands, runs):
                 print(*lines, sep='\n', flush=True)

@@ -9,7 +9,7 @@ from math import degrees, inf, isfinite
 
 from .feedback import CrankFeedback
 from .limits import MotionLimits
-from .motion_feedback import GAIN, MotionFeedback
+from .motion_feedback import MotionFeedback
 from .phase_lock import CrankCommand, INTEGRAL, PhaseLock, PROPORTIONAL
 from .steering import Rates, Steering, Twist2D
 from .watchdog import Backlog, SteadyClock, Watchdog
@@ -25,6 +25,9 @@ EVENT_TIME = 3.0
 # Events that wait to be logged.
 MAX_EVENTS = 100
 STANDS = Twist2D(0.0, 0.0)
+# Of the commanded crank rates [rad/s^2]: far below the least acceleration that the detector of
+# encoder offsets takes for a step.
+MAX_CRANK_ACCELERATION = 15.0
 
 
 class Level(Enum):
@@ -66,7 +69,7 @@ class ControllerSettings:
     proportional: float = PROPORTIONAL
     integral: float = INTEGRAL
     rephase: float = 0.1
-    motion_gain: float = GAIN
+    motion_gain: float = 0.5
 
 
 class WalkController:
@@ -111,7 +114,7 @@ class WalkController:
         steering.rates(STANDS)
         self.cranks = [CrankFeedback(joint, 4.0 * self._max_rate, steady) for joint in feet.joints]
         self.lock = PhaseLock(feet.senses.tolist(), feet.sides.tolist(), **self._gains)
-        self.motion_feedback = MotionFeedback(steering, settings.motion_gain)
+        self.motion_feedback = MotionFeedback(settings.motion_gain, steering.speed)
         # A cache: the command rarely changes.
         self._limited = lru_cache(maxsize=1)(self._limit)
         self.motion, self._wanted = STANDS, STANDS
@@ -126,6 +129,7 @@ class WalkController:
         # The longest gap since the set points were last current, and where they were before it.
         self._gap, self._targets_before = 0.0, list[float]()
         self._stalled = [0.0] * len(self.cranks)
+        self._rates = Rates(0.0, 0.0)
         self._commanded: Sequence[float] = [0.0] * len(self.cranks)
         self._blocked: list[str] = []
 
@@ -284,7 +288,7 @@ class WalkController:
         if self._gap:
             self._restart(now)
             gap = 0.0
-        rates = self._crank_rates(self.motion_feedback.rates(self._approach(now, gap)))
+        rates = self._crank_rates(self._side_rates(self._approach(now, gap)), gap)
         command = self.lock.step(gap, rates, self.positions)
         self._commanded = command.velocity
         self._detect_blocked(gap)
@@ -329,6 +333,7 @@ class WalkController:
         self.motion_feedback.reset()
         self.lock.reset(self.positions)
         self._stalled = [0.0] * len(self.cranks)
+        self._rates = Rates(0.0, 0.0)
         self._commanded = [0.0] * len(self.cranks)
         return CrankCommand(tuple(self.positions), tuple(self._commanded))
 
@@ -348,9 +353,21 @@ class WalkController:
         share, slow = limits.rates(self.steering.rates(wanted))
         return Twist2D(wanted.linear * share, wanted.angular * share), hit + slow
 
-    def _crank_rates(self, rates: Rates) -> list[float]:
+    def _side_rates(self, motion: Twist2D) -> Rates:
+        wanted = self.motion_feedback.corrected(motion)
+        targets = self.lock.targets or self.positions
+        return self.steering.planned_rates(wanted, targets, on_spot=not motion.linear)
+
+    def _crank_rates(self, rates: Rates, dt: float) -> list[float]:
+        """Return the rates of the cranks: those of the sides within their limits."""
         share, _ = self._settings.limits.rates(rates)
-        return self.steering.crank_rates(Rates(share * rates.left, share * rates.right))
+        most = MAX_CRANK_ACCELERATION * dt if self.motion != STANDS else inf
+        left, right = (
+            was + max(-most, min(most, share * rate - was))
+            for was, rate in zip(self._rates, rates, strict=True)
+        )
+        self._rates = Rates(left, right)
+        return self.steering.crank_rates(self._rates)
 
     def _detect_blocked(self, dt: float) -> None:
         for k, crank in enumerate(self.cranks):

@@ -1,29 +1,21 @@
 """
-Feedback of the measured motion: what a walker falls behind its command by, it makes up.
+Feedback of the measured motion: a walker makes up for its lag.
 
-How fast a walker goes at given rates of its cranks depends on the phase of left to right, by a
-factor of two on the spot, and on the floor. Rates that are right in the mean of all phases can be
-wrong for a minute. So they are those of
-
-    command + K e,
-
-e being the integral of commanded minus measured motion. The correction is scaled so that no side
-changes by more than half of its rate: a side that stopped would stay in a phase in which the
-walker hardly turns. Straight on both sides keep one rate, and so the phases of the gait.
+The speed of a walker at given crank rates depends on the floor, and on the phases of its cranks.
+So the rates are those of command + K e, e being the integral of commanded minus measured motion.
 """
 
-from functools import lru_cache
+from math import copysign, pi
 
-from .steering import Rates, Steering, Twist2D
+from .steering import Twist2D
 
-# The largest part of its rate by which a side is corrected.
-MAX_SHARE = 0.5
-# The lag is kept up to this multiple of what is corrected at most.
-MAX_WINDUP = 6.0
+# The largest correction, as a part of the command; and the largest lag, as a multiple of that.
+MAX_SHARE, MAX_WINDUP = 0.5, 3.0
+# K of the yaw rate, as a multiple of that of the speed: in curves, whose yaw comes in bursts, and
+# on the spot, where it comes evenly. Chosen in MuJoCo, as those of `turn_plan`.
+CURVE_GAIN, SPOT_GAIN = 0.5, 2.0
 # A measurement over a longer time is not used [s].
 MAX_INTERVAL = 0.1
-GAIN = 0.5  # [1/s]
-NO_MOTION = Twist2D(0.0, 0.0)
 
 
 class MotionFeedback:
@@ -32,10 +24,10 @@ class MotionFeedback:
 
     Parameters
     ----------
-    steering : Steering
-        The walker's.
     gain : float
-        K [1/s]; 0 for no correction.
+        K of the speed [1/s]; 0 for no correction.
+    speed : float
+        Of the walker, by its crank rate [m/rad].
 
     Attributes
     ----------
@@ -44,44 +36,45 @@ class MotionFeedback:
 
     """
 
-    def __init__(self, steering: Steering, gain: float = GAIN) -> None:
-        self._steering, self.gain = steering, gain
-        self._nominal = lru_cache(maxsize=1)(steering.rates)
-        self.lag = NO_MOTION
+    def __init__(self, gain: float, speed: float) -> None:
+        self.gain, self._step = gain, abs(speed) * pi
+        self.reset()
 
     def reset(self) -> None:
         """Forget the lag."""
-        self.lag = NO_MOTION
+        self.lag = Twist2D(0.0, 0.0)
 
     def measure(self, commanded: Twist2D, measured: Twist2D, seconds: float) -> None:
-        """Add what the motion was short of for a time [s]."""
+        """Add the motion of a time [s]."""
         if not (self.gain and 0.0 < seconds <= MAX_INTERVAL):
             return
-        if commanded == NO_MOTION:
-            self.reset()
-            return
-        linear = self.lag.linear + (commanded.linear - measured.linear) * seconds
-        angular = self.lag.angular + (commanded.angular - measured.angular) * seconds
-        self.lag = Twist2D(linear, angular if commanded.angular else 0.0)
+        limits = [MAX_WINDUP * MAX_SHARE / self.gain * abs(each) for each in commanded]
+        if _is_on_spot(commanded):
+            limits[0] = self._step
+        self.lag = Twist2D(
+            *(
+                max(-limit, min(limit, lag + (wanted - found) * seconds))
+                for lag, wanted, found, limit in zip(
+                    self.lag, commanded, measured, limits, strict=True
+                )
+            )
+        )
 
-    def rates(self, commanded: Twist2D) -> Rates:
-        """Return the rates of the sides for a command, with what makes up the lag."""
-        if commanded == NO_MOTION:
-            return Rates(0.0, 0.0)
-        nominal = self._nominal(commanded)
-        if self.lag == NO_MOTION:
-            return nominal
-        most = MAX_WINDUP * MAX_SHARE * max(map(abs, nominal))
-        rate = self.gain * max(map(abs, self._steering.rates(self.lag)))
-        if rate > most:
-            self.lag = Twist2D(*(each * most / rate for each in self.lag))
-        linear, angular = (c + self.gain * e for c, e in zip(commanded, self.lag, strict=True))
-        corrected = self._steering.rates(Twist2D(linear, angular))
-        share = min(map(_possible_share, nominal, corrected))
-        return Rates(*(n + share * (c - n) for n, c in zip(nominal, corrected, strict=True)))
+    def corrected(self, commanded: Twist2D) -> Twist2D:
+        """Return the motion to drive for; straight on the yaw is not corrected."""
+        (linear, angular), lag = commanded, self.lag
+        if _is_on_spot(commanded):
+            gain = SPOT_GAIN * self.gain
+            return Twist2D(self.gain * lag.linear, _corrected(angular, gain * lag.angular))
+        gain = CURVE_GAIN * self.gain
+        return Twist2D(
+            _corrected(linear, self.gain * lag.linear), _corrected(angular, gain * lag.angular)
+        )
 
 
-def _possible_share(nominal: float, corrected: float) -> float:
-    """Return which part of a correction keeps a side within its bounds, from 0 to 1."""
-    change = abs(corrected - nominal)
-    return min(1.0, MAX_SHARE * abs(nominal) / change) if change else 1.0
+def _is_on_spot(commanded: Twist2D) -> bool:
+    return commanded.linear == 0.0 and commanded.angular != 0.0
+
+
+def _corrected(wanted: float, correction: float) -> float:
+    return wanted + copysign(min(abs(correction), MAX_SHARE * abs(wanted)), correction)

@@ -1,35 +1,28 @@
 """
-Crank rates from a wanted motion of the body, and back.
-
-Speed and yaw rate are those over many turns. They are homogeneous in the rates: what counts is
-their ratio, so that a fan of ratios is computed once, and a motion between two of them is taken as
-their sum with positive factors. So the way back is exact.
+Crank rates for a motion of the body, and the motion at crank rates.
 
 Cranks on the left get one rate, those on the right another, and cranks with legs on both sides
-the motion between. In a curve left and right pass each other, so that a ratio's motion is the mean
-over all phases of both; straight on they keep the phases of the gait. Where the robot is its own
-mirror image, ratios that mirror each other have motions that do, to the last digit.
+their mean. Speed and yaw rate are means over all phases of both, linear in the rates; straight on,
+where all cranks keep the phases of the gait, the speed is that of the gait. Where the robot is its
+own mirror image, mirrored rates give mirrored motions, to the last digit.
 """
 
 from functools import cached_property
-from itertools import pairwise
-from math import hypot
 from typing import NamedTuple
 
+from klann_ros.kinematics.angles import TURN
 import numpy as np
 
 from .feet import Array, Feet
-from .mean_motion import are_mirrored, lattice, PhasePoses
+from .gait_map import are_mirrored, phase_map, PhasePoses
+from .turn_plan import TurnPlan
 
-# Rates of left and right over half a turn of ratios; the other half is the way back. Those after
-# the middle one mirror those before it.
-RATIOS = ((1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1), (-1, 0), (-2, -1))
 # Slower turns are none [rad/s].
 MIN_YAW_RATE = 1e-9
 # Phases of the gait, straight on.
 STRAIGHT_POINTS = 720
 # How far feet may be from each other's mirror image, as a part of the robot's size.
-MIRRORED = 1e-5
+MIRROR_TOLERANCE = 1e-5
 
 
 class Twist2D(NamedTuple):
@@ -64,16 +57,9 @@ class Rates(NamedTuple):
     right: float
 
 
-class _Ray(NamedTuple):
-    """The motion at one ratio of rates."""
-
-    rates: Rates
-    motion: Twist2D
-
-
 class Steering:
     """
-    What rates of its cranks make of a walker.
+    Crank rates and motions of a walker.
 
     Parameters
     ----------
@@ -89,6 +75,10 @@ class Steering:
 
     def __init__(self, feet: Feet) -> None:
         self.feet = feet
+        both = zip(feet.senses.tolist(), feet.sides.tolist(), strict=True)
+        self._shares = [
+            (sense * (1.0 + side) / 2.0, sense * (1.0 - side) / 2.0) for sense, side in both
+        ]
 
     @cached_property
     def can_turn(self) -> bool:
@@ -101,22 +91,27 @@ class Steering:
         left, right = rates
         return [p * left + q * right for p, q in self._shares]
 
-    @cached_property
-    def _shares(self) -> list[tuple[float, float]]:
-        """Return what each crank has of the left's rate, and of the right's."""
-        feet = self.feet
-        both = zip(feet.senses.tolist(), feet.sides.tolist(), strict=True)
-        return [(sense * (1.0 + side) / 2.0, sense * (1.0 - side) / 2.0) for sense, side in both]
+    def phases(self, cranks: list[float]) -> tuple[float, float]:
+        """Return the mean phases of the left and the right cranks at crank angles [rad]."""
+        phases: list[list[float]] = [[], []]
+        for angle, sense, side in zip(
+            cranks, self.feet.senses.tolist(), self.feet.sides.tolist(), strict=True
+        ):
+            if side:
+                phases[side < 0.0].append(sense * angle)
+        left, right = (sum(each) / len(each) if each else 0.0 for each in phases)
+        return left, right
 
     @cached_property
     def speed(self) -> float:
         """Return the speed straight on at 1 rad/s, all cranks in phase [m/rad]."""
-        phases = np.repeat(lattice(1, STRAIGHT_POINTS)[:, :1], 2, axis=1)
-        return PhasePoses(self.feet, *self._sides, phases).mean(1.0, 1.0)[0]
+        phases = np.linspace(0.0, TURN, STRAIGHT_POINTS, endpoint=False)
+        poses = PhasePoses(self.feet, *self._sides, np.stack([phases, phases], axis=-1))
+        return float(poses.twists(1.0, 1.0)[:, 0].mean())
 
     @property
     def _sides(self) -> tuple[Array, Array]:
-        """Return what each crank turns when the left, or the right, turns by 1 rad."""
+        """Return the rotation of each crank when the left, or the right side turns by 1 rad."""
         left, right = np.array(self._shares).T
         return left, right
 
@@ -127,70 +122,60 @@ class Steering:
         of_leg = feet.sides[feet.crank_of]
         left, right = self._sides
         sides = [(left, of_leg > 0.0), (right, of_leg < 0.0)]
-        return are_mirrored(feet, sides, MIRRORED * feet.reach)
+        return are_mirrored(feet, sides, MIRROR_TOLERANCE * feet.reach)
+
+    @cached_property
+    def _maps(self) -> tuple[Array, Array]:
+        return phase_map(self.feet, *self._sides)
+
+    @cached_property
+    def _gains(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return speed and yaw at 1 rad/s of both sides, and of the right against the left."""
+        (v, w), (x, y) = (each.mean(axis=(0, 1)).tolist() for each in self._maps)
+        return ((v, 0.0), (0.0, y)) if self.is_mirrored else ((v, w), (x, y))
+
+    @cached_property
+    def turn_plan(self) -> TurnPlan:
+        """Return the rates for turning, by phase."""
+        return TurnPlan(self._maps[0][..., 0], self._maps[1][..., 1])
 
     def motion(self, rates: Rates) -> Twist2D:
         """Return how the body moves at rates of the sides."""
-        if rates.left == rates.right or not self.can_turn:
-            return Twist2D(self.speed * (rates.left + rates.right) / 2.0, 0.0)
-        for a, b in self._cones:
-            shares = _shares(rates, a.rates, b.rates)
-            if shares is not None:
-                p, q = shares
-                linear = p * a.motion.linear + q * b.motion.linear
-                return Twist2D(linear, p * a.motion.angular + q * b.motion.angular)
-        return Twist2D(0.0, 0.0)
+        walking, turning = (rates.left + rates.right) / 2.0, (rates.right - rates.left) / 2.0
+        if turning == 0.0 or not self.can_turn:
+            return Twist2D(self.speed * walking, 0.0)
+        (v, w), (x, y) = self._gains
+        return Twist2D(v * walking + x * turning, w * walking + y * turning)
 
     def rates(self, wanted: Twist2D) -> Rates:
         """Return the rates of the sides for a motion; a walker that cannot turn does not."""
         if abs(wanted.angular) < MIN_YAW_RATE or not self.can_turn:
             rate = wanted.linear / self.speed
             return Rates(rate, rate)
-        for a, b in self._cones:
-            shares = _shares(wanted, a.motion, b.motion)
-            if shares is not None:
-                p, q = shares
-                left = p * a.rates.left + q * b.rates.left
-                return Rates(left, p * a.rates.right + q * b.rates.right)
-        return Rates(0.0, 0.0)
+        (v, w), (x, y) = self._gains
+        whole = v * y - x * w
+        walking = (wanted.linear * y - wanted.angular * x) / whole
+        turning = (wanted.angular * v - wanted.linear * w) / whole
+        return Rates(walking - turning, walking + turning)
 
-    @cached_property
-    def _cones(self) -> list[tuple[_Ray, _Ray]]:
-        """Return neighbouring ratios, all around."""
-        rays = self._rays
-        back = [_Ray(Rates(-r.left, -r.right), Twist2D(-m.linear, -m.angular)) for r, m in rays]
-        return list(pairwise([*rays, *back, rays[0]]))
+    def planned_rates(
+        self, wanted: Twist2D, cranks: list[float], *, on_spot: bool = False
+    ) -> Rates:
+        """
+        Return the rates of the sides for a motion, at crank angles [rad].
 
-    @cached_property
-    def _rays(self) -> list[_Ray]:
-        """Return the motion at ratios over half a turn; the other half is the way back."""
-        # A crank with legs on both sides turns once while the sides turn twice.
-        turns = 1 if self.feet.sides.all() else 2
-        poses = PhasePoses(self.feet, *self._sides, lattice(turns))
-        middle = len(RATIOS) // 2
-        rays: list[_Ray] = []
-        for k, (left, right) in enumerate(RATIOS):
-            if self.is_mirrored and k > middle:
-                linear, angular = rays[2 * middle - k].motion
-                motion = Twist2D(-linear, angular)
-            else:
-                motion = Twist2D(*poses.mean(left, right))
-                if self.is_mirrored and k == 0:
-                    motion = motion._replace(angular=0.0)
-                if self.is_mirrored and k == middle:
-                    motion = motion._replace(linear=0.0)
-            rays.append(_Ray(Rates(left, right), motion))
-        return rays
-
-
-def _shares(
-    wanted: tuple[float, float], a: tuple[float, float], b: tuple[float, float]
-) -> tuple[float, float] | None:
-    """Return p, q >= 0 with wanted = p a + q b; None where there are none."""
-    whole = a[0] * b[1] - a[1] * b[0]
-    if abs(whole) < 1e-12:
-        return None
-    p = (wanted[0] * b[1] - wanted[1] * b[0]) / whole
-    q = (a[0] * wanted[1] - a[1] * wanted[0]) / whole
-    size = hypot(*wanted) + 1e-12
-    return (max(p, 0.0), max(q, 0.0)) if min(p, q) >= -1e-9 * size else None
+        The motion is their mean over a cycle of phases, see `turn_plan`.
+        With `on_spot` the mean phase stays where turning is the most effective.
+        """
+        mean = self.rates(wanted)
+        if mean.left == mean.right or not self.turn_plan.is_possible:
+            return mean
+        left, right = self.phases(cranks)
+        p, q = self.turn_plan.rates(
+            (left + right) / 2.0,
+            (right - left) / 2.0,
+            (mean.left + mean.right) / 2.0,
+            (mean.right - mean.left) / 2.0,
+            on_spot=on_spot,
+        )
+        return Rates(p - q, p + q)

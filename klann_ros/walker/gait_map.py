@@ -1,11 +1,10 @@
 """
-The mean motion of a walker over all phases of its left and right cranks.
+The motion of a walker's body by the phases of its left and right cranks.
 
-Cranks at different rates pass through all pairs of phases (a, b) evenly. So the mean over many
-turns is the mean over the torus of these pairs, taken over a rank-1 lattice: a_i = i / n and
-b_i = i g mod 1, g being the golden section (J. Dick, F. Y. Kuo, I. H. Sloan, Acta Numerica 22,
-2013). At each pair the body rests on the most upright facet of its feet (`support`), and moves so
-that frictional dissipation is minimal (`slip`). Both are homogeneous in the rates.
+With a and b for the phases of left and right, p = (a + b) / 2 is their mean and q = (b - a) / 2
+half their difference. At each (p, q) the body rests on the most upright facet of its feet
+(`support`), and moves so that frictional dissipation is minimal (`slip`). In the mean over q the
+twist is linear in p' and q' within a few per cent.
 """
 
 from collections.abc import Sequence
@@ -16,16 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .feet import Feet
-from .slip import HOLDS, ITERATIONS
 
 Array = NDArray[np.float64]
-# Pairs of phases: the mean is within 0.4 % of that of 590,000.
-POINTS = 4096
-GOLDEN = (5.0**0.5 - 1.0) / 2.0
-# Of derivatives [rad].
+# Points of a map in a turn of p, and of q: its means are within 0.5 % of those of 192.
+MAP_POINTS = 64
+# Step of phase derivatives [rad].
 PHASE_STEP = 1e-5
 # Largest slope of a facet, and the tolerance of an edge.
 UPRIGHT, ROUNDING = 1e-6, 1e-9
+# Iteratively reweighted least squares: steps, and the relative slip of a foot that sticks.
+ITERATIONS, STICK_TOLERANCE = 12, 1e-3
 
 
 class PhasePoses:
@@ -37,7 +36,7 @@ class PhasePoses:
     feet : Feet
         The walker's.
     left, right : numpy.ndarray, shape (c,)
-        What each crank turns when the left, or the right side turns by 1 rad.
+        Rotation of each crank when the left, or the right side turns by 1 rad.
     phases : numpy.ndarray, shape (k, 2)
         Phases of the left and the right side [rad].
 
@@ -47,8 +46,8 @@ class PhasePoses:
         cranks = phases[:, :1] * left + phases[:, 1:] * right
         placed = feet.at(cranks)
         facets, loads = _facets(placed.feet, placed.centre)
-        rests = loads.any(axis=1)
-        cranks, facets = cranks[rests], facets[rests]
+        self._rests = np.asarray(loads.any(axis=1))
+        cranks, facets = cranks[self._rests], facets[self._rests]
         # Seen from the ground, so that a tilt moves no foot.
         ground = np.array([0.0, 0.0, placed.feet[..., 2].min(axis=1).mean()])
 
@@ -64,27 +63,54 @@ class PhasePoses:
             / (2.0 * PHASE_STEP)
             for each in (left, right)
         ]
-        self._loads = loads[rests]
+        self._loads = loads[self._rests]
 
-    def mean(self, left: float, right: float) -> tuple[float, float]:
-        """Return the mean speed [m/s] and yaw rate [rad/s] at rates of the sides [rad/s]."""
-        if not len(self._loads):
-            return 0.0, 0.0
+    def twists(self, left: float, right: float) -> Array:
+        """
+        Return speed [m/s] and yaw rate [rad/s] at rates of the sides [rad/s], shape (k, 2).
+
+        Zero where the body does not rest.
+        """
         moves = left * self._slopes[0] + right * self._slopes[1]
         scale = np.abs(moves).sum(axis=-1).max(axis=-1, keepdims=True)
-        least = (HOLDS * scale) ** 2 + np.finfo(float).tiny
+        least = (STICK_TOLERANCE * scale) ** 2 + np.finfo(float).tiny
         x, yaw = _balance(self._loads, moves, self._arms)
         for _ in range(ITERATIONS):
             slides = moves + x[:, None] + yaw[:, None, None] * self._arms
             weights = self._loads / np.sqrt((slides**2).sum(axis=-1) + least)
             x, yaw = _balance(weights, moves, self._arms)
-        return float(x[:, 0].mean()), float(yaw.mean())
+        found = np.zeros((len(self._rests), 2))
+        found[self._rests] = np.stack([x[:, 0], yaw], axis=-1)
+        return found
 
 
-def lattice(turns: int, points: int = POINTS) -> Array:
-    """Return pairs of phases that fill the turns of both sides evenly, (points, 2) [rad]."""
-    i = np.arange(points) + 0.5
-    return np.stack([i / points, i * GOLDEN % 1.0], axis=-1) * (turns * TURN)
+def phase_map(
+    feet: Feet, left: Array, right: Array, points: int = MAP_POINTS
+) -> tuple[Array, Array]:
+    """
+    Return the twist on a grid of p and q, at p' = 1 rad/s and at q' = 1 rad/s.
+
+    Parameters
+    ----------
+    feet : Feet
+        The walker's.
+    left, right : numpy.ndarray, shape (c,)
+        Rotation of each crank when the left, or the right side turns by 1 rad.
+    points : int
+        Points in a turn of p, and of q: the middles of as many equal intervals from 0 on.
+
+    Returns
+    -------
+    straight, turning : numpy.ndarray, shape (points, points, 2)
+        Speed [m/rad] and rotation [rad/rad], by p and by q.
+
+    """
+    p, q = np.meshgrid(*2 * [(np.arange(points) + 0.5) * (TURN / points)], indexing='ij')
+    poses = PhasePoses(feet, left, right, np.stack([(p - q).ravel(), (p + q).ravel()], axis=-1))
+    straight, turning = (
+        poses.twists(*rates).reshape(points, points, 2) for rates in ((1.0, 1.0), (-1.0, 1.0))
+    )
+    return straight, turning
 
 
 def _facets(feet: Array, centre: Array) -> tuple[NDArray[np.int64], Array]:
