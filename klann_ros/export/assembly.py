@@ -19,6 +19,8 @@ NUT = 1.2
 # Panels of a row, their size, and the heights of titles and texts [mm].
 COLUMNS, PANEL, TITLE, TEXT = 3, 88.0, 5.0, 3.2
 MARGIN, LINE = 8.0, 1.6
+# Mean width of a letter, as a part of the font's size.
+LETTER_WIDTH = 0.6
 LAYER_COLOURS = ('#1f77b4', '#d95f02', '#1b9e77', '#7570b3', '#a6761d', '#e7298a')
 # Columns of the table of pins, and their widths [mm].
 HEADS = ('Pin', 'Hole', 'Layers', 'Spacers', 'Washers', 'Grip', 'Screw', 'Ends')
@@ -117,7 +119,9 @@ def _leg(root: Element, of: Layers, y: float, thickness: float, washer: float) -
             for plate, own in zip(of.plates, of.layer, strict=True)
             if own == layer
         )
-        _text(root, f'Layer {layer}: {names}', top + TEXT, TEXT, left)
+        title = f'Layer {layer}: {names}'
+        size = min(TEXT, (PANEL - TEXT) / (LETTER_WIDTH * len(title)))
+        _text(root, title, top + TEXT, size, left)
         panel = SubElement(root, 'g', transform=f'translate({left:g} {top + 1.5 * TEXT:g})')
         view.draw(panel, layer)
     y += ceil(of.count / COLUMNS) * (PANEL + 2.0 * TEXT)

@@ -135,6 +135,14 @@ def test_pins_have_the_lengths_of_what_they_hold() -> None:
     assert rings == {f'spacer {name}': pin.spacers for name, pin in found.items() if pin.spacers}
 
 
+def test_the_title_of_a_layer_is_no_wider_than_its_panel() -> None:
+    root = ET.fromstring(assembly([arranged('strider')], thickness=3e-3, washer=0.0))  # noqa: S314
+    texts = [*root.iter('{http://www.w3.org/2000/svg}text')]
+    titles = [text for text in texts if text.text.startswith('Layer ')]
+    assert max(len(title.text) for title in titles) > 45
+    assert all(0.6 * len(one.text) * float(one.get('font-size')) < 88 for one in titles)
+
+
 def test_the_sheet_shows_each_layer_and_names_each_pin() -> None:
     of = arranged('sem104')
     root = ET.fromstring(assembly([of], thickness=3e-3, washer=0.0))  # noqa: S314 - our own

@@ -52,3 +52,10 @@ def test_what_is_written_is_read_back(monkeypatch: pytest.MonkeyPatch, dumper, t
 
 def test_half_a_pair_of_surrogates_is_written_escaped() -> None:
     assert yaml_text.dump({'a': '\ud800'}).isascii()
+
+
+def test_nested_aliases_count_as_often_as_they_are_referenced() -> None:
+    levels = [f'a{n}: &a{n} [{", ".join([f"*a{n - 1}"] * 9)}]' for n in range(1, 8)]
+    with pytest.raises(ValueError, match='unfolds to more than 100000 entries'):
+        yaml_text.load('\n'.join(['a0: &a0 x', *levels]))
+    assert len(yaml_text.load('\n'.join(['a0: &a0 x', *levels[:4]]))) == 5
