@@ -220,3 +220,27 @@ def test_any_damage_is_reported_and_leaves_the_file_as_it_is(
     code, _ = run(review, bag)
     assert code in (0, 1, 2)
     assert digest(bag) == before
+
+
+def test_500_mutations_of_pages_are_read_or_refused_in_one_line(tmp_path: Path) -> None:
+    path = make_db3(tmp_path / 'x.db3', count=400, size=150)
+    original = path.read_bytes()
+    outcomes = set()
+    for seed in range(500):
+        chance = random.Random(seed)  # noqa: S311 - no secret
+        data = bytearray(original)
+        for _ in range(chance.randint(1, 3)):
+            one, other = (place(chance.randint(1, len(data) // PAGE)) for _ in range(2))
+            flipped = bytearray(data[one])
+            flipped[chance.randrange(PAGE)] ^= 1 << chance.randrange(8)
+            contents = [data[other], chance.randbytes(PAGE), bytes(PAGE), flipped]
+            data[one] = chance.choice(contents)
+        path.write_bytes(data)
+        try:
+            with open_log(path) as log:
+                assert len(list(log.messages())) <= 1200
+            outcomes.add('read')
+        except NotALogError as error:
+            assert '\n' not in str(error)
+            outcomes.add('refused')
+    assert outcomes == {'read', 'refused'}
