@@ -10,8 +10,10 @@ from importlib import import_module
 from time import monotonic
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from klann_ros.log.definitions import is_installed, split_type
 from klann_ros.sanitize.text import printable
+from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
@@ -115,6 +117,22 @@ def flush(publishers: Iterable[Publisher], seconds: float = ARRIVES) -> None:
     for publisher in publishers:
         if publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - monotonic())))
+
+
+def create_steady_timer(node: Node, period: float, callback: Callable[[], object]) -> Any:
+    """Return a timer [s] on the steady clock, which neither jumps nor stands still."""
+    return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+def diagnostic_status(
+    node: Node, part: str, level: bytes, message: str, values: Iterable[tuple[str, object]]
+) -> DiagnosticStatus:
+    """Return the status of a part of a node."""
+    name = f'{node.get_name()}: {part}'
+    pairs = [KeyValue(key=key, value=str(value)) for key, value in values]
+    return DiagnosticStatus(
+        level=level, name=name, message=message, hardware_id=name, values=pairs
+    )
 
 
 def create_trigger(node: Node, name: str, action: Callable[[], tuple[bool, str]]) -> None:

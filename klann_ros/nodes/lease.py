@@ -14,9 +14,10 @@ from time import monotonic
 
 from diagnostic_msgs.msg import KeyValue
 from klann_ros.sanitize.text import printable
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+
+from .endpoints import create_steady_timer
 
 # Period of announcements, and the time after which a lease without one expires [s].
 HEARTBEAT, LEASE_TIME = 0.1, 1.0
@@ -52,8 +53,7 @@ class LeaseListener:
         self._announced_at = 0.0
         self._confirmations = node.create_publisher(KeyValue, f'{topic}/yielded', _QOS)
         node.create_subscription(KeyValue, f'{topic}/lease', self._on_lease, _QOS)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._expiry = node.create_timer(HEARTBEAT, self._check, clock=steady)
+        self._expiry = create_steady_timer(node, HEARTBEAT, self._check)
         self._expiry.cancel()
 
     def _on_lease(self, message: KeyValue) -> None:

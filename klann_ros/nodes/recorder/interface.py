@@ -1,15 +1,19 @@
 """Parameters, services and diagnostics of recorder_node."""
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from klann_ros.log.write.mcap_file import COMPRESSIONS
 from klann_ros.log.write.recording import RecordingState
-from klann_ros.nodes.endpoints import create_publisher, flush
+from klann_ros.nodes.endpoints import (
+    create_publisher,
+    create_steady_timer,
+    diagnostic_status,
+    flush,
+)
 from klann_ros.nodes.parameters import Declaration
 from klann_ros.sanitize.text import counted, verb
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
@@ -118,8 +122,7 @@ class RecordingDiagnostics:
 
     def start(self, state: Callable[[], RecordingState]) -> None:
         """Report the state once a second."""
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._node.create_timer(_REPORT_PERIOD, lambda: self.report(state()), clock=clock)
+        create_steady_timer(self._node, _REPORT_PERIOD, lambda: self.report(state()))
 
     def report(self, state: RecordingState) -> None:
         """Publish the state of a recording."""
@@ -127,7 +130,7 @@ class RecordingDiagnostics:
         array.header.stamp = self._node.get_clock().now().to_msg()
         level, message = _level_and_message(state, state.lost - self._lost)
         array.status = [
-            status_of(self._node, 'recording', level, message, _values(state).items()),
+            diagnostic_status(self._node, 'recording', level, message, _values(state).items()),
             *(status() for status in self._statuses),
         ]
         data = serialize_message(array)
@@ -142,20 +145,6 @@ class RecordingDiagnostics:
     def has_published(self, data: bytes) -> bool:
         """Return whether a message is one of these reports."""
         return data in self._published
-
-
-def status_of(
-    node: Node, what: str, level: bytes, message: str, values: Iterable[tuple[str, object]]
-) -> DiagnosticStatus:
-    """Return the status of a part of a node."""
-    name = f'{node.get_name()}: {what}'
-    return DiagnosticStatus(
-        level=level,
-        name=name,
-        message=message,
-        hardware_id=name,
-        values=[KeyValue(key=key, value=str(value)) for key, value in values],
-    )
 
 
 def _level_and_message(state: RecordingState, new_losses: int) -> tuple[bytes, str]:

@@ -10,16 +10,14 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from klann_ros.log.errors import LogError
 from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import Pause, RecordedFinding, SolverParameters
+from klann_ros.nodes.endpoints import create_steady_timer, diagnostic_status
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.process import error_and_place
 from klann_ros.review.live.judge import LiveFinding, LiveJudge, MAX_MESSAGES, STEP
 from klann_ros.review.model.limits import Limits, limits_from_file
 from klann_ros.review.model.review import Severity
 from klann_ros.sanitize.text import printable
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-
-from .interface import status_of
 
 _LEVELS = {
     Severity.NOTE: DiagnosticStatus.OK,
@@ -77,8 +75,7 @@ class Judging:
         self._counts: Mapping[str, int] = {}
         self._results: deque[list[LiveFinding]] = deque()
         self._on_result = node.create_guard_condition(self._report)
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(STEP, self._request, clock=clock)
+        self._timer = create_steady_timer(node, STEP, self._request)
         self._thread = Thread(target=self._run, name='judge', daemon=True)
         self._thread.start()
 
@@ -97,7 +94,7 @@ class Judging:
             level, message = DiagnosticStatus.WARN, f'judging failed: {self._problem}'
         if self._present:
             level, message = _LEVELS[self._present[0].severity], self._present[0].text
-        return status_of(self._node, 'judge', level, message, self._values())
+        return diagnostic_status(self._node, 'judge', level, message, self._values())
 
     def _values(self) -> Iterator[tuple[str, object]]:
         yield 'findings', len(self._present)

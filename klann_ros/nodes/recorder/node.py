@@ -19,13 +19,12 @@ from klann_ros.log.write.event_session import EventSession, EventSettings
 from klann_ros.log.write.recording import RecordingSession
 from klann_ros.log.write.run_folder import unfinished_runs
 from klann_ros.log.write.writer import RunWriter
-from klann_ros.nodes.endpoints import create_trigger
+from klann_ros.nodes.endpoints import create_steady_timer, create_trigger
 from klann_ros.nodes.parameters import declare, overrides, StartError, usage
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run, spin_on
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
-from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.utilities import get_rmw_implementation_identifier
@@ -155,8 +154,7 @@ class RecorderNode(ProcessNode):
         self._diagnostics.report(self._recording.state())
 
     def _start_events(self, events: EventSession) -> None:
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_EVENT_PERIOD, events.tick, clock=clock)
+        create_steady_timer(self, _EVENT_PERIOD, events.tick)
         create_trigger(self, 'trigger', self._trigger)
 
     def _trigger(self) -> tuple[bool, str]:

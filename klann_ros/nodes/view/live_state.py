@@ -20,10 +20,10 @@ from klann_ros.live.legs import (
 )
 from klann_ros.live.protocol import Command
 from klann_ros.log.run_parameters import REPLAYED_PARAMETER, replayed_solvers, SolverParameters
+from klann_ros.nodes.endpoints import create_steady_timer
 from klann_ros.nodes.lease import CRANK_STATE
 from klann_ros.nodes.recorder.solver_watch import SolverWatch
 from klann_ros.sanitize.text import printable
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from .connections import (
@@ -85,9 +85,7 @@ class LiveState(PageState):
                 self._subscriptions.rate_of,
             )
         self._began = monotonic()
-        self._timer = node.create_timer(
-            _FIRST_PERIOD, self._update, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._timer = create_steady_timer(node, _FIRST_PERIOD, self._update)
 
     def close(self) -> None:
         """Stop all drives."""
