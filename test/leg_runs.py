@@ -29,46 +29,31 @@ def topic_of(name: str, kind: str) -> Topic:
 
 @dataclass
 class LegRun:
-    """
-    A run of legs: its crank turns evenly.
+    """A run of legs whose crank turns evenly."""
 
-    Attributes
-    ----------
-    legs : mapping of str to Leg
-        By their names; '' is the unnamed one.
-    phases : mapping of str to float
-        Of named legs, from the crank's angle [rad].
-    parameters : mapping
-        The solver's, or None for a run that does not tell.
-    later : (int, mapping) or None
-        The solver's parameters since the n-th message.
-    turns, period, count
-        Turns of the crank, time between messages [s], how many there are.
-    rates, poses, iterations
-        Whether velocities, poses and reports of the solver are in it.
-    pause : (int, float) or None
-        Before which message nothing comes for so long [s].
-    garbled : mapping of int to float
-        What stands in a message in place of all its numbers.
-
-    """
-
+    # By their names; '' is the unnamed one.
     legs: Mapping[str, Leg] = field(default_factory=lambda: {'': KlannLeg()})
+    # Of named legs, from the crank's angle [rad].
     phases: Mapping[str, float] = field(default_factory=dict)
+    # The solver's; None for a run without them. And those since the n-th message.
     parameters: Mapping[str, Any] | None = None
     later: tuple[int, Mapping[str, Any]] | None = None
+    # Turns of the crank, time between messages [s], number of messages.
     turns: float = 2.0
     period: float = 0.005
     count: int = 400
+    # Whether the run has velocities, poses, and reports of the solver.
     rates: bool = True
     poses: bool = True
     iterations: bool = True
+    # A message, and the length of the gap before it [s].
     pause: tuple[int, float] | None = None
+    # A value in place of all numbers of a message.
     garbled: Mapping[int, float] = field(default_factory=dict)
 
     def write(self, folder: Path) -> Path:
         with RunWriter(folder) as run:
-            for time, parameters in self._told():
+            for time, parameters in self._records():
                 record = SolverParameters('/solver_node', time, dict(parameters))
                 run.add_metadata(SOLVER_RECORD, solver_record(record))
             for message in self.messages():
@@ -85,7 +70,7 @@ class LegRun:
         turned = math.tau * self.turns * number / (self.count - 1)
         return turned + self.phases.get(name, 0.0)
 
-    def _told(self) -> Iterator[tuple[int, Mapping[str, Any]]]:
+    def _records(self) -> Iterator[tuple[int, Mapping[str, Any]]]:
         if self.parameters is not None:
             yield START, self.parameters
         if self.later is not None:

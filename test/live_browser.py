@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from ros_world import Process, World
+from ros_domain import Domain, Process
 
 # Where the points of a picture are, in metres of its plane, with what it was drawn from.
 DRAWN = """(svg) => ({
@@ -19,25 +19,25 @@ DRAWN = """(svg) => ({
 
 
 class Live:
-    """A domain with a live page in a browser, and what that complained of."""
+    """A domain with a live page in a browser, and the browser's errors."""
 
-    def __init__(self, ros: World, url: str, browser: Any) -> None:
+    def __init__(self, ros: Domain, url: str, browser: Any) -> None:
         self.ros, self.url = ros, url
-        self.complaints: list[str] = []
+        self.errors: list[str] = []
         self.page = browser.new_page(viewport={'width': 1280, 'height': 900})
-        self.page.on('console', lambda said: self.complaints.append(said.text))
-        self.page.on('pageerror', lambda error: self.complaints.append(str(error)))
+        self.page.on('console', lambda message: self.errors.append(message.text))
+        self.page.on('pageerror', lambda error: self.errors.append(str(error)))
         self.page.goto(url)
 
     def until(self, expression: str) -> None:
-        """Wait until something is so on the page; ROS goes on meanwhile."""
+        """Wait until an expression is true on the page, while ROS spins."""
         self.ros.probe.until(lambda: self.page.evaluate(expression))
 
     def text(self, selector: str) -> str:
         return str(self.page.locator(selector).text_content())
 
     def drawn(self) -> tuple[list[float], np.ndarray]:
-        """Return the pose that is drawn, and where its points are [m]."""
+        """Return the drawn pose, and its points [m]."""
         found = self.page.eval_on_selector('#picture', DRAWN)
         return found['x'], np.array(found['points'])
 
@@ -46,6 +46,6 @@ class Live:
 
 
 def address(process: Process) -> str:
-    """Return what a view_node has printed."""
+    """Return the address that a view_node has printed."""
     assert process.popen.stdout is not None
     return str(process.popen.stdout.readline()).strip()

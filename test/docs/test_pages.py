@@ -85,7 +85,7 @@ def test_every_page_of_the_manual_is_found_from_its_contents() -> None:
     assert listed == {file.with_suffix('') for file in linked}
 
 
-def test_every_room_has_its_row_and_every_library_its_reference() -> None:
+def test_every_folder_has_its_row_and_every_library_its_reference() -> None:
     folders = {path.parent.name for path in (ROOT / 'klann_ros').glob('*/__init__.py')}
     rows = re.findall(r'^\| `klann_ros/(\w+)/` \|', prose(ROOT / 'CONTRIBUTING.md'), re.MULTILINE)
     assert {*rows} == folders | {'linkages'}

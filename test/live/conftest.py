@@ -1,9 +1,9 @@
-"""A server of the live page with a made-up world."""
+"""A server of the live page with a fake state."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
-from fake_live_state import EVIL, MadeUpWorld, Served
+from fake_live_state import EVIL, FakeState, Served
 from klann_ros.live.guard import Guard, new_token
 from klann_ros.live.server import LiveServer
 import pytest
@@ -24,7 +24,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope='module')
 def served(runs: Path) -> Iterator[Served]:
-    world = MadeUpWorld()
-    server = LiveServer(Guard('127.0.0.1', 0, new_token()), world, str(runs))
-    yield Served(world, server)
+    state = FakeState()
+    server = LiveServer(Guard('127.0.0.1', 0, new_token()), state, str(runs))
+    yield Served(state, server)
     server.close()

@@ -9,7 +9,7 @@ from typing import Any
 
 import aiohttp
 from alone import run_alone
-from fake_live_state import MadeUpWorld, Served
+from fake_live_state import FakeState, Served
 from klann_ros.live.guard import Guard
 from klann_ros.live.malformed import MAX_UNREAD
 from klann_ros.live.protocol import MAX_MESSAGE_SIZE
@@ -69,9 +69,9 @@ async def wanted(socket: Socket, command: dict[str, Any]) -> dict[str, Any]:
 async def is_served(session: aiohttp.ClientSession, served: Served) -> None:
     """Find that the honest page still can do all that it could."""
     async with opened(session, served) as socket:
-        before = len(served.world.wishes)
+        before = len(served.state.commands)
         assert (await wanted(socket, TAKE))['done']
-        assert len(served.world.wishes) == before + 1
+        assert len(served.state.commands) == before + 1
 
 
 HANDSHAKES: dict[str, dict[str, str | None]] = {
@@ -127,8 +127,8 @@ def test_of_two_headers_none_counts(served: Served, twice: tuple[str, str]) -> N
 
 def test_no_more_pages_are_served_than_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr('klann_ros.live.server.MAX_CLIENTS', 2)
-    server = LiveServer(Guard('127.0.0.1', 0, 'secret'), MadeUpWorld())
-    served = Served(MadeUpWorld(), server)
+    server = LiveServer(Guard('127.0.0.1', 0, 'secret'), FakeState())
+    served = Served(FakeState(), server)
 
     async def attack(session: aiohttp.ClientSession) -> None:
         async with opened(session, served) as first, opened(session, served):
@@ -145,14 +145,14 @@ def test_no_more_pages_are_served_than_the_limit(monkeypatch: pytest.MonkeyPatch
 def test_who_does_not_know_the_secret_looks_only(served: Served, token: str) -> None:
     async def attack(session: aiohttp.ClientSession) -> None:
         async with opened(session, served, token) as socket:
-            before = list(served.world.wishes)
+            before = list(served.state.commands)
             you = (await frame(socket))['you']
             assert not you['may']
             assert not you['runs']
             for number, do in enumerate(('take', 'release'), start=1):
                 answer = await wanted(socket, {**TAKE, 'id': number, 'do': do})
                 assert answer == {'id': number, 'done': False, 'said': 'this page may only view'}
-            assert served.world.wishes == before
+            assert served.state.commands == before
 
     run(attack)
 
@@ -186,12 +186,12 @@ def test_a_message_that_is_none_ends_its_socket_only(served: Served, name: str) 
     async def attack(session: aiohttp.ClientSession) -> None:
         async with opened(session, served) as honest, opened(session, served) as socket:
             await frame(honest)
-            before = list(served.world.wishes)
+            before = list(served.state.commands)
             await socket.send_str(MESSAGES[name])
             while (await socket.receive(PATIENCE)).type == aiohttp.WSMsgType.TEXT:
                 pass
             assert socket.close_code == aiohttp.WSCloseCode.POLICY_VIOLATION
-            assert served.world.wishes == before
+            assert served.state.commands == before
             assert (await wanted(honest, TAKE))['done']
 
     run(attack)
@@ -260,12 +260,12 @@ def test_ten_thousand_messages_at_once_end_their_socket_only(served: Served) -> 
     async def attack(session: aiohttp.ClientSession) -> None:
         async with opened(session, served) as honest, opened(session, served) as socket:
             await frame(honest)
-            served.world.wishes.clear()
+            served.state.commands.clear()
             with pytest.raises((ConnectionError, aiohttp.ClientError)):
                 for number in range(1_000_000):
                     await socket.send_json({**TAKE, 'id': number})
             assert (await wanted(honest, {**TAKE, 'id': 7}))['done']
-            assert len(served.world.wishes) < 10_000
+            assert len(served.state.commands) < 10_000
 
     run(attack)
 
@@ -352,13 +352,13 @@ def test_runs_are_shown_to_who_knows_the_secret_only(served: Served) -> None:
 
 def test_a_page_that_reads_nothing_costs_nothing(served: Served) -> None:
     async def look(session: aiohttp.ClientSession) -> None:
-        world = served.world
-        world.padding = 'x' * 50_000
+        state = served.state
+        state.padding = 'x' * 50_000
         async with opened(session, served) as honest, opened(session, served) as stalled:
             seen = []
             for _ in range(60):
                 seen.append((await frame(honest))['poses']['version'])
-                world.goes_on()
+                state.changed()
                 await asyncio.sleep(0.006)
             first = json.loads((await stalled.receive(PATIENCE)).data)
             await stalled.send_json({'ack': first['n']})
@@ -367,7 +367,7 @@ def test_a_page_that_reads_nothing_costs_nothing(served: Served) -> None:
             assert (first['n'], second['n']) == (1, 2)
             assert second['poses']['version'] >= seen[-1]
             assert len(set(seen)) > 50
-        world.padding = ''
+        state.padding = ''
 
     run(look)
 
@@ -378,7 +378,7 @@ def test_a_frame_that_was_not_sent_is_not_drawn(served: Served) -> None:
             first = json.loads((await socket.receive(PATIENCE)).data)
             for number in (0, first['n'] + 1, 10**6):
                 await socket.send_json({'ack': number})
-            served.world.goes_on()
+            served.state.changed()
             with pytest.raises(asyncio.TimeoutError):
                 await socket.receive(0.3)
 
@@ -389,7 +389,7 @@ def test_a_world_is_reported_who_is_gone(served: Served) -> None:
     async def leave(session: aiohttp.ClientSession) -> None:
         async with opened(session, served) as socket:
             page = (await frame(socket))['you']['page']
-        while page not in served.world.gone:
+        while page not in served.state.gone:
             await asyncio.sleep(0.01)
 
     run(leave)
@@ -399,7 +399,7 @@ def test_malformed_requests_are_answered_400_and_logged_in_one_line(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     lines: list[str] = []
-    server = LiveServer(Guard('127.0.0.1', 0, 'secret'), MadeUpWorld(), warn=lines.append)
+    server = LiveServer(Guard('127.0.0.1', 0, 'secret'), FakeState(), warn=lines.append)
     port = server.guard.port
     host = f'Host: 127.0.0.1:{port}\r\n'
     requests = {
@@ -430,4 +430,4 @@ def test_malformed_requests_are_answered_400_and_logged_in_one_line(
 
 def test_an_address_that_is_not_this_machines_is_refused_in_one_line() -> None:
     with pytest.raises(ServerError, match=r'^cannot listen on 203\.0\.113\.1, port 0: .+$'):
-        LiveServer(Guard('203.0.113.1', 0, ''), MadeUpWorld())
+        LiveServer(Guard('203.0.113.1', 0, ''), FakeState())

@@ -7,7 +7,7 @@ import sys
 
 import aiohttp
 from alone import run_alone
-from fake_live_state import EVIL, MadeUpWorld
+from fake_live_state import EVIL, FakeState
 from klann_ros.live.guard import Guard
 from klann_ros.live.live_page import list_page
 from klann_ros.live.runs import Page, Reviews, runs_in
@@ -96,7 +96,7 @@ def test_what_cannot_be_reviewed_says_why(tmp_path: Path) -> None:
 def test_a_real_run_is_reviewed_by_a_real_process(tmp_path: Path) -> None:
     """The review's scripts get an origin of their own, not the server's."""
     LegRun().write(tmp_path / 'run')
-    server = LiveServer(Guard('127.0.0.1', 0, 'secret'), MadeUpWorld(), str(tmp_path))
+    server = LiveServer(Guard('127.0.0.1', 0, 'secret'), FakeState(), str(tmp_path))
 
     async def look() -> None:
         url = f'http://127.0.0.1:{server.guard.port}/runs/run?token=secret'

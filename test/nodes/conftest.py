@@ -13,7 +13,7 @@ import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
-from ros_world import World, world
+from ros_domain import Domain, open_domain
 
 KINDS: dict[str, Callable[..., Any]] = {
     'solver_node': SolverNode,
@@ -24,13 +24,13 @@ KINDS: dict[str, Callable[..., Any]] = {
 
 
 @pytest.fixture
-def ros(tmp_path: Path) -> Iterator[World]:
-    with own_domain() as domain, world(domain, tmp_path) as made:
+def ros(tmp_path: Path) -> Iterator[Domain]:
+    with own_domain() as domain, open_domain(domain, tmp_path) as made:
         yield made
 
 
 @pytest.fixture
-def own_context(ros: World) -> Iterator[Callable[[], Node]]:
+def own_context(ros: Domain) -> Iterator[Callable[[], Node]]:
     """Return what makes nodes that are in a context of their own, as another process's are."""
     made: list[Node] = []
 

@@ -6,7 +6,7 @@ from bags import write_bag
 import pytest
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.parameter import parameter_dict_from_yaml_file, parameter_value_to_python
-from ros_world import World
+from ros_domain import Domain
 import yaml
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
@@ -22,7 +22,7 @@ NODES = {
 }
 
 
-def dump(ros: World, node: str, file: Path) -> None:
+def dump(ros: Domain, node: str, file: Path) -> None:
     """Write a node's parameters as `ros2 param dump` does."""
     listed = ros.probe.call(ListParameters, f'{node}/list_parameters', ListParameters.Request())
     names = sorted(listed.result.names)
@@ -38,7 +38,7 @@ def dump(ros: World, node: str, file: Path) -> None:
     file.write_text(yaml.dump({f'/{node}': {'ros__parameters': content}}))
 
 
-def load(ros: World, node: str, file: Path) -> list[str]:
+def load(ros: Domain, node: str, file: Path) -> list[str]:
     """Set a node's parameters as `ros2 param load` does; return why any of them is refused."""
     parameters = parameter_dict_from_yaml_file(str(file), target_nodes=[f'/{node}'])
     request = SetParameters.Request(parameters=list(parameters.values()))
@@ -48,7 +48,7 @@ def load(ros: World, node: str, file: Path) -> list[str]:
 
 
 @pytest.mark.parametrize('node', NODES)
-def test_a_node_takes_its_own_dump(ros: World, tmp_path: Path, node: str) -> None:
+def test_a_node_takes_its_own_dump(ros: Domain, tmp_path: Path, node: str) -> None:
     log = [str(write_bag(tmp_path / 'bag')), '--start-paused'] if node == 'player_node' else []
     process = ros.start(node, *log, '--ros-args', *NODES[node])
     dump(ros, node, tmp_path / 'dump.yaml')

@@ -11,7 +11,7 @@ from fork_server import PACKAGE
 from klann_ros import __version__
 from klann_ros.nodes.process import split
 import pytest
-from ros_world import Process, World
+from ros_domain import Domain, Process
 
 EXECUTABLES = [
     *('solver_node', 'crank_node', 'recorder_node', 'player_node', 'view_node', 'walker_node'),
@@ -20,7 +20,7 @@ EXECUTABLES = [
 
 
 @pytest.fixture
-def fresh(ros: World) -> World:
+def fresh(ros: Domain) -> Domain:
     """Have every process begin with its own Python: the start is what is claimed."""
     ros.fresh = True
     return ros
@@ -35,7 +35,7 @@ def blocked(process: Process) -> set[int]:
 
 @pytest.mark.parametrize('name', EXECUTABLES)
 def test_help_version_and_an_unknown_option(
-    ros: World, name: str, monkeypatch: pytest.MonkeyPatch
+    ros: Domain, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv('COLUMNS', '80')
     options = ('--help', '--version', '--no-such-option')
@@ -55,7 +55,7 @@ def test_help_version_and_an_unknown_option(
     ],
 )
 def test_a_shell_completes_options_and_choices(
-    ros: World, monkeypatch: pytest.MonkeyPatch, line: str, completed: str
+    ros: Domain, monkeypatch: pytest.MonkeyPatch, line: str, completed: str
 ) -> None:
     completions = ros.folder / 'completions'
     variables = {
@@ -73,7 +73,7 @@ def test_a_shell_completes_options_and_choices(
     assert completions.read_text().split() == [completed]
 
 
-def test_a_folder_for_logs_that_cannot_be_made_names_the_remedy(fresh: World) -> None:
+def test_a_folder_for_logs_that_cannot_be_made_names_the_remedy(fresh: Domain) -> None:
     (fresh.folder / 'ros_log').touch()
     process = fresh.start('crank_node')
     assert process.wait() == 1
@@ -88,7 +88,7 @@ def test_a_folder_for_logs_that_cannot_be_made_names_the_remedy(fresh: World) ->
     + [('crank_node', signal.SIGTERM), ('recorder_node', signal.SIGINT)],
 )
 def test_a_stop_signal_ends_a_node_in_order_and_so_do_two(
-    ros: World, name: str, number: signal.Signals
+    ros: Domain, name: str, number: signal.Signals
 ) -> None:
     given = [['-r', f'__node:=node_{k}'] for k in range(2)]
     if name == 'recorder_node':
@@ -107,7 +107,7 @@ def test_a_stop_signal_ends_a_node_in_order_and_so_do_two(
     [('solver_node', [0.0, 0.1, 0.2, 0.4, 0.7]), ('crank_node', [0.1]), ('recorder_node', [0.2])],
 )
 def test_an_interrupt_during_the_start_leaves_no_traceback(
-    fresh: World, name: str, delays: list[float]
+    fresh: Domain, name: str, delays: list[float]
 ) -> None:
     for delay in delays:
         node = fresh.start(name)
@@ -117,7 +117,7 @@ def test_an_interrupt_during_the_start_leaves_no_traceback(
         assert 'Traceback' not in node.errors
 
 
-def test_nohup_outlives_its_terminal(fresh: World) -> None:
+def test_nohup_outlives_its_terminal(fresh: Domain) -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         node = fresh.start('solver_node')

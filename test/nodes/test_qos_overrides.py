@@ -7,7 +7,7 @@ from klann_ros.kinematics import KlannLeg
 import pytest
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
-from ros_world import World
+from ros_domain import Domain
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
@@ -18,7 +18,7 @@ def override(topic: str, kind: str, **policies: object) -> dict[str, object]:
     return {f'qos_overrides./{topic}.{kind}.{policy}': v for policy, v in policies.items()}
 
 
-def profile(ros: World, topic: str, *, of_subscription: bool = False) -> QoSProfile:
+def profile(ros: Domain, topic: str, *, of_subscription: bool = False) -> QoSProfile:
     """Return what the only endpoint of a topic offers or asks for."""
     node = ros.probe.node
     found = (
@@ -31,7 +31,7 @@ def profile(ros: World, topic: str, *, of_subscription: bool = False) -> QoSProf
     return info.qos_profile
 
 
-def test_a_latched_solver_repeats_its_answers_to_late_subscribers(ros: World) -> None:
+def test_a_latched_solver_repeats_its_answers_to_late_subscribers(ros: Domain) -> None:
     given = {
         **override('joint_states', 'publisher', durability='transient_local', depth=2),
         **override('point_h', 'publisher', durability='transient_local'),
@@ -39,7 +39,7 @@ def test_a_latched_solver_repeats_its_answers_to_late_subscribers(ros: World) ->
     ros.solve(**given)
     crank = ros.probe.publisher(Float64, 'crank_angle')
     early = ros.probe.listen(PointStamped, 'point_h')
-    ros.probe.matched('point_h')
+    ros.probe.await_publishers('point_h')
     for alpha in (1.0, 2.0, 3.0):
         crank.publish(Float64(data=alpha))
     ros.probe.until(lambda: len(early) == 3)
@@ -51,7 +51,7 @@ def test_a_latched_solver_repeats_its_answers_to_late_subscribers(ros: World) ->
     assert [(foot.point.x, foot.point.y) for foot in feet] == expected
 
 
-def test_an_override_is_of_its_topic_alone(ros: World) -> None:
+def test_an_override_is_of_its_topic_alone(ros: Domain) -> None:
     ros.solve(**override('joint_states', 'publisher', reliability='best_effort'))
     assert profile(ros, 'joint_states').reliability == ReliabilityPolicy.BEST_EFFORT
     for topic in ('point_h', 'velocity_h', '/diagnostics', 'markers'):
@@ -60,7 +60,7 @@ def test_an_override_is_of_its_topic_alone(ros: World) -> None:
         assert is_latched == (topic == 'markers')
 
 
-def test_rare_policies_are_honoured_too(ros: World) -> None:
+def test_rare_policies_are_honoured_too(ros: Domain) -> None:
     policies: dict[str, Any] = {
         'deadline': 200_000_000,
         'lifespan': 3_000_000_000,
@@ -76,7 +76,7 @@ def test_rare_policies_are_honoured_too(ros: World) -> None:
 
 
 def test_an_input_that_requests_more_reports_incompatible_publishers(
-    ros: World, capfd: pytest.CaptureFixture[str]
+    ros: Domain, capfd: pytest.CaptureFixture[str]
 ) -> None:
     ros.solve(**override('crank_angle', 'subscription', reliability='reliable'))
     asked = profile(ros, 'crank_angle', of_subscription=True)

@@ -1,10 +1,9 @@
-"""A run recorded and played back: what every reader finds in it, and that nothing changes."""
+"""A run recorded and played back: its content for every reader, and the same bytes again."""
 
 import json
 from pathlib import Path
 import resource
 import signal
-import struct
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -13,6 +12,7 @@ from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import Log, open_log
 from klann_ros.log.run_parameters import solver_parameters, topic_counts
+from klann_ros.nodes.player.node import main as player_main
 from klann_ros.nodes.solver.node import SolverNode
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
@@ -20,7 +20,8 @@ import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from ros_world import Process, RecorderReports, World, world
+from recordings import numbers
+from ros_domain import Domain, open_domain, Process, RecorderReports
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -32,13 +33,13 @@ COUNT = round(TURNS * RATE) + 1
 TOPICS = ['/crank_state', '/joint_states', '/point_h', '/velocity_h']
 
 
-def record(ros: World, folder: Path, **parameters: object) -> Process:
+def record(ros: Domain, folder: Path, **parameters: object) -> Process:
     """Let the three nodes make a run; return the recorder, finished."""
     solver = ros.solver()
     poses = ros.probe.listen(JointState, 'joint_states')
     reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=folder, **parameters)
-    ros.probe.matched('joint_states')
+    ros.probe.await_publishers('joint_states')
     # The recorder has to listen to the solver, too, before the crank turns.
     ros.probe.until(lambda: ros.probe.node.count_subscribers('velocity_h') >= 1)
     # Whom the solver has answered it knows.
@@ -48,7 +49,7 @@ def record(ros: World, folder: Path, **parameters: object) -> Process:
     )
     ros.probe.until(lambda: len(poses) >= COUNT)
     assert crank.wait() == 0
-    reports.until_heard(dict.fromkeys(TOPICS, COUNT))
+    reports.until_received(dict.fromkeys(TOPICS, COUNT))
     assert recorder.stop() == 0
     assert solver.stop() == 0
     return recorder
@@ -65,7 +66,7 @@ def by_topic(log: Log) -> dict[str, list[bytes]]:
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a run that the three nodes made; the tests only read it."""
     folder = tmp_path_factory.mktemp('recorded')
-    with own_domain() as domain, world(domain, folder) as ros:
+    with own_domain() as domain, open_domain(domain, folder) as ros:
         recorder = record(ros, folder / 'run')
     said = f'messages of 6 topics are in {folder / "run"}; 0 were lost'
     assert said in recorder.errors
@@ -123,7 +124,7 @@ def test_a_run_explains_itself(run: Path) -> None:
 
 
 def test_a_run_is_played_and_recorded_again_byte_for_byte(
-    ros: World, run: Path, tmp_path: Path
+    ros: Domain, run: Path, tmp_path: Path
 ) -> None:
     again = tmp_path / 'again'
     reports = RecorderReports(ros.probe)
@@ -134,13 +135,13 @@ def test_a_run_is_played_and_recorded_again_byte_for_byte(
     ros.probe.spin(2.0)
     assert ros.probe.call(Trigger, 'player_node/resume', Trigger.Request()).success
     assert player.wait() == 0
-    reports.until_heard(dict.fromkeys(TOPICS, COUNT))
+    reports.until_received(dict.fromkeys(TOPICS, COUNT))
     assert recorder.stop() == 0
     with open_log(run) as first, open_log(again) as second:
         assert by_topic(first) == by_topic(second)
 
 
-def test_a_part_of_a_run_is_played_under_other_names(ros: World, run: Path) -> None:
+def test_a_part_of_a_run_is_played_under_other_names(ros: Domain, run: Path) -> None:
     plain = ros.probe.listen(JointState, '/joint_states')
     renamed = ros.probe.listen(JointState, '/replay/legs')
     with open_log(run) as log:
@@ -155,7 +156,7 @@ def test_a_part_of_a_run_is_played_under_other_names(ros: World, run: Path) -> N
         '--start-paused',
         *('--ros-args', '-r', '__ns:=/replay'),
     )
-    ros.probe.matched('/replay/legs')
+    ros.probe.await_publishers('/replay/legs')
     assert ros.probe.call(Trigger, '/replay/player_node/resume', Trigger.Request()).success
     assert player.wait() == 0
     ros.probe.until(lambda: len(renamed) >= len(expected) - 1)
@@ -166,7 +167,7 @@ def test_a_part_of_a_run_is_played_under_other_names(ros: World, run: Path) -> N
     assert len(expected) > 50
 
 
-def test_a_run_is_played_again_and_again_until_it_is_stopped(ros: World, run: Path) -> None:
+def test_a_run_is_played_again_and_again_until_it_is_stopped(ros: Domain, run: Path) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     player = ros.start('player_node', str(run), '--loop', '--rate', '4')
     ros.probe.until(lambda: len(poses) > 2 * COUNT)
@@ -174,30 +175,18 @@ def test_a_run_is_played_again_and_again_until_it_is_stopped(ros: World, run: Pa
     assert 'Traceback' not in player.errors
 
 
-@pytest.mark.parametrize('make', ['nothing', 'text', 'empty folder'])
-def test_what_is_no_log_is_exit_code_2_and_one_line(ros: World, tmp_path: Path, make: str) -> None:
-    path = tmp_path / 'thing'
-    if make == 'text':
-        path.write_text('hello')
-    elif make == 'empty folder':
-        path.mkdir()
+def test_a_file_that_is_no_log_is_exit_code_2_and_one_line(ros: Domain, tmp_path: Path) -> None:
+    path = tmp_path / 'text'
+    path.write_text('hello')
     player = ros.start('player_node', str(path))
     assert player.wait() == 2
     assert player.errors.startswith(f'player_node: {path} is not a readable log')
     assert player.errors.count('\n') == 1
 
 
-def test_an_existing_run_is_refused(ros: World, tmp_path: Path) -> None:
-    (tmp_path / 'run').mkdir()
-    recorder = ros.start('recorder_node', output=tmp_path / 'run')
-    assert recorder.wait() == 1
-    assert 'exists already, not overwriting' in recorder.errors
-    assert recorder.errors.count('\n') == 1
-
-
 @pytest.mark.parametrize('compression', ['lz4', 'none'])
-def test_only_the_topics_that_are_asked_for_are_recorded(
-    ros: World, tmp_path: Path, compression: str
+def test_only_the_selected_topics_are_recorded(
+    ros: Domain, tmp_path: Path, compression: str
 ) -> None:
     folder = tmp_path / 'run'
     crank = ros.probe.node.create_publisher(Float64, 'crank_angle', 10)
@@ -206,82 +195,55 @@ def test_only_the_topics_that_are_asked_for_are_recorded(
     recorder = ros.start(
         'recorder_node', output=folder, topics='["my/*"]', compression=compression
     )
-    ros.probe.heard(other)
+    ros.probe.await_subscribers(other)
     for number in range(10):
         other.publish(Float64(data=float(number)))
         crank.publish(Float64(data=0.0))
-    reports.until_heard({'/my/number': 10})
+    reports.until_received({'/my/number': 10})
     assert recorder.stop(signal.SIGTERM) == 0
     with open_log(folder) as log:
         assert {name: len(data) for name, data in by_topic(log).items()} == {'/my/number': 10}
 
 
-def _float64(data: bytes) -> float:
-    return float(struct.unpack_from('<d', data, 4)[0])
-
-
-def test_what_waits_at_the_end_is_recorded_too(ros: World, tmp_path: Path) -> None:
+def test_queued_messages_are_recorded_at_the_end(ros: Domain, tmp_path: Path) -> None:
     folder = tmp_path / 'run'
     publisher = ros.probe.node.create_publisher(Float64, 'crank_angle', 2000)
     reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=folder)
-    ros.probe.heard(publisher)
+    ros.probe.await_subscribers(publisher)
     publisher.publish(Float64(data=0.0))
     # The publisher may know the recorder before the recorder knows it, on a busy machine.
-    reports.until_heard({'/crank_angle': 1})
+    reports.until_received({'/crank_angle': 1})
     for number in range(1, 1000):
         publisher.publish(Float64(data=float(number)))
         if number % 100 == 0:
             # For what receives them to have the processor, before the last hundred wait.
             time.sleep(0.03)
     assert recorder.stop() == 0
-    with open_log(folder) as log:
-        recorded = [_float64(message.data) for message in log.messages()]
+    recorded = numbers(folder)
     assert recorded == [float(number) for number in range(len(recorded))]
     assert len(recorded) > 1
 
 
-def test_a_change_of_the_leg_and_a_new_solver_are_in_the_run(ros: World, tmp_path: Path) -> None:
-    folder = tmp_path / 'run'
+def test_changes_of_a_leg_and_a_new_solver_are_in_the_run(ros: Domain, tmp_path: Path) -> None:
+    folder, right, left = tmp_path / 'run', 'right.l_gh', 'left.l_gh'
     recorder = ros.start('recorder_node', output=folder)
-    solver = ros.start('solver_node')
-    crank = ros.start('crank_node', rate=50.0)
-    ros.probe.until(lambda: len(solver_lengths(folder)) == 1)
-    set_length(ros, 0.5)
-    ros.probe.until(lambda: len(solver_lengths(folder)) == 2)
-    assert solver.stop() == 0
-    ros.start('solver_node', l_gh=0.6)
-    ros.probe.until(lambda: len(solver_lengths(folder)) == 3)
-    assert crank.stop() == recorder.stop() == 0
-    assert solver_lengths(folder) == [0.43, 0.5, 0.6]
-
-
-def test_a_leg_that_is_set_to_what_it_is_is_no_change(ros: World, tmp_path: Path) -> None:
-    folder = tmp_path / 'run'
-    recorder = ros.start('recorder_node', output=folder)
-    ros.start('solver_node')
-    ros.probe.until(lambda: len(solver_lengths(folder)) == 1)
-    set_length(ros, 0.43)
+    solver = ros.start('solver_node', legs='[left, right]')
+    ros.probe.until(lambda: len(solver_lengths(folder, right)) == 1)
+    # The present value is no change.
+    set_length(ros, 0.43, right)
     ros.probe.spin(0.5)
-    set_length(ros, 0.5)
-    ros.probe.until(lambda: 0.5 in solver_lengths(folder))
+    set_length(ros, 0.5, right)
+    ros.probe.until(lambda: len(solver_lengths(folder, right)) == 2)
+    assert solver.stop() == 0
+    ros.start('solver_node', **{'legs': '[left, right]', right: 0.6})
+    ros.probe.until(lambda: len(solver_lengths(folder, right)) == 3)
     assert recorder.stop() == 0
-    assert solver_lengths(folder) == [0.43, 0.5]
+    assert solver_lengths(folder, right) == [0.43, 0.5, 0.6]
+    assert solver_lengths(folder, left) == [0.43, 0.43, 0.43]
 
 
-def test_a_change_of_a_named_leg_is_in_the_run(ros: World, tmp_path: Path) -> None:
-    folder = tmp_path / 'run'
-    recorder = ros.start('recorder_node', output=folder)
-    ros.start('solver_node', legs='[left, right]')
-    ros.probe.until(lambda: len(solver_lengths(folder, 'right.l_gh')) == 1)
-    set_length(ros, 0.5, 'right.l_gh')
-    ros.probe.until(lambda: 0.5 in solver_lengths(folder, 'right.l_gh'))
-    assert recorder.stop() == 0
-    assert solver_lengths(folder, 'right.l_gh') == [0.43, 0.5]
-    assert solver_lengths(folder, 'left.l_gh') == [0.43, 0.43]
-
-
-def test_a_solver_whose_answer_was_lost_is_asked_again(ros: World, tmp_path: Path) -> None:
+def test_a_lost_answer_of_a_solver_is_requested_again(ros: Domain, tmp_path: Path) -> None:
     folder = tmp_path / 'run'
     recorder = ros.start('recorder_node', output=folder)
     solver = SolverNode(context=ros.probe.context)
@@ -298,7 +260,7 @@ def test_a_solver_whose_answer_was_lost_is_asked_again(ros: World, tmp_path: Pat
     solver.destroy_node()
 
 
-def set_length(ros: World, length: float, name: str = 'l_gh') -> None:
+def set_length(ros: Domain, length: float, name: str = 'l_gh') -> None:
     """Set a length of the solver."""
     parameter = Parameter(name, value=length).to_parameter_msg()
     request = SetParameters.Request(parameters=[parameter])
@@ -316,18 +278,16 @@ def solver_lengths(folder: Path, name: str = 'l_gh') -> list[float]:
     return [solver_parameters(record).parameters[name] for record in records]
 
 
-def test_what_a_new_publisher_sent_before_it_was_heard_is_no_loss_and_told(
-    ros: World, tmp_path: Path
-) -> None:
+def test_messages_before_discovery_are_no_loss_and_reported(ros: Domain, tmp_path: Path) -> None:
     folder = tmp_path / 'run'
     reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=folder)
     first = ros.probe.publisher(Float64, 'crank_angle')
     for number in range(5):
         first.publish(Float64(data=float(number)))
-    reports.until_heard({'/crank_angle': 5})
+    reports.until_received({'/crank_angle': 5})
     # Who it was that was heard is looked at ten times between two reports.
-    reports.until_more(2)
+    reports.until_reports(2)
     ros.probe.node.destroy_publisher(first)
     reports.until('/crank_angle publishers left', 1)
     # As long as it stands still it cannot hear of anybody new, and others can.
@@ -336,7 +296,7 @@ def test_what_a_new_publisher_sent_before_it_was_heard_is_no_loss_and_told(
     second = ros.start('crank_node', rate=1000.0)
     ros.probe.until(lambda: len(heard) > 100)
     recorder.popen.send_signal(signal.SIGCONT)
-    reports.until_heard({'/crank_angle': 5 + 100})
+    reports.until_received({'/crank_angle': 5 + 100})
     reports.until('/crank_angle sent before discovery', 1)
     assert recorder.stop() == 0
     second.stop()
@@ -350,7 +310,7 @@ def test_what_a_new_publisher_sent_before_it_was_heard_is_no_loss_and_told(
     assert f'; {early}; 1 publisher left (/crank_angle): losses at' in recorder.errors
 
 
-def test_a_full_disk_ends_the_recording_with_a_readable_run(ros: World, tmp_path: Path) -> None:
+def test_a_full_disk_ends_the_recording_with_a_readable_run(ros: Domain, tmp_path: Path) -> None:
     folder = tmp_path / 'run'
     statuses = ros.probe.listen(DiagnosticArray, '/diagnostics')
     # No file of this process may grow beyond 200 kB, nor of what it starts itself.
@@ -362,7 +322,7 @@ def test_a_full_disk_ends_the_recording_with_a_readable_run(ros: World, tmp_path
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
         ros.fresh = False
-    ros.probe.matched('/diagnostics')
+    ros.probe.await_publishers('/diagnostics')
     ros.start('crank_node', rate=1000.0)
     assert recorder.wait() == 1
     assert 'the recording stopped early: [Errno 27] File too large' in recorder.errors
@@ -383,8 +343,8 @@ def test_a_full_disk_ends_the_recording_with_a_readable_run(ros: World, tmp_path
         (['--start-offset', '1000'], 'shorter than the start offset'),
     ],
 )
-def test_a_player_that_will_not_be_heard_says_why(
-    ros: World, run: Path, arguments: list[str], warning: str
+def test_a_player_without_messages_says_why(
+    ros: Domain, run: Path, arguments: list[str], warning: str
 ) -> None:
     player = ros.start('player_node', str(run), *arguments, '--delay', '0')
     assert player.wait() == 0
@@ -392,15 +352,17 @@ def test_a_player_that_will_not_be_heard_says_why(
 
 
 @pytest.mark.parametrize('option', [['--rate', 'x'], ['--rate', '0'], ['--start-offset', '-1']])
-def test_an_option_that_makes_no_sense_is_refused(
-    ros: World, run: Path, option: list[str]
+def test_an_invalid_option_is_refused(
+    capsys: pytest.CaptureFixture[str], option: list[str]
 ) -> None:
-    player = ros.start('player_node', str(run), *option)
-    assert player.wait() == 2
-    assert f'argument {option[0]}: {option[1]} is refused: it must be' in player.errors
+    with pytest.raises(SystemExit) as end:
+        player_main(['player_node', 'run', *option], None)  # type: ignore[arg-type]
+    assert end.value.code == 2
+    refusal = f'argument {option[0]}: {option[1]} is refused: it must be'
+    assert refusal in capsys.readouterr().err
 
 
-def test_a_loop_of_a_short_part_waits_for_its_time(ros: World, run: Path) -> None:
+def test_a_loop_of_a_short_part_waits_for_its_time(ros: Domain, run: Path) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     with open_log(run) as log:
         *_, last = log.messages(['/joint_states'])

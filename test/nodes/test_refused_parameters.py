@@ -11,7 +11,7 @@ from klann_ros.nodes import process
 from klann_ros.nodes.parameters import StartError
 from klann_ros.sanitize.arguments import ArgumentParser
 import pytest
-from ros_world import World
+from ros_domain import Domain
 import yaml
 
 REFUSED = yaml.safe_load(Path(__file__).with_name('refused_parameters.yaml').read_text('utf-8'))
@@ -116,7 +116,7 @@ def test_a_wrong_path_of_a_shipped_linkage_is_answered_with_its_name(
     ],
 )
 def test_a_refused_process_ends_with_one_line(
-    ros: World, name: str, arguments: list[str], code: int, line: str
+    ros: Domain, name: str, arguments: list[str], code: int, line: str
 ) -> None:
     node = ros.start(name, '--ros-args', *arguments)
     assert node.wait() == code
@@ -125,7 +125,7 @@ def test_a_refused_process_ends_with_one_line(
     assert node.errors.count('\n') == 1
 
 
-def test_a_parameter_file_that_is_not_there_is_refused(ros: World) -> None:
+def test_a_parameter_file_that_is_not_there_is_refused(ros: Domain) -> None:
     solver = ros.start('solver_node', '--ros-args', '--params-file', '/not/there.yaml')
     assert solver.wait() == 1
     assert 'Traceback' not in solver.errors
@@ -134,7 +134,7 @@ def test_a_parameter_file_that_is_not_there_is_refused(ros: World) -> None:
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_a_parameter_file_that_is_no_regular_file_is_refused(
-    ros: World, tmp_path: Path, kind: str
+    ros: Domain, tmp_path: Path, kind: str
 ) -> None:
     file = tmp_path / 'x.yaml'
     KINDS[kind](file)
@@ -144,7 +144,7 @@ def test_a_parameter_file_that_is_no_regular_file_is_refused(
     assert solver.errors == f'solver_node: {reason}\n'
 
 
-def test_a_parameter_file_may_be_a_process_substitution(ros: World) -> None:
+def test_a_parameter_file_may_be_a_process_substitution(ros: Domain) -> None:
     read, write = os.pipe()
     os.write(write, b'solver_node: {ros__parameters: {l_ab: -1.0}}')
     os.close(write)

@@ -11,7 +11,7 @@ from klann_ros.nodes.crank.node import main as crank_main
 from klann_ros.nodes.recorder.node import main as recorder_main
 from klann_ros.nodes.solver.node import main as solver_main
 import pytest
-from ros_world import World
+from ros_domain import Domain
 
 ROOT = Path(__file__).resolve().parents[2]
 JANSEN = ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml'
@@ -79,7 +79,7 @@ def test_a_node_logs_its_task_in_one_line(
     assert lines == [f'ready: {line}']
 
 
-def test_a_player_logs_its_task_in_one_line(ros: World, tmp_path: Path) -> None:
+def test_a_player_logs_its_task_in_one_line(ros: Domain, tmp_path: Path) -> None:
     bag = write_bag(tmp_path / 'bag.mcap')
     arguments = ['--start-offset', '0.5', '--loop', '--start-paused', '--topics', 'number']
     player = ros.start('player_node', str(bag), *arguments, rate=2)

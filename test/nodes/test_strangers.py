@@ -1,4 +1,4 @@
-"""What strangers name is named and left out, and the rest goes on: real processes, real DDS."""
+"""Untrusted names are reported and skipped, and the rest goes on: real processes, real DDS."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +14,7 @@ import pytest
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node
-from ros_world import Probe, Process, RecorderReports, World
+from ros_domain import Domain, Probe, Process, RecorderReports
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
@@ -97,39 +97,39 @@ def printed(process: Process) -> list[str]:
 
 @pytest.mark.parametrize('namespace', ['', '/replay'])
 def test_a_log_of_a_stranger_plays_what_is_sound_and_runs_nothing(
-    ros: World, bag: Path, marker: Path, namespace: str
+    ros: Domain, bag: Path, marker: Path, namespace: str
 ) -> None:
-    heard = ros.probe.listen(Float64, f'{namespace}/other')
+    received = ros.probe.listen(Float64, f'{namespace}/other')
     arguments = ['--remap', 'number:=other', '--delay', '0', '--start-paused']
     arguments += ['--ros-args', '-r', f'__ns:={namespace}'] if namespace else []
     process = ros.start('player_node', str(bag), *arguments)
-    ros.probe.matched(f'{namespace}/other')
+    ros.probe.await_publishers(f'{namespace}/other')
     assert ros.probe.call(Trigger, f'{namespace}/player_node/resume', Trigger.Request()).success
     assert process.wait() == 0
-    ros.probe.until(lambda: len(heard) >= COUNT)
-    assert [message.data for message in heard] == list(range(COUNT))
+    ros.probe.until(lambda: len(received) >= COUNT)
+    assert [message.data for message in received] == list(range(COUNT))
     assert not marker.exists()
-    complaints = [line for line in printed(process) if 'is not played: ' in line]
-    more = [line for line in printed(process) if 'more complaints about topics' in line]
-    assert len(complaints) == 20
+    warnings = [line for line in printed(process) if 'is not played: ' in line]
+    more = [line for line in printed(process) if 'more warnings about topics' in line]
+    assert len(warnings) == 20
     assert f'and {len(TYPES) + len(TOPICS) - 20} more' in more[0]
 
 
-def test_every_topic_that_ros_refuses_is_named_once(ros: World, bag: Path) -> None:
+def test_every_topic_that_ros_refuses_is_named_once(ros: Domain, bag: Path) -> None:
     wanted = [name for name in TOPICS if name and '\0' not in name]
     process = ros.start('player_node', str(bag), '--delay', '0', '--topics', *wanted)
     assert process.wait() == 0
     lines = printed(process)
-    complaints = [line for line in lines if 'is not played: topic ' in line]
+    warnings = [line for line in lines if 'is not played: topic ' in line]
     # '~' is asked for as '/~'.
-    assert len(complaints) == len(wanted) - 1
-    assert any(r'/a\n[ERROR] forged is not played: ' in line for line in complaints)
-    assert any('/{node} is not played: ' in line for line in complaints)
-    assert any('xxx... (10001 characters) is not played: ' in line for line in complaints)
+    assert len(warnings) == len(wanted) - 1
+    assert any(r'/a\n[ERROR] forged is not played: ' in line for line in warnings)
+    assert any('/{node} is not played: ' in line for line in warnings)
+    assert any('xxx... (10001 characters) is not played: ' in line for line in warnings)
 
 
 def test_a_recorder_survives_whatever_is_on_the_network(
-    ros: World, own_context: Callable[[], Node], marker: Path, tmp_path: Path
+    ros: Domain, own_context: Callable[[], Node], marker: Path, tmp_path: Path
 ) -> None:
     reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output='run', all_topics=True)
@@ -150,12 +150,12 @@ def test_a_recorder_survives_whatever_is_on_the_network(
         Stranger(unreadable, b'/sound', b'std_msgs\xff/msg/Float64'),
     ]
     ros.probe.spin(0.5)
-    # Who comes later is heard all the same.
+    # Who comes later is received all the same.
     late = ros.probe.publisher(Float64, '/late')
     for n in range(COUNT):
         sound.publish(Float64(data=float(n)))
         late.publish(Float64(data=float(n)))
-    reports.until_heard({'/sound': COUNT, '/late': COUNT})
+    reports.until_received({'/sound': COUNT, '/late': COUNT})
     assert recorder.stop() == 0
     for stranger in strangers:
         stranger.close()
@@ -176,7 +176,7 @@ class Liar:
     """A node that publishes poses, and answers for its parameters as no solver would."""
 
     def __init__(self, probe: Probe, name: str, values: list[ParameterValue]) -> None:
-        node = probe.neighbour(name, start_parameter_services=False)
+        node = probe.add_node(name, start_parameter_services=False)
         self.asked = 0
         self._values = values
         node.create_publisher(JointState, '/joint_states', 10)
@@ -202,7 +202,7 @@ def solver_records(run: Path) -> list[dict[str, str]]:
         return []
 
 
-def test_a_recorder_survives_what_a_solver_may_answer(ros: World, tmp_path: Path) -> None:
+def test_a_recorder_survives_what_a_solver_may_answer(ros: Domain, tmp_path: Path) -> None:
     recorder = ros.start('recorder_node', output='run')
     odd = ParameterValue(type=ParameterType.PARAMETER_BYTE_ARRAY, byte_array_value=[b'\xff'])
     liars = [
@@ -211,8 +211,8 @@ def test_a_recorder_survives_what_a_solver_may_answer(ros: World, tmp_path: Path
         Liar(ros.probe, 'odd', [odd] * (len(GEOMETRY_NAMES) + 1)),
     ]
     ros.probe.until(lambda: all(liar.asked for liar in liars))
-    complained = 'returned invalid parameters: '
-    ros.probe.until(lambda: recorder.errors.count(complained) >= 2)
+    warning = 'returned invalid parameters: '
+    ros.probe.until(lambda: recorder.errors.count(warning) >= 2)
     ros.probe.until(lambda: solver_records(tmp_path / 'run'))
     assert recorder.stop() == 0
     lines = printed(recorder)

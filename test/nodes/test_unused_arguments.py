@@ -10,7 +10,7 @@ import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
-from ros_world import World
+from ros_domain import Domain
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 MISSPELT = """
@@ -124,19 +124,19 @@ def test_a_file_of_nonsense_is_reported_in_a_few_short_lines(
     assert all(len(line) < 2 * MAX_NAME_LENGTH for line in lines)
 
 
-def test_a_process_logs_them_as_warnings(ros: World) -> None:
+def test_a_process_logs_them_as_warnings(ros: Domain) -> None:
     node = ros.start('solver_node', l_bla=1.0)
     ros.probe.until(lambda: '[WARN]' in node.errors)
     assert "parameter l_bla is none of solver_node's; did you mean l_bc?" in node.errors
     assert node.stop() == 0
 
 
-def set_parameter(ros: World, message: ParameterMessage) -> Any:
+def set_parameter(ros: Domain, message: ParameterMessage) -> Any:
     request = SetParameters.Request(parameters=[message])
     return ros.probe.call(SetParameters, 'solver_node/set_parameters', request).results[0]
 
 
-def test_a_running_node_suggests_the_nearest_parameter(ros: World) -> None:
+def test_a_running_node_suggests_the_nearest_parameter(ros: Domain) -> None:
     ros.solve(legs='[left]')
     wrong = Parameter('left.l_bla', value=0.2).to_parameter_msg()
     reason = "parameter left.l_bla is none of solver_node's; did you mean left.l_bc?"
@@ -153,7 +153,7 @@ def test_a_running_node_suggests_the_nearest_parameter(ros: World) -> None:
     assert set_parameter(ros, right).successful
 
 
-def test_a_value_of_any_length_is_refused_on_a_short_line(ros: World) -> None:
+def test_a_value_of_any_length_is_refused_on_a_short_line(ros: Domain) -> None:
     ros.solve()
     answer = set_parameter(ros, Parameter('assembly', value=[1] * 10**6).to_parameter_msg())
     assert answer.reason.endswith('it must be two signs, each +1 or -1')

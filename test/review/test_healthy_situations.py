@@ -17,7 +17,7 @@ from klann_ros.review.model.review import Review
 from klann_ros.review.reviewing import review_run
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_world import Process, RecorderReports, World, world
+from ros_domain import Domain, open_domain, Process, RecorderReports
 from rosbag2_bags import write_jazzy_bag
 from std_msgs.msg import String
 
@@ -38,14 +38,14 @@ class Scene:
     Diagnostics have several publishers, commands come in bursts, and the description is latched.
     """
 
-    def __init__(self, ros: World) -> None:
+    def __init__(self, ros: Domain) -> None:
         self.ros, self.reports = ros, RecorderReports(ros.probe)
         self.limits = ros.folder / 'limits.yaml'
         self.limits.write_text('gap_time: 1.5\nlatency: 1.5\n')
         described = ros.probe.node.create_publisher(String, 'robot_description', LATCHED)
         described.publish(String(data='<robot name="none"/>'))
         for number in range(2):
-            node = ros.probe.neighbour(f'reporter_{number}')
+            node = ros.probe.add_node(f'reporter_{number}')
             publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
             for _ in range(7 * number):
                 publisher.publish(DiagnosticArray())
@@ -84,7 +84,7 @@ class Scene:
         """Wait until the recorders have heard so much more of the leg, and of the walker."""
         for topic in ('/joint_states', '/walker/joint_states'):
             before = self.reports.count(f'{topic} received')
-            self.reports.until_heard({topic: before + count})
+            self.reports.until_received({topic: before + count})
 
     def end_in_order_and_begin(self) -> None:
         assert self.crank.stop() == 0
@@ -106,7 +106,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """Let one thing happen after the other; return the runs, and what was said meanwhile."""
     folder = tmp_path_factory.mktemp('healthy')
     seen: dict[str, Any] = {'folder': folder}
-    with own_domain() as domain, world(domain, folder) as ros:
+    with own_domain() as domain, open_domain(domain, folder) as ros:
         scene = Scene(ros)
         scene.hear(100)
         seen['end'] = time.time_ns()
@@ -116,7 +116,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         scene.hear(100)
         assert [recorder.stop() for recorder in scene.recorders] == [0, 0, 0]
         seen['said'] = [recorder.errors for recorder in scene.recorders]
-    with own_domain() as domain, world(domain, folder) as ros:
+    with own_domain() as domain, open_domain(domain, folder) as ros:
         scene = Scene.__new__(Scene)
         scene.ros, scene.limits = ros, folder / 'limits.yaml'
         recorder = scene.record('replayed', judge='true')

@@ -17,7 +17,7 @@ from klann_ros.review.model.review import Review
 from klann_ros.review.reviewing import review_run
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_world import Process, RecorderReports, World, world
+from ros_domain import Domain, open_domain, Process, RecorderReports
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -41,9 +41,9 @@ TOPICS = [
 
 
 class Scene:
-    """A leg and a walker in one world, and runs of them one after the other."""
+    """A leg and a walker in one domain, and runs of them one after the other."""
 
-    def __init__(self, ros: World, folder: Path) -> None:
+    def __init__(self, ros: Domain, folder: Path) -> None:
         self._ros = ros
         self._folder = folder
         namespaced = ('--ros-args', '-r', '__ns:=/walker')
@@ -91,10 +91,10 @@ def hear_poses(reports: RecorderReports, count: int) -> None:
     # It may find whoever asks later than whoever answers.
     topics = ('/joint_states', '/walker/joint_states', '/crank_state', '/walker/crank_angle')
     before = {topic: reports.count(f'{topic} received') for topic in topics}
-    reports.until_heard({topic: count + before[topic] for topic in topics})
+    reports.until_received({topic: count + before[topic] for topic in topics})
 
 
-def two_cranks(ros: World) -> Path:
+def two_cranks(ros: Domain) -> Path:
     """Record two cranks at 500 Hz, and what was latched long before."""
     described = ros.probe.node.create_publisher(String, 'robot_description', LATCHED)
     described.publish(String(data='<robot name="none"/>'))
@@ -106,24 +106,24 @@ def two_cranks(ros: World) -> Path:
         # So slow that they are apart whenever each of them begins.
         ros.start('crank_node', *named, start=4.0 * n, speed=0.3, rate=500.0, min_subscribers=1)
     # As soon as it hears both it can no longer tell what is lost.
-    ros.probe.until(lambda: any(s.get('/crank_angle lost') == 'unknown' for s in reports.said()))
-    reports.until_heard({'/crank_angle': reports.count('/crank_angle received') + 1000})
-    reports.until_heard({'/robot_description': 1})
+    ros.probe.until(lambda: any(s.get('/crank_angle lost') == 'unknown' for s in reports.values()))
+    reports.until_received({'/crank_angle': reports.count('/crank_angle received') + 1000})
+    reports.until_received({'/robot_description': 1})
     assert recorder.stop() == 0
     return ros.folder / 'cranks'
 
 
-def two_solvers(ros: World) -> Path:
+def two_solvers(ros: Domain) -> Path:
     """Record two solvers that answer the same crank."""
     reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=ros.folder / 'solvers')
     for name in ('first', 'second'):
         ros.solver('--ros-args', '-r', f'__node:={name}')
     ros.probe.listen(JointState, 'joint_states', OUTPUT)
-    ros.probe.matched('joint_states', publishers=2)
+    ros.probe.await_publishers('joint_states', publishers=2)
     # Both answer from the first question on, and the recorder knows both by then.
     ros.start('crank_node', rate=100.0, min_subscribers=3)
-    reports.until_heard({'/joint_states': 200})
+    reports.until_received({'/joint_states': 200})
     assert recorder.stop() == 0
     return ros.folder / 'solvers'
 
@@ -132,7 +132,7 @@ def two_solvers(ros: World) -> Path:
 def reviews(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Review]:
     """Return the reviews of what the real nodes made."""
     folder = tmp_path_factory.mktemp('real')
-    with own_domain() as domain, world(domain, folder) as ros:
+    with own_domain() as domain, open_domain(domain, folder) as ros:
         scene = Scene(ros, folder)
         runs = {
             'healthy': scene.record('healthy'),
@@ -149,7 +149,7 @@ def reviews(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Review]:
     }
     for record in (two_cranks, two_solvers):
         other = tmp_path_factory.mktemp(record.__name__)
-        with own_domain() as domain, world(domain, other) as ros:
+        with own_domain() as domain, open_domain(domain, other) as ros:
             found[record.__name__] = review_run(record(ros), limits=LIMITS)
     return found
 

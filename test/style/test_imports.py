@@ -1,7 +1,8 @@
-"""ROS is known to `klann_ros.nodes` only, imports go downward, and none goes in a circle."""
+"""Only `klann_ros.nodes` imports ROS, imports go downward, and none goes in a circle."""
 
 import ast
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 import os
 from pathlib import Path
 import subprocess
@@ -31,18 +32,8 @@ ALLOWED = {
     'datasheet': {'sanitize', 'kinematics', 'dynamics', 'robot', 'walker', 'web'},
     'stop_signals': set(),
     'nodes': {
-        'sanitize',
-        'kinematics',
-        'dynamics',
-        'robot',
-        'walker',
-        'twin',
-        'plotting',
-        'log',
-        'review',
-        'web',
-        'live',
-        'stop_signals',
+        *('sanitize', 'kinematics', 'dynamics', 'robot', 'walker', 'twin', 'plotting', 'log'),
+        *('review', 'web', 'live', 'stop_signals'),
     },
     'executables': {'sanitize', 'kinematics', 'log', 'review', 'nodes', 'stop_signals'},
 }
@@ -68,11 +59,11 @@ for name in sys.argv[1:]:
 
 
 def test_no_import_goes_in_a_circle() -> None:
-    assert list(circles(PACKAGE)) == []
+    assert circle(PACKAGE) == []
 
 
 def test_everything_but_the_nodes_imports_without_ros() -> None:
-    assert list(needing_ros(PACKAGE)) == []
+    assert needing_ros(PACKAGE) == []
 
 
 def test_imports_go_downward() -> None:
@@ -85,96 +76,70 @@ def test_imports_go_downward() -> None:
         'import rclpy',
         'from std_msgs.msg import Float64',
         'from rcl_interfaces.msg import ParameterDescriptor',
-        'from builtin_interfaces.msg import Time',
         'from std_srvs.srv import Trigger',
         'from ament_index_python import get_package_prefix',
         'from ..nodes import solver',
     ],
 )
 def test_a_module_that_needs_ros_is_found(line: str, tmp_path: Path) -> None:
-    package = made_up(tmp_path, 'kinematics', line)
+    package = make_package(tmp_path, 'kinematics', line)
     (package / 'nodes' / 'solver.py').write_text('import rclpy')
     (problem,) = needing_ros(package)
-    assert problem.startswith('made_up.kinematics.offender: ')
-
-
-def test_nodes_may_need_ros(tmp_path: Path) -> None:
-    assert list(needing_ros(made_up(tmp_path, 'nodes', 'import rclpy'))) == []
+    assert problem.startswith('example.kinematics.offender: ')
 
 
 @pytest.mark.parametrize(
-    ('part', 'line'),
+    ('part', 'line', 'count'),
     [
-        ('kinematics', 'from ..log import reader'),
-        ('kinematics', 'from made_up.log import reader'),
-        ('kinematics', 'import made_up.review'),
-        ('kinematics', 'def late():\n    from .. import nodes'),
-        ('log', 'from made_up import kinematics'),
-        ('log', 'from .. import kinematics'),
-        ('review', 'from ..nodes import solver'),
-        ('nodes', 'from ..executables import solver_node'),
-        ('nodes', 'from made_up import executables'),
+        ('kinematics', 'from ..log import reader', 1),
+        ('kinematics', 'import example.review', 1),
+        ('kinematics', 'def late():\n    from .. import nodes', 1),
+        ('log', 'from example import kinematics', 1),
+        ('review', 'from ..nodes import solver', 1),
+        ('nodes', 'from ..executables import solver_node', 1),
+        ('kinematics', 'from . import errors', 0),
+        ('kinematics', 'import example_too.log', 0),
+        ('log', 'from example import __version__', 0),
+        ('review', 'from ..kinematics import KlannLeg\nfrom example.log import reader', 0),
     ],
 )
-def test_an_upward_import_is_found(part: str, line: str, tmp_path: Path) -> None:
-    (problem,) = upward_imports(made_up(tmp_path, part, line))
-    assert problem.startswith(f'{part}/offender.py imports ')
+def test_an_upward_import_is_found(part: str, line: str, count: int, tmp_path: Path) -> None:
+    problems = [*upward_imports(make_package(tmp_path, part, line))]
+    assert len(problems) == count
+    assert all(text.startswith(f'{part}/offender.py imports ') for text in problems)
 
 
-@pytest.mark.parametrize(
-    ('part', 'line'),
-    [
-        ('kinematics', 'from . import errors'),
-        ('kinematics', 'import made_up_too.log'),
-        ('log', 'from made_up import __version__'),
-        ('review', 'from ..kinematics import KlannLeg\nfrom made_up.log import reader'),
-        ('nodes', 'from ..review import figures'),
-    ],
-)
-def test_other_imports_are_not(part: str, line: str, tmp_path: Path) -> None:
-    assert list(upward_imports(made_up(tmp_path, part, line))) == []
-
-
-def test_a_part_that_nobody_has_placed_is_found(tmp_path: Path) -> None:
-    problems = list(upward_imports(made_up(tmp_path, 'utils', '')))
+def test_an_unknown_part_is_found(tmp_path: Path) -> None:
+    problems = [*upward_imports(make_package(tmp_path, 'utils', ''))]
     assert 'utils/offender.py belongs to no known part' in problems
 
 
 @pytest.mark.parametrize(
-    ('line', 'other'),
+    ('line', 'other', 'length'),
     [
-        ('from .other import NAME', 'from .offender import NAME'),
-        ('from . import other', 'from made_up.kinematics.offender import NAME'),
-        ('import made_up.kinematics.other', 'def late():\n    from . import offender'),
-        ('from .other import NAME', 'if TYPE_CHECKING:\n    from .offender import NAME'),
+        ('from .other import NAME', 'from .offender import NAME', 2),
+        ('from . import other', 'import example.kinematics.offender', 2),
+        ('from .other import NAME', 'def late():\n    from .offender import NAME', 2),
+        ('from .other import NAME', 'from example.kinematics import NAME', 0),
+        ('from .other import NAME', 'from . import errors', 0),
     ],
 )
-def test_a_circle_is_found(line: str, other: str, tmp_path: Path) -> None:
-    package = made_up(tmp_path, 'kinematics', line)
+def test_a_circle_is_found(line: str, other: str, length: int, tmp_path: Path) -> None:
+    package = make_package(tmp_path, 'kinematics', line)
     (package / 'kinematics' / 'other.py').write_text(other)
-    names = ['made_up.kinematics.offender', 'made_up.kinematics.other']
-    assert list(circles(package)) == [names]
+    assert len(circle(package)) == length
 
 
-def test_a_circle_by_way_of_a_face_is_found(tmp_path: Path) -> None:
-    package = made_up(tmp_path, 'log', 'from made_up.log import NAME')
+def test_a_circle_through_a_package_is_found(tmp_path: Path) -> None:
+    package = make_package(tmp_path, 'log', 'from example.log import NAME')
     (package / 'log' / '__init__.py').write_text('from .third import NAME')
     (package / 'log' / 'third.py').write_text('from .offender import NAME')
-    assert [len(circle) for circle in circles(package)] == [3]
+    assert len(circle(package)) == 3
 
 
-@pytest.mark.parametrize(
-    'other', ['from . import errors', 'from made_up.log.offender import NAME']
-)
-def test_what_is_no_circle_is_not(other: str, tmp_path: Path) -> None:
-    package = made_up(tmp_path, 'kinematics', 'from .other import NAME')
-    (package / 'kinematics' / 'other.py').write_text(other)
-    assert list(circles(package)) == []
-
-
-def made_up(folder: Path, part: str, line: str) -> Path:
-    """Make a package with one module that may offend."""
-    package = folder / 'made_up'
+def make_package(folder: Path, part: str, line: str) -> Path:
+    """Write a package with one module that may offend."""
+    package = folder / 'example'
     for name in {'kinematics', 'log', 'review', 'nodes', part}:
         (package / name).mkdir(parents=True)
         (package / name / '__init__.py').touch()
@@ -184,14 +149,17 @@ def made_up(folder: Path, part: str, line: str) -> Path:
     return package
 
 
-def needing_ros(package: Path) -> Iterator[str]:
-    """Yield what goes wrong when everything but the nodes is imported without ROS."""
-    names = [
-        '.'.join([package.name, *path.relative_to(package).with_suffix('').parts])
+def modules(package: Path) -> dict[str, Path]:
+    """Return the files of a package by the full names of their modules."""
+    return {
+        '.'.join(path.relative_to(package.parent).with_suffix('').parts): path
         for path in sorted(package.rglob('*.py'))
-        if path.relative_to(package).parts[0] != 'nodes'
-    ]
-    names = [name.removesuffix('.__init__') for name in names]
+    }
+
+
+def needing_ros(package: Path) -> list[str]:
+    """Return the errors of all modules but the nodes, imported without ROS."""
+    names = [name.removesuffix('.__init__') for name in modules(package) if '.nodes.' not in name]
     result = subprocess.run(
         [sys.executable, '-c', WITHOUT_ROS, *names],
         env=os.environ | {'PYTHONPATH': str(package.parent)},
@@ -199,35 +167,28 @@ def needing_ros(package: Path) -> Iterator[str]:
         check=True,
         text=True,
     )
-    yield from result.stdout.splitlines()
+    return result.stdout.splitlines()
 
 
 def upward_imports(package: Path) -> Iterator[str]:
-    """Yield the imports of parts that a module's own part may not know."""
-    for path in sorted(package.rglob('*.py')):
+    """Yield the imports of parts that a module's own part may not import."""
+    parts = {name.split('.')[1] for name in modules(package)}
+    for path in modules(package).values():
         relative = path.relative_to(package)
         part = relative.parts[0].removesuffix('.py')
         if part not in ALLOWED:
             yield f'{relative} belongs to no known part'
             continue
-        for other in sorted(imported_parts(package, path) - ALLOWED[part] - {part}):
+        split = [name.split('.') for name in imported_names(package, path)]
+        own = {name[1] for name in split if name[0] == package.name and len(name) > 1}
+        for other in sorted((own & parts) - ALLOWED[part] - {part}):
             yield f'{relative} imports {other}'
 
 
-def imported_parts(package: Path, path: Path) -> set[str]:
-    """Return the parts of the package that a module imports, anywhere in it."""
-    full_names = imported_names(package, path, ast.walk(ast.parse(path.read_text('utf-8'))))
-    split = [name.split('.') for name in full_names]
-    parts = {name[1] for name in split if name[0] == package.name and len(name) > 1}
-    return {
-        name for name in parts if (package / name).is_dir() or (package / f'{name}.py').exists()
-    }
-
-
-def imported_names(package: Path, path: Path, tree: Iterable[ast.AST]) -> Iterator[str]:
-    """Yield the full names of what a module imports, whether they are modules or in one."""
+def imported_names(package: Path, path: Path) -> Iterator[str]:
+    """Yield the full names of the imports anywhere in a module: modules, or names in one."""
     here = [package.name, *path.relative_to(package).parts[:-1]]
-    for node in tree:
+    for node in ast.walk(ast.parse(path.read_text('utf-8'))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -236,46 +197,21 @@ def imported_names(package: Path, path: Path, tree: Iterable[ast.AST]) -> Iterat
             yield from ('.'.join([*base, alias.name]) for alias in node.names)
 
 
-def circles(package: Path) -> Iterator[list[str]]:
-    """Yield the groups of modules that import each other, directly or by way of others."""
-    imports = imported_modules(package)
-    reached = {name: reachable(imports, name) for name in imports}
-    in_circles = [name for name in imports if name in reached[name]]
-    while in_circles:
-        first = in_circles[0]
-        circle = [name for name in in_circles if name in reached[first] and first in reached[name]]
-        yield circle
-        in_circles = [name for name in in_circles if name not in circle]
+def circle(package: Path) -> list[str]:
+    """Return modules that import each other in a circle, for types too; [] without one."""
+    known = modules(package)
 
+    def module_of(name: str) -> str:
+        around = name.rpartition('.')[0]
+        names = (name, f'{name}.__init__', around, f'{around}.__init__')
+        return next((each for each in names if each in known), '')
 
-def reachable(imports: Mapping[str, set[str]], start: str) -> set[str]:
-    """Return the modules that one imports, those that these import, and so on."""
-    reached: set[str] = set()
-    due = [*imports[start]]
-    while due:
-        name = due.pop()
-        if name not in reached:
-            reached.add(name)
-            due += imports[name]
-    return reached
-
-
-def imported_modules(package: Path) -> dict[str, set[str]]:
-    """Return which modules of the package each module imports, anywhere in it, for types too."""
-    paths = {
-        '.'.join(path.relative_to(package.parent).with_suffix('').parts): path
-        for path in sorted(package.rglob('*.py'))
+    graph = {
+        name: {*map(module_of, imported_names(package, path))} - {'', name}
+        for name, path in known.items()
     }
-    imports = {}
-    for name, path in paths.items():
-        full_names = imported_names(package, path, ast.walk(ast.parse(path.read_text('utf-8'))))
-        modules = (module_of(full_name, paths) for full_name in full_names)
-        imports[name] = {module for module in modules if module and module != name}
-    return imports
-
-
-def module_of(full_name: str, modules: Collection[str]) -> str | None:
-    """Return the module that a full name is, or that it is in; None for another package's."""
-    around = full_name.rpartition('.')[0]
-    candidates = (full_name, f'{full_name}.__init__', around, f'{around}.__init__')
-    return next((name for name in candidates if name in modules), None)
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return list(error.args[1][1:])
+    return []

@@ -4,36 +4,36 @@ import math
 
 from klann_ros.nodes.crank.motion import CrankMotion
 import pytest
-from ros_world import World
+from ros_domain import Domain
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-
-@pytest.mark.parametrize(
-    ('mode', 'given'),
-    [
-        ('constant', {'speed': -6.0, 'start': 0.5}),
-        ('sine', {'amplitude': 0.8, 'frequency': 2.0}),
-        ('sweep', {'amplitude': -1.5, 'start': 3.0, 'speed': 4.0}),
-        ('step', {'amplitude': 2.0, 'frequency': 5.0}),
-    ],
-)
-def test_every_mode_publishes_its_angles_and_ends(
-    ros: World, mode: str, given: dict[str, float]
-) -> None:
-    motion = CrankMotion(mode=mode, **given)
-    angles = ros.probe.listen(Float64, 'crank_angle')
-    crank = ros.start(
-        'crank_node', mode=mode, rate=200.0, revolutions=1, min_subscribers=1, **given
-    )
-    count = round(motion.period * 200.0) + 1
-    ros.probe.until(lambda: len(angles) >= count)
-    assert crank.wait() == 0
-    ros.probe.spin(0.2)
-    assert [angle.data for angle in angles] == [motion.at(n / 200.0)[0] for n in range(count)]
+MODES: dict[str, dict[str, float]] = {
+    'constant': {'speed': -6.0, 'start': 0.5},
+    'sine': {'amplitude': 0.8, 'frequency': 2.0},
+    'sweep': {'amplitude': -1.5, 'start': 3.0, 'speed': 4.0},
+    'step': {'amplitude': 2.0, 'frequency': 5.0},
+}
 
 
-def test_a_state_has_stamp_name_and_rate(ros: World) -> None:
+def test_every_mode_publishes_its_angles_and_ends(ros: Domain) -> None:
+    angles = {mode: ros.probe.listen(Float64, f'/{mode}/crank_angle') for mode in MODES}
+    cranks = {}
+    for mode, given in MODES.items():
+        values = {'mode': mode, 'rate': 200.0, 'revolutions': 1, 'min_subscribers': 1, **given}
+        words = [word for key, value in values.items() for word in ('-p', f'{key}:={value}')]
+        cranks[mode] = ros.start('crank_node', '--ros-args', '-r', f'__ns:=/{mode}', *words)
+    for mode, given in MODES.items():
+        motion = CrankMotion(mode=mode, **given)  # type: ignore[arg-type]
+        count = round(motion.period * 200.0) + 1
+        ros.probe.until(lambda: len(angles[mode]) >= count)  # noqa: B023 - called at once
+        assert cranks[mode].wait() == 0
+        ros.probe.spin(0.2)
+        expected = [motion.at(n / 200.0)[0] for n in range(count)]
+        assert [angle.data for angle in angles[mode]] == expected, mode
+
+
+def test_a_state_has_stamp_name_and_rate(ros: Domain) -> None:
     states = ros.probe.listen(JointState, 'crank_state')
     crank = ros.start(
         'crank_node',
@@ -54,7 +54,7 @@ def test_a_state_has_stamp_name_and_rate(ros: World) -> None:
         assert stamps[n] - stamps[0] == pytest.approx(n * 10**7, abs=2)
 
 
-def test_it_turns_in_real_time(ros: World) -> None:
+def test_it_turns_in_real_time(ros: Domain) -> None:
     states = ros.probe.listen(JointState, 'crank_state')
     ros.start('crank_node', output='crank_state', rate=50.0)
     ros.probe.until(lambda: len(states) >= 100)
@@ -62,7 +62,7 @@ def test_it_turns_in_real_time(ros: World) -> None:
     assert last.position[0] - first.position[0] == pytest.approx(2 * math.pi * 99 / 50.0)
 
 
-def test_it_waits_for_its_subscribers(ros: World) -> None:
+def test_it_waits_for_its_subscribers(ros: Domain) -> None:
     crank = ros.start('crank_node', revolutions=1, rate=10.0, min_subscribers=1)
     ros.probe.until(lambda: 'crank_node' in ros.probe.node.get_node_names())
     ros.probe.spin(1.5)

@@ -1,4 +1,4 @@
-"""Keys that steer a player: a real process on a real terminal, under real job control."""
+"""Keys that control a player: a real process on a real terminal, under real job control."""
 
 from collections.abc import Callable, Iterator
 import os
@@ -15,7 +15,7 @@ from fork_server import PACKAGE
 from hypothesis import given, strategies
 from klann_ros.nodes.player.keyboard import KeyParser, MAX_SEQUENCE_LENGTH
 import pytest
-from ros_world import Process, World
+from ros_domain import Domain, Process
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
@@ -63,7 +63,9 @@ class Terminal:
     `start` is given what starts the job under job control, and options of Popen.
     """
 
-    def __init__(self, ros: World, start: Callable[..., Process | Popen[str]], place: str) -> None:
+    def __init__(
+        self, ros: Domain, start: Callable[..., Process | Popen[str]], place: str
+    ) -> None:
         self.ros = ros
         self.is_over = False
         self.keys, self.screen = os.openpty()
@@ -111,9 +113,9 @@ class Terminal:
     def event(self) -> str:
         """Return what becomes of the job next."""
         self.ros.probe.until(lambda: self._events)
-        told = self._events.pop(0)
-        self.is_over = self.is_over or told.startswith('ended')
-        return told
+        event = self._events.pop(0)
+        self.is_over = self.is_over or event.startswith('ended')
+        return event
 
     def put(self, place: str) -> None:
         """Put the job into the foreground or the background, and let it go on."""
@@ -122,8 +124,8 @@ class Terminal:
     def press(self, text: str) -> None:
         os.write(self.keys, text.encode())
 
-    def says(self, text: str, count: int = 1) -> None:
-        """Wait until the player has logged something so often."""
+    def await_log(self, text: str, count: int = 1) -> None:
+        """Wait until the player has logged a text, `count` times."""
         self.ros.probe.until(lambda: self.errors.count(text) >= count)
 
     def until_taken(self) -> None:
@@ -149,7 +151,7 @@ def bag(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def job(ros: World) -> Iterator[Callable[..., Terminal]]:
+def job(ros: Domain) -> Iterator[Callable[..., Terminal]]:
     """Return what starts something on a terminal of its own."""
     made: list[Terminal] = []
 
@@ -163,7 +165,7 @@ def job(ros: World) -> Iterator[Callable[..., Terminal]]:
 
 
 @pytest.fixture
-def terminal(ros: World, bag: Path, job: Open) -> Open:
+def terminal(ros: Domain, bag: Path, job: Open) -> Open:
     """Return what starts a player on a terminal of its own."""
 
     def start(*arguments: str, place: str = 'fg') -> Terminal:
@@ -177,48 +179,48 @@ def values(numbers: list[Float64]) -> list[float]:
     return [message.data for message in numbers]
 
 
-def test_keys_do_what_they_do_for_ros2_bag_play(ros: World, terminal: Open) -> None:
+def test_keys_do_what_they_do_for_ros2_bag_play(ros: Domain, terminal: Open) -> None:
     numbers = ros.probe.listen(Float64, 'number')
     player = terminal(*STILL)
-    ros.probe.matched('number')
+    ros.probe.await_publishers('number')
     player.until_taken()
-    player.says('keys: space pauses and resumes, right arrow plays the next message')
+    player.await_log('keys: space pauses and resumes, right arrow plays the next message')
     for n in range(3):
         player.press(RIGHT if n else '\x1bOC')
         ros.probe.until(lambda n=n: values(numbers) == [*range(FIRST, FIRST + n + 1)])
-    player.says('one message on, at 0.52')
+    player.await_log('one message on, at 0.52')
     player.press(UP + UP)
-    player.says('rate 1.21e-05')
+    player.await_log('rate 1.21e-05')
     player.press(DOWN)
-    player.says('rate 1.1e-05')
+    player.await_log('rate 1.1e-05')
     player.press(SPACE)
-    player.says('playing from 0.52')
+    player.await_log('playing from 0.52')
     player.press(RIGHT)
-    player.says('[player_node]: it is playing; pause it first')
+    player.await_log('[player_node]: it is playing; pause it first')
     player.press(SPACE)
-    player.says('paused at 0.52')
+    player.await_log('paused at 0.52')
     player.press(''.join(OTHERS))
     player.press(DOWN)
-    player.says('rate 1e-05')
+    player.await_log('rate 1e-05')
     # A service sees what a key has done.
     answer = ros.probe.call(Trigger, 'player_node/resume', Trigger.Request())
     assert answer.success
     player.press(SPACE)
-    player.says('paused at', 2)
+    player.await_log('paused at', 2)
 
 
 def test_a_rate_ends_where_its_limits_are(terminal: Open) -> None:
     player = terminal('--start-paused', '--rate', '1e-6')
     player.until_taken()
     player.press(DOWN)
-    player.says('is refused: it must be within 1e-06 .. 1e+06')
+    player.await_log('is refused: it must be within 1e-06 .. 1e+06')
 
 
-def test_a_text_dropped_on_the_terminal_delays_nothing(ros: World, terminal: Open) -> None:
+def test_a_text_dropped_on_the_terminal_delays_nothing(ros: Domain, terminal: Open) -> None:
     player = terminal(*STILL)
     player.until_taken()
     player.press(UP * 500)
-    player.says('rate')
+    player.await_log('rate')
     assert ros.probe.call(Trigger, 'player_node/pause', Trigger.Request()).success
     player.press(CTRL_C)
     assert player.event() == 'ended 0'
@@ -238,7 +240,7 @@ def test_the_terminal_is_as_it_was_after_a_signal(terminal: Open, end: str) -> N
     player.until_taken()
     send, code = ENDS[end]
     if code:
-        player.process.leaves_behind(player.job)
+        player.process.note_segments(player.job)
     send(player)
     assert player.event() == f'ended {code}'
     assert player.attributes == player.before
@@ -278,11 +280,11 @@ pressed.wait()
 
 
 def test_ctrl_z_gives_the_terminal_back_and_the_foreground_takes_it_again(
-    ros: World, terminal: Open
+    ros: Domain, terminal: Open
 ) -> None:
     numbers = ros.probe.listen(Float64, 'number')
     player = terminal(*STILL)
-    ros.probe.matched('number')
+    ros.probe.await_publishers('number')
     player.until_taken()
     for n in range(2):
         player.press(CTRL_Z)
@@ -298,7 +300,7 @@ def test_ctrl_z_gives_the_terminal_back_and_the_foreground_takes_it_again(
     assert player.attributes == player.before
 
 
-def test_in_the_background_the_terminal_is_anothers(ros: World, terminal: Open) -> None:
+def test_in_the_background_the_terminal_is_anothers(ros: Domain, terminal: Open) -> None:
     player = terminal(*STILL, place='bg')
     ros.probe.until(lambda: 'ready: ' in player.errors)
     player.press(f'{SPACE}line\n')
@@ -312,7 +314,7 @@ def test_in_the_background_the_terminal_is_anothers(ros: World, terminal: Open) 
     player.put('fg')
     player.until_taken()
     player.press(SPACE)
-    player.says('playing from')
+    player.await_log('playing from')
     # And back again by way of Ctrl-Z.
     player.press(CTRL_Z)
     assert player.event() == 'stopped'
@@ -325,7 +327,7 @@ def test_in_the_background_the_terminal_is_anothers(ros: World, terminal: Open) 
     assert player.attributes == player.before
 
 
-def test_the_terminal_is_left_alone_when_asked_to(ros: World, terminal: Open) -> None:
+def test_the_terminal_is_left_alone_when_asked_to(ros: Domain, terminal: Open) -> None:
     player = terminal('--start-paused', '--disable-keyboard-controls')
     ros.probe.until(lambda: 'ready: ' in player.errors)
     ros.probe.spin(1.2)
@@ -339,7 +341,7 @@ def test_the_terminal_is_left_alone_when_asked_to(ros: World, terminal: Open) ->
 
 
 @pytest.mark.parametrize('kind', ['pipe', 'nothing', 'closed'])
-def test_what_is_no_terminal_is_not_read(ros: World, bag: Path, kind: str) -> None:
+def test_what_is_no_terminal_is_not_read(ros: Domain, bag: Path, kind: str) -> None:
     numbers = ros.probe.listen(Float64, 'number')
     behind, before = os.pipe()
     os.write(before, b'  \n')
@@ -350,7 +352,7 @@ def test_what_is_no_terminal_is_not_read(ros: World, bag: Path, kind: str) -> No
     else:
         stdin = behind if kind == 'pipe' else os.open(os.devnull, os.O_RDONLY)
         process = ros.start_by([], 'player_node', *arguments, stdin=stdin)
-    ros.probe.matched('number')
+    ros.probe.await_publishers('number')
     assert ros.probe.call(Trigger, 'player_node/resume', Trigger.Request()).success
     assert process.wait() == 0
     ros.probe.until(lambda: len(numbers) == COUNT)

@@ -2,7 +2,7 @@
 
 from klann_ros.log.qos import latched_count, Qos
 from klann_ros.nodes.endpoints import DEPTH
-from klann_ros.nodes.player.topics import LATCHED_DEPTH, MAX_DEPTH, publishing_profile
+from klann_ros.nodes.player.node import LATCHED_DEPTH, MAX_DEPTH, publishing_profile
 import pytest
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 

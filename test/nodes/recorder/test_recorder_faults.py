@@ -14,7 +14,7 @@ from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import topic_counts
 from klann_ros.review.reviewing import review_run
 import pytest
-from ros_world import Process, World, world
+from ros_domain import Domain, open_domain, Process
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 import yaml
@@ -33,7 +33,7 @@ class Recording:
             'recorder_node', output=self.folder, topics=f'[{TOPIC}]', flush_period=0.05
         )
         self.ros.probe.until(lambda: self._publisher.get_subscription_count() == 1)
-        self.ros.probe.heard(self._publisher)
+        self.ros.probe.await_subscribers(self._publisher)
 
     def publish(self, file: str, count: int = 100) -> None:
         """Publish, and wait until that is in a file."""
@@ -68,7 +68,7 @@ class Recording:
     def stop(self) -> dict[str, Any]:
         """End it; return its last line, and what a reader finds."""
         code = self.process.stop(signal.SIGINT)
-        return {'code': code, 'said': self.process.errors.splitlines()[-1], **found(self.folder)}
+        return {'code': code, 'last': self.process.errors.splitlines()[-1], **found(self.folder)}
 
 
 def messages_in(path: Path) -> int:
@@ -94,9 +94,9 @@ def found(run: Path) -> dict[str, Any]:
 
 
 class Stage:
-    """A world with one publisher, in which one recorder after the other records."""
+    """A domain with one publisher, in which one recorder after the other records."""
 
-    def __init__(self, ros: World) -> None:
+    def __init__(self, ros: Domain) -> None:
         self.ros = ros
         self.publisher = ros.probe.node.create_publisher(Float64, TOPIC, 2000)
         self.statuses = ros.probe.listen(DiagnosticArray, '/diagnostics')
@@ -104,12 +104,12 @@ class Stage:
 
 @pytest.fixture(scope='module')
 def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    with own_domain() as domain, world(domain, tmp_path_factory.mktemp('faults')) as ros:
+    with own_domain() as domain, open_domain(domain, tmp_path_factory.mktemp('faults')) as ros:
         yield Stage(ros)
 
 
 @pytest.fixture
-def ros(stage: Stage) -> World:
+def ros(stage: Stage) -> Domain:
     return stage.ros
 
 
@@ -134,7 +134,7 @@ def test_lost_files_are_reported_counted_and_replaced(stage: Stage) -> None:
     assert (values[f'{TOPIC} written'], values[f'{TOPIC} lost']) == ('200', '300')
     end = recording.stop()
     assert end['code'] == 1
-    assert f'200 messages of 1 topic are in {folder}; 300 were lost; first_1' in end['said']
+    assert f'200 messages of 1 topic are in {folder}; 300 were lost; first_1' in end['last']
     assert (end['messages'], end['metadata'], end['files']) == (200, 200, ['first_3.mcap'])
     count = end['count']
     assert (count.received, count.written, count.dropped, count.lost) == (500, 200, 300, 300)
@@ -149,7 +149,7 @@ def test_a_removed_folder_is_created_again_and_the_review_explains_the_loss(stag
     recording.publish('second_1.mcap')
     end = recording.stop()
     assert end['code'] == 1
-    assert f'100 messages of 1 topic are in {recording.folder}; 100 were lost;' in end['said']
+    assert f'100 messages of 1 topic are in {recording.folder}; 100 were lost;' in end['last']
     assert (end['messages'], end['metadata'], end['files']) == (100, 100, ['second_1.mcap'])
     assert (end['count'].written, end['count'].dropped) == (100, 100)
     (lost,) = (f for f in review_run(recording.folder).findings if f.check == 'lost')
@@ -163,7 +163,7 @@ def test_a_file_lost_just_before_the_end_is_not_claimed(stage: Stage) -> None:
     (recording.folder / 'third_0.mcap').unlink()
     end = recording.stop()
     assert end['code'] == 1
-    assert f'0 messages of 1 topic are in {recording.folder}; 100 were lost; thir' in end['said']
+    assert f'0 messages of 1 topic are in {recording.folder}; 100 were lost; thir' in end['last']
     assert (end['messages'], end['metadata'], end['count'].dropped) == (0, 0, 100)
 
 
@@ -172,17 +172,17 @@ def test_the_recording_ends_where_no_new_file_can_be_created(stage: Stage) -> No
     recording.publish('fourth_0.mcap')
     recording.remove(ros.folder / 'parent')
     assert recording.process.wait() == 1
-    said = recording.process.errors.splitlines()[-1]
-    assert 'the recording stopped early: fourth_0.mcap was removed' in said
-    assert 'no new file: No such file or directory' in said
-    assert f'0 messages of 1 topic are in {recording.folder}; 100 were lost' in said
-    assert 'recover' not in said
+    last = recording.process.errors.splitlines()[-1]
+    assert 'the recording stopped early: fourth_0.mcap was removed' in last
+    assert 'no new file: No such file or directory' in last
+    assert f'0 messages of 1 topic are in {recording.folder}; 100 were lost' in last
+    assert 'recover' not in last
     assert 'Traceback' not in recording.process.errors
     recording.until_level(DiagnosticStatus.ERROR)
     assert not (ros.folder / 'parent').exists()
 
 
-def test_of_two_recorders_of_one_run_one_records(ros: World) -> None:
+def test_of_two_recorders_of_one_run_one_records(ros: Domain) -> None:
     both: list[Process] = [
         ros.start('recorder_node', output=ros.folder / 'parents' / 'run') for _ in range(2)
     ]
@@ -200,7 +200,7 @@ def test_of_two_recorders_of_one_run_one_records(ros: World) -> None:
         assert log.complete, log.problem
 
 
-def test_an_output_that_cannot_be_is_one_line(ros: World) -> None:
+def test_an_output_that_cannot_be_is_one_line(ros: Domain) -> None:
     os.mkfifo(ros.folder / 'pipe')
     (ros.folder / 'loop').symlink_to('loop')
     outputs = {

@@ -1,4 +1,4 @@
-"""recorder_node that judges and waits for a cause: faults are told, and in runs of their own."""
+"""recorder_node with judge and pre_trigger: faults are reported, and recorded as events."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +21,7 @@ import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_world import Process, World, world
+from ros_domain import Domain, open_domain, Process
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
@@ -32,7 +32,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 class Stage:
     """A crank, a solver, a recorder that waits, and all that it says."""
 
-    def __init__(self, ros: World) -> None:
+    def __init__(self, ros: Domain) -> None:
         self.ros, self.folder = ros, ros.folder / 'runs'
         self.statuses = ros.probe.listen(DiagnosticArray, '/diagnostics')
         model = ros.probe.node.create_publisher(String, 'robot_description', LATCHED)
@@ -53,13 +53,13 @@ class Stage:
 
     def judged(self) -> DiagnosticStatus | None:
         """Return what the judge said last."""
-        return self.said('judge')
+        return self.status('judge')
 
-    def said(self, what: str) -> DiagnosticStatus | None:
+    def status(self, what: str) -> DiagnosticStatus | None:
         found = [s for a in self.statuses for s in a.status if s.name == f'recorder_node: {what}']
         return found[-1] if found else None
 
-    def is_told(self, check: str) -> bool:
+    def is_reported(self, check: str) -> bool:
         """Return whether a finding of a kind was ever told."""
         return any(
             value.key.endswith(' check') and value.value == check
@@ -71,11 +71,11 @@ class Stage:
     def events(self) -> list[Path]:
         return sorted(self.folder.iterdir()) if self.folder.exists() else []
 
-    def until_waiting(self) -> None:
+    def await_idle(self) -> None:
         """Wait until no event is being recorded, and nothing is found."""
 
         def is_quiet() -> bool:
-            judge, recording = self.said('judge'), self.said('recording')
+            judge, recording = self.status('judge'), self.status('recording')
             return (
                 judge is not None
                 and recording is not None
@@ -86,12 +86,12 @@ class Stage:
         self.statuses.clear()
         self.until(is_quiet)
 
-    def asked(self) -> tuple[list[Path], Trigger.Response]:
+    def trigger(self) -> tuple[list[Path], Trigger.Response]:
         """Ask for an event where none is under way; return those before, and the answer."""
         while True:
-            self.until_waiting()
+            self.await_idle()
             before, answer = self.events(), self.call('trigger')
-            self.until_waiting()
+            self.await_idle()
             # A machine that stalled may just have begun one.
             if not answer.message.endswith(' (extended)'):
                 return before, answer
@@ -103,19 +103,19 @@ class Stage:
 @pytest.fixture(scope='module')
 def seen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
     """Let one fault come after another; return what was told and written of each."""
-    with own_domain() as domain, world(domain, tmp_path_factory.mktemp('judging')) as ros:
+    with own_domain() as domain, open_domain(domain, tmp_path_factory.mktemp('judging')) as ros:
         stage = Stage(ros)
         seen: dict[str, Any] = {'folder': stage.folder}
-        before, seen['answer'] = stage.asked()
+        before, seen['answer'] = stage.trigger()
         seen['asked'] = [run for run in stage.events() if run not in before]
         for check, fault in (('geometry', longer), ('gap', stall), ('rejected', no_number)):
             count = len(stage.events())
             fault(stage)
-            stage.until(lambda check=check: stage.is_told(check))
+            stage.until(lambda check=check: stage.is_reported(check))
             stage.until(lambda count=count: len(stage.events()) > count)
             if check == 'gap':
                 stage.crank.popen.send_signal(signal.SIGCONT)
-            stage.until_waiting()
+            stage.await_idle()
             seen[check] = stage.events()[count:]
         seen['code'] = stage.recorder.stop(signal.SIGINT)
         seen['errors'] = stage.recorder.errors
@@ -157,14 +157,14 @@ def test_who_asks_gets_the_seconds_before_and_after_whole(seen: dict[str, Any]) 
     assert run in seen['asked']
     with open_log(run) as log:
         # A machine that has much else to do may lose messages meanwhile, which is told as well.
-        (told, *_) = map(recorded_finding, log.metadata[FINDING_RECORD])
-        assert told.check == 'trigger'
+        (trigger, *_) = map(recorded_finding, log.metadata[FINDING_RECORD])
+        assert trigger.check == 'trigger'
         counts = topic_counts(log.metadata[LOSS_RECORD][0])
         for topic in ('/crank_angle', '/joint_states', '/point_h'):
             messages = [*log.messages([topic])]
             times = [message.log_time for message in messages]
-            assert times[0] <= told.time - 3.0e9
-            assert times[-1] >= told.time + 1.0e9 - 1e9 / RATE * 10
+            assert times[0] <= trigger.time - 3.0e9
+            assert times[-1] >= trigger.time + 1.0e9 - 1e9 / RATE * 10
             count, sequences = counts[topic], [message.sequence for message in messages]
             assert count.received == count.written == len(messages)
             missing = sequences[-1] - sequences[0] + 1 - len(sequences)
@@ -193,7 +193,7 @@ def test_it_ends_in_order(seen: dict[str, Any]) -> None:
     assert 'a callback failed' not in seen['errors']
 
 
-def test_who_waits_in_vain_writes_nothing_and_says_so(ros: World) -> None:
+def test_who_waits_in_vain_writes_nothing_and_says_so(ros: Domain) -> None:
     folder = ros.folder / 'runs'
     recorder = ros.start('recorder_node', output=folder, pre_trigger=5.0)
     ros.probe.until(lambda: 'waiting for a trigger' in recorder.errors)
@@ -202,7 +202,7 @@ def test_who_waits_in_vain_writes_nothing_and_says_so(ros: World) -> None:
     assert list(folder.iterdir()) == []
 
 
-def test_limits_that_are_none_are_refused_before_anything_is_made(ros: World) -> None:
+def test_limits_that_are_none_are_refused_before_anything_is_made(ros: Domain) -> None:
     bad = ros.folder / 'limits.yaml'
     bad.write_text('gap_tme: 3\n')
     recorder = ros.start(

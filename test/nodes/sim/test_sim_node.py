@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from domain import own_domain
 from nav_msgs.msg import Odometry
 import pytest
-from ros_world import Process, World, world
+from ros_domain import Domain, open_domain, Process
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
@@ -20,7 +20,7 @@ CONFIG = ROOT / 'config'
 BOTH = ['left_crank', 'right_crank']
 
 
-def started(ros: World, file: str = '', **given: object) -> Process:
+def started(ros: Domain, file: str = '', **given: object) -> Process:
     parameters = [word for name, value in given.items() for word in ('-p', f'{name}:={value}')]
     files = ['--params-file', str(CONFIG / file)] if file else []
     return ros.start_by([], 'sim_node', '--ros-args', *files, *parameters)
@@ -29,7 +29,7 @@ def started(ros: World, file: str = '', **given: object) -> Process:
 class Robot:
     """A simulated walker, and what it has told so far."""
 
-    def __init__(self, ros: World) -> None:
+    def __init__(self, ros: Domain) -> None:
         self.probe = ros.probe
         self.cranks: list[JointState] = ros.probe.listen(JointState, 'crank_state')
         self.imus: list[Imu] = ros.probe.listen(Imu, 'imu')
@@ -72,7 +72,7 @@ class Robot:
 
 @pytest.fixture(scope='module')
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
-    with own_domain() as domain, world(domain, tmp_path_factory.mktemp('sim')) as made:
+    with own_domain() as domain, open_domain(domain, tmp_path_factory.mktemp('sim')) as made:
         yield Robot(made)
 
 
@@ -166,7 +166,7 @@ def test_it_ends_by_ctrl_c_without_a_word(robot: Robot) -> None:
     ],
 )
 def test_what_cannot_be_simulated_ends_it_with_one_line(
-    ros: World, file: str, given: dict[str, Any], reason: str
+    ros: Domain, file: str, given: dict[str, Any], reason: str
 ) -> None:
     process = started(ros, file, **given)
     assert process.wait() == 1

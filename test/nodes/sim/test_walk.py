@@ -7,7 +7,7 @@ from geometry_msgs.msg import TwistStamped
 from klann_ros.log.reader import open_log
 from nav_msgs.msg import Odometry
 import pytest
-from ros_world import World
+from ros_domain import Domain
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -15,7 +15,7 @@ WALKER = str(Path(__file__).resolve().parents[3] / 'config' / 'walker6_two_motor
 
 
 def test_what_walks_by_cmd_vel_is_where_its_odometry_says_and_is_played_back(
-    ros: World, tmp_path: Path
+    ros: Domain, tmp_path: Path
 ) -> None:
     truths: list[Odometry] = ros.probe.listen(Odometry, 'ground_truth')
     odometry: list[Odometry] = ros.probe.listen(Odometry, 'odom')
@@ -56,7 +56,7 @@ def test_what_walks_by_cmd_vel_is_where_its_odometry_says_and_is_played_back(
     options = ('--delay', '0', '--start-paused', '--ros-args', '-r', '__ns:=/replay')
     player = ros.start('player_node', str(tmp_path / 'run'), *options)
     for name in kinds:
-        ros.probe.matched(f'/replay{name}')
+        ros.probe.await_publishers(f'/replay{name}')
     resume = '/replay/player_node/resume'
     assert ros.probe.call(Trigger, resume, Trigger.Request()).success
     ros.probe.until(lambda: all(len(messages) > 50 for messages in heard.values()))

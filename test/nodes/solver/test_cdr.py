@@ -10,7 +10,7 @@ from klann_ros.nodes.solver import cdr
 import pytest
 from rclpy._rclpy_pybind11 import RMWError
 from rclpy.serialization import deserialize_message, serialize_message
-from ros_world import World
+from ros_domain import Domain
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
@@ -200,7 +200,7 @@ def test_what_a_template_writes_rclpy_reads(
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_what_a_template_writes_is_what_a_typed_publish_sends(ros: World, kind: str) -> None:
+def test_what_a_template_writes_is_what_a_typed_publish_sends(ros: Domain, kind: str) -> None:
     fields = [
         (frame_id, names)
         for frame_id in ('', 'a', 'ab', 'abc', 'abcd', 'leg_plane', 'ebene_ä/longer')

@@ -12,7 +12,7 @@ import pytest
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_world import World
+from ros_domain import Domain
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from visualization_msgs.msg import Marker, MarkerArray
@@ -23,13 +23,13 @@ JOINTS = ['alpha', 'gamma', 'beta', 'delta', 'theta']
 TWO = {'legs': '[left, right]', 'left.phase': 0.5, 'right.direction': -1, 'right.l_gh': 0.5}
 
 
-def test_each_leg_is_driven_by_its_direction_and_phase(ros: World) -> None:
+def test_each_leg_is_driven_by_its_direction_and_phase(ros: Domain) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     feet = {name: ros.probe.listen(PointStamped, f'{name}/point_h') for name in ('left', 'right')}
     ros.solve(**TWO)
     crank = ros.probe.publisher(Float64, 'crank_angle')
     for topic in ('joint_states', 'left/point_h', 'right/point_h'):
-        ros.probe.matched(topic)
+        ros.probe.await_publishers(topic)
     crank.publish(Float64(data=1.25))
     ros.probe.until(lambda: poses and feet['left'] and feet['right'])
     (pose,) = poses
@@ -47,13 +47,13 @@ def test_each_leg_is_driven_by_its_direction_and_phase(ros: World) -> None:
         assert foot.header.stamp == pose.header.stamp
 
 
-def test_legs_with_cranks_of_their_own_follow_them(ros: World) -> None:
+def test_legs_with_cranks_of_their_own_follow_them(ros: Domain) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     velocities = ros.probe.listen(TwistStamped, 'right/velocity_h')
     ros.solve(legs='[left, right]', **{'right.crank_joint': 'other', **DIRECTION})
     state = ros.probe.publisher(JointState, 'crank_state')
-    ros.probe.matched('joint_states')
-    ros.probe.matched('right/velocity_h')
+    ros.probe.await_publishers('joint_states')
+    ros.probe.await_publishers('right/velocity_h')
     state.publish(JointState(name=['other'], position=[2.0], velocity=[3.0]))
     ros.probe.until(lambda: poses and velocities)
     state.publish(JointState(name=['crank', 'other'], position=[1.0, 2.0]))
@@ -70,11 +70,11 @@ def test_legs_with_cranks_of_their_own_follow_them(ros: World) -> None:
 DIRECTION = {'right.direction': -1}
 
 
-def test_one_unnamed_leg_has_an_encoders_zero_and_sign(ros: World) -> None:
+def test_one_unnamed_leg_has_an_encoders_zero_and_sign(ros: Domain) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     ros.solve(phase=0.25, direction=-1)
     crank = ros.probe.publisher(Float64, 'crank_angle')
-    ros.probe.matched('joint_states')
+    ros.probe.await_publishers('joint_states')
     crank.publish(Float64(data=1.0))
     ros.probe.until(lambda: poses)
     assert poses[0].position.tolist() == pytest.approx(
@@ -82,13 +82,13 @@ def test_one_unnamed_leg_has_an_encoders_zero_and_sign(ros: World) -> None:
     )
 
 
-def test_every_leg_has_its_own_status_and_fails_alone(ros: World) -> None:
+def test_every_leg_has_its_own_status_and_fails_alone(ros: Domain) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
     short = {'right.l_bc': 0.33}
     ros.solve(legs='[left, right]', diagnostics_period=0.3, **short)
     crank = ros.probe.publisher(Float64, 'crank_angle')
-    ros.probe.matched('joint_states')
+    ros.probe.await_publishers('joint_states')
     crank.publish(Float64(data=math.radians(165.6)))
 
     def failed() -> list[Any]:
@@ -102,11 +102,11 @@ def test_every_leg_has_its_own_status_and_fails_alone(ros: World) -> None:
     assert 'dyad 1 does not close, B and D are' in right.message
 
 
-def test_a_legs_length_is_changed_by_its_own_parameter(ros: World) -> None:
+def test_a_legs_length_is_changed_by_its_own_parameter(ros: Domain) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     ros.solve(legs='[left, right]')
     crank = ros.probe.publisher(Float64, 'crank_angle')
-    ros.probe.matched('joint_states')
+    ros.probe.await_publishers('joint_states')
 
     def change(name: str, value: float) -> Any:
         parameters = [Parameter(name, value=value).to_parameter_msg()]
@@ -125,7 +125,7 @@ def test_a_legs_length_is_changed_by_its_own_parameter(ros: World) -> None:
     assert poses[0].position.tolist() == pytest.approx(expected, abs=1e-12)
 
 
-def test_several_sources_are_reported_while_they_send_at_once(ros: World) -> None:
+def test_several_sources_are_reported_while_they_send_at_once(ros: Domain) -> None:
     reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
     ros.solver(diagnostics_period=0.3)
     angle = ros.probe.publisher(Float64, 'crank_angle')
@@ -148,7 +148,7 @@ def test_several_sources_are_reported_while_they_send_at_once(ros: World) -> Non
 
 
 @pytest.mark.parametrize('name', ['', 'left'])
-def test_bars_end_where_the_poses_points_are(ros: World, name: str) -> None:
+def test_bars_end_where_the_poses_points_are(ros: Domain, name: str) -> None:
     ros.solve(**({'legs': f'[{name}]'} if name else {}))
     crank = ros.probe.publisher(Float64, 'crank_angle')
     latched = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -177,14 +177,14 @@ def test_bars_end_where_the_poses_points_are(ros: World, name: str) -> None:
 
 
 @pytest.mark.parametrize('walker', [4, 6])
-def test_a_shipped_walkers_feet_are_where_its_legs_put_them(ros: World, walker: int) -> None:
+def test_a_shipped_walkers_feet_are_where_its_legs_put_them(ros: Domain, walker: int) -> None:
     file = CONFIG / f'walker{walker}.yaml'
     legs = yaml.safe_load(file.read_text(encoding='utf-8'))['/**']['ros__parameters']
     feet = {name: ros.probe.listen(PointStamped, f'{name}/point_h') for name in legs['legs']}
     ros.solve('--params-file', str(file))
     crank = ros.probe.publisher(Float64, 'crank_angle')
     for name in feet:
-        ros.probe.matched(f'{name}/point_h')
+        ros.probe.await_publishers(f'{name}/point_h')
     crank.publish(Float64(data=0.75))
     ros.probe.until(lambda: all(feet.values()))
     assert len(feet) == walker
@@ -194,13 +194,13 @@ def test_a_shipped_walkers_feet_are_where_its_legs_put_them(ros: World, walker: 
         assert (foot.point.x, foot.point.y) == pytest.approx(expected, abs=1e-12)
 
 
-def test_24_legs_at_200_hz_have_their_feet_where_the_closed_form_has_them(ros: World) -> None:
+def test_24_legs_at_200_hz_have_their_feet_where_the_closed_form_has_them(ros: Domain) -> None:
     names = [f'leg{k}' for k in range(24)]
     phases = {f'{name}.phase': k * math.pi / 12 for k, name in enumerate(names)}
     feet = {name: ros.probe.listen(PointStamped, f'{name}/point_h') for name in names}
     ros.solver(legs=f'[{", ".join(names)}]', **phases)
     for name in names:
-        ros.probe.matched(f'{name}/point_h')
+        ros.probe.await_publishers(f'{name}/point_h')
     crank = ros.start('crank_node', rate=200.0, revolutions=1, min_subscribers=1)
     assert crank.wait() == 0
     ros.probe.until(lambda: all(len(received) == 201 for received in feet.values()))

@@ -6,7 +6,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import pytest
 from rclpy.qos import DurabilityPolicy
-from ros_world import World
+from ros_domain import Domain
 from std_msgs.msg import Float64
 
 LINES = {
@@ -18,7 +18,7 @@ LINES = {
 }
 
 
-def change(ros: World, *names: str) -> None:
+def change(ros: Domain, *names: str) -> None:
     """Make transitions."""
     for name in names:
         number = getattr(Transition, f'TRANSITION_{name}')
@@ -26,17 +26,17 @@ def change(ros: World, *names: str) -> None:
         assert ros.probe.call(ChangeState, 'solver_node/change_state', request).success
 
 
-def test_it_answers_while_it_is_active(ros: World) -> None:
+def test_it_answers_while_it_is_active(ros: Domain) -> None:
     feet = ros.probe.listen(PointStamped, 'point_h')
     solver = ros.solver('--lifecycle')
-    ros.probe.matched('point_h')
+    ros.probe.await_publishers('point_h')
     change(ros, 'CONFIGURE')
     crank = ros.probe.node.create_publisher(Float64, 'crank_angle', 10)
     ros.probe.spin(0.5)
     assert crank.get_subscription_count() == 0
 
     change(ros, 'ACTIVATE')
-    ros.probe.heard(crank)
+    ros.probe.await_subscribers(crank)
     crank.publish(Float64(data=1.0))
     ros.probe.until(lambda: feet)
     expected = KlannLeg().closed_form(1.0).h
@@ -49,13 +49,13 @@ def test_it_answers_while_it_is_active(ros: World) -> None:
     assert len(feet) == 1
 
     change(ros, 'CLEANUP', 'CONFIGURE', 'ACTIVATE')
-    ros.probe.heard(crank)
+    ros.probe.await_subscribers(crank)
     crank.publish(Float64(data=2.0))
     ros.probe.until(lambda: len(feet) == 2)
     assert solver.stop() == 0
 
 
-def test_each_transition_is_logged(ros: World, capfd: pytest.CaptureFixture[str]) -> None:
+def test_each_transition_is_logged(ros: Domain, capfd: pytest.CaptureFixture[str]) -> None:
     ros.solve(managed=True)
     change(ros, *LINES)
     lines = [line.partition(']: ')[2] for line in capfd.readouterr().err.splitlines()]
@@ -65,7 +65,7 @@ def test_each_transition_is_logged(ros: World, capfd: pytest.CaptureFixture[str]
 
 
 def test_overrides_of_its_inputs_are_declared_before_it_subscribes(
-    ros: World, capfd: pytest.CaptureFixture[str]
+    ros: Domain, capfd: pytest.CaptureFixture[str]
 ) -> None:
     name = 'qos_overrides./crank_angle.subscription.durability'
     ros.solve(managed=True, **{name: 'transient_local'})

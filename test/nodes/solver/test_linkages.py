@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from ros_world import RecorderReports, World
+from ros_domain import Domain, RecorderReports
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
@@ -25,13 +25,13 @@ ANGLES = [0.0, 1.0, 1.1, -2.0, 9.0, 3.0]
 
 
 @pytest.mark.parametrize('name', ['jansen', 'stephenson', 'quick_return'])
-def test_its_joints_and_its_foot_are_published(ros: World, name: str) -> None:
+def test_its_joints_and_its_foot_are_published(ros: Domain, name: str) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     feet = ros.probe.listen(PointStamped, 'point_h')
     ros.solve(linkage=LINKAGES / f'{name}.yaml')
     crank = ros.probe.publisher(Float64, 'crank_angle')
-    ros.probe.matched('joint_states')
-    ros.probe.matched('point_h')
+    ros.probe.await_publishers('joint_states')
+    ros.probe.await_publishers('point_h')
     for alpha in ANGLES:
         crank.publish(Float64(data=alpha))
     ros.probe.until(lambda: len(poses) == len(feet) == len(ANGLES))
@@ -48,7 +48,7 @@ def test_its_joints_and_its_foot_are_published(ros: World, name: str) -> None:
         assert len(pose.velocity) == 0
 
 
-def test_every_shipped_linkage_is_driven(ros: World) -> None:
+def test_every_shipped_linkage_is_driven(ros: Domain) -> None:
     poses, angles = {}, {}
     for name in shipped_linkages():
         poses[name] = ros.probe.listen(JointState, f'/{name}/joint_states')
@@ -65,13 +65,13 @@ def test_every_shipped_linkage_is_driven(ros: World) -> None:
         assert np.remainder(differences + 1, 2 * math.pi) == pytest.approx(1, abs=1e-12), name
 
 
-def test_its_velocities_follow_the_cranks(ros: World) -> None:
+def test_its_velocities_follow_the_cranks(ros: Domain) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     velocities = ros.probe.listen(TwistStamped, 'velocity_h')
     ros.solve(linkage=LINKAGES / 'jansen.yaml')
     crank = ros.probe.publisher(JointState, 'crank_state')
-    ros.probe.matched('joint_states')
-    ros.probe.matched('velocity_h')
+    ros.probe.await_publishers('joint_states')
+    ros.probe.await_publishers('velocity_h')
     crank.publish(JointState(name=['crank'], position=[1.0], velocity=[2.0]))
     ros.probe.until(lambda: poses and velocities)
     leg = LinkageLeg(shipped_linkage('jansen'))
@@ -81,7 +81,7 @@ def test_its_velocities_follow_the_cranks(ros: World) -> None:
     assert (linear.x, linear.y) == pytest.approx(expected.h, abs=1e-12)
 
 
-def test_its_diagnostics_have_an_angle_for_each_dyad(ros: World) -> None:
+def test_its_diagnostics_have_an_angle_for_each_dyad(ros: Domain) -> None:
     reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
     ros.solve(linkage=LINKAGES / 'jansen.yaml', diagnostics_period=0.3)
     crank = ros.probe.publisher(Float64, 'crank_angle')
@@ -101,7 +101,7 @@ def test_its_diagnostics_have_an_angle_for_each_dyad(ros: World) -> None:
     assert values['branch'] == '-1 +1 -1'
 
 
-def test_it_has_no_lengths_to_change(ros: World) -> None:
+def test_it_has_no_lengths_to_change(ros: Domain) -> None:
     file = LINKAGES / 'jansen.yaml'
     ros.solve(linkage=file)
     request = SetParameters.Request(parameters=[Parameter('l_gh', value=0.5).to_parameter_msg()])
@@ -112,7 +112,7 @@ def test_it_has_no_lengths_to_change(ros: World) -> None:
 
 @pytest.mark.parametrize('name', ['jansen', 'quick_return'])
 def test_its_run_explains_itself_and_is_reviewed(
-    ros: World, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+    ros: Domain, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     file = LINKAGES / f'{name}.yaml'
     reports = RecorderReports(ros.probe)
@@ -126,7 +126,7 @@ def test_its_run_explains_itself_and_is_reviewed(
     crank = ros.start('crank_node', rate=100.0, revolutions=1, min_subscribers=2)
     assert crank.wait() == 0
     topics = ('/crank_angle', '/joint_states', '/point_h')
-    reports.until_heard(dict.fromkeys(topics, 101))
+    reports.until_received(dict.fromkeys(topics, 101))
     assert recorder.stop() == 0
     with open_log(tmp_path / 'run') as log:
         (record,) = log.metadata['klann_ros.solver']
@@ -144,7 +144,7 @@ def test_its_run_explains_itself_and_is_reviewed(
     # Held against a linkage of other lengths, every pose is wrong.
     other = tmp_path / 'other.yaml'
     astray = 'feet (point_h) are not at the position that the angles of their poses give'
-    changed, now, said = {
+    changed, now, finding = {
         'jansen': ('length: 49.0', 'length: 49.5', astray),
         'quick_return': (
             'length: 150',
@@ -155,7 +155,7 @@ def test_its_run_explains_itself_and_is_reviewed(
     other.write_text(text.replace(changed, now), encoding='utf-8')
     code, output = reviewed(capsys, [*patient, '--geometry', other])
     assert code == 1
-    assert said in output
+    assert finding in output
 
 
 def has_solver_record(run: Path) -> bool:
@@ -173,7 +173,7 @@ def reviewed(capsys: pytest.CaptureFixture[str], arguments: Sequence[object]) ->
     return code, capsys.readouterr().out
 
 
-def test_an_unreachable_angle_is_reported_and_leaves_no_trace(ros: World, tmp_path: Path) -> None:
+def test_an_unreachable_angle_is_reported_and_leaves_no_trace(ros: Domain, tmp_path: Path) -> None:
     """A four-bar whose crank does not turn fully."""
     file = tmp_path / 'four_bar.yaml'
     text = (LINKAGES / 'four_bar.yaml').read_text(encoding='utf-8')
@@ -182,7 +182,7 @@ def test_an_unreachable_angle_is_reported_and_leaves_no_trace(ros: World, tmp_pa
     reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
     ros.solve(linkage=file, diagnostics_period=0.3)
     crank = ros.probe.publisher(Float64, 'crank_angle')
-    ros.probe.matched('joint_states')
+    ros.probe.await_publishers('joint_states')
     for alpha in (1.0, math.pi, 1.0):
         crank.publish(Float64(data=alpha))
     ros.probe.until(lambda: len(poses) == 2)

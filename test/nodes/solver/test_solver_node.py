@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
-from ros_world import Probe, World
+from ros_domain import Domain, Probe
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -28,7 +28,7 @@ class Conversation:
 
     def __init__(
         self,
-        ros: World,
+        ros: Domain,
         topic: str = 'crank_angle',
         *,
         as_process: bool = False,
@@ -44,7 +44,7 @@ class Conversation:
         kind = Float64 if topic == 'crank_angle' else JointState
         self.crank = self.probe.publisher(kind, topic)
         for output in ('joint_states', 'point_h', 'velocity_h', '/diagnostics'):
-            self.probe.matched(output)
+            self.probe.await_publishers(output)
 
     def turn(self, *alphas: float) -> None:
         """Publish crank angles."""
@@ -95,7 +95,7 @@ def assert_right(poses: Sequence[JointState], geometry: KlannGeometry | None = N
         assert differences == pytest.approx([0] * 4, abs=1e-9)
 
 
-def test_60_degrees_published_once_gives_the_root_and_the_foot(ros: World) -> None:
+def test_60_degrees_published_once_gives_the_root_and_the_foot(ros: Domain) -> None:
     talk = Conversation(ros)
     before = time.time()
     talk.turn(math.radians(60))
@@ -113,7 +113,7 @@ def test_60_degrees_published_once_gives_the_root_and_the_foot(ros: World) -> No
     assert talk.velocities == []
 
 
-def test_a_state_is_answered_with_its_stamp_and_its_velocity(ros: World) -> None:
+def test_a_state_is_answered_with_its_stamp_and_its_velocity(ros: Domain) -> None:
     talk = Conversation(ros, 'crank_state')
     stamp = Time(sec=123, nanosec=456)
     names = ['other', 'crank']
@@ -132,7 +132,7 @@ def test_a_state_is_answered_with_its_stamp_and_its_velocity(ros: World) -> None
 
 
 @pytest.mark.parametrize('velocity', [[], [math.nan], [math.inf]])
-def test_a_velocity_that_is_not_finite_is_unknown(ros: World, velocity: list[float]) -> None:
+def test_a_velocity_that_is_not_finite_is_unknown(ros: Domain, velocity: list[float]) -> None:
     talk = Conversation(ros, 'crank_state')
     talk.state(name=['crank'], position=[1.0], velocity=velocity)
     (pose,) = talk.answers(1)
@@ -143,7 +143,7 @@ def test_a_velocity_that_is_not_finite_is_unknown(ros: World, velocity: list[flo
 
 
 def test_bad_angles_are_rejected_and_leave_no_trace(
-    ros: World, capfd: pytest.CaptureFixture[str]
+    ros: Domain, capfd: pytest.CaptureFixture[str]
 ) -> None:
     talk = Conversation(ros)
     talk.turn(math.nan, 1.0, math.inf, -math.inf, 1.1e6, 1e308, 2.0)
@@ -157,7 +157,7 @@ def test_bad_angles_are_rejected_and_leave_no_trace(
     assert 'must be finite and within' in errors
 
 
-def test_states_without_the_crank_are_rejected(ros: World) -> None:
+def test_states_without_the_crank_are_rejected(ros: Domain) -> None:
     talk = Conversation(ros, 'crank_state', crank_joint='axle')
     talk.state(name=['crank'], position=[1.0])
     talk.state(name=['axle', 'crank'], position=[1.0])
@@ -169,7 +169,7 @@ def test_states_without_the_crank_are_rejected(ros: World) -> None:
     assert talk.counts()['rejected'] == '4'
 
 
-def test_jumps_and_gaps_keep_the_branch_and_failures_are_reported(ros: World) -> None:
+def test_jumps_and_gaps_keep_the_branch_and_failures_are_reported(ros: Domain) -> None:
     geometry = KlannGeometry(l_bc=0.33)
     talk = Conversation(ros, l_bc=0.33)
     alphas = [0.1, 2.3, 3.0, 3.5, -400.0, 2.9, 2.3, 3.45, 1000.0, 3.0]
@@ -198,14 +198,14 @@ def test_jumps_and_gaps_keep_the_branch_and_failures_are_reported(ros: World) ->
     assert_right(talk.answers(len(reachable) + 1), geometry)
 
 
-def test_silence_is_stale(ros: World) -> None:
+def test_silence_is_stale(ros: Domain) -> None:
     talk = Conversation(ros)
     talk.turn(1.0)
     assert talk.status(DiagnosticStatus.OK).name == 'solver_node: leg'
     assert 'no input for 2.' in talk.status(DiagnosticStatus.STALE).message
 
 
-def test_a_nearly_singular_pose_is_a_warning(ros: World) -> None:
+def test_a_nearly_singular_pose_is_a_warning(ros: Domain) -> None:
     talk = Conversation(ros, min_transmission_angle=0.5)
     singular = min(
         (KlannLeg().closed_form(math.radians(k)) for k in range(360)),
@@ -226,7 +226,7 @@ def test_a_nearly_singular_pose_is_a_warning(ros: World) -> None:
     assert values['branch'] == '+1 +1'
 
 
-def test_a_burst_is_solved_in_order(ros: World) -> None:
+def test_a_burst_is_solved_in_order(ros: Domain) -> None:
     talk = Conversation(ros)
     alphas = [0.01 * k for k in range(300)]
     talk.turn(*alphas)
@@ -236,7 +236,7 @@ def test_a_burst_is_solved_in_order(ros: World) -> None:
     assert talk.counts()['lost'] == '0'
 
 
-def test_what_a_flood_loses_is_counted_exactly(ros: World) -> None:
+def test_what_a_flood_loses_is_counted_exactly(ros: Domain) -> None:
     talk = Conversation(ros, as_process=True)
     sent: list[float] = []
 
@@ -265,7 +265,7 @@ def test_what_a_flood_loses_is_counted_exactly(ros: World) -> None:
     assert_right(talk.poses)
 
 
-def test_late_stamps_are_answered_and_counted(ros: World) -> None:
+def test_late_stamps_are_answered_and_counted(ros: Domain) -> None:
     talk = Conversation(ros, 'crank_state')
     for second in (5, 3, 4):
         talk.state(name=['crank'], position=[float(second)], stamp=Time(sec=second))
@@ -273,7 +273,7 @@ def test_late_stamps_are_answered_and_counted(ros: World) -> None:
     assert talk.counts()['out_of_order'] == '1'
 
 
-def test_simulated_time_stamps_an_angle(ros: World) -> None:
+def test_simulated_time_stamps_an_angle(ros: Domain) -> None:
     talk = Conversation(ros, use_sim_time='true')
     clock = ros.probe.publisher(Clock, '/clock', reliable=False)
     now = Time(sec=42, nanosec=7)
@@ -289,11 +289,11 @@ def test_simulated_time_stamps_an_angle(ros: World) -> None:
     assert [p.header.stamp for p in talk.poses if p.header.stamp not in (now, Time())] == []
 
 
-def test_a_best_effort_crank_is_heard_too(ros: World) -> None:
+def test_a_best_effort_crank_is_heard_too(ros: Domain) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     ros.start('solver_node')
     crank = ros.probe.publisher(Float64, 'crank_angle', reliable=False)
-    ros.probe.matched('joint_states')
+    ros.probe.await_publishers('joint_states')
 
     def is_heard() -> bool:
         # Each of them may be lost.
@@ -312,7 +312,7 @@ def set_atomically(talk: Conversation, values: dict[str, Any]) -> Any:
     return talk.probe.call(SetParametersAtomically, service, request).result
 
 
-def test_the_leg_changes_while_it_runs(ros: World) -> None:
+def test_the_leg_changes_while_it_runs(ros: Domain) -> None:
     talk = Conversation(ros)
     talk.turn(1.0)
     talk.answers(1)
@@ -322,7 +322,7 @@ def test_the_leg_changes_while_it_runs(ros: World) -> None:
     assert_right(talk.answers(2)[1:], patent)
 
 
-def test_an_invalid_leg_is_refused_while_it_runs(ros: World) -> None:
+def test_an_invalid_leg_is_refused_while_it_runs(ros: Domain) -> None:
     talk = Conversation(ros)
     for change, reason in [
         ({'l_ab': -1.0}, 'l_ab = -1 m is refused: a length must be > 0'),
@@ -339,7 +339,7 @@ def test_an_invalid_leg_is_refused_while_it_runs(ros: World) -> None:
     assert_right(talk.answers(1))
 
 
-def test_reset_forgets_the_warm_start_and_nothing_else(ros: World) -> None:
+def test_reset_forgets_the_warm_start_and_nothing_else(ros: Domain) -> None:
     talk = Conversation(ros)
     talk.turn(1.0)
     talk.answers(1)
@@ -348,7 +348,7 @@ def test_reset_forgets_the_warm_start_and_nothing_else(ros: World) -> None:
     assert_right(talk.answers(2))
 
 
-def test_every_parameter_is_described(ros: World) -> None:
+def test_every_parameter_is_described(ros: Domain) -> None:
     Conversation(ros)
     names = ['l_ab', 'y_e', 'angle_fgh', 'assembly', 'tolerance', 'max_crank_step', 'frame_id']
     request = DescribeParameters.Request(names=names)
@@ -361,12 +361,12 @@ def test_every_parameter_is_described(ros: World) -> None:
     assert described['tolerance'].read_only
 
 
-def test_with_crank_node_every_pose_is_right_for_its_own_alpha(ros: World) -> None:
+def test_with_crank_node_every_pose_is_right_for_its_own_alpha(ros: Domain) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     feet = ros.probe.listen(PointStamped, 'point_h')
     ros.solver()
-    ros.probe.matched('joint_states')
-    ros.probe.matched('point_h')
+    ros.probe.await_publishers('joint_states')
+    ros.probe.await_publishers('point_h')
     crank = ros.start('crank_node', rate=500.0, revolutions=2, speed=6.0, min_subscribers=1)
     expected = round(2 * 2 * math.pi / 6.0 * 500) + 1
     ros.probe.until(lambda: len(poses) >= expected and len(feet) >= expected)

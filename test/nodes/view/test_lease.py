@@ -1,4 +1,4 @@
-"""A page takes over: the other publishers yield, and resume where the crank is when it leaves."""
+"""A page takes over: the other publishers yield, and resume at its last angle when it leaves."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -11,9 +11,12 @@ from typing import Any
 import aiohttp
 from crank_runs import make_messages, write_run
 from geometry_msgs.msg import TwistStamped
+from klann_ros.live.protocol import Command
 from klann_ros.nodes.lease import Lease
+from klann_ros.nodes.view.connections import ServiceCalls
+from klann_ros.nodes.view.drives import Drives, Offer
 from live_browser import address
-from ros_world import Process, World
+from ros_domain import Domain, Process
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
@@ -51,7 +54,7 @@ class Tab:
         await self._socket.send_json({'id': self._number, 'do': do, 'what': CRANK, **values})
 
 
-def drive(ros: World, url: str, test: Callable[[Tab], Awaitable[None]]) -> None:
+def drive(ros: Domain, url: str, test: Callable[[Tab], Awaitable[None]]) -> None:
     """Run a page's side in another thread, while the probe spins."""
 
     async def opened() -> None:
@@ -67,7 +70,7 @@ def drive(ros: World, url: str, test: Callable[[Tab], Awaitable[None]]) -> None:
         done.result()
 
 
-def started(ros: World) -> tuple[Process, str]:
+def started(ros: Domain) -> tuple[Process, str]:
     view = ros.start('view_node', '--port', '0')
     return view, address(view)
 
@@ -80,7 +83,9 @@ def assert_continuous(angles: list[Float64]) -> None:
     assert max(steps) <= STEP + 1e-9
 
 
-def test_a_crank_yields_to_a_page_and_resumes_where_it_is_also_after_kill_9(ros: World) -> None:
+def test_a_crank_yields_to_a_page_and_resumes_where_it_is_also_after_kill_9(
+    ros: Domain,
+) -> None:
     angles: list[Float64] = ros.probe.listen(Float64, 'crank_angle')
     ros.solver()
     crank = ros.start('crank_node', speed=2.0, rate=100.0)
@@ -121,7 +126,7 @@ def test_a_crank_yields_to_a_page_and_resumes_where_it_is_also_after_kill_9(ros:
     assert_continuous(angles)
 
 
-def test_what_cannot_yield_is_named_and_nothing_is_driven_beside_it(ros: World) -> None:
+def test_a_publisher_that_cannot_yield_is_named_and_nothing_is_driven(ros: Domain) -> None:
     ros.solver()
     _, url = started(ros)
     foreign = ros.probe.publisher(Float64, 'crank_angle', subscribers=2)
@@ -143,7 +148,7 @@ def test_what_cannot_yield_is_named_and_nothing_is_driven_beside_it(ros: World) 
     drive(ros, url, take)
 
 
-def test_a_player_and_the_walk_of_the_simulation_yield_to_a_driver(ros: World) -> None:
+def test_a_player_and_the_walk_of_the_simulation_yield_to_a_driver(ros: Domain) -> None:
     run = write_run(ros.folder / 'run', [make_messages(200, period=10_000_000)])
     heard = {
         '/crank_angle': ros.probe.listen(Float64, 'crank_angle'),
@@ -158,7 +163,7 @@ def test_a_player_and_the_walk_of_the_simulation_yield_to_a_driver(ros: World) -
         yields(ros, topic, messages)
 
 
-def yields(ros: World, topic: str, messages: list[Any]) -> None:
+def yields(ros: Domain, topic: str, messages: list[Any]) -> None:
     """Find that messages end while a driver holds the lease, and come again when it leaves."""
     ros.probe.until(lambda: len(messages) > 2)
     lease = Lease(ros.probe.node, topic)
@@ -171,3 +176,33 @@ def yields(ros: World, topic: str, messages: list[Any]) -> None:
     assert messages == []
     lease.release()
     ros.probe.until(lambda: messages)
+
+
+def test_only_the_owner_of_a_drive_moves_it(ros: Domain) -> None:
+    answers: list[tuple[bool, str]] = []
+    probe = ros.probe
+    angles = probe.listen(Float64, 'crank_angle')
+    put = ServiceCalls(probe.node).put
+    drives = Drives(probe.node, put, lambda: None, lambda _: 0.5, lambda _: None)
+    drives.offer([Offer('crank', '/crank_angle', ('/crank_angle',), (), ())])
+
+    def command(page: int, do: str, value: float = 0.0) -> tuple[bool, str]:
+        drives.command(page, Command(1, do, CRANK, value), lambda *answer: answers.append(answer))
+        return answers[-1]
+
+    def is_driving() -> bool:
+        drives.keep_alive(1)
+        return bool(angles)
+
+    try:
+        assert not command(1, 'turn', 1.0)[0]
+        assert command(1, 'take')[0]
+        probe.until(is_driving)
+        refusal = 'this page does not drive it: take it over first'
+        for do in ('turn', 'spin', 'release'):
+            assert command(2, do, 1.0) == (False, refusal)
+        assert command(1, 'turn', 0.75)[0]
+        probe.until(lambda: is_driving() and angles[-1].data == 0.75)
+        assert angles[0].data == 0.5
+    finally:
+        drives.close()

@@ -12,7 +12,7 @@ from klann_ros.log import open_log
 from live_browser import address, Live
 import numpy as np
 import pytest
-from ros_world import world
+from ros_domain import open_domain
 from std_msgs.msg import Float64
 
 pytest.importorskip('playwright')
@@ -37,8 +37,8 @@ class Machine:
         self.card = live.page.locator('#machines .card').filter(has_text=kind)
         live.ros.probe.until(self.card.count)
 
-    def says(self, text: str) -> None:
-        """Wait until it says something."""
+    def await_text(self, text: str) -> None:
+        """Wait until its card has a text."""
         self.live.ros.probe.until(lambda: text in self.card.text_content())
 
     def press(self, name: str) -> None:
@@ -48,7 +48,7 @@ class Machine:
 @pytest.fixture(scope='module')
 def live(tmp_path_factory: pytest.TempPathFactory, browser: Any) -> Iterator[Live]:
     folder = tmp_path_factory.mktemp('replay')
-    with own_domain() as domain, world(domain, folder) as ros:
+    with own_domain() as domain, open_domain(domain, folder) as ros:
         page = Live(ros, address(ros.start('view_node', '--port', '0')), browser)
         yield page
         page.page.close()
@@ -83,14 +83,14 @@ def run(live: Live) -> Path:
     ros.probe.until(lambda: turn() or 'messages written, 0 lost' in card.card.text_content())
     ros.probe.until(lambda: turn() or written(card) > 0)
     card.press('Pause')
-    card.says('Paused: ')
+    card.await_text('Paused: ')
     paused = written(card)
     turn()
     card.press('New file')
-    card.says('run_1.mcap')
+    card.await_text('run_1.mcap')
     assert written(card) == paused
     card.press('Resume')
-    card.says('Recording: ')
+    card.await_text('Recording: ')
     ros.probe.until(lambda: turn() or written(card) > paused)
     for process in (recorder, *solvers):
         assert process.stop() == 0
@@ -109,7 +109,7 @@ def test_the_buttons_of_a_recorder_make_a_run(live: Live, run: Path) -> None:
     assert sorted(path.name for path in run.glob('*.mcap')) == ['run_0.mcap', 'run_1.mcap']
     with open_log(run) as log:
         assert {topic.name for topic in log.topics} >= set(LEGS)
-    assert live.complaints == []
+    assert live.errors == []
 
 
 def test_a_replay_is_played_by_its_buttons_and_drawn_with_its_own_lengths(
@@ -123,21 +123,21 @@ def test_a_replay_is_played_by_its_buttons_and_drawn_with_its_own_lengths(
     live.until(
         'live.legs.length === 2 && live.legs.every((leg) => leg.solver.does === "replayed by")'
     )
-    card.says(' s long')
+    card.await_text(' s long')
     page.locator('#machines input').evaluate(
         "(node) => { node.value = node.max / 2; node.dispatchEvent(new Event('change')); }"
     )
-    card.says('Done.')
-    ros.probe.until(lambda: told_position(card) > 0.0)
-    before = told_position(card)
+    card.await_text('Done.')
+    ros.probe.until(lambda: shown_position(card) > 0.0)
+    before = shown_position(card)
     card.press('One message on')
-    card.says('one message on, at')
-    ros.probe.until(lambda: told_position(card) > before)
+    card.await_text('one message on, at')
+    ros.probe.until(lambda: shown_position(card) > before)
     card.press('Resume')
-    card.says('playing from')
+    card.await_text('playing from')
     live.until('live.tracks.every((track) => track.points)')
     card.press('Pause')
-    card.says('paused at')
+    card.await_text('paused at')
     assert page.locator('#legs button').all_text_contents() == list(LEGS)
     for topic, leg in LEGS.items():
         page.evaluate(
@@ -155,10 +155,10 @@ def test_a_replay_is_played_by_its_buttons_and_drawn_with_its_own_lengths(
     assert player.stop() == 0
     live.until("document.getElementById('subtitle').textContent.startsWith('Nobody publishes')")
     assert page.locator('#picture.old').count() == 1
-    assert live.complaints == []
+    assert live.errors == []
 
 
-def told_position(card: Machine) -> float:
+def shown_position(card: Machine) -> float:
     """Return where a player is, as the page says [s]."""
     words = str(card.card.text_content()).partition('last told to be at ')[2]
     return float(words.split()[0]) if words and words[0].isdigit() else -1.0

@@ -1,4 +1,4 @@
-"""The live page in a real browser, before a real solver: it shows what is, and drives if asked."""
+"""The live page in a real browser with a real solver: it shows the leg, and drives on request."""
 
 from collections.abc import Callable, Iterator
 import socket
@@ -15,7 +15,7 @@ from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
 from rcl_interfaces.srv import GetParameters
-from ros_world import World, world
+from ros_domain import Domain, open_domain
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
@@ -28,19 +28,19 @@ NEAR = 1e-6
 
 
 @pytest.fixture(scope='module')
-def ros_of_all(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
-    with own_domain() as domain, world(domain, tmp_path_factory.mktemp('view')) as made:
+def ros_of_all(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Domain]:
+    with own_domain() as domain, open_domain(domain, tmp_path_factory.mktemp('view')) as made:
         yield made
 
 
 @pytest.fixture(scope='module')
-def url(ros_of_all: World) -> str:
+def url(ros_of_all: Domain) -> str:
     ros_of_all.start('solver_node')
     return address(ros_of_all.start('view_node', '--port', '0'))
 
 
 @pytest.fixture(scope='module')
-def turn(ros_of_all: World, url: str) -> Iterator[Callable[[float], None]]:
+def turn(ros_of_all: Domain, url: str) -> Iterator[Callable[[float], None]]:
     """Return what turns the crank, from elsewhere; a solver and a page are there."""
     assert url
     publisher = ros_of_all.probe.publisher(Float64, 'crank_angle', subscribers=2)
@@ -49,7 +49,7 @@ def turn(ros_of_all: World, url: str) -> Iterator[Callable[[float], None]]:
 
 
 @pytest.fixture
-def live(ros_of_all: World, url: str, browser: Any) -> Iterator[Live]:
+def live(ros_of_all: Domain, url: str, browser: Any) -> Iterator[Live]:
     made = Live(ros_of_all, url, browser)
     yield made
     made.page.close()
@@ -74,7 +74,7 @@ def test_the_leg_is_drawn_where_it_was_published(
     moving: Live, turn: Callable[[float], None]
 ) -> None:
     states = moving.ros.probe.listen(JointState, 'joint_states')
-    moving.ros.probe.matched('joint_states')
+    moving.ros.probe.await_publishers('joint_states')
     for alpha in (1.0, 2.5, -3.0, 700.0):
         states.clear()
         turn(alpha)
@@ -83,7 +83,7 @@ def test_the_leg_is_drawn_where_it_was_published(
         moving.until(f"document.getElementById('picture').dataset.x === {as_drawn(position)!r}")
         _, points = moving.drawn()
         assert np.abs(points - KlannLeg().solve(alpha).points).max() < NEAR
-    assert moving.complaints == []
+    assert moving.errors == []
 
 
 def as_drawn(numbers: list[float]) -> str:
@@ -91,21 +91,22 @@ def as_drawn(numbers: list[float]) -> str:
     return ' '.join(repr(number).removesuffix('.0') for number in numbers)
 
 
+def is_publishing(ros: Domain) -> bool:
+    """Return whether view_node publishes the crank's angle."""
+    infos = ros.probe.node.get_publishers_info_by_topic('/crank_angle')
+    return any(info.node_name == 'view_node' for info in infos)
+
+
 def test_the_page_drives_when_asked_and_says_so_and_stops_when_it_is_closed(moving: Live) -> None:
     ros, page = moving.ros, moving.page
-
-    def drivers() -> list[str]:
-        infos = ros.probe.node.get_publishers_info_by_topic('/crank_angle')
-        return [info.node_name for info in infos if info.node_name == 'view_node']
-
-    assert drivers() == []
+    assert not is_publishing(ros)
     assert '/probe cannot yield' in moving.text('#crank-state')
     assert page.locator('#angle').is_disabled()
     moving.press('#take')
     moving.until("!document.getElementById('angle').disabled")
     assert 'This page drives /crank_angle' in moving.text('#crank-state')
     assert '/probe cannot yield, but is silent' in moving.text('#crank-state')
-    ros.probe.until(drivers)
+    ros.probe.until(lambda: is_publishing(ros))
     page.locator('#angle').fill('60')
     moving.until('Math.abs(live.trackOf(live.leg).x[0] - Math.PI / 3) < 1e-9')
     page.locator('#speed').fill('6')
@@ -118,13 +119,13 @@ def test_the_page_drives_when_asked_and_says_so_and_stops_when_it_is_closed(movi
     assert box['y'] + box['height'] <= 844
     page.locator('#halt').click()
     moving.press('#take')
-    ros.probe.until(lambda: not drivers())
+    ros.probe.until(lambda: not is_publishing(ros))
     moving.press('#take')
-    ros.probe.until(drivers)
+    ros.probe.until(lambda: is_publishing(ros))
     page.locator('#speed').fill('6')
     page.close()
-    ros.probe.until(lambda: not drivers())
-    assert moving.complaints == []
+    ros.probe.until(lambda: not is_publishing(ros))
+    assert moving.errors == []
 
 
 def test_a_second_page_that_takes_over_is_announced_in_the_first_only(
@@ -144,21 +145,16 @@ def test_a_second_page_that_takes_over_is_announced_in_the_first_only(
         page.until('live.crank.told.owner === null')
         assert page.text('#crank-state').startswith('Published by /probe')
     spectator.page.close()
-    assert moving.complaints == []
+    assert moving.errors == []
 
 
-def test_a_page_that_is_no_longer_heard_of_drives_no_more(moving: Live) -> None:
+def test_a_silent_page_loses_its_drive(moving: Live) -> None:
     moving.press('#take')
     moving.until('live.crank.isMine')
     # As when its machine sleeps: the socket stays, and nothing comes.
     moving.page.evaluate('live.connection.say = () => {}')
-
-    def drivers() -> list[str]:
-        infos = moving.ros.probe.node.get_publishers_info_by_topic('/crank_angle')
-        return [info.node_name for info in infos if info.node_name == 'view_node']
-
-    moving.ros.probe.until(drivers)
-    moving.ros.probe.until(lambda: not drivers())
+    moving.ros.probe.until(lambda: is_publishing(moving.ros))
+    moving.ros.probe.until(lambda: not is_publishing(moving.ros))
 
 
 def test_lengths_are_set_or_refused_with_the_reason(moving: Live) -> None:
@@ -179,10 +175,10 @@ def test_lengths_are_set_or_refused_with_the_reason(moving: Live) -> None:
     assert [value.double_value for value in response.values] == [0.12, 0.43]
     # What is drawn is of the lengths that are.
     moving.until('live.leg.solver.lengths.find((one) => one.name === "l_gh").value === 0.43')
-    assert moving.complaints == []
+    assert moving.errors == []
 
 
-def test_texts_of_others_are_never_markup(moving: Live) -> None:
+def test_foreign_texts_are_never_markup(moving: Live) -> None:
     probe = moving.ros.probe
     diagnostics = probe.node.create_publisher(DiagnosticArray, '/diagnostics', 10)
     states = probe.node.create_publisher(JointState, 'others/joint_states', 10)
@@ -202,36 +198,36 @@ def test_texts_of_others_are_never_markup(moving: Live) -> None:
     moving.press('#legs button:last-child')
     moving.until("document.getElementById('picture-text').textContent.includes('<img')")
     assert 'tells no lengths' in moving.text('#picture-note')
-    assert moving.complaints == []
+    assert moving.errors == []
     probe.node.destroy_publisher(diagnostics)
     probe.node.destroy_publisher(states)
 
 
-def test_a_walker_is_steered_by_keys_and_stands_when_they_are_let_go(moving: Live) -> None:
-    heard: list[TwistStamped] = moving.ros.probe.listen(TwistStamped, 'cmd_vel')
+def test_a_walker_is_steered_by_keys_and_stops_when_the_page_closes(moving: Live) -> None:
+    commands: list[TwistStamped] = moving.ros.probe.listen(TwistStamped, 'cmd_vel')
     moving.until("!document.getElementById('walk-card').hidden")
     moving.press('#walk-take')
     moving.until('live.walk.isMine')
-    moving.ros.probe.until(lambda: heard)
-    assert heard[-1].twist.linear.x == 0.0
+    moving.ros.probe.until(lambda: commands)
+    assert commands[-1].twist.linear.x == 0.0
     moving.page.locator('#walk-state').click()
     moving.page.keyboard.down('ArrowUp')
     moving.page.keyboard.down('a')
     moving.ros.probe.until(
-        lambda: (heard[-1].twist.linear.x, heard[-1].twist.angular.z) == (0.25, 0.8)
+        lambda: (commands[-1].twist.linear.x, commands[-1].twist.angular.z) == (0.25, 0.8)
     )
     down = moving.page.locator('.keys .down')
     assert [label.strip() for label in down.all_text_contents()] == ['↑W', '←A']
     moving.page.close()
     moving.ros.probe.until(
-        lambda: (heard[-1].twist.linear.x, heard[-1].twist.angular.z) == (0.0, 0.0)
+        lambda: (commands[-1].twist.linear.x, commands[-1].twist.angular.z) == (0.0, 0.0)
     )
 
 
 def test_a_recorder_and_a_player_have_buttons(moving: Live) -> None:
     called: list[str] = []
     recorder, player = (
-        moving.ros.probe.neighbour(n) for n in ('made_up_recorder', 'made_up_player')
+        moving.ros.probe.add_node(n) for n in ('made_up_recorder', 'made_up_player')
     )
 
     def offer(node: Any, name: str, *, is_done: bool = True) -> None:
@@ -263,12 +259,12 @@ def test_a_recorder_and_a_player_have_buttons(moving: Live) -> None:
     )
     moving.ros.probe.until(lambda: player.get_parameter('position').value == 4.0)
     assert moving.page.locator('img').count() == 0
-    assert moving.complaints == []
+    assert moving.errors == []
 
 
 def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
     """Two legs of one solver with mounts, told by a node that is made up."""
-    node = moving.ros.probe.neighbour('made_up_solver')
+    node = moving.ros.probe.add_node('made_up_solver')
     geometry = KlannGeometry.sem104().as_dict()
     mounts = {'left': [0.0, 0.2, 0.3], 'right': [0.0, -0.2, 0.3]}
     node.declare_parameter('legs', list(mounts))
@@ -325,7 +321,7 @@ def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
     side = np.column_stack([wanted[:, 0], wanted[:, 1] + 0.3])
     assert np.abs(np.array(drawn['side']) - side).max() < NEAR
     assert np.abs(np.array(drawn['above']) - np.column_stack([wanted[:, 0], ys])).max() < NEAR
-    assert moving.complaints == []
+    assert moving.errors == []
     node.destroy_publisher(publisher)
 
 
@@ -340,7 +336,7 @@ def test_axe_finds_no_barrier(moving: Live, scheme: str, width: int) -> None:
 
 
 def test_read_only_drives_nothing_and_ends_in_order_while_somebody_looks(
-    ros_of_all: World, browser: Any
+    ros_of_all: Domain, browser: Any
 ) -> None:
     process = ros_of_all.start_by(
         [], 'view_node', *('--port', '0', '--read-only', '--ros-args', '-r', '__node:=looker')
@@ -362,7 +358,7 @@ def test_read_only_drives_nothing_and_ends_in_order_while_somebody_looks(
     page.close()
 
 
-def test_what_it_cannot_start_with_is_one_line(ros_of_all: World) -> None:
+def test_a_refused_start_is_one_line(ros_of_all: Domain) -> None:
     with socket.socket() as taken:
         taken.bind(('127.0.0.1', 0))
         taken.listen()

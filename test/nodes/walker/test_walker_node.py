@@ -15,7 +15,7 @@ from nav_msgs.msg import Odometry
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
-from ros_world import Process, World, world
+from ros_domain import Domain, open_domain, Process
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray
@@ -27,7 +27,7 @@ JOINTS = ['left_crank', 'right_crank']
 class Motors:
     """Two motors on the probe: they turn as they are told, but for their factors."""
 
-    def __init__(self, ros: World) -> None:
+    def __init__(self, ros: Domain) -> None:
         self.probe = ros.probe
         self.commands = self.probe.listen(JointState, 'crank_command')
         self.odom = self.probe.listen(Odometry, 'odom')
@@ -87,20 +87,20 @@ class Motors:
 
 
 @pytest.fixture(scope='module')
-def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
-    with own_domain() as domain, world(domain, tmp_path_factory.mktemp('walker')) as made:
+def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Domain]:
+    with own_domain() as domain, open_domain(domain, tmp_path_factory.mktemp('walker')) as made:
         yield made
 
 
 @pytest.fixture(scope='module')
-def walker(ros: World) -> Process:
+def walker(ros: Domain) -> Process:
     file = str(CONFIG / 'walker6_two_motors.yaml')
     more = ['-p', 'use_imu:=true', '-p', 'diagnostics_period:=0.1', '-p', 'publish_tf:=false']
     return ros.start('walker_node', '--ros-args', '--params-file', file, *more)
 
 
 @pytest.fixture(scope='module')
-def motors(ros: World, walker: Process) -> Motors:  # noqa: ARG001 - it is there first
+def motors(ros: Domain, walker: Process) -> Motors:  # noqa: ARG001 - it is there first
     return Motors(ros)
 
 
@@ -118,7 +118,7 @@ def test_a_beat_is_kept_in_the_mean_and_never_exceeded(rate: float, least: int, 
     assert beat.take(times[-1])
 
 
-def test_a_walk(ros: World, walker: Process, motors: Motors) -> None:
+def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
     # One process, and one story: what each chapter leaves is where the next begins.
     motors.until_said('standing')
     motors.twist = (0.15, 0.0)
@@ -213,7 +213,7 @@ def test_a_paused_process_goes_on_where_the_cranks_are(
 
 
 def test_a_slipped_crank_is_reported_with_its_size(
-    ros: World, walker: Process, motors: Motors
+    ros: Domain, walker: Process, motors: Motors
 ) -> None:
     motors.twist = (0.1, 0.0)
     motors.until_steady()
@@ -225,7 +225,7 @@ def test_a_slipped_crank_is_reported_with_its_size(
 
 
 def test_limits_and_gains_change_while_it_walks(
-    ros: World, walker: Process, motors: Motors
+    ros: Domain, walker: Process, motors: Motors
 ) -> None:
     assert walker.popen.poll() is None
 
@@ -256,7 +256,7 @@ def test_an_interrupt_ends_it(walker: Process) -> None:
     assert 'Traceback' not in walker.errors
 
 
-def test_a_simulation_that_stands_still_stops_it(ros: World) -> None:
+def test_a_simulation_that_stands_still_stops_it(ros: Domain) -> None:
     file = str(CONFIG / 'walker6_two_motors.yaml')
     more = ['-p', 'use_sim_time:=true', '-p', 'diagnostics_period:=0.1', '-r', '__ns:=/still']
     node = ros.start('walker_node', '--ros-args', '--params-file', file, *more)
@@ -282,7 +282,7 @@ def test_a_simulation_that_stands_still_stops_it(ros: World) -> None:
     assert node.stop() == 0
 
 
-def test_rates_alone_on_one_crank_that_refuses_to_turn(ros: World) -> None:
+def test_rates_alone_on_one_crank_that_refuses_to_turn(ros: Domain) -> None:
     file = str(CONFIG / 'walker6.yaml')
     more = ['-p', 'stamped_cmd_vel:=false', '-p', 'command_type:=velocities', '-r', '__ns:=/one']
     node = ros.start('walker_node', '--ros-args', '--params-file', file, *more)
@@ -320,7 +320,7 @@ def test_rates_alone_on_one_crank_that_refuses_to_turn(ros: World) -> None:
     ],
 )
 def test_what_is_no_walker_is_refused_in_one_line(
-    ros: World, arguments: tuple[str, ...], reason: str
+    ros: Domain, arguments: tuple[str, ...], reason: str
 ) -> None:
     given = [str(CONFIG / a) if a.endswith('.yaml') else a for a in arguments]
     node = ros.start('walker_node', '--ros-args', *given)

@@ -22,13 +22,12 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-# Nobody waits for so long but on a machine that has much else to do [s].
+# Timeout, which only a busy machine comes near [s].
 PATIENCE = 60.0
-# A node that has said nothing for so long answers nobody [s].
+# Timeout of a node that answers no requests [s].
 SILENT = 10.0
 SHARED_MEMORY = Path('/dev/shm')  # noqa: S108 - Fast DDS's place, not ours
-# What a process has for itself. Its ports are not: they have numbers, some of them the same in all
-# domains, and whoever is next takes over what is there; to remove one makes a stranger deaf.
+# The segments of one process. Its ports are shared: some have the same number in all domains.
 SEGMENT = re.compile(rf'{SHARED_MEMORY}/(fastrtps_[0-9a-f]{{16}})\b')
 # Traffic never leaves the machine, neither the probe's nor that of its processes.
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -37,10 +36,10 @@ os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(Path(__file__).with_name('fas
 
 class Process:
     """
-    An executable of the checkout, as a process of its own.
+    An executable of the checkout, as a process.
 
-    It is started by the wrapper, if there is one; options are those of Popen. Without any it is
-    forked by a server, unless a fresh Python is wanted.
+    A wrapper, if there is one, starts it; options are those of Popen. Without either it is forked
+    by a server, unless it needs a fresh Python.
     """
 
     def __init__(
@@ -90,24 +89,24 @@ class Process:
         return self.wait()
 
     def kill(self) -> None:
-        """End it as a power cut would, and remember the shared memory that it leaves behind."""
-        self.leaves_behind(self.popen.pid)
+        """End it as a power cut would, and note its shared memory."""
+        self.note_segments(self.popen.pid)
         self.popen.kill()
         self.wait()
 
-    def leaves_behind(self, pid: int) -> None:
-        """Remember the shared memory of a process that is about to end without an order."""
+    def note_segments(self, pid: int) -> None:
+        """Note the shared memory of a process before its abrupt end."""
         maps = Path(f'/proc/{pid}/maps').read_text()
         for name in SEGMENT.findall(maps):
             self.segments |= {name, f'{name}_el'}
 
     @property
     def errors(self) -> str:
-        """Return what it has written to stderr so far."""
+        """Return its stderr so far."""
         return Path(self._errors.name).read_text()
 
     def release(self) -> None:
-        """Leave nothing behind: what is killed leaves its shared memory, so that comes last."""
+        """End it, by SIGKILL only if SIGTERM fails."""
         self.popen.terminate()
         try:
             self.popen.wait(PATIENCE / 2)
@@ -118,7 +117,7 @@ class Process:
 
 
 class Probe:
-    """A node in the test's own process: it publishes, listens and asks."""
+    """A node in the test's own process: it publishes, subscribes and calls services."""
 
     def __init__(self, domain: int) -> None:
         self.context = Context()
@@ -127,8 +126,8 @@ class Probe:
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._neighbours: list[Node] = []
-        # Tells, where something is waited for in vain, of those who may be to blame.
-        self.witness: Callable[[], str] = str
+        # Describes the processes after a timeout.
+        self.failure_report: Callable[[], str] = str
 
     def listen(
         self, kind: type, topic: str, qos: QoSProfile | int = 2000, *, raw: bool = False
@@ -141,21 +140,21 @@ class Probe:
     def publisher(
         self, kind: type, topic: str, *, subscribers: int = 1, reliable: bool = True
     ) -> Any:
-        """Return a publisher that so many subscribers have found."""
+        """Return a publisher with this number of subscribers."""
         reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
         qos = QoSProfile(depth=2000, reliability=reliability)
         publisher = self.node.create_publisher(kind, topic, qos)
-        self.heard(publisher, subscribers)
+        self.await_subscribers(publisher, subscribers)
         return publisher
 
-    def heard(self, publisher: Any, subscribers: int = 1) -> None:
-        """Wait until so many subscribers and a publisher of the probe know each other."""
+    def await_subscribers(self, publisher: Any, subscribers: int = 1) -> None:
+        """Wait until the subscribers and a publisher of the probe know each other."""
         self.until(lambda: publisher.get_subscription_count() >= subscribers)
         if subscribers:
             topic, found = publisher.topic_name, self.node.get_subscriptions_info_by_topic
             self._until_known(lambda: found(topic), subscribers)
 
-    def neighbour(self, name: str, **options: Any) -> Node:
+    def add_node(self, name: str, **options: Any) -> Node:
         """Return another node, whose callbacks run when the probe spins."""
         node = Node(name, context=self.context, **options)
         self._executor.add_node(node)
@@ -173,7 +172,7 @@ class Probe:
         """Spin until a condition holds."""
         end = time.monotonic() + patience
         while not condition():
-            assert time.monotonic() < end, f'waited in vain{self.witness()}'
+            assert time.monotonic() < end, f'timeout{self.failure_report()}'
             self._executor.spin_once(timeout_sec=0.02)
 
     def spin(self, seconds: float) -> None:
@@ -182,14 +181,14 @@ class Probe:
         while time.monotonic() < end:
             self._executor.spin_once(timeout_sec=0.02)
 
-    def matched(self, topic: str, publishers: int = 1) -> None:
-        """Wait until a topic that is listened to has a publisher, and both know it."""
+    def await_publishers(self, topic: str, publishers: int = 1) -> None:
+        """Wait until a subscribed topic has its publishers, and both sides know each other."""
         resolved = self.node.resolve_topic_name(topic)
         found = self.node.get_publishers_info_by_topic
         self._until_known(lambda: found(resolved), publishers)
 
     def _until_known(self, found: Callable[[], list[Any]], count: int) -> None:
-        """Wait until so many are at a topic, and the others know what the probe has there."""
+        """Wait until a topic has its endpoints, and their nodes know those of the probe."""
 
         def names() -> list[str]:
             # Discovery knows an endpoint before it knows its node.
@@ -198,19 +197,19 @@ class Probe:
 
         self.until(lambda: len(names()) >= count)
         for name in sorted(set(names()) - self._own):
-            self.until_knows(name)
+            self.await_discovery(name)
 
     @property
     def _own(self) -> set[str]:
         return {node.get_fully_qualified_name() for node in (self.node, *self._neighbours)}
 
-    def until_knows(self, name: str) -> None:
+    def await_discovery(self, name: str) -> None:
         """
         Wait until a node knows all publishers, subscriptions and clients that the probe has.
 
-        A participant tells of them in the order in which they were made: whoever hears a client
-        and is heard by it knows what was made before it. No count of endpoints says that: it is
-        what the probe knows of the others. Who answers nobody is not waited for long.
+        A participant announces them in the order of their creation: a node that answers a client
+        knows all that was created before it. Counts of endpoints show the probe's knowledge only.
+        A node without an answer is given up after SILENT.
         """
         client = self.node.create_client(GetParameters, f'{name}/get_parameters')
         futures: list[Any] = []
@@ -219,7 +218,7 @@ class Probe:
 
         def is_answered() -> bool:
             nonlocal again
-            # An answer is lost where the server has not discovered yet who asks.
+            # An answer is lost if the server has not discovered the client yet.
             if client.service_is_ready() and time.monotonic() >= again:
                 futures.append(client.call_async(GetParameters.Request()))
                 again = time.monotonic() + 0.5
@@ -233,7 +232,7 @@ class Probe:
         """Call a service of a node, once; return the response."""
         client = self.node.create_client(kind, service)
         self.until(client.service_is_ready)
-        self.until_knows(service.rpartition('/')[0])
+        self.await_discovery(service.rpartition('/')[0])
         future = client.call_async(request)
         self.until(future.done)
         self.node.destroy_client(client)
@@ -248,18 +247,14 @@ class Probe:
 
 
 class RecorderReports:
-    """
-    What a recorder tells of its topics, once a second: what it has heard, and nobody else.
-
-    Who listens beside it may be earlier or later than it by any time.
-    """
+    """The diagnostics of a recorder, once a second: its own counters of each topic."""
 
     def __init__(self, probe: Probe) -> None:
         self._probe = probe
         self._arrays: list[DiagnosticArray] = probe.listen(DiagnosticArray, '/diagnostics')
 
-    def said(self) -> list[dict[str, str]]:
-        """Return all that it has told so far, key by key."""
+    def values(self) -> list[dict[str, str]]:
+        """Return the values of all reports so far."""
         return [
             {value.key: value.value for value in status.values}
             for array in self._arrays
@@ -268,34 +263,26 @@ class RecorderReports:
         ]
 
     def count(self, key: str) -> int:
-        """Return what it told last of a key, such as `/crank_angle received`."""
-        return int(next((said[key] for said in self.said()[-1:] if key in said), 0))
+        """Return the last value of a key, such as `/crank_angle received`."""
+        return int(next((values[key] for values in self.values()[-1:] if key in values), 0))
 
     def until(self, key: str, count: int) -> None:
-        """Wait until it tells so many."""
+        """Wait until a key has reached a count."""
         self._probe.until(lambda: self.count(key) >= count)
 
-    def until_heard(self, counts: Mapping[str, int]) -> None:
-        """Wait until it has heard so many messages of each topic."""
+    def until_received(self, counts: Mapping[str, int]) -> None:
+        """Wait until it has received the messages of each topic."""
         for topic, count in counts.items():
             self.until(f'{topic} received', count)
 
-    def until_more(self, reports: int = 1) -> None:
-        """Wait for so many reports more."""
-        before = len(self.said())
-        self._probe.until(lambda: len(self.said()) >= before + reports)
+    def until_reports(self, reports: int = 1) -> None:
+        """Wait for further reports."""
+        before = len(self.values())
+        self._probe.until(lambda: len(self.values()) >= before + reports)
 
 
-class World:
-    """
-    A domain of its own with processes in it.
-
-    Attributes
-    ----------
-    fresh : bool
-        Whether each has a Python of its own from the start on.
-
-    """
+class Domain:
+    """A ROS domain with a probe, and processes that have a fresh Python if `fresh`."""
 
     def __init__(self, domain: int, folder: Path) -> None:
         self.domain = domain
@@ -303,7 +290,7 @@ class World:
         self.folder = folder
         self._before = {path.name for path in SHARED_MEMORY.iterdir()}
         self.probe = Probe(domain)
-        self.probe.witness = self._told
+        self.probe.failure_report = self._state
         self._processes: list[Process] = []
 
     def start(self, name: str, *arguments: str, **parameters: object) -> Process:
@@ -314,12 +301,7 @@ class World:
         return self.start_by([], name, *command)
 
     def solver(self, *arguments: str, namespace: str = '', **parameters: object) -> Process:
-        """
-        Start a solver that loses no input.
-
-        As it is shipped its inputs are best effort, and on a busy machine any of them may be lost:
-        where the transport is not what is claimed, it asks for reliable ones.
-        """
+        """Start a solver with reliable inputs, which loses none on a busy machine."""
         policy = 'subscription.reliability'
         inputs = [f'{namespace}/{topic}' for topic in ('crank_angle', 'crank_state')]
         reliable = {f'qos_overrides.{topic}.{policy}': 'reliable' for topic in inputs}
@@ -348,8 +330,8 @@ class World:
         self._processes.append(process)
         return process
 
-    def _told(self) -> str:
-        """Return what has become of the processes, and what each has said last."""
+    def _state(self) -> str:
+        """Return the processes' exit codes and their last output."""
         return ''.join(
             f'\n{process.name} ({process.popen.poll()}): {process.errors[-500:]}'
             for process in self._processes
@@ -360,15 +342,15 @@ class World:
         for process in self._processes:
             process.release()
         self.probe.close()
-        # What a killed process shared with these stays; what others had before is theirs.
+        # Segments from before belong to others.
         for name in {n for process in self._processes for n in process.segments} - self._before:
             (SHARED_MEMORY / name).unlink(missing_ok=True)
 
 
 @contextmanager
-def world(domain: int, folder: Path) -> Iterator[World]:
-    """Make a world, and end it."""
-    made = World(domain, folder)
+def open_domain(domain: int, folder: Path) -> Iterator[Domain]:
+    """Open a domain, and close it."""
+    made = Domain(domain, folder)
     try:
         yield made
     finally:
