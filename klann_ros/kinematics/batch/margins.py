@@ -78,16 +78,7 @@ def turns_fully(linkage: Any) -> bool:
     """
     Return whether every loop closes over the crank's whole turn.
 
-    Parameters
-    ----------
-    linkage : Linkage, KlannGeometry, FourBarGeometry or leg
-        The linkage.
-
-    Raises
-    ------
-    TypeError
-        `linkage` is none of these.
-
+    `linkage` is a Linkage, KlannGeometry, FourBarGeometry or leg; a TypeError for anything else.
     """
     return _partial_arcs(as_linkage(linkage)) is None
 
@@ -177,10 +168,8 @@ def _farthest(linkage: Linkage, dimension: Dimension) -> tuple[float, float]:
         # A line has no end, so it sets no limit.
         return 0.0 if dimension.is_length else -inf, inf
     if dimension.is_length:
-        totals = []
-        for k in loops:
-            terms, constant = linkage.rows[k]
-            totals.append(sum(map(abs, terms.values())) + abs(constant))
+        rows = [linkage.rows[k] for k in loops]
+        totals = [sum(map(abs, terms.values())) + abs(constant) for terms, constant in rows]
         own = dimension.kind == 'length' and all(
             dimension.place in dict(paths[k].bars) for k in loops
         )
@@ -220,15 +209,8 @@ class TurnLosses:
     """
     The first loss of the full turn on the way from nominal dimensions to their farthest values.
 
-    Parameters
-    ----------
-    linkage : Linkage
-        Its crank turns fully.
-    names : list of str
-        The dimensions, each changed alone.
-    farthest : numpy.ndarray, shape (n,)
-        Values at or beyond which a loop is no polygon [m or rad]; infinite if none.
-
+    Each of the named dimensions is changed alone; at or beyond `farthest`, shape (n,), a loop is
+    no polygon [m or rad]; infinite without limit.
     """
 
     def __init__(self, linkage: Linkage, names: list[str], farthest: FloatArray) -> None:
@@ -262,18 +244,15 @@ class TurnLosses:
         rows = np.flatnonzero(limited)
 
         def clearance(of: IndexArray, roots: FloatArray) -> FloatArray:
-            own: FloatArray = np.fmin.reduce(self._clearances(rows[of], roots), axis=1)
-            return own
+            return np.asarray(np.fmin.reduce(self._clearances(rows[of], roots), axis=1))
 
-        unlimited = self._farthest.copy()
-        unlimited[rows] = self._value(
-            rows, last_nonnegative(clearance, inside[rows], outside[rows])
-        )
-        return unlimited
+        found = self._farthest.copy()
+        last = last_nonnegative(clearance, inside[rows], outside[rows])
+        found[rows] = self._value(rows, last)
+        return found
 
     def _value(self, searches: IndexArray, roots: FloatArray) -> FloatArray:
-        value: FloatArray = self._own[searches] + roots**2 * self._outward[searches]
-        return value
+        return np.asarray(self._own[searches] + roots**2 * self._outward[searches])
 
     def _clearances(self, searches: IndexArray, roots: FloatArray) -> FloatArray:
         numbers = np.repeat(np.array(self._linkage.numbers)[:, None], len(searches), axis=1)

@@ -9,7 +9,7 @@ from typing import Any
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from klann_ros.kinematics.arrays import AnyArray, FloatArray, IntArray
 from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
@@ -22,6 +22,8 @@ DISTRIBUTIONS = ('uniform', 'normal')
 MAX_STUDY_POSES = 1_000_000
 # Relative step of the central differences: least sum of truncation and round-off.
 DIFFERENCE_STEP = 6e-6
+# Of a ToleranceStudy, at each crank angle.
+STATISTICS = ('mean', 'rms', 'p95', 'p99', 'largest', 'box')
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,17 +166,8 @@ class ToleranceDraw:
     """
     Random legs within tolerances, evaluated some crank angles at a time.
 
-    Attributes
-    ----------
-    linkage : Linkage
-        The nominal leg.
-    widths : numpy.ndarray, shape (number of dimensions,)
-        Half-widths of the tolerances [m, rad].
-    samples, distribution, seed
-        As of `tolerance_study`.
-    alphas : numpy.ndarray, shape (k,)
-        The crank angles [rad].
-
+    `linkage` is the nominal leg, `widths` are the half-widths of its dimensions' tolerances [m,
+    rad], `alphas` the crank angles [rad].
     """
 
     linkage: Linkage
@@ -206,21 +199,28 @@ class ToleranceDraw:
 
     def study(self, found: Iterable[Mapping[str, Any]]) -> ToleranceStudy:
         """Return the study from the deviations of all parts, in order."""
-        total = Deviations(self.samples, len(self.alphas))
-        for part, each in zip(self.parts, found, strict=True):
-            total.add(part, each)
-        total.exclude(driven_clearances(self.drawn) < 0.0)
-        return ToleranceStudy(
-            **_read_only(
-                alphas=self.alphas,
-                nominal=linkage_poses(self.linkage, self.alphas).h,
-                **total.statistics(),
-                tolerances=self.widths,
-                sensitivities=_sensitivities(self.linkage, self.alphas),
-            ),
-            non_turning_fraction=total.non_turning_fraction,
-            names=tuple(self.linkage.dimensions),
-        )
+        rows, turns = [], ~(driven_clearances(self.drawn) < 0.0)
+        least, greatest = np.full((2, self.samples, 2), np.inf)
+        greatest *= -1.0
+        for each in found:
+            rows.append({name: each[name] for name in STATISTICS})
+            turns &= each['turns']
+            np.minimum(least, each['least'], out=least)
+            np.maximum(greatest, each['greatest'], out=greatest)
+        extent = np.where(turns[:, None], greatest - least, np.nan)
+        arrays = {
+            'alphas': self.alphas,
+            'nominal': linkage_poses(self.linkage, self.alphas).h,
+            **{name: np.concatenate([row[name] for row in rows]) for name in STATISTICS},
+            'stride': extent[:, 0].copy(),
+            'lift': extent[:, 1].copy(),
+            'tolerances': self.widths,
+            'sensitivities': _sensitivities(self.linkage, self.alphas),
+        }
+        for array in arrays.values():
+            array.setflags(write=False)
+        fraction, names = float((~turns).mean()), tuple(self.linkage.dimensions)
+        return ToleranceStudy(**arrays, non_turning_fraction=fraction, names=names)
 
 
 def tolerance_draw(
@@ -268,9 +268,8 @@ def _half_widths(linkage: Linkage, tolerances: Mapping[str, float] | float) -> F
         raise ValueError(msg)
     for name, width in tolerances.items():
         # NaN fails every comparison.
-        if not (
-            isinstance(width, Real) and 0.0 <= width < lengths.get(name, turns.get(name, inf))
-        ):
+        largest = lengths.get(name, turns.get(name, inf))
+        if not (isinstance(width, Real) and 0.0 <= width < largest):
             least = '2 pi rad (degrees?)' if name in turns else 'the length'
             msg = (
                 f'tolerance of {name} = {width!r} is refused: '
@@ -293,13 +292,11 @@ def _draw(distribution: str, shape: tuple[int, int], seed: int) -> FloatArray:
 
 def _sensitivities(linkage: Linkage, alphas: FloatArray) -> FloatArray:
     """Return dH/d(dimension) by central differences, shape (k, number of dimensions, 2)."""
-    values, dimensions = np.array(linkage.numbers), linkage.structure.dimensions
-    largest = max(v for v, d in zip(linkage.numbers, dimensions, strict=True) if d.is_length)
+    values = np.array(linkage.numbers)
+    pairs = list(zip(linkage.numbers, linkage.structure.dimensions, strict=True))
+    largest = max(value for value, d in pairs if d.is_length)
     # A pivot coordinate may be 0, and a bend is an angle.
-    scale = [
-        value if d.is_length else largest if d.unit == 'm' else 1.0
-        for value, d in zip(linkage.numbers, dimensions, strict=True)
-    ]
+    scale = [v if d.is_length else largest if d.unit == 'm' else 1.0 for v, d in pairs]
     steps = np.diag(DIFFERENCE_STEP * np.array(scale))
     shifted = values[:, None] + np.hstack([steps, -steps])
     feet = linkage_poses(_variants(linkage, shifted), alphas).h
@@ -308,12 +305,6 @@ def _sensitivities(linkage: Linkage, alphas: FloatArray) -> FloatArray:
     rounded = np.subtract(*(half.diagonal() for half in np.hsplit(shifted, 2)))
     slopes: FloatArray = (up - down) / rounded[:, None, None]
     return slopes.swapaxes(0, 1)
-
-
-def _read_only(**arrays: FloatArray) -> dict[str, FloatArray]:
-    for array in arrays.values():
-        array.setflags(write=False)
-    return arrays
 
 
 def deviations(h: FloatArray, nominal: FloatArray) -> dict[str, AnyArray]:
@@ -342,42 +333,6 @@ def deviations(h: FloatArray, nominal: FloatArray) -> dict[str, AnyArray]:
         values[nowhere] = np.nan
     legs = {'least': least.min(axis=1), 'greatest': greatest.max(axis=1)}
     return {**statistics, 'turns': there.all(axis=1), **legs}
-
-
-class Deviations:
-    """Statistics of many legs, accumulated over the parts of the crank angles."""
-
-    def __init__(self, legs: int, angles: int) -> None:
-        self._at_angles: dict[str, FloatArray] = {
-            'mean': np.empty((angles, 2)),
-            'box': np.empty((angles, 2, 2)),
-            **{name: np.empty(angles) for name in ('rms', 'p95', 'p99', 'largest')},
-        }
-        self._turns: BoolArray = np.ones(legs, dtype=np.bool_)
-        self._least = np.full((legs, 2), np.inf)
-        self._greatest = np.full((legs, 2), -np.inf)
-
-    @property
-    def non_turning_fraction(self) -> float:
-        """Return the fraction of legs that do not turn fully."""
-        return float((~self._turns).mean())
-
-    def add(self, part: slice, found: Mapping[str, Any]) -> None:
-        """Add the `deviations` of a part of the crank angles."""
-        self._turns &= found['turns']
-        self._least = np.minimum(self._least, found['least'])
-        self._greatest = np.maximum(self._greatest, found['greatest'])
-        for name, values in self._at_angles.items():
-            values[part] = found[name]
-
-    def exclude(self, open_legs: BoolArray) -> None:
-        """Mark legs that do not close between the crank angles as not turning fully."""
-        self._turns &= ~open_legs
-
-    def statistics(self) -> dict[str, FloatArray]:
-        """Return all statistics by their names in ToleranceStudy."""
-        extent = np.where(self._turns[:, None], self._greatest - self._least, np.nan)
-        return {**self._at_angles, 'stride': extent[:, 0].copy(), 'lift': extent[:, 1].copy()}
 
 
 def _total(values: FloatArray) -> FloatArray:

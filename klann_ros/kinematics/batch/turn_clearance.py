@@ -51,6 +51,8 @@ def turn_clearances(variants: Variants) -> FloatArray:
             least = found.least(k, closing)
         clearances[closing, k] = np.where(np.isnan(least), -np.inf, least)
         closing = closing[least >= 0.0]
+        if not len(closing):
+            break
     return clearances
 
 
@@ -96,11 +98,9 @@ class _Clearances:
 
     def least(self, k: int, which: IndexArray) -> FloatArray:
         """Return the least of any other dyad for some of the linkages, shape (n,) [m]."""
-        step = max(1, MAX_POSES // SAMPLES_PER_TURN)
-        parts = [which[slice(n, n + step)] for n in range(0, len(which), step)]
-        names = (self._program.distances[k],)
-        kernel = NumpyKernel(self._program, names, SAMPLES_PER_TURN * min(step, len(which)))
-        return np.concatenate([np.empty(0), *(self._least(k, kernel, part) for part in parts)])
+        names, parts = (self._program.distances[k],), _parts(which)
+        kernel = NumpyKernel(self._program, names, SAMPLES_PER_TURN * max(map(len, parts)))
+        return np.concatenate([self._least(k, kernel, part) for part in parts])
 
     def _least(self, k: int, kernel: NumpyKernel, part: IndexArray) -> FloatArray:
         # Samples start with the crank along the ground: they include the angles of least clearance
@@ -131,9 +131,7 @@ class _SlidingClearances:
 
     def least(self, k: int, which: IndexArray) -> FloatArray:
         """Return the least of a dyad for some of the linkages, shape (n,) [m]."""
-        step = max(1, MAX_POSES // SAMPLES_PER_TURN)
-        parts = [which[slice(n, n + step)] for n in range(0, len(which), step)]
-        return np.concatenate([np.empty(0), *(self._least(k, part) for part in parts)])
+        return np.concatenate([self._least(k, part) for part in _parts(which)])
 
     def _least(self, k: int, part: IndexArray) -> FloatArray:
         dyads = SlidingDyads(self._variants, part)
@@ -150,6 +148,12 @@ class _SlidingClearances:
 
         numbers = self._variants.numbers[:, part]
         return _least_over_turn(clearance, np.zeros((len(part), 1)), np.abs(numbers).max(axis=0))
+
+
+def _parts(which: IndexArray) -> list[IndexArray]:
+    """Return parts of some linkages that fit into the cache."""
+    step = max(1, MAX_POSES // SAMPLES_PER_TURN)
+    return [which[slice(n, n + step)] for n in range(0, len(which), step)]
 
 
 def _least_over_turn(clearance: Clearance, start: FloatArray, sizes: FloatArray) -> FloatArray:

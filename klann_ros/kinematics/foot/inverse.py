@@ -59,8 +59,8 @@ def turning_points(track: Track, s: Coordinate) -> list[float]:
     """
     Return the zero crossings of ds/dt, as sorted parameters t; of a turn, in [0, pi).
 
-    Sign changes between samples are refined to rounding. Where ds/dt comes near 0 between samples
-    of the same sign, its own extreme is computed: it may separate two crossings.
+    Sign changes between samples are refined to rounding; an extreme of ds/dt between samples of
+    one sign may separate two crossings.
     """
     found = list(_crossings(track, s, _neighbours(track, s)))
     if track.span.is_turn:
@@ -153,8 +153,7 @@ def parameters_at(track: Track, s: Coordinate, value: float, rounding: float) ->
     """
     Return the parameters t with a value of a coordinate, in the track's order.
 
-    Each monotone interval has one at most. A value within rounding of an interval's end is taken
-    at that end, so an extreme gives one angle instead of two next to it.
+    A value within rounding of a monotone interval's end is at that end: an extreme has one angle.
     """
     found = []
     for t_0, t_1, value_0, value_1 in monotone_intervals(track, s):

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import inf, nan
+from math import inf, nan, pi
 from numbers import Real
 from typing import Any
 
@@ -19,7 +19,7 @@ import numpy as np
 from . import inverse
 from .inverse import monotone_intervals, Nearest, ROUNDING
 from .stance import NoStanceError, Stance, stances
-from .track import Coordinate, enclosed_area, path_length, Span, Track, X, Y
+from .track import Coordinate, GAUSS_ORDER, nodes, Span, Track, X, Y
 
 # Height of the contact band relative to the lift. Between their two lowest points the feet of both
 # known legs rise by a fifteenth (SEM 104) and a tenth (patent) of their lift.
@@ -92,34 +92,27 @@ class FootPath:
 
         NaN if a sample of a turn is at a singular pose.
         """
-        return sum(path_length(track) for track in self._tracks)
+        if self.full_turn:
+            # The trapezoidal rule converges geometrically for periodic functions.
+            return TURN * float(np.hypot(*self._tracks[0].h_1.T).mean())
+        return sum(_arc_length(track) for track in self._tracks)
 
     @cached_property
     def area(self) -> float:
         """
-        Return the area that the path encloses [m^2], positive if counter-clockwise.
+        Return the area that the path encloses [m^2], 1/2 int (x dy - y dx).
 
-        NaN for an open path, and if a sample is at a singular pose, such as a change point.
+        It is positive if counter-clockwise; loops of opposite sense subtract. NaN for an open
+        path, and if a sample is at a singular pose, such as a change point.
         """
-        return enclosed_area(self._tracks[0]) if self.full_turn else nan
+        if not self.full_turn:
+            return nan
+        # About the path's centre: no cancellation far from the origin.
+        (x, y), (x_1, y_1) = (self.h - self.h.mean(axis=0)).T, self.h_1.T
+        return TURN * float((x * y_1 - y * x_1).mean()) / 2.0
 
     def stance(self, ground: float | None = None) -> Stance:
-        """
-        Return the stance with the lowest point.
-
-        Parameters
-        ----------
-        ground : float, optional
-            Height of the band [m]; see `stances`.
-
-        Raises
-        ------
-        NoStanceError
-            The foot does not move along x.
-        ValueError
-            `ground` is refused; see `stances`.
-
-        """
+        """Return the stance with the lowest point; parameters and errors as `stances`."""
         return self.stances(ground)[0]
 
     def stances(self, ground: float | None = None) -> list[Stance]:
@@ -168,15 +161,7 @@ class FootPath:
         return self._crank_angles_at(X, 'x', x)
 
     def crank_angles_at_height(self, y: float) -> list[float]:
-        """
-        Return the crank angles in [0, 2 pi) with this y of H [m], sorted [rad].
-
-        Raises
-        ------
-        ValueError
-            `y` is not finite.
-
-        """
+        """Return the crank angles in [0, 2 pi) with this y of H [m], as `crank_angles_at_x`."""
         return self._crank_angles_at(Y, 'y', y)
 
     def nearest_crank_angle(self, point: Sequence[float]) -> Nearest:
@@ -266,13 +251,17 @@ def foot_path(
     tracks = [track for track in tracks if len(track.t) > 1]
     if not tracks:
         raise NoFootPathError
-    arrays = (
-        np.concatenate([getattr(track, name) for track in tracks])
-        for name in ('alphas', 'h', 'h_1')
-    )
-    alphas, h, h_1 = (_read_only(array) for array in arrays)
+    names = ('alphas', 'h', 'h_1')
+    arrays = {name: np.concatenate([getattr(each, name) for each in tracks]) for name in names}
+    for array in arrays.values():
+        array.setflags(write=False)
     arcs = tuple((track.span.start, track.span.end) for track in tracks)
-    return FootPath(alphas, h, h_1, arcs, tuple(tracks))
+    return FootPath(**arrays, arcs=arcs, _tracks=tuple(tracks))
+
+
+def _arc_length(track: Track) -> float:
+    _, h_t, weights = nodes(track, 0.0, pi, -(-len(track.t) // GAUSS_ORDER))
+    return float(np.hypot(*h_t.T) @ weights)
 
 
 def _with_foot(leg: Any, point: Any) -> Linkage:
@@ -287,8 +276,3 @@ def _with_foot(leg: Any, point: Any) -> Linkage:
         raise ValueError(msg) from None
     free = next(f'P{n}' for n in ('', *range(100)) if f'P{n}' not in linkage.structure.points)
     return linkage.with_coupler_point(body, u, v, free)
-
-
-def _read_only(array: FloatArray) -> FloatArray:
-    array.flags.writeable = False
-    return array

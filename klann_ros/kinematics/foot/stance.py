@@ -114,31 +114,22 @@ class _Contact(NamedTuple):
 
 
 def stances(tracks: Sequence[Track], ground: float, rounding: float) -> list[Stance]:
-    """
-    Return the stances: first the one with the lowest point, then the others in crank order.
-
-    The band is `ground` high above the lowest point, well above rounding [m].
-    """
+    """Return the stances of a band above the lowest point [m]: first the one with that point."""
     lowest, track, t = min(
         (value, k, t)
         for k, track in enumerate(tracks)
         for t_0, t_1, value_0, value_1 in monotone_intervals(track, Y)
         for value, t in ((value_0, t_0), (value_1, t_1))
     )
-    level = lowest + ground
     found = [
         contact
         for k, one in enumerate(tracks)
-        for contact in _contacts(one, level, rounding, t if k == track else None)
+        for contact in _contacts(one, lowest + ground, rounding, t if k == track else None)
     ]
-    around = max(
-        (contact for contact in found if contact.holds_lowest),
-        key=lambda contact: abs(_advance(contact)),
-    )
+    around = max(found, key=lambda contact: (contact.holds_lowest, abs(_advance(contact))))
     on_ground = _joined([contact for contact in found if contact.sign == around.sign])
-    first = [contact for contact in on_ground if contact.holds_lowest]
-    others = [contact for contact in on_ground if not contact.holds_lowest]
-    return [_stance(contact, ground) for contact in (*first, *others)]
+    on_ground.sort(key=lambda contact: not contact.holds_lowest)
+    return [_stance(contact, ground) for contact in on_ground]
 
 
 def _contacts(track: Track, level: float, rounding: float, lowest: float | None) -> list[_Contact]:

@@ -1,11 +1,10 @@
 """The foot along an arc of crank angles: coordinates, derivatives and integrals."""
 
-from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from math import cos, nan, pi, sin
-from typing import Any, NamedTuple
+from typing import Any
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
@@ -18,8 +17,7 @@ class Coordinate:
     """
     s = u H.x + v H.y + k |H - P|^2 / 2; arrays of shape (..., 2) in, (...) out.
 
-    With k = 0 it is the position along a direction (u, v); with k = 1 alone half the squared
-    distance from a point P.
+    With k = 0 it is the position along (u, v); with k = 1 alone half the squared distance from P.
     """
 
     along: tuple[float, float] = (0.0, 0.0)
@@ -55,11 +53,8 @@ class Span:
     An arc from start to end [rad] with the parameter t from 0 to pi.
 
     At the end of an arc a dyad is singular, and the pose changes with the square root of the crank
-    angle's distance. Over part of a turn therefore
-
-        alpha = start + (end - start) sin^2(t/2),
-
-    whose root is smooth in t. A whole turn has no ends: alpha = start + 2 t.
+    angle's distance, which is smooth in t for alpha = start + (end - start) sin^2(t/2). A whole
+    turn has no ends: alpha = start + 2 t.
     """
 
     start: float
@@ -103,15 +98,16 @@ class Track:
     """
     The foot of a leg over a span of crank angles, at n samples, those without a pose omitted.
 
-    t, alphas, h and h_1 are the span's parameter, the crank angles [rad], H [m] and dH/dalpha
-    [m/rad] at the samples; dH/dalpha is NaN at a singular pose. The track owns the leg, whose
-    state changes. Raises a TypeError if its poses have no foot.
+    t, alphas [rad], h [m] and h_1 [m/rad] are the samples, with dH/dalpha NaN at a singular pose.
+    The track owns the leg, whose state changes; a TypeError if its poses have no foot.
     """
 
     def __init__(self, leg: Any, span: Span, n: int) -> None:
-        self.span = span
-        self._leg = leg
-        solved = list(self._solvable(span.samples(n)))
+        self.span, self._leg = span, leg
+        solved = []
+        for t in span.samples(n):
+            with suppress(KinematicsError):
+                solved.append((t, self._pose(t)))
         if solved and not hasattr(solved[0][1], 'h'):
             msg = f'leg = {leg!r} is refused: it must be a leg, whose poses have a foot H'
             raise TypeError(msg)
@@ -152,21 +148,12 @@ class Track:
     def curvature(self, s: Coordinate, t: float) -> float:
         """Return d2s/dalpha2; NaN at a singular pose."""
         pose = self._pose(t)
-        h_2 = np.array(self._acceleration(pose))
-        return float(s.curvature(np.array(pose.h), self._h_1(pose), h_2))
+        return float(s.curvature(np.array(pose.h), self._h_1(pose), self._h_2(pose)))
 
     def curvature_t(self, s: Coordinate, t: float) -> float:
         """Return d2s/dt2 by the chain rule."""
         alpha_1, alpha_2 = self.span.alpha_1(t), self.span.alpha_2(t)
         return self.curvature(s, t) * alpha_1**2 + self.slope(s, t) * alpha_2
-
-    def _solvable(self, ts: list[float]) -> Iterator[tuple[float, Any]]:
-        for t in ts:
-            pose = None
-            with suppress(KinematicsError):
-                pose = self._pose(t)
-            if pose is not None:
-                yield t, pose
 
     def _pose(self, t: float, *, wrapped: bool = False) -> Any:
         alpha = self.span.alpha(t)
@@ -187,12 +174,11 @@ class Track:
         except SingularPoseError:
             return np.array((nan, nan))
 
-    def _acceleration(self, pose: Any) -> tuple[float, float]:
+    def _h_2(self, pose: Any) -> FloatArray:
         try:
-            x, y = self._leg.acceleration(pose, 1.0, 0.0).h
+            return np.array(self._leg.acceleration(pose, 1.0, 0.0).h)
         except SingularPoseError:
-            return nan, nan
-        return x, y
+            return np.array((nan, nan))
 
 
 def _wrapped(alpha: float) -> float:
@@ -205,53 +191,21 @@ def _wrapped(alpha: float) -> float:
 GAUSS_ORDER = 8
 
 
-class Nodes(NamedTuple):
-    """Quadrature nodes on a track: H, dH/dt and the weights of an integral over t."""
-
-    h: FloatArray
-    h_t: FloatArray
-    weights: FloatArray
-
-
-def nodes(track: Track, t_0: float, t_1: float, panels: int) -> Nodes:
-    """Return the Gauss-Legendre nodes, 8 on each of `panels` equal panels of t."""
+def nodes(
+    track: Track, t_0: float, t_1: float, panels: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return H, dH/dt and weights at Gauss-Legendre nodes, 8 on each of equal panels of t."""
     x, w = _legendre()
     edges = np.linspace(t_0, t_1, panels + 1)
     half = (t_1 - t_0) / (2 * panels)
     ts = (edges[:-1, None] + half * (1.0 + x)).ravel().tolist()
-    h = np.array([track.h_at(t) for t in ts])
-    h_t = np.array([track.h_t_at(t) for t in ts])
-    return Nodes(h, h_t, np.tile(half * w, panels))
-
-
-def path_length(track: Track) -> float:
-    """
-    Return the length of the foot's path over a track [m].
-
-    Over a turn by the trapezoidal rule on the samples, which converges geometrically for periodic
-    functions; over an arc by Gauss-Legendre quadrature.
-    """
-    if track.span.is_turn:
-        return TURN * float(np.hypot(*track.h_1.T).mean())
-    _, h_t, weights = nodes(track, 0.0, pi, -(-len(track.t) // GAUSS_ORDER))
-    return float(np.hypot(*h_t.T) @ weights)
-
-
-def enclosed_area(track: Track) -> float:
-    """
-    Return the area that a turn's path encloses [m^2], 1/2 int (x dy - y dx).
-
-    It is positive for a counter-clockwise path; loops of opposite sense subtract.
-    """
-    # About the path's centre: no cancellation far from the origin.
-    x, y = (track.h - track.h.mean(axis=0)).T
-    x_1, y_1 = track.h_1.T
-    return TURN * float((x * y_1 - y * x_1).mean()) / 2.0
+    h, h_t = (np.array([of(t) for t in ts]) for of in (track.h_at, track.h_t_at))
+    return h, h_t, np.tile(half * w, panels)
 
 
 @cache
 def _legendre() -> tuple[FloatArray, FloatArray]:
     # Typed since NumPy 2 only.
-    leggauss: Callable[[int], tuple[FloatArray, FloatArray]] = np.polynomial.legendre.leggauss
+    leggauss: Any = np.polynomial.legendre.leggauss
     x, w = leggauss(GAUSS_ORDER)
     return x, w
