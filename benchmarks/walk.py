@@ -14,7 +14,6 @@ import argparse
 from collections.abc import Iterator
 from itertools import product
 from math import atan2, cos, degrees, hypot, pi, sin
-from multiprocessing import Pool
 from pathlib import Path
 from typing import NamedTuple
 
@@ -35,7 +34,7 @@ from support.aims import SMOKE
 WALKER = Path(__file__).resolve().parents[1] / 'config' / 'walker6_two_motors.yaml'
 FOOT_RADIUS = 0.004
 PERIOD = 0.01
-GRID_SECONDS, WINDOW, PROCESSES = 60.0, 3.0, 2
+GRID_SECONDS, WINDOW = 60.0, 3.0
 # It stands so long before it walks, for what its accelerometer is wrong by to be learned [s].
 STANDS = 2.0
 # What walker_node is asked for, one after the other: m/s, rad/s.
@@ -210,19 +209,17 @@ def window(yaws: list[float], wanted: float) -> str:
     return f'{min(means / wanted):.2f}..{max(means / wanted):.2f}' if means.size else ''
 
 
-def commands(run: tuple[str, bool, float, float]) -> list[str]:
-    """Return commanded and reached twists on a grid, and their errors."""
+def commands(run: tuple[str, bool, float, float]) -> Iterator[str]:
+    """Yield commanded and reached twists on a grid, and their errors."""
     file, imu, friction, seconds = run
     steering = Steering(Feet(robot_of(file), foot_radius=FOOT_RADIUS))
     spot = steering.motion(Rates(-1.0, 1.0)).angular
     most = SPEEDS[-1] * steering.speed, YAW_RATES[-1] * spot
-    lines = [
-        (
-            f'{Path(file).stem}, friction {friction:g}, {"with" if imu else "without"} an IMU: '
-            'commanded, reached, error'
-        ),
-        '             v [m/s]                    w [rad/s]            tilt       3 s',
-    ]
+    yield (
+        f'{Path(file).stem}, friction {friction:g}, {"with" if imu else "without"} an IMU: '
+        'commanded, reached, error'
+    )
+    yield '             v [m/s]                    w [rad/s]            tilt       3 s'
     for part, turn in product(SPEEDS, YAW_RATES):
         wanted = part * steering.speed, turn * spot
         went = walk(steering, wanted, seconds=seconds, friction=friction, imu=imu)
@@ -230,12 +227,11 @@ def commands(run: tuple[str, bool, float, float]) -> list[str]:
             (is_ - was) / (abs(was) or full)
             for was, is_, full in zip(wanted, (went.forwards, went.yaw_rate), most, strict=True)
         ]
-        lines.append(
+        yield (
             f'  {wanted[0]:8.4f} {went.forwards:8.4f} {off[0]:9.1%} '
             f'{wanted[1]:9.4f} {went.yaw_rate:8.4f} {off[1]:9.1%} {went.tilt:5.1f} deg  '
             + (window(went.yaws, wanted[1]) if turn else '')
         )
-    return lines
 
 
 def main() -> None:
@@ -255,9 +251,9 @@ def main() -> None:
             for file in options.grid or shipped
             for imu in imus
         ]
-        with Pool(PROCESSES) as pool:
-            for lines in pool.imap(commands, runs):
-                print(*lines, sep='\n', flush=True)
+        for run in runs:
+            for line in commands(run):
+                print(line, flush=True)
         return
     steering = Steering(Feet(robot_of(str(WALKER)), foot_radius=FOOT_RADIUS))
     for part in (straight(steering), curves(steering), doubt(steering, options.seeds)):
