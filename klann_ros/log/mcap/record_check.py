@@ -100,7 +100,7 @@ _LENGTH_PATTERN = rb'[\s\S]{5}\0\0\0'
 _NAMES = b'|'.join(re.escape(struct.pack('<I', len(name)) + name) for name in COMPRESSIONS)
 _CHUNK_PATTERN = _LENGTH_PATTERN + rb'[\s\S]{28}(?:' + _NAMES + rb')' + _LENGTH_PATTERN
 _MAX_PATTERN_SIZE = 64
-_FIRST_BLOCK, _BLOCK_SIZE = 4096, 1024 * 1024
+_MIN_SEARCH_BLOCK, _SEARCH_BLOCK_SIZE = 4096, 1024 * 1024
 
 
 class RecordCheck:
@@ -220,9 +220,9 @@ class RecordCheck:
         offset = next_data(self._file, start)
         while offset < end:
             self._file.seek(offset)
-            if self._file.read(min(_BLOCK_SIZE, end - offset)).strip(b'\0'):
+            if self._file.read(min(_SEARCH_BLOCK_SIZE, end - offset)).strip(b'\0'):
                 return False
-            offset = next_data(self._file, offset + _BLOCK_SIZE)
+            offset = next_data(self._file, offset + _SEARCH_BLOCK_SIZE)
         return True
 
     def find_record(self, start: int, *, chunked: bool) -> int | None:
@@ -266,7 +266,7 @@ class RecordCheck:
         """Yield the sound records of some kinds that start between two offsets."""
         pattern = _head_pattern(kinds)
         # Holes of a sparse file have no records.
-        offset, size = next_data(self._file, start), _FIRST_BLOCK
+        offset, size = next_data(self._file, start), _MIN_SEARCH_BLOCK
         while offset < stop:
             size = min(size, stop - offset)
             self._file.seek(offset)
@@ -280,7 +280,7 @@ class RecordCheck:
                 if fits and self._is_sound(span):
                     yield span
             offset = next_data(self._file, offset + size)
-            size = min(2 * size, _BLOCK_SIZE)
+            size = min(2 * size, _SEARCH_BLOCK_SIZE)
 
     def _is_sound(self, span: RecordSpan) -> bool:
         if span.opcode == Opcode.MESSAGE:

@@ -61,7 +61,7 @@ _MIN_SIZES = {
     for opcode, layout in _LAYOUTS.items()
 }
 _FOOTER = struct.Struct('<BQQQI')
-_BLOCK_SIZE = 1024 * 1024
+_CRC_BLOCK_SIZE = 1024 * 1024
 # Only these may be longer than MAX_RECORD_SIZE.
 _LARGE = {Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.MESSAGE}
 _MAX_RECORD_SIZE = 64 * 1024 * 1024
@@ -254,7 +254,7 @@ def _check_crc(file: BinaryIO, start: int, end: int, declared: int, name: str) -
     file.seek(start)
     crc, left = 0, end - start
     while left > 0:
-        block = file.read(min(left, _BLOCK_SIZE))
+        block = file.read(min(left, _CRC_BLOCK_SIZE))
         if not block:
             raise DamagedError('the file has become shorter', start)
         crc = zlib.crc32(block, crc)

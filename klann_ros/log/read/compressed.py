@@ -43,7 +43,7 @@ _BLOCKS_AT_ONCE = 8
 
 _ENCODING = 'cdr'
 # Size of messages that finishes a block of unpacked ones [bytes].
-_BLOCK_SIZE = 4 * 1024 * 1024
+_MESSAGE_BLOCK_SIZE = 4 * 1024 * 1024
 
 
 def unpack(path: Path, is_log: Callable[[bytes], bool]) -> tuple[TemporaryFile, str]:
@@ -288,7 +288,7 @@ def _unpacked_blocks(block: MessageBlock, problems: Problems) -> Iterator[Messag
         rows.append(row)
         found.append(data)
         size += len(data)
-        if size > _BLOCK_SIZE:
+        if size > _MESSAGE_BLOCK_SIZE:
             yield block_of_messages(block.heads[rows], found, block.topics)
             rows, found, size = [], [], 0
     yield block_of_messages(block.heads[rows], found, block.topics)

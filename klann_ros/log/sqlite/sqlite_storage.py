@@ -46,7 +46,7 @@ _JOURNAL_MAGICS = {
 _MAX_MAGIC_SIZE = 8
 # A journal may end in the name of another file, which SQLite then deletes; not behind this.
 _NO_NAME = b'\0'
-_BLOCK_SIZE = 1024 * 1024
+_COPY_BLOCK_SIZE = 1024 * 1024
 
 _KIND = "SQLite, rosbag2's .db3"
 _MESSAGE_COLUMNS = frozenset(('topic_id', 'timestamp', 'data'))
@@ -331,5 +331,5 @@ def _checkpointed_copy(path: Path, suffixes: list[str]) -> TemporaryFile:
 
 def _blocks(path: Path) -> Iterator[bytes]:
     with open_regular(path) as file:
-        while block := file.read(_BLOCK_SIZE):
+        while block := file.read(_COPY_BLOCK_SIZE):
             yield block
