@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from klann_ros.nodes.parameters import MAX_NAME_LENGTH
-from klann_ros.nodes.unused_arguments import MAX_LINES, unused_arguments
+from klann_ros.nodes.process import MAX_LINES, unused_arguments
 import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
