@@ -42,6 +42,8 @@ class Twin:
         Of the engine [s]; 0: 1 ms for a walker, 0.2 ms for a leg.
     seed : int
         Of the noise: the same seed, commands and steps give the same robot, to the last digit.
+    mjcf : str
+        A changed model of `robot_mjcf`, with a floor or contacts of its own, instead of that.
 
     Attributes
     ----------
@@ -70,6 +72,7 @@ class Twin:
         sensors: Sensors = SENSORS,
         time_step: float = 0.0,
         seed: int = 0,
+        mjcf: str = '',
     ) -> None:
         self.joints, self._motors, self._sensors = robot.crank_joints, motors, sensors
         for joint in motors.factors:
@@ -81,7 +84,7 @@ class Twin:
         # Otherwise it writes a log file in the working directory.
         self._engine.set_mju_user_warning(_ignore)
         step = time_step or (TIME_STEP if robot.is_walker else 0.0)
-        text = robot_mjcf(robot, floor=floor, time_step=step)
+        text = mjcf or robot_mjcf(robot, floor=floor, time_step=step)
         try:
             self._model = self._engine.MjModel.from_xml_string(text)
         except ValueError as error:
