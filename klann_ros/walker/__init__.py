@@ -12,7 +12,7 @@ from .feet import Feet, NoWalkerError
 from .figures import GaitFigures, walk_figures
 from .imu import imu_reading, ImuReading
 from .limits import MotionLimits
-from .odometry import Errors, Odometer, Odometry
+from .odometry import Odometry, OdometryEstimate, OdometryNoise
 from .phase_lock import CrankCommand, PhaseLock
 from .steering import Rates, Steering, Twist2D
 from .walker import Walker
@@ -20,15 +20,15 @@ from .walker import Walker
 __all__ = [
     'ControllerSettings',
     'CrankCommand',
-    'Errors',
     'Feet',
     'GaitFigures',
     'ImuReading',
     'Level',
     'MotionLimits',
     'NoWalkerError',
-    'Odometer',
     'Odometry',
+    'OdometryEstimate',
+    'OdometryNoise',
     'PhaseLock',
     'Rates',
     'Steering',

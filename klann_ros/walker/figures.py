@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .feet import Feet, Placed
-from .slip import moved, standing
+from .slip import body_displacement, stance_pose
 from .support import Support, supports, to_polygon
 
 Array = NDArray[np.float64]
@@ -177,9 +177,9 @@ def _path(placed: Placed, rests: Sequence[Support | None]) -> tuple[Array, float
     poses = zip(placed.feet.tolist(), placed.rolled.tolist(), rests, strict=True)
     for feet, rolled, rest in poses:
         # Without support it falls, to an unknown pose.
-        pose = standing(feet, rolled, rest) if rest else None
+        pose = stance_pose(feet, rolled, rest) if rest else None
         if last and pose:
-            step = moved(last, pose)
+            step = body_displacement(last, pose)
             middle = yaw + step.yaw / 2.0
             x += cos(middle) * step.x - sin(middle) * step.y
             y += sin(middle) * step.x + cos(middle) * step.y

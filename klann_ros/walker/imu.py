@@ -1,14 +1,42 @@
-"""What an IMU says of how a body lies and turns."""
+"""
+Measurements of an IMU between two readings of the cranks: attitude, heading, velocity change.
 
-from math import atan2, hypot
+Attitude and heading are those of the orientation in the long run and those of the gyro from
+reading to reading (a complementary filter), because noise of the orientation would show up as
+slip of the feet.
+"""
+
+from collections.abc import Sequence
+from math import atan2, cos, hypot, pi, sin
 from typing import NamedTuple
 
+from klann_ros.dynamics import GRAVITY
+from klann_ros.kinematics.angles import TURN
+
+from .support import gravity_aligned
+
 Triple = tuple[float, float, float]
+# Time constant of the complementary filter between gyro and orientation [s].
+COMPLEMENTARY_FILTER_TIME = 0.5
+# A longer gap between readings invalidates the interval [s], and so does a gap that exceeds the
+# usual one by this factor: the impact of a foot may be lost with a message.
+MAX_READING_GAP, DROPOUT_RATIO = 0.03, 1.8
+# Smoothing factor of the reading period.
+PERIOD_SMOOTHING = 0.05
+# Standstill: cranks and body turn slower than this [rad/s], cranks by less than this [rad], for
+# this time before anything is measured [s].
+STATIONARY_RATE, STATIONARY_ANGLE, SETTLING_TIME = 0.1, 0.02, 0.5
+# Minimum standstill for the accelerometer bias [s], and the averaging time of that mean [s].
+MIN_CALIBRATION_TIME, MAX_CALIBRATION_TIME = 0.5, 2.0
+# A larger mean at standstill means other units or axes, or missing gravity [m/s^2].
+MAX_BIAS = 1.0
+# Larger impulses are rejected: the largest horizontal impact seen was a seventh of it [m/s].
+MAX_IMPULSE = 1.0
 
 
 class ImuReading(NamedTuple):
     """
-    What an IMU on base_link says.
+    A reading of an IMU in the origin of base_link.
 
     Attributes
     ----------
@@ -17,13 +45,13 @@ class ImuReading(NamedTuple):
     yaw_rate : float
         About the vertical [rad/s].
     at : float
-        When [s].
+        Time [s].
     roll, pitch : float or None
         [rad].
     roll_rate, pitch_rate : float
-        What these change by [rad/s].
+        Their derivatives [rad/s].
     force : (float, float, float) or None
-        What its accelerometer feels, in base_link [m/s^2]: 9.8 upwards at rest, as in REP 145.
+        Specific force in base_link [m/s^2]: 9.8 upwards at rest, as in REP 145.
 
     """
 
@@ -44,18 +72,18 @@ def imu_reading(
     force: Triple | None = None,
 ) -> ImuReading:
     """
-    Return what an IMU says of a body whose base_link it is turned like.
+    Return the reading of an IMU whose axes are those of base_link.
 
     Parameters
     ----------
     orientation : (float, float, float, float), optional
         x, y, z, w.
     angular : (float, float, float)
-        In base_link [rad/s].
+        Angular velocity in base_link [rad/s].
     at : float
-        When [s].
+        Time [s].
     force : (float, float, float), optional
-        What its accelerometer feels, in base_link [m/s^2].
+        Specific force in base_link [m/s^2].
 
     """
     if orientation is None:
@@ -63,14 +91,266 @@ def imu_reading(
     x, y, z, w = orientation
     size = hypot(x, y, z, w)
     x, y, z, w = x / size, y / size, z / size, w / size
-    # The last row of the rotation: what the body's axes rise by.
+    # The last row of the rotation matrix: the vertical in base_link.
     up = (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))
     yaw = atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
-    rate = sum(u * a for u, a in zip(up, angular, strict=True))
+    rate = up[0] * angular[0] + up[1] * angular[1] + up[2] * angular[2]
     level = hypot(up[1], up[2])
     roll, pitch = atan2(up[1], up[2]), atan2(-up[0], level)
-    # Angular rates about the vertical and the horizontal axes.
+    # Angular rates about the horizontal axes.
     across = (up[2] * angular[1] - up[1] * angular[2]) / (level or 1.0)
     along = (up[1] * angular[1] + up[2] * angular[2]) / (level or 1.0)
     rolls = angular[0] - up[0] / (level or 1.0) * along
     return ImuReading(yaw, rate, at, roll, pitch, rolls, across, force)
+
+
+class ImuIncrement(NamedTuple):
+    """
+    Measurements of an IMU over an interval.
+
+    Attributes
+    ----------
+    turn : float
+        Change of the heading [rad].
+    attitude : (float, float) or None
+        Roll and pitch at its end [rad].
+    delta_velocity : (float, float, float) or None
+        Integral of the specific force less gravity, in the level frame of base_link [m/s]; None
+        where readings are missing or invalid.
+    span : float
+        Time that the readings of the specific force cover [s].
+    body_rate : float
+        Largest component of the last angular velocity [rad/s].
+
+    """
+
+    turn: float
+    attitude: tuple[float, float] | None
+    delta_velocity: Triple | None
+    span: float
+    body_rate: float
+
+    def divided(self, steps: int) -> 'ImuIncrement':
+        """Return the part of one of equal steps; the attitude is that at the end."""
+        if steps == 1:
+            return self
+        change = self.delta_velocity
+        part = change and (change[0] / steps, change[1] / steps, change[2] / steps)
+        return self._replace(turn=self.turn / steps, delta_velocity=part, span=self.span / steps)
+
+
+class ImuPreintegration:
+    """
+    Accumulate readings of an IMU from one reading of the cranks to the next.
+
+    Attributes
+    ----------
+    last : ImuReading or None
+        The last reading.
+    has_accelerometer : bool
+        Whether a reading had a specific force that could be used.
+    period : float
+        Usual time between readings [s].
+
+    """
+
+    def __init__(self) -> None:
+        self.last: ImuReading | None = None
+        self.has_accelerometer = False
+        self._heading: float | None = None
+        self._attitude: tuple[float, float] | None = None
+        self._count = 0
+        self.period = self._silent = 0.0
+        self._clear()
+        self._is_complete = False
+
+    def _clear(self) -> None:
+        self._turn = self._span = 0.0
+        self._sum: Triple = (0.0, 0.0, 0.0)
+        self._is_complete = True
+
+    def read(self, reading: ImuReading) -> None:
+        """Take a reading."""
+        last, self.last = self.last, reading
+        self._count += 1
+        if last is None:
+            self._heading = reading.yaw
+            self._update_attitude(reading, reading, 0.0, 1.0)
+            return
+        dt = max(0.0, reading.at - last.at)
+        # The mean of the first readings, then a mean over the time constant.
+        share = min(1.0, max(dt / COMPLEMENTARY_FILTER_TIME, 1.0 / self._count))
+        # After a longer gap the rate is unknown.
+        is_short = dt < COMPLEMENTARY_FILTER_TIME
+        turn = (reading.yaw_rate + last.yaw_rate) / 2.0 * dt if is_short else 0.0
+        if reading.yaw is not None:
+            heading = reading.yaw if self._heading is None else self._heading + turn
+            correction = share * ((reading.yaw - heading + pi) % TURN - pi)
+            turn += correction
+            self._heading = heading + correction
+        self._turn += turn
+        self._update_attitude(last, reading, dt if is_short else 0.0, share)
+        self._integrate_force(last, reading)
+
+    def _update_attitude(
+        self, last: ImuReading, reading: ImuReading, dt: float, share: float
+    ) -> None:
+        if reading.roll is None or reading.pitch is None:
+            self._attitude = None
+            return
+        roll, pitch = self._attitude or (reading.roll, reading.pitch)
+        roll += (reading.roll_rate + last.roll_rate) / 2.0 * dt
+        pitch += (reading.pitch_rate + last.pitch_rate) / 2.0 * dt
+        roll += share * ((reading.roll - roll + pi) % TURN - pi)
+        self._attitude = roll, pitch + share * (reading.pitch - pitch)
+
+    def _integrate_force(self, last: ImuReading, reading: ImuReading) -> None:
+        dt = reading.at - last.at
+        if dt == 0.0:
+            return
+        if (
+            reading.force is None
+            or last.roll is None
+            or last.pitch is None
+            or reading.roll is None
+            or reading.pitch is None
+            or not 0.0 < dt < MAX_READING_GAP
+            # NaN compares with nothing.
+            or not all(abs(part) * dt < MAX_IMPULSE for part in reading.force)
+        ):
+            self._is_complete = False
+            return
+        self.has_accelerometer = True
+        self._is_complete &= dt <= DROPOUT_RATIO * (self.period or dt)
+        self.period += PERIOD_SMOOTHING * (dt - self.period) if self.period else dt
+        roll, pitch = (last.roll + reading.roll) / 2.0, (last.pitch + reading.pitch) / 2.0
+        x, y, z = reading.force
+        ((forwards, left),) = gravity_aligned([reading.force], roll, pitch)
+        up = -sin(pitch) * x + cos(pitch) * (sin(roll) * y + cos(roll) * z) - GRAVITY
+        sx, sy, sz = self._sum
+        self._sum = sx + forwards * dt, sy + left * dt, sz + up * dt
+        self._span += dt
+
+    def take(self, seconds: float) -> ImuIncrement | None:
+        """Return the measurements since the last call, `seconds` ago; None without an IMU."""
+        if self.last is None:
+            return None
+        self._silent = 0.0 if self._span else self._silent + seconds
+        is_valid = self._is_complete and self._silent <= MAX_READING_GAP
+        last = self.last
+        taken = ImuIncrement(
+            self._turn,
+            self._attitude,
+            self._sum if is_valid else None,
+            self._span,
+            max(abs(last.yaw_rate), abs(last.roll_rate), abs(last.pitch_rate)),
+        )
+        self._clear()
+        return taken
+
+
+class StandstillCalibration:
+    """
+    Detect standstill, and measure the drift of the heading there.
+
+    Parameters
+    ----------
+    gyro_noise : float
+        Density of the gyro's noise [rad/s/sqrt(Hz)].
+
+    """
+
+    def __init__(self, gyro_noise: float) -> None:
+        self._gyro_noise = gyro_noise
+        self._rested, self._required = 0.0, MIN_CALIBRATION_TIME
+        # Mean specific force less gravity at standstill [m/s^2].
+        self._mean: Triple = (0.0, 0.0, 0.0)
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin the standstill again."""
+        self._still = self._time = self._turned = 0.0
+        self._anchor: Sequence[float] | None = None
+
+    @property
+    def is_usable(self) -> bool:
+        """Return whether the accelerometer can be used."""
+        return self._rested >= self._required and max(map(abs, self._mean)) < MAX_BIAS
+
+    @property
+    def state(self) -> str:
+        """Return the state of an accelerometer."""
+        if self.is_usable:
+            return 'used'
+        wrong = self._required > MIN_CALIBRATION_TIME or self._rested >= self._required
+        return 'not believed' if wrong else 'unknown until it rests'
+
+    def reject(self) -> None:
+        """Reject the accelerometer until it has rested for twice as long."""
+        self._rested, self._required = 0.0, 2.0 * self._required
+
+    def update(
+        self,
+        taken: ImuIncrement,
+        angles: Sequence[float],
+        rates: Sequence[float],
+        seconds: float,
+        heading_variance: float,
+    ) -> tuple[float, float] | None:
+        """
+        Take measurements over an interval; return those of the heading drift at standstill.
+
+        Parameters
+        ----------
+        taken : ImuIncrement
+            Of the IMU.
+        angles, rates : sequence of float
+            Of the cranks [rad], [rad/s].
+        seconds : float
+            The interval.
+        heading_variance : float
+            Variance of the heading [rad^2]; 0 without an orientation.
+
+        Returns
+        -------
+        (float, float) or None
+            A measurement of the drift [rad/s] that is independent of those before, and its
+            variance; 0 if there is none yet. None if it does not stand.
+
+        """
+        moved = max([abs(a - b) for a, b in zip(angles, self._anchor or angles, strict=True)])
+        fastest = max(*map(abs, rates), taken.body_rate)
+        if fastest > STATIONARY_RATE or moved > STATIONARY_ANGLE:
+            self.restart()
+            return None
+        self._anchor = self._anchor or list(angles)
+        self._still += seconds
+        if taken.delta_velocity is not None and taken.span:
+            self._average(taken.delta_velocity, taken.span)
+        if self._still < SETTLING_TIME:
+            return 0.0, 0.0
+        # The mean rate since the standstill began is known with this information; what the
+        # interval adds is that after it less that before it.
+        before, at_first = self._information(heading_variance), self._turned
+        mean = self._turned / (self._time or 1.0)
+        self._time += seconds
+        self._turned = at_first + taken.turn
+        after = self._information(heading_variance)
+        added = after - before
+        return (after * self._turned / self._time - before * mean) / added, 1.0 / added
+
+    def _information(self, heading_variance: float) -> float:
+        """Return the information on the mean rate since the standstill began."""
+        white = self._gyro_noise**2
+        if not heading_variance:
+            return self._time / white
+        return self._time**2 / (2.0 * (heading_variance + white * COMPLEMENTARY_FILTER_TIME / 2.0))
+
+    def _average(self, change: Triple, span: float) -> None:
+        self._rested += span
+        share = min(1.0, span / min(self._rested, MAX_CALIBRATION_TIME))
+        x, y, z = (
+            mean + share * (part / span - mean)
+            for mean, part in zip(self._mean, change, strict=True)
+        )
+        self._mean = x, y, z

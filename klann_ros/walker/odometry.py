@@ -1,85 +1,148 @@
 """
-Where a walker is, from the angles of its cranks; its yaw from an IMU where there is one.
+State estimation of a walker: where it is, from its cranks, its feet and, if there is one, an IMU.
 
-From pose to pose the body moves as `momentum` says. What that is wrong by is mostly the same
-from step to step: friction is not quite Coulomb's, feet are worn, floors give way. So the errors
-are modelled as unknown constants with standard deviations s,
+An error-state Kalman filter (J. Sola, Quaternion kinematics for the error-state Kalman filter,
+2017, reduced to the plane). The state is
 
-    forwards = s_1 x advance + s_2 x slid q,
-    sidewards = s_3 x slid q,
-    yaw = s_4 x slid q / reach,
+    x, y, psi            pose of base_link in odom,
+    v_x, v_y, w          velocity of base_link over ground, in its level frame,
+    b_w, b_x, b_y        biases of the gyro's yaw rate and of the level acceleration,
+    c_1 ... c_5          errors of the contact model, constant along a walk.
 
-q being the part that the feet slid of what they slid and the body moved together,
+Prediction over a time t, with the measured velocity change dv and rotation dpsi:
 
-and their effect on the pose is summed up along the path. Feet that slide more are trusted less by
-themselves.
+    (x, y)' = (x, y) + R(psi) (v + c_1 v + (c_2, c_3) s + c_5 e) t,
+    psi' = psi + (w + c_4 s / reach + c_5 e_w) t,
+    v' = R(-w t) v + dv - b t,     w = dpsi / t - b_w.
+
+Without an accelerometer dv is that of the momentum of the centre of mass on the slope, without a
+gyro w stays, and friction may change both within the step: the variance of v grows by mu g / K.
+
+Measurement: each standing foot i has the slip s_i = q_i + v + w J p_i, of which |s_i| has a
+Laplace distribution with the weight K t l_i, l_i being its load: dry friction is its likelihood,
+and the update is the minimum of dissipation and prior (`slip`), an iterated Kalman update. On a
+slope, or where the body is accelerated, the median of the slip is not zero: friction balances
+that force.
+
+The errors of the contact model are alike from step to step, so they do not average out. They are
+consider parameters (S. F. Schmidt, Application of state-space methods to navigation problems,
+1966): never estimated, but correlated with the pose. s is the load-weighted slip; e is the
+difference between the motion that least squares of the slip would give and the estimate, that is
+how much depends on the friction law and the loads. With a gyro and an accelerometer the last four
+count less.
+
+At standstill the rotation and the acceleration are zero, which measures the biases. The slope
+is a running mean of the measured attitude less that of the body on its feet: the Kalman filter of
+a constant which nothing else depends on.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, exp, hypot, inf, nan, pi, sin
+from math import cos, exp, hypot, nan, pi, sin
 from operator import mul
 from typing import NamedTuple
 
+from klann_ros.dynamics import GRAVITY
 from klann_ros.kinematics.angles import TURN
+import numpy as np
 
-from .accelerometer import Accelerometer
-from .feet import Feet
-from .imu import ImuReading, Triple
-from .momentum import ImuIncrement, MAX_STEP_TIME, Momentum
-from .slip import BodyStep, Flat, Standing, standing
-from .slope import Slope
-from .support import Support, support
+from .feet import Array, Feet
+from .imu import (
+    COMPLEMENTARY_FILTER_TIME,
+    ImuIncrement,
+    ImuPreintegration,
+    ImuReading,
+    StandstillCalibration,
+    Triple,
+)
+from .slip import (
+    BodyStep,
+    foot_motion,
+    FootMotion,
+    inverse,
+    least_squares,
+    low_pass,
+    minimize_slip,
+    MotionPrior,
+    rotate,
+    stance_pose,
+    StancePose,
+    Symmetric,
+    Vec2,
+)
+from .support import spring_loads, Support, support
 
+# Information of friction on the velocity of the body: K [s/m^2]. It sets the scale of the
+# covariance of the velocity: noise of 3 mm/s of a foot that sticks, in a step of 10 ms.
+FRICTION_INFORMATION = 3e4
+# Stiction speed: a foot that sticks creeps by less than this [m/s].
+STICTION_SPEED = 0.002
 # Largest crank angle of an integration step [rad], and the largest number of steps.
 LONGEST_STEP, MAX_STEPS = 0.05, 500
-# Scale of the slip uncertainty with a gyro, and with an accelerometer as well.
-SLIP_SCALE_WITH_GYRO, SLIP_SCALE_WITH_ACCEL = 0.5, 0.3
-# Time constant of the complementary filter between gyro and orientation [s].
-COMPLEMENTARY_FILTER_TIME = 0.5
-# Time constant of tipping onto other feet without an IMU [s].
-TILT_TIME_CONSTANT = 0.03
-# Time constant of the filter between crank rates and encoders [s], ...
-ENCODER_FILTER_TIME = 0.1
-# ... and the gate of its innovation [rad].
-ENCODER_GATE = 0.1
-# Standstill: cranks and body turn slower than this [rad/s].
-STATIONARY_RATE = 0.1
-# A larger normalised innovation rejects the accelerometer; healthy ones reach 0.1.
+# After a longer step, or one of an unknown time, the velocity is unknown [s].
+MAX_STEP_TIME = 0.1
+# Time constants of the filters of crank angles and rates [s], and the gate of the angles [rad].
+ENCODER_FILTER_TIME, RATE_FILTER_TIME, ENCODER_GATE = 0.3, 0.05, 0.1
+# Time constants: tipping onto other feet without an IMU, the acceleration that shifts the load
+# between the feet, the slope, and the mean innovation [s].
+TILT_TIME, LOAD_SHIFT_TIME, SLOPE_TIME, INNOVATION_TIME = 0.03, 0.05, 10.0, 1.0
+# Mean innovation that rejects the accelerometer, as a part of the largest friction.
 INNOVATION_GATE = 0.25
+# Slip errors with a gyro, and with an accelerometer as well, as parts of those without.
+SLIP_SCALE_WITH_GYRO, SLIP_SCALE_WITH_ACCEL = 0.5, 0.3
+STATES, ERRORS = 9, 5
+V, BIASES = slice(3, 5), slice(7, 9)
 
 
 @dataclass(frozen=True)
-class Errors:
+class OdometryNoise:
     """
-    How far odometry may be off: standard deviations, from simulated walks (benchmarks/walk.py).
+    Uncertainties of the estimator: standard deviations and noise densities.
 
     Attributes
     ----------
+    friction : float
+        Friction coefficient of the feet, which is unknown: the default lies between wet tile and
+        rubber on concrete.
+    accelerometer_noise, gyro_noise : float
+        Densities of white noise [m/s^2/sqrt(Hz)], [rad/s/sqrt(Hz)]; the former includes errors of
+        the measured attitude and of scale.
+    accelerometer_bias, gyro_bias : float
+        Before the first standstill [m/s^2], [rad/s].
+    accelerometer_drift, gyro_drift : float
+        Random walks of the biases [m/s^2/sqrt(s)], [rad/s/sqrt(s)].
+    heading : float
+        Of an IMU's yaw whose message gives no covariance [rad].
     advance : float
-        Of the way forwards, by that.
-    slid, sidewards, yaw : float
-        Forwards, sidewards, and yaw at the reach of the feet, by how far the feet slid and by the
-        part of all motion that this was.
-    imu_yaw : float
-        Of a yaw from an IMU whose message tells none [rad].
+        Relative error of the advance.
+    slip, slip_yaw : float
+        Errors of the motion and of its rotation at the reach of the feet, relative to the slip.
+    contact : float
+        Error relative to the difference between least squares and the friction law.
     height, tilt : float
-        Of what the body stands like [m, rad].
+        Of the pose on its feet [m], [rad].
 
     """
 
+    friction: float = 0.6
+    accelerometer_noise: float = 0.01
+    gyro_noise: float = 5e-4
+    accelerometer_bias: float = 0.3
+    gyro_bias: float = 0.005
+    accelerometer_drift: float = 0.005
+    gyro_drift: float = 2e-5
+    heading: float = 0.005
     advance: float = 0.015
-    slid: float = 0.12
-    sidewards: float = 0.12
-    yaw: float = 0.34
-    imu_yaw: float = 0.005
+    slip: float = 0.11
+    slip_yaw: float = 0.085
+    contact: float = 0.5
     height: float = 0.01
     tilt: float = 0.02
 
 
-class Odometer(NamedTuple):
+class OdometryEstimate(NamedTuple):
     """
-    Where a walker is, in a frame that begins on the ground below where it began.
+    Pose and velocity of a walker, in a frame that begins on the ground below its start.
 
     Attributes
     ----------
@@ -88,9 +151,9 @@ class Odometer(NamedTuple):
     roll, pitch, yaw : float
         As in REP 103 [rad].
     linear : (float, float)
-        Its velocity over ground, forwards and to the left [m/s].
+        Velocity over ground, forwards and to the left [m/s].
     angular : float
-        Its yaw rate [rad/s].
+        Yaw rate [rad/s].
     covariance : 3 tuples of 3 floats
         Of x, y, yaw.
     rate_variances : (float, float, float)
@@ -104,7 +167,7 @@ class Odometer(NamedTuple):
     roll: float
     pitch: float
     yaw: float
-    linear: tuple[float, float]
+    linear: Vec2
     angular: float
     covariance: tuple[Triple, Triple, Triple]
     rate_variances: Triple
@@ -112,269 +175,435 @@ class Odometer(NamedTuple):
 
 class Odometry:
     """
-    Follow the cranks of a walker.
+    Estimate the motion of a walker.
 
     Parameters
     ----------
     feet : Feet
         The walker's.
-    errors : Errors, optional
-        How far it may be off.
+    noise : OdometryNoise, optional
+        Uncertainties.
 
     Attributes
     ----------
-    rest : Support or None
-        On which feet it stands; None before the first angles, and where it does not rest.
-    accelerometer : Accelerometer
-        The IMU's.
+    support : Support or None
+        The feet that carry it; None before the first angles, and where its centre of mass is not
+        above its feet.
+    calibration : StandstillCalibration
+        Of the IMU.
     travelled, slid : float
-        How far it went, and how far its feet slid [m].
+        Distances that it moved, and that its feet slid [m].
 
     """
 
-    def __init__(self, feet: Feet, errors: Errors | None = None) -> None:
-        errors = errors or Errors()
-        self._feet, self.errors = feet, errors
-        self.rest: Support | None = None
+    def __init__(self, feet: Feet, noise: OdometryNoise | None = None) -> None:
+        self.noise = noise or OdometryNoise()
+        self._feet = feet
+        self.support: Support | None = None
+        self.calibration = StandstillCalibration(self.noise.gyro_noise)
         self.travelled = self.slid = 0.0
+        self._imu = ImuPreintegration()
+        self._heading_variance = 0.0
         self._x = self._y = self._yaw = 0.0
+        self._gyro_bias = 0.0
+        self._accel_bias: Vec2 = (0.0, 0.0)
         self._cranks: list[float] | None = None
-        self._pose: Standing | None = None
-        # How x and y follow the unknown constants, and how yaw follows the last of them.
-        self._x_follows = self._y_follows = (0.0, 0.0, 0.0, 0.0)
-        self._yaw_follows = 0.0
-        self._imu: ImuReading | None = None
-        self._turned = 0.0
-        self._heading: float | None = None
-        self._imu_variance: float | None = None
-        # Attitude of the body by the IMU: roll and pitch [rad].
-        self._attitude_imu: tuple[float, float] | None = None
-        self._attitude: tuple[float, float] | None = None
-        self._momentum = Momentum(feet.gyration)
-        self._slope = Slope()
-        self.accelerometer = Accelerometer()
+        self._rates: list[float] = []
+        n = self.noise
+        # Largest change of the velocity's variance by friction in a step.
+        self._friction_variance = n.friction * GRAVITY / FRICTION_INFORMATION
+        deviations = [0.0] * 6 + [n.gyro_bias] + [n.accelerometer_bias] * 2
+        deviations += [n.advance, n.slip, n.slip, n.slip_yaw, n.contact]
+        self._covariance = np.diag(np.square(deviations))
+        self._identity = np.eye(STATES + ERRORS)
+        self._attitude: Vec2 | None = None
+        self._slope: Vec2 = (0.0, 0.0)
+        self._slope_time = 0.0
+        self._scale = 1.0
+        self._pose: StancePose | None = None
+        # Of the errors from the last update to the next.
+        self._transition = self._identity.copy()
+        self._stop()
+
+    def _stop(self) -> None:
+        """Forget the velocity."""
+        self._step = BodyStep(0.0, 0.0, 0.0, 0.0)
+        # Of the centre of mass: its velocity in base_link, over ground, and its acceleration.
+        self._acceleration: Vec2 = (0.0, 0.0)
+        self._centre_velocity: Vec2 | None = None
+        self._velocity: Vec2 | None = None
+        self._push: Triple | None = None
+        self._innovation: Vec2 = (0.0, 0.0)
+
+    @property
+    def innovation(self) -> float:
+        """
+        Return the normalised mean innovation of the velocity, from 0 to 1.
+
+        It is the friction that the measured motion needs in the mean, as a part of the largest.
+        """
+        return hypot(*self._innovation)
+
+    @property
+    def accelerometer_state(self) -> str:
+        """Return the state of the accelerometer."""
+        return self.calibration.state if self._imu.has_accelerometer else 'none'
 
     def imu(self, reading: ImuReading, variance: float = 0.0) -> None:
-        """Take what an IMU says; it turns the body from now on, until `forget_imu`."""
-        last, self._imu = self._imu, reading
-        self._imu_variance = variance or self.errors.imu_yaw**2
-        if last is None:
-            self._turned, self._heading = 0.0, reading.yaw
-            self._lean(reading, reading, 0.0)
-            return
-        # Orientation noise would show up as foot slip: from reading to
-        # reading the gyro counts, and the orientation in the long run.
-        dt = max(0.0, reading.at - last.at)
-        self.accelerometer.read(last, reading)
-        # Over a longer silence a rate tells nothing.
-        turned = (
-            (reading.yaw_rate + last.yaw_rate) / 2.0 * dt
-            if dt < COMPLEMENTARY_FILTER_TIME
-            else 0.0
-        )
-        if reading.yaw is not None:
-            heading = reading.yaw if self._heading is None else self._heading + turned
-            away = (reading.yaw - heading + pi) % TURN - pi
-            turned += min(1.0, dt / COMPLEMENTARY_FILTER_TIME) * away
-            self._heading = heading + min(1.0, dt / COMPLEMENTARY_FILTER_TIME) * away
-        self._turned += turned
-        self._lean(last, reading, dt)
-
-    def _lean(self, last: ImuReading, reading: ImuReading, dt: float) -> None:
-        """Update the attitude by an IMU reading."""
-        if reading.roll is None or reading.pitch is None:
-            self._attitude_imu = None
-            return
-        roll, pitch = self._attitude_imu or (reading.roll, reading.pitch)
-        if dt < COMPLEMENTARY_FILTER_TIME:
-            roll += (reading.roll_rate + last.roll_rate) / 2.0 * dt
-            pitch += (reading.pitch_rate + last.pitch_rate) / 2.0 * dt
-        share = min(1.0, dt / COMPLEMENTARY_FILTER_TIME)
-        over = (reading.roll - roll + pi) % TURN - pi
-        self._attitude_imu = roll + share * over, pitch + share * (reading.pitch - pitch)
+        """Take a reading of an IMU; it measures the rotation from now on, until `forget_imu`."""
+        if self._imu.last is None:
+            self.calibration.restart()
+        self._heading_variance = variance or self.noise.heading**2
+        self._imu.read(reading)
 
     def forget_imu(self) -> None:
-        """Turn by the feet from now on."""
-        self._imu, self._turned, self._imu_variance, self._attitude_imu = None, 0.0, None, None
-        self.accelerometer.miss()
-        self._slope = Slope()
+        """Go on without the IMU."""
+        self._imu = ImuPreintegration()
+        self._slope, self._slope_time, self._heading_variance = (0.0, 0.0), 0.0, 0.0
 
     def jump(self) -> None:
-        """Take the next angles as where the cranks are, not as a way."""
+        """Take the next angles as a new start: encoders jumped, the robot did not move."""
         self._cranks = self._pose = None
 
     def update(
         self, cranks: Sequence[float], rates: Sequence[float], seconds: float = 0.0
-    ) -> Odometer:
+    ) -> OdometryEstimate:
         """
-        Follow the cranks.
-
-        If the joints are unchanged, only the IMU moves the estimate.
+        Return the estimate after a reading of the cranks.
 
         Parameters
         ----------
         cranks : sequence of float
             Their angles [rad].
         rates : sequence of float
-            The rates that they have there [rad/s].
+            Their rates [rad/s].
         seconds : float
-            Since the last; if it is not given, by angles and rates.
+            Time since the last reading; if it is 0, that of the angles at these rates.
 
         """
-        angles = list(cranks)
-        before = angles if self._cranks is None else self._cranks
-        # Encoder noise would show up as foot velocity.
-        both = zip(before, rates, angles, strict=True)
-        away = [was + rate * seconds - is_ for was, rate, is_ in both]
-        if 0.0 < seconds < ENCODER_FILTER_TIME and all(abs(each) < ENCODER_GATE for each in away):
-            share = exp(-seconds / ENCODER_FILTER_TIME)
-            angles = [is_ + share * each for is_, each in zip(angles, away, strict=True)]
+        before = list(cranks) if self._cranks is None else self._cranks
+        angles = self._filtered(before, cranks, rates, seconds)
         turned = [is_ - was for is_, was in zip(angles, before, strict=True)]
         steps = min(MAX_STEPS, 1 + int(max(map(abs, turned)) / LONGEST_STEP))
-        yaw = self._turned / steps if self._imu is not None else None
-        self._turned = 0.0
         self._cranks = angles
-        if seconds > 0.0:
-            seconds = seconds / steps
-        else:
-            along = sum(map(mul, turned, rates)) / steps
-            seconds = along / sum(map(mul, rates, rates)) if along > 0.0 else inf
-        push = self._delta_velocity(rates, seconds * steps)
-        each = push and (push[0] / steps, push[1] / steps)
-        last = BodyStep(0.0, 0.0, 0.0, 0.0)
+        if seconds <= 0.0:
+            along = sum(map(mul, turned, rates))
+            squares = sum(map(mul, rates, rates))
+            seconds = along / squares if along > 0.0 else MAX_STEP_TIME * steps
+        taken = self._imu.take(seconds)
+        if taken is not None:
+            self._calibrate(taken, angles, rates, seconds)
+            taken = taken.divided(steps)
         for k in range(1, steps + 1):
-            share = k / steps
-            at = [was + share * by for was, by in zip(before, turned, strict=True)]
-            last = self._follow(at, yaw, seconds, each)
-        if push is not None:
-            self._judge(seconds * steps)
-        return self._estimate(last, seconds)
+            at = [was + k / steps * by for was, by in zip(before, turned, strict=True)]
+            self._follow(at, taken, seconds / steps)
+        return self._estimate()
 
-    def _judge(self, seconds: float) -> None:
-        """Have the accelerometer learn of what friction corrects it by."""
-        self.accelerometer.correct(self._momentum.corrected, seconds)
-        if self._momentum.strain > INNOVATION_GATE:
-            self.accelerometer.reject()
-            self._momentum.relax()
+    def _filtered(
+        self,
+        before: Sequence[float],
+        cranks: Sequence[float],
+        rates: Sequence[float],
+        seconds: float,
+    ) -> list[float]:
+        """Return the angles without most noise of the encoders, which would be slip of feet."""
+        if not 0.0 < seconds < MAX_STEP_TIME or not self._rates:
+            self._rates = list(rates)
+        share = 1.0 - exp(-seconds / RATE_FILTER_TIME)
+        self._rates = [r + share * (new - r) for r, new in zip(self._rates, rates, strict=True)]
+        both = zip(before, self._rates, cranks, strict=True)
+        away = [was + rate * seconds - is_ for was, rate, is_ in both]
+        if 0.0 < seconds < MAX_STEP_TIME and max(map(abs, away)) < ENCODER_GATE:
+            share = exp(-seconds / ENCODER_FILTER_TIME)
+            return [is_ + share * by for is_, by in zip(cranks, away, strict=True)]
+        self._rates = list(rates)
+        return list(cranks)
 
-    def _delta_velocity(self, rates: Sequence[float], seconds: float) -> Flat | None:
-        """Return what the velocity has changed by, if that is felt [m/s]."""
-        if self._imu is None:
-            return None
-        turns = self._imu.yaw_rate, self._imu.roll_rate, self._imu.pitch_rate
-        rests = all(abs(rate) < STATIONARY_RATE for rate in (*rates, *turns))
-        return self.accelerometer.gained(seconds, rests=rests)
+    def _calibrate(
+        self,
+        taken: ImuIncrement,
+        angles: Sequence[float],
+        rates: Sequence[float],
+        seconds: float,
+    ) -> None:
+        """Update the biases at standstill: neither rotation nor acceleration."""
+        n, calibration = self.noise, self.calibration
+        # After the filter of heading and gyro.
+        heading = 0.0
+        if self._imu.last and self._imu.last.yaw is not None:
+            share = self._imu.period / (2.0 * COMPLEMENTARY_FILTER_TIME)
+            heading = self._heading_variance * share
+        measured = calibration.update(taken, angles, rates, seconds, heading)
+        if measured is None:
+            return
+        rate, variance = measured
+        if variance:
+            self._update_bias(6, rate - self._gyro_bias, variance)
+        if taken.delta_velocity is not None and taken.span:
+            for k in (0, 1):
+                away = taken.delta_velocity[k] / taken.span - self._accel_bias[k]
+                self._update_bias(7 + k, away, n.accelerometer_noise**2 / taken.span)
 
-    def _follow(
-        self, angles: Sequence[float], yaw: float | None, seconds: float, push: Flat | None
-    ) -> BodyStep:
+    def _update_bias(self, index: int, innovation: float, variance: float) -> None:
+        column = self._covariance[:, index].copy()
+        gain = column / (column[index] + variance)
+        self._covariance -= gain[:, None] * column
+        self._correct((gain * innovation).tolist())
+
+    def _correct(self, by: Sequence[float]) -> None:
+        """Add a correction to x, y, yaw and the biases."""
+        self._x, self._y = self._x + by[0], self._y + by[1]
+        self._yaw += by[2]
+        self._gyro_bias += by[6]
+        bx, by_ = self._accel_bias
+        self._accel_bias = bx + by[7], by_ + by[8]
+
+    def _follow(self, angles: Sequence[float], taken: ImuIncrement | None, dt: float) -> None:
+        """Predict and update over a step to new angles of the cranks."""
         feet, rolled, centre = self._feet.pose(angles)
-        last, self.rest = self.rest, support(feet, centre, self.rest and self.rest.triple)
+        self.support = support(feet, centre, self.support and self.support.triple)
         before = self._pose
-        if self.rest is None:
+        if self.support is None:
             self._pose = None
-            self._momentum.stop()
-            return BodyStep(0.0, 0.0, 0.0, 0.0)
-        attitude = self._lying(self.rest, seconds)
-        if self._attitude_imu is not None:
-            roll, pitch = attitude[0] - self.rest.roll, attitude[1] - self.rest.pitch
-            self._slope.learn(roll, pitch, min(seconds, MAX_STEP_TIME))
-        self._pose = standing(feet, rolled, self.rest, attitude, centre)
-        if before is None or last is None:
-            self._momentum.stop()
-            return BodyStep(0.0, 0.0, 0.0, 0.0)
-        height = self.rest.height + sum(map(mul, self.rest.normal, centre))
-        measured = ImuIncrement(yaw, self._slope.pull, push)
-        step = self._momentum.step(before, self._pose, height, seconds, measured)
-        self._slope.turn(step.yaw)
-        self._add(step, measured=yaw is not None, has_accelerometer=push is not None)
-        return step
+            self._stop()
+            return
+        attitude = taken.attitude if taken else None
+        self._update_attitude(attitude, dt)
+        pose = stance_pose(feet, rolled, self.support, self._attitude, centre)
+        self._pose = pose
+        if before is None:
+            return
+        if dt >= MAX_STEP_TIME:
+            self._stop()
+        yaw_rate = taken.turn / dt - self._gyro_bias if taken else None
+        push = taken.delta_velocity if taken and self.calibration.is_usable else None
+        velocity = self._predict(before, pose, yaw_rate, push, dt)
+        standing = self._standing_feet(before, pose, feet, centre, dt)
+        self._update(velocity, standing, yaw_rate, push is not None, dt)
+        self._move(standing, yaw_rate, push is not None, dt)
 
-    def _lying(self, rest: Support, seconds: float) -> tuple[float, float]:
-        """Return roll and pitch: those of an IMU, or else what they tip to on other feet."""
-        if self._attitude_imu is not None:
-            self._attitude = self._attitude_imu
-        elif self._attitude is None:
-            self._attitude = rest.roll, rest.pitch
+    def _update_attitude(self, measured: Vec2 | None, dt: float) -> None:
+        """Set roll and pitch to those of the IMU, or to what the body tips to; learn the slope."""
+        rest = self.support
+        if rest is None:
+            return
+        if measured is None:
+            lies = rest.roll, rest.pitch
+            share = 1.0 - exp(-dt / TILT_TIME)
+            self._attitude = low_pass(self._attitude, lies, share) if self._attitude else lies
+            return
+        self._attitude = measured
+        self._slope_time += dt
+        share = min(1.0, dt / min(self._slope_time, SLOPE_TIME)) if dt else 1.0
+        roll, pitch = measured[0] - rest.roll, measured[1] - rest.pitch
+        self._slope = low_pass(self._slope, (GRAVITY * sin(pitch), -GRAVITY * sin(roll)), share)
+
+    def _predict(
+        self,
+        before: StancePose,
+        after: StancePose,
+        yaw_rate: float | None,
+        push: Triple | None,
+        dt: float,
+    ) -> Triple:
+        """Predict velocity and covariance; return the velocity."""
+        n, last = self.noise, self._step
+        vx, vy = last.x, last.y
+        w = last.yaw if yaw_rate is None else yaw_rate
+        (px, py), (qx, qy) = before.centre, after.centre
+        moves = (qx - px) / dt, (qy - py) / dt
+        if push is None:
+            # The centre of mass keeps its velocity over ground.
+            (gx, gy), (mx, my) = self._slope, self._centre_velocity or moves
+            ax, ay = gx * dt - moves[0] + mx, gy * dt - moves[1] + my
         else:
-            roll, pitch = self._attitude
-            share = 1.0 - exp(-seconds / TILT_TIME_CONSTANT)
-            self._attitude = (
-                roll + share * (rest.roll - roll),
-                pitch + share * (rest.pitch - pitch),
-            )
-        return self._attitude
+            # From the middle of the last step to that of this one: velocities are means of steps.
+            last_push = self._push or push
+            ax = (last_push[0] + push[0]) / 2.0 - self._accel_bias[0] * dt
+            ay = (last_push[1] + push[1]) / 2.0 - self._accel_bias[1] * dt
+        self._push = push
+        self._centre_velocity = moves
+        f = self._transition
+        f[3, 4], f[4, 3], f[3, 5], f[4, 5] = w * dt, -w * dt, vy * dt, -vx * dt
+        p = f @ self._covariance @ f.T
+        noise = self._friction_variance
+        if push is None:
+            p[3, 3] += noise
+            p[4, 4] += noise
+        else:
+            p[3, 3] += n.accelerometer_noise**2 * dt
+            p[4, 4] += n.accelerometer_noise**2 * dt
+            p[7, 7] += n.accelerometer_drift**2 * dt
+            p[8, 8] += n.accelerometer_drift**2 * dt
+        if yaw_rate is None:
+            p[5, 5] += noise / self._feet.gyration**2
+        else:
+            # Its error is that of the bias.
+            p[5] = -p[6]
+            p[:, 5] = -p[:, 6]
+            p[5, 5] = p[6, 6]
+            p[6, 6] += n.gyro_drift**2 * dt
+            if self._imu.last and self._imu.last.yaw is None:
+                p[2, 2] += n.gyro_noise**2 * dt
+        self._covariance = p
+        x, y = rotate((vx, vy), -w * dt)
+        return x + ax, y + ay, w
 
-    def _add(self, step: BodyStep, *, measured: bool, has_accelerometer: bool) -> None:
-        middle = self._yaw + step.yaw / 2.0
+    def _standing_feet(
+        self,
+        before: StancePose,
+        after: StancePose,
+        feet: Sequence[Sequence[float]],
+        centre: Sequence[float],
+        dt: float,
+    ) -> list[FootMotion]:
+        """Return the feet that carry load, of which the acceleration shifts some."""
+        (nx, ny, nz), height = after.support.normal, after.support.height
+        heights = [max(0.0, nx * x + ny * y + nz * z + height) for x, y, z in feet]
+        above = height + nx * centre[0] + ny * centre[1] + nz * centre[2]
+        (ax, ay), (cx, cy) = self._acceleration, after.centre
+        over = cx - above / GRAVITY * ax, cy - above / GRAVITY * ay
+        loads = spring_loads(after.flat, heights, over)
+        both = zip(before.flat, after.flat, loads, strict=True)
+        return [foot_motion(p, q, load, dt) for p, q, load in both if load > 0.0]
+
+    def _update(
+        self,
+        velocity: Triple,
+        standing: Sequence[FootMotion],
+        yaw_rate: float | None,
+        has_accelerometer: bool,
+        dt: float,
+    ) -> None:
+        """Update by the slip of the feet, whose likelihood is dry friction."""
+        if not standing:
+            self._step = BodyStep(*velocity, 0.0)
+            return
+        p = self._covariance
+        size = 3 if yaw_rate is None else 2
+        seen = slice(3, 3 + size)
+        prior = p[seen, seen].tolist()
+        if size == 3:
+            (a, b, c), (_, d, e), (_, _, f) = prior
+            information = inverse((a, b, c, d, e, f))
+        else:
+            (a, b), (_, d) = prior
+            whole = a * d - b * b
+            information = d / whole, -b / whole, 0.0, a / whole, 0.0, 0.0
+        weight = FRICTION_INFORMATION * dt
+        force = (0.0, 0.0)
+        if has_accelerometer:
+            share = weight / (self.noise.friction * GRAVITY)
+            force = share * self._slope[0], share * self._slope[1]
+        weighted = [foot._replace(load=weight * foot.load) for foot in standing]
+        found = minimize_slip(
+            weighted, STICTION_SPEED, MotionPrior(velocity, information, force), yaw_rate
+        )
+        by = np.array((found.x - velocity[0], found.y - velocity[1], found.yaw - velocity[2]))
+        inverse_prior = _square(information, size)
+        gain = p[:, seen] @ inverse_prior
+        p -= gain @ (p[seen, seen] - _square(found.covariance, size)) @ gain.T
+        self._covariance = (p + p.T) / 2.0
+        self._correct((gain @ by[:size]).tolist())
+        if has_accelerometer:
+            fx, fy = (inverse_prior @ by[:size]).tolist()
+            share = 1.0 - exp(-dt / INNOVATION_TIME)
+            self._innovation = low_pass(self._innovation, (fx / weight, fy / weight), share)
+            if self.innovation > INNOVATION_GATE:
+                self._reject_accelerometer()
+        self._step = found._replace(slid=found.slid / weight)
+
+    def _reject_accelerometer(self) -> None:
+        self.calibration.reject()
+        self._innovation, self._accel_bias = (0.0, 0.0), (0.0, 0.0)
+        self._covariance[BIASES] = self._covariance[:, BIASES] = 0.0
+        self._covariance[7, 7] = self._covariance[8, 8] = self.noise.accelerometer_bias**2
+
+    def _move(
+        self,
+        standing: Sequence[FootMotion],
+        yaw_rate: float | None,
+        has_accelerometer: bool,
+        dt: float,
+    ) -> None:
+        """Move the pose, and prepare what the next prediction makes of its covariance."""
+        step, w = self._step, self._step.yaw
+        middle = self._yaw + w * dt / 2.0
         c, s = cos(middle), sin(middle)
-        dx, dy = c * step.x - s * step.y, s * step.x + c * step.y
+        dx, dy = (c * step.x - s * step.y) * dt, (s * step.x + c * step.y) * dt
         self._x, self._y = self._x + dx, self._y + dy
-        self._yaw = (self._yaw + step.yaw + pi) % TURN - pi
+        self._yaw = (self._yaw + w * dt + pi) % TURN - pi
         self.travelled += hypot(dx, dy)
-        self.slid += step.slid
-        # The more of its way it slides, the less is known of how: on the spot least of all.
-        whole = hypot(step.x, step.y) + step.slid
-        known = (
-            SLIP_SCALE_WITH_ACCEL
-            if has_accelerometer
-            else SLIP_SCALE_WITH_GYRO
-            if measured
-            else 1.0
-        )
-        slid = step.slid * known * (step.slid / whole if whole else 0.0)
-        turn = 0.0 if measured else slid / self._feet.reach
-        # What a wrong yaw makes of the step, and what the step itself may be off by. In plain
-        # numbers: of so few each call of arrays would cost as much as all of them.
-        heading = self._yaw_follows
-        own, slides, aside, turns = self._x_follows
-        self._x_follows = (
-            own + c * step.x,
-            slides + c * slid,
-            aside - s * slid,
-            turns - dy * heading,
-        )
-        own, slides, aside, turns = self._y_follows
-        self._y_follows = (
-            own + s * step.x,
-            slides + s * slid,
-            aside + c * slid,
-            turns + dx * heading,
-        )
-        self._yaw_follows = heading + turn
+        self.slid += step.slid * dt
+        self._accelerate(dt)
+        scale = 1.0
+        if yaw_rate is not None:
+            scale = SLIP_SCALE_WITH_ACCEL if has_accelerometer else SLIP_SCALE_WITH_GYRO
+        ex = ey = ew = 0.0
+        if standing:
+            ex, ey, ew = least_squares(standing, yaw_rate)
+            ex, ey, ew = scale * (ex - step.x) * dt, scale * (ey - step.y) * dt, (ew - w) * dt
+        slip, self._scale = scale * step.slid * dt, scale
+        f = self._identity.copy()
+        f[0, 2:6] = -dy, c * dt, -s * dt, -dy * dt / 2.0
+        f[1, 2:6] = dx, s * dt, c * dt, dx * dt / 2.0
+        f[0, 9:14] = dx, c * slip, -s * slip, 0.0, c * ex - s * ey
+        f[1, 9:14] = dy, s * slip, c * slip, 0.0, s * ex + c * ey
+        f[2, 5] = dt
+        if yaw_rate is None:
+            f[2, 12], f[2, 13] = slip / self._feet.reach, ew
+        if has_accelerometer:
+            f[3, 7] = f[4, 8] = -dt
+        self._transition = f
 
-    def _covariance(self) -> tuple[Triple, Triple, Triple]:
-        errors = self.errors
-        spread = errors.advance, errors.slid, errors.sidewards, errors.yaw
-        x = tuple(map(mul, self._x_follows, spread))
-        y = tuple(map(mul, self._y_follows, spread))
-        yaw = self._yaw_follows * errors.yaw
-        xx, xy, yy = sum(map(mul, x, x)), sum(map(mul, x, y)), sum(map(mul, y, y))
-        own = yaw * yaw + (self._imu_variance or 0.0)
-        return (xx, xy, x[3] * yaw), (xy, yy, y[3] * yaw), (x[3] * yaw, y[3] * yaw, own)
-
-    def _estimate(self, step: BodyStep, seconds: float) -> Odometer:
-        rest, imu, errors = self.rest, self._imu, self.errors
-        linear = (step.x / seconds, step.y / seconds)
-        slides = step.slid / seconds
-        angular = step.yaw / seconds if imu is None else imu.yaw_rate
-        a, b, d = (
-            hypot(errors.advance * linear[0], errors.slid * slides, 0.01),
-            hypot(errors.sidewards * slides, 0.01),
-            0.02 if imu is not None else hypot(errors.yaw * slides / self._feet.reach, 0.01),
+    def _accelerate(self, dt: float) -> None:
+        """Learn the acceleration of the centre of mass, which shifts the load."""
+        step, (mx, my) = self._step, self._centre_velocity or (0.0, 0.0)
+        velocity = step.x + mx, step.y + my
+        last = self._velocity or velocity
+        by = (
+            (velocity[0] - last[0]) / dt - step.yaw * velocity[1],
+            (velocity[1] - last[1]) / dt + step.yaw * velocity[0],
         )
+        self._velocity = velocity
+        self._acceleration = low_pass(self._acceleration, by, 1.0 - exp(-dt / LOAD_SHIFT_TIME))
+        self._slope = rotate(self._slope, -step.yaw * dt)
+
+    def _estimate(self) -> OdometryEstimate:
+        rest, reading, step = self.support, self._imu.last, self._step
+        x, y, yaw = self._covariance[:3, :3].tolist()
+        yaw[2] += self._heading_variance
         roll, pitch = (rest.roll, rest.pitch) if rest else (0.0, 0.0)
-        if imu is not None and imu.roll is not None and imu.pitch is not None:
-            roll, pitch = imu.roll, imu.pitch
-        return Odometer(
+        angular = step.yaw
+        if reading is not None:
+            angular = reading.yaw_rate - self._gyro_bias
+            if reading.roll is not None and reading.pitch is not None:
+                roll, pitch = reading.roll, reading.pitch
+        return OdometryEstimate(
             self._x,
             self._y,
             rest.height if rest else nan,
             roll,
             pitch,
             self._yaw,
-            linear,
+            (step.x, step.y),
             angular,
-            self._covariance(),
-            (a * a, b * b, d * d),
+            (tuple(x), tuple(y), tuple(yaw)),
+            self._rate_variances(),
         )
+
+    def _rate_variances(self) -> Triple:
+        n, step = self.noise, self._step
+        x, y, w = np.diagonal(self._covariance)[3:6].tolist()
+        slip = n.slip * self._scale * step.slid
+        return (
+            x + (n.advance * step.x) ** 2 + slip * slip,
+            y + (n.advance * step.y) ** 2 + slip * slip,
+            w + (n.slip_yaw * step.slid / self._feet.reach) ** 2,
+        )
+
+
+def _square(matrix: Symmetric, size: int) -> Array:
+    """Return the upper left part of a symmetric matrix."""
+    a, b, c, d, e, f = matrix
+    return np.array(((a, b, c), (b, d, e), (c, e, f)))[:size, :size]

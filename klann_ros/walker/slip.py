@@ -1,18 +1,22 @@
 """
-How a body moves over the ground on feet that cannot all stand still.
+Motion of a body over the ground on feet that cannot all stand still.
 
-Legs with cranks of their own, and legs whose feet are not equally fast all over their stance, pull
-the body with them to where friction lets them: each standing foot resists with mu l_i against the
-way it slides. Slow as walking is, the forces balance, and the motion (d, psi) of the body is that
-which wastes the least,
+Legs on separate cranks, and legs whose feet vary in speed over their stance, drag feet over the
+ground. Each standing foot i resists with friction mu l_i, l_i being its share of the weight,
+against the direction of its slip. At walking speed these forces balance, and the motion
+(d, psi) of the body minimises the frictional dissipation
 
-    min  sum l_i |g_i' - g_i + d + psi J g_i|,
+    sum l_i |g_i' - g_i + d + psi J g_i|,
 
-g_i being the feet seen from above, before and after, and J a quarter turn. Mu cancels. A foot that
-carries more than half the weight holds; the others slide. (Quasi-static sliding with dry friction:
-S. Goyal, A. Ruina, J. Papadopoulos, Wear 143 (1991).) The sum is that of a geometric median, and
-so it is solved: by least squares whose weights are 1 / how far each foot slides (E. Weiszfeld,
-1937).
+with the feet g_i seen from above before and after, and J a quarter turn; mu cancels. A foot that
+carries more than half of the weight sticks; the others slip (quasi-static sliding with dry
+friction: S. Goyal, A. Ruina, J. Papadopoulos, Wear 143 (1991)). Where friction leaves the motion
+undetermined a prior decides: the momentum of the body, or its measured acceleration. One step is
+then an implicit step of Newton's law with dry friction (J. J. Moreau, Unilateral contact and dry
+friction in finite freedom dynamics, 1988).
+
+The sum is that of a geometric median, and is minimised in the same way: by least squares with
+weights 1 / slip, repeated (E. Weiszfeld, 1937).
 """
 
 from collections.abc import Sequence
@@ -21,30 +25,74 @@ from typing import NamedTuple
 
 from .support import gravity_aligned, Point, Support
 
-Flat = tuple[float, float]
-# How a point moves, by how much more for each rad, and its weight.
-Entry = tuple[float, float, float, float, float]
-NOTHING = (0.0,) * 7
-# Relative round-off threshold.
-ROUNDOFF = 1e-12
+Vec2 = tuple[float, float]
+Triple = tuple[float, float, float]
+# A symmetric 3 x 3 matrix, row by row: xx, xy, xz, yy, yz, zz.
+Symmetric = tuple[float, float, float, float, float, float]
 # Relative tolerance of the iteration, and its limit.
 ITERATIONS, CHANGE = 12, 1e-5
-# Feet that slide by less than this part of the longest step hold.
+# Feet that slip by less than this part of the longest step stick.
 HOLDS = 1e-3
+# Yaw information of no foot, as a part of the feet's: coincident feet define no rotation.
+NO_YAW = 1e-9
 
 
-class BodyStep(NamedTuple):
+class FootMotion(NamedTuple):
     """
-    How a body has moved over the ground, in base_link's directions before.
+    Motion of a standing foot in the level frame of base_link, as a step or as a velocity.
 
     Attributes
     ----------
     x, y : float
-        [m].
+        Its motion.
+    arm_x, arm_y : float
+        Motion over the ground for each rad that the body turns [m].
+    load : float
+        Its weight in the sum.
+
+    """
+
+    x: float
+    y: float
+    arm_x: float
+    arm_y: float
+    load: float
+
+
+class MotionPrior(NamedTuple):
+    """
+    Motion of the body without friction, and a force that friction balances.
+
+    Attributes
+    ----------
+    mean : (float, float, float)
+        x, y and yaw.
+    information : 6 floats
+        Its inverse covariance.
+    force : (float, float)
+        Force on the body in units of mu times its weight, weighted as the loads are.
+
+    """
+
+    mean: tuple[float, float, float]
+    information: Symmetric
+    force: Vec2
+
+
+class BodyStep(NamedTuple):
+    """
+    Motion of a body over the ground, in base_link's directions before.
+
+    Attributes
+    ----------
+    x, y : float
+        [m], or [m/s].
     yaw : float
-        [rad].
+        [rad], or [rad/s].
     slid : float
-        How far its feet slid, each by the weight that it carries [m].
+        Load-weighted slip of its feet [m], or [m/s].
+    covariance : 6 floats
+        Inverse of the information of prior and feet.
 
     """
 
@@ -52,138 +100,126 @@ class BodyStep(NamedTuple):
     y: float
     yaw: float
     slid: float
+    covariance: Symmetric = (0.0,) * 6
 
 
-class Standing(NamedTuple):
+class StancePose(NamedTuple):
     """
     A pose of a body on its feet.
 
     Attributes
     ----------
-    rest : Support
-        On which feet.
+    support : Support
+        The feet that carry it.
     flat : list of (float, float)
-        All feet in the level frame of base_link, with what they have rolled, seen from above [m].
+        All feet in the level frame of base_link with their rolling, seen from above [m].
     centre : (float, float)
         The centre of mass, likewise.
 
     """
 
-    rest: Support
-    flat: list[Flat]
-    centre: Flat = (0.0, 0.0)
+    support: Support
+    flat: list[Vec2]
+    centre: Vec2 = (0.0, 0.0)
 
 
-class InertiaPrior(NamedTuple):
-    """
-    What a body does that nothing holds.
-
-    Attributes
-    ----------
-    before, after : (float, float)
-        Where its centre of mass is in the level frame of base_link [m].
-    way : (float, float)
-        How far its centre of mass goes [m].
-    turn : float
-        By how much it turns [rad].
-    gyration : float
-        Its radius of gyration about the vertical [m].
-    weight : float
-        How much it would rather do so, against friction: 1 / (mu g t^2) over a time t [1/m].
-    creep : float
-        A foot that slides less than this is held by less than its friction [m].
-
-    """
-
-    before: Flat
-    after: Flat
-    way: Flat
-    turn: float
-    gyration: float
-    weight: float
-    creep: float
-
-
-def standing(
+def stance_pose(
     feet: Sequence[Point],
     rolled: Sequence[Sequence[float]],
-    rest: Support,
-    attitude: tuple[float, float] | None = None,
+    support: Support,
+    attitude: Vec2 | None = None,
     centre: Point = (0.0, 0.0, 0.0),
-) -> Standing:
+) -> StancePose:
     """Return a pose; `attitude` is roll and pitch where they are measured [rad]."""
-    *level, middle = gravity_aligned([*feet, centre], *(attitude or (rest.roll, rest.pitch)))
+    *level, middle = gravity_aligned([*feet, centre], *(attitude or (support.roll, support.pitch)))
     flat = [(x + rx, y + ry) for (x, y), (rx, ry) in zip(level, rolled, strict=True)]
-    return Standing(rest, flat, middle)
+    return StancePose(support, flat, middle)
 
 
-def moved(before: Standing, after: Standing) -> BodyStep:
-    """Return how a body moves from pose to pose."""
-    loads = dict.fromkeys((*before.rest.feet, *after.rest.feet), 0.0)
-    for rest in (before.rest, after.rest):
-        for foot, load in zip(rest.feet, rest.loads, strict=True):
+def body_displacement(before: StancePose, after: StancePose) -> BodyStep:
+    """Return how a body moves from pose to pose by friction alone."""
+    loads = dict.fromkeys((*before.support.feet, *after.support.feet), 0.0)
+    for support in (before.support, after.support):
+        for foot, load in zip(support.feet, support.loads, strict=True):
             loads[foot] += load / 2.0
-    return step([before.flat[i] for i in loads], [after.flat[i] for i in loads], [*loads.values()])
+    feet = [foot_motion(before.flat[i], after.flat[i], load) for i, load in loads.items()]
+    return minimize_slip(feet, HOLDS * max(abs(foot.x) + abs(foot.y) for foot in feet))
 
 
-def step(
-    before: Sequence[Flat],
-    after: Sequence[Flat],
-    loads: Sequence[float],
+def foot_motion(before: Vec2, after: Vec2, load: float, seconds: float = 1.0) -> FootMotion:
+    """Return the motion of a foot between two places, divided by a time."""
+    (px, py), (qx, qy) = before, after
+    return FootMotion(
+        (qx - px) / seconds, (qy - py) / seconds, -(py + qy) / 2.0, (px + qx) / 2.0, load
+    )
+
+
+def minimize_slip(
+    feet: Sequence[FootMotion],
+    creep: float,
+    prior: MotionPrior | None = None,
     yaw: float | None = None,
-    inertia: InertiaPrior | None = None,
 ) -> BodyStep:
     """
-    Return how a body moves while its feet move in it.
+    Return the motion of a body whose feet move.
 
     Parameters
     ----------
-    before, after : sequence of (float, float)
-        The standing feet in the level frame of base_link, before and after [m].
-    loads : sequence of float
-        What each carries.
+    feet : sequence of FootMotion
+        The standing feet.
+    creep : float
+        Slip below which friction is regularised, in the unit of the motions.
+    prior : MotionPrior, optional
+        Motion without friction; without it, friction is all.
     yaw : float, optional
-        By how much it turns, where that is known [rad].
-    inertia : InertiaPrior, optional
-        What it does where nothing holds it; without, it is so slow that friction is all.
+        Rotation of the body, where it is measured.
 
     """
-    feet = [_entry(p, q, load) for p, q, load in zip(before, after, loads, strict=True) if load]
-    scale = max([abs(dx) + abs(dy) for dx, dy, *_ in feet], default=0.0)
-    if inertia is None:
-        if scale == 0.0:
-            return BodyStep(0.0, 0.0, 0.0, 0.0)
-        x, y, turn = _balance(feet, (0.0, 0.0, 0.0), None, NOTHING, yaw)
-        least = (HOLDS * scale) ** 2
-        free = NOTHING
-    else:
-        dx, dy, jx, jy, weight = _entry(inertia.before, inertia.after, inertia.weight)
-        dx, dy = dx - inertia.way[0], dy - inertia.way[1]
-        turn = inertia.turn if yaw is None else yaw
-        x, y = -dx - turn * jx, -dy - turn * jy
-        least = inertia.creep**2
-        scale += abs(x) + abs(y)
-        # What coasts is drawn to its way by a spring, whose weight is the same everywhere.
-        spin = weight * inertia.gyration**2
-        free = (
-            weight,
-            weight * dx,
-            weight * dy,
-            weight * jx,
-            weight * jy,
-            weight * (jx * jx + jy * jy) + spin,
-            weight * (jx * dx + jy * dy) - spin * inertia.turn,
-        )
-    # A turn moves feet by about as much as they are metres away.
-    change = CHANGE * scale
+    x, y, turn = prior.mean if prior else (0.0, 0.0, 0.0)
+    scale = sum([abs(foot.x) + abs(foot.y) for foot in feet]) + abs(x) + abs(y)
+    if scale == 0.0:
+        return BodyStep(0.0, 0.0, yaw or 0.0, 0.0)
+    turn = turn if yaw is None else yaw
+    pxx = pxy = pxt = pyy = pyt = ptt = bx = by = bt = 0.0
+    if prior is not None:
+        pxx, pxy, pxt, pyy, pyt, ptt = prior.information
+        bx = pxx * x + pxy * y + pxt * turn + prior.force[0]
+        by = pxy * x + pyy * y + pyt * turn + prior.force[1]
+        bt = pxt * x + pyt * y + ptt * turn
+    floor, change = creep * creep, CHANGE * scale
+    # Without a prior the first step weights by the loads alone.
+    is_first = prior is None
     for _ in range(ITERATIONS):
+        xx, xy, xt, yy, yt, tt, rx, ry, rt = pxx, pxy, pxt, pyy, pyt, ptt, bx, by, bt
+        for dx, dy, jx, jy, load in feet:
+            if is_first:
+                w = load / scale
+            else:
+                ex, ey = dx + x + turn * jx, dy + y + turn * jy
+                w = load / sqrt(ex * ex + ey * ey + floor)
+            xx += w
+            yy += w
+            xt += w * jx
+            yt += w * jy
+            tt += w * (jx * jx + jy * jy)
+            rx -= w * dx
+            ry -= w * dy
+            rt -= w * (jx * dx + jy * dy)
+        is_first = False
         last_x, last_y, last_turn = x, y, turn
-        x, y, turn = _balance(feet, (x, y, turn), least, free, yaw)
-        if (
-            abs(x - last_x) < change
-            and abs(y - last_y) < change
-            and abs(turn - last_turn) < change
-        ):
+        if yaw is None:
+            covariance = inverse((xx, xy, xt, yy, yt, tt * (1.0 + NO_YAW)))
+            cxx, cxy, cxt, cyy, cyt, ctt = covariance
+            turn = cxt * rx + cyt * ry + ctt * rt
+            x, y = cxx * rx + cxy * ry + cxt * rt, cxy * rx + cyy * ry + cyt * rt
+        else:
+            whole = xx * yy - xy * xy
+            cxx, cxy, cyy = yy / whole, -xy / whole, xx / whole
+            covariance = (cxx, cxy, 0.0, cyy, 0.0, 0.0)
+            rx, ry = rx - xt * yaw, ry - yt * yaw
+            x, y = cxx * rx + cxy * ry, cxy * rx + cyy * ry
+        # A rotation moves feet by about their distance in metres.
+        if abs(x - last_x) + abs(y - last_y) + abs(turn - last_turn) < change:
             break
     slid = sum(
         [
@@ -191,59 +227,40 @@ def step(
             for dx, dy, jx, jy, load in feet
         ]
     )
-    return BodyStep(x, y, turn, slid)
+    return BodyStep(x, y, turn, slid, covariance)
 
 
-def turned(vector: Flat, angle: float) -> Flat:
-    """Return a vector, turned counter-clockwise."""
+def least_squares(feet: Sequence[FootMotion], yaw: float | None = None) -> Triple:
+    """Return x, y and yaw of the body by load-weighted least squares of the slip."""
+    n = sum([load for *_, load in feet])
+    sx = sum([load * dx for dx, _, _, _, load in feet]) / n
+    sy = sum([load * dy for _, dy, _, _, load in feet]) / n
+    sjx = sum([load * jx for _, _, jx, _, load in feet]) / n
+    sjy = sum([load * jy for _, _, _, jy, load in feet]) / n
+    if yaw is None:
+        jj = sum([load * (jx * jx + jy * jy) for _, _, jx, jy, load in feet]) / n
+        jd = sum([load * (jx * dx + jy * dy) for dx, dy, jx, jy, load in feet]) / n
+        below = jj * (1.0 + NO_YAW) - sjx * sjx - sjy * sjy
+        yaw = (sjx * sx + sjy * sy - jd) / below
+    return -(sx + yaw * sjx), -(sy + yaw * sjy), yaw
+
+
+def inverse(matrix: Symmetric) -> Symmetric:
+    """Return the inverse of a symmetric matrix."""
+    a, b, c, d, e, f = matrix
+    p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
+    whole = a * p + b * q + c * r
+    s, t, u = a * f - c * c, b * c - a * e, a * d - b * b
+    return p / whole, q / whole, r / whole, s / whole, t / whole, u / whole
+
+
+def rotate(vector: Vec2, angle: float) -> Vec2:
+    """Return a vector rotated counter-clockwise."""
     (x, y), c, s = vector, cos(angle), sin(angle)
     return c * x - s * y, s * x + c * y
 
 
-def low_pass(old: Flat, new: Flat, share: float) -> Flat:
-    """Return a vector by a share of the way nearer to another: a mean over time, step by step."""
+def low_pass(old: Vec2, new: Vec2, share: float) -> Vec2:
+    """Return a vector moved by a share of its distance towards another."""
     (x, y), (to_x, to_y) = old, new
     return x + share * (to_x - x), y + share * (to_y - y)
-
-
-def _entry(before: Flat, after: Flat, weight: float) -> Entry:
-    """Return what a point moves by, and by how much more for each rad, to first order."""
-    (px, py), (qx, qy) = before, after
-    return qx - px, qy - py, -(py + qy) / 2.0, (px + qx) / 2.0, weight
-
-
-def _balance(
-    feet: Sequence[Entry],
-    at: tuple[float, float, float],
-    least: float | None,
-    free: tuple[float, ...],
-    yaw: float | None,
-) -> tuple[float, float, float]:
-    """
-    Return the weighted least squares of d + psi J g = -(g' - g).
-
-    The weights are loads by how far the feet slide in the step `at`, and the loads alone without
-    `least`. `free` are the sums over all else: of weights w, w d, w j, w j^2 and w j d.
-    """
-    x, y, turn = at
-    whole, sx, sy, sjx, sjy, sjj, sjd = free
-    for dx, dy, jx, jy, load in feet:
-        if least is None:
-            w = load
-        else:
-            ex, ey = dx + x + turn * jx, dy + y + turn * jy
-            w = load / sqrt(ex * ex + ey * ey + least)
-        whole += w
-        sx += w * dx
-        sy += w * dy
-        sjx += w * jx
-        sjy += w * jy
-        if yaw is None:
-            sjj += w * (jx * jx + jy * jy)
-            sjd += w * (jx * dx + jy * dy)
-    if yaw is None:
-        below = sjj - (sjx * sjx + sjy * sjy) / whole
-        # Coincident points define no rotation.
-        is_wide = below > ROUNDOFF * sjj
-        yaw = ((sjx * sx + sjy * sy) / whole - sjd) / below if is_wide else 0.0
-    return -(sx + yaw * sjx) / whole, -(sy + yaw * sjy) / whole, yaw

@@ -36,6 +36,9 @@ ROUNDING, BELOW = 1e-12, 1e-12
 STANDING = 0.866
 # Feet up to this height above the plane carry load as well [m].
 TOUCHING = 1e-6
+# A foot sinks by this under the whole weight: its leg and the floor give way [m].
+SINK = 5e-4
+SPRING_ITERATIONS = 8
 
 
 class Support(NamedTuple):
@@ -220,6 +223,54 @@ def _least_loads(feet: Sequence[Point], centre: Point) -> list[float] | None:
     if abs(whole) <= FLAT * (xx + yy) ** 2:
         return None
     return [(a * x + b * y + c) / whole for x, y in at]
+
+
+def spring_loads(
+    flat: Sequence[tuple[float, float]], heights: Sequence[float], over: tuple[float, float]
+) -> list[float]:
+    """
+    Return the load shares of feet that give way like springs.
+
+    Each foot carries (d + a x + b y - h) / SINK where that is positive; d, a and b follow from the
+    balance of the weight.
+
+    Parameters
+    ----------
+    flat : sequence of (float, float)
+        All feet, seen from above [m].
+    heights : sequence of float
+        Heights of the feet above the plane of their support [m].
+    over : (float, float)
+        The point in which the weight acts [m].
+
+    """
+    ox, oy = over
+    at = [(x - ox, y - oy, h) for (x, y), h in zip(flat, heights, strict=True)]
+    active = [i for i, h in enumerate(heights) if h < TOUCHING]
+    loads = [0.0] * len(at)
+    for _ in range(SPRING_ITERATIONS):
+        xx = xy = yy = sx = sy = sh = hx = hy = 0.0
+        for i in active:
+            x, y, h = at[i]
+            xx, xy, yy = xx + x * x, xy + x * y, yy + y * y
+            sx, sy, sh, hx, hy = sx + x, sy + y, sh + h, hx + h * x, hy + h * y
+        n = len(active)
+        p, q, r = xx * yy - xy * xy, xy * sy - sx * yy, sx * xy - xx * sy
+        whole = n * p + sx * q + sy * r
+        if abs(whole) <= FLAT * (xx + yy) ** 2:
+            break
+        s, t, u = n * yy - sy * sy, sx * sy - n * xy, n * xx - sx * sx
+        sh += SINK
+        d = (p * sh + q * hx + r * hy) / whole
+        a = (q * sh + s * hx + t * hy) / whole
+        b = (r * sh + t * hx + u * hy) / whole
+        loads = [max(0.0, (d + a * x + b * y - h) / SINK) for x, y, h in at]
+        carrying = [i for i, load in enumerate(loads) if load > 0.0]
+        if carrying == active:
+            break
+        active = carrying
+    total = sum(loads)
+    return [load / total for load in loads] if total else loads
 
 
 def _from_hull(feet: Sequence[Point], centre: Point, normal: Point) -> float:

@@ -5,7 +5,7 @@ from math import inf, nan
 
 from .controller import ControllerSettings, Level, WalkController
 from .imu import ImuReading
-from .odometry import Errors, Odometer, Odometry
+from .odometry import Odometry, OdometryEstimate, OdometryNoise
 from .steering import Steering, Twist2D
 from .watchdog import SteadyClock, Watchdog
 
@@ -20,8 +20,8 @@ class Walker:
         What its cranks make of it.
     settings : ControllerSettings, optional
         How it is controlled.
-    errors : Errors, optional
-        How far its odometry may be off.
+    noise : OdometryNoise, optional
+        Uncertainties of its odometry.
     imu_timeout : float
         An older IMU is not used [s].
     steady : callable, optional
@@ -42,14 +42,14 @@ class Walker:
         self,
         steering: Steering,
         settings: ControllerSettings | None = None,
-        errors: Errors | None = None,
+        noise: OdometryNoise | None = None,
         *,
         imu_timeout: float = 0.5,
         steady: SteadyClock | None = None,
     ) -> None:
         self.feet = steering.feet
         self.controller = WalkController(steering, settings or ControllerSettings(), steady)
-        self.odometry = Odometry(self.feet, errors)
+        self.odometry = Odometry(self.feet, noise)
         self._imu_timeout = imu_timeout
         self._imu_age = Watchdog(steady)
         self._jumps = 0
@@ -67,7 +67,7 @@ class Walker:
         now: float,
         at: float | None = None,
         transport_age: float | None = None,
-    ) -> Odometer | None:
+    ) -> OdometryEstimate | None:
         """
         Take angles and rates of cranks; return where it is, None while one is unknown.
 
@@ -98,13 +98,13 @@ class Walker:
         """Return the level, and the most important message."""
         level, text = self.controller.verdict(now)
         known = all(crank.is_known for crank in self.controller.cranks)
-        if level == Level.OK and known and self.odometry.rest is None:
+        if level == Level.OK and known and self.odometry.support is None:
             return Level.WARN, f'{text}; its centre of mass is not above its feet'
         return level, text
 
     def values(self, now: float) -> dict[str, str]:
         """Return its figures by name."""
-        controller, rest = self.controller, self.odometry.rest
+        controller, rest = self.controller, self.odometry.support
         lock = controller.lock
         found: dict[str, str] = {}
         for k, crank in enumerate(controller.cranks):
@@ -131,5 +131,5 @@ class Walker:
         found['travelled'] = f'{self.odometry.travelled:.3f}'
         has_imu = self._imu_age.age(now) <= self._imu_timeout
         found['imu'] = 'used' if has_imu else 'none'
-        found['accelerometer'] = self.odometry.accelerometer.state if has_imu else 'none'
+        found['accelerometer'] = self.odometry.accelerometer_state if has_imu else 'none'
         return found

@@ -8,9 +8,8 @@ from hypothesis import given, settings, strategies as st
 from klann_ros.kinematics import linkage_poses
 from klann_ros.robot import Robot, robot_of
 from klann_ros.walker import Feet, GaitFigures, NoWalkerError, walk_figures
-from klann_ros.walker.momentum import ImuIncrement, Momentum
-from klann_ros.walker.slip import Standing, step
-from klann_ros.walker.support import gravity_aligned, Support, support
+from klann_ros.walker.slip import BodyStep, foot_motion, FootMotion, minimize_slip, MotionPrior
+from klann_ros.walker.support import gravity_aligned, spring_loads, support
 import numpy as np
 import pytest
 
@@ -151,23 +150,31 @@ def test_a_body_does_not_lie_down_on_raised_feet_that_would_hold_it_lower() -> N
     assert np.degrees(max(tilts)) < 3.0
 
 
-def test_a_body_that_no_foot_holds_goes_on_as_fast_as_it_went() -> None:
-    # Two feet carry it at 0.1 m/s; then they are dragged against each other, and leave it so.
-    rest = Support((0, 1, 2), (0.5, 0.5, 0.0), (0, 1, 2), (0.0, 0.0, 1.0), 0.3, 0.0)
-
-    def pose(k: int, dragged: float) -> Standing:
-        x, y = -0.001 * min(k, 20), dragged * max(k - 20, 0)
-        return Standing(rest, [(1.0 + x, y), (x - 1.0, -y), (0.0, 1.0)])
-
-    for dragged, goes_on in ((0.01, True), (0.0, False)):
-        momentum = Momentum(0.4)
-        ways = [
-            momentum.step(pose(k, dragged), pose(k + 1, dragged), 0.4, 0.01, ImuIncrement(0.0))
-            for k in range(30)
+def test_a_body_that_no_foot_holds_keeps_its_velocity() -> None:
+    # Two feet that carry the same are dragged against each other; one that carries more sticks.
+    prior = MotionPrior((0.1, 0.0, 0.0), (0.1, 0.0, 0.0, 0.1, 0.0, 0.0), (0.0, 0.0))
+    for loads, speed in (((0.5, 0.5), 0.1), ((0.6, 0.4), 0.3)):
+        feet = [
+            FootMotion(-0.3, 0.0, 0.0, 0.2, loads[0]),
+            FootMotion(0.3, 0.0, 0.0, -0.2, loads[1]),
         ]
-        assert ways[19].x == pytest.approx(0.001, rel=0.01)
-        assert (ways[25].x > 0.0005) == goes_on
-        assert max(abs(way.y) for way in ways) < 5e-4
+        assert minimize_slip(feet, 1e-3, prior, 0.0).x == pytest.approx(speed, abs=0.01)
+
+
+def test_the_covariance_is_the_inverse_information_of_feet_and_prior() -> None:
+    feet = [
+        FootMotion(0.0, 0.0, -y, x, load) for x, y, load in ((0.5, 0.3, 0.6), (-0.4, 0.1, 0.4))
+    ]
+    prior = MotionPrior((0.01, 0.0, 0.0), (2.0, 0.5, 0.0, 3.0, 0.0, 1.0), (0.0, 0.0))
+    found = minimize_slip(feet, 100.0, prior)
+    information = np.array([[2.0, 0.5, 0.0], [0.5, 3.0, 0.0], [0.0, 0.0, 1.0]])
+    for _, _, jx, jy, load in feet:
+        slip = np.array([[1.0, 0.0, jx], [0.0, 1.0, jy]])
+        information += load / 100.0 * slip.T @ slip
+    a, b, c, d, e, f = found.covariance
+    assert np.array([[a, b, c], [b, d, e], [c, e, f]]) == pytest.approx(
+        np.linalg.inv(information), rel=1e-5
+    )
 
 
 def test_four_feet_that_touch_share_the_weight() -> None:
@@ -197,6 +204,29 @@ def test_attitude_levels_the_feet_that_carry() -> None:
     assert rest.height == pytest.approx(0.32, abs=0.02)
 
 
+def test_feet_that_give_way_share_the_load_and_a_raised_foot_carries_none() -> None:
+    square = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)]
+    assert spring_loads(square, [0.0] * 4, (0.0, 0.0)) == pytest.approx([0.25] * 4)
+    for heights, over in (([0.0] * 4, (0.3, -0.2)), ([0.0, 1e-4, 0.0, 0.0], (0.1, 0.0))):
+        loads = np.array(spring_loads(square, heights, over))
+        assert loads.sum() == pytest.approx(1.0)
+        assert loads @ np.array(square) == pytest.approx(over, abs=1e-9)
+    raised = spring_loads(square, [0.0, 0.01, 0.0, 0.0], (-0.1, 0.1))
+    assert raised == pytest.approx([0.5 - 0.05, 0.0, 0.1, 0.5 - 0.05], abs=1e-9)
+    # Beside the feet: on the edge.
+    assert sum(spring_loads(square, [0.0] * 4, (1.5, 0.0))) == pytest.approx(1.0)
+
+
+def slip_step(
+    before: list[tuple[float, float]],
+    after: list[tuple[float, float]],
+    loads: list[float],
+    yaw: float | None = None,
+) -> BodyStep:
+    feet = [foot_motion(p, q, load) for p, q, load in zip(before, after, loads, strict=True)]
+    return minimize_slip(feet, 1e-5, None, yaw)
+
+
 @settings(max_examples=60, deadline=None)
 @given(
     x=st.floats(-0.01, 0.01),
@@ -204,20 +234,20 @@ def test_attitude_levels_the_feet_that_carry() -> None:
     yaw=st.floats(-0.02, 0.02),
     loads=st.lists(st.floats(0.05, 1.0), min_size=3, max_size=3),
 )
-def test_feet_that_agree_do_not_slide(x: float, y: float, yaw: float, loads: list[float]) -> None:
+def test_feet_that_agree_do_not_slip(x: float, y: float, yaw: float, loads: list[float]) -> None:
     stands = np.array([[0.4, 0.2], [0.3, -0.3], [-0.5, 0.1]])
     c, s = np.cos(yaw), np.sin(yaw)
     # The body moves by (x, y, yaw) over feet that stand still.
     moved = (stands - (x, y)) @ np.array([[c, -s], [s, c]])
-    found = step(stands.tolist(), moved.tolist(), loads)
+    found = slip_step(stands.tolist(), moved.tolist(), loads)
     assert found[:3] == pytest.approx((x, y, yaw), abs=3e-4)
     assert found.slid < 1e-4
 
 
-def test_the_foot_that_carries_more_than_half_holds_while_the_others_slide() -> None:
+def test_the_foot_that_carries_more_than_half_sticks_while_the_others_slip() -> None:
     before = [(0.5, 0.3), (-0.5, 0.3), (0.0, -0.3)]
     after = [(0.49, 0.3), (-0.50, 0.3), (-0.02, -0.3)]
-    found = step(before, after, [0.1, 0.2, 0.7], yaw=0.0)
+    found = slip_step(before, after, [0.1, 0.2, 0.7], yaw=0.0)
     assert (found.x, found.y) == pytest.approx((0.02, 0.0), abs=1e-5)
     assert found.slid == pytest.approx(0.1 * 0.01 + 0.2 * 0.02, rel=1e-3)
 
@@ -226,9 +256,9 @@ def test_a_mirrored_motion_is_mirrored() -> None:
     before = [(0.5, 0.3), (-0.5, 0.3), (0.0, -0.3)]
     after = [(0.49, 0.31), (-0.50, 0.3), (-0.02, -0.3)]
     loads = [0.3, 0.4, 0.3]
-    one = step(before, after, loads)
-    other = step([(x, -y) for x, y in before], [(x, -y) for x, y in after], loads)
-    assert (other.x, -other.y, -other.yaw, other.slid) == pytest.approx(one)
+    one = slip_step(before, after, loads)
+    other = slip_step([(x, -y) for x, y in before], [(x, -y) for x, y in after], loads)
+    assert (other.x, -other.y, -other.yaw, other.slid) == pytest.approx(one[:4])
 
 
 def test_round_soles_roll_without_sliding(six: Robot) -> None:

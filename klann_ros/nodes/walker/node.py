@@ -94,8 +94,8 @@ class WalkerNode(Node):
             self,
             values['odom_frame'],
             values['base_frame'],
-            tilt=walker.odometry.errors.tilt,
-            height=walker.odometry.errors.height,
+            tilt=walker.odometry.noise.tilt,
+            height=walker.odometry.noise.height,
             transform=values['publish_tf'],
         )
         if self._odom.problem:

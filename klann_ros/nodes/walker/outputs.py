@@ -6,7 +6,7 @@ from typing import Any
 
 from klann_ros.nodes.endpoints import create_publisher, message_class, UnknownMessageTypeError
 from klann_ros.nodes.solver.cdr import JointStateTemplate
-from klann_ros.walker import CrankCommand, Odometer
+from klann_ros.walker import CrankCommand, OdometryEstimate
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -87,7 +87,7 @@ class OdomOutput:
             self._tf = create_publisher(node, kind, '/tf')
             self._tf_template = transform_template(frame, child, kind)
 
-    def publish(self, at: Odometer, sec: int, nanosec: int) -> None:
+    def publish(self, at: OdometryEstimate, sec: int, nanosec: int) -> None:
         """Publish where it is."""
         if not isfinite(at.z):
             return
@@ -98,7 +98,7 @@ class OdomOutput:
         if self._tf is not None:
             self._tf.publish(self._tf_template.fill(sec, nanosec, pose))
 
-    def _spread(self, at: Odometer) -> tuple[float, ...]:
+    def _spread(self, at: OdometryEstimate) -> tuple[float, ...]:
         """Return the covariance of x, y, z, roll, pitch and yaw, row by row."""
         (xx, xy, xt), (yx, yy, yt), (tx, ty, tt) = at.covariance
         return (
@@ -111,7 +111,7 @@ class OdomOutput:
         )
 
 
-def _rates(at: Odometer) -> tuple[float, ...]:
+def _rates(at: OdometryEstimate) -> tuple[float, ...]:
     """Return the covariance of the velocities, row by row."""
     x, y, turn = at.rate_variances
     return (
