@@ -60,6 +60,7 @@ class OffsetDetector:
         """Forget the readings; the noise stays."""
         self._rates: deque[float] = deque(maxlen=RATE_READINGS)
         self._steps: list[float] = []
+        self._offset = 0.0
         self._position = self._at = nan
 
     def read(self, position: float, at: float) -> float:
@@ -79,16 +80,20 @@ class OffsetDetector:
         # A crank may stop at any time.
         excess = step - max(min(0.0, predicted), min(max(0.0, predicted), step))
         is_step = abs(excess) > tolerance and self._count > NOISE_READINGS
-        if not is_step:
+        if is_step:
+            self._offset += step - predicted
+        else:
             self._rates.append(step / dt)
             if not self._steps:
                 return 0.0
         self._steps.append(step - predicted if is_step else excess)
         if len(self._steps) < CONFIRMATIONS:
             return 0.0
-        offset = sum(self._steps)
+        # What follows a step confirms it; its own excess is acceleration.
+        is_confirmed, offset = abs(sum(self._steps)) > tolerance, self._offset
         self._steps.clear()
-        return offset if abs(offset) > tolerance else 0.0
+        self._offset = 0.0
+        return offset if is_confirmed else 0.0
 
     def _learn_noise(self, innovation: float, limit: float) -> None:
         self._count += 1

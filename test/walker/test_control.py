@@ -595,6 +595,22 @@ def test_every_position_offset_above_the_noise_is_reported_once_with_its_size(
     assert crank.offsets == 1
 
 
+def test_an_offset_has_its_size_where_readings_are_lost_while_the_crank_accelerates() -> None:
+    # Half of the readings are lost: each rate is predicted for 20 ms and more.
+    for seed in range(30):
+        random = Random(seed)  # noqa: S311 - losses
+        crank = CrankFeedback('crank', 12.0)
+        found, position, slips = [], 0.0, random.randint(300, 450)
+        for k in range(800):
+            phase = k * DT % 2.0
+            position += max(0.0, min(3.0 * phase, 1.5, 3.0 * (2.0 - phase))) * DT
+            seen = position + 0.2 * (k >= slips)
+            is_lost = k > 200 and random.random() < 0.5
+            if not is_lost and crank.read(seen, None, k * DT, at=k * DT):
+                found.append(crank.last_offset)
+        assert found in ([], [pytest.approx(0.2, abs=0.03)])
+
+
 def test_settings_change_while_it_walks(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 1.0]).run(3.0)
     bench.control.settings = ControllerSettings(MotionLimits(max_linear=0.05), cmd_vel_timeout=0.1)
