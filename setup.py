@@ -17,6 +17,7 @@ EXTRAS = {
     'plot': ['matplotlib'],
     'fast': ['numba'],
     'dynamics': ['scipy'],
+    'calibration': ['scipy'],
     'cluster': ['ray'],
     'view': ['aiohttp>=3.9.1'],
     'dxf': ['ezdxf'],
@@ -107,6 +108,7 @@ setup(
                 'recover',
                 'export',
                 'describe',
+                'calibrate',
             )
         ],
     },

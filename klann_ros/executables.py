@@ -144,3 +144,5 @@ recover = partial(_tool, 'recover', 'klann_ros.log.recover_command', report_fail
 export = partial(_tool, 'export', 'klann_ros.export.command', report_failed=3)
 # Writes the data sheet of a robot.
 describe = partial(_tool, 'describe', 'klann_ros.datasheet.command', report_failed=3)
+# Finds the dimensions of a leg as it was built.
+calibrate = partial(_tool, 'calibrate', 'klann_ros.calibration.command', report_failed=3)

@@ -30,6 +30,7 @@ ALLOWED = {
     'export': {'sanitize', 'kinematics', 'dynamics', 'plotting', 'robot', 'twin'},
     'live': {'sanitize', 'kinematics', 'log', 'robot', 'review', 'web'},
     'datasheet': {'sanitize', 'kinematics', 'dynamics', 'robot', 'walker', 'web'},
+    'calibration': {'sanitize', 'kinematics', 'robot', 'log', 'web', 'datasheet'},
     'stop_signals': set(),
     'nodes': {
         *('sanitize', 'kinematics', 'dynamics', 'robot', 'walker', 'twin', 'plotting', 'log'),

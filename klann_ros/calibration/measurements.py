@@ -1,0 +1,174 @@
+"""Measurements of a leg: points, angles and distances, each with the crank angle at its time."""
+
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+from klann_ros.kinematics import Linkage
+from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.sanitize.text import did_you_mean, printable
+import numpy as np
+
+Kind: TypeAlias = Literal['point', 'angle', 'distance']
+# A crank sample that is further away than this times the usual period is a gap.
+MAX_GAP_PERIODS = 5.0
+# Crank samples between which it is interpolated are at most this far apart [rad].
+MAX_CRANK_STEP = 0.5
+
+
+class MeasurementError(ValueError):
+    """Measurements that no calibration can use; the text says why."""
+
+
+@dataclass(frozen=True, eq=False)
+class CrankSamples:
+    """
+    The crank joint's position over time.
+
+    Attributes
+    ----------
+    times : numpy.ndarray, shape (n,)
+        Stamps, rising [s].
+    positions : numpy.ndarray, shape (n,)
+        Positions, any number of turns [rad].
+
+    """
+
+    times: FloatArray
+    positions: FloatArray
+
+    @classmethod
+    def of(cls, times: FloatArray, positions: FloatArray) -> 'CrankSamples':
+        """Return samples in the order of time, each stamp once, without NaN, unwrapped."""
+        times, columns = _cleaned(times, positions[:, None])
+        return cls(times, np.unwrap(columns[:, 0]))
+
+    def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions [rad] and rates [rad/s], shape (n,); NaN in gaps and beyond."""
+        if len(self.times) < 2:
+            nothing: FloatArray = np.full(len(times), np.nan)
+            return nothing, nothing
+        right = np.searchsorted(self.times, times).clip(1, len(self.times) - 1)
+        t_0, t_1 = self.times[right - 1], self.times[right]
+        x_0, x_1 = self.positions[right - 1], self.positions[right]
+        longest = MAX_GAP_PERIODS * float(np.median(np.diff(self.times)))
+        missing = (t_1 - t_0 > longest) | (np.abs(x_1 - x_0) > MAX_CRANK_STEP)
+        # Of the other sample's period beyond the ends: cameras and encoders do not stop together.
+        missing |= (times < t_0 - longest / 5.0) | (times > t_1 + longest / 5.0)
+        found = x_0 + (x_1 - x_0) / (t_1 - t_0) * (times - t_0)
+        # Central differences: the rate at a sample, not before it.
+        rate = np.interp(times, self.times, np.gradient(self.positions, self.times))
+        return np.where(missing, np.nan, found), np.where(missing, np.nan, rate)
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """
+    Samples of one measured quantity.
+
+    Attributes
+    ----------
+    kind : str
+        'point', 'angle' or 'distance'.
+    name : str
+        A point of the linkage, a body's angle, or two points: 'H', 'theta', 'A-H'.
+    times : numpy.ndarray, shape (n,)
+        Stamps [s].
+    values : numpy.ndarray, shape (n, 2) or (n, 1)
+        Positions in the leg's plane or the camera's [m], angles [rad], or distances [m].
+    crank, rate : numpy.ndarray, shape (n,)
+        Position and rate of the crank joint at these times [rad, rad/s].
+    noise : float, optional
+        Standard deviation of each number, if it is known [m, rad].
+    source : str
+        Where they are from, such as a topic.
+    skipped : int
+        Samples that were left out: not finite, repeated, or without a crank angle.
+
+    """
+
+    kind: Kind
+    name: str
+    times: FloatArray
+    values: FloatArray
+    crank: FloatArray
+    rate: FloatArray
+    noise: float | None = None
+    source: str = ''
+    skipped: int = 0
+
+    @property
+    def title(self) -> str:
+        """Return its name for users, such as 'point H'."""
+        return f'{self.kind} {self.name}'
+
+
+def series_of(
+    kind: Kind,
+    name: str,
+    times: FloatArray,
+    values: FloatArray,
+    crank: CrankSamples,
+    *,
+    noise: float | None = None,
+    source: str = '',
+) -> Series:
+    """
+    Return samples paired with the crank angle by their stamps; those without one are skipped.
+
+    Parameters
+    ----------
+    kind, name
+        See `Series`.
+    times : numpy.ndarray, shape (n,)
+        Stamps on the crank's clock, in any order [s].
+    values : numpy.ndarray, shape (n, 2) or (n, 1)
+        The measured numbers [m, rad].
+    crank : CrankSamples
+        The crank joint.
+    noise, source
+        See `Series`.
+
+    """
+    own, columns = _cleaned(times, values)
+    positions, rates = crank.at(own)
+    known = np.isfinite(positions)
+    skipped = len(times) - int(np.count_nonzero(known))
+    paired = own[known], columns[known], positions[known], rates[known]
+    return Series(kind, name, *paired, noise=noise, source=source, skipped=skipped)
+
+
+def kind_of(linkage: Linkage, name: str) -> Kind:
+    """Return the kind of a measured quantity by its name; raise a MeasurementError for none."""
+    points, angles = linkage.structure.points, linkage.structure.angles[1:]
+    if name in points:
+        return 'point'
+    if name in angles:
+        return 'angle'
+    first, _, second = name.partition('-')
+    if first != second and {first, second} <= {*points}:
+        return 'distance'
+    hint = did_you_mean(name, (*points, *angles))
+    msg = (
+        f'{printable(name)} is no point and no angle of the leg: the points are '
+        f'{", ".join(points)}, the angles {", ".join(angles)}{hint}'
+    )
+    raise MeasurementError(msg)
+
+
+def subset(series: Series, count: int) -> Series:
+    """Return at most `count` samples of a series, evenly spread."""
+    chosen = np.unique(np.linspace(0, len(series.times) - 1, count).astype(int))
+    return replace(
+        series,
+        times=series.times[chosen],
+        values=series.values[chosen],
+        crank=series.crank[chosen],
+        rate=series.rate[chosen],
+    )
+
+
+def _cleaned(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return finite samples in the order of time; of a repeated stamp the first."""
+    finite = np.isfinite(times) & np.isfinite(values).all(axis=1)
+    own, first = np.unique(times[finite], return_index=True)
+    return own, values[finite][first]

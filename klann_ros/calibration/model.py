@@ -1,0 +1,235 @@
+"""
+The measurement model: predicted measurements, and their derivatives by all parameters.
+
+Parameters are the dimensions of the linkage, the zero of its encoder (`phase`), and on request the
+camera's pose in the leg's plane, the delay of the measurements and the backlash of the crank:
+
+    alpha = s (crank + rate delay + sign(rate) backlash / 2) + phase,    s = +-1 (direction)
+    point = R(rotation) p(alpha; dimensions) + (x, y).
+
+Every parameter has a unit, the error that a workshop makes: 1/1000 of the longest bar, or 1 deg.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, radians, sin
+from typing import TypeAlias
+
+from klann_ros.kinematics import Linkage, linkage_poses
+from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.batch.poses import wrapped
+import numpy as np
+
+from .measurements import Series
+
+PHASE, DELAY, BACKLASH = 'phase', 'delay', 'backlash'
+CAMERA = ('camera x', 'camera y', 'camera rotation')
+# Units of parameters: of lengths relative to the linkage's size.
+LENGTH_UNIT, ANGLE_UNIT, DELAY_UNIT = 1e-3, radians(1.0), 0.01
+
+
+# Values, slopes by the crank angle, and derivatives by the dimensions.
+Motion: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Predicted numbers of a series, and derivatives by the parameters and the crank angle."""
+
+    # Shapes (n, k), (n, k, number of parameters) and (n, k) with k numbers a sample.
+    values: FloatArray
+    jacobian: FloatArray
+    slope: FloatArray
+
+
+class MeasurementModel:
+    """
+    Predicts the measurements of a leg.
+
+    Parameters
+    ----------
+    linkage : Linkage
+        The leg as drawn.
+    direction : int
+        +1, or -1 for a crank that turns opposite to its joint.
+    phase : float
+        Its crank angle at joint position 0 [rad].
+    camera, delay, backlash : bool
+        Which optional parameters there are.
+
+    """
+
+    def __init__(
+        self,
+        linkage: Linkage,
+        *,
+        direction: int = 1,
+        phase: float = 0.0,
+        camera: bool = False,
+        delay: bool = False,
+        backlash: bool = False,
+    ) -> None:
+        self.linkage, self.direction, self.has_camera = linkage, direction, camera
+        dimensions = linkage.structure.dimensions
+        length = LENGTH_UNIT * linkage.size
+        optional = [*(CAMERA if camera else ()), *[DELAY] * delay, *[BACKLASH] * backlash]
+        units = {DELAY: DELAY_UNIT, 'camera x': length, 'camera y': length}
+        self.names = (*linkage.dimensions, PHASE, *optional)
+        self.units: FloatArray = np.array(
+            [
+                *(length if d.unit == 'm' else ANGLE_UNIT for d in dimensions),
+                *(units.get(name, ANGLE_UNIT) for name in (PHASE, *optional)),
+            ]
+        )
+        self.start: FloatArray = np.array([*linkage.numbers, phase, *[0.0] * len(optional)])
+        self.count = len(dimensions)
+        # The linkage with each measured point as its foot; structures are compiled once.
+        self._feet: dict[str, Linkage] = {linkage.structure.foot: linkage}
+
+    def unit_name(self, place: int) -> str:
+        """Return the SI unit of a parameter: 'm', 'rad' or 's'."""
+        if place < self.count:
+            return self.linkage.structure.dimensions[place].unit
+        name = self.names[place]
+        return 's' if name == DELAY else 'm' if name in CAMERA[:2] else 'rad'
+
+    def value(self, parameters: FloatArray, name: str) -> float:
+        """Return a parameter by its name; 0 for one that there is not."""
+        return float(parameters[self.names.index(name)]) if name in self.names else 0.0
+
+    def varied(self, parameters: FloatArray, foot: str = '') -> Linkage:
+        """Return the linkage with the dimensions of parameters; a GeometryError if it is none."""
+        foot = foot or self.linkage.structure.foot
+        if foot not in self._feet:
+            self._feet[foot] = self.linkage.with_foot(foot)
+        numbers = parameters[: self.count].tolist()
+        return self._feet[foot].varied(dict(zip(self.linkage.dimensions, numbers, strict=True)))
+
+    def crank_angles(self, series: Series, parameters: FloatArray) -> FloatArray:
+        """Return the crank angles of a series, shape (n,) [rad]."""
+        delay, backlash = (self.value(parameters, name) for name in (DELAY, BACKLASH))
+        joint = series.crank + series.rate * delay + np.sign(series.rate) * backlash / 2.0
+        found: FloatArray = self.direction * joint + self.value(parameters, PHASE)
+        return found
+
+    def predict(self, many: Sequence[Series], parameters: FloatArray) -> list[Prediction]:
+        """Return the predictions of some series; NaN at crank angles out of reach."""
+        return [self._predict(series, parameters) for series in many]
+
+    def values(self, series: Series, parameters: FloatArray) -> FloatArray:
+        """Return the predicted numbers of a series as a known camera sees them, shape (n, k)."""
+        return self._motion(series, parameters, derivatives=False)[0]
+
+    def _motion(self, series: Series, parameters: FloatArray, *, derivatives: bool) -> Motion:
+        alphas = self.crank_angles(series, parameters)
+        if series.kind == 'angle':
+            return self._angle(series.name, alphas, parameters, derivatives=derivatives)
+        if series.kind == 'point':
+            return self._point(series.name, alphas, parameters, derivatives=derivatives)
+        one, other = (
+            self._point(point, alphas, parameters, derivatives=derivatives)
+            for point in series.name.split('-')
+        )
+        apart = other[0] - one[0]
+        distance = np.hypot(apart[:, 0], apart[:, 1])[:, None]
+        if not derivatives:
+            return distance, *_derivatives(distance, None, None)
+        slope, gradient = other[1] - one[1], other[2] - one[2]
+        unit = apart / distance
+        along = np.einsum('ni,nip->np', unit, gradient)[:, None]
+        return distance, (unit * slope).sum(axis=1, keepdims=True), along
+
+    def _point(
+        self, name: str, alphas: FloatArray, parameters: FloatArray, *, derivatives: bool
+    ) -> Motion:
+        structure, count = self.linkage.structure, len(alphas)
+        if name not in structure.pivots:
+            poses = linkage_poses(
+                self.varied(parameters, name),
+                alphas,
+                velocities=derivatives,
+                gradients=derivatives,
+            )
+            return poses.h, *_derivatives(poses.h, poses.h_1, poses.h_gradient)
+        place = structure.pivots.index(name)
+        pivot = self.varied(parameters).pivots[place]
+        gradient = np.zeros((count, 2, self.count))
+        for n, d in enumerate(structure.dimensions):
+            if d.kind in {'x', 'y'} and d.place == place:
+                gradient[:, 'xy'.index(d.kind), n] = d.sense
+        return np.tile([pivot.real, pivot.imag], (count, 1)), np.zeros((count, 2)), gradient
+
+    def _angle(
+        self, name: str, alphas: FloatArray, parameters: FloatArray, *, derivatives: bool
+    ) -> Motion:
+        poses = linkage_poses(
+            self.varied(parameters),
+            alphas,
+            angles=True,
+            velocities=derivatives,
+            gradients=derivatives,
+        )
+        if poses.angles is None:
+            raise AssertionError('angles were requested')
+        found = poses.angles, *_derivatives(poses.angles, poses.angles_1, poses.angles_gradient)
+        j = self.linkage.structure.angles.index(name)
+        values, slope, gradient = (each[:, slice(j - 1, j)] for each in found)
+        return values, slope, gradient
+
+    def _predict(self, series: Series, parameters: FloatArray) -> Prediction:
+        values, slope, dimensions = self._motion(series, parameters, derivatives=True)
+        jacobian = np.zeros((*values.shape, len(self.names)))
+        jacobian[..., : self.count] = dimensions
+        if series.kind == 'point' and self.has_camera:
+            values, slope = self._seen(values, slope, jacobian, parameters)
+        by_alpha = {
+            PHASE: np.ones(len(values)),
+            DELAY: self.direction * series.rate,
+            BACKLASH: self.direction * np.sign(series.rate) / 2.0,
+        }
+        for name, factor in by_alpha.items():
+            if name in self.names:
+                jacobian[..., self.names.index(name)] = slope * factor[:, None]
+        return Prediction(values, jacobian, slope)
+
+    def _seen(
+        self, values: FloatArray, slope: FloatArray, jacobian: FloatArray, parameters: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return points and slopes as the camera sees them; complete the Jacobian."""
+        places = [self.names.index(name) for name in CAMERA]
+        x, y, angle = parameters[places]
+        c, s = cos(angle), sin(angle)
+        rotation = np.array([[c, -s], [s, c]])
+        jacobian[...] = np.einsum('ij,njp->nip', rotation, jacobian)
+        jacobian[:, 0, places[0]] = jacobian[:, 1, places[1]] = 1.0
+        jacobian[..., places[2]] = values @ np.array([[-s, -c], [c, -s]]).T
+        return values @ rotation.T + (x, y), slope @ rotation.T
+
+    def residuals(self, series: Series, predicted: FloatArray) -> FloatArray:
+        """Return predicted less measured numbers, shape (..., n, k); angles modulo a turn."""
+        difference: FloatArray = predicted - series.values
+        return wrapped(difference) if series.kind == 'angle' else difference
+
+    def camera_pose(self, own: Sequence[FloatArray], seen: Sequence[FloatArray]) -> FloatArray:
+        """Return the camera's x, y and rotation that lay points best over the seen ones."""
+        p, q = (np.concatenate(each) @ (1.0, 1j) for each in (own, seen))
+        good = np.isfinite(p)
+        p, q = p[good], q[good]
+        turn = np.vdot(p - p.mean(), q - q.mean())
+        shift = q.mean() - turn / (abs(turn) or 1.0) * p.mean()
+        return np.array([shift.real, shift.imag, np.angle(turn)])
+
+
+def seen_from(points: FloatArray, pose: FloatArray) -> FloatArray:
+    """Return points as a camera of a pose sees them, shape (..., 2)."""
+    seen = points @ (1.0, 1j) * np.exp(1j * pose[2]) + complex(pose[0], pose[1])
+    return np.stack([seen.real, seen.imag], axis=-1)
+
+
+def _derivatives(
+    values: FloatArray, slope: FloatArray | None, gradient: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return derivatives; empty ones if they were not requested."""
+    if slope is None or gradient is None:
+        return np.zeros_like(values), np.zeros((*values.shape, 0))
+    return slope, gradient

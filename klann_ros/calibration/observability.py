@@ -1,0 +1,130 @@
+"""
+What measurements tell apart: singular values of their derivatives by the parameters.
+
+In units of a workshop's errors (see `model`) a singular value s is the inverse standard error of a
+combination of parameters. A combination beyond MAX_ERROR units is unobservable: the measurements
+say less about it than the drawing. The condition number is that of the columns scaled to length 1
+(Schroeer: below 100 is good).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees
+from typing import NamedTuple
+
+from klann_ros.kinematics.arrays import BoolArray, FloatArray
+import numpy as np
+
+from .model import MeasurementModel
+
+# Standard error from which on a combination is unobservable [units].
+MAX_ERROR = 10.0
+# Singular values below this part of the largest are rounding.
+ROUNDING = 1e-9
+# Parts of a combination, or of a parameter's error, that are left out.
+MIN_PART = 0.03
+GOOD_CONDITION = 100.0
+# Standard deviation of an unobservable combination from the drawing's [units].
+OPEN_ERROR = 2.0
+
+
+class Combination(NamedTuple):
+    """Parameters that turn together: their changes, the largest angle 1 deg or length 1 mm."""
+
+    # Names and changes [m, rad, s].
+    parts: tuple[tuple[str, float], ...]
+    # Standard error of the combination as written, as a factor; infinite if it has none.
+    error: float
+
+    def text(self, model: MeasurementModel) -> str:
+        """Return it for users, such as 'phase +1 deg, x_d -0.4 mm'."""
+        return ', '.join(_change(name, value, model) for name, value in self.parts)
+
+
+@dataclass(frozen=True, eq=False)
+class Observability:
+    """
+    The verdict on what can be told apart.
+
+    Attributes
+    ----------
+    condition : float
+        Condition number of the normalised columns; infinite if a combination is not observable.
+    rank : int
+        Number of observable combinations.
+    combinations : tuple of Combination
+        The unobservable ones.
+    unobservable : numpy.ndarray of bool
+        The parameters that belong to one of these.
+    covariance : numpy.ndarray
+        Of the parameters, in units; unobservable combinations have that of a workshop.
+
+    """
+
+    condition: float
+    rank: int
+    combinations: tuple[Combination, ...]
+    unobservable: BoolArray
+    covariance: FloatArray
+
+
+class Suggestion(NamedTuple):
+    """A further measurement, such as 'point G', and what it would make of the condition."""
+
+    name: str
+    condition: float
+    resolves: bool
+
+
+def observability(jacobian: FloatArray, model: MeasurementModel) -> Observability:
+    """Return the verdict for the derivatives of whitened measurements by parameters in units."""
+    _, sizes, rows = np.linalg.svd(jacobian, full_matrices=False)
+    seen = (sizes > 1.0 / MAX_ERROR) & (sizes > ROUNDING * sizes[0])
+    lost, kept = rows[~seen], rows[seen]
+    # What is left open may be off by what a workshop makes; hardly any of it is in the others.
+    covariance = (kept.T / sizes[seen] ** 2) @ kept + OPEN_ERROR**2 * lost.T @ lost
+    unobservable: BoolArray = np.linalg.norm(lost, axis=0) > MIN_PART
+    combinations = tuple(
+        _combination(row, size if size > ROUNDING * sizes[0] else 0.0, model)
+        for row, size in zip(lost, sizes[~seen], strict=True)
+    )
+    condition = np.inf if len(lost) else condition_number(jacobian)
+    return Observability(condition, int(seen.sum()), combinations, unobservable, covariance)
+
+
+def condition_number(jacobian: FloatArray) -> float:
+    """Return the condition number of the columns scaled to length 1; infinite for a zero one."""
+    lengths = np.linalg.norm(jacobian, axis=0)
+    if not (lengths > 0.0).all():
+        return np.inf
+    return float(np.linalg.cond(jacobian / lengths))
+
+
+def _combination(row: FloatArray, size: float, model: MeasurementModel) -> Combination:
+    changes = row * model.units
+    main = np.abs(row) > MIN_PART * np.abs(row).max()
+    units = [model.unit_name(n) for n in range(len(row))]
+    angles = [abs(c) for c, u, m in zip(changes, units, main, strict=True) if m and u == 'rad']
+    lengths = [abs(c) for c, u, m in zip(changes, units, main, strict=True) if m and u == 'm']
+    scale = np.radians(1.0) / max(angles) if angles else 1e-3 / max(lengths or [1.0])
+    order = [n for n in np.argsort(-np.abs(row)) if main[n]]
+    scale *= np.sign(row[order[0]])
+    parts = tuple((model.names[n], float(changes[n] * scale)) for n in order)
+    return Combination(parts, np.inf if size == 0.0 else float(1.0 / (size * abs(scale))))
+
+
+def _change(name: str, value: float, model: MeasurementModel) -> str:
+    unit = model.unit_name(model.names.index(name))
+    factor, shown = {'m': (1e3, 'mm'), 's': (1e3, 'ms')}.get(unit, (degrees(1.0), 'deg'))
+    return f'{name} {factor * value:+.3g} {shown}'
+
+
+def suggestions(conditions: Sequence[Suggestion], current: Observability) -> list[Suggestion]:
+    """Return the further measurements that help, the best first."""
+    helpful = [
+        each
+        for each in conditions
+        if (each.resolves and current.combinations)
+        or (not current.combinations and each.condition < 0.8 * current.condition)
+    ]
+    return sorted(helpful, key=lambda each: each.condition)

@@ -1,0 +1,145 @@
+"""A calibration as text for a terminal, and as data for JSON."""
+
+from collections.abc import Iterator, Sequence
+from math import degrees
+from typing import Any
+
+from klann_ros.sanitize.outputs import finite
+from klann_ros.sanitize.text import counted, printable
+import numpy as np
+
+from .fit import Calibration, SeriesFit
+from .observability import GOOD_CONDITION, Suggestion
+
+SCALES = {'m': (1e3, 'mm'), 'rad': (degrees(1.0), 'deg'), 's': (1e3, 'ms')}
+
+
+def text(calibration: Calibration, further: Sequence[Suggestion]) -> str:
+    """Return the calibration as lines."""
+    return '\n'.join(_lines(calibration, further)) + '\n'
+
+
+def _lines(calibration: Calibration, further: Sequence[Suggestion]) -> Iterator[str]:
+    model = calibration.model
+    rows = table(calibration)
+    width = max(len(row[0]) for row in rows)
+    yield f'{"":{width}}  {"drawn":>10}  {"built":>10}  {"error":>9}'
+    for name, drawn, built, error, unit in rows:
+        yield f'{printable(name):{width}}  {drawn:>10}  {built:>10}  {error:>9}  {unit}'
+    yield ''
+    for fit in calibration.series:
+        yield series_line(fit)
+    if calibration.crank_noise:
+        yield f'crank angle: noise {degrees(calibration.crank_noise):.2g} deg'
+    if calibration.chi2_dof is not None:
+        yield f'chi2/dof: {calibration.chi2_dof:.3f}'
+    if calibration.late:
+        late = f'{1e3 * calibration.late:.3g} ms'
+        yield f'the residuals follow the speed of the crank: try --delay unknown (about {late})'
+    yield ''
+    yield verdict(calibration)
+    for combination in calibration.observability.combinations:
+        yield f'  not told apart: {combination.text(model)}'
+    yield from suggestion_lines(further)
+
+
+def table(calibration: Calibration) -> list[tuple[str, str, str, str, str]]:
+    """Return name, drawn and calibrated value, standard error and unit of each parameter."""
+    model = calibration.model
+    found = []
+    for n, name in enumerate(model.names):
+        factor, unit = SCALES[model.unit_name(n)]
+        error = calibration.standard_errors[n]
+        known = bool(np.isfinite(error))
+        value = calibration.phase if name == 'phase' else calibration.values[n]
+        built = f'{factor * value:.3f}' if known else 'unknown'
+        shown = f'+-{factor * error:.2g}' if known else ''
+        found.append((name, f'{factor * model.start[n]:.3f}', built, shown, unit))
+    return found
+
+
+def series_line(fit: SeriesFit) -> str:
+    """Return the residuals of a series, before and after, in words."""
+    factor, unit = SCALES['rad' if fit.series.kind == 'angle' else 'm']
+    before = factor * float(np.sqrt(np.nanmean(fit.before[fit.inliers] ** 2)))
+    rejected = int(np.count_nonzero(~fit.inliers))
+    source, samples = printable(fit.series.source), counted(len(fit.inliers), 'sample')
+    return (
+        f'{fit.series.title} ({source}): {samples}, {rejected} rejected, {fit.series.skipped} '
+        f'skipped; residuals {before:.3g} {unit} as drawn, {factor * fit.noise:.3g} {unit} '
+        f'as built'
+    )
+
+
+def verdict(calibration: Calibration) -> str:
+    """Return in a sentence what can be told apart."""
+    told = calibration.observability
+    count = len(calibration.model.names)
+    if not told.combinations:
+        quality = 'good' if told.condition < GOOD_CONDITION else 'fair: the errors say how far'
+        all_of = f'{count} of {count} parameters'
+        return f'Observable: {all_of}, condition {told.condition:.0f} ({quality}).'
+    fixed = ' The prior fixes the rest.' if calibration.prior else ''
+    return (
+        f'Observable: {told.rank} of {count} combinations of parameters; '
+        f'{counted(len(told.combinations), "combination")} cannot be told apart.{fixed}'
+    )
+
+
+def suggestion_lines(further: Sequence[Suggestion]) -> Iterator[str]:
+    """Yield the further measurements that help."""
+    for name, condition, resolves in further[:3]:
+        effect = 'resolves all' if resolves else 'resolves a part'
+        yield f'  with {printable(name)}: {effect}, condition {condition:.0f}'
+
+
+def report(calibration: Calibration, further: Sequence[Suggestion]) -> dict[str, Any]:
+    """Return the calibration as JSON data, in SI units; null for what is not observable."""
+    model = calibration.model
+    known = np.isfinite(calibration.standard_errors)
+
+    def number(n: int) -> dict[str, Any]:
+        value = calibration.phase if model.names[n] == 'phase' else float(calibration.values[n])
+        return {
+            'value': value if known[n] else None,
+            'standard_error': float(calibration.standard_errors[n]),
+            'drawn': float(model.start[n]),
+            'unit': model.unit_name(n),
+        }
+
+    told = calibration.observability
+    numbers = {name: number(n) for n, name in enumerate(model.names)}
+    dimensions = {name: numbers.pop(name) for name in model.linkage.dimensions}
+    data = {
+        'dimensions': dimensions,
+        **{name.replace(' ', '_'): each for name, each in numbers.items()},
+        'condition': told.condition,
+        'rank': told.rank,
+        'unobservable': [
+            {'parameters': dict(combination.parts), 'error': combination.error}
+            for combination in told.combinations
+        ],
+        'suggestions': [each._asdict() for each in further],
+        'prior': calibration.prior,
+        'noise': {
+            **{fit.series.name: fit.noise for fit in calibration.series},
+            'crank': calibration.crank_noise,
+        },
+        'chi2_dof': calibration.chi2_dof,
+        'late': calibration.late,
+        'points': {
+            fit.series.name: {
+                'source': fit.series.source,
+                'used': int(np.count_nonzero(fit.inliers)),
+                'rejected': int(np.count_nonzero(~fit.inliers)),
+                'skipped': fit.series.skipped,
+                'rms_drawn': float(np.sqrt(np.nanmean(fit.before**2))),
+                'rms_built': fit.noise,
+            }
+            for fit in calibration.series
+        },
+        'parameters': model.names,
+        'correlation': calibration.correlation.tolist(),
+    }
+    clean: dict[str, Any] = finite(data)
+    return clean

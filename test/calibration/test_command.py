@@ -1,0 +1,201 @@
+"""What `calibrate` reads, writes, refuses, and returns."""
+
+from collections.abc import Callable
+import json
+from pathlib import Path
+from typing import Any
+
+from klann_ros.calibration.command import main
+from klann_ros.datasheet.command import main as describe
+from klann_ros.export.command import main as export
+from klann_ros.robot import robot_of
+from measured_robots import crank_topic, points_topic, Robot, write_run
+import numpy as np
+import pytest
+
+ROBOT = Robot(count=400, period=0.0125)
+POINT = 'geometry_msgs/msg/PointStamped'
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope='module')
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a run with a measured point of each type, and what a solver computed of it."""
+    state, (_, angles) = 'sensor_msgs/msg/JointState', crank_topic(ROBOT)
+    joints = dict.fromkeys(['alpha', 'gamma', 'beta', 'delta', 'theta'], 0.5)
+    times = ROBOT.times.tolist()
+    topics: dict[str, Any] = {
+        '/crank_state': (state, angles),
+        '/mocap/foot': points_topic(ROBOT, 'H'),
+        '/mocap/knee': points_topic(ROBOT, 'G', 'geometry_msgs/msg/PoseStamped'),
+        '/vicon/f': points_topic(ROBOT, 'F', 'geometry_msgs/msg/PoseWithCovarianceStamped'),
+        '/vicon/c': points_topic(ROBOT, 'C', 'geometry_msgs/msg/TransformStamped'),
+        '/tf': points_topic(ROBOT, 'G', 'tf2_msgs/msg/TFMessage'),
+        '/tags': points_topic(ROBOT, 'H', 'visualization_msgs/msg/Marker'),
+        '/encoder2': (
+            state,
+            [(t, {'theta': x}) for t, x in zip(times, ROBOT.angle('theta')[:, 0], strict=True)],
+        ),
+        '/point_h': points_topic(ROBOT, 'H'),
+        '/joint_states': (state, [(t, joints) for t in times]),
+        '/mm': (POINT, [(t, 1e3 * np.array(h)) for t, h in points_topic(ROBOT, 'H')[1]]),
+    }  # fmt: skip
+    return write_run(tmp_path_factory.mktemp('runs') / 'run', topics)
+
+
+@pytest.fixture(scope='module')
+def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the same as a CSV file, with empty fields."""
+    file = tmp_path_factory.mktemp('tables') / 'run.csv'
+    columns = np.column_stack([ROBOT.times, ROBOT.crank, ROBOT.seen('H'), ROBOT.seen('G')])
+    rows = [','.join(map(repr, row)) for row in columns.tolist()]
+    rows[7] = rows[7].rsplit(',', 2)[0] + ',,'
+    file.write_text('\n'.join(['time,crank,H.x,H.y,G.x,G.y', *rows]))
+    return file
+
+
+def _dimensions(file: Path) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads(file.read_text())
+    return content
+
+
+def test_a_maker_gets_a_leg_file_that_every_program_takes(
+    run: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    built, page, numbers = (tmp_path / name for name in ('built.yaml', 'c.html', 'c.json'))
+    asked = [str(run), '--leg', 'sem104', '--point', 'H=/mocap/foot', '--point', 'G=/mocap/knee']
+    assert main([*asked, '-o', str(built), '--html', str(page), '--json', str(numbers)]) == 0
+    printed = capsys.readouterr().out
+    assert 'Observable: 14 of 14 parameters' in printed
+    assert max(map(len, printed.splitlines())) <= 110
+    content = _dimensions(numbers)
+    true = ROBOT.linkage.dimensions
+    for name, each in content['dimensions'].items():
+        assert abs(each['value'] - true[name]) < 5.0 * each['standard_error']
+    assert content['phase']['value'] == pytest.approx(ROBOT.phase, abs=5e-4)
+    assert content['points']['H']['used'] == 400
+    assert content['unobservable'] == []
+    assert len(content['correlation']) == len(content['parameters']) == 14
+    leg = robot_of(str(built)).legs[0]
+    assert leg.phase == pytest.approx(content['phase']['value'], abs=1e-8)
+    assert leg.masses is not None
+    for name, value in leg.linkage.dimensions.items():
+        assert value == pytest.approx(content['dimensions'][name]['value'], abs=1e-8)
+    assert describe([str(built)]) == 0
+    assert export([str(built), '--urdf', str(tmp_path / 'leg.urdf')]) == 0
+    text = page.read_text()
+    assert text.startswith('<!doctype html>')
+    assert '<script' not in text
+    assert 'ellipse of 95 %' in text
+
+
+@pytest.mark.parametrize(
+    'point',
+    ['F=/vicon/f', 'C=/vicon/c', 'G=/tf:marker', 'H=/tags', 'H=/tags:marker/7', 'H=mocap/foot'],
+)
+def test_every_type_of_measured_point_is_read(run: Path, tmp_path: Path, point: str) -> None:
+    numbers = tmp_path / 'c.json'
+    asked = [str(run), '--leg', 'sem104', '--point', point, '--angle', 'theta=/encoder2:theta']
+    assert main([*asked, '--json', str(numbers)]) in {0, 1}
+    content = _dimensions(numbers)
+    name = point.partition('=')[0]
+    assert content['points'][name]['used'] > 390
+    assert content['points'][name]['rms_built'] == pytest.approx(1e-4, rel=0.15)
+
+
+def test_the_covariance_of_a_pose_is_the_stated_noise(run: Path, tmp_path: Path) -> None:
+    numbers = tmp_path / 'c.json'
+    asked = [str(run), '--leg', 'sem104', '--point', 'F=/vicon/f', '--json', str(numbers)]
+    assert main(asked) == 1
+    assert _dimensions(numbers)['chi2_dof'] == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_table_is_read_whole(table: Path, tmp_path: Path) -> None:
+    numbers = tmp_path / 'c.json'
+    assert main([str(table), '--leg', 'sem104', '--json', str(numbers)]) == 0
+    points = _dimensions(numbers)['points']
+    assert (points['H']['used'], points['G']['used'], points['G']['skipped']) == (400, 399, 1)
+    assert main([str(table), '--leg', 'sem104', '--point', 'H=G']) == 2
+
+
+def test_a_linkage_file_keeps_its_units(table: Path, tmp_path: Path) -> None:
+    built = tmp_path / 'built.yaml'
+    assert main([str(table), '--leg', 'klann', '-o', str(built)]) in {0, 1}
+    leg = robot_of(str(built)).legs[0]
+    assert leg.linkage.name == 'Klann leg'
+    assert 'length: mm' in leg.description
+    true = ROBOT.linkage.dimensions['l_gh']
+    assert leg.linkage.dimensions['G-H'] == pytest.approx(true, abs=1e-4)
+    assert describe([str(built)]) == 0
+
+
+def test_a_prior_makes_every_number_known(table: Path, tmp_path: Path, capsys: Capture) -> None:
+    foot = [str(table), '--leg', 'sem104', '--point', 'H=H', '--camera', 'unknown']
+    assert main(foot) == 1
+    printed = capsys.readouterr().out
+    assert 'not told apart: ' in printed
+    assert "with the camera's pose: resolves all" in printed
+    assert main([*foot, '--prior', '0.5']) == 0
+    prior = tmp_path / 'tolerance.yaml'
+    prior.write_text('{l_ab: 0.0001, x_d: 0.0001, y_a: 0.0001, x_e: 0.0001, y_e: 0.0001}')
+    assert main([*foot, '--prior', str(prior)]) == 0
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        ('--point H=/point_h', 'is no measurement: a solver computed it'),
+        ('--angle theta=/joint_states:theta', 'is no measurement: a solver computed it'),
+        ('--point H=/nowhere', 'there is no topic /nowhere in the run'),
+        ('--point Q=/mocap/foot', 'Q is no point and no angle of the leg'),
+        ('--point H=/encoder2', 'a measured point is PointStamped, PoseStamped'),
+        ('--point H=/mm', 'is it in millimetres'),
+        ('--point H=/tf', 'has several: name one as H=/tf:NAME'),
+        ('--point H=/tf:nobody', 'nobody is not on /tf; there are marker, other'),
+        ('--point H=/mocap/knee', 'fit only a leg with l_gh = '),
+        ('', 'name a measured point: --point H=/mocap/foot'),
+        ('--point H', 'must be NAME=TOPIC'),
+        ('--point H=/mocap/foot --prior -1', 'it must be millimetres'),
+        ('--point H=/mocap/foot --prior /nowhere.yaml', 'No such file'),
+        ('--point H=/mocap/foot --crank /mocap/knee', 'no crank angle of the joint crank'),
+        ('--point H=/mocap/foot --leg-name front', 'name the leg with --leg-name'),
+    ],
+)
+def test_what_cannot_be_used_is_refused_in_one_line(
+    run: Path, capsys: Capture, arguments: str, words: str
+) -> None:
+    try:
+        code = main([str(run), '--leg', 'sem104', *arguments.split()])
+    except SystemExit as end:
+        code = int(end.code or 0)
+    assert code == 2
+    line = capsys.readouterr().err.strip().splitlines()[-1]
+    assert words in line
+
+
+@pytest.mark.parametrize(
+    ('make', 'words'),
+    [
+        (lambda text: text.replace('time,', 'stamp,'), 'has no column time'),
+        (lambda text: text + '\n1,2,three,4,5,6', 'is no table of numbers'),
+        (lambda text: text + '\n1,2', 'is no table of numbers'),
+        (lambda _: '', 'has no column time'),
+        (lambda text: text.replace('G.y', 'G.z'), 'has no column G.y'),
+        (lambda text: text.replace('H.x', 'K.x').replace('H.y', 'K.y'), 'K is no point'),
+    ],
+)
+def test_so_are_tables(
+    table: Path, tmp_path: Path, capsys: Capture, make: Callable[[str], str], words: str
+) -> None:
+    file = tmp_path / 'bad.csv'
+    file.write_text(make(table.read_text()))
+    assert main([str(file), '--leg', 'sem104']) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+
+
+def test_a_stranger_in_a_run_is_no_terminal_output(tmp_path: Path, capsys: Capture) -> None:
+    topics = {'/crank_state': crank_topic(ROBOT), '/\x1b[31mred': points_topic(ROBOT, 'H')}
+    folder = write_run(tmp_path / 'run', topics)
+    assert main([str(folder), '--leg', 'sem104', '--point', 'H=/red']) == 2
+    assert '\x1b' not in capsys.readouterr().err

@@ -1,0 +1,309 @@
+"""A calibration finds the leg as it was built, with honest errors, or says in a line why not."""
+
+from dataclasses import replace
+import math
+import time
+from typing import Any
+
+from klann_ros.calibration import calibrate, CrankSamples, MeasurementError, series_of
+from klann_ros.calibration.fit import further_measurements
+from klann_ros.kinematics import KlannGeometry, linkage_poses, shipped_linkage
+from measured_robots import built, DRAWN, errors, NOISE, Robot
+import numpy as np
+import pytest
+
+ANGLE_NOISE = math.radians(0.05)
+
+
+# What a log of the Klann leg can tell: condition, worst length and l_gh [mm], zero [deg].
+@pytest.mark.parametrize(
+    ('points', 'angle', 'condition', 'worst', 'l_gh', 'zero'),
+    [
+        ('H', '', 430.0, 0.205, 0.140, 0.020),
+        ('HG', '', 79.0, 0.063, 0.004, 0.0035),
+        ('HF', '', 111.0, 0.044, 0.026, 0.004),
+        ('H', 'theta', 241.0, 0.106, 0.057, 0.011),
+        ('H', 'gamma', 234.0, 0.129, 0.046, 0.003),
+    ],
+)
+def test_the_known_observability_of_the_klann_leg(  # noqa: PLR0917 - a row of the table
+    points: str, angle: str, condition: float, worst: float, l_gh: float, zero: float
+) -> None:
+    robot = Robot(DRAWN, phase=0.0, speed=math.tau / 5.0)
+    measured = robot.measured(points)
+    if angle:
+        crank = CrankSamples.of(robot.times, robot.crank)
+        values = robot.angle(angle)
+        measured.append(series_of('angle', angle, robot.times, values, crank, noise=ANGLE_NOISE))
+    found = calibrate(DRAWN, measured, crank_noise=0.0)
+    assert found.observability.rank == 14
+    assert found.observability.condition == pytest.approx(condition, rel=0.02)
+    deviations = 1e3 * found.standard_errors
+    assert deviations[:11].max() == pytest.approx(worst, rel=0.06)
+    assert deviations[6] == pytest.approx(l_gh, rel=0.15)
+    assert math.degrees(found.standard_errors[13]) == pytest.approx(zero, rel=0.2)
+
+
+def test_errors_are_as_large_as_they_are_said_to_be() -> None:
+    found = []
+    for seed in range(30):
+        robot = Robot(built(seed), phase=0.1 * seed, seed=seed)
+        calibration = calibrate(DRAWN, robot.measured())
+        assert 0.9 < calibration.chi2_dof < 1.1
+        assert (calibration.standard_errors[:11] <= 0.07e-3).all()
+        found.append(errors(calibration, robot))
+    assert 0.92 <= np.mean(np.abs(found) < 1.96) <= 0.98
+
+
+@pytest.mark.parametrize('name', ['jansen', 'quick_return', 'stephenson', 'watt_six_bar'])
+def test_so_are_those_of_other_linkages(name: str) -> None:
+    drawn = shipped_linkage(name)
+    size = drawn.size
+    robot = Robot(built(3, drawn, length=1e-3 * size), noise=1e-4 * size, count=600, speed=2.2)
+    moving = [p for p in drawn.structure.points if p not in drawn.structure.pivots]
+    found = calibrate(drawn, robot.measured(moving))
+    assert 0.9 < found.chi2_dof < 1.1
+    known = np.isfinite(found.standard_errors)
+    assert known.sum() >= len(known) - 5
+    assert (np.abs(errors(found, robot)[known]) < 4.0).all()
+
+
+def test_a_fit_of_the_klann_leg_is_fast() -> None:
+    measured = Robot().measured()
+    calibrate(DRAWN, measured)
+    start = time.process_time()
+    calibrate(DRAWN, measured)
+    # 0.06 s on a quiet machine; threads of BLAS count as well.
+    assert time.process_time() - start < 1.5
+
+
+def test_the_foot_of_a_new_turn_is_predicted_to_the_noise() -> None:
+    robot = Robot()
+    found = calibrate(DRAWN, robot.measured())
+    held_out = replace(robot, seed=77, count=500, period=0.011)
+    predicted = linkage_poses(found.linkage, held_out.crank + found.phase).h
+    assert np.std(predicted - held_out.seen('H')) < 1.05 * NOISE
+
+
+def test_a_zero_that_is_no_more_than_a_guess_is_found() -> None:
+    robot = Robot(phase=2.4)
+    found = calibrate(DRAWN, robot.measured())
+    assert found.phase == pytest.approx(2.4, abs=1e-3)
+
+
+def test_an_unknown_camera_leaves_a_combination_open_that_an_angle_settles() -> None:
+    robot = Robot()
+    turn = np.exp(0.3j)
+
+    def seen(name: str) -> Any:
+        at = robot.seen(name) @ (1.0, 1j) * turn + (0.2 - 0.1j)
+        crank = CrankSamples.of(robot.times, robot.crank)
+        values = np.column_stack([at.real, at.imag])
+        return series_of('point', name, robot.times, values, crank, noise=NOISE)
+
+    alone = calibrate(DRAWN, [seen('H')], camera=True)
+    assert alone.observability.rank == 16
+    (combination,) = alone.observability.combinations
+    names = {name for name, _ in combination.parts}
+    assert {'phase', 'camera rotation', 'x_d', 'x_e', 'y_e'} <= names
+    assert not alone.is_complete
+    unknown = dict(zip(alone.model.names, np.isnan(alone.standard_errors), strict=True))
+    assert unknown['phase']
+    assert not unknown['l_gh']
+    assert alone.dimension('l_gh')[0] == pytest.approx(robot.linkage.dimensions['l_gh'], abs=2e-3)
+    best = further_measurements(alone)[0]
+    assert (best.name, best.resolves) == ("the camera's pose", True)
+    crank = CrankSamples.of(robot.times, robot.crank)
+    gamma = series_of('angle', 'gamma', robot.times, robot.angle('gamma'), crank)
+    settled = calibrate(DRAWN, [seen('H'), gamma], camera=True)
+    assert settled.is_complete
+    assert (np.abs(errors(settled, robot)) < 4.0).all()
+    assert settled.dimension('camera rotation')[0] == pytest.approx(0.3, abs=0.01)
+
+
+def test_a_prior_fixes_what_the_measurements_leave_open() -> None:
+    robot = Robot(count=300, speed=0.5)
+    free = calibrate(DRAWN, robot.measured('H'))
+    assert not free.is_complete
+    fixed = calibrate(DRAWN, robot.measured('H'), prior=5e-4)
+    assert fixed.is_complete
+    assert (np.abs(errors(fixed, robot)) < 4.0).all()
+    assert (fixed.standard_errors[:11] < 6e-4).all()
+    named = calibrate(DRAWN, robot.measured('H'), prior=dict.fromkeys(DRAWN.dimensions, 1e-4))
+    assert (named.standard_errors <= fixed.standard_errors).all()
+    with pytest.raises(MeasurementError, match='l_xy: there are l_ab'):
+        calibrate(DRAWN, robot.measured(), prior={'l_xy': 1.0})
+
+
+def test_one_more_marker_is_suggested() -> None:
+    found = calibrate(DRAWN, Robot(speed=math.tau / 5.0).measured('H'))
+    best = further_measurements(found)[0]
+    assert best.name == 'point G'
+    assert best.condition == pytest.approx(79.0, rel=0.1)
+
+
+def test_distances_measure_as_well() -> None:
+    robot = Robot()
+    crank = CrankSamples.of(robot.times, robot.crank)
+    rng = np.random.default_rng(5)
+    distance = np.linalg.norm(robot.seen('H') - robot.place('A'), axis=1)[:, None]
+    wire = series_of(
+        'distance', 'A-H', robot.times, distance + rng.normal(0.0, 1e-5, distance.shape), crank
+    )
+    found = calibrate(DRAWN, [*robot.measured('G'), wire])
+    assert found.observability.rank >= 12
+    known = np.isfinite(found.standard_errors)
+    assert (np.abs(errors(found, robot)[known]) < 4.5).all()
+
+
+# Faults.
+
+
+def test_outliers_enlarge_the_errors_by_little() -> None:
+    clean, dirty = (
+        [
+            calibrate(DRAWN, Robot(built(seed), seed=seed, outliers=share).measured())
+            for seed in range(8)
+        ]
+        for share in (0.0, 0.05)
+    )
+    rms = [
+        np.sqrt(np.mean([(c.values - [*built(s).numbers, 0.02]) ** 2 / d.standard_errors**2
+                         for s, (c, d) in enumerate(zip(some, clean, strict=True))]))
+        for some in (clean, dirty)
+    ]  # fmt: skip
+    assert rms[1] < 1.5 * rms[0]
+    assert all(0.02 < np.mean(~fit.inliers) < 0.08 for c in dirty for fit in c.series)
+
+
+def test_dropped_repeated_and_missing_samples_cost_nothing() -> None:
+    robot = Robot()
+    rng = np.random.default_rng(4)
+    kept = np.sort(rng.choice(robot.count, 700, replace=False))
+    kept = np.concatenate([kept, kept[:50]])
+    crank = CrankSamples.of(robot.times[::3], robot.crank[::3])
+    values = robot.seen('H')[kept]
+    values[10] = np.nan
+    values[20, 1] = np.inf
+    foot = series_of('point', 'H', robot.times[kept], values, crank, noise=NOISE)
+    # Repeated ones; two of them stand for samples that are not finite.
+    assert foot.skipped == 50
+    found = calibrate(DRAWN, [foot, *robot.measured('G')])
+    assert (np.abs(errors(found, robot)) < 4.0).all()
+
+
+def test_a_gap_of_the_encoder_is_not_interpolated() -> None:
+    times = np.concatenate([np.arange(0.0, 1.0, 0.01), np.arange(2.0, 3.0, 0.01)])
+    positions, _ = CrankSamples.of(times, 2.0 * times).at(
+        np.array([0.505, 1.5, 2.505, 9.0, np.nan])
+    )
+    assert np.isnan(positions).tolist() == [False, True, False, True, True]
+
+
+def test_a_late_clock_is_found_where_the_speed_changes() -> None:
+    robot = Robot(count=2000)
+    crank = robot.crank + 0.8 * np.sin(2.0 * robot.times)
+    rate = robot.speed + 1.6 * np.cos(2.0 * robot.times)
+    late = linkage_poses(robot.linkage, crank - 0.020 * rate + robot.phase, points=True).points
+    rng = np.random.default_rng(6)
+    measured = [
+        series_of(
+            'point', name, robot.times,
+            late[:, 'ABCDEFGH'.index(name)] + rng.normal(0.0, NOISE, (2000, 2)),
+            CrankSamples.of(robot.times, crank), noise=NOISE,
+        )
+        for name in 'HG'
+    ]  # fmt: skip
+    found = calibrate(DRAWN, measured, delay=True)
+    assert found.dimension('delay')[0] == pytest.approx(-0.020, abs=5e-4)
+    ignored = calibrate(DRAWN, measured)
+    assert (ignored.standard_errors[:11] > 3.0 * found.standard_errors[:11]).all()
+    # The lengths are right; what is late looks like another zero of the encoder.
+    assert (np.abs(errors(ignored, robot)[:13]) < 4.0).all()
+    assert ignored.late == pytest.approx(-0.020, abs=0.004)
+    assert found.late == 0.0
+    even = calibrate(DRAWN, Robot().measured(), delay=True)
+    assert {n for n, _ in even.observability.combinations[0].parts} == {'delay', 'phase'}
+
+
+def test_part_of_a_turn_gives_larger_errors_or_says_what_is_unknown() -> None:
+    robot = Robot(speed=0.35)
+    found = calibrate(DRAWN, robot.measured('HG'))
+    known = np.isfinite(found.standard_errors)
+    assert (np.abs(errors(found, robot)[known]) < 4.0).all()
+    whole = calibrate(DRAWN, Robot().measured('HG'))
+    assert (found.standard_errors[known] > whole.standard_errors[known]).all()
+
+
+def test_backlash_is_a_parameter_where_the_crank_turns_both_ways() -> None:
+    robot = Robot(count=2000)
+    crank = 4.0 * np.sin(1.1 * robot.times)
+    true = crank - math.radians(0.5) / 2.0 * np.sign(np.cos(1.1 * robot.times)) + robot.phase
+    points = linkage_poses(robot.linkage, true, points=True).points
+    rng = np.random.default_rng(8)
+    measured = [
+        series_of(
+            'point', name, robot.times,
+            points[:, 'ABCDEFGH'.index(name)] + rng.normal(0.0, NOISE, (2000, 2)),
+            CrankSamples.of(robot.times, crank),
+        )
+        for name in 'HG'
+    ]  # fmt: skip
+    found = calibrate(DRAWN, measured)
+    assert math.degrees(found.dimension('backlash')[0]) == pytest.approx(-0.5, abs=0.02)
+    assert (np.abs(errors(found, robot)) < 5.0).all()
+
+
+def test_a_coarse_encoder_shows_as_noise_of_the_crank() -> None:
+    robot = Robot(phase=0.3)
+    step = math.tau / 4096
+    coarse = np.floor(robot.crank / step) * step + step / 2.0
+    measured = [
+        series_of(
+            'point', name, robot.times, robot.seen(name), CrankSamples.of(robot.times, coarse)
+        )
+        for name in 'HG'
+    ]
+    found = calibrate(DRAWN, measured)
+    assert found.crank_noise == pytest.approx(step / math.sqrt(12.0), rel=0.25)
+    assert (np.abs(errors(found, robot)) < 4.0).all()
+
+
+@pytest.mark.parametrize(
+    ('assembly', 'direction', 'words'),
+    [((1, -1), 1, r'assembly \[1, -1\]'), ((1, 1), -1, 'direction -1')],
+)
+def test_another_assembly_mode_or_direction_is_named(
+    assembly: tuple[int, int], direction: int, words: str
+) -> None:
+    leg = KlannGeometry(assembly=assembly).linkage
+    robot = Robot(leg, speed=1.3 * direction)
+    crank = CrankSamples.of(robot.times, abs(robot.crank))
+    measured = [series_of('point', n, robot.times, robot.seen(n), crank) for n in 'HG']
+    with pytest.raises(MeasurementError, match=words):
+        calibrate(DRAWN, measured)
+
+
+@pytest.mark.parametrize(
+    ('change', 'words'),
+    [
+        (lambda h: 1e3 * h, 'is it in millimetres'),
+        (lambda h: 0.0 * h + 0.3, 'point H moves by 0 m'),
+        (lambda h: h[np.random.default_rng(1).permutation(len(h))], 'are not those of this leg'),
+        (lambda h: h * (1.0, -1.0), 'are not those of this leg'),
+        (lambda h: h[:10], '10 samples have a crank angle at their stamp'),
+        (lambda h: h * np.nan, '0 samples have a crank angle at their stamp'),
+    ],
+)
+def test_what_is_no_measurement_of_this_leg_is_refused(change: Any, words: str) -> None:
+    robot = Robot()
+    values = change(robot.seen('H'))
+    crank = CrankSamples.of(robot.times, robot.crank)
+    foot = series_of('point', 'H', robot.times[: len(values)], values, crank)
+    with pytest.raises(MeasurementError, match=words):
+        calibrate(DRAWN, [foot])
+
+
+def test_a_crank_that_stands_calibrates_nothing() -> None:
+    with pytest.raises(MeasurementError, match='turn it fully'):
+        calibrate(DRAWN, Robot(speed=0.001).measured())
