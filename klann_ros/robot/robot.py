@@ -1,6 +1,6 @@
 """A robot: legs on a body, each with its crank."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, pi, sin
 
 from klann_ros.dynamics import Dynamics, GRAVITY, MassError, Masses
@@ -170,6 +170,31 @@ class Robot:
         if not named and all(leg.linkage == first.linkage for leg in self.legs):
             return first
         return named[0] if named else None
+
+    def built_as(self, built: 'Robot') -> 'Robot':
+        """
+        Return the robot with the dimensions and encoder zeros of a built one.
+
+        Parameters
+        ----------
+        built : Robot
+            Its legs by their names; a single unnamed one stands for all.
+
+        Raises
+        ------
+        ValueError
+            A leg is not in it, or is of another structure.
+
+        """
+        legs = []
+        for leg in self.legs:
+            own = built.leg(leg.name)
+            if own is None or own.linkage.structure != leg.linkage.structure:
+                name = leg.name or 'the leg'
+                msg = f'{built.source or built.name} does not have {name}, or as another linkage'
+                raise ValueError(msg)
+            legs.append(replace(leg, linkage=own.linkage, phase=own.phase))
+        return replace(self, legs=tuple(legs))
 
     def joint_names(self, separator: str) -> tuple[str, ...]:
         """

@@ -68,6 +68,10 @@ class Motors:
             _require(isfinite(factor), f'factor of {printable(joint)}', factor, 'finite')
 
 
+# Standard deviation of a point that a camera mistakes for another [m].
+OUTLIER_SIZE = 0.05
+
+
 @dataclass(frozen=True)
 class Sensors:
     """
@@ -89,6 +93,10 @@ class Sensors:
         Constant error of each component [m/s^2].
     orientation_noise : float
         About each axis [rad].
+    camera_noise : float
+        Of each coordinate of a measured point [m].
+    camera_outliers : float
+        Share of the measured points that are wrong, by some OUTLIER_SIZE.
 
     """
 
@@ -99,6 +107,8 @@ class Sensors:
     accelerometer_noise: float = 0.0
     accelerometer_offset: float = 0.0
     orientation_noise: float = 0.0
+    camera_noise: float = 0.0
+    camera_outliers: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse invalid noise."""

@@ -8,7 +8,18 @@ from klann_ros.sanitize.text import did_you_mean, printable, printable_line
 import numpy as np
 
 from .mjcf import FLAT, Floor, robot_mjcf
-from .parts import engine, Imu, MOTORS, Motors, SENSORS, Sensors, SimulatedCrank, Truth, TwinError
+from .parts import (
+    engine,
+    Imu,
+    MOTORS,
+    Motors,
+    OUTLIER_SIZE,
+    SENSORS,
+    Sensors,
+    SimulatedCrank,
+    Truth,
+    TwinError,
+)
 
 # For a walker: half of it changes the distance walked by 0.3 %, and takes twice as long [s].
 TIME_STEP = 1e-3
@@ -75,6 +86,7 @@ class Twin:
         mjcf: str = '',
     ) -> None:
         self.joints, self._motors, self._sensors = robot.crank_joints, motors, sensors
+        self._legs = robot.legs
         for joint in motors.factors:
             hint = did_you_mean(joint, self.joints)
             if joint not in self.joints:
@@ -181,6 +193,24 @@ class Twin:
         return {
             joint: SimulatedCrank(*pair) for joint, pair in zip(self.joints, pairs, strict=True)
         }
+
+    def points(self) -> dict[str, tuple[float, float]]:
+        """Return the moving points of each leg as cameras measure them, in its leg_plane [m]."""
+        sensors, names, places = self._sensors, [], []
+        for leg in self._legs:
+            plane = self._data.body(f'{leg.prefix}leg_plane')
+            axes = plane.xmat.reshape(3, 3)[:, :2]
+            structure = leg.linkage.structure
+            for point in structure.points:
+                if point not in structure.pivots:
+                    name = f'{leg.prefix}{point.lower()}'
+                    names.append(name)
+                    places.append((self._data.site(name).xpos - plane.xpos) @ axes)
+        seen = np.array(places)
+        seen += sensors.camera_noise * self._random.standard_normal(seen.shape)
+        wrong = self._random.random((len(seen), 1)) < sensors.camera_outliers
+        seen += wrong * OUTLIER_SIZE * self._random.standard_normal(seen.shape)
+        return {name: (x, y) for name, (x, y) in zip(names, seen.tolist(), strict=True)}
 
     def efforts(self) -> list[float]:
         """Return the torque of each joint's legs [N m], without the rotor's."""

@@ -14,6 +14,7 @@ def _number(name: str, default: float, what: str, least: float, most: float) -> 
 
 
 WORLD = (
+    Declaration('built', '', 'leg file with the lengths as built and the encoder zero'),
     _number('friction', _FLOOR.friction, "Coulomb's, of the feet on the floor", 0.0, 10.0),
     _number('slope', _FLOOR.slope, 'by how much the floor rises along x [rad]', -0.785, 0.785),
     _number('time_step', 0.0, 'of the engine [s]; 0: 1 ms, of a leg 0.2 ms', 0.0, 0.005),
@@ -49,9 +50,14 @@ READINGS = (
         100.0,
     ),
     _number('orientation_noise', 0.0, "standard deviation of the IMU's attitude [rad]", 0.0, 3.2),
+    _number('camera_noise', 1e-4, 'standard deviation of measured points [m]', 0.0, 1.0),
+    _number('camera_outliers', 0.0, 'share of measured points that are wrong', 0.0, 0.5),
     Declaration('seed', 0, 'of all noise', limits=(0, 2**31 - 1)),
 )
 OUTPUT = (
+    Declaration(
+        'cameras', False, 'whether cameras measure the moving points, as camera/LEG/POINT'
+    ),
     _number(
         'linear',
         0.0,

@@ -13,6 +13,7 @@ from klann_ros.nodes.parameters import declare, require, StartError, usage
 from klann_ros.nodes.process import arguments, run
 from klann_ros.nodes.raw_executor import RawCallbackGroup
 from klann_ros.nodes.solver.leg_parameters import declared_robot
+from klann_ros.robot import robot_of
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
@@ -62,6 +63,7 @@ class SimNode(Node):
             world=values['world_frame'],
             base=values['base_frame'],
             with_clock=values['use_clock'],
+            with_cameras=values['cameras'],
         )
         # Of all ticks, and the tick of the robot's start.
         self._tick = self._first = 0
@@ -90,6 +92,11 @@ class SimNode(Node):
 
     def _made(self, values: dict[str, Any]) -> Twin:
         robot = declared_robot(self)
+        try:
+            if values['built']:
+                robot = robot.built_as(robot_of(values['built']))
+        except ValueError as error:
+            raise StartError(f'built: {error}') from error
         try:
             return Twin(
                 robot,

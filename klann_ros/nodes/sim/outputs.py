@@ -4,12 +4,14 @@ from array import array
 from collections.abc import Sequence
 
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point, PointStamped
 from klann_ros.nodes.endpoints import create_publisher
 from klann_ros.twin import Imu, Sensors, SimulatedCrank, Truth, Twin
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu as ImuMessage, JointState
+from std_msgs.msg import Header
 
 
 class RobotOutputs:
@@ -28,17 +30,31 @@ class RobotOutputs:
         Frames of the ground truth and of the body.
     with_clock : bool
         Whether /clock is published as well.
+    with_cameras : bool
+        Whether the moving points of the legs are measured and published as well.
 
     """
 
     def __init__(
-        self, node: Node, twin: Twin, sensors: Sensors, *, world: str, base: str, with_clock: bool
+        self,
+        node: Node,
+        twin: Twin,
+        sensors: Sensors,
+        *,
+        world: str,
+        base: str,
+        with_clock: bool,
+        with_cameras: bool = False,
     ) -> None:
         self._twin = twin
         self._cranks = create_publisher(node, JointState, 'crank_state')
         self._imus = create_publisher(node, ImuMessage, 'imu')
         self._truths = create_publisher(node, Odometry, 'ground_truth')
         self._clock = create_publisher(node, Clock, '/clock') if with_clock else None
+        self._cameras = {
+            name: create_publisher(node, PointStamped, f'camera/{name}')
+            for name in (twin.points() if with_cameras else ())
+        }
         self._crank, self._imu, self._truth = JointState(), ImuMessage(), Odometry()
         self._crank.name = list(twin.joints)
         self._imu.header.frame_id = self._truth.child_frame_id = base
@@ -57,6 +73,11 @@ class RobotOutputs:
         self._publish_cranks(list(self._twin.cranks().values()))
         self._publish_imu(self._twin.imu())
         self._publish_truth(self._twin.truth())
+        if self._cameras:
+            for name, (x, y) in self._twin.points().items():
+                message = PointStamped(header=Header(stamp=stamp), point=Point(x=x, y=y))
+                message.header.frame_id = f'{name.rpartition("/")[0]}/leg_plane'.lstrip('/')
+                self._cameras[name].publish(message)
 
     def _publish_cranks(self, cranks: Sequence[SimulatedCrank]) -> None:
         self._crank.position = array('d', [crank.position for crank in cranks])

@@ -1,0 +1,61 @@
+"""A maker without hardware: a simulated leg with errors, its cameras, a run, its calibration."""
+
+import json
+from pathlib import Path
+
+from geometry_msgs.msg import PointStamped
+from klann_ros.calibration.command import main
+from klann_ros.robot import robot_of
+import pytest
+from ros_domain import Domain
+from sensor_msgs.msg import JointState
+
+CONFIG = Path(__file__).resolve().parents[3] / 'config'
+BUILT = CONFIG / 'sem104_built.yaml'
+
+
+def test_the_leg_as_built_is_found_in_a_run_of_its_cameras(ros: Domain, tmp_path: Path) -> None:
+    probe = ros.probe
+    states: list[JointState] = probe.listen(JointState, 'crank_state')
+    feet: list[PointStamped] = probe.listen(PointStamped, 'camera/h')
+    file = ['--params-file', str(CONFIG / 'sem104.yaml')]
+    given = {'built': BUILT, 'cameras': True, 'camera_outliers': 0.02, 'seed': 5, 'rate': 200.0}
+    words = [word for name, value in given.items() for word in ('-p', f'{name}:={value}')]
+    ros.start_by([], 'sim_node', '--ros-args', *file, *words)
+    run = tmp_path / 'run'
+    options = ['-p', f'output:={run}', '-p', 'all_topics:=true']
+    recorder = ros.start_by([], 'recorder_node', '--ros-args', *options)
+    probe.until(lambda: feet and run.exists())
+    commands = probe.publisher(JointState, 'crank_command')
+
+    def turned() -> bool:
+        commands.publish(JointState(name=['crank'], position=[0.0], velocity=[3.0]))
+        return bool(states) and states[-1].position[0] > 7.0
+
+    probe.until(turned)
+    assert feet[-1].header.frame_id == 'leg_plane'
+    assert recorder.stop() == 0
+    numbers, built = tmp_path / 'c.json', tmp_path / 'built.yaml'
+    asked = [str(run), '--leg', 'sem104', '--point', 'H=/camera/h', '--point', 'G=/camera/g']
+    assert main([*asked, '--json', str(numbers), '-o', str(built)]) == 0
+    found, true = json.loads(numbers.read_text()), robot_of(str(BUILT)).legs[0]
+    for name, each in found['dimensions'].items():
+        assert abs(each['value'] - true.linkage.dimensions[name]) < 5.0 * each['standard_error']
+    assert found['phase']['value'] == pytest.approx(true.phase, abs=1e-3)
+    assert found['points']['H']['rejected'] > 0
+
+
+@pytest.mark.parametrize(
+    ('built', 'reason'),
+    [
+        ('/nowhere.yaml', 'built: /nowhere.yaml cannot be read'),
+        ('jansen', 'built: '),
+        (str(CONFIG / 'motor_example.yaml'), 'holds no robot'),
+    ],
+)
+def test_what_is_no_built_leg_ends_it_with_one_line(ros: Domain, built: str, reason: str) -> None:
+    file = ['--params-file', str(CONFIG / 'sem104.yaml')]
+    process = ros.start_by([], 'sim_node', '--ros-args', *file, '-p', f'built:={built}')
+    assert process.wait() == 1
+    assert reason in process.errors
+    assert process.errors.count('\n') == 1
