@@ -10,7 +10,7 @@ from math import copysign, pi
 from .steering import Twist2D
 
 # The largest correction, as a part of the command; and the largest lag, as a multiple of that.
-MAX_SHARE, MAX_WINDUP = 0.5, 3.0
+MAX_SHARE, MAX_WINDUP = 0.5, 6.0
 # K of the yaw rate, as a multiple of that of the speed: in curves, whose yaw comes in bursts, and
 # on the spot, where it comes evenly. Chosen in MuJoCo, as those of `turn_plan`.
 CURVE_GAIN, SPOT_GAIN = 0.5, 2.0

@@ -1,7 +1,9 @@
 """A walker as its node has it: controller, odometry, and the diagnostics of both."""
 
 from collections.abc import Mapping
-from math import inf, nan
+from math import cos, inf, nan, pi, sin
+
+from klann_ros.kinematics.angles import TURN
 
 from .controller import ControllerSettings, Level, WalkController
 from .imu import ImuReading
@@ -54,6 +56,7 @@ class Walker:
         self._imu_age = Watchdog(steady)
         self._jumps = 0
         self._at: float | None = None
+        self._estimate: OdometryEstimate | None = None
 
     def imu(self, reading: ImuReading, now: float, variance: float = 0.0) -> None:
         """Take a reading of an IMU on base_link."""
@@ -91,7 +94,9 @@ class Walker:
         seconds = 0.0 if self._at is None else at - self._at
         self._at = at
         found = self.odometry.update(controller.positions, controller.velocities, seconds)
-        controller.measured(Twist2D(found.linear[0], found.angular), seconds)
+        if self._estimate is not None and seconds > 0.0:
+            controller.measured(_mean_motion(self._estimate, found, seconds), seconds)
+        self._estimate = found
         return found
 
     def verdict(self, now: float) -> tuple[Level, str]:
@@ -133,3 +138,12 @@ class Walker:
         found['imu'] = 'used' if has_imu else 'none'
         found['accelerometer'] = self.odometry.accelerometer_state if has_imu else 'none'
         return found
+
+
+def _mean_motion(before: OdometryEstimate, after: OdometryEstimate, seconds: float) -> Twist2D:
+    """Return the mean motion from pose to pose: velocities at instants would miss impacts."""
+    turned = (after.yaw - before.yaw + pi) % TURN - pi
+    middle = before.yaw + turned / 2.0
+    dx, dy = after.x - before.x, after.y - before.y
+    forwards = dx * cos(middle) + dy * sin(middle)
+    return Twist2D(forwards / seconds, turned / seconds)
