@@ -287,9 +287,9 @@ def walk_figures(sheet: DataSheet) -> Iterator[Figure]:
     yield Figure('Stride', millimetres(walk.stride), 'mm', 'a turn of the cranks')
     note = 'of the centre of mass in the support polygon; negative is outside'
     yield Figure('Least static margin', millimetres(walk.least_margin), 'mm', note)
-    yield Figure('Statically stable', f'{100.0 * walk.rests:.1f}', '%', 'of the turn')
-    if walk.rests:
-        yield Figure('Height variation', millimetres(walk.bob), 'mm', 'of the body')
+    yield Figure('Statically stable', f'{100.0 * walk.stable_fraction:.1f}', '%', 'of the turn')
+    if walk.stable_fraction:
+        yield Figure('Height variation', millimetres(walk.height_variation), 'mm', 'of the body')
         yield Figure('Pitch', degree(walk.greatest_pitch, 2), 'deg', 'at most')
         yield Figure('Roll', degree(walk.greatest_roll, 2), 'deg', 'at most')
     yield Figure('Foot slip', millimetres(walk.slid), 'mm', 'a turn, weighted by load')
@@ -299,7 +299,7 @@ def supports(sheet: DataSheet) -> Table | None:
     """Return the table of a walker's support patterns."""
     if sheet.walk is None:
         return None
-    shares = sheet.walk.on()
+    shares = sheet.walk.support_patterns()
     rows = [
         (f'{100.0 * share:.1f}', str(len(feet)), ', '.join(feet) or 'unstable')
         for feet, share in list(shares.items())[:MAX_PATTERNS]

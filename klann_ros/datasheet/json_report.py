@@ -166,15 +166,17 @@ def _walk(sheet: DataSheet) -> dict[str, Any] | None:
     walk = sheet.walk
     if walk is None:
         return {'no_walk': sheet.no_walk} if sheet.no_walk else None
-    is_stable = walk.rests > 0.0
+    is_stable = walk.stable_fraction > 0.0
     return {
         'speed': walk.speed * sheet.speed,
         **_values(walk, ('stride', 'least_margin')),
-        'stable_fraction': walk.rests,
+        'stable_fraction': walk.stable_fraction,
         'warnings': walk.warnings,
-        'height_variation': walk.bob if is_stable else None,
+        'height_variation': walk.height_variation if is_stable else None,
         'pitch': walk.greatest_pitch if is_stable else None,
         'roll': walk.greatest_roll if is_stable else None,
         'foot_slip': walk.slid,
-        'supports': [{'legs': feet, 'fraction': part} for feet, part in walk.on().items()],
+        'supports': [
+            {'legs': feet, 'fraction': part} for feet, part in walk.support_patterns().items()
+        ],
     }

@@ -284,7 +284,7 @@ def _walking(sheet: DataSheet) -> Markup:
             'The centre of mass in the support polygon; negative is outside.',
         )
     ]
-    if walk.rests:
+    if walk.stable_fraction:
         height = ChartLine('above its mean', 1e3 * (walk.height - np.nanmean(walk.height)))
         curves.append(('Height of the body', height, 'The height of the body from its mean.'))
     charts = (

@@ -7,11 +7,11 @@ rates of the cranks and back. A `Walker` is what walker_node is around: a `WalkC
 phase lock, what stops it) and an `Odometry` (where it is, and how far that may be off).
 """
 
-from .controller import ControllerSettings, Level, WalkController
+from .controller import ControllerSettings, DiagnosticLevel, WalkController
 from .feet import Feet, NoWalkerError
 from .figures import GaitFigures, walk_figures
 from .imu import imu_reading, ImuReading
-from .limits import MotionLimits
+from .motion import MotionLimits
 from .odometry import Odometry, OdometryEstimate, OdometryNoise
 from .phase_lock import CrankCommand, PhaseLock
 from .steering import Rates, Steering, Twist2D
@@ -20,10 +20,10 @@ from .walker import Walker
 __all__ = [
     'ControllerSettings',
     'CrankCommand',
+    'DiagnosticLevel',
     'Feet',
     'GaitFigures',
     'ImuReading',
-    'Level',
     'MotionLimits',
     'NoWalkerError',
     'Odometry',

@@ -7,12 +7,10 @@ from enum import Enum
 from functools import lru_cache
 from math import degrees, inf, isfinite
 
-from .feedback import CrankFeedback
-from .limits import MotionLimits
-from .motion_feedback import MotionFeedback
+from .feedback import Backlog, CrankFeedback, SteadyClock, Watchdog
+from .motion import MotionFeedback, MotionLimits
 from .phase_lock import CrankCommand, INTEGRAL, PhaseLock, PROPORTIONAL
 from .steering import Rates, Steering, Twist2D
-from .watchdog import Backlog, SteadyClock, Watchdog
 
 # A crank is blocked if its rate stays below this part of the commanded one for this time [s].
 BLOCKED_RATIO, BLOCKED_TIME = 0.1, 0.5
@@ -30,7 +28,7 @@ STANDS = Twist2D(0.0, 0.0)
 MAX_CRANK_ACCELERATION = 15.0
 
 
-class Level(Enum):
+class DiagnosticLevel(Enum):
     """The level of a diagnostic status."""
 
     OK = 0
@@ -389,22 +387,25 @@ class WalkController:
         timeout = self._settings.feedback_timeout
         return [crank.joint for crank in self.cranks if crank.age(now) > timeout]
 
-    def verdict(self, now: float) -> tuple[Level, str]:
+    def verdict(self, now: float) -> tuple[DiagnosticLevel, str]:
         """Return the level, and the most important message."""
         stopped = self._stopped_by(now)
         if stopped:
-            return Level.ERROR, f'stopped: {stopped}'
+            return DiagnosticLevel.ERROR, f'stopped: {stopped}'
         if self._event_age.age(now) < EVENT_TIME:
-            return Level.WARN, self._event
+            return DiagnosticLevel.WARN, self._event
         if self.lock.rate_scale < 1.0 and self.motion != STANDS:
             k = max(range(len(self.cranks)), key=lambda k: abs(self.lock.errors[k]))
             lag = degrees(abs(self.lock.errors[k]))
-            return Level.WARN, f'slowing down: {self.cranks[k].joint} lags by {lag:.0f} deg'
+            return (
+                DiagnosticLevel.WARN,
+                f'slowing down: {self.cranks[k].joint} lags by {lag:.0f} deg',
+            )
         if self.limits_hit:
-            return Level.WARN, f'cmd_vel is limited by {", ".join(self.limits_hit)}'
+            return DiagnosticLevel.WARN, f'cmd_vel is limited by {", ".join(self.limits_hit)}'
         if self.motion == STANDS:
-            return Level.OK, f'standing{": no cmd_vel" * self._is_command_old(now)}'
-        return Level.OK, 'walking'
+            return DiagnosticLevel.OK, f'standing{": no cmd_vel" * self._is_command_old(now)}'
+        return DiagnosticLevel.OK, 'walking'
 
     def _stopped_by(self, now: float) -> str:
         silent = self.timed_out_joints(now)

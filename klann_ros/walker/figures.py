@@ -16,7 +16,7 @@ from .support import Support, supports, to_polygon
 Array = NDArray[np.float64]
 TURN_SAMPLES = 720
 # A walker that rests for less of a turn is unstable.
-MIN_RESTS = 0.5
+MIN_STABLE_FRACTION = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class GaitFigures:
         return float(self.advance[-1, 2])
 
     @property
-    def bob(self) -> float:
+    def height_variation(self) -> float:
         """Return how far the body goes up and down [m]."""
         return float(np.nanmax(self.height) - np.nanmin(self.height))
 
@@ -94,7 +94,7 @@ class GaitFigures:
         return float(self.margin.min())
 
     @property
-    def rests(self) -> float:
+    def stable_fraction(self) -> float:
         """Return the part of the turn during which the body rests on its feet."""
         return float(np.mean(self.margin >= 0.0))
 
@@ -102,14 +102,14 @@ class GaitFigures:
     def warnings(self) -> list[str]:
         """Return the warnings about the walker, a line each."""
         unstable = (
-            f'it is statically unstable for {1.0 - self.rests:.0%} of a turn: its centre of '
-            'mass is not above its feet; check body_centre, mount_xyz and phase'
+            f'it is statically unstable for {1.0 - self.stable_fraction:.0%} of a turn: '
+            'its centre of mass is not above its feet; check body_centre, mount_xyz and phase'
         )
         backwards = (
             'it walks backwards: its feet on the ground move forwards in base_link where '
             'their stance moves back; check mount_rpy (x forward, y left, z up) and direction'
         )
-        if self.rests < MIN_RESTS:
+        if self.stable_fraction < MIN_STABLE_FRACTION:
             return [unstable]
         return [backwards] if self.speed < 0.0 else []
 
@@ -118,7 +118,7 @@ class GaitFigures:
         """Return the part of the turn during which each foot carries weight, shape (n,)."""
         return np.asarray((self.loads > 0.0).mean(axis=0), dtype=np.float64)
 
-    def on(self) -> dict[tuple[str, ...], float]:
+    def support_patterns(self) -> dict[tuple[str, ...], float]:
         """Return the part of the turn on each group of feet, the longest first."""
         groups, counts = np.unique(self.loads > 0.0, axis=0, return_counts=True)
         order = np.argsort(-counts, kind='stable')

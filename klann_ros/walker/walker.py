@@ -5,11 +5,11 @@ from math import cos, inf, nan, pi, sin
 
 from klann_ros.kinematics.angles import TURN
 
-from .controller import ControllerSettings, Level, WalkController
+from .controller import ControllerSettings, DiagnosticLevel, WalkController
+from .feedback import SteadyClock, Watchdog
 from .imu import ImuReading
 from .odometry import Odometry, OdometryEstimate, OdometryNoise
 from .steering import Steering, Twist2D
-from .watchdog import SteadyClock, Watchdog
 
 
 class Walker:
@@ -99,12 +99,12 @@ class Walker:
         self._estimate = found
         return found
 
-    def verdict(self, now: float) -> tuple[Level, str]:
+    def verdict(self, now: float) -> tuple[DiagnosticLevel, str]:
         """Return the level, and the most important message."""
         level, text = self.controller.verdict(now)
         known = all(crank.is_known for crank in self.controller.cranks)
-        if level == Level.OK and known and self.odometry.support is None:
-            return Level.WARN, f'{text}; its centre of mass is not above its feet'
+        if level == DiagnosticLevel.OK and known and self.odometry.support is None:
+            return DiagnosticLevel.WARN, f'{text}; its centre of mass is not above its feet'
         return level, text
 
     def values(self, now: float) -> dict[str, str]:

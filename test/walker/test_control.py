@@ -9,8 +9,8 @@ from hypothesis import given, settings, strategies as st
 from klann_ros.robot import robot_of
 from klann_ros.walker import (
     ControllerSettings,
+    DiagnosticLevel,
     Feet,
-    Level,
     MotionLimits,
     Rates,
     Steering,
@@ -21,7 +21,7 @@ from klann_ros.walker import (
 from klann_ros.walker.controller import STANDS
 from klann_ros.walker.feedback import CrankFeedback
 from klann_ros.walker.gait_map import MAP_POINTS, phase_map
-from klann_ros.walker.motion_feedback import MotionFeedback
+from klann_ros.walker.motion import MotionFeedback
 from klann_ros.walker.phase_lock import PhaseLock
 from klann_ros.walker.turn_plan import TurnPlan
 import numpy as np
@@ -106,7 +106,7 @@ class Bench:
         return degrees(abs(self.positions[0] - self.positions[1]))
 
     @property
-    def verdict(self) -> tuple[Level, str]:
+    def verdict(self) -> tuple[DiagnosticLevel, str]:
         return self.control.verdict(self.now)
 
 
@@ -232,7 +232,7 @@ def test_motors_five_percent_apart_keep_their_phases(steering: Steering) -> None
     bench = Bench(steering, [1.0, 0.95]).run(2.0 * pi)
     assert bench.run(12.0).worst < 0.02
     assert bench.apart < 1.0
-    assert bench.verdict == (Level.OK, 'walking')
+    assert bench.verdict == (DiagnosticLevel.OK, 'walking')
 
 
 def test_without_the_lock_they_do_not(steering: Steering) -> None:
@@ -279,7 +279,7 @@ def test_a_curve_that_is_too_fast_stays_the_same_curve(steering: Steering) -> No
     assert motion.angular / motion.linear == pytest.approx(0.5)
     assert max(map(abs, bench.rates)) <= 1.0
     level, text = bench.verdict
-    assert level == Level.WARN
+    assert level == DiagnosticLevel.WARN
     assert 'limited by max_linear' in text
 
 
@@ -332,7 +332,7 @@ def test_a_command_that_is_old_stops_it(steering: Steering) -> None:
     assert min(bench.rates) > 0.5
     bench.run(1.0)
     assert bench.rates == [0.0, 0.0]
-    assert bench.verdict == (Level.OK, 'standing: no cmd_vel')
+    assert bench.verdict == (DiagnosticLevel.OK, 'standing: no cmd_vel')
 
 
 def test_a_command_that_comes_late_is_none(steering: Steering) -> None:
@@ -348,12 +348,12 @@ def test_a_crank_that_falls_silent_stops_all_and_is_named(steering: Steering) ->
     bench.run(0.5)
     assert bench.rates == [0.0, 0.0]
     level, text = bench.verdict
-    assert level == Level.ERROR
+    assert level == DiagnosticLevel.ERROR
     assert 'no feedback of right_crank' in text
     bench.heard = [True, True]
     bench.run(2.0)
     assert min(bench.rates) > 0.5
-    assert bench.verdict[0] == Level.OK
+    assert bench.verdict[0] == DiagnosticLevel.OK
 
 
 def test_before_it_hears_of_every_crank_it_commands_nothing(steering: Steering) -> None:
@@ -370,7 +370,7 @@ def test_a_crank_that_is_blocked_stops_all_until_it_is_let_go(steering: Steering
     bench.run(2.0)
     assert bench.rates[0] == 0.0
     level, text = bench.verdict
-    assert level == Level.ERROR
+    assert level == DiagnosticLevel.ERROR
     assert 'right_crank does not turn' in text
     # The other one has waited for it.
     assert bench.apart < 25.0
@@ -400,7 +400,7 @@ def test_a_glitch_of_an_encoder_is_no_jump(steering: Steering) -> None:
     bench.shift = 0.0
     assert degrees(bench.run(1.0).worst) < 2.0
     assert bench.control.cranks[1].jumps == 1
-    assert bench.verdict[0] == Level.OK
+    assert bench.verdict[0] == DiagnosticLevel.OK
 
 
 @pytest.mark.parametrize('shift', [0.3, 1.5])
@@ -420,7 +420,7 @@ def test_an_encoder_that_jumps_is_believed_and_told(steering: Steering) -> None:
     bench.shift = 1.0
     bench.run(0.5)
     level, text = bench.verdict
-    assert level == Level.WARN
+    assert level == DiagnosticLevel.WARN
     assert 'right_crank: position offset of' in text
     # No motor is whipped round.
     assert max(map(abs, bench.rates)) < 1.5
@@ -622,4 +622,4 @@ def test_settings_change_while_it_walks(steering: Steering) -> None:
 def test_time_that_goes_back_begins_anew(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 1.0]).run(2.0)
     bench.now = 0.0
-    assert bench.run(2.0).verdict == (Level.OK, 'walking')
+    assert bench.run(2.0).verdict == (DiagnosticLevel.OK, 'walking')

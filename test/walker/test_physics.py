@@ -3,7 +3,7 @@
 from math import atan2, degrees, hypot
 
 from klann_ros.twin import Floor, Motors, Sensors, Twin
-from klann_ros.walker import Feet, imu_reading, Level, Steering, Walker
+from klann_ros.walker import DiagnosticLevel, Feet, imu_reading, Steering, Walker
 import pytest
 
 pytest.importorskip('mujoco')
@@ -34,7 +34,7 @@ class Walked:
         )
         walker = Walker(steering)
         self.tilt = self.path = 0.0
-        self.verdicts: list[tuple[Level, str]] = []
+        self.verdicts: list[tuple[DiagnosticLevel, str]] = []
         begin = last = twin.truth()
         for k in range(round((stands + seconds) / PERIOD)):
             now = k * PERIOD
@@ -103,7 +103,7 @@ def test_on_the_spot_an_imu_tells_the_yaw_and_its_momentum_where_it_is(
 def test_a_blocked_crank_stops_all_and_is_named(simulated: Steering) -> None:
     walked = Walked(simulated, (0.1, 0.0), 2.0, right_motor=0.0)
     level, text = walked.verdicts[-1]
-    assert level == Level.ERROR
+    assert level == DiagnosticLevel.ERROR
     assert 'right_crank does not turn' in text
     assert walked.rates == pytest.approx([0.0, 0.0], abs=0.02)
     assert walked.tilt < 10.0
@@ -112,7 +112,7 @@ def test_a_blocked_crank_stops_all_and_is_named(simulated: Steering) -> None:
 def test_an_encoder_that_jumps_is_named_and_it_walks_on(simulated: Steering) -> None:
     walked = Walked(simulated, (0.1, 0.0), 3.0, left_jump=1.0)
     level, text = walked.verdicts[-1]
-    assert level == Level.WARN
+    assert level == DiagnosticLevel.WARN
     assert 'left_crank: position offset of +1.0' in text
     assert min(walked.rates) > 0.3
     assert walked.tilt < 10.0

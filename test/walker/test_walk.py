@@ -39,11 +39,11 @@ def test_walker6_walks_as_its_stance_predicts(walk: GaitFigures) -> None:
 
 
 def test_walker6_lies_on_its_feet_as_its_file_says(walk: GaitFigures) -> None:
-    tripods = sum(list(walk.on().values())[:2])
+    tripods = sum(list(walk.support_patterns().values())[:2])
     assert tripods == pytest.approx(0.978, abs=0.001)
-    assert walk.rests == 1.0
+    assert walk.stable_fraction == 1.0
     assert np.degrees([walk.greatest_pitch, walk.greatest_roll]).max() < 1.0
-    assert walk.bob == pytest.approx(0.019, abs=0.0005)
+    assert walk.height_variation == pytest.approx(0.019, abs=0.0005)
     assert walk.standing == pytest.approx(np.full(6, 0.5), abs=0.003)
 
 

@@ -4,14 +4,14 @@ from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from klann_ros.nodes.endpoints import create_publisher
-from klann_ros.walker import Level, Walker
+from klann_ros.walker import DiagnosticLevel, Walker
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 _LEVELS = {
-    Level.OK: DiagnosticStatus.OK,
-    Level.WARN: DiagnosticStatus.WARN,
-    Level.ERROR: DiagnosticStatus.ERROR,
+    DiagnosticLevel.OK: DiagnosticStatus.OK,
+    DiagnosticLevel.WARN: DiagnosticStatus.WARN,
+    DiagnosticLevel.ERROR: DiagnosticStatus.ERROR,
 }
 
 
