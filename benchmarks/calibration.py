@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 import math
 import time
+from typing import Any
 
 from klann_ros.calibration import calibrate, Calibration, CrankSamples, Series, series_of
 from klann_ros.kinematics import (
@@ -187,7 +188,7 @@ def side_by_side() -> bool:
             def residuals(x: np.ndarray) -> np.ndarray:
                 numbers = dict(zip(drawn.dimensions, x[:-1].tolist(), strict=True))
                 geometry = KlannGeometry(**numbers)
-                points = klann_poses(geometry, times + x[-1], points=True).points
+                points: Any = klann_poses(geometry, times + x[-1], points=True).points
                 return np.concatenate(
                     [
                         (points[:, 'ABCDEFGH'.index(p)] - s).ravel()

@@ -133,6 +133,8 @@ POINT_DECODERS: Mapping[str, Decode] = {
     TRANSFORMS: _transforms,
     'visualization_msgs/msg/Marker': _marker,
 }
+# Types with several points under names: those of computed frames and drawings, too.
+FRAMED_TYPES = (TRANSFORMS, 'visualization_msgs/msg/Marker')
 NUMBER_DECODERS: Mapping[str, Decode] = {JOINTS: _joints, FLOAT: _float}
 
 

@@ -26,7 +26,10 @@ ALLOWED = {
     'sweeps': {'sanitize', 'engines', 'kinematics'},
     'plotting': {'kinematics'},
     'web': {'sanitize', 'kinematics'},
-    'review': {'sanitize', 'engines', 'kinematics', 'dynamics', 'robot', 'plotting', 'log', 'web'},
+    'review': {
+        *('sanitize', 'engines', 'kinematics', 'dynamics', 'robot', 'plotting', 'log', 'web'),
+        'calibration',
+    },
     'export': {'sanitize', 'kinematics', 'dynamics', 'plotting', 'robot', 'twin'},
     'live': {'sanitize', 'kinematics', 'log', 'robot', 'review', 'web'},
     'datasheet': {'sanitize', 'kinematics', 'dynamics', 'robot', 'walker', 'web'},

@@ -7,6 +7,7 @@ from klann_ros.review.model.review import Finding, Review
 
 from .clocks import check_clocks, check_order
 from .completeness import check_container, check_gaps, check_losses, check_recorder_findings
+from .dimensions import check_dimensions
 from .motion import check_motion, check_walking
 from .poses import check_answers, check_poses, check_solvers
 from .torques import check_torques
@@ -24,6 +25,7 @@ CHECKS: tuple[Check, ...] = (
     check_clocks,
     check_motion,
     check_torques,
+    check_dimensions,
     check_walking,
     check_recorder_findings,
 )

@@ -34,7 +34,13 @@ import numpy as np
 
 from .geometry import Descriptions, Metadata, solver_records, with_dynamics
 from .legs import ALL_JOINTS, LegCollector
-from .series import ArrayPool, ClockCollector, IterationCollector, WalkCollector
+from .series import (
+    ArrayPool,
+    ClockCollector,
+    IterationCollector,
+    PointCollector,
+    WalkCollector,
+)
 from .topics import recorded_losses, TopicCollector
 
 RecordT = TypeVar('RecordT')
@@ -85,7 +91,7 @@ def load(
     records = solver_records(log.metadata)
     legs_ = LegCollector(records, robot, rates=rates)
     topics_, iterations, descriptions = TopicCollector(), IterationCollector(), Descriptions()
-    walks, simulated = WalkCollector(), ClockCollector()
+    walks, simulated, points = WalkCollector(), ClockCollector(), PointCollector()
     for block in log.blocks(progress):
         for topic, rows in by_topic(block):
             topics_.add(topic, block, rows)
@@ -94,6 +100,7 @@ def load(
             descriptions.add(topic, block, rows)
             simulated.add(topic, block, rows)
             walks.add(topic, block, rows, pieces)
+            points.add(topic, block, rows)
     # Damage is known after reading only.
     pauses = [*_records(log, PAUSE_RECORD, recorded_pause)]
     # After a stall of the recorder, the solver needs time to answer.
@@ -124,6 +131,7 @@ def load(
         stopped=_file_faults(log, 'stopped'),
         file_fault=_file_faults(log, 'faults'),
         drives=tuple(_drives(legs_, legs, shared)),
+        measured=points.series(shared),
         recorder_findings=tuple(_records(log, FINDING_RECORD, recorded_finding)),
     )
 

@@ -4,8 +4,10 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import partial
+import struct
 from typing import Any
 
+from klann_ros.calibration.load import COMPUTED_TOPICS, FRAMED_TYPES, POINT_DECODERS
 from klann_ros.kinematics.arrays import FloatArray, IndexArray, IntArray
 from klann_ros.log.read.block import MessageBlock
 from klann_ros.log.records import Topic
@@ -17,6 +19,8 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from .decode import COMMAND, DecodedRows, decoder, JOINT_STATE, ODOMETRY, TopicReader
 
 _INITIAL_ROWS = 1024
+# Measured points of a topic that a review reads.
+MAX_MEASURED = 20_000
 
 
 class GrowingArray:
@@ -87,6 +91,33 @@ class SeriesColumns:
             order = np.argsort(times, kind='stable')
             times, stamps, values = times[order], stamps[order], values[order]
         return Series(shared.one(times), shared.one(stamps), values)
+
+
+class PointCollector:
+    """Collects points that somebody measured, by their topics; computed ones are left out."""
+
+    def __init__(self) -> None:
+        self._columns: dict[str, SeriesColumns] = defaultdict(partial(SeriesColumns, 2))
+        self._counts: dict[str, int] = defaultdict(int)
+
+    def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> None:
+        """Add a topic's messages in a block, up to a number of each topic."""
+        decode = POINT_DECODERS.get(topic.type)
+        last = topic.name.rpartition('/')[2]
+        if decode is None or topic.type in FRAMED_TYPES or last in COMPUTED_TOPICS:
+            return
+        rows = rows[: max(0, MAX_MEASURED - self._counts[topic.name])]
+        self._counts[topic.name] += len(rows)
+        for row in rows.tolist():
+            with suppress(ValueError, struct.error):
+                for _, stamp, values, _ in decode(block.message(row)):
+                    time = nanoseconds(block.heads['log_time'][[row]])
+                    point = np.array([values[:2]])
+                    self._columns[topic.name].add(time, np.array([stamp or time[0]]), point)
+
+    def series(self, shared: ArrayPool) -> dict[str, Series]:
+        """Return the points by topic."""
+        return {name: columns.series(shared) for name, columns in self._columns.items()}
 
 
 STATE = 'crank_state'

@@ -156,6 +156,8 @@ class RunRecording:
     # Simulated time by log times, values of shape (k, 0); empty without /clock.
     clock: Series = field(default_factory=lambda: no_series(0))
     recorder_findings: tuple[RecordedFinding, ...] = ()  # made during the recording
+    # Measured points by topic: x and y [m], values of shape (k, 2).
+    measured: Mapping[str, Series] = field(default_factory=dict)
 
     @property
     def duration(self) -> float:
