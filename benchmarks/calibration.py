@@ -149,7 +149,7 @@ def count(name: str, robots: int, jobs: int) -> bool:
     within = float(np.mean(np.abs(ratios) < 1.96))
     chi2 = np.array([each.chi2_dof for each in found])
     outliers = float(np.median([each.with_outliers for each in found]))
-    held_out = float(np.max([each.held_out for each in found]))
+    held_out = float(np.mean([each.held_out for each in found]))
     print(
         f'{name:14} {robots:4} robots, {100.0 * within:5.1f} % within 1.96 sigma, chi2/dof '
         f'{chi2.mean():.3f} ({chi2.min():.3f} .. {chi2.max():.3f}), held-out foot {held_out:.3f} '

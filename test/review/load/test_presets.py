@@ -50,6 +50,9 @@ def parameters_of(path: Path) -> dict:
     return {**geometry, **flat(content['ros__parameters'])}
 
 
+_DRIVE = (('direction', 1), ('phase', 0.0))
+
+
 def legs_of(parameters: dict) -> dict:
     """Return each leg with its direction and phase."""
     if LINKAGE_PARAMETER in parameters:
@@ -57,7 +60,10 @@ def legs_of(parameters: dict) -> dict:
     names = (*NUMBERS, 'assembly')
     leg = KlannLeg(KlannGeometry(**{name: parameters[name] for name in names}))
     return {
-        name: (leg, parameters.get(f'{name}.direction', 1), parameters.get(f'{name}.phase', 0.0))
+        name: (
+            leg,
+            *(parameters.get(f'{name}.{key}'.strip('.'), default) for key, default in _DRIVE),
+        )
         for name in parameters.get('legs', [''])
     }
 
