@@ -108,8 +108,9 @@ class WalkController:
     ) -> None:
         self.steering, self._settings = steering, settings
         feet = steering.feet
-        # Half a second that the first command need not wait for.
-        steering.rates(STANDS)
+        # Half a second that the first turn need not wait for.
+        if steering.can_turn:
+            steering.prepare()
         self.cranks = [CrankFeedback(joint, 4.0 * self._max_rate, steady) for joint in feet.joints]
         self.lock = PhaseLock(feet.senses.tolist(), feet.sides.tolist(), **self._gains)
         self.motion_feedback = MotionFeedback(settings.motion_gain, steering.speed)

@@ -139,6 +139,11 @@ class Steering:
         """Return the rates for turning, by phase."""
         return TurnPlan(self._maps[0][..., 0], self._maps[1][..., 1])
 
+    def prepare(self) -> None:
+        """Compute what is computed once."""
+        self.rates(Twist2D(self.speed, 1.0))
+        self.turn_plan.rates(0.0, 0.0, 0.0, 0.0)
+
     def motion(self, rates: Rates) -> Twist2D:
         """Return how the body moves at rates of the sides."""
         walking, turning = (rates.left + rates.right) / 2.0, (rates.right - rates.left) / 2.0

@@ -222,6 +222,13 @@ def test_in_a_curve_the_plan_has_the_commanded_means(steering: Steering, wanted:
     assert (linear / seconds, angular / seconds) == pytest.approx(tuple(wanted), rel=0.15)
 
 
+def test_no_command_waits_for_what_is_computed_once(two_motors: Feet) -> None:
+    WalkController(steering := Steering(two_motors), ControllerSettings())
+    computed = set(vars(steering))
+    steering.planned_rates(Twist2D(0.1, 0.05), [0.0, 0.0])
+    assert set(vars(steering)) == computed
+
+
 def test_legs_that_cannot_turn_it_have_no_plan() -> None:
     zero, one = np.zeros((8, 8)), np.ones((8, 8))
     assert not TurnPlan(one, zero).is_possible
