@@ -40,7 +40,7 @@ class DiagnosticLevel(Enum):
 @dataclass(frozen=True)
 class ControllerSettings:
     """
-    ControllerSettings of the controller.
+    Limits, timeouts and gains of the controller.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class WalkController:
     limits_hit : list of str
         Active limits.
     events : deque of str
-        What the log should have; whoever logs takes them out.
+        Events to be logged; the logger removes them.
 
     """
 
