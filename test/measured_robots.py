@@ -9,6 +9,7 @@ from typing import Any
 from klann_ros.calibration import CrankSamples, Series, series_of
 from klann_ros.kinematics import KlannGeometry, Linkage, linkage_poses
 from klann_ros.log.records import Message, Topic
+from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
 from klann_ros.log.write.writer import RunWriter
 from leg_runs import START, STORE
 import numpy as np
@@ -174,7 +175,11 @@ def message(  # noqa: PLR0911 - a type each
     return make(kind, data=float(place))
 
 
-def write_run(folder: Path, topics: Mapping[str, tuple[str, Sequence[tuple[float, Any]]]]) -> Path:
+def write_run(
+    folder: Path,
+    topics: Mapping[str, tuple[str, Sequence[tuple[float, Any]]]],
+    parameters: Mapping[str, Any] | None = None,
+) -> Path:
     """Write a run: of each topic its type, and its stamps [s] with their content."""
     rows = [
         (round(time * 1e9) + START, name, kind, place)
@@ -182,6 +187,9 @@ def write_run(folder: Path, topics: Mapping[str, tuple[str, Sequence[tuple[float
         for time, place in content
     ]
     with RunWriter(folder) as run:
+        if parameters is not None:
+            solver = SolverParameters('/solver_node', START, dict(parameters))
+            run.add_metadata(SOLVER_RECORD, solver_record(solver))
         for number, (time, name, kind, place) in enumerate(sorted(rows, key=lambda row: row[0])):
             data = bytes(STORE.serialize_cdr(message(kind, time, place), kind))
             # tf2_msgs need not be installed.

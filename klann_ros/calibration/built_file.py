@@ -1,6 +1,5 @@
 """The leg file with the calibrated numbers, which every program takes."""
 
-from collections.abc import Mapping
 from math import radians
 from typing import Any
 
@@ -18,9 +17,7 @@ from .fit import Calibration
 _DIGITS = 9
 
 
-def built_file(
-    calibration: Calibration, leg: RobotLeg, drawing: str, run: str, kept: Mapping[str, Any]
-) -> str:
+def built_file(calibration: Calibration, leg: RobotLeg, drawing: str | None, run: str) -> str:
     """
     Return the parameter file of the calibrated leg.
 
@@ -31,13 +28,11 @@ def built_file(
     leg : RobotLeg
         The leg as drawn.
     drawing, run : str
-        The file of the drawing, and the run, for the comment.
-    kept : mapping
-        Further parameters of the leg, such as its masses.
+        The file of the drawing, None for that in the run, and the run.
 
     """
     numbers = dict(calibration.linkage.dimensions)
-    parameters: dict[str, Any] = dict(kept)
+    parameters: dict[str, Any] = _kept(drawing, leg.name) if drawing else {}
     if leg.description:
         parameters['linkage_description'] = dump(_linkage(leg.description, calibration)) + '\n'
     else:
@@ -49,8 +44,9 @@ def built_file(
         'crank_joint': leg.crank_joint,
     }
     errors = zip(calibration.model.names, calibration.standard_errors, strict=True)
+    drawn = printable_line(drawing or 'in it')
     lines = [
-        f'# Calibrated from {printable_line(run)}; the drawing is {printable_line(drawing)}.',
+        f'# Calibrated from {printable_line(run)}; the drawing is {drawn}.',
         '# Standard errors [m, rad]; what is not observable is as in the drawing:',
         *(
             f'#   {printable_line(name)}: {error:.2g}'.replace('nan', 'not observable')
@@ -60,7 +56,7 @@ def built_file(
     return '\n'.join([*lines, dump({'/**': {'ros__parameters': parameters}})]) + '\n'
 
 
-def kept_parameters(file: str, name: str) -> dict[str, Any]:
+def _kept(file: str, name: str) -> dict[str, Any]:
     """Return the parameters of a leg's file that a calibration does not change."""
     if not is_regular_file(file):
         # A shipped leg; those of the courses are made of rods.

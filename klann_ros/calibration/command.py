@@ -8,16 +8,16 @@ from math import isfinite
 from typing import Any, BinaryIO
 
 from klann_ros.log import NotALogError
-from klann_ros.robot import robot_of, RobotFileError, RobotLeg
+from klann_ros.robot import Robot, robot_of, RobotFileError, RobotLeg
 from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, path, UsageError
 from klann_ros.sanitize.outputs import outputs, save_all
 from klann_ros.sanitize.text import listed, printable
 from klann_ros.sanitize.yaml_text import parse_file, YamlError
 
 from . import page, report
-from .built_file import built_file, kept_parameters
+from .built_file import built_file
 from .fit import calibrate, Calibration, further_measurements
-from .load import is_csv, load_csv, load_run, Request
+from .load import described_run, is_csv, load_csv, load_run, point_topics, Request
 from .measurements import MeasurementError, Series
 from .observability import Suggestion
 
@@ -46,7 +46,10 @@ def _calibrate(options: argparse.Namespace) -> int:
     inputs = (options.run, options.leg, options.prior)
     files = outputs(options, ('output', 'html', 'json'), inputs)
     requests = [*options.point, *options.angle, *options.distance]
-    leg = _leg(options.leg, options.leg_name)
+    robot, topics = _robot(options, requests)
+    leg = _leg(robot, options.leg_name)
+    found_topics = point_topics(topics, leg.linkage, leg.name)
+    requests += [Request(point, topic) for point, topic in found_topics.items()]
     measured = _load(options, leg, requests)
     found = calibrate(
         leg.linkage,
@@ -57,11 +60,12 @@ def _calibrate(options: argparse.Namespace) -> int:
         delay=options.delay == 'unknown',
         prior=_prior(options.prior),
     )
-    further, kept = further_measurements(found), kept_parameters(options.leg, leg.name)
+    further = further_measurements(found)
+    built = built_file(found, leg, options.leg, options.run)
     print(report.text(found, further), end='')
     views = {
-        '--output': partial(built_file, found, leg, options.leg, options.run, kept),
-        '--html': partial(page.page, found, further, options.run),
+        '--output': lambda: built,
+        '--html': partial(page.page, found, further, options.run, built),
         '--json': partial(_json, found, further),
     }
     save_all(files, {option: partial(_save, view) for option, view in views.items()})
@@ -72,12 +76,27 @@ def _load(options: argparse.Namespace, leg: RobotLeg, requests: Sequence[Request
     if is_csv(options.run):
         return load_csv(options.run, leg, requests)
     if not requests:
-        raise UsageError('name a measured point: --point H=/mocap/foot')
+        raise MeasurementError(
+            'no topic has the name of a point, as /mocap/h: name one with --point H=/mocap/foot'
+        )
     return load_run(options.run, leg, requests, options.crank)
 
 
-def _leg(file: str, name: str | None) -> RobotLeg:
-    legs = {leg.name: leg for leg in robot_of(file).legs}
+def _robot(
+    options: argparse.Namespace, requests: Sequence[Request]
+) -> tuple[Robot, Sequence[str]]:
+    """Return the robot as drawn, and the topics to be searched for points if none is named."""
+    if is_csv(options.run):
+        if options.leg is None:
+            raise UsageError('a table does not contain the leg: name its file with --leg')
+        return robot_of(options.leg), []
+    robot = robot_of(options.leg) if options.leg is not None else None
+    robot, topics = described_run(options.run, robot)
+    return robot, [] if requests else topics
+
+
+def _leg(robot: Robot, name: str | None) -> RobotLeg:
+    legs = {leg.name: leg for leg in robot.legs}
     if name is None and len(legs) == 1:
         return next(iter(legs.values()))
     if name not in legs:
@@ -140,8 +159,7 @@ def _parser() -> ArgumentParser:
         '--leg',
         metavar='FILE',
         type=path,
-        required=True,
-        help='the leg as drawn, or a shipped name',
+        help='the leg as drawn, or a shipped name (default: the leg in the run)',
     )
     add('--leg-name', metavar='NAME', help='which leg of a walker')
     for option, example in (

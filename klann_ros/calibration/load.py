@@ -1,6 +1,7 @@
 """Measurements from a run, paired by their stamps, or from a CSV file."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 import csv
 from dataclasses import dataclass, field
 from io import StringIO
@@ -9,9 +10,11 @@ from pathlib import Path
 import struct
 from typing import NamedTuple
 
+from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.log import Message, open_log, Topic
-from klann_ros.robot import RobotLeg
+from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD
+from klann_ros.robot import Robot, robot_from_parameters, RobotLeg
 from klann_ros.sanitize.cdr import CdrCursor, read_joint_state, STAMP_SIZE
 from klann_ros.sanitize.files import read_regular
 from klann_ros.sanitize.text import did_you_mean, listed, printable
@@ -160,6 +163,33 @@ def _samples(
 
 
 # Runs.
+
+
+def point_topics(names: Iterable[str], linkage: Linkage, leg: str = '') -> dict[str, str]:
+    """Return topics with the name of a point, such as `/mocap/LEG/h`, by the moving point."""
+    structure = linkage.structure
+    points = {p.lower(): p for p in structure.points if p not in structure.pivots}
+    found = {}
+    for name in names:
+        *_, space, last = ['', *name.split('/')]
+        if last.lower() in points and leg in {'', space}:
+            found[points[last.lower()]] = name
+    return found
+
+
+def described_run(path: str, known: Robot | None) -> tuple[Robot, list[str]]:
+    """Return the robot of a run, or the known one, and the topics that may be of one point."""
+    with open_log(path) as log:
+        records = log.metadata.get(SOLVER_RECORD, [])
+        points = {*POINT_DECODERS} - {*FRAMED_TYPES}
+        topics = [topic.name for topic in log.topics if topic.type in points]
+    if known is not None:
+        return known, topics
+    for record in reversed(records):
+        with suppress(ValueError, TypeError):
+            parameters = solver_parameters(record).parameters
+            return robot_from_parameters(parameters, weigh=False), topics
+    raise MeasurementError('the run does not contain the leg as drawn: name its file with --leg')
 
 
 def load_run(

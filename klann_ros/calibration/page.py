@@ -46,7 +46,7 @@ ELLIPSE_95 = 2.4477
 ELLIPSE_POINTS = 48
 
 
-def page(calibration: Calibration, further: Sequence[Suggestion], run: str) -> str:
+def page(calibration: Calibration, further: Sequence[Suggestion], run: str, built: str) -> str:
     """Return the page."""
     name = calibration.drawn.name or 'leg'
     header = element(
@@ -78,6 +78,7 @@ def page(calibration: Calibration, further: Sequence[Suggestion], run: str) -> s
             *map(_series, calibration.series),
         ),
         element('section', element('h2', 'Correlation'), _correlation(calibration)),
+        element('section', element('h2', 'Leg file'), element('pre', built)),
     ]
     return PAGE.substitute(
         title=element('title', f'Calibration of {printable(name)}'),

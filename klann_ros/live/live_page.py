@@ -84,12 +84,17 @@ def note_page(note: str) -> str:
 
 
 def list_page(runs: Sequence[ListedRun], token: str) -> str:
-    """Return a page that lists runs, each of which leads to its review."""
+    """Return a page that lists runs, each of which leads to its review and its calibration."""
+
+    def link(text: str, run: ListedRun, program: str = '') -> Markup:
+        return element('a', text, href=f'/runs/{quote(run.name, safe="")}{program}?token={token}')
+
     items = [
         element(
             'li',
-            element('a', run.name, href=f'/runs/{quote(run.name, safe="")}?token={token}'),
-            element('span', f' {_moment(run.time)}', class_='quiet'),
+            link(run.name, run),
+            element('span', f' {_moment(run.time)} ', class_='quiet'),
+            link('calibrate', run, '/calibrate'),
         )
         for run in runs
     ]

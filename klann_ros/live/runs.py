@@ -1,4 +1,4 @@
-"""The runs in a folder, and their reviews, made on request by another process."""
+"""The runs in a folder, their reviews and calibrations, made on request by another process."""
 
 import asyncio
 from collections.abc import Sequence
@@ -19,9 +19,9 @@ REVIEW_TIMEOUT = 600.0
 # Pages in the cache.
 _MAX_PAGES = 32
 # At low priority: the legs come first.
-_REVIEW = (
-    'import os, sys; os.nice(10); from klann_ros.executables import review; sys.exit(review())'
-)
+_RUN = 'import os, sys; os.nice(10); from klann_ros import executables; sys.exit(executables.{}())'
+# The programs, and what each makes of a run.
+PROGRAMS = {'review': 'review', 'calibrate': 'calibration'}
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class ListedRun:
 
 @dataclass
 class Page:
-    """The review of a run, pending or complete."""
+    """The review or the calibration of a run, pending or complete."""
 
     file: Path
     # '' while pending, then 'ready', or the reason for a failure.
@@ -77,21 +77,21 @@ def _is_run(entry: 'os.DirEntry[str]') -> bool:
 
 class Reviews:
     """
-    Reviews of the runs in a folder, as pages; one is made at a time.
+    Reviews and calibrations of the runs in a folder, as pages; one is made at a time.
 
     Parameters
     ----------
     folder : str
         Where the runs are.
     command : sequence of str, optional
-        The review program; RUN --html FILE is appended.
+        The program in the place of both; RUN --html FILE is appended.
 
     """
 
     def __init__(self, folder: str, command: Sequence[str] = ()) -> None:
         self._folder = folder
-        self._command = [*command] or [sys.executable, '-c', _REVIEW]
-        self._pages: dict[tuple[str, int], Page] = {}
+        self._command = command
+        self._pages: dict[tuple[str, str, int], Page] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._one = asyncio.Semaphore(1)
         self._temporary = tempfile.TemporaryDirectory(prefix='klann_ros-view-')
@@ -106,17 +106,17 @@ class Reviews:
         """Return the runs in the folder, read in a thread: the disk may be slow."""
         return await asyncio.get_running_loop().run_in_executor(None, runs_in, self._folder)
 
-    async def page(self, name: str) -> Page | None:
-        """Return the review of a run, started if there is none; None without such a run."""
+    async def page(self, name: str, program: str = 'review') -> Page | None:
+        """Return the page of a run by a program, started if new; None without such a run."""
         run = next((run for run in await self.runs() if run.name == name), None)
         if run is None:
             return None
-        key = run.name, run.time
+        key = program, run.name, run.time
         if key not in self._pages:
             self._forget()
-            file = Path(self._temporary.name, f'{len(self._pages)}-{run.time}.html')
+            file = Path(self._temporary.name, f'{program}-{len(self._pages)}-{run.time}.html')
             self._pages[key] = Page(file)
-            task = asyncio.create_task(self._make(run, self._pages[key]))
+            task = asyncio.create_task(self._make(run, self._pages[key], program))
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
         return self._pages[key]
@@ -126,17 +126,17 @@ class Reviews:
         for key in finished[: max(0, len(self._pages) - _MAX_PAGES + 1)]:
             self._pages.pop(key).file.unlink(missing_ok=True)
 
-    async def _make(self, run: ListedRun, page: Page) -> None:
+    async def _make(self, run: ListedRun, page: Page, program: str) -> None:
         async with self._one:
             try:
-                page.state = await self._review(run, page.file)
+                page.state = await self._written(run, page.file, program)
             except OSError as error:
-                page.state = f'the review cannot be made: {printable(error.strerror)}'
+                page.state = f'the {PROGRAMS[program]} cannot be made: {printable(error.strerror)}'
             page.done.set()
 
-    async def _review(self, run: ListedRun, file: Path) -> str:
+    async def _written(self, run: ListedRun, file: Path, program: str) -> str:
         process = await asyncio.create_subprocess_exec(
-            *self._command,
+            *(self._command or (sys.executable, '-c', _RUN.format(program))),
             # An absolute path is never mistaken for an option.
             str(run.path.absolute()),
             '--html',
@@ -148,7 +148,7 @@ class Reviews:
         try:
             _, said = await asyncio.wait_for(process.communicate(), REVIEW_TIMEOUT)
         except asyncio.TimeoutError:
-            return 'the review took too long'
+            return f'the {PROGRAMS[program]} took too long'
         finally:
             if process.returncode is None:
                 with suppress(ProcessLookupError):

@@ -15,7 +15,7 @@ from .guard import ForbiddenError, Guard
 from .live_page import FILES, HTML, list_page, note_page, POLICY
 from .malformed import RequestLog, UnreadLimit
 from .protocol import MAX_MESSAGE_SIZE
-from .runs import Reviews
+from .runs import PROGRAMS, Reviews
 
 # Maximum number of clients.
 MAX_CLIENTS = 200
@@ -144,7 +144,8 @@ class LiveServer:
         app.router.add_get('/favicon.ico', _no_icon)
         if self._runs:
             app.router.add_get('/runs', self._list)
-            app.router.add_get('/runs/{name}', self._review)
+            app.router.add_get('/runs/{name}', self._made)
+            app.router.add_get('/runs/{name}/{program}', self._made)
         return app
 
     @property
@@ -227,10 +228,13 @@ class LiveServer:
         runs = await self._reviews.runs()
         return web.Response(text=list_page(runs, self.guard.token), content_type='text/html')
 
-    async def _review(self, request: web.Request) -> web.StreamResponse:
+    async def _made(self, request: web.Request) -> web.StreamResponse:
         self._check_token(request)
         assert self._reviews is not None  # noqa: S101 - else there is no such route
-        page = await self._reviews.page(request.match_info['name'])
+        program = request.match_info.get('program', 'review')
+        if program not in PROGRAMS:
+            raise web.HTTPNotFound
+        page = await self._reviews.page(request.match_info['name'], program)
         if page is None:
             raise web.HTTPNotFound
         if page.state == 'ready':
@@ -241,7 +245,7 @@ class LiveServer:
             return web.Response(text=note_page(page.state), content_type='text/html', status=500)
         with suppress(asyncio.TimeoutError):
             await asyncio.wait_for(page.done.wait(), 1.0)
-        note = note_page('The run is being reviewed; the page comes by itself.')
+        note = note_page(f'The {PROGRAMS[program]} is being made; the page comes by itself.')
         return web.Response(text=note, content_type='text/html', headers={'Refresh': '0.2'})
 
     def _check_token(self, request: web.Request) -> None:

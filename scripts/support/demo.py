@@ -18,12 +18,31 @@ TURNS = 3
 # It waits for the solver and the recorder before its first message, so the run starts clean.
 CRANK = ('mode:=constant', f'revolutions:={TURNS}', 'rate:=200.0', 'min_subscribers:=2')
 WALKER = ('--ros-args', '--params-file', ROOT / 'config' / 'walker6_two_motors.yaml')
+# A simulated leg that was built with errors, seen by cameras; crank_node turns it.
+BUILT = (
+    *('--ros-args', '--params-file', ROOT / 'config' / 'sem104.yaml'),
+    *('-p', f'built:={ROOT / "config" / "sem104_built.yaml"}'),
+    *('-p', 'cameras:=true', '-p', 'camera_outliers:=0.01'),
+)
+TURNED = (
+    *('--ros-args', '-p', 'output:=crank_state', '-p', 'speed:=1.5'),
+    *('-r', 'crank_state:=crank_command'),
+)
 # Writes only on a trigger by the page's button: a run of the last seconds.
 KEEP = ('-p', f'output:={ROOT / "runs"}', '-p', 'pre_trigger:=20.0', '-p', 'judge:=false')
 RECORDER = ('--ros-args', *KEEP)
 # The live shows: the title, and the nodes with their arguments.
 SHOWS: dict[str, tuple[str, dict[str, Command]]] = {
     'demo': ('A leg', {'solver_node': (), 'crank_node': (), 'recorder_node': RECORDER}),
+    'demo --calibrate': (
+        'A simulated leg, seen by cameras,',
+        {
+            'solver_node': (),
+            'sim_node': BUILT,
+            'crank_node': TURNED,
+            'recorder_node': (*RECORDER, '-p', 'all_topics:=true'),
+        },
+    ),
     'demo --walk': (
         'A simulated robot',
         {
@@ -50,9 +69,19 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         '--walk', action='store_true', help='show a simulated walker in the browser until Ctrl-C'
     )
+    parser.add_argument(
+        '--calibrate',
+        action='store_true',
+        help='show a simulated leg with errors, its cameras and its calibration until Ctrl-C',
+    )
     options = parser.parse_args(arguments)
-    if options.view or options.walk:
-        return _view('demo --walk' if options.walk else 'demo')
+    shows = {
+        'demo --walk': options.walk,
+        'demo --calibrate': options.calibrate,
+        'demo': options.view,
+    }
+    for show in (name for name, is_wanted in shows.items() if is_wanted):
+        return _view(show)
     recording = ROOT / 'runs' / f'demo-{datetime.now(timezone.utc):%Y%m%dT%H%M%S.%fZ}'
     with (
         environment('demo') as env,

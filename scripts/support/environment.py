@@ -24,6 +24,7 @@ VERSION = '.'.join(platform.python_version_tuple()[:2])
 # Requirements of each command: extras of setup.py, and a requirements file.
 NEEDS = {
     'demo': ('plot,view', None),
+    'demo --calibrate': ('calibration,sim,view', None),
     'demo --walk': ('plot,sim,view', None),
     'test': ('fast,plot,test', Path(__file__).with_name('checks.txt')),
     'benchmark': ('fast,plot,sim,view', Path(__file__).with_name('benchmarks.txt')),

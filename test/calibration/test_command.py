@@ -103,6 +103,22 @@ def test_every_type_of_measured_point_is_read(run: Path, tmp_path: Path, point: 
     assert content['points'][name]['rms_built'] == pytest.approx(1e-4, rel=0.15)
 
 
+def test_a_run_of_the_solver_needs_no_option(tmp_path: Path, capsys: Capture) -> None:
+    points = {f'/mocap/{name}': points_topic(ROBOT, name.upper()) for name in 'hg'}
+    run = write_run(
+        tmp_path / 'run', {'/crank_state': crank_topic(ROBOT), **points}, {'l_ab': 0.12}
+    )
+    numbers = tmp_path / 'c.json'
+    assert main([str(run), '--json', str(numbers)]) == 0
+    assert set(_dimensions(numbers)['points']) == {'H', 'G'}
+    other = write_run(tmp_path / 'other', {'/crank_state': crank_topic(ROBOT), **points})
+    assert main([str(other)]) == 2
+    assert 'name its file with --leg' in capsys.readouterr().err
+    none = write_run(tmp_path / 'none', {'/crank_state': crank_topic(ROBOT)})
+    assert main([str(none), '--leg', 'sem104']) == 2
+    assert 'no topic has the name of a point, as /mocap/h' in capsys.readouterr().err
+
+
 def test_the_covariance_of_a_pose_is_the_stated_noise(run: Path, tmp_path: Path) -> None:
     numbers = tmp_path / 'c.json'
     asked = [str(run), '--leg', 'sem104', '--point', 'F=/vicon/f', '--json', str(numbers)]
@@ -153,7 +169,6 @@ def test_a_prior_makes_every_number_known(table: Path, tmp_path: Path, capsys: C
         ('--point H=/tf', 'has several: name one as H=/tf:NAME'),
         ('--point H=/tf:nobody', 'nobody is not on /tf; there are marker, other'),
         ('--point H=/mocap/knee', 'fit only a leg with l_gh = '),
-        ('', 'name a measured point: --point H=/mocap/foot'),
         ('--point H', 'must be NAME=TOPIC'),
         ('--point H=/mocap/foot --prior -1', 'it must be millimetres'),
         ('--point H=/mocap/foot --prior /nowhere.yaml', 'No such file'),

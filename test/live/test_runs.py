@@ -13,6 +13,7 @@ from klann_ros.live.live_page import list_page
 from klann_ros.live.runs import Page, Reviews, runs_in
 from klann_ros.live.server import LiveServer
 from leg_runs import LegRun
+from measured_robots import crank_topic, points_topic, Robot, write_run
 import pytest
 
 # What stands for `review`: it takes RUN --html FILE.
@@ -113,3 +114,22 @@ def test_a_real_run_is_reviewed_by_a_real_process(tmp_path: Path) -> None:
 
     run_alone(asyncio.wait_for(look(), 120.0))
     server.close()
+
+
+def test_a_run_with_measured_points_is_calibrated(tmp_path: Path) -> None:
+    robot = Robot(count=300, period=0.0167)
+    points = {f'/camera/{name}': points_topic(robot, name.upper()) for name in 'hg'}
+    write_run(tmp_path / 'run', {'/crank_state': crank_topic(robot), **points}, {'l_ab': 0.12})
+
+    async def look(reviews: Reviews) -> None:
+        page = await reviews.page('run', 'calibrate')
+        assert page is not None
+        await page.done.wait()
+        assert page.state == 'ready'
+        text = page.file.read_text()
+        assert 'Observable: 14 of 14 parameters' in text
+        # The leg file, to be copied.
+        assert 'ros__parameters:' in text
+
+    with_reviews(tmp_path, look)
+    assert '/runs/run/calibrate?token=secret' in list_page(runs_in(tmp_path), 'secret')

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from klann_ros.calibration import calibrate, Calibration, CrankSamples, MeasurementError, series_of
+from klann_ros.calibration.load import point_topics
 from klann_ros.calibration.report import SCALES
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.times import Series
@@ -33,14 +34,9 @@ def measured_points(review: Review, leg: ReviewedLeg) -> dict[str, Series]:
     """Return the measured points of a leg by their names: topics such as `/mocap/LEG/h`."""
     if leg.evaluated.solver.leg is None:
         return {}
-    known = leg.evaluated.solver.leg.linkage.structure.points
-    names = {point.lower(): point for point in known}
-    found = {}
-    for topic, series in review.recording.measured.items():
-        *_, space, last = ['', *topic.split('/')]
-        if last.lower() in names and leg.recording.name in {'', space}:
-            found[names[last.lower()]] = series
-    return found
+    linkage, measured = leg.evaluated.solver.leg.linkage, review.recording.measured
+    topics = point_topics(measured, linkage, leg.recording.name)
+    return {point: measured[topic] for point, topic in topics.items()}
 
 
 def _calibrated(leg: ReviewedLeg, points: dict[str, Series], start: int) -> Calibration:
