@@ -89,7 +89,7 @@ TILT_TIME, LOAD_SHIFT_TIME, SLOPE_TIME, INNOVATION_TIME = 0.03, 0.05, 10.0, 1.0
 # Mean innovation that rejects the accelerometer, as a part of the largest friction.
 INNOVATION_GATE = 0.25
 # Slip errors with a gyro, and with an accelerometer as well, as parts of those without.
-SLIP_SCALE_WITH_GYRO, SLIP_SCALE_WITH_ACCEL = 0.5, 0.3
+SLIP_SCALE_WITH_GYRO, SLIP_SCALE_WITH_ACCEL = 0.5, 0.35
 STATES, ERRORS = 9, 5
 V, BIASES = slice(3, 5), slice(7, 9)
 
