@@ -17,12 +17,12 @@ The interface by subject. Angles are in rad, lengths in m.
 
 =====================  ================================================================
 Solvers                `KlannLeg`, `FourBar`, `LinkageLeg`: `solve`, `closed_form`,
-                       `newton`, `velocity`, `acceleration`, `crank_torque`,
-                       `foot_force`, `reachable_arcs`
+                       `newton`, `velocity`, `acceleration`, `gradient`,
+                       `crank_torque`, `foot_force`, `reachable_arcs`
 Geometry               `KlannGeometry`, `FourBarGeometry`, `Linkage`; `shipped_linkage`,
                        `shipped_linkages`, `linkage_from_file`, `linkage_from_text`
 Results                `KlannPose`, `FourBarPose`, `LinkagePose`, their motions;
-                       `Iterations`
+                       `LinkageGradient`, `Iterations`
 Assembly modes         `assemblies`, `assembly_poses`, `reachable_arcs`
 The foot               `foot_path`: `FootPath`, `Stance`, `Nearest`
 Batches                `linkage_poses`, `klann_poses`: `LinkagePoses`, `Reason`;
@@ -75,7 +75,7 @@ from .linkage.file import (
 )
 from .linkage.leg import AnyLeg, Leg, LinkageLeg
 from .linkage.linkage import Linkage
-from .linkage.pose import LinkageMotion, LinkagePose
+from .linkage.pose import LinkageGradient, LinkageMotion, LinkagePose
 from .linkage.reach import reachable_arcs
 from .linkage.variants import Variants
 from .newton import Iterations
@@ -102,6 +102,7 @@ __all__ = [
     'Leg',
     'Linkage',
     'LinkageFileError',
+    'LinkageGradient',
     'LinkageLeg',
     'LinkageMotion',
     'LinkagePose',

@@ -1,6 +1,6 @@
 """A leg solves a linkage; its only state is the last good pose."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import ceil, hypot, isnan, remainder
 from sys import float_info
 from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
@@ -20,9 +20,16 @@ import numpy as np
 from .assemblies import assembly_poses
 from .branch import BRANCH_STEP
 from .linkage import Linkage
-from .pose import closed_form_vectors, closed_pose, initial_guess, LinkageMotion, LinkagePose
+from .pose import (
+    closed_form_vectors,
+    closed_pose,
+    initial_guess,
+    LinkageGradient,
+    LinkageMotion,
+    LinkagePose,
+)
 from .reach import reachable_arcs
-from .step import step_functions
+from .step import gradient_function, step_functions
 
 # Below this part of |dH/dalpha| the component along a direction is rounding.
 MIN_COMPONENT_RATIO = 8.0 * float_info.epsilon
@@ -91,13 +98,14 @@ class Leg(Generic[PoseT, MotionT]):
         functions = step_functions(self._linkage, self.pose_class)
         self._correct, self._predict = functions.correct, functions.predict
         self._velocity, self._acceleration = functions.velocity, functions.acceleration
+        self._gradient: Callable[..., Any] | None = None
 
     def __repr__(self) -> str:
         return f'{type(self).__name__}({self._linkage!r})'
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the functions: `__setstate__` makes them."""
-        made = ('_correct', '_predict', '_velocity', '_acceleration')
+        made = ('_correct', '_predict', '_velocity', '_acceleration', '_gradient')
         return {name: value for name, value in self.__dict__.items() if name not in made}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -266,6 +274,30 @@ class Leg(Generic[PoseT, MotionT]):
                 f'{listed(pose.linkage.joint_names, 8)}: take one that this leg has solved'
             )
             raise ValueError(msg)
+
+    def gradient(self, pose: PoseT) -> LinkageGradient:
+        """
+        Return the derivatives of a pose by each dimension; that by an encoder's zero is dx/dalpha.
+
+        The loops stay closed, Phi dx = -df: the linear step of the velocity, one a dimension.
+
+        Raises
+        ------
+        SingularPoseError
+            The pose has no derivatives.
+        ValueError
+            The pose is one of another linkage.
+
+        """
+        if pose.linkage is not self._linkage:
+            self._check_own(pose)
+        if isnan(pose.coefficients[0]):
+            raise SingularPoseError(pose.crank_angle)
+        if self._gradient is None:
+            self._gradient = gradient_function(self._linkage)
+        rows = self._gradient(pose.crank_angle, pose.x)
+        x, h = zip(*rows, strict=True)
+        return LinkageGradient(tuple(self._linkage.dimensions), x, h, pose)
 
     def acceleration(self, pose: PoseT, alpha_rate: float, alpha_acceleration: float) -> MotionT:
         """

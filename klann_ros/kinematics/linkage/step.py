@@ -7,8 +7,9 @@ names is left. One source serves all linkages of a structure, with their numbers
 It holds no name of a user's file, only indices.
 
 The names in the source are those of `step_source`, and e are the corrections of the coordinates
-less their sign, q the coefficients dx/dalpha. Phi is block lower triangular, so forward
-substitution, block by block, makes the corrections of the full Newton of `Linkage.f`.
+less their sign, q the coefficients dx/dalpha, d the derivatives by the dimensions. Phi is block
+lower triangular, so forward substitution, block by block, makes the corrections of the full Newton
+of `Linkage.f`.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -18,9 +19,19 @@ from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import MAX_UNWRAPPED, wrap
 
+from .dimension_derivatives import direct_terms
 from .equations import LoopEquations
-from .step_source import BlockSource, elimination_source, format_sum, LoopVectors, Sum, Term
-from .structure import Structure
+from .step_source import (
+    BlockSource,
+    elimination_source,
+    format_sum,
+    LoopVectors,
+    Sum,
+    Term,
+    Terms,
+)
+from .structure import FIXED, Structure
+from .topology import Path
 
 # A guess of coupled loops that needs more correction may have left its branch [rad].
 MAX_BRANCH_JUMP = 0.05
@@ -47,7 +58,13 @@ class CodeGenerator:
     def __init__(self, structure: Structure) -> None:
         self._structure = structure
         self._vectors = LoopVectors(structure)
+        self._loops, self._foot = self._vectors.loops, self._vectors.foot
         self._source = BlockSource(structure, self._vectors)
+        self._blocks = [*enumerate(self._source.blocks)]
+        self._dyads = [b for b, (_, loops) in self._blocks if len(loops) == 1]
+        self._coupled = [b for b, (_, loops) in self._blocks if len(loops) > 1]
+        self._bodies = range(len(structure.bodies))
+        self._others = self._bodies[slice(1, None)]
         self._lines: list[str] = []
 
     def constants(self, linkage: LoopEquations) -> dict[str, float]:
@@ -69,21 +86,23 @@ class CodeGenerator:
             found['size'] = linkage.size
         return found
 
-    @property
-    def _is_coupled(self) -> bool:
-        return any(len(loops) > 1 for _, loops in self._source.blocks)
+    def gradient_constants(self, linkage: LoopEquations) -> dict[str, float]:
+        """Return the derivatives of W, c, Q and q by the dimensions, as the text names them."""
+        found: dict[str, float] = {}
+        for d, dimension in enumerate(self._structure.dimensions):
+            for path, name in self._paths():
+                for j, w in direct_terms(self._structure, path, dimension, linkage.bars).items():
+                    # The ground is 0.
+                    own = f'{name}_{d}_{j + 1}'
+                    found |= {f'{own}x': w.real, f'{own}y': w.imag}
+        return found
 
     # The text.
 
     def source(self, constants: Iterable[str]) -> str:
-        """Return the whole text, for constants of these names."""
-        self._lines = []
-        sizes = {len(group) for group, loops in self._source.blocks if len(loops) > 1}
-        for size in sorted(sizes):
-            self._lines += elimination_source(size)
-        self._write(0, f'def make(kind, linkage, {", ".join(constants)}):')
-        others = range(1, len(self._structure.bodies))
-        guess, tangent = _tuple('p', others), _tuple('q', others)
+        """Return the text of all functions but the gradient, for constants of these names."""
+        guess, tangent = _tuple('p', self._others), _tuple('q', self._others)
+        self._begin('make(kind, linkage', constants)
         self._write(
             1, 'def correct(p0, guess, tolerance, max_iterations):', f'    {guess} = guess'
         )
@@ -93,15 +112,55 @@ class CodeGenerator:
             'def predict(p0, step, x, coefficients, tolerance, max_iterations):',
             f'    {guess} = x',
             f'    {tangent} = coefficients',
+            *(f'    p{j} += step * q{j}' for j in self._others),
         )
-        for j in others:
-            self._write(2, f'p{j} += step * q{j}')
         self._write_newton()
         self._write(1, 'def velocity(p0, x, coefficients, rate):')
         self._write_motion(second=False)
         self._write(1, 'def acceleration(p0, x, coefficients, rate, change):')
         self._write_motion(second=True)
-        self._write(1, 'return correct, predict, velocity, acceleration')
+        return self._end('return correct, predict, velocity, acceleration')
+
+    def gradient_source(self, constants: Iterable[str]) -> str:
+        """Return the text of the gradient, for constants of these names."""
+        self._begin('make(', constants)
+        self._write(1, 'def gradient(p0, x):', f'    {_tuple("p", self._others)} = x')
+        self._write_vectors(self._bodies, self._vectors.in_loops | self._vectors.in_foot, 2)
+        self._write(2, *self._source.determinants())
+        for j in self._bodies:
+            # u_j of the body that carries a bar.
+            frame = self._structure.frames[j]
+            sense = '-' if frame != FIXED and self._structure.senses[frame] < 0 else ''
+            own = ['1.0', '0.0'] if frame == FIXED else [f'cos(p{frame})', f'{sense}sin(p{frame})']
+            slid = f'p{j} * ' if self._structure.bodies[j].slides else ''
+            self._write(
+                2, *(f'u{j}{axis} = {slid}{of}' for axis, of in zip('xy', own, strict=True))
+            )
+        rows = []
+        for d in range(len(self._structure.dimensions)):
+            changes: dict[int, Term] = {}
+            for block, (_, loops) in self._blocks:
+                opened = [
+                    self._plus(self._moved(self._loops[k], changes), self._direct(f'f{k}', d, k))
+                    for k in loops
+                ]
+                if any(x or y for x, y in opened):
+                    changes |= self._write_solution(2, block, opened, f'd{d}_')
+            ends = self._plus(self._moved(self._foot, changes), self._direct('h', d, None))
+            x = ', '.join(_signed(changes[j]) if j in changes else '0.0' for j in self._others)
+            rows.append(f'(({x},), ({", ".join(map(format_sum, ends))}))')
+        self._write(2, 'return (', *(f'    {row},' for row in rows), ')')
+        return self._end('return gradient')
+
+    def _begin(self, head: str, constants: Iterable[str]) -> None:
+        self._lines = []
+        for size in sorted({len(self._source.blocks[b][0]) for b in self._coupled}):
+            self._lines += elimination_source(size)
+        comma = ', ' * (not head.endswith('('))
+        self._write(0, f'def {head}{comma}{", ".join(constants)}):')
+
+    def _end(self, line: str) -> str:
+        self._write(1, line)
         return '\n'.join(self._lines) + '\n'
 
     def _write(self, indent: int, *lines: str) -> None:
@@ -117,211 +176,245 @@ class CodeGenerator:
     def _write_vectors(self, bodies: Iterable[int], wanted: set[int], indent: int) -> None:
         self._write(indent, *self._vectors.lines(bodies, wanted))
 
+    def _moved(self, terms: Terms, rates: dict[int, Term]) -> Sum:
+        return self._vectors.first_derivative(terms, rates)
+
+    def _plus(self, one: Sum, other: Sum) -> Sum:
+        return [*one[0], *other[0]], [*one[1], *other[1]]
+
+    def _paths(self) -> list[tuple[Path, str]]:
+        """Return the loops and the path to the foot, with their names in constants."""
+        paths, points = self._structure.paths, self._structure.points
+        loops = [(path, f'f{k}') for k, path in enumerate(paths.loops)]
+        return [*loops, (paths.points[points.index(self._structure.foot)], 'h')]
+
+    def _direct(self, name: str, d: int, loop: int | None) -> Sum:
+        """Return what a dimension changes in a loop, or in the foot, at fixed coordinates."""
+        path = self._paths()[-1 if loop is None else loop][0]
+        x: list[Term] = []
+        y: list[Term] = []
+        for j in direct_terms(self._structure, path, self._structure.dimensions[d]):
+            w = f'{name}_{d}_{j + 1}'
+            if j == FIXED:
+                x, y = [*x, (1, f'{w}x')], [*y, (1, f'{w}y')]
+            else:
+                x += [(1, f'{w}x * u{j}x'), (-1, f'{w}y * u{j}y')]
+                y += [(1, f'{w}x * u{j}y'), (1, f'{w}y * u{j}x')]
+        return x, y
+
     def _write_newton(self) -> None:
         """Write the iterations, and the pose that they end at."""
-        others = range(1, len(self._structure.bodies))
-        if self._is_coupled:
-            self._write(2, f'{_tuple("o", others)} = {_tuple("p", others)}')
+        if self._coupled:
+            self._write(2, f'{_tuple("o", self._others)} = {_tuple("p", self._others)}')
         if self._structure.slides:
             # Distances are as precise as angles, in the linkage's size.
             self._write(2, 'length_tolerance = tolerance * size')
         self._write_vectors([0], self._vectors.in_loops, 2)
-        for k, terms in enumerate(self._vectors.loops):
-            crank = [terms[0]] if 0 in terms else []
-            for axis in 'xy' if crank else '':
-                parts = [(sign, f'v{v}{axis}') for sign, v in crank]
-                self._write(2, f'k{k}{axis} = {format_sum([(1, f"c{k}{axis}"), *parts])}')
+        for k, terms in enumerate(self._loops):
+            for axis in 'xy' if 0 in terms else '':
+                sign, v = terms[0]
+                known = format_sum([(1, f'c{k}{axis}'), (sign, f'v{v}{axis}')])
+                self._write(2, f'k{k}{axis} = {known}')
         self._write(2, 'converged = False', 'for iterations in range(1, max_iterations + 1):')
-        self._write_vectors(others, self._vectors.in_loops, 3)
-        for k, terms in enumerate(self._vectors.loops):
+        self._write_vectors(self._others, self._vectors.in_loops, 3)
+        for k, terms in enumerate(self._loops):
             for axis in 'xy':
                 parts = [(sign, f'v{v}{axis}') for j, (sign, v) in terms.items() if j]
                 fixed = f'{"k" if 0 in terms else "c"}{k}{axis}'
                 self._write(3, f'f{k}{axis} = {format_sum([(1, fixed), *parts])}')
         self._write(3, *self._source.determinants())
-        closed = [
+        closed = ' and '.join(
             f'-rounding{b} <= f{k}{axis} <= rounding{b}'
-            for b, (_, loops) in enumerate(self._source.blocks)
+            for b, (_, loops) in self._blocks
             for k in loops
             for axis in 'xy'
-        ]
-        self._write(3, f'if converged or ({" and ".join(closed)}):', '    break')
-        dyads = [
-            f'D{b} == 0.0' for b, (_, loops) in enumerate(self._source.blocks) if len(loops) == 1
-        ]
-        if dyads:
-            self._write(3, f'if {" or ".join(dyads)}:', '    return None')
+        )
+        self._write(3, f'if converged or ({closed}):', '    break')
+        if self._dyads:
+            self._write(3, f'if {self._vanish}:', '    return None')
         turns = self._write_corrections()
         for j, (sign, name) in turns.items():
             self._write(3, f'p{j} {"+" if sign > 0 else "-"}= {name}')
-        limits = [
-            'length_tolerance' if body.slides else 'tolerance' for body in self._structure.bodies
-        ]
-        small = [f'-{limits[j]} <= e{j} <= {limits[j]}' for j in others]
-        self._write(3, f'converged = {" and ".join(small)}')
-        self._write(2, 'else:')
-        self._write(3, 'return None')
-        self._write_pose(others)
+        limits = ['length_tolerance' if b.slides else 'tolerance' for b in self._structure.bodies]
+        small = ' and '.join(f'-{limits[j]} <= e{j} <= {limits[j]}' for j in self._others)
+        self._write(3, f'converged = {small}')
+        self._write(2, 'else:', '    return None')
+        self._write_pose()
+
+    @property
+    def _vanish(self) -> str:
+        return ' or '.join(f'D{b} == 0.0' for b in self._dyads)
 
     def _write_corrections(self) -> dict[int, Term]:
         """Write the corrections of all angles; return their names."""
         turns: dict[int, Term] = {}
-        for block, (_, loops) in enumerate(self._source.blocks):
+        for block, (_, loops) in self._blocks:
             opened = []
             for k in loops:
-                x, y = self._vectors.first_derivative(self._vectors.loops[k], turns)
+                x, y = self._moved(self._loops[k], turns)
                 opened.append(([(1, f'f{k}x'), *x], [(1, f'f{k}y'), *y]))
             turns |= self._write_solution(3, block, opened, 'e')
             if len(loops) > 1:
                 self._write(3, f'if D{block} == 0.0:', '    return None')
         return turns
 
-    def _write_pose(self, others: Sequence[int]) -> None:
+    def _write_pose(self) -> None:
         self._write_coefficients()
-        blocks = range(len(self._structure.groups))
-        for b in blocks:
+        count = len(self._blocks)
+        for b in range(count):
             self._write(2, f'signed{b} = D{b} * sign{b}')
-        self._write(
-            2, f'if {" or ".join(f"signed{b} < least{b}" for b in blocks)}:', '    return None'
-        )
-        if self._is_coupled:
+        wrong = ' or '.join(f'signed{b} < least{b}' for b in range(count))
+        self._write(2, f'if {wrong}:', '    return None')
+        if self._coupled:
             # The signs alone do not tell the branches of coupled loops apart.
             sizes = [' * size' if body.slides else '' for body in self._structure.bodies]
-            trusted = [
+            trusted = ' and '.join(
                 f'-MAX_BRANCH_JUMP{sizes[j]} <= p{j} - o{j} <= MAX_BRANCH_JUMP{sizes[j]}'
-                for j in others
-            ]
-            self._write(2, f'if not ({" and ".join(trusted)}):', '    return None')
+                for j in self._others
+            )
+            self._write(2, f'if not ({trusted}):', '    return None')
         self._write_wrap()
-        singular = [
+        singular = ' or '.join(
             f'abs(signed{b}) <= singular{b}'
             if self._source.slides(b)
             else f'signed{b} <= singular{b}'
-            for b in blocks
-        ]
-        self._write(
-            2,
-            f'if {" or ".join(singular)}:',
-            f'    coefficients = ({"nan, " * len(others)})',
+            for b in range(count)
         )
-        gaps = ', '.join(f'f{k}{axis}' for k in range(len(self._vectors.loops)) for axis in 'xy')
+        self._write(2, f'if {singular}:', f'    {self._no_coefficients}')
+        gaps = ', '.join(f'f{k}{axis}' for k in range(len(self._loops)) for axis in 'xy')
         # The columns of what slides along a link are as long as the distance is.
         sines = ', '.join(
             f'abs(signed{b}) / (hypot(g{b}x, g{b}y) * hypot(h{b}x, h{b}y))'
-            if self._source.slides(b) and len(loops) == 1
+            if self._source.slides(b) and b in self._dyads
             else f'abs(signed{b}) * inverse{b}'
-            for b, (_, loops) in enumerate(self._source.blocks)
+            for b in range(count)
         )
-        foot = []
-        for axis in 'xy':
-            parts = [(sign, f'v{v}{axis}') for sign, v in self._vectors.foot.values()]
-            foot.append(format_sum([(1, f'h{axis}'), *parts]))
+        foot = ', '.join(
+            format_sum([(1, f'h{axis}'), *((s, f'v{v}{axis}') for s, v in self._foot.values())])
+            for axis in 'xy'
+        )
         self._write(
             2,
             'return new(kind, (',
-            f'    p0, {_tuple("p", others)}, ({", ".join(foot)}), iterations,',
+            f'    p0, {_tuple("p", self._others)}, ({foot}), iterations,',
             f'    hypot({gaps}), coefficients, ({sines},), linkage,',
             '))',
         )
 
     def _write_wrap(self) -> None:
         """Write what brings angles into (-pi, pi]."""
-        turning = [j for j, body in enumerate(self._structure.bodies) if j and not body.slides]
-        if not turning:
-            return
-        inside = [f'-pi < p{j} <= pi' for j in turning]
-        self._write(2, f'if not ({" and ".join(inside)}):')
-        near = [f'-MAX_UNWRAPPED < p{j} < MAX_UNWRAPPED' for j in turning]
-        self._write(3, f'if not ({" and ".join(near)}):', '    return None')
-        for j in turning:
-            self._write(3, f'p{j} = wrap(p{j})')
+        turning = [j for j in self._others if not self._structure.bodies[j].slides]
+        if turning:
+            inside = ' and '.join(f'-pi < p{j} <= pi' for j in turning)
+            near = ' and '.join(f'-MAX_UNWRAPPED < p{j} < MAX_UNWRAPPED' for j in turning)
+            self._write(2, f'if not ({inside}):', f'    if not ({near}):', '        return None')
+            self._write(3, *(f'p{j} = wrap(p{j})' for j in turning))
+
+    @property
+    def _no_coefficients(self) -> str:
+        return f'coefficients = ({"nan, " * len(self._others)})'
 
     def _write_coefficients(self) -> None:
         """Write the derivatives by the crank angle, by the same substitution; and the foot."""
-        others = range(1, len(self._structure.bodies))
-        rest = self._vectors.in_foot - self._vectors.in_loops
-        # LoopVectors of the foot alone, before the angles are wrapped.
-        self._write_vectors(range(len(self._structure.bodies)), rest, 2)
-        zero = [
-            f'D{b} == 0.0' for b, (_, loops) in enumerate(self._source.blocks) if len(loops) == 1
-        ]
+        # Vectors of the foot alone, before the angles are wrapped.
+        self._write_vectors(self._bodies, self._vectors.in_foot - self._vectors.in_loops, 2)
         indent = 2
-        if zero:
-            self._write(
-                2, f'if {" or ".join(zero)}:', f'    coefficients = ({"nan, " * len(others)})'
-            )
-            coupled = [b for b, (_, loops) in enumerate(self._source.blocks) if len(loops) > 1]
-            for b in coupled:
-                self._write(3, f'D{b} = 0.0')
+        if self._dyads:
+            self._write(2, f'if {self._vanish}:', f'    {self._no_coefficients}')
+            self._write(3, *(f'D{b} = 0.0' for b in self._coupled))
             self._write(2, 'else:')
             indent = 3
         rates: dict[int, Term] = {0: (1, '')}
-        for block, (_, loops) in enumerate(self._source.blocks):
-            opened = [self._vectors.first_derivative(self._vectors.loops[k], rates) for k in loops]
+        for block, (_, loops) in self._blocks:
+            opened = [self._moved(self._loops[k], rates) for k in loops]
             rates |= self._write_solution(indent, block, opened, 'q')
-        signed = [f'{"-" if rates[j][0] < 0 else ""}{rates[j][1]}' for j in others]
-        self._write(indent, f'coefficients = ({", ".join(signed)},)')
+        signed = ', '.join(_signed(rates[j]) for j in self._others)
+        self._write(indent, f'coefficients = ({signed},)')
 
     def _write_motion(self, *, second: bool) -> None:
         """Write the rates, or their changes, of the angles and of the foot."""
-        others = range(1, len(self._structure.bodies))
-        bodies = range(len(self._structure.bodies))
+        vectors = self._vectors
         self._write(
-            2, f'{_tuple("p", others)} = x', f'{_tuple("q", others)} = coefficients', 'q0 = rate'
+            2,
+            f'{_tuple("p", self._others)} = x',
+            f'{_tuple("q", self._others)} = coefficients',
+            'q0 = rate',
+            *(f'q{j} *= rate' for j in self._others),
         )
-        for j in others:
-            self._write(2, f'q{j} *= rate')
         if not second:
-            self._write_vectors(bodies, self._vectors.in_foot, 2)
-            foot = self._vectors.first_derivative(
-                self._vectors.foot, {j: (1, f'q{j}') for j in bodies}
-            )
-            ends = ', '.join(format_sum(axis) for axis in foot)
-            self._write(2, f'return {_tuple("q", bodies)}, ({ends})')
+            self._write_vectors(self._bodies, vectors.in_foot, 2)
+            foot = self._moved(self._foot, {j: (1, f'q{j}') for j in self._bodies})
+            ends = ', '.join(map(format_sum, foot))
+            self._write(2, f'return {_tuple("q", self._bodies)}, ({ends})')
             return
-        self._write_vectors(bodies, self._vectors.in_loops | self._vectors.in_foot, 2)
+        self._write_vectors(self._bodies, vectors.in_loops | vectors.in_foot, 2)
         self._write(2, *self._source.determinants())
-        for j in bodies:
-            self._write(2, f's{j} = q{j} * q{j}')
-        squares = {j: f's{j}' for j in bodies}
+        self._write(2, *(f's{j} = q{j} * q{j}' for j in self._bodies))
+        squares = {j: f's{j}' for j in self._bodies}
         changes: dict[int, Term] = {0: (1, 'change')}
-        for block, (_, loops) in enumerate(self._source.blocks):
-            opened = []
-            for k in loops:
-                turned = self._vectors.first_derivative(self._vectors.loops[k], changes)
-                slowed = self._vectors.velocity_products(self._vectors.loops[k], squares)
-                opened.append((turned[0] + slowed[0], turned[1] + slowed[1]))
+
+        def accelerated(terms: Terms) -> Sum:
+            bent = vectors.velocity_products(terms, squares)
+            return self._plus(self._moved(terms, changes), bent)
+
+        for block, (_, loops) in self._blocks:
+            opened = [accelerated(self._loops[k]) for k in loops]
             changes |= self._write_solution(2, block, opened, 'e')
-        turned, slowed = (
-            self._vectors.first_derivative(self._vectors.foot, changes),
-            self._vectors.velocity_products(self._vectors.foot, squares),
-        )
-        ends = ', '.join(format_sum(turned[axis] + slowed[axis]) for axis in (0, 1))
-        signed = [f'{"-" if changes[j][0] < 0 else ""}{changes[j][1]}' for j in others]
-        self._write(2, f'return (change, {", ".join(signed)}), ({ends})')
+        ends = ', '.join(map(format_sum, accelerated(self._foot)))
+        signed = ', '.join(_signed(changes[j]) for j in self._others)
+        self._write(2, f'return (change, {signed}), ({ends})')
 
 
 def _tuple(letter: str, numbers: Iterable[int]) -> str:
     return f'({", ".join(f"{letter}{j}" for j in numbers)},)'
 
 
+def _signed(term: Term) -> str:
+    sign, name = term
+    return f'{"-" if sign < 0 else ""}{name}'
+
+
 _functions: dict[Structure, tuple[CodeGenerator, Callable[..., Any]]] = {}
+_gradients: dict[Structure, Callable[..., Any]] = {}
 
 
 def step_functions(linkage: LoopEquations, kind: type[tuple[Any, ...]]) -> StepFunctions:
     """Return the functions of a linkage, for a class of poses."""
-    if linkage.structure not in _functions:
-        generator = CodeGenerator(linkage.structure)
+    structure = linkage.structure
+    if structure not in _functions:
+        generator = CodeGenerator(structure)
         text = generator.source(generator.constants(linkage))
-        name = f'<klann_ros step {len(_functions)}>'
-        # So that a traceback, or a reader, can see the text.
-        linecache.cache[name] = (len(text), None, text.splitlines(keepends=True), name)
-        names: dict[str, Any] = {
-            'cos': cos, 'sin': sin, 'hypot': hypot, 'wrap': wrap, 'pi': pi, 'nan': nan,
-            'MAX_UNWRAPPED': MAX_UNWRAPPED, 'MAX_BRANCH_JUMP': MAX_BRANCH_JUMP,
-            'new': tuple.__new__,
-        }  # fmt: skip
-        exec(compile(text, name, 'exec'), names)  # noqa: S102 - of indices alone
-        _functions[linkage.structure] = generator, names['make']
-    generator, make = _functions[linkage.structure]
+        _functions[structure] = generator, _made(text, f'<klann_ros step {len(_functions)}>')
+    generator, make = _functions[structure]
     return StepFunctions(*make(kind, linkage, **generator.constants(linkage)))
+
+
+def gradient_function(linkage: LoopEquations) -> Callable[..., Any]:
+    """
+    Return the gradient of a linkage, generated at its first use.
+
+    Of alpha and the other coordinates x it gives, for each dimension, the derivatives of x and of
+    the foot.
+    """
+    structure = linkage.structure
+    generator = CodeGenerator(structure)
+    constants = generator.gradient_constants(linkage)
+    own = {**generator.constants(linkage), **constants}
+    if structure not in _gradients:
+        name = f'<klann_ros gradient {len(_gradients)}>'
+        _gradients[structure] = _made(generator.gradient_source(own), name)
+    found: Callable[..., Any] = _gradients[structure](**own)
+    return found
+
+
+def _made(text: str, name: str) -> Callable[..., Any]:
+    # So that a traceback, or a reader, can see the text.
+    linecache.cache[name] = (len(text), None, text.splitlines(keepends=True), name)
+    names: dict[str, Any] = {
+        'cos': cos, 'sin': sin, 'hypot': hypot, 'wrap': wrap, 'pi': pi, 'nan': nan,
+        'MAX_UNWRAPPED': MAX_UNWRAPPED, 'MAX_BRANCH_JUMP': MAX_BRANCH_JUMP,
+        'new': tuple.__new__,
+    }  # fmt: skip
+    exec(compile(text, name, 'exec'), names)  # noqa: S102 - of indices alone
+    made: Callable[..., Any] = names['make']
+    return made

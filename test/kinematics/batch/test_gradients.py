@@ -1,18 +1,22 @@
 """Derivatives by every dimension are those of the loop equations by the complex step."""
 
+import copy
 from typing import Any
 
 from klann_ros.kinematics import (
     FourBar,
     klann_poses,
     KlannGeometry,
+    KlannLeg,
     Linkage,
     linkage_poses,
     shipped_linkage,
     shipped_linkages,
+    SingularPoseError,
     Variants,
 )
 from klann_ros.kinematics.linkage.structure import FIXED, Structure
+from mechanisms import fresh, NAMES
 import numpy as np
 import pytest
 
@@ -121,6 +125,29 @@ def test_they_are_those_of_the_equations(name: str) -> None:
     poses = linkage_poses(linkage, ALPHAS, **EVERYTHING)
     assert poses.dimension_names == tuple(linkage.dimensions)
     assert _largest_error(linkage, linkage.numbers, poses, ALPHAS) < 1e-11
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_one_pose_has_the_same(name: str) -> None:
+    leg = fresh(name)
+    poses = linkage_poses(leg, ALPHAS, angles=True, gradients=True)
+    for k in np.flatnonzero(np.isfinite(poses.h_gradient[:, 0, 0]))[::9]:
+        pose = leg.closed_form(ALPHAS[k])
+        one = leg.gradient(pose)
+        assert one.names == poses.dimension_names
+        allowed = 1e-10 / min(pose.sines) ** 3
+        np.testing.assert_allclose(np.transpose(one.x), poses.angles_gradient[k], atol=allowed)
+        np.testing.assert_allclose(np.transpose(one.h), poses.h_gradient[k], atol=allowed)
+    again = copy.deepcopy(leg)
+    assert again.gradient(pose).h == one.h
+
+
+def test_a_singular_pose_has_no_gradient() -> None:
+    bar = FourBar(0.1, 0.05, 0.1, 0.05)
+    with pytest.raises(SingularPoseError):
+        bar.gradient(bar.closed_form(0.0))
+    with pytest.raises(ValueError, match='another linkage'):
+        bar.gradient(KlannLeg().solve(1.0))
 
 
 @pytest.mark.parametrize('name', ['klann', 'jansen'])
