@@ -18,6 +18,7 @@ ALLOWED = {
     'sanitize': set(),
     'engines': set(),
     'kinematics': {'sanitize'},
+    'synthesis': {'kinematics'},
     'log': {'sanitize'},
     'dynamics': {'sanitize', 'kinematics'},
     'robot': {'sanitize', 'kinematics', 'dynamics'},

@@ -1,0 +1,64 @@
+"""
+Synthesis of four-bars: from a task to all linkages that fulfil it, each with its defects.
+
+======================  ===================================================================
+Functions               `function_task`, `precision_points`, `function_generators`,
+                        `freudenstein`
+Poses of the coupler    `motion_generators`; dyads: `burmester_curve`, `burmester_points`,
+                        `dyad_of_pin`, `dyad_of_pivot`, `dyad_of_rotations`
+Paths                   `path_generator`; `PlacedFourBar.cognates`
+Limits                  `quick_returns`, `central_crank_rocker`, `toggle_couplers`
+Results                 `PlacedFourBar`: `defects`, `grashof`, `instant_centres`
+======================  ===================================================================
+"""
+
+from .dyads import (
+    burmester_curve,
+    burmester_points,
+    Dyad,
+    dyad_of_pin,
+    dyad_of_pivot,
+    dyad_of_rotations,
+    pins,
+    PlanePose,
+)
+from .function import (
+    freudenstein,
+    function_generators,
+    function_task,
+    FunctionTask,
+    precision_points,
+)
+from .placed import Defects, place, PlacedFourBar, Position
+from .tasks import (
+    central_crank_rocker,
+    motion_generators,
+    path_generator,
+    quick_returns,
+    toggle_couplers,
+)
+
+__all__ = [
+    'Defects',
+    'Dyad',
+    'FunctionTask',
+    'PlacedFourBar',
+    'PlanePose',
+    'Position',
+    'burmester_curve',
+    'burmester_points',
+    'central_crank_rocker',
+    'dyad_of_pin',
+    'dyad_of_pivot',
+    'dyad_of_rotations',
+    'freudenstein',
+    'function_generators',
+    'function_task',
+    'motion_generators',
+    'path_generator',
+    'pins',
+    'place',
+    'precision_points',
+    'quick_returns',
+    'toggle_couplers',
+]

@@ -1,0 +1,210 @@
+"""
+Function generation with a four-bar: three to five precision points.
+
+Freudenstein's equation relates crank angle theta2 and rocker angle theta4, both from the ground:
+
+    K1 cos theta4 - K2 cos theta2 + K3 = cos(theta2 - theta4),
+    K1 = L1 / L2,  K2 = L1 / L4,  K3 = (L1^2 + L2^2 - L3^2 + L4^2) / (2 L2 L4).
+
+References
+----------
+Freudenstein: Approximate synthesis of four-bar linkages, Trans. ASME 77 (1955) 853-861;
+Hartenberg, Denavit: Kinematic Synthesis of Linkages (1964), chapters 5 and 10.
+
+"""
+
+from collections.abc import Callable, Sequence
+from math import acos, atan2, hypot, pi
+from typing import NamedTuple
+
+from klann_ros.kinematics import GeometryError
+from klann_ros.kinematics.arrays import FloatArray
+import numpy as np
+
+from .dyads import burmester_points, PlanePose
+from .placed import PlacedFourBar, Position
+
+
+class FunctionTask(NamedTuple):
+    """
+    A function as rotations of crank and rocker.
+
+    Attributes
+    ----------
+    x, y : numpy.ndarray
+        Precision points and values there, shape (n,).
+    input_rotations, output_rotations : numpy.ndarray
+        Rotations of crank and rocker from the start of the range, shape (n,) [rad].
+
+    """
+
+    x: FloatArray
+    y: FloatArray
+    input_rotations: FloatArray
+    output_rotations: FloatArray
+
+
+def precision_points(start: float, end: float, count: int) -> FloatArray:
+    """
+    Return precision points with Chebyshev's spacing, shape (count,).
+
+        x_k = (start + end) / 2 - (end - start) / 2 cos((2 k - 1) pi / (2 count))
+    """
+    angles = (2.0 * np.arange(1, count + 1) - 1.0) * pi / (2.0 * count)
+    points: FloatArray = (start + end) / 2.0 - (end - start) / 2.0 * np.cos(angles)
+    return points
+
+
+def function_task(
+    function: Callable[[float], float],
+    domain: tuple[float, float],
+    travels: tuple[float, float],
+    count: int = 3,
+) -> FunctionTask:
+    """
+    Return the rotations for a function at Chebyshev's precision points.
+
+    Parameters
+    ----------
+    function : callable
+        y of x, of different values at the ends of the domain.
+    domain : (float, float)
+        First and last x.
+    travels : (float, float)
+        Rotations of crank and rocker over the domain, with signs [rad].
+    count : int
+        Number of precision points, 3 to 5.
+
+    Raises
+    ------
+    ValueError
+        The function is not finite, or equal at both ends: its range cannot be scaled.
+
+    """
+    start, end = domain
+    first, last = function(start), function(end)
+    x = precision_points(start, end, count)
+    y = np.array([function(each) for each in x.tolist()])
+    if not np.isfinite([*y, first, last]).all() or first == last or start == end:
+        msg = f'y({start:g}) = {first:g} and y({end:g}) = {last:g}: must be finite and different'
+        raise ValueError(msg)
+    return FunctionTask(
+        x, y, travels[0] * (x - start) / (end - start), travels[1] * (y - first) / (last - first)
+    )
+
+
+def function_generators(
+    inputs: Sequence[float] | FloatArray,
+    outputs: Sequence[float] | FloatArray,
+    *,
+    input_start: float | None = None,
+    output_start: float | None = None,
+    ground: float = 1.0,
+) -> list[PlacedFourBar]:
+    """
+    Return all four-bars that fit three to five pairs of rotations.
+
+    With three pairs both start angles are given; with four, the crank's; with five, none. Where
+    Freudenstein's equation gives a negative length, the link points the other way.
+
+    Parameters
+    ----------
+    inputs, outputs : sequence of float
+        Rotations of crank and rocker, counter-clockwise [rad].
+    input_start, output_start : float, optional
+        Their angles from the ground where the rotation is 0 [rad].
+    ground : float
+        L1 [m].
+
+    Raises
+    ------
+    ValueError
+        Not 3 to 5 pairs, or not the start angles that so many pairs need.
+
+    """
+    phi, psi = np.asarray(inputs, dtype=float), np.asarray(outputs, dtype=float)
+    if phi.shape != psi.shape or phi.ndim != 1 or len(phi) not in STARTS:
+        raise ValueError(f'{phi.size} and {psi.size} rotations: 3 to 5 of each are needed')
+    if (input_start is not None, output_start is not None) != STARTS[len(phi)]:
+        raise ValueError(f'{len(phi)} precision points need {NEEDED[len(phi)]}')
+    if len(phi) == 5:
+        return _of_five(phi, psi, ground)
+    phi = phi + (input_start or 0.0)
+    starts = [output_start] if output_start is not None else _output_starts(phi, psi)
+    found = (_of_angles(phi, psi + start, ground) for start in starts)
+    return [linkage for linkage in found if linkage]
+
+
+STARTS = {3: (True, True), 4: (True, False), 5: (False, False)}
+NEEDED = {3: 'input_start and output_start', 4: 'input_start alone', 5: 'no start angle'}
+
+
+def freudenstein(theta2: FloatArray, theta4: FloatArray) -> FloatArray:
+    """Return K1, K2, K3 for angles from the ground, least squares, shape (3,)."""
+    system = np.column_stack([np.cos(theta4), -np.cos(theta2), np.ones_like(theta2)])
+    solution: FloatArray = np.linalg.lstsq(system, np.cos(theta2 - theta4), rcond=None)[0]
+    return solution
+
+
+def _of_angles(theta2: FloatArray, theta4: FloatArray, ground: float) -> PlacedFourBar | None:
+    """Return the four-bar of Freudenstein's equation; None if it has no real lengths."""
+    k_1, k_2, _ = freudenstein(theta2, theta4).tolist()
+    if k_1 == 0.0 or k_2 == 0.0:
+        return None
+    crank, rocker = ground / k_1, ground / k_2
+    return _placed(theta2, theta4, crank, rocker, ground)
+
+
+def _placed(
+    theta2: FloatArray, theta4: FloatArray, crank: complex, rocker: complex, ground: float
+) -> PlacedFourBar | None:
+    """Return the four-bar whose crank and rocker have these vectors at the angle 0."""
+    a = crank * np.exp(1j * theta2)
+    b = ground + rocker * np.exp(1j * theta4)
+    places = tuple(Position(complex(p), complex(q), complex(p)) for p, q in zip(a, b, strict=True))
+    try:
+        return PlacedFourBar(0j, complex(ground), *places[0], places)
+    except GeometryError:
+        return None
+
+
+def _output_starts(theta2: FloatArray, psi: FloatArray) -> list[float]:
+    """
+    Return the start angles of the rocker for four precision points, modulo pi.
+
+    The determinant of the four equations is a quadratic form in the start's cosine and sine.
+    """
+    fixed = [-np.cos(theta2), np.ones_like(theta2)]
+
+    def det(first: FloatArray, last: FloatArray) -> float:
+        return float(np.linalg.det(np.column_stack([first, *fixed, last])))
+
+    c, s = np.cos(psi), np.sin(psi)
+    c_4, s_4 = np.cos(theta2 - psi), np.sin(theta2 - psi)
+    p, q, r = det(c, c_4), det(c, s_4) - det(s, c_4), -det(s, s_4)
+    size = hypot(p - r, q)
+    if abs(p + r) > size or size == 0.0:
+        return []
+    middle, half = atan2(q, p - r), acos(-(p + r) / size)
+    return [(middle + half) / 2.0, (middle - half) / 2.0]
+
+
+def _of_five(phi: FloatArray, psi: FloatArray, ground: float) -> list[PlacedFourBar]:
+    """
+    Return the four-bars of five pairs of rotations.
+
+    Seen from the rocker, the crank is a plane in five poses. Its dyads are couplers; the one of
+    the two fixed pivots is the ground itself.
+    """
+    poses = [
+        PlanePose(ground * (1.0 - complex(np.exp(-1j * out))), turn - out)
+        for turn, out in zip(phi - phi[0], psi - psi[0], strict=True)
+    ]
+    found = []
+    for dyad in burmester_points(poses):
+        if abs(dyad.pin) <= 1e-6 * ground and abs(dyad.pivot - ground) <= 1e-6 * ground:
+            continue
+        linkage = _placed(phi - phi[0], psi - psi[0], dyad.pin, dyad.pivot - ground, ground)
+        if linkage:
+            found.append(linkage)
+    return found

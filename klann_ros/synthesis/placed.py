@@ -1,0 +1,290 @@
+"""A four-bar placed in the plane, the positions of its task, and their defects."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from math import inf, pi
+from typing import NamedTuple
+
+from klann_ros.kinematics import FourBar, FourBarGeometry, GeometryError, Grashof
+from klann_ros.kinematics.angles import TURN, wrap
+from klann_ros.kinematics.linkage.reach import crank_limits
+import numpy as np
+
+# A position belongs to a linkage if its bars fit within this part of their size.
+FIT_TOLERANCE = 1e-7
+
+
+class Position(NamedTuple):
+    """
+    A position of a placed four-bar.
+
+    Attributes
+    ----------
+    a, b, p : complex
+        Crank pin A, rocker pin B and coupler point P [m].
+
+    """
+
+    a: complex
+    b: complex
+    p: complex
+
+
+class Defects(NamedTuple):
+    """
+    What keeps a linkage from the positions of its task, driven by its crank.
+
+    Attributes
+    ----------
+    branch : bool
+        Not all positions have the assembly mode of the first one.
+    circuit : bool
+        Some positions need the linkage to be taken apart: they are on another circuit.
+    order : bool
+        The crank does not meet the positions in their order, turning one way without a dead
+        point between them.
+
+    References
+    ----------
+    Erdman, Sandor: Mechanism Design, 4th ed., sections 3.10, 8.9; Chase, Mirth: Circuits and
+    branches of single-degree-of-freedom planar linkages, J. Mech. Des. 115 (1993) 223-230.
+
+    """
+
+    branch: bool
+    circuit: bool
+    order: bool
+
+
+@dataclass(frozen=True)
+class PlacedFourBar:
+    """
+    A four-bar in the plane, in the first position of its task; points are complex numbers.
+
+    Parameters
+    ----------
+    o2, o4 : complex
+        Fixed pivots of crank and rocker [m].
+    a, b : complex
+        Crank pin and rocker pin in the first position [m].
+    p : complex
+        Coupler point in the first position [m].
+    positions : tuple of Position
+        Positions of the task, the first one included; empty where there is no task.
+
+    Raises
+    ------
+    GeometryError
+        The points are no four-bar: two of them coincide, or the bars do not close.
+
+    """
+
+    o2: complex
+    o4: complex
+    a: complex
+    b: complex
+    p: complex
+    positions: tuple[Position, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not all(np.isfinite([self.o2, self.o4, self.a, self.b, self.p])):
+            raise GeometryError('a point of the four-bar is not finite')
+        _ = self.geometry
+        size = sum(self.geometry.lengths)
+        for k, (a, b, p) in enumerate(self.positions, 1):
+            bars = abs(a - self.o2), abs(b - a), abs(b - self.o4)
+            misfit = max(map(_difference, bars, self.geometry.lengths[1:]))
+            carried = a + self.coupler_vector * (b - a)
+            if max(misfit, abs(carried - p)) > FIT_TOLERANCE * (size + abs(p - a)):
+                raise GeometryError(f'position {k} does not fit the lengths of the four-bar')
+
+    @cached_property
+    def geometry(self) -> FourBarGeometry:
+        """Return the lengths [m] and the assembly mode of the first position."""
+        ground, coupler = self.o4 - self.o2, self.b - self.a
+        sine = (coupler.conjugate() * (self.b - self.o4)).imag
+        lengths = abs(ground), abs(self.a - self.o2), abs(coupler), abs(self.b - self.o4)
+        return FourBarGeometry(*lengths, assembly=1 if sine >= 0.0 else -1)
+
+    @property
+    def coupler_vector(self) -> complex:
+        """Return P from A in units of AB: (P - A) / (B - A)."""
+        return (self.p - self.a) / (self.b - self.a)
+
+    @property
+    def grashof(self) -> Grashof:
+        """Return the class of the linkage."""
+        return Grashof(self.geometry.lengths)
+
+    @property
+    def thetas(self) -> list[float]:
+        """Return the crank angles of the positions, from the ground, in (-pi, pi] [rad]."""
+        return [self._theta2(position) for position in self.positions]
+
+    @property
+    def swept_angles(self) -> list[float]:
+        """Return the crank rotations from the first position, in (-pi, pi] [rad]."""
+        return [wrap(theta - self.thetas[0]) for theta in self.thetas]
+
+    def at(self, theta2: float) -> Position:
+        """
+        Return the position at a crank angle from the ground [rad], in the first assembly mode.
+
+        Raises an UnreachableError where coupler and rocker do not meet.
+        """
+        points = FourBar(*self.geometry.lengths, self.geometry.assembly).closed_form(theta2).points
+        axis = (self.o4 - self.o2) / abs(self.o4 - self.o2)
+        _, a, b, _ = (self.o2 + axis * complex(x, y) for x, y in points.tolist())
+        return Position(a, b, a + self.coupler_vector * (b - a))
+
+    @cached_property
+    def defects(self) -> Defects:
+        """
+        Return the defects of the positions.
+
+        The assembly mode is the sign of sin(theta4 - theta3). A four-bar of class I has two
+        circuits, told apart by the sign at a joint that its shortest link does not touch: that
+        angle never becomes 0 or pi. One of class II has a single circuit. Crank angles between
+        two positions have to lie in one reachable arc, met in order by one sense of rotation.
+        """
+        modes = {self._mode(position) for position in self.positions}
+        circuits = {self._circuit(position) for position in self.positions}
+        return Defects(len(modes) > 1, len(circuits) > 1, not self._is_in_order())
+
+    @property
+    def is_sound(self) -> bool:
+        """Return whether no position has a defect."""
+        return not any(self.defects)
+
+    def cognates(self) -> 'tuple[PlacedFourBar, PlacedFourBar]':
+        """
+        Return the other two four-bars whose coupler point has the same path.
+
+        With v = (P - A) / (B - A), the third pivot is O2 + v (O4 - O2). The first cognate turns
+        about O2 and the third pivot, the second about the third pivot and O4; the crank of the
+        second has the speed of this linkage's crank.
+
+        References
+        ----------
+        Roberts-Chebyshev theorem: Hartenberg, Denavit: Kinematic Synthesis of Linkages (1964),
+        chapter 6.
+
+        """
+        v = self.coupler_vector
+        pivot = self.o2 + v * (self.o4 - self.o2)
+
+        def first(position: Position) -> Position:
+            pin = self.o2 + position.p - position.a
+            return Position(pin, pin + v * (position.a - self.o2), position.p)
+
+        def second(position: Position) -> Position:
+            pin = self.o4 + position.p - position.b
+            return Position(pivot + (1.0 - v) * (position.a - self.o2), pin, position.p)
+
+        here = Position(self.a, self.b, self.p)
+        return (
+            PlacedFourBar(self.o2, pivot, *first(here), tuple(map(first, self.positions))),
+            PlacedFourBar(pivot, self.o4, *second(here), tuple(map(second, self.positions))),
+        )
+
+    def instant_centres(self, position: Position | None = None) -> dict[str, complex]:
+        """
+        Return the six instant centres 'I12' ... 'I34' of a position [m].
+
+        Links are 1 ground, 2 crank, 3 coupler, 4 rocker. By Kennedy's theorem the centres of
+        three links are on one line: I13 is on the lines of crank and rocker, I24 on those of
+        ground and coupler. A centre at infinity is complex(inf, inf).
+        """
+        a, b, _ = position or Position(self.a, self.b, self.p)
+        return {
+            'I12': self.o2,
+            'I13': _intersection(self.o2, a, self.o4, b),
+            'I14': self.o4,
+            'I23': a,
+            'I24': _intersection(self.o2, self.o4, a, b),
+            'I34': b,
+        }
+
+    def _theta2(self, position: Position) -> float:
+        return float(np.angle((position.a - self.o2) / (self.o4 - self.o2)))
+
+    def _mode(self, position: Position) -> int:
+        a, b, _ = position
+        return _turn_sense(b - a, b - self.o4, self._rounding)
+
+    def _circuit(self, position: Position) -> int:
+        """Return the sign that tells the circuit; 0 where all positions are on one."""
+        if self.grashof.class_ != 'I':
+            return 0
+        a, b, _ = position
+        shortest = int(np.argmin(self.geometry.lengths))
+        # B is between coupler and rocker, O2 between ground and crank.
+        if shortest in (0, 1):
+            return _turn_sense(b - a, b - self.o4, 0.0)
+        return _turn_sense(self.o4 - self.o2, a - self.o2, 0.0)
+
+    @property
+    def _rounding(self) -> float:
+        # A sine of that size squared is rounding of the lengths.
+        return FIT_TOLERANCE * max(self.geometry.lengths) ** 2
+
+    def _is_in_order(self) -> bool:
+        near, far = crank_limits(self.geometry.lengths)
+        if near == 0.0 and far == pi:
+            turns = [wrap(b - a) for a, b in pairwise(self.thetas)]
+            return any(
+                sum(turn * sense % TURN for turn in turns) < TURN - FIT_TOLERANCE
+                and all(turn * sense % TURN > 0.0 for turn in turns)
+                for sense in (1.0, -1.0)
+            )
+        # An arc that holds the angle 0 is counted from -far to far, one that holds pi from near.
+        along = self.thetas if near == 0.0 else [theta % TURN for theta in self.thetas]
+        if near > 0.0 and far < pi and len({theta > pi for theta in along}) > 1:
+            return False
+        steps = [b - a for a, b in pairwise(along)]
+        return all(step > 0.0 for step in steps) or all(step < 0.0 for step in steps)
+
+
+def _difference(a: float, b: float) -> float:
+    return abs(a - b)
+
+
+def _turn_sense(first: complex, second: complex, tolerance: float) -> int:
+    """Return the sign of the angle from one vector to another; +1 at a dead point."""
+    return 1 if (first.conjugate() * second).imag >= -tolerance else -1
+
+
+def _intersection(a: complex, b: complex, c: complex, d: complex) -> complex:
+    """Return where the lines AB and CD meet; complex(inf, inf) where they are parallel."""
+    u, v = b - a, d - c
+    cross = (u.conjugate() * v).imag
+    if abs(cross) <= 1e-14 * abs(u) * abs(v):
+        return complex(inf, inf)
+    return a + u * ((c - a).conjugate() * v).imag / cross
+
+
+def place(
+    geometry: FourBarGeometry, theta2: float, u: float = 0.0, v: float = 0.0
+) -> PlacedFourBar:
+    """
+    Return a four-bar with O2 at the origin and its ground along x, at a crank angle.
+
+    Parameters
+    ----------
+    geometry : FourBarGeometry
+        Its lengths and assembly mode.
+    theta2 : float
+        Crank angle [rad].
+    u, v : float
+        Coupler point: along AB from A, and to the left of it [m].
+
+    Raises
+    ------
+    UnreachableError
+        Coupler and rocker do not meet at this crank angle.
+
+    """
+    pose = FourBar(*geometry.lengths, geometry.assembly).closed_form(theta2)
+    _, a, b, o4 = (complex(x, y) for x, y in pose.points.tolist())
+    return PlacedFourBar(0j, o4, a, b, a + complex(u, v) * (b - a) / abs(b - a))

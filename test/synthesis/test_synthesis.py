@@ -1,0 +1,232 @@
+"""Synthesis finds the linkage that a task was taken from, and its defects are those of a trace."""
+
+from itertools import pairwise
+import math
+from math import isclose, pi, radians
+
+from hypothesis import assume, given, strategies as st
+from klann_ros.kinematics import FourBar, FourBarGeometry, GeometryError
+from klann_ros.synthesis import (
+    burmester_curve,
+    burmester_points,
+    central_crank_rocker,
+    dyad_of_pin,
+    dyad_of_pivot,
+    dyad_of_rotations,
+    function_generators,
+    function_task,
+    motion_generators,
+    path_generator,
+    pins,
+    place,
+    PlacedFourBar,
+    PlanePose,
+    precision_points,
+    quick_returns,
+    toggle_couplers,
+)
+import numpy as np
+import pytest
+from traced_four_bars import is_joined, is_traced, random_task, with_positions
+
+
+def tasks(count: int) -> st.SearchStrategy[tuple[PlacedFourBar, list[float]]]:
+    """Draw a four-bar and crank angles of one assembly mode, apart from each other."""
+    return st.integers(0, 2**32).map(lambda seed: random_task(np.random.default_rng(seed), count))
+
+
+def poses_of(linkage: PlacedFourBar, thetas: list[float]) -> list[PlanePose]:
+    positions = [linkage.at(theta) for theta in thetas]
+    return [PlanePose(each.p, float(np.angle(each.b - each.a))) for each in positions]
+
+
+def rocker_angles(linkage: PlacedFourBar, thetas: list[float]) -> np.ndarray:
+    return np.array([np.angle(linkage.at(theta).b - linkage.o4) for theta in thetas])
+
+
+def same(linkage: PlacedFourBar, other: PlacedFourBar) -> bool:
+    return bool(np.allclose(linkage.geometry.lengths, other.geometry.lengths, rtol=1e-5))
+
+
+@given(task=tasks(5))
+def test_five_poses_have_the_dyads_of_the_linkage_they_come_from(
+    task: tuple[PlacedFourBar, list[float]],
+) -> None:
+    linkage, thetas = task
+    poses = poses_of(linkage, thetas)
+    dyads = burmester_points(poses)
+    for pivot, pin in ((linkage.o2, linkage.a), (linkage.o4, linkage.b)):
+        assert any(abs(d.pivot - pivot) + abs(d.pin - pin) < 1e-4 for d in dyads)
+    for dyad in dyads:
+        bars = np.abs(np.array(pins(poses, dyad.pin)) - dyad.pivot)
+        assert np.ptp(bars) <= 1e-8 * (1.0 + bars[0])
+
+
+@given(task=tasks(4))
+def test_dyads_of_four_poses_are_bars_of_one_length(
+    task: tuple[PlacedFourBar, list[float]],
+) -> None:
+    poses = poses_of(*task)
+    for dyad in burmester_curve(poses, 36):
+        bars = np.abs(np.array(pins(poses, dyad.pin)) - dyad.pivot)
+        assert np.ptp(bars) <= 1e-8 * (1.0 + bars[0])
+
+
+@given(task=tasks(3))
+def test_three_poses_give_the_linkage_back_by_pivots_pins_or_rotations(
+    task: tuple[PlacedFourBar, list[float]],
+) -> None:
+    linkage, thetas = task
+    poses = poses_of(linkage, thetas)
+    try:
+        (by_pivots,) = motion_generators(poses, pivots=(linkage.o2, linkage.o4))
+        (by_pins,) = motion_generators(poses, pins_at_start=(linkage.a, linkage.b))
+        turns = [theta - thetas[0] for theta in thetas[1:]]
+        dyad = dyad_of_rotations(poses, turns)
+    except GeometryError:
+        assume(False)
+        raise
+    assert same(by_pivots, linkage)
+    assert same(by_pins, linkage)
+    assert abs(dyad.pivot - linkage.o2) + abs(dyad.pin - linkage.a) < 1e-6
+    psi = rocker_angles(linkage, thetas)
+    coupler = [pose.angle - poses[0].angle for pose in poses[1:]]
+    path = path_generator([pose.p for pose in poses], turns, coupler, (psi - psi[0])[1:])
+    assert same(path, linkage)
+    assert np.allclose(path.swept_angles[1:], [math.remainder(t, 2 * pi) for t in turns])
+
+
+@given(task=tasks(5))
+def test_function_generators_of_three_to_five_points_contain_their_origin(
+    task: tuple[PlacedFourBar, list[float]],
+) -> None:
+    linkage, thetas = task
+    ground = linkage.geometry.ground
+    phi, psi = np.array(thetas) - thetas[0], rocker_angles(linkage, thetas)
+    three = function_generators(
+        phi[:3], psi[:3] - psi[0], input_start=thetas[0], output_start=psi[0], ground=ground
+    )
+    four = function_generators(phi[:4], psi[:4] - psi[0], input_start=thetas[0], ground=ground)
+    five = function_generators(phi, psi - psi[0], ground=ground)
+    for found in (three, four, five):
+        assert any(same(each, linkage) for each in found)
+        for each in found:
+            assert np.allclose(
+                np.exp(1j * np.array(each.swept_angles)), np.exp(1j * phi[: len(each.positions)])
+            )
+
+
+@given(task=tasks(4), flip=st.sampled_from([None, 1, 2, 3]))
+def test_a_linkage_is_sound_just_where_a_trace_of_its_motion_meets_the_positions_in_order(
+    task: tuple[PlacedFourBar, list[float]], flip: int | None
+) -> None:
+    whole = with_positions(*task, flip)
+    assert whole.defects.branch == (flip is not None)
+    assert whole.is_sound == is_traced(whole)
+
+
+@given(task=tasks(4))
+def test_circuits_are_the_components_of_the_reachable_poses(
+    task: tuple[PlacedFourBar, list[float]],
+) -> None:
+    linkage, thetas = task
+    whole = with_positions(linkage, thetas)
+    # In one assembly mode two poses are on one circuit where the crank leads between them.
+    apart = not all(is_joined(linkage, a, b) for a, b in pairwise(thetas))
+    assert whole.defects.circuit == apart
+
+
+@given(task=tasks(3))
+def test_cognates_share_the_path_of_the_coupler_point(
+    task: tuple[PlacedFourBar, list[float]],
+) -> None:
+    linkage, thetas = task
+    assume(min(abs(linkage.coupler_vector), abs(1.0 - linkage.coupler_vector)) > 0.05)
+    whole = with_positions(linkage, thetas)
+    for cognate in whole.cognates():
+        # Its own constructor has checked that all positions fit its bars.
+        assert [each.p for each in cognate.positions] == [each.p for each in whole.positions]
+    first, second = whole.cognates()
+    assert first.o4 == second.o2
+    assert np.allclose(second.swept_angles, whole.swept_angles)
+
+
+@given(task=tasks(1))
+def test_instant_centres_are_on_kennedys_lines_and_give_the_speed_ratio(
+    task: tuple[PlacedFourBar, list[float]],
+) -> None:
+    linkage, (theta,) = task
+    centres = linkage.instant_centres(linkage.at(theta))
+    i_24 = centres['I24']
+    assume(abs(i_24) < 1e6 and abs(centres['I13']) < 1e6)
+    bar = FourBar(*linkage.geometry.lengths, linkage.geometry.assembly)
+    motion = bar.velocity(bar.closed_form(theta), 1.0)
+    # I24 has one velocity on crank and rocker: w2 |I24 O2| = w4 |I24 O4|.
+    assert isclose(
+        i_24.real, motion.theta4 * (i_24.real - linkage.o4.real), rel_tol=1e-7, abs_tol=1e-9
+    )
+    for one, two, three in (('I12', 'I23', 'I13'), ('I14', 'I34', 'I13'), ('I23', 'I34', 'I24')):
+        a, b, c = centres[one], centres[two], centres[three]
+        assert abs(((b - a).conjugate() * (c - a)).imag) <= 1e-9 * abs(b - a) * (1 + abs(c - a))
+
+
+@given(ratio=st.floats(1.02, 2.5), swing=st.floats(0.2, 2.4), rocker=st.floats(0.1, 10.0))
+def test_quick_returns_have_the_time_ratio_and_the_swing(
+    ratio: float, swing: float, rocker: float
+) -> None:
+    for geometry in quick_returns(ratio, swing, rocker):
+        limits = FourBar(*geometry.lengths).rocker_limits
+        assert limits.time_ratio == pytest.approx(ratio, rel=1e-9)
+        assert limits.swing == pytest.approx(swing, abs=1e-9)
+
+
+def test_a_quick_return_of_common_numbers_is_found() -> None:
+    (geometry,) = quick_returns(1.25, radians(45.0))
+    assert FourBar(*geometry.lengths).grashof.motion == 'crank-rocker'
+    with pytest.raises(ValueError, match='above 1'):
+        quick_returns(1.0, 1.0)
+    with pytest.raises(ValueError, match='between 0 and pi'):
+        quick_returns(1.5, 4.0)
+
+
+def test_a_central_crank_rocker_has_the_time_ratio_one() -> None:
+    geometry = central_crank_rocker(radians(60.0), 2.0, 5.0)
+    limits = FourBar(*geometry.lengths).rocker_limits
+    assert limits.time_ratio == pytest.approx(1.0, abs=1e-12)
+    assert limits.swing == pytest.approx(radians(60.0), abs=1e-12)
+    with pytest.raises(GeometryError, match='crank-rocker'):
+        central_crank_rocker(radians(170.0), 2.0, 0.1)
+
+
+@given(theta=st.floats(0.2, 3.0))
+def test_toggle_couplers_make_the_crank_angle_a_dead_point(theta: float) -> None:
+    for coupler, kind in toggle_couplers(1.0, 0.6, 0.9, theta):
+        try:
+            bar = FourBar(1.0, 0.6, coupler, 0.9)
+        except GeometryError:
+            continue
+        points = [p for p in bar.dead_points() if p.kind == kind]
+        assert any(isclose(abs(p.angle), theta, abs_tol=1e-6) for p in points)
+
+
+def test_chebyshevs_spacing_of_three_points_from_1_to_2() -> None:
+    expected = [1.5 - 3**0.5 / 4, 1.5, 1.5 + 3**0.5 / 4]
+    assert np.allclose(precision_points(1.0, 2.0, 3), expected, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ('call', 'text'),
+    [
+        (lambda: function_generators([0, 1], [0, 1]), '2 and 2 rotations: 3 to 5'),
+        (lambda: function_generators([0, 1, 2], [0, 1, 2]), 'need input_start and output_start'),
+        (lambda: function_task(lambda _: 1.0, (0.0, 1.0), (1.0, 1.0)), 'finite and different'),
+        (lambda: motion_generators([PlanePose(0j, 0.0)] * 2), '2 poses: 3 to 5'),
+        (lambda: motion_generators([PlanePose(0j, 0.0)] * 3), 'either both fixed pivots or'),
+        (lambda: dyad_of_pin([PlanePose(complex(k), 0.0) for k in range(3)], 1j), 'on one line'),
+        (lambda: dyad_of_pivot([PlanePose(complex(k), 0.0) for k in range(3)], 1j), 'on one line'),
+        (lambda: place(FourBarGeometry(4, 1, 3, 3), 0.0).at(math.nan), 'finite'),
+    ],
+)
+def test_a_task_that_is_none_is_refused_in_one_line(call, text: str) -> None:
+    with pytest.raises(ValueError, match=text):
+        call()
