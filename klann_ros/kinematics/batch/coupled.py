@@ -63,10 +63,11 @@ class _Solution:
         linkage, u = self._linkage, self._u
         u[:, self._reason != 0] = np.nan
         results.reason[0] = self._reason
-        blocks = [*closing_blocks(linkage, u)]
+        needs_rates = results.h_1 is not None or results.h_gradient is not None
+        blocks = [*closing_blocks(linkage, u)] if needs_rates else []
         x_1: list[Any] = []
         u_1: list[Any] = []
-        if results.h_1 is not None or results.h_gradient is not None:
+        if needs_rates:
             x_1, u_1 = joints.solve_rates(linkage.structure, [*u], blocks, 1.0)
             singular = np.isnan(np.sum(x_1, axis=0))
             for each in (*x_1, *u_1):
