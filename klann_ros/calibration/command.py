@@ -17,7 +17,7 @@ from klann_ros.sanitize.yaml_text import parse_file, YamlError
 from . import page, report
 from .built_file import built_file
 from .fit import calibrate, Calibration, further_measurements
-from .load import described_run, is_csv, load_csv, load_run, point_topics, Request
+from .load import described_run, load_csv, load_run, point_topics, Request
 from .measurements import MeasurementError, Series
 from .observability import Suggestion
 
@@ -73,7 +73,7 @@ def _calibrate(options: argparse.Namespace) -> int:
 
 
 def _load(options: argparse.Namespace, leg: RobotLeg, requests: Sequence[Request]) -> list[Series]:
-    if is_csv(options.run):
+    if options.run.lower().endswith('.csv'):
         return load_csv(options.run, leg, requests)
     if not requests:
         raise MeasurementError(
@@ -86,7 +86,7 @@ def _robot(
     options: argparse.Namespace, requests: Sequence[Request]
 ) -> tuple[Robot, Sequence[str]]:
     """Return the robot as drawn, and the topics to be searched for points if none is named."""
-    if is_csv(options.run):
+    if options.run.lower().endswith('.csv'):
         if options.leg is None:
             raise UsageError('a table does not contain the leg: name its file with --leg')
         return robot_of(options.leg), []
