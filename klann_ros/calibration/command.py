@@ -16,7 +16,7 @@ from klann_ros.sanitize.yaml_text import parse_file, YamlError
 
 from . import page, report
 from .built_file import built_file
-from .fit import calibrate, Calibration, further_measurements
+from .fit import calibrate, Calibration
 from .load import described_run, load_csv, load_run, point_topics, Request
 from .measurements import MeasurementError, Series
 from .observability import Suggestion
@@ -60,7 +60,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         delay=options.delay == 'unknown',
         prior=_prior(options.prior),
     )
-    further = further_measurements(found)
+    further = found.further()
     built = built_file(found, leg, options.leg, options.run)
     print(report.text(found, further), end='')
     views = {

@@ -210,20 +210,36 @@ class MeasurementModel:
         difference: FloatArray = predicted - series.values
         return wrapped(difference) if series.kind == 'angle' else difference
 
-    def camera_pose(self, own: Sequence[FloatArray], seen: Sequence[FloatArray]) -> FloatArray:
-        """Return the camera's x, y and rotation that lay points best over the seen ones."""
-        p, q = (np.concatenate(each) @ (1.0, 1j) for each in (own, seen))
+    def variant(self, linkage: Linkage, direction: int) -> 'MeasurementModel':
+        """Return the model of another linkage or direction, with the same parameters."""
+        optional = (name in self.names for name in (CAMERA[0], DELAY, BACKLASH))
+        phase = self.value(self.start, PHASE)
+        options = dict(zip(('camera', 'delay', 'backlash'), optional, strict=True))
+        return MeasurementModel(linkage, direction=direction, phase=phase, **options)
+
+    def with_camera(
+        self, measured: Sequence[Series], values: Sequence[FloatArray]
+    ) -> tuple[FloatArray, list[FloatArray]]:
+        """Return the drawing's parameters with the camera that fits best, and what it sees."""
+        start, seen = self.start.copy(), list(values)
+        points = [n for n, series in enumerate(measured) if series.kind == 'point']
+        if not (self.has_camera and points):
+            return start, seen
+        p, q = (
+            np.concatenate([each[n] for n in points]) @ (1.0, 1j)
+            for each in (values, [series.values for series in measured])
+        )
         good = np.isfinite(p)
         p, q = p[good], q[good]
         turn = np.vdot(p - p.mean(), q - q.mean())
-        shift = q.mean() - turn / (abs(turn) or 1.0) * p.mean()
-        return np.array([shift.real, shift.imag, np.angle(turn)])
-
-
-def seen_from(points: FloatArray, pose: FloatArray) -> FloatArray:
-    """Return points as a camera of a pose sees them, shape (..., 2)."""
-    seen = points @ (1.0, 1j) * np.exp(1j * pose[2]) + complex(pose[0], pose[1])
-    return np.stack([seen.real, seen.imag], axis=-1)
+        turn = turn / (abs(turn) or 1.0)
+        shift = q.mean() - turn * p.mean()
+        places = [self.names.index(name) for name in CAMERA]
+        start[places] = shift.real, shift.imag, np.angle(turn)
+        for n in points:
+            at = values[n] @ (1.0, 1j) * turn + shift
+            seen[n] = np.stack([at.real, at.imag], axis=-1)
+        return start, seen
 
 
 def _derivatives(

@@ -8,14 +8,15 @@ say less about it than the drawing. The condition number is that of the columns 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import degrees
+from dataclasses import dataclass, replace
+from math import degrees, radians
 from typing import NamedTuple
 
 from klann_ros.kinematics.arrays import BoolArray, FloatArray
 import numpy as np
 
-from .model import MeasurementModel
+from .measurements import Kind, Series, subset
+from .model import CAMERA, MeasurementModel
 
 # Standard error from which on a combination is unobservable [units].
 MAX_ERROR = 10.0
@@ -24,6 +25,8 @@ ROUNDING = 1e-9
 # Parts of a combination, or of a parameter's error, that are left out.
 MIN_PART = 0.03
 GOOD_CONDITION = 100.0
+# Samples of a further measurement that is considered, and the noise of an encoder [rad].
+SUGGESTION_SAMPLES, ENCODER_NOISE = 120, radians(0.05)
 # Standard deviation of an unobservable combination from the drawing's [units].
 OPEN_ERROR = 2.0
 
@@ -69,11 +72,10 @@ class Observability:
 
 
 class Suggestion(NamedTuple):
-    """A further measurement, such as 'point G', and what it would make of the condition."""
+    """A further measurement that tells all apart, such as 'point G', and its condition."""
 
     name: str
     condition: float
-    resolves: bool
 
 
 def observability(jacobian: FloatArray, model: MeasurementModel) -> Observability:
@@ -119,12 +121,40 @@ def _change(name: str, value: float, model: MeasurementModel) -> str:
     return f'{name} {factor * value:+.3g} {shown}'
 
 
-def suggestions(conditions: Sequence[Suggestion], current: Observability) -> list[Suggestion]:
-    """Return the further measurements that help, the best first."""
-    helpful = [
-        each
-        for each in conditions
-        if (each.resolves and current.combinations)
-        or (not current.combinations and each.condition < 0.8 * current.condition)
-    ]
-    return sorted(helpful, key=lambda each: each.condition)
+def further_measurements(
+    model: MeasurementModel,
+    values: FloatArray,
+    measured: Sequence[tuple[Series, float]],
+    current: Observability,
+) -> list[Suggestion]:
+    """Return the further measurements that help, the best first: one more beside the measured."""
+
+    def rows(series: Series, noise: float) -> FloatArray:
+        few = subset(series, SUGGESTION_SAMPLES)
+        (own,) = model.predict([few], values)
+        share = len(few.times) / len(series.times)
+        found = own.jacobian.reshape(-1, len(values)) * model.units / (noise * share**0.5)
+        finite: FloatArray = found[np.isfinite(found).all(axis=1)]
+        return finite
+
+    known = np.concatenate([rows(*each) for each in measured])
+    structure, names = model.linkage.structure, {series.name for series, _ in measured}
+    base, noise = min(measured, key=lambda each: (each[0].kind != 'point', each[1]))
+    moving = [point for point in structure.points if point not in structure.pivots]
+    candidates = {}
+    for name in (*moving, *structure.angles[1:]):
+        kind: Kind = 'point' if name in moving else 'angle'
+        if name not in names:
+            other = replace(base, kind=kind, name=name)
+            more = rows(other, noise if kind == 'point' else ENCODER_NOISE)
+            candidates[f'{kind} {name}'] = np.concatenate([known, more])
+    if model.has_camera:
+        columns = [n for n, name in enumerate(model.names) if name not in CAMERA]
+        candidates["the camera's pose"] = known[:, columns]
+    found = []
+    for name, jacobian in candidates.items():
+        resolves = np.linalg.svd(jacobian, compute_uv=False)[-1] > 1.0 / MAX_ERROR
+        condition = condition_number(jacobian)
+        if resolves and (current.combinations or condition < 0.8 * current.condition):
+            found.append(Suggestion(name, condition))
+    return sorted(found, key=lambda each: each.condition)

@@ -88,9 +88,8 @@ def verdict(calibration: Calibration) -> str:
 
 def suggestion_lines(further: Sequence[Suggestion]) -> Iterator[str]:
     """Yield the further measurements that help."""
-    for name, condition, resolves in further[:3]:
-        effect = 'resolves all' if resolves else 'resolves a part'
-        yield f'  with {printable(name)}: {effect}, condition {condition:.0f}'
+    for name, condition in further[:3]:
+        yield f'  with {printable(name)}: resolves all, condition {condition:.0f}'
 
 
 def report(calibration: Calibration, further: Sequence[Suggestion]) -> dict[str, Any]:

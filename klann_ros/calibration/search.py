@@ -1,0 +1,88 @@
+"""Where a fit starts: checks of the measurements, the encoder's zero and the camera by search."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import degrees
+
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import FloatArray
+import numpy as np
+
+from .measurements import MeasurementError, Series, subset
+from .model import MeasurementModel, PHASE
+
+# Samples that a fit needs at least, and rotation of the crank [rad].
+MIN_SAMPLES, MIN_CRANK_RANGE = 20, 0.1
+# Samples and start angles of the search for the encoder's zero.
+SEARCH_SAMPLES, SEARCH_ANGLES = 120, 48
+# Ratio of a path's measured and drawn size beyond which its unit is wrong.
+MAX_SIZE_RATIO = 10.0
+# Part of the misfit at the file's zero from which on another zero is clearly better.
+BETTER = 0.7
+
+
+def check_measurements(model: MeasurementModel, measured: Sequence[Series]) -> None:
+    """Refuse too few samples, a crank that stands, and sizes that are no error: millimetres."""
+    for series in measured:
+        if len(series.times) < MIN_SAMPLES:
+            raise MeasurementError(
+                f'{series.title}: {len(series.times)} samples have a crank angle at their stamp, '
+                f'{series.skipped} have none; at least {MIN_SAMPLES} are needed (are both stamped '
+                f'by the same clock?)'
+            )
+    turned = float(np.ptp(np.concatenate([series.crank for series in measured])))
+    if turned < MIN_CRANK_RANGE:
+        raise MeasurementError(f'the crank turns by {degrees(turned):.2g} deg only: turn it fully')
+    for series in measured:
+        own = model.values(series, model.start)
+        if series.kind == 'angle' or not np.isfinite(own).any():
+            continue
+        drawn, seen = map(_spread, (own, series.values))
+        drawn = max(drawn, 0.01 * model.linkage.size)
+        if seen > MAX_SIZE_RATIO * drawn or seen < 0.01 * drawn:
+            hint = ': is it in millimetres? Points must be in metres' if seen > drawn else ''
+            raise MeasurementError(
+                f'{series.title} moves by {seen:.3g} m, on the drawing by {drawn:.3g} m{hint}'
+            )
+
+
+def _spread(values: FloatArray) -> float:
+    middle = np.nanmedian(values, axis=0)
+    return float(np.sqrt(np.nanmedian((values - middle) ** 2, axis=0).sum()))
+
+
+def start_parameters(model: MeasurementModel, measured: Sequence[Series]) -> FloatArray:
+    """Return the drawing's parameters with the encoder's zero, and the camera, that fit best."""
+    turned = np.linspace(0.0, TURN, SEARCH_ANGLES, endpoint=False)
+    few = [subset(series, SEARCH_SAMPLES) for series in measured]
+    # Row by row the values at each zero; the first is the file's.
+    tables = []
+    for series in few:
+        crank = (series.crank + model.direction * turned[:, None]).ravel()
+        values = model.values(replace(series, crank=crank, rate=0.0 * crank), model.start)
+        tables.append(values.reshape(len(turned), *series.values.shape))
+    misfits, starts = [], []
+    for n, turn in enumerate(turned):
+        start, seen = model.with_camera(few, [table[n] for table in tables])
+        start[model.names.index(PHASE)] += turn
+        residuals = [model.residuals(*each) for each in zip(few, seen, strict=True)]
+        misfits.append(median_misfit(model, few, residuals))
+        starts.append(start)
+    best = int(np.argmin(misfits))
+    if misfits[best] == np.inf:
+        raise MeasurementError('the leg as drawn reaches few of the measured crank angles')
+    return starts[best if misfits[best] < BETTER * misfits[0] else 0]
+
+
+def median_misfit(
+    model: MeasurementModel, measured: Sequence[Series], residuals: Sequence[FloatArray]
+) -> float:
+    """Return the median residual relative to the linkage's size; infinite if it does not move."""
+    found = []
+    for series, own in zip(measured, residuals, strict=True):
+        size = 1.0 if series.kind == 'angle' else model.linkage.size
+        error = np.linalg.norm(own, axis=1) / size
+        if np.isnan(error).mean() > 0.5:
+            return np.inf
+        found.append(float(np.nanmedian(error)))
+    return max(found)
