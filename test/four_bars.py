@@ -56,22 +56,6 @@ def solved(bar: FourBar, theta2: float, sine: float = 0.05) -> FourBarPose:
     return pose
 
 
-def apart(a: float, b: float) -> float:
-    """Return the difference of two angles, modulo a turn [rad]."""
-    return abs(math.remainder(a - b, 2 * math.pi))
-
-
-def difference(pose: FourBarPose, other: FourBarPose) -> float:
-    """Return the largest difference of two poses' angles, modulo a turn [rad]."""
-    return max(apart(a, b) for a, b in zip(pose.x, other.x, strict=True))
-
-
-def allowed(pose: FourBarPose) -> float:
-    """Return the difference that a pose's distance from singularity excuses [rad]."""
-    sine = abs(math.sin(pose.transmission_angle))
-    return 1e-11 if sine > 1e-3 else 1e-11 / max(sine, 1e-7)
-
-
 def turns(bar: FourBar, start: tuple[float, float, float]) -> tuple[int, int, int]:
     """
     Return how often crank, coupler and rocker turn as the linkage goes through all its poses.

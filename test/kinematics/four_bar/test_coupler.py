@@ -3,9 +3,10 @@
 import math
 
 import four_bar_equations as equations
-from four_bars import apart, crank_angles, four_bars, solved, untimed
+from four_bars import crank_angles, four_bars, solved, untimed
 from hypothesis import assume, given, strategies as st
 from klann_ros.kinematics import FourBar
+from mechanisms import apart
 import numpy as np
 import pytest
 

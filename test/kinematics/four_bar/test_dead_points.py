@@ -3,9 +3,10 @@
 import math
 
 import four_bar_equations as equations
-from four_bars import apart, COURSE, four_bars, untimed
+from four_bars import COURSE, four_bars, untimed
 from hypothesis import assume, example, given
 from klann_ros.kinematics import FourBar, UnreachableError
+from mechanisms import apart
 import pytest
 
 # Nothing turns fully: 500 + 300 > 400 + 350 mm.

@@ -1,0 +1,208 @@
+"""Geometries of the Klann leg and the four-bar: invalid ones are refused, with the reason."""
+
+from collections.abc import Callable
+from dataclasses import FrozenInstanceError, replace
+import math
+from typing import Any
+
+from four_bars import COURSE, NAMES
+from hypothesis import given, settings, strategies as st
+from klann_ros import kinematics
+from klann_ros.kinematics import (
+    FourBar,
+    GeometryError,
+    KlannGeometry,
+    KlannLeg,
+    reachable_arcs,
+    UnreachableError,
+)
+from klann_ros.kinematics.klann import BENDS, COORDINATES, LENGTHS
+import pytest
+from strategies import legs
+
+Make = Callable[..., Any]
+FULL_TURN = [(0.0, 2 * math.pi)]
+
+
+def four_bar(**changes: Any) -> FourBar:
+    """Return the course's four-bar with changes."""
+    return FourBar(**dict(zip(NAMES, COURSE, strict=True)) | changes)
+
+
+ALL_LENGTHS = [*((KlannGeometry, name) for name in LENGTHS), *((four_bar, name) for name in NAMES)]
+ALL_NUMBERS = [*ALL_LENGTHS, *((KlannGeometry, name) for name in COORDINATES + BENDS)]
+
+
+@pytest.mark.parametrize(('make', 'name'), ALL_NUMBERS)
+@pytest.mark.parametrize('value', [math.nan, math.inf, 'long', '0.12', b'0.12', None, 10**400])
+def test_a_value_that_is_not_finite_is_refused(make: Make, name: str, value: object) -> None:
+    with pytest.raises(GeometryError, match=f'{name} = .* must be a finite number'):
+        make(**{name: value})
+
+
+@pytest.mark.parametrize(('make', 'name'), ALL_LENGTHS)
+@pytest.mark.parametrize('value', [0.0, -0.1])
+def test_a_length_must_be_positive(make: Make, name: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f'{name} = .* a length must be > 0'):
+        make(**{name: value})
+
+
+@pytest.mark.parametrize('factor', [1e-81, 1e160])
+@pytest.mark.parametrize(
+    ('make', 'numbers'),
+    [
+        (KlannGeometry, {n: getattr(KlannGeometry(), n) for n in LENGTHS + COORDINATES}),
+        (four_bar, dict(zip(NAMES, COURSE, strict=True))),
+    ],
+)
+def test_lengths_beyond_all_measure_are_refused(
+    make: Make, numbers: dict[str, float], factor: float
+) -> None:
+    with pytest.raises(GeometryError, match=r'must be within 1e-60 \.\. 1e\+60 m'):
+        make(**{name: factor * value for name, value in numbers.items()})
+
+
+@pytest.mark.parametrize(
+    ('make', 'assembly', 'text'),
+    [
+        *(
+            (KlannGeometry, signs, 'two signs')
+            for signs in ((0, 1), (1,), (1, 1, 1), (2, -1), 1, None, ('+', '-'), {1, -1}, {})
+        ),
+        *(
+            (four_bar, sign, r'assembly = .* must be \+1 or -1')
+            for sign in (0, 2, None, '+', (1,), [1, -1], math.nan)
+        ),
+    ],
+)
+def test_an_invalid_assembly_is_refused(make: Make, assembly: object, text: str) -> None:
+    with pytest.raises(GeometryError, match=text):
+        make(assembly=assembly)
+
+
+def test_geometries_are_frozen_and_compare_by_value() -> None:
+    bar = four_bar().geometry
+    for geometry, name in ((KlannGeometry(), 'l_ab'), (bar, 'crank')):
+        with pytest.raises(FrozenInstanceError):
+            setattr(geometry, name, 1.0)
+    assert KlannGeometry() == KlannGeometry.sem104()
+    assert hash(KlannGeometry()) == hash(KlannGeometry.sem104())
+    assert bar == four_bar().geometry != four_bar(assembly=-1).geometry
+    assert hash(bar) == hash(four_bar(assembly=True).geometry)
+    assert KlannGeometry(assembly=[1, -1]).assembly == (1, -1)
+    patent = KlannGeometry.patent()
+    assert KlannGeometry(**patent.as_dict()) == patent
+    assert replace(patent, **patent.as_dict()) == patent
+
+
+# The four-bar.
+
+
+@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('length', [3.0, 3.1])
+def test_a_link_as_long_as_the_others_together_is_refused(name: str, length: float) -> None:
+    lengths = dict.fromkeys(NAMES, 1.0) | {name: length}
+    with pytest.raises(GeometryError, match=f'at no crank angle .* {name} = .* not shorter than'):
+        FourBar(**lengths)
+
+
+def test_a_link_that_is_a_little_shorter_is_taken() -> None:
+    (start, end), *_ = FourBar(2.999, 1.0, 1.0, 1.0).reachable_arcs()
+    assert 0.0 < end - start < 0.2
+
+
+def test_the_classes_of_all_results_are_exported() -> None:
+    bar = four_bar()
+    velocity = bar.velocity(bar.solve(1.0), 1.0)
+    results = [
+        *(bar.geometry, bar.grashof, bar.rocker_limits, *bar.dead_points('rocker')),
+        *(bar.transmission_extremes, velocity, bar.acceleration(velocity.pose, 1.0, 0.0)),
+    ]
+    for result in results:
+        assert getattr(kinematics, type(result).__name__) is type(result)
+        assert type(result).__name__ in kinematics.__all__
+
+
+# The Klann leg.
+
+
+@pytest.mark.parametrize(
+    'change',
+    [
+        {'l_bc': 0.01},
+        {'l_ef': 0.001, 'l_fg': 0.002},
+        {'x_e': 9.0},
+        # It seems to close where B is D.
+        {'l_ab': 0.1, 'x_d': 0.1, 'y_a': 0.0, 'l_bc': 0.35, 'l_dc': 0.35, 'x_e': 100.0},
+    ],
+)
+def test_lengths_that_never_close_are_refused(change: dict[str, float]) -> None:
+    with pytest.raises(GeometryError, match='at no crank angle do both dyads close'):
+        KlannGeometry(**change)
+
+
+@pytest.mark.parametrize('geometry', [KlannGeometry.sem104(), KlannGeometry.patent()])
+def test_both_known_legs_turn_fully(geometry: KlannGeometry) -> None:
+    assert reachable_arcs(geometry) == FULL_TURN
+
+
+def test_the_limit_of_the_full_turn_is_where_the_textbook_leg_has_it() -> None:
+    # BD reaches 481.39 of BC + DC = 490 mm.
+    limit = 0.12 + math.hypot(0.35, 0.09) - 0.14
+    assert limit / 0.35 == pytest.approx(1 - 0.0246, abs=1e-4)
+    assert reachable_arcs(KlannGeometry(l_bc=limit + 1e-9)) == FULL_TURN
+    assert reachable_arcs(KlannGeometry(l_bc=limit - 1e-6)) != FULL_TURN
+
+
+@pytest.mark.parametrize(
+    ('change', 'arc'),
+    [
+        # A gap beside zero, and a leg that closes there only.
+        ({'l_fg': 0.280028}, (0.00916, 2 * math.pi + 0.00104)),
+        ({'l_ef': 0.3, 'l_fg': 0.850028}, (0.00104, 0.00916)),
+    ],
+)
+def test_an_extremum_beside_zero_is_not_missed(
+    change: dict[str, float], arc: tuple[float, float]
+) -> None:
+    # The leg of SEM 104, turned so that |EG| has an extremum just beside a crank angle of 0.
+    beside_zero = {'x_d': 0.33793, 'y_a': 0.12808, 'x_e': 0.30368, 'y_e': 0.23522}
+    (found,) = reachable_arcs(KlannGeometry(**change, **beside_zero))
+    assert found == pytest.approx(arc, abs=1e-4)
+
+
+def test_an_arc_through_zero_is_one_arc() -> None:
+    ((start, end),) = reachable_arcs(replace(KlannGeometry.patent(), l_fg=0.4842))
+    assert start < 2 * math.pi < end
+
+
+def closes(geometry: KlannGeometry, alpha: float, leg: KlannLeg | None = None) -> bool:
+    try:
+        (leg or KlannLeg(geometry)).closed_form(alpha)
+    except UnreachableError:
+        return False
+    return True
+
+
+@settings(max_examples=60)
+@given(geometry=legs(change=0.5), offset=st.floats(0.0, 0.03))
+def test_the_arcs_are_where_the_closed_form_closes(geometry: KlannGeometry, offset: float) -> None:
+    arcs, leg = reachable_arcs(geometry), KlannLeg(geometry)
+    assert arcs
+    for k in range(209):
+        alpha = offset + 3 * k / 100
+        from_an_end = min(
+            abs(math.remainder(alpha - end, 2 * math.pi)) for arc in arcs for end in arc
+        )
+        inside = any(
+            start <= angle <= end for start, end in arcs for angle in (alpha, alpha + 2 * math.pi)
+        )
+        if from_an_end > 1e-9:
+            assert closes(geometry, alpha, leg) is inside
+
+
+def test_the_ends_of_an_arc_are_sharp() -> None:
+    geometry = KlannGeometry(l_bc=0.33)
+    for start, end in reachable_arcs(geometry):
+        assert [closes(geometry, start + step) for step in (1e-9, -1e-9)] == [True, False]
+        assert [closes(geometry, end - step) for step in (1e-9, -1e-9)] == [True, False]

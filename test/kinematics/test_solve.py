@@ -1,0 +1,338 @@
+"""`solve`: the closed form's pose, by warm-started Newton, on its assembly always."""
+
+from collections.abc import Callable
+from functools import partial
+from itertools import product
+import math
+from typing import Any
+
+from four_bars import COURSE, crank_angles, four_bars, untimed
+from hypothesis import assume, given, settings, strategies as st
+from klann_ros.kinematics import (
+    CrankAngleError,
+    FourBar,
+    KlannGeometry,
+    KlannLeg,
+    Leg,
+    UnreachableError,
+)
+from klann_ros.kinematics.linkage import leg as leg_module
+from mechanisms import allowed, apart, difference
+import numpy as np
+import pytest
+
+AnyLeg = Leg[Any, Any]
+Make = Callable[..., AnyLeg]
+BAR = partial(FourBar, *COURSE)
+PARALLELOGRAM = (0.300, 0.100, 0.300, 0.100)
+# Its crank does not turn fully: 136.6 .. 194.5 deg cannot be reached.
+STUCK = KlannGeometry(l_bc=0.33)
+# B comes to D, and A to O4.
+KLANN_KITE = KlannGeometry(l_ab=0.35, x_d=0.35, y_a=0.0, l_bc=0.4, l_dc=0.4, l_ef=0.5, l_fg=0.5)
+KITE = (0.35, 0.35, 0.4, 0.4)
+for_both = pytest.mark.parametrize('make', [KlannLeg, BAR], ids=['klann', 'four-bar'])
+SETTINGS = 'tolerance', 'max_crank_step'
+
+
+@pytest.mark.parametrize('direction', [1, -1])
+@pytest.mark.parametrize(
+    ('make', 'steps', 'limit'),
+    [
+        (KlannLeg, 3600, 1e-11),
+        (partial(KlannLeg, KlannGeometry.patent()), 3600, 1e-11),
+        *((partial(BAR, sign), 720, 1e-12) for sign in (1, -1)),
+        *((partial(FourBar, 0.5, 0.1, 0.5, 0.12, sign), 720, 1e-12) for sign in (1, -1)),
+    ],
+)
+def test_a_turn_agrees_with_the_closed_form(
+    make: Make, steps: int, limit: float, direction: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alphas = [math.radians(direction * 360 * k / steps) for k in range(steps + 1)]
+    expected, leg = [make().closed_form(alpha) for alpha in alphas], make()
+    leg.solve(alphas[0])
+    monkeypatch.setattr(leg_module, 'initial_guess', None)  # calling it raises TypeError
+    poses = [leg.solve(alpha) for alpha in alphas]
+    assert max(map(difference, poses, expected)) <= limit
+    assert {pose.iterations for pose in poses} <= {1, 2, 3, 4}
+    assert max(math.dist(p.h, q.h) for p, q in zip(poses, expected, strict=True)) <= 1e-14
+    assert max(pose.residual for pose in poses) <= 1e-3 * limit
+
+
+@for_both
+def test_the_iterates_are_those_of_the_full_newton(make: Make) -> None:
+    leg, step = make(), 0.3
+    last = leg.solve(1.0)
+    guess = [x + step * c for x, c in zip(last.x, last.coefficients, strict=True)]
+    iterates = leg.newton(1.0 + step, guess)
+    pose = leg.solve(1.0 + step)
+    assert pose.iterations in (len(iterates) - 1, len(iterates))
+    np.testing.assert_allclose(pose.x, iterates[-1], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize('degrees', [30, 79, 90, 120, 180, 10 * 360 + 30])
+@pytest.mark.parametrize(('make', 'limit'), [(KlannLeg, 1e-11), (BAR, 1e-12)])
+def test_a_jump_is_split_and_needs_no_closed_form(
+    make: Make, limit: float, degrees: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for start in range(0, 360, 10):
+        leg = make()
+        leg.solve(math.radians(start))
+        expected = leg.closed_form(math.radians(start + degrees))
+        with monkeypatch.context() as patch:
+            patch.setattr(leg_module, 'initial_guess', None)
+            pose = leg.solve(math.radians(start + degrees))
+        assert difference(pose, expected) <= limit
+
+
+def test_a_jump_across_an_arc_that_cannot_be_reached_stays_on_the_branch() -> None:
+    leg = KlannLeg(STUCK)
+    for alpha in (2.3, 3.5, 2.3, 3.45, 2.38):
+        assert difference(leg.solve(alpha), leg.closed_form(alpha)) <= 1e-10
+
+
+@settings(max_examples=200)
+@given(bar=four_bars(), angles=st.lists(crank_angles, min_size=2, max_size=12))
+def test_after_jumps_of_any_size_the_pose_is_the_closed_forms(
+    bar: FourBar, angles: list[float]
+) -> None:
+    for theta2 in angles:
+        try:
+            expected = bar.closed_form(theta2)
+        except UnreachableError as error:
+            assume(error.shortfall > 1e-12)
+            before = bar.last
+            with pytest.raises(UnreachableError) as caught:
+                bar.solve(theta2)
+            assert caught.value.args == error.args
+            assert bar.last is before
+        else:
+            # With A at O4 but for rounding, a kite's coupler and rocker point anywhere.
+            assume(expected.z > 1e-12)
+            pose = bar.solve(theta2)
+            assert difference(pose, expected) <= allowed(expected)
+            assert pose.theta2 == theta2
+
+
+@for_both
+@pytest.mark.parametrize('max_crank_step', [1e-9, 1e-3, 10.0])
+def test_any_max_crank_step_stays_on_the_assembly(make: Make, max_crank_step: float) -> None:
+    leg = make(max_crank_step=max_crank_step)
+    for k in range(200):
+        alpha = 2.399963 * k
+        assert difference(leg.solve(alpha), leg.closed_form(alpha)) <= 1e-11
+
+
+@pytest.mark.parametrize('max_crank_step', [5e-324, 1e-9, 1e-3])
+def test_a_small_max_crank_step_costs_no_more_than_a_closed_form(max_crank_step: float) -> None:
+    leg = KlannLeg(max_crank_step=max_crank_step)
+    leg.solve(0.0)
+    assert leg.solve(3.0).iterations <= 2
+
+
+def test_a_long_foot_costs_the_angles_no_digit() -> None:
+    leg, short = KlannLeg(KlannGeometry(l_gh=1e6)), KlannLeg()
+    for k in range(100):
+        assert difference(leg.solve(k / 50), short.solve(k / 50)) == 0.0
+
+
+# Where dyads end.
+
+
+B_AT_170 = 0.12 * math.cos(math.radians(170.0)), 0.09 + 0.12 * math.sin(math.radians(170.0))
+
+
+@pytest.mark.parametrize(
+    ('leg', 'degrees', 'names', 'shortfall', 'text'),
+    [
+        (
+            KlannLeg(STUCK),
+            170.0,
+            ('B', 'D', 'BC', 'DC'),
+            math.dist(B_AT_170, (0.35, 0.0)) - (0.33 + 0.14),
+            r'170\.000 deg\) .*dyad 1 does not close, B and D are .* further apart than BC',
+        ),
+        (
+            FourBar(0.3, 0.2, 0.25, 0.15),
+            180.0,
+            ('A', 'O4', 'AB', 'O4B'),
+            0.5 - 0.4,
+            'A and O4 are .* further apart than AB',
+        ),
+        (
+            FourBar(0.3, 0.25, 0.4, 0.2),
+            0.0,
+            ('A', 'O4', 'AB', 'O4B'),
+            0.2 - 0.05,
+            r'A and O4 are .* closer together than \|AB - O4B\|',
+        ),
+    ],
+)
+def test_an_unreachable_angle_says_what_is_missing_and_leaves_the_last_pose(
+    leg: AnyLeg, degrees: float, names: tuple[str, ...], shortfall: float, text: str
+) -> None:
+    before, alpha = leg.solve(1.0), math.radians(degrees)
+    with pytest.raises(UnreachableError, match=text) as caught:
+        leg.solve(alpha)
+    error = caught.value
+    assert (error.alpha, error.dyad, error.stretched) == (alpha, 1, 'further' in text)
+    assert error.names == names
+    assert error.shortfall == pytest.approx(shortfall, abs=1e-15)
+    assert leg.last is before
+
+
+def test_the_second_dyad_is_named_too() -> None:
+    geometry = KlannGeometry(l_ef=0.12)
+    with pytest.raises(UnreachableError, match='dyad 2 does not close, E and G are') as caught:
+        for k in range(360):
+            KlannLeg(geometry).solve(math.radians(k))
+    assert caught.value.dyad == 2
+    assert caught.value.shortfall > 0
+
+
+@pytest.mark.parametrize(
+    ('leg', 'ends'),
+    [
+        (KlannLeg(KLANN_KITE), 'B and D'),
+        (FourBar(*KITE), 'A and O4'),
+        (FourBar(1.0, 1.0, 1.0, 1.0), 'A and O4'),
+    ],
+)
+def test_ends_of_a_dyad_that_coincide_leave_no_definite_pose(leg: AnyLeg, ends: str) -> None:
+    text = f'dyad 1 does not close, {ends} coincide, and the pose is not definite$'
+    with pytest.raises(UnreachableError, match=text) as caught:
+        leg.solve(0.0)
+    assert caught.value.shortfall == 0.0
+
+
+@pytest.mark.parametrize('alpha', [1e-11, -1e-9, 1e-6, 1e-3])
+@pytest.mark.parametrize('make', [partial(KlannLeg, KLANN_KITE), partial(FourBar, *KITE)])
+def test_a_kite_keeps_its_digits_where_the_ends_come_close(make: Make, alpha: float) -> None:
+    leg = make()
+    assert leg.closed_form(alpha).residual < 1e-15
+    assert difference(leg.solve(alpha), leg.closed_form(alpha)) <= 1e-9
+
+
+@pytest.mark.parametrize('assembly', [1, -1])
+def test_a_nearly_singular_pose_costs_the_next_one_no_digits(assembly: int) -> None:
+    bar = FourBar(4.0, 6.0, 0.4, 3.0, assembly)
+    start, end = bar.reachable_arcs()[0]
+    for k in range(1, 20):
+        bar.solve(start + 1e-15 * k)
+        theta2 = start + (end - start) * k / 20
+        assert difference(bar.solve(theta2), bar.closed_form(theta2)) <= 1e-13
+
+
+@untimed
+@given(bar=four_bars())
+def test_the_very_ends_of_the_reach_are_solved(bar: FourBar) -> None:
+    arcs = bar.reachable_arcs()
+    assume(arcs != [(0.0, 2 * math.pi)])
+    for theta2 in (end for arc in arcs for end in arc):
+        pose = bar.solve(theta2)
+        assert pose.residual <= 1e-14 * max(bar.geometry.lengths)
+        assert math.sin(pose.transmission_angle) < 1e-2
+
+
+# Change points.
+
+
+def test_beyond_a_change_point_the_sign_is_kept_and_not_the_motion() -> None:
+    bar = FourBar(2.0, 1.0, 2.0, 1.0)
+    for k in range(1, 360):
+        pose = bar.solve(math.radians(k))
+        assert math.sin(pose.theta4 - pose.theta3) > -1e-7
+        # Of a parallelogram the coupler stays along the ground.
+        assert (abs(pose.theta3) < 1e-7) is (k <= 180)
+
+
+@pytest.mark.parametrize('assembly', [1, -1])
+def test_a_parallelogram_is_one_on_one_side_and_crossed_on_the_other(assembly: int) -> None:
+    bar = FourBar(*PARALLELOGRAM, assembly)
+    for k in range(-179, 180, 2):
+        pose = bar.solve(math.radians(k))
+        parallel = apart(pose.theta4, pose.theta2) < 1e-9 and apart(pose.theta3, 0.0) < 1e-9
+        assert parallel is (k * assembly > 0)
+
+
+@pytest.mark.parametrize('lengths', [PARALLELOGRAM, (0.1, 0.3, 0.1, 0.3), (0.7, 0.1, 0.5, 0.3)])
+def test_a_change_point_is_passed_and_not_refused(lengths: tuple[float, ...]) -> None:
+    bar = FourBar(*lengths)
+    for k in range(-720, 721, 90):
+        pose = bar.solve(math.radians(k))
+        assert difference(pose, bar.closed_form(math.radians(k))) <= allowed(pose)
+        assert pose.residual <= 1e-15
+
+
+def test_a_rhombus_folded_onto_its_ground_comes_back_the_same() -> None:
+    assert FourBar(1.0, 1.0, 1.0, 1.0).reachable_arcs() == [(0.0, 2 * math.pi)]
+    # The tangent leads straight through, with A at O4, into the other assembly.
+    for theta2 in (7e-20, -7e-20, 1e-13):
+        bar = FourBar(1.0, 1.0, 1.0, 1.0, -1)
+        first = bar.solve(theta2)
+        bar.solve(theta2 - 0.25)
+        assert difference(bar.solve(theta2), first) <= 1e-12
+
+
+def test_rounding_does_not_open_a_linkage_folded_back_in_line() -> None:
+    """The rocker reaches back over the coupler: in some sizes it is a digit too short."""
+    for size in range(1, 200):
+        pose = FourBar(*(0.1 * size * length for length in (4, 3, 2, 3))).solve(0.0)
+        assert abs(pose.theta3) == pytest.approx(math.pi, abs=1e-6)
+        assert abs(pose.theta4) == pytest.approx(math.pi, abs=1e-6)
+
+
+# Objects and refusals.
+
+
+@for_both
+def test_a_leg_shows_its_geometry_and_forgets_its_last_pose(make: Make) -> None:
+    leg = make()
+    assert repr(leg) == f'{type(leg).__name__}({leg.geometry!r})'
+    leg.solve(1.0)
+    leg.reset()
+    assert leg.last is None
+
+
+@pytest.mark.parametrize(
+    'value',
+    [
+        *(math.nan, math.inf, -math.inf, 1.1e6, -1e308, 10**400, None, 'abc', '1', b'1', 1j),
+        *([1.0, 2.0], np.array([1.0, 2.0])),
+    ],
+)
+@pytest.mark.parametrize(
+    ('make', 'method'),
+    [
+        *product((KlannLeg, BAR), ('solve', 'closed_form')),
+        *((BAR, method) for method in ('transmission_angle', 'mechanical_advantage')),
+    ],
+)
+def test_an_invalid_angle_is_refused_and_changes_nothing(
+    make: Make, method: str, value: object
+) -> None:
+    leg = make()
+    before = leg.solve(1.0)
+    with pytest.raises(CrankAngleError, match='finite and within') as caught:
+        getattr(leg, method)(value)
+    assert caught.value.alpha is value
+    assert leg.last is before
+
+
+@for_both
+@pytest.mark.parametrize('name', SETTINGS)
+@pytest.mark.parametrize('value', [0.0, -1.0, math.nan, math.inf, 'a', '1e-6', None, [1e-6]])
+def test_invalid_settings_are_refused(make: Make, name: str, value: object) -> None:
+    with pytest.raises(ValueError, match=f'{name} = .* is refused: it must be finite, > 0'):
+        make(**{name: value})
+
+
+@for_both
+def test_a_tolerance_that_would_answer_unreachable_angles_is_refused(make: Make) -> None:
+    with pytest.raises(ValueError, match=r'at most 0\.001 rad'):
+        make(tolerance=0.1)
+
+
+@pytest.mark.parametrize('geometry', [{}, 0, '', {'l_ab': 1.0}, KlannGeometry])
+def test_an_invalid_geometry_is_refused(geometry: object) -> None:
+    with pytest.raises(TypeError, match='must be a KlannGeometry'):
+        KlannLeg(geometry)
