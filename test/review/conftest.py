@@ -11,7 +11,17 @@ from klann_ros.kinematics.klann import JOINTS
 from klann_ros.log.definitions import definition
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
+from klann_ros.log.run_parameters import (
+    LOSS_RECORD,
+    loss_record,
+    Pause,
+    PAUSE_RECORD,
+    pause_record,
+    SOLVER_RECORD,
+    solver_record,
+    SolverParameters,
+    TopicCount,
+)
 from klann_ros.log.write.writer import RunWriter
 from klann_ros.review.command import main
 import numpy as np
@@ -68,6 +78,9 @@ class Script:
     namespace: str = ''
     prefix: str = ''
     rates: list[float] = field(default_factory=list)
+    # One for each answer: of the crank's joint beside a wheel's, and of all joints of the leg.
+    crank_efforts: Sequence[float] = ()
+    pose_efforts: Sequence[float] = ()
     latency: int = 200_000
     crank: Topic = CRANK
     poses: Topic = POSES
@@ -80,6 +93,22 @@ class Script:
         """Set another crank angle, with its pose and its foot."""
         pose = KlannLeg(self.geometry).solve(alpha)
         self.change(index, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
+
+    def delay(self, first: int, by: int, last: int | None = None) -> None:
+        """Send the answers from the first on later [ns]."""
+        for n in range(len(self.answers))[first:last]:
+            self.change(n, stamp=self.answers[n].stamp + by)
+
+    def shift_header_stamps(self, by: int) -> None:
+        for n, answer in enumerate(self.answers):
+            self.change(n, header_stamp=answer.stamp + by)
+
+    def add_counts(self, counts: dict[str, TopicCount]) -> None:
+        """Add what the recorder counted."""
+        self.metadata.append((LOSS_RECORD, loss_record(counts)))
+
+    def add_pause(self, begin: int, end: int, *reason: str) -> None:
+        self.metadata.append((PAUSE_RECORD, pause_record(Pause(begin, end, {}, *reason))))
 
     def renumber(self) -> None:
         """Set the numbers of the answers that are left, without a gap."""
@@ -99,12 +128,14 @@ class Script:
         self.messages.append(message(self.crank, asked.stamp + 1000, 0, content))
 
     def ask(self, index: int, later: int = 1000) -> None:
-        """Add an input that nobody answers, as far behind an answered one as is said [ns]."""
+        """Add an input without an answer, behind an answered one by a time [ns]."""
         asked = self.answers[index]
         self.unanswered.append((asked.stamp + later, asked.alpha))
 
-    def add_solver(self, time: int, geometry: KlannGeometry, node: str = '/solver_node') -> None:
-        record = solver_record(SolverParameters(node, time, geometry.as_dict()))
+    def add_solver(
+        self, time: int, geometry: KlannGeometry, node: str = '/solver_node', **others: Any
+    ) -> None:
+        record = solver_record(SolverParameters(node, time, {**geometry.as_dict(), **others}))
         self.metadata.append((SOLVER_RECORD, record))
 
     def in_namespace(self, namespace: str) -> 'Script':
@@ -169,7 +200,11 @@ def crank(topic: Topic, stamp: int, alpha: float) -> Any:
 
 
 def joint_state(
-    stamp: int, names: list[str], angles: list[float], rates: Sequence[float] = ()
+    stamp: int,
+    names: list[str],
+    angles: list[float],
+    rates: Sequence[float] = (),
+    efforts: Sequence[float] = (),
 ) -> Any:
     return make(
         POSES.type,
@@ -177,7 +212,7 @@ def joint_state(
         name=names,
         position=np.array(angles, dtype=float),
         velocity=np.array(rates, dtype=float),
-        effort=np.array([]),
+        effort=np.array(efforts, dtype=float),
     )
 
 
@@ -187,9 +222,15 @@ def _answer(script: Script, answer: Answer) -> Iterator[Message]:
     names = [script.prefix + joint for joint in JOINTS]
     point = make('geometry_msgs/msg/Point', x=answer.foot[0], y=answer.foot[1], z=0.0)
     of_foot = header(stamp if answer.foot_stamp is None else answer.foot_stamp, 'leg_plane')
+    asked = crank(script.crank, stamp, answer.alpha)
+    if len(script.crank_efforts):
+        efforts = [77.0, script.crank_efforts[number - 1]]
+        asked = joint_state(stamp, ['wheel', 'crank'], [0.0, answer.alpha], efforts=efforts)
+    first = number - 1
+    of_legs = [float(each) for each in script.pose_efforts[first:number]] * len(names)
     for topic, content in (
-        (script.crank, crank(script.crank, stamp, answer.alpha)),
-        (script.poses, joint_state(stamp, names, answer.pose, script.rates)),
+        (script.crank, asked),
+        (script.poses, joint_state(stamp, names, answer.pose, script.rates, of_legs)),
         (script.feet, make(FEET.type, header=of_foot, point=point)),
     ):
         yield message(topic, time, number, content, script.latency)
@@ -262,7 +303,7 @@ def write_messages(tmp_path: Path) -> Rewriter:
 
 @pytest.fixture
 def without(write_messages: Rewriter) -> Callable[..., Path]:
-    """Return what writes a run anew without some messages, or received later by so much [ns]."""
+    """Return what writes a run again without some messages, or received later [ns]."""
 
     def changed(run: Path, which: Any = lambda _: False, late: Any = 0) -> Path:
         by = late if callable(late) else lambda _: late

@@ -8,14 +8,7 @@ from findings import checks, moments
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.run_parameters import (
-    LOSS_RECORD,
-    loss_record,
-    Pause,
-    PAUSE_RECORD,
-    pause_record,
-    TopicCount,
-)
+from klann_ros.log.run_parameters import LOSS_RECORD, TopicCount
 from klann_ros.review.command import main
 from klann_ros.review.reviewing import review_run
 import pytest
@@ -103,8 +96,7 @@ def test_a_loss_is_no_gap_and_no_jump_as_well(healthy, make_run, without) -> Non
 
 
 def test_a_silence_of_the_publisher_is_one_gap(healthy, make_run) -> None:
-    for n in range(100, 400):
-        healthy.change(n, stamp=healthy.answers[n].stamp + 300 * MS)
+    healthy.delay(100, 300 * MS)
     review = review_run(make_run(healthy))
     assert moments(review) == [('gap', 0.495)]
     silent = 'nothing on /crank_angle, /joint_states, /point_h for 0.305 s'
@@ -134,14 +126,14 @@ def test_a_topic_that_comes_in_bursts_has_no_gap_and_no_latency(
 ) -> None:
     topic, start = Topic(name, kind, ''), healthy.answers[0].stamp
     times = [start + (500 * burst + n) * MS for burst in range(4) for n in range(12)]
-    # The log of nodes waits for whoever discovers them; the others come at once.
+    # The log of nodes waits for discovery; the others come at once.
     late = 300 * MS if 'rcl_interfaces' in kind else MS
     healthy.messages = [Message(topic, b'', time + late, time, 0) for time in times]
     assert checks(review_run(make_run(healthy))) == []
 
 
 def restarted(healthy, make_run, lost: int | None) -> list[str]:
-    """Return what is found where a crank begins anew at 0 after 0.3 s."""
+    """Return what is found where a crank restarts at 0 after 0.3 s."""
     del healthy.answers[100:160]
     first = healthy.answers[100].alpha
     for n in range(100, 340):
@@ -150,24 +142,23 @@ def restarted(healthy, make_run, lost: int | None) -> list[str]:
     counts = {'/crank_angle': TopicCount(340, 340, missed=lost, departed=1)}
     # The solver went on, which no sequence number of these runs says.
     counts |= dict.fromkeys(('/joint_states', '/point_h'), TopicCount(340, 340, missed=None))
-    healthy.metadata.append((LOSS_RECORD, loss_record(counts)))
+    healthy.add_counts(counts)
     return checks(review_run(make_run(healthy)))
 
 
-def test_a_crank_that_ended_in_order_and_began_anew_is_a_note(healthy, make_run) -> None:
-    assert restarted(healthy, make_run, lost=0) == ['restart']
-
-
-def test_a_crank_that_died_and_began_anew_is_a_gap(healthy, make_run) -> None:
-    # The middleware waits for it for seconds, so that there are two, and no loss is known.
-    assert restarted(healthy, make_run, lost=None) == ['gap', 'jump']
+# The middleware waits for one that died for seconds: there are two, and no loss is known.
+@pytest.mark.parametrize(('lost', 'found'), [(0, ['restart']), (None, ['gap', 'jump'])])
+def test_a_crank_that_restarts_is_a_note_after_an_orderly_end_only(
+    healthy, make_run, lost, found
+) -> None:
+    assert restarted(healthy, make_run, lost=lost) == found
 
 
 def test_a_time_in_which_the_recorder_did_not_run_is_a_note(healthy, make_run) -> None:
     del healthy.answers[100:300]
     begin, end = healthy.answers[99].stamp, healthy.answers[100].stamp - 150 * MS
-    stall = Pause(begin, end, {}, 'the recorder did not run\n')
-    healthy.metadata += [(PAUSE_RECORD, pause_record(stall)), (LOSS_RECORD, {})]
+    healthy.add_pause(begin, end, 'the recorder did not run\n')
+    healthy.metadata.append((LOSS_RECORD, {}))
     review = review_run(make_run(healthy))
     assert moments(review) == [('stall', 0.495)]
     assert review.findings[0].text == 'the recorder did not run'
@@ -176,7 +167,7 @@ def test_a_time_in_which_the_recorder_did_not_run_is_a_note(healthy, make_run) -
 def test_a_silence_in_a_pause_is_no_finding(healthy, make_run) -> None:
     del healthy.answers[100:300]
     begin, end = healthy.answers[99].stamp + 2 * MS, healthy.answers[100].stamp - 2 * MS
-    healthy.metadata.append((PAUSE_RECORD, pause_record(Pause(begin, end, {}))))
+    healthy.add_pause(begin, end)
     healthy.metadata.append((LOSS_RECORD, {}))
     assert checks(review_run(make_run(healthy))) == []
 
@@ -184,8 +175,7 @@ def test_a_silence_in_a_pause_is_no_finding(healthy, make_run) -> None:
 def test_a_silence_behind_a_pause_is_a_gap_all_the_same(healthy, make_run) -> None:
     del healthy.answers[100:300]
     begin = healthy.answers[99].stamp + 2 * MS
-    pause = Pause(begin, begin + 500 * MS, {})
-    healthy.metadata.append((PAUSE_RECORD, pause_record(pause)))
+    healthy.add_pause(begin, begin + 500 * MS)
     assert checks(review_run(make_run(healthy))) == ['gap']
 
 

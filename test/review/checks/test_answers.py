@@ -1,11 +1,11 @@
 """What was asked and what was answered."""
 
-from dataclasses import replace
 import math
 
 from findings import checks, found, moments
 from klann_ros.kinematics import KinematicsError, KlannGeometry, KlannLeg
-from klann_ros.log.run_parameters import LOSS_RECORD, loss_record, TopicCount
+from klann_ros.log.run_parameters import TopicCount
+from klann_ros.review.model.review import Severity
 from klann_ros.review.reviewing import review_run
 import pytest
 
@@ -21,12 +21,12 @@ def test_a_pose_for_another_crank_angle_is_found(healthy, make_run) -> None:
 
 
 @pytest.mark.parametrize('parameters', [{'phase': 0.5}, {'direction': -1}])
-def test_another_phase_or_direction_than_told_is_found(healthy, make_run, parameters) -> None:
+def test_another_phase_or_direction_than_recorded_is_found(healthy, make_run, parameters) -> None:
     healthy.parameters.update(parameters)
     assert checks(review_run(make_run(healthy))) == ['alpha']
 
 
-def test_a_stamp_that_two_inputs_share_tells_no_angle(healthy, make_run) -> None:
+def test_a_stamp_that_two_inputs_share_has_no_angle(healthy, make_run) -> None:
     alpha = healthy.answers[100].alpha + 1e-3
     pose = KlannLeg().solve(alpha)
     healthy.change(100, pose=list(pose.joints), foot=pose.h)
@@ -35,7 +35,7 @@ def test_a_stamp_that_two_inputs_share_tells_no_angle(healthy, make_run) -> None
 
 
 @pytest.mark.parametrize('alpha', [math.nan, math.inf, -math.inf, 1.1e6, -1e300])
-def test_what_is_no_crank_angle_is_found_as_such(healthy, make_run, alpha) -> None:
+def test_an_invalid_crank_angle_is_rejected(healthy, make_run, alpha) -> None:
     healthy.unanswered = [(healthy.answers[100].stamp + 1000, alpha)]
     assert found(make_run(healthy)) == [
         'rejected: 1 of 401 crank angles was invalid: not finite, or beyond 1e6 rad'
@@ -47,13 +47,17 @@ def test_an_unanswered_angle_is_found_but_not_at_the_edges(healthy, make_run) ->
         healthy.ask(index, later)
     review = review_run(make_run(healthy))
     assert moments(review) == [('answers', 0.15)]
-    assert review.findings[0].text == '1 of 401 crank angles was not answered'
+    (finding,) = review.findings
+    assert (finding.text, finding.severity) == (
+        '1 of 401 crank angles was not answered',
+        Severity.WARNING,
+    )
+    assert 'or its input was lost' in finding.meaning
 
 
-def test_answers_that_were_lost_are_not_said_to_be_missing(healthy, make_run) -> None:
+def test_lost_answers_are_not_missing(healthy, make_run) -> None:
     healthy.ask(30)
-    counted = {'/joint_states': TopicCount(400, 400, missed=1)}
-    healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
+    healthy.add_counts({'/joint_states': TopicCount(400, 400, missed=1)})
     assert found(make_run(healthy)) == ['lost: 1 message of /joint_states was lost']
 
 
@@ -73,9 +77,7 @@ def rocking(make_script):
         else:
             pose = solver.closed_form(alpha)
             run.change(n, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
-    run.answers = [
-        replace(answer, sequence=n + 1) for n, answer in enumerate(filter(None, run.answers))
-    ]
+    run.renumber()
     return run
 
 
@@ -89,16 +91,16 @@ def test_an_angle_out_of_reach_is_found_as_such(rocking, make_run) -> None:
 def test_a_silence_where_nothing_can_be_answered_is_no_gap(make_script, make_run) -> None:
     geometry = KlannGeometry(l_dc=0.12)
     run, solver = make_script(turns=2.0), KlannLeg(geometry)
-    run.geometry, asked, run.answers = geometry, run.answers, []
-    for answer in asked:
+    run.geometry = geometry
+    for n, answer in enumerate(run.answers):
         try:
             pose = solver.closed_form(answer.alpha)
         except KinematicsError:
             run.unanswered.append((answer.stamp, answer.alpha))
+            run.answers[n] = None
         else:
-            sequence = len(run.answers) + 1
-            of_pose = {'pose': list(pose.joints), 'foot': pose.h, 'sequence': sequence}
-            run.answers.append(replace(answer, **of_pose))
+            run.change(n, pose=list(pose.joints), foot=pose.h)
+    run.renumber()
     # About a sixth of each turn, of a second.
     review = review_run(make_run(run))
     assert checks(review) == ['reach']
@@ -117,7 +119,7 @@ def test_a_solver_that_stood_still_is_a_gap_of_its_answers(healthy, make_run) ->
     assert count == '50 crank angles were not answered meanwhile'
 
 
-def test_without_a_geometry_nobody_knows_why(rocking, make_run) -> None:
+def test_without_a_geometry_the_reason_is_unknown(rocking, make_run) -> None:
     rocking.geometry = None
     out = len(rocking.unanswered)
     _, answers = found(make_run(rocking))
@@ -131,5 +133,5 @@ def test_poses_that_end_before_the_crank_does_are_stale(healthy, make_run) -> No
     ]
     review = review_run(make_run(healthy))
     assert moments(review) == [('stale', 1.995)]
-    said = 'the poses ended 2.5 s before the crank did; 500 crank angles came after them'
-    assert review.findings[0].text == said
+    text = 'the poses ended 2.5 s before the crank did; 500 crank angles came after them'
+    assert review.findings[0].text == text

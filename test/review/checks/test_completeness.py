@@ -5,20 +5,14 @@ import struct
 from findings import checks, moments
 from klann_ros.review.reviewing import review_run
 from mcap.opcode import Opcode
+from mcap_bytes.records import spans
 import pytest
 
 
-def records(data):
-    """Yield (opcode, offset, length of the content) of each record between the magics."""
-    offset = 8
-    while offset + 9 <= len(data) - 8:
-        opcode, length = struct.unpack_from('<BQ', data, offset)
-        yield opcode, offset, length
-        offset += 9 + length
-
-
 def of_kind(data, kind):
-    return [(offset + 9, length) for opcode, offset, length in records(data) if opcode == kind]
+    """Return the place and length of the content of each record of a kind."""
+    found = spans(data, 8, len(data) - 8)
+    return [(begin + 9, end - begin - 9) for opcode, begin, end in found if opcode == kind]
 
 
 @pytest.fixture

@@ -17,6 +17,16 @@ def slow(make_script):
     return make_script(turns=9.0, count=1800)
 
 
+def stop(script) -> None:
+    """Let the crank stand still from 2 s to 5 s."""
+    still = script.answers[400]
+    skipped = script.answers[1000].alpha - still.alpha
+    for n in range(401, 1000):
+        script.change(n, alpha=still.alpha, pose=still.pose, foot=still.foot)
+    for n in range(1000, 1800):
+        script.move(n, script.answers[n].alpha - skipped)
+
+
 def test_a_jump_of_the_crank_is_found(healthy, make_run) -> None:
     for n in range(100, 400):
         healthy.move(n, healthy.answers[n].alpha + 1.0)
@@ -26,12 +36,7 @@ def test_a_jump_of_the_crank_is_found(healthy, make_run) -> None:
 
 
 def test_a_crank_that_stands_still_is_a_note(slow, make_run) -> None:
-    still = slow.answers[400]
-    for n in range(401, 1000):
-        slow.change(n, alpha=still.alpha, pose=still.pose, foot=still.foot)
-    behind = slow.answers[1000:]
-    for n, answer in enumerate(behind, start=1000):
-        slow.move(n, answer.alpha - behind[0].alpha + still.alpha)
+    stop(slow)
     review = review_run(make_run(slow))
     assert review.is_healthy
     assert [(f.check, f.severity) for f in review.findings] == [('frozen', Severity.NOTE)]
@@ -49,7 +54,7 @@ def test_a_path_that_drifts_is_found_where_no_geometry_judges_it(slow, make_run)
     assert checks(review) == ['geometry', 'drift']
     # With the geometry each foot is wrong by itself, and the drift but follows.
     slow.geometry = given
-    assert checks(review_run(make_run(slow, 'told'))) == ['foot']
+    assert checks(review_run(make_run(slow, 'given'))) == ['foot']
 
 
 @pytest.mark.parametrize('turns', [13.0, 60.3, 97.7])
@@ -60,7 +65,7 @@ def test_a_fast_crank_is_no_drift(make_script, make_run, turns) -> None:
 
 
 def by_turns(script, offset: float, every: int = 2):
-    """Let another source, whose angle is off by so much, ask every so often."""
+    """Let another source, with an offset, set every n-th angle."""
     for n in range(0, len(script.answers), every):
         script.move(n, script.answers[n].alpha + offset)
     return script
@@ -100,12 +105,7 @@ def test_a_fast_crank_that_rocks_is_turned_by_one(make_script, make_run, angle) 
 
 
 def test_a_crank_of_which_nothing_is_heard_does_not_stand_still(slow, make_run) -> None:
-    still = slow.answers[400]
-    for n in range(401, 1000):
-        slow.change(n, alpha=still.alpha, pose=still.pose, foot=still.foot)
-    skipped = slow.answers[1000].alpha - still.alpha
-    for n in range(1000, 1800):
-        slow.move(n, slow.answers[n].alpha - skipped)
+    stop(slow)
     del slow.answers[450:950]
     slow.renumber()
     assert checks(review_run(make_run(slow))) == ['gap']

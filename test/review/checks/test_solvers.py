@@ -1,4 +1,4 @@
-"""Two solvers on one topic are one finding, and what only looks like it is none."""
+"""Two solvers on one topic are one finding; stamps that many messages share are none."""
 
 from dataclasses import replace
 import re
@@ -7,7 +7,6 @@ from typing import Any
 from findings import checks, found, moments
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.log.qos import Qos, qos_to_yaml
-from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
 from klann_ros.review.model.review import Severity
 from klann_ros.review.reviewing import review_run
 import pytest
@@ -33,31 +32,19 @@ def answers(script: Any, geometry: KlannGeometry | None = None, phase: float = 0
     return second
 
 
-def tell(script: Any, node: str, geometry: KlannGeometry, **others: Any) -> None:
-    parameters = {**geometry.as_dict(), **others}
-    record = SolverParameters(node, script.answers[0].stamp + MS, parameters)
-    script.metadata.append((SOLVER_RECORD, solver_record(record)))
-
-
-def test_two_solvers_are_one_finding(healthy, make_run) -> None:
-    healthy.others.append(answers(healthy))
-    review = review_run(make_run(healthy))
+@pytest.mark.parametrize(('count', 'number'), [(2, 'two'), (3, 'three')])
+def test_several_solvers_are_one_finding(healthy, make_run, count, number) -> None:
+    healthy.others += [answers(healthy) for _ in range(count - 1)]
+    (finding,) = (review := review_run(make_run(healthy))).findings
     assert moments(review) == [('solvers', 0.0)]
-    (finding,) = review.findings
-    assert finding.text == 'two solvers answer on /joint_states: 800 answers to 400 crank angles'
     assert finding.severity == Severity.WARNING
-
-
-def test_three_solvers_are_three(healthy, make_run) -> None:
-    healthy.others += [answers(healthy), answers(healthy)]
-    assert found(make_run(healthy)) == [
-        'solvers: three solvers answer on /joint_states: 1200 answers to 400 crank angles'
-    ]
+    total = f'{count * 400} answers to 400 crank angles'
+    assert finding.text == f'{number} solvers answer on /joint_states: {total}'
 
 
 def test_two_solvers_of_different_legs_are_one_finding(healthy, make_run) -> None:
     other = KlannGeometry(l_gh=0.44, l_ef=0.272)
-    tell(healthy, '/second', other)
+    healthy.add_solver(healthy.answers[0].stamp + MS, other, '/second')
     healthy.others.append(answers(healthy, other))
     review = review_run(make_run(healthy))
     assert checks(review) == ['solvers']
@@ -65,29 +52,27 @@ def test_two_solvers_of_different_legs_are_one_finding(healthy, make_run) -> Non
     assert finding.severity == Severity.ERROR
     who, _, rest = finding.text.partition(' answer on ')
     assert who == 'two solvers (/second, /solver_node)'
-    # The first answers were before the second leg was told, and are not judged.
+    # The first answers were before the second leg was recorded, and are not judged.
     assert rest.startswith('/joint_states: 798 answers to 399 crank angles, up to ')
     assert re.search(r', up to 0\.0\S+ rad and 0\.0\S+ m apart$', rest)
 
 
-def test_another_shank_is_told_by_the_feet(healthy, make_run) -> None:
+def test_another_shank_shows_in_the_feet(healthy, make_run) -> None:
     healthy.others.append(answers(healthy, KlannGeometry(l_gh=0.44)))
     assert found(make_run(healthy)) == [
         f'{TWO_SOLVERS}: 800 answers to 400 crank angles, up to 0.01 m apart'
     ]
 
 
-def test_a_second_leg_that_nobody_tells_of_is_one_finding(healthy, make_run) -> None:
-    healthy.others.append(answers(healthy, KlannGeometry(l_gh=0.44, l_ef=0.272)))
-    review = review_run(make_run(healthy))
-    assert checks(review) == ['solvers']
-    assert review.findings[0].severity == Severity.ERROR
-
-
-def test_a_second_zero_of_the_crank_is_one_finding(healthy, make_run) -> None:
-    healthy.others.append(answers(healthy, phase=0.25))
+@pytest.mark.parametrize(
+    'other', [{'geometry': KlannGeometry(l_gh=0.44, l_ef=0.272)}, {'phase': 0.25}]
+)
+def test_a_second_leg_or_zero_that_no_record_names_is_one_finding(
+    healthy, make_run, other
+) -> None:
+    healthy.others.append(answers(healthy, **other))
     (finding,) = review_run(make_run(healthy)).findings
-    assert finding.check == 'solvers'
+    assert (finding.check, finding.severity) == ('solvers', Severity.ERROR)
     assert finding.text.endswith(' m apart')
 
 
@@ -100,7 +85,9 @@ def test_a_wrong_pose_of_both_is_found_all_the_same(healthy, make_run) -> None:
     assert solvers == f'{TWO_SOLVERS}: 800 answers to 400 crank angles'
 
 
-def test_a_wrong_pose_of_one_of_two_solvers_is_told_as_their_distance(healthy, make_run) -> None:
+def test_a_wrong_pose_of_one_of_two_solvers_is_reported_as_their_distance(
+    healthy, make_run
+) -> None:
     healthy.others.append(answers(healthy))
     healthy.answers[100].pose[2] += 1e-3
     (finding,) = review_run(make_run(healthy)).findings
@@ -108,14 +95,14 @@ def test_a_wrong_pose_of_one_of_two_solvers_is_told_as_their_distance(healthy, m
     assert finding.text.endswith('800 answers to 400 crank angles, up to 0.001 rad apart')
 
 
-def test_a_solver_that_joined_midway_is_told_with_its_moment(healthy, make_run) -> None:
+def test_a_solver_that_joined_midway_has_its_moment(healthy, make_run) -> None:
     second = answers(healthy)
     del second.answers[:200]
     healthy.others.append(second)
     review = review_run(make_run(healthy))
     assert moments(review) == [('solvers', 1.0)]
-    said = 'two solvers answer on /joint_states: 600 answers to 400 crank angles'
-    assert review.findings[0].text == said
+    text = 'two solvers answer on /joint_states: 600 answers to 400 crank angles'
+    assert review.findings[0].text == text
 
 
 def test_a_few_answers_that_come_again_are_no_second_solver(healthy, make_run) -> None:
@@ -130,7 +117,7 @@ def test_a_few_answers_that_come_again_are_no_second_solver(healthy, make_run) -
 
 
 def without_questions(script: Any) -> Any:
-    """Return a run in which nobody recorded the crank."""
+    """Return a run without a topic of the crank."""
     script.crank = replace(script.crank, name='/turned')
     for other in script.others:
         other.crank = replace(other.crank, name='/turned')
@@ -138,7 +125,7 @@ def without_questions(script: Any) -> Any:
 
 
 @pytest.mark.parametrize('qos', ['', TWO])
-def test_two_solvers_are_told_without_the_questions(healthy, make_run, qos) -> None:
+def test_two_solvers_are_found_without_the_questions(healthy, make_run, qos) -> None:
     healthy.poses = replace(healthy.poses, qos=qos)
     healthy.others.append(answers(healthy))
     assert found(make_run(without_questions(healthy))) == [
@@ -146,16 +133,10 @@ def test_two_solvers_are_told_without_the_questions(healthy, make_run, qos) -> N
     ]
 
 
-def test_equal_stamps_of_one_publisher_are_no_second_solver(healthy, make_run) -> None:
+@pytest.mark.parametrize('fields', [{}, {'sequence': 0}], ids=['numbered', 'without numbers'])
+def test_equal_stamps_of_one_publisher_are_no_second_solver(healthy, make_run, fields) -> None:
     for n in range(400):
-        healthy.change(n, header_stamp=healthy.answers[n - n % 10].stamp)
-    assert found(make_run(without_questions(healthy))) == []
-
-
-def test_equal_stamps_without_numbers_tell_nothing(healthy, make_run) -> None:
-    for n in range(400):
-        stamp = healthy.answers[n - n % 10].stamp
-        healthy.change(n, header_stamp=stamp, sequence=0)
+        healthy.change(n, header_stamp=healthy.answers[n - n % 10].stamp, **fields)
     assert found(make_run(without_questions(healthy))) == []
 
 
@@ -168,12 +149,15 @@ def simulated(healthy):
     return healthy
 
 
-def test_a_simulated_clock_makes_no_second_solver(simulated, make_run) -> None:
+@pytest.mark.parametrize('has_stamps', [False, True], ids=['plain input', 'stamped input'])
+def test_a_simulated_clock_makes_no_second_solver(simulated, make_run, has_stamps) -> None:
+    if has_stamps:
+        simulated.by_crank_state()
     simulated.poses = replace(simulated.poses, qos=TWO)
     assert found(make_run(simulated)) == []
 
 
-def test_two_solvers_are_told_under_a_simulated_clock(simulated, make_run) -> None:
+def test_two_solvers_are_found_under_a_simulated_clock(simulated, make_run) -> None:
     second = answers(simulated)
     # Each solver has the clock as it came to itself.
     for n in range(400):
@@ -182,12 +166,6 @@ def test_two_solvers_are_told_under_a_simulated_clock(simulated, make_run) -> No
     assert found(make_run(simulated)) == [
         'solvers: two solvers answer on /joint_states: 800 answers to 400 crank angles'
     ]
-
-
-def test_stamped_questions_that_share_a_stamp_make_no_second_solver(simulated, make_run) -> None:
-    simulated.by_crank_state()
-    simulated.poses = replace(simulated.poses, qos=TWO)
-    assert found(make_run(simulated)) == []
 
 
 def test_other_joints_on_the_same_topic_are_no_second_solver(healthy, make_run) -> None:
@@ -205,7 +183,8 @@ def test_legs_of_two_nodes_in_one_namespace_are_all_judged(make_script, make_run
         script.feet = replace(script.feet, name=f'/{name}/point_h')
     # Both answer the same questions, under names of their own.
     second.crank, second.geometry = replace(second.crank, name='/other'), None
-    tell(first, '/second', KlannGeometry(l_gh=0.44), legs=['right'])
+    shank = KlannGeometry(l_gh=0.44)
+    first.add_solver(first.answers[0].stamp + MS, shank, '/second', legs=['right'])
     first.poses = replace(first.poses, qos=TWO)
     second.poses = first.poses
     first.others.append(second)
@@ -213,3 +192,33 @@ def test_legs_of_two_nodes_in_one_namespace_are_all_judged(make_script, make_run
     assert checks(review) == []
     evaluated = {leg.recording.title: len(leg.evaluated.poses) for leg in review.legs}
     assert evaluated == {'left': 400, 'right': 400}
+
+
+def test_the_foot_of_a_pose_is_found_among_those_of_its_stamp(simulated, printed) -> None:
+    simulated.change(104, foot=simulated.answers[105].foot)
+    output = printed(simulated, code=1)
+    # By the clock of the log, which began at 1.7e18 ns and not at 0.
+    assert output.count('ERROR ') == 1
+    assert 'ERROR foot: 1 of 400 feet (point_h)' in output
+    assert '(first at 0.520 s)' in output
+
+
+def test_feet_are_not_judged_where_one_of_their_stamp_is_missing(simulated, printed) -> None:
+    # A foot of tick 10 comes with the stamp of tick 11: nine feet for ten poses, and eleven.
+    simulated.change(104, foot_stamp=simulated.answers[110].header_stamp)
+    printed(simulated)
+
+
+def test_an_input_with_a_stamp_of_its_own_is_matched(simulated, printed) -> None:
+    simulated.by_crank_state()
+    inside = simulated.answers[200]
+    simulated.unanswered = [(inside.header_stamp + 7, inside.alpha)]
+    assert 'WARNING answers: 1 of 401 crank angles' in printed(simulated, code=1)
+
+
+def test_an_input_with_a_zero_stamp_is_not_matched(simulated, printed) -> None:
+    simulated.by_crank_state()
+    simulated.ask_unstamped(200)
+    for n, answer in enumerate(simulated.answers):
+        simulated.change(n, header_stamp=answer.header_stamp - 50 * MS)
+    printed(simulated)

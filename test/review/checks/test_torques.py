@@ -18,7 +18,6 @@ from klann_ros.review.model.review import Severity
 from klann_ros.review.model.times import no_series, Series
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import robot_of
-from leg_runs import make, START, STATE, STORE
 import numpy as np
 import pytest
 
@@ -34,42 +33,22 @@ TORQUE = DYNAMICS.crank_torque(SWING, RATE, CHANGE)
 
 
 @pytest.fixture
-def run(make_script, make_run, write_messages) -> Callable[..., Any]:
-    """Return what makes a run whose crank_state has these efforts."""
+def run(make_script, make_run) -> Callable[..., Any]:
+    """Return what makes a run whose crank or whose legs have these efforts."""
     names = count()
 
-    def made(efforts: np.ndarray, angles: np.ndarray = SWING, **parameters: Any) -> Any:
+    def write(efforts: Any, angles: Any = SWING, pose_efforts: Any = (), **parameters: Any) -> Any:
         script = make_script(count=COUNT).by_crank_state()
         script.parameters = {**WEIGHED, **parameters}
+        script.crank_efforts, script.pose_efforts = efforts, pose_efforts
         leg = KlannLeg()
         sense, phase = parameters.get('direction', 1), parameters.get('phase', 0.0)
         for n in range(COUNT):
             pose = leg.solve(sense * angles[n] + phase)
             script.change(n, alpha=angles[n], pose=list(pose.joints), foot=pose.h)
-        bare, number = make_run(script, f'run {next(names)}'), iter(range(COUNT))
-        changed = [
-            replace(m, data=state(next(number), efforts, angles))
-            if m.topic.name == '/crank_state'
-            else m
-            for m in write_messages.read(bare)
-        ]
-        return write_messages(bare, changed)
+        return make_run(script, f'run {next(names)}')
 
-    return made
-
-
-def state(number: int, efforts: np.ndarray, angles: np.ndarray) -> bytes:
-    time = START + round(number * PERIOD * 1e9)
-    stamp = make('builtin_interfaces/msg/Time', sec=time // 10**9, nanosec=time % 10**9)
-    content = make(
-        STATE,
-        header=make('std_msgs/msg/Header', stamp=stamp, frame_id=''),
-        name=['wheel', 'crank'],
-        position=np.array([0.0, angles[number]]),
-        velocity=np.array([]),
-        effort=np.array([77.0, efforts[number]]) if np.size(efforts) else np.array([]),
-    )
-    return bytes(STORE.serialize_cdr(content, STATE))
+    return write
 
 
 def test_the_torque_of_the_masses_is_no_finding(run) -> None:
@@ -120,18 +99,15 @@ def test_efforts_that_are_no_numbers_are_counted_and_left_out(run) -> None:
     assert finding.text.startswith('3 of 400 efforts of crank')
 
 
-@pytest.mark.parametrize('nothing', [np.nan, 0.0])
-def test_a_driver_that_measures_nothing_is_no_finding(run, nothing: float) -> None:
-    assert checks(review_run(run(np.full(COUNT, nothing)))) == []
+GLITCH = np.where(np.arange(COUNT) == 200, 50.0, TORQUE)
 
 
-def test_without_efforts_nothing_is_said(run) -> None:
-    assert checks(review_run(run(np.array([])))) == []
-
-
-def test_one_glitch_is_no_difference(run) -> None:
-    efforts = TORQUE.copy()
-    efforts[200] = 50.0
+@pytest.mark.parametrize(
+    'efforts',
+    [np.full(COUNT, np.nan), np.zeros(COUNT), (), GLITCH],
+    ids=['nan', 'zeros', 'none', 'a glitch'],
+)
+def test_efforts_that_measure_nothing_and_one_glitch_are_no_finding(run, efforts) -> None:
     assert checks(review_run(run(efforts))) == []
 
 
@@ -188,23 +164,9 @@ def test_legs_on_one_joint_are_weighed_together() -> None:
 
 
 @pytest.mark.parametrize('factor', [1.0, 1.2])
-def test_efforts_of_joint_states_are_those_of_the_legs_own_angle(
-    run, write_messages, factor: float
-) -> None:
-    bare, number = run(np.array([])), count()
-    changed = [
-        replace(m, data=with_effort(m.data, factor * TORQUE[next(number)]))
-        if m.topic.name == '/joint_states'
-        else m
-        for m in write_messages.read(bare)
-    ]
-    assert checks(review_run(write_messages(bare, changed))) == ['effort'] * (factor > 1.0)
-
-
-def with_effort(data: bytes, effort: float) -> bytes:
-    content = STORE.deserialize_cdr(data, STATE)
-    content.effort = np.full(len(content.name), effort)
-    return bytes(STORE.serialize_cdr(content, STATE))
+def test_efforts_of_joint_states_are_those_of_the_legs_own_angle(run, factor: float) -> None:
+    path = run((), pose_efforts=factor * TORQUE)
+    assert checks(review_run(path)) == ['effort'] * (factor > 1.0)
 
 
 def test_rate_and_acceleration_are_known_as_well_as_they_say() -> None:

@@ -11,6 +11,7 @@ from klann_ros.review.reviewing import review_run
 import pytest
 
 ROOT = Path(__file__).resolve().parents[3]
+JANSEN = ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml'
 
 
 @pytest.fixture
@@ -51,8 +52,8 @@ def test_a_length_that_is_one_percent_longer_is_named(make_script, differences, 
     length, *motion = found
     assert (length.what, length.unit) == (name, 'm')
     assert length.size == pytest.approx(0.01 * before)
-    said = f'{name} is {before:.9g} m in the first run, {1.01 * before:.9g} m in the second, '
-    assert length.text == f'{said}+1.000%'
+    both = f'{before:.9g} m in the first run, {1.01 * before:.9g} m in the second'
+    assert length.text == f'{name} is {both}, +1.000%'
     # GH moves the foot, and no angle.
     assert [each.what for each in motion] == (['path'] if name == 'l_gh' else ['angles', 'path'])
     for each in motion:
@@ -79,20 +80,16 @@ def test_another_phase_is_named(healthy, make_script, differences) -> None:
 
 
 @pytest.mark.parametrize('which', ['first', 'second'])
-def test_a_geometry_that_one_run_does_not_tell_is_no_other(
-    make_script, differences, which
-) -> None:
-    recorder_findings, untold = make_script(), make_script(KlannGeometry(l_gh=0.4343))
-    untold.geometry = None
-    found = differences(
-        *((untold, recorder_findings) if which == 'first' else (recorder_findings, untold))
-    )
+def test_a_geometry_that_one_run_lacks_is_no_other(make_script, differences, which) -> None:
+    runs = [make_script(), make_script(KlannGeometry(l_gh=0.4343))]
+    runs[1].geometry = None
+    found = differences(*(runs[::-1] if which == 'first' else runs))
     assert [each.what for each in found.differences] == ['path']
-    said = f'the {which} run does not contain its geometry: lengths not compared'
-    assert found.remarks == (said,)
+    remark = f'the {which} run does not contain its geometry: lengths not compared'
+    assert found.remarks == (remark,)
 
 
-def test_without_any_geometry_that_is_said(healthy, make_run, capsys) -> None:
+def test_runs_without_any_geometry_are_not_compared(healthy, make_run, capsys) -> None:
     healthy.geometry = None
     run = str(make_run(healthy))
     assert main([run, run]) == 1
@@ -127,20 +124,18 @@ def test_a_run_that_differs_is_exit_code_1(make_script, make_run, capsys) -> Non
 
 def test_another_linkage_is_one_difference(healthy, make_script, differences) -> None:
     other = make_script()
-    jansen = (ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml').read_text()
-    other.parameters['linkage_description'] = jansen
+    other.parameters['linkage_description'] = JANSEN.read_text()
     (found,) = differences(healthy, other).differences
     kinds = 'Klann leg in the first run, Jansen leg in the second'
     assert (found.what, found.text) == ('linkage', f'the linkages differ: {kinds}')
 
 
 def test_the_bars_of_a_linkage_have_names(tmp_path) -> None:
-    text = (ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml').read_text()
     longer = tmp_path / 'jansen.yaml'
-    longer.write_text(text.replace('length: 50.0', 'length: 50.5'))
+    longer.write_text(JANSEN.read_text().replace('length: 50.0', 'length: 50.5'))
     before, after = (
         leg_dimensions(LegSolver(leg=LinkageLeg(linkage_from_file(path))))
-        for path in (ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml', longer)
+        for path in (JANSEN, longer)
     )
     changed = [name for name in before if before[name] != after[name]]
     assert changed == ['X-W']

@@ -10,7 +10,7 @@ import re
 import struct
 from typing import Any
 
-from findings import checks, found
+from findings import found
 from hypothesis import example, given, settings, strategies as st
 from klann_ros.kinematics import KlannGeometry
 from klann_ros.log.definitions import definition
@@ -18,8 +18,6 @@ from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import (
-    LOSS_RECORD,
-    loss_record,
     Pause,
     PAUSE_RECORD,
     pause_record,
@@ -142,18 +140,13 @@ def test_the_number_of_unanswered_crank_angles_is_true(runs: Runs, fate: Fates) 
     (leg,) = review.legs
     asked = [n for n in range(COUNT) if fate.has_question(n)]
     truth = [n for n in asked if not fate.has_answer(n)]
-    recorder_findings = leg.unanswered
+    missing = leg.unanswered
     assert (leg.answers.asked, leg.answers.count) == (len(asked), len(asked) - len(truth))
-    assert recorder_findings.count == len(truth)
-    shares = (
-        recorder_findings.in_gaps,
-        recorder_findings.unrecorded,
-        recorder_findings.lost,
-        recorder_findings.unexplained,
-    )
+    assert missing.count == len(truth)
+    shares = (missing.in_gaps, missing.unrecorded, missing.lost, missing.unexplained)
     assert sum(shares) == len(truth)
     assert min(shares) >= 0
-    assert recorder_findings.lost <= len(fate.lost)
+    assert missing.lost <= len(fate.lost)
     for finding in review.findings:
         if finding.check == 'answers':
             whole, _, parts = finding.text.partition(' not answered')
@@ -198,19 +191,11 @@ def state(stamp: bytes, alpha: bytes) -> bytes:
     )
 
 
-def healthy_but(healthy: Any, *missing: int) -> Any:
-    """Return a run with questions that nobody answers, and numbers that have no gap."""
-    for index in missing:
+def test_lost_answers_are_a_share_of_those_that_are_missing(healthy, make_run) -> None:
+    healthy.add_counts({'/joint_states': TopicCount(400, 400, missed=2)})
+    for index in range(30, 35):
         healthy.ask(index)
-    return healthy
-
-
-def test_answers_lost_on_their_way_are_a_share_of_those_that_are_missing(
-    healthy, make_run
-) -> None:
-    counted = {'/joint_states': TopicCount(400, 400, missed=2)}
-    healthy.metadata.append((LOSS_RECORD, loss_record(counted)))
-    answers, lost = found(make_run(healthy_but(healthy, 30, 31, 32, 33, 34)))
+    answers, lost = found(make_run(healthy))
     assert lost == 'lost: 2 messages of /joint_states were lost'
     whole, _, shares = answers.partition(' crank angles were not answered: ')
     assert whole == 'answers: 5 of 405'
@@ -218,14 +203,16 @@ def test_answers_lost_on_their_way_are_a_share_of_those_that_are_missing(
 
 
 @pytest.mark.parametrize('several', [True, False])
-def test_no_solver_is_blamed_where_answers_may_have_been_lost(healthy, make_run, several) -> None:
+def test_missing_answers_are_a_note_where_losses_are_unknown(healthy, make_run, several) -> None:
     if several:
         two = qos_to_yaml([Qos(), Qos()])
         healthy.poses = replace(healthy.poses, qos=two)
     else:
         for n in range(400):
             healthy.change(n, sequence=0)
-    review = review_run(make_run(healthy_but(healthy, 30, 31)))
+    healthy.ask(30)
+    healthy.ask(31)
+    review = review_run(make_run(healthy))
     (finding,) = review.findings
     assert (finding.check, finding.severity) == ('answers', Severity.NOTE)
     assert finding.text == '2 of 402 crank angles were not answered'
@@ -234,20 +221,13 @@ def test_no_solver_is_blamed_where_answers_may_have_been_lost(healthy, make_run,
     assert review.is_healthy
 
 
-def test_one_solver_that_does_not_answer_is_named_still(healthy, make_run) -> None:
-    review = review_run(make_run(healthy_but(healthy, 30)))
-    assert checks(review) == ['answers']
-    assert review.findings[0].severity == Severity.WARNING
-    assert 'or its input was lost' in review.findings[0].meaning
-
-
 def test_the_report_for_machines_has_all_parts(healthy, make_run) -> None:
     healthy.answers[200:250], silent = [], healthy.answers[200:250]
     for answer in silent:
         healthy.unanswered.append((answer.stamp, answer.alpha))
     healthy.renumber()
-    healthy_but(healthy, 30, 31)
-    healthy.ask(0, -1000)
+    for index, later in ((30, 1000), (31, 1000), (0, -1000)):
+        healthy.ask(index, later)
     file = BytesIO()
     save_json(review_run(make_run(healthy)), None, file)
     (leg,) = json.loads(file.getvalue())['legs']
