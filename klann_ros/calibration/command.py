@@ -2,9 +2,10 @@
 
 import argparse
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 import json
-from math import isfinite
+from math import inf
 from typing import Any, BinaryIO
 
 from klann_ros.log import NotALogError
@@ -18,7 +19,7 @@ from . import page, report
 from .built_file import built_file
 from .fit import calibrate, Calibration
 from .load import described_run, load_csv, load_run, point_topics, Request
-from .measurements import MeasurementError, Series
+from .measurements import MeasurementError
 from .observability import Suggestion
 
 NOT_OBSERVABLE = 1
@@ -46,11 +47,21 @@ def _calibrate(options: argparse.Namespace) -> int:
     inputs = (options.run, options.leg, options.prior)
     files = outputs(options, ('output', 'html', 'json'), inputs)
     requests = [*options.point, *options.angle, *options.distance]
-    robot, topics = _robot(options, requests)
-    leg = _leg(robot, options.leg_name)
-    found_topics = point_topics(topics, leg.linkage, leg.name)
-    requests += [Request(point, topic) for point, topic in found_topics.items()]
-    measured = _load(options, leg, requests)
+    drawn = robot_of(options.leg) if options.leg is not None else None
+    if options.run.lower().endswith('.csv'):
+        if drawn is None:
+            raise UsageError('a table does not contain the leg: name its file with --leg')
+        leg = _leg(drawn, options.leg_name)
+        measured = load_csv(options.run, leg, requests)
+    else:
+        robot, topics = described_run(options.run, drawn)
+        leg = _leg(robot, options.leg_name)
+        named = point_topics(topics, leg.linkage, leg.name)
+        requests = requests or [Request(point, topic) for point, topic in named.items()]
+        if not requests:
+            msg = 'no topic has the name of a point, as /mocap/h: name one with --point H=/foot'
+            raise MeasurementError(msg)
+        measured = load_run(options.run, leg, requests, options.crank)
     found = calibrate(
         leg.linkage,
         measured,
@@ -72,29 +83,6 @@ def _calibrate(options: argparse.Namespace) -> int:
     return 0 if found.is_complete else NOT_OBSERVABLE
 
 
-def _load(options: argparse.Namespace, leg: RobotLeg, requests: Sequence[Request]) -> list[Series]:
-    if options.run.lower().endswith('.csv'):
-        return load_csv(options.run, leg, requests)
-    if not requests:
-        raise MeasurementError(
-            'no topic has the name of a point, as /mocap/h: name one with --point H=/mocap/foot'
-        )
-    return load_run(options.run, leg, requests, options.crank)
-
-
-def _robot(
-    options: argparse.Namespace, requests: Sequence[Request]
-) -> tuple[Robot, Sequence[str]]:
-    """Return the robot as drawn, and the topics to be searched for points if none is named."""
-    if options.run.lower().endswith('.csv'):
-        if options.leg is None:
-            raise UsageError('a table does not contain the leg: name its file with --leg')
-        return robot_of(options.leg), []
-    robot = robot_of(options.leg) if options.leg is not None else None
-    robot, topics = described_run(options.run, robot)
-    return robot, [] if requests else topics
-
-
 def _leg(robot: Robot, name: str | None) -> RobotLeg:
     legs = {leg.name: leg for leg in robot.legs}
     if name is None and len(legs) == 1:
@@ -108,30 +96,21 @@ def _prior(given: str | None) -> float | Mapping[str, float] | None:
     """Return the prior: a number of millimetres, or a file's standard deviations."""
     if given is None:
         return None
-    try:
+    with suppress(ValueError):
         value = float(given) / 1e3
-    except ValueError:
-        return _prior_file(given)
-    if not 0.0 < value < 1.0:
-        raise UsageError(f'--prior {given}: it must be millimetres, above 0 and below 1000')
-    return value
-
-
-def _prior_file(given: str) -> Mapping[str, float]:
+        if not 0.0 < value < 1.0:
+            raise UsageError(f'--prior {given}: it must be millimetres, above 0 and below 1000')
+        return value
+    shown = f'--prior {printable(given)}'
     try:
         content = parse_file(given)
     except (OSError, YamlError) as error:
         reason = getattr(error, 'strerror', None) or error
-        raise MeasurementError(f'--prior {printable(given)}: {printable(reason)}') from error
-    if not isinstance(content, dict) or not all(map(_is_deviation, content.values())):
-        msg = f'--prior {printable(given)}: it must be a mapping of dimensions to numbers > 0'
-        raise MeasurementError(msg)
+        raise MeasurementError(f'{shown}: {printable(reason)}') from error
+    numbers = content.values() if isinstance(content, dict) else [None]
+    if not all(type(value) in {int, float} and 0.0 < value < inf for value in numbers):
+        raise MeasurementError(f'{shown}: it must be a mapping of dimensions to numbers > 0')
     return {str(name): float(value) for name, value in content.items()}
-
-
-def _is_deviation(value: Any) -> bool:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and isfinite(value) and value > 0.0
 
 
 def _json(calibration: Calibration, further: Sequence[Suggestion]) -> str:
@@ -155,45 +134,20 @@ def _parser() -> ArgumentParser:
     parser = ArgumentParser('calibrate', DESCRIPTION, EPILOG)
     add = parser.add_argument
     add('run', metavar='RUN', type=path, help='the run, or a CSV file')
-    add(
-        '--leg',
-        metavar='FILE',
-        type=path,
-        help='the leg as drawn, or a shipped name (default: the leg in the run)',
-    )
+    drawn = 'the leg as drawn, or a shipped name (default: the leg in the run)'
+    add('--leg', metavar='FILE', type=path, help=drawn)
     add('--leg-name', metavar='NAME', help='which leg of a walker')
-    for option, example in (
-        ('point', 'H=/mocap/foot'),
-        ('angle', 'theta=/encoder2:theta'),
-        ('distance', 'A-H=/wire:d'),
-    ):
-        add(
-            f'--{option}',
-            metavar='NAME=TOPIC',
-            type=_request,
-            action='append',
-            default=[],
-            help=f'a measured {option}, such as {example}',
-        )
+    examples = {'point': 'H=/mocap/foot', 'angle': 'theta=/encoder2:theta', 'distance': 'A-H=/d:x'}
+    for kind, example in examples.items():
+        what: dict[str, Any] = {'type': _request, 'action': 'append', 'default': []}
+        text = f'a measured {kind}, such as {example}'
+        add(f'--{kind}', metavar='NAME=TOPIC', help=text, **what)
     add('--crank', metavar='TOPIC', default='', help="of the crank's encoder (default: found)")
-    known = ('known', 'unknown')
-    add(
-        '--camera',
-        choices=known,
-        default='known',
-        help="its pose in the leg's plane (default: known)",
-    )
-    add(
-        '--delay',
-        choices=known,
-        default='known',
-        help='time offset of the points (default: known, 0)',
-    )
-    add(
-        '--prior',
-        metavar='MM',
-        help='standard deviation of the dimensions [mm], or a FILE of them',
-    )
+    for name, what_ in (('camera', "pose in the leg's plane"), ('delay', 'of the points')):
+        text = f'{what_} (default: known)'
+        add(f'--{name}', choices=('known', 'unknown'), default='known', help=text)
+    prior = 'standard deviation of the dimensions [mm], or a FILE of them'
+    add('--prior', metavar='MM', help=prior)
     add('-o', '--output', metavar='OUT', help='the leg file with the calibrated numbers')
     add('--html', metavar='OUT', help='the page: residuals, error ellipses, the corrected drawing')
     add('--json', metavar='OUT', help='the result for machines, in SI units')

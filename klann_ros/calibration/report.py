@@ -20,7 +20,6 @@ def text(calibration: Calibration, further: Sequence[Suggestion]) -> str:
 
 
 def _lines(calibration: Calibration, further: Sequence[Suggestion]) -> Iterator[str]:
-    model = calibration.model
     rows = table(calibration)
     width = max(len(row[0]) for row in rows)
     yield f'{"":{width}}  {"drawn":>10}  {"built":>10}  {"error":>9}'
@@ -38,8 +37,8 @@ def _lines(calibration: Calibration, further: Sequence[Suggestion]) -> Iterator[
         yield f'the residuals follow the speed of the crank: try --delay unknown (about {late})'
     yield ''
     yield verdict(calibration)
-    for combination in calibration.observability.combinations:
-        yield f'  not told apart: {combination.text(model)}'
+    for text_ in combinations(calibration):
+        yield f'  not told apart: {text_}'
     yield from suggestion_lines(further)
 
 
@@ -84,6 +83,11 @@ def verdict(calibration: Calibration) -> str:
         f'Observable: {told.rank} of {count} combinations of parameters; '
         f'{counted(len(told.combinations), "combination")} cannot be told apart.{fixed}'
     )
+
+
+def combinations(calibration: Calibration) -> list[str]:
+    """Return the combinations that cannot be told apart, in words."""
+    return [each.text(calibration.model) for each in calibration.observability.combinations]
 
 
 def suggestion_lines(further: Sequence[Suggestion]) -> Iterator[str]:
