@@ -107,7 +107,7 @@ def _prior(given: str | None) -> float | Mapping[str, float] | None:
     except (OSError, YamlError) as error:
         reason = getattr(error, 'strerror', None) or error
         raise MeasurementError(f'{shown}: {printable(reason)}') from error
-    numbers = content.values() if isinstance(content, dict) else [None]
+    numbers: list[Any] = [*content.values()] if isinstance(content, dict) else [None]
     if not all(type(value) in {int, float} and 0.0 < value < inf for value in numbers):
         raise MeasurementError(f'{shown}: it must be a mapping of dimensions to numbers > 0')
     return {str(name): float(value) for name, value in content.items()}

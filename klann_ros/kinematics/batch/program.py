@@ -31,7 +31,7 @@ these add m . (i W_j u_j) to their g_j. So dy is the direct part of y, plus m . 
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence, Set as AbstractSet
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, partial
+from functools import cache, partial
 from sys import float_info
 from typing import Any, NamedTuple
 
@@ -169,8 +169,8 @@ class _Compiler:
         self._links: list[Pair] = []
         # The dyad of each body but the crank, and its side.
         self._sides = {j: (k, s) for k, g in enumerate(structure.groups) for s, j in enumerate(g)}
-        # Vectors that are computed already.
-        self._known: dict[Hashable, Any] = {}
+        # Operations and constants that are there already.
+        self._known: dict[Hashable, str] = {}
 
     def program(self, *, links: bool, gradients: Sequence[str]) -> Program:
         distances = []
@@ -255,19 +255,11 @@ class _Compiler:
     def _vector(self, path: Path, j: int) -> tuple[Pair, str]:
         """Return the vector of a body in a path, and its sign; a dyad's link if it is the same."""
         own = self._bars(path, j)
-        if own not in self._known:
-            self._known[own] = self._new_vector(path, j, own)
-        found: tuple[Pair, str] = self._known[own]
-        return found
-
-    def _new_vector(self, path: Path, j: int, own: Bars) -> tuple[Pair, str]:
         if j == 0:
-            x, y = self._crank(path)
-            if x is None or y is None:
-                raise AssertionError('the crank has a vector')
-            return (x, y), '+'
+            real = {bar for bar, _ in own} <= self._structure.straight
+            return self._rotated(lambda n: n.body(path, 0), own, real=real), '+'
         k, side = self._sides[j]
-        link = self._bars(self._paths.loops[self._paths.rows[k][0]], j)
+        link = self._bars(self._loop(k), j)
         if own == link:
             return self._links[2 * k + side], '+'
         if own == tuple((bar, -times) for bar, times in link):
@@ -276,25 +268,25 @@ class _Compiler:
         def ratio(n: PathTerms) -> Any:
             return n.body(path, j) / n.links(k)[side]
 
-        factor = self._part(ratio, 0), self._part(ratio, 1)
+        factor = self._part(ratio, 0, own), self._part(ratio, 1, own)
         return self._product(self._links[2 * k + side], factor), '+'
 
-    def _crank(self, path: Path) -> Components:
-        bars = [bar for bar, _ in self._bars(path, 0)]
-        if not bars:
-            return None, None
-        return self._rotated(lambda n: n.body(path, 0), real={*bars} <= self._structure.straight)
+    def _loop(self, k: int) -> Path:
+        return self._paths.loops[self._paths.rows[k][0]]
 
-    def _rotated(self, w: Constant, *, real: bool) -> Pair:
+    def _crank(self, path: Path) -> Components:
+        return self._vector(path, 0)[0] if self._bars(path, 0) else (None, None)
+
+    def _rotated(self, w: Constant, key: Hashable, *, real: bool) -> Pair:
         """Return w u_0 of a constant and the crank."""
         sense = self._structure.senses[0]
-        x = self._apply('*', self._part(w, 0), 'cos')
-        y = self._apply('*', self._constant(lambda n: sense * np.real(w(n))), 'sin')
+        x = self._apply('*', self._part(w, 0, key), 'cos')
+        y = self._apply('*', self._part(lambda n: sense * w(n), 0, (sense, key)), 'sin')
         if real:
             return x, y
-        g = self._constant(lambda n: -sense * np.imag(w(n)))
+        g = self._part(lambda n: -sense * w(n), 1, (sense, key))
         x = self._apply('+', x, self._apply('*', g, 'sin'))
-        return x, self._apply('+', y, self._apply('*', self._part(w, 1), 'cos'))
+        return x, self._apply('+', y, self._apply('*', self._part(w, 1, key), 'cos'))
 
     # Derivatives by the dimensions.
 
@@ -328,15 +320,14 @@ class _Compiler:
         dyads turn these into further arms.
         """
         for k in reversed(range(len(self._structure.groups))):
-            loop = self._paths.loops[self._paths.rows[k][0]]
-            (a, b), (p, q) = self._structure.groups[k], self._links[slice(2 * k, 2 * k + 2)]
+            loop, (a, b) = self._loop(k), self._structure.groups[k]
             g_a, g_b = rates.pop(a, None), rates.pop(b, None)
             if g_a is None and g_b is None:
                 continue
-            inverse = self._inverse(k)
+            inverse = self._apply('/', self._one, self._determinant(k))
             m_x, m_y = (
                 self._times(self._add(self._times(g_b, v), self._times(g_a, w), '-'), inverse)
-                for v, w in zip(p, q, strict=True)
+                for v, w in zip(*self._links[slice(2 * k, 2 * k + 2)], strict=True)
             )
             arms = [*arms, (loop, (m_x, m_y))]
             for j in self._bodies(loop):
@@ -349,72 +340,52 @@ class _Compiler:
             yield self._one if found == ONE else found
 
     def _derivative(self, arms: Sequence[tuple[Path, Components]], dimension: Dimension) -> Number:
-        weights: dict[tuple[int, ...], list[int]] = {}
         if dimension.kind in {'x', 'y'}:
-            times = tuple(dict(path.pivots).get(dimension.place, 0) for path, _ in arms)
-            weight = self._weight(arms, times)['xy'.index(dimension.kind)]
+            often = [dict(path.pivots).get(dimension.place, 0) for path, _ in arms]
+            weight = self._weight(arms, often)['xy'.index(dimension.kind)]
             return self._add(None, weight, '+-'[dimension.sense < 0])
+        # Bars that occur alike in all paths are moved together.
+        moved: dict[tuple[int, ...], list[int]] = {}
         for bar in moved_bars(self._structure, dimension):
-            times = tuple(dict(path.bars).get(bar, 0) for path, _ in arms)
-            if any(times):
-                weights.setdefault(times, []).append(bar)
+            moved.setdefault(tuple(dict(path.bars).get(bar, 0) for path, _ in arms), []).append(
+                bar
+            )
         total: Number = None
-        for times, bars in weights.items():
-            (m_x, m_y), (x, y) = self._weight(arms, times), self._moved(dimension, tuple(bars))
-            total = self._add(total, self._add(self._times(m_x, x), self._times(m_y, y)))
+        for times, bars in moved.items():
+            if any(times):
+                (m_x, m_y), (x, y) = self._weight(arms, times), self._moved(dimension, bars)
+                total = self._add(total, self._add(self._times(m_x, x), self._times(m_y, y)))
         return total
 
     def _weight(self, arms: Sequence[tuple[Path, Components]], times: Sequence[int]) -> Components:
-        """Return the sum of the arms' m, each so many times."""
-        key = tuple(m for _, m in arms), tuple(times)
-        if key not in self._known:
-            x: Number = None
-            y: Number = None
-            for (_, m), count in zip(arms, times, strict=True):
-                for _ in range(abs(count)):
-                    sign = '+-'[count < 0]
-                    x, y = self._add(x, m[0], sign), self._add(y, m[1], sign)
-            self._known[key] = x, y
-        found: Components = self._known[key]
-        return found
+        """Return the sum of the arms' m, each so often."""
+        x: Number = None
+        y: Number = None
+        for (_, m), count in zip(arms, times, strict=True):
+            for _ in range(abs(count)):
+                x, y = (self._add(v, w, '+-'[count < 0]) for v, w in zip((x, y), m, strict=True))
+        return x, y
 
-    def _moved(self, dimension: Dimension, bars: tuple[int, ...]) -> Pair:
+    def _moved(self, dimension: Dimension, bars: Sequence[int]) -> Pair:
         """Return the derivative of a body's bars by a dimension, in the plane."""
-        key = dimension, bars
-        if key not in self._known:
-            j, straight = self._structure.bars[bars[0]][0], self._structure.straight
-            if j == 0:
-                real = dimension.kind == 'length' and {*bars} <= straight
-                made = self._rotated(lambda n: n.derivative(dimension, bars), real=real)
-            else:
-                k, side = self._sides[j]
+        key = dimension, *bars
+        j, own = self._structure.bars[bars[0]][0], {*bars}
+        k, side = self._sides.get(j, (0, 0))
+        link = {bar for bar, _ in self._bars(self._loop(k), j)} if j else set()
+        real = dimension.kind == 'length' and own | link <= self._structure.straight
+        if j == 0:
+            return self._rotated(lambda n: n.derivative(dimension, bars), key, real=real)
 
-                def ratio(n: PathTerms) -> Any:
-                    return n.derivative(dimension, bars) / n.links(k)[side]
+        def ratio(n: PathTerms) -> Any:
+            return n.derivative(dimension, bars) / n.links(k)[side]
 
-                link = self._bars(self._paths.loops[self._paths.rows[k][0]], j)
-                real = dimension.kind == 'length' and {*bars, *(n for n, _ in link)} <= straight
-                factor = self._part(ratio, 0), None if real else self._part(ratio, 1)
-                made = self._product(self._links[2 * k + side], factor)
-            self._known[key] = made
-        found: Pair = self._known[key]
-        return found
+        factor = self._part(ratio, 0, key), None if real else self._part(ratio, 1, key)
+        return self._product(self._links[2 * k + side], factor)
 
     def _determinant(self, k: int) -> str:
         """Return D of a dyad."""
-        if ('D', k) not in self._known:
-            (x, y), (u, v) = self._links[slice(2 * k, 2 * k + 2)]
-            d = self._apply('-', self._apply('*', x, v), self._apply('*', y, u))
-            self._known['D', k] = d
-        found: str = self._known['D', k]
-        return found
-
-    def _inverse(self, k: int) -> str:
-        """Return 1 / D of a dyad."""
-        if ('1 / D', k) not in self._known:
-            self._known['1 / D', k] = self._apply('/', self._one, self._determinant(k))
-        found: str = self._known['1 / D', k]
-        return found
+        (x, y), (u, v) = self._links[slice(2 * k, 2 * k + 2)]
+        return self._apply('-', self._apply('*', x, v), self._apply('*', y, u))
 
     # A dyad.
 
@@ -463,9 +434,9 @@ class _Compiler:
         )
         return self._polynomial(f_x, w, r), self._polynomial(f_y, w, r)
 
-    def _part(self, make: Callable[['PathTerms'], Any], axis: int) -> str:
+    def _part(self, make: Constant, axis: int, key: Hashable = None) -> str:
         part = (np.real, np.imag)[axis]
-        return self._constant(lambda n: part(make(n)))
+        return self._constant(lambda n: part(make(n)), key and (axis, key))
 
     def _polynomial(self, f: Sequence[Number], w: str, r: str) -> Number:
         inner = self._add(f[2] and self._apply('*', f[2], r), f[1])
@@ -498,13 +469,13 @@ class _Compiler:
 
     # Numbers.
 
-    @cached_property
+    @property
     def _zero(self) -> str:
-        return self._constant(lambda _: 0.0)
+        return self._constant(lambda _: 0.0, 'zero')
 
-    @cached_property
+    @property
     def _one(self) -> str:
-        return self._constant(lambda _: 1.0)
+        return self._constant(lambda _: 1.0, 'one')
 
     def _product(self, one: tuple[str, str], other: Components) -> tuple[str, str]:
         """Return a complex product."""
@@ -531,13 +502,20 @@ class _Compiler:
 
     def _apply(self, operator: str, one: str, other: str) -> str:
         one, other = (self._one if name == ONE else name for name in (one, other))
-        name = f't{len(self._operations)}'
-        self._operations.append(Operation(name, operator, one, other))
-        return name
+        if (operator, one, other) not in self._known:
+            name = self._known[operator, one, other] = f't{len(self._operations)}'
+            self._operations.append(Operation(name, operator, one, other))
+        return self._known[operator, one, other]
 
-    def _constant(self, make: Constant) -> str:
+    def _constant(self, make: Constant, key: Hashable = None) -> str:
+        """Return a new constant, or the one that has the key already."""
+        if key is not None and key in self._known:
+            return self._known[key]
         self._constants.append(make)
-        return f'k{len(self._constants) - 1}'
+        name = f'k{len(self._constants) - 1}'
+        if key is not None:
+            self._known[key] = name
+        return name
 
 
 def _number(value: float, _: PathTerms) -> float:
