@@ -244,7 +244,7 @@ class KlannLeg(Leg[KlannPose, KlannMotion]):
     """
     A Klann leg that is solved for one crank angle after the other.
 
-    Its `f`, `phi` and `newton` are SEM 104's, with x = (gamma, beta, delta, theta):
+    Its `f`, `phi` and `newton` are SEM 104's, with x = (gamma, beta, delta, theta)::
 
         f1 = L_AB cos(alpha) + L_BC cos(gamma) - L_DC cos(beta) - x_D
         f2 = L_AB sin(alpha) - L_BC sin(gamma) - L_DC sin(beta) + y_A

@@ -196,7 +196,7 @@ def toggle_couplers(
     """
     Return the couplers with which a crank angle is a dead point, and how it is in line.
 
-    With Z = |A O4| at theta2: L3 = Z - L4 (stretched), Z + L4 or L4 - Z (folded); those > 0 [m].
+    With Z = `|A O4|` at theta2: L3 = Z - L4 (stretched), Z + L4 or L4 - Z (folded); those > 0 [m].
     """
     z = abs(crank * np.exp(1j * theta2) - ground)
     candidates = ((z - rocker, 'stretched'), (z + rocker, 'folded'), (rocker - z, 'folded'))
