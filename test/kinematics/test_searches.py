@@ -1,6 +1,7 @@
 """Roots and minima, of one function and of many at once, against known ones."""
 
 import math
+from typing import Any
 
 from hypothesis import given, strategies as st
 from klann_ros.kinematics.searches import last_nonnegative, MAX_CALLS, minimum_near, root
@@ -46,19 +47,18 @@ def test_a_smooth_function_takes_few_calls() -> None:
     assert len(calls) <= 10
 
 
-def test_a_jump_is_found_by_bisection() -> None:
-    found = root(lambda t: math.copysign(1.0, t - 0.3), (0.0, -1.0), (1.0, 1.0))
-    assert found == pytest.approx(0.3, abs=1e-15)
-
-
-def test_an_end_that_is_a_root_is_returned() -> None:
-    assert root(lambda t: t, (0.0, 0.0), (1.0, 1.0)) == 0.0
-    assert root(lambda t: t - 1.0, (0.0, -1.0), (1.0, 0.0)) == 1.0
-
-
-def test_an_argument_without_a_value_is_the_root() -> None:
-    cusp = root(lambda t: math.nan if t == 0.5 else t - 0.5, (0.0, -0.5), (1.0, 0.5))
-    assert cusp == 0.5
+@pytest.mark.parametrize(
+    ('function', 'expected'),
+    [
+        (lambda t: math.copysign(1.0, t - 0.3), pytest.approx(0.3, abs=1e-15)),
+        (lambda t: t, 0.0),
+        (lambda t: t - 1.0, 1.0),
+        (lambda t: math.nan if t == 0.5 else t - 0.5, 0.5),
+    ],
+    ids=['a jump', 'its start', 'its end', 'an argument without a value'],
+)
+def test_a_root_may_be_anything_with_a_change_of_sign(function: Any, expected: Any) -> None:
+    assert root(function, (0.0, function(0.0)), (1.0, function(1.0))) == expected
 
 
 def falling(which: np.ndarray, at: np.ndarray) -> np.ndarray:

@@ -19,24 +19,16 @@ ROOT = np.radians([10.659455241249857, 67.32948352084568, 34.46397311984116, 45.
 H = (0.7960057379415449, -0.3037627502892032)
 
 
-def test_the_printed_iterates_come_out_digit_for_digit() -> None:
+def test_the_printed_iterates_come_out_digit_for_digit_from_the_guess_to_the_root() -> None:
     iterates = KlannLeg().newton(ALPHA, GUESS)
     # The lecture rounds to 4 decimals in radians and converts to degrees then.
     as_printed = np.round(np.degrees(np.round(iterates, 4)), 4)
     assert as_printed[1:5].tolist() == PRINTED
-
-
-def test_the_first_row_is_the_guess_and_the_last_the_root() -> None:
-    iterates = KlannLeg().newton(ALPHA, GUESS)
     assert iterates[0].tolist() == GUESS.tolist()
-    np.testing.assert_allclose(iterates[-1], ROOT, rtol=0, atol=1e-15)
-
-
-@pytest.mark.parametrize('method', ['solve', 'closed_form'])
-def test_the_root_and_the_foot_at_60_degrees(method: str) -> None:
-    pose = getattr(KlannLeg(), method)(ALPHA)
-    np.testing.assert_allclose(pose.x, ROOT, rtol=0, atol=1e-15)
-    np.testing.assert_allclose(pose.h, H, rtol=0, atol=1e-15)
+    for x in (iterates[-1], KlannLeg().solve(ALPHA).x, KlannLeg().closed_form(ALPHA).x):
+        np.testing.assert_allclose(x, ROOT, rtol=0, atol=1e-15)
+    for pose in (KlannLeg().solve(ALPHA), KlannLeg().closed_form(ALPHA)):
+        np.testing.assert_allclose(pose.h, H, rtol=0, atol=1e-15)
 
 
 def test_the_leg_of_sem_104_has_the_measured_ranges() -> None:
@@ -85,5 +77,22 @@ def test_the_patent_foot_has_the_known_stride_and_lift() -> None:
     leg = KlannLeg(KlannGeometry.patent())
     feet = np.array([leg.solve(math.radians(k / 2)).h for k in range(720)])
     stride, lift = np.ptp(feet, axis=0)
-    assert stride == pytest.approx(1.009, abs=1e-3)
-    assert lift == pytest.approx(0.527, abs=1e-3)
+    assert stride == pytest.approx(1.009, abs=5e-4)
+    assert lift == pytest.approx(0.527, abs=5e-4)
+
+
+def test_the_textbook_legs_nearest_singularity_is_dyad_1_stretched() -> None:
+    poses = [KlannLeg().closed_form(math.radians(k / 10)) for k in range(3600)]
+    nearest = min(poses, key=lambda pose: pose.distance_to_singularity)
+    # BD reaches 481.39 of BC + DC = 490 mm.
+    assert nearest.distance_to_singularity == pytest.approx(0.490 - 0.48139, abs=5e-6)
+    assert nearest.clearances[0] == nearest.distance_to_singularity
+    assert nearest.alpha == pytest.approx(math.pi - math.atan2(0.09, 0.35), abs=1e-3)
+
+
+def test_clearances_are_what_the_lengths_leave() -> None:
+    pose = KlannLeg().solve(1.0)
+    _, b, _, d, e, _, g, _ = pose.points
+    bd, eg = math.dist(b, d), math.dist(e, g)
+    expected = min(0.49 - bd, bd - 0.21), min(0.63 - eg, eg - 0.09)
+    np.testing.assert_allclose(pose.clearances, expected, rtol=0, atol=1e-15)

@@ -34,36 +34,27 @@ def away_from_change_points(bar: FourBar) -> None:
         assume(abs(margin) > 1e-3)
 
 
+@pytest.mark.parametrize('driver', ['crank', 'rocker'])
 @untimed
 @given(bar=four_bars())
 @example(FourBar(*TRIPLE))
 @example(FourBar(3.0, 4.0, 1.0, 4.0))
-def test_the_dead_points_of_the_crank_are_where_its_reach_ends(bar: FourBar) -> None:
-    away_from_change_points(bar)
-    points = bar.dead_points()
-    assert (points == []) is (bar.reachable_arcs() == [(0.0, 2 * math.pi)])
-    ends = sorted(math.remainder(end, 2 * math.pi) for arc in bar.reachable_arcs() for end in arc)
-    assert [point.angle for point in points] == pytest.approx(ends if points else [], abs=1e-11)
-    for point in points:
-        inward = -1e-7 if point.kind == 'stretched' else 1e-7
-        inward = math.copysign(inward, inward * point.angle)
-        assert closes(bar, point.angle + inward)
-        assert not closes(bar, point.angle - inward)
-
-
-@untimed
-@given(bar=four_bars())
 @example(FourBar(*COURSE))
 @example(FourBar(*TRIPLE, -1))
-def test_the_dead_points_of_the_rocker_are_where_its_reach_ends(bar: FourBar) -> None:
+def test_the_dead_points_of_a_driver_are_where_its_reach_ends(driver: str, bar: FourBar) -> None:
     away_from_change_points(bar)
-    other, points = reversed_bar(bar), bar.dead_points(driver='rocker')
-    assert (points == []) is (other.reachable_arcs() == [(0.0, 2 * math.pi)])
+    of_crank, points = driver == 'crank', bar.dead_points(driver)
+    driven = bar if of_crank else reversed_bar(bar)
+    arcs = driven.reachable_arcs()
+    assert (points == []) is (arcs == [(0.0, 2 * math.pi)])
+    if of_crank and points:
+        ends = sorted(math.remainder(end, 2 * math.pi) for arc in arcs for end in arc)
+        assert [point.angle for point in points] == pytest.approx(ends, abs=1e-11)
     for point in points:
-        inward = 1e-7 if point.kind == 'stretched' else -1e-7
-        inward = math.copysign(inward, inward * point.angle)
-        assert closes(other, math.pi - point.angle - inward)
-        assert not closes(other, math.pi - point.angle + inward)
+        step = math.copysign(1e-7, point.angle)
+        inward = step if (point.kind == 'stretched') is not of_crank else -step
+        for angle, inside in ((point.angle + inward, True), (point.angle - inward, False)):
+            assert closes(driven, angle if of_crank else math.pi - angle) is inside
 
 
 @untimed

@@ -17,21 +17,6 @@ states = st.tuples(*[st.floats(-math.pi, math.pi)] * 4)
 
 
 @given(geometry=legs(), alpha=crank_angles, x=states)
-def test_phi_is_the_central_difference_of_f(
-    geometry: KlannGeometry, alpha: float, x: tuple[float, ...]
-) -> None:
-    step = 1e-6
-    columns = [
-        (equations.f(geometry, alpha, x + step * e) - equations.f(geometry, alpha, x - step * e))
-        / (2 * step)
-        for e in np.eye(4)
-    ]
-    np.testing.assert_allclose(
-        equations.phi(geometry, x), np.transpose(columns), rtol=0, atol=1e-9
-    )
-
-
-@given(geometry=legs(), alpha=crank_angles, x=states)
 def test_the_linkage_has_the_textbooks_equations_and_points(
     geometry: KlannGeometry, alpha: float, x: tuple[float, ...]
 ) -> None:

@@ -132,8 +132,7 @@ def test_between_the_margins_the_crank_turns_fully(
 @given(geometry=legs(change=0.1), factor=st.sampled_from([0.001, 1000.0]))
 def test_scaled_lengths_scale_the_margins(geometry: KlannGeometry, factor: float) -> None:
     assume(turns_fully(geometry))
-    numbers = {name: factor * getattr(geometry, name) for name in LENGTHS + COORDINATES}
-    scaled = length_margins(replace(geometry, **numbers))
+    scaled = length_margins(geometry.scaled(factor))
     for name, margin in length_margins(geometry).items():
         expected = [(1.0 if name in BENDS else factor) * value for value in margin]
         assert list(scaled[name]) == pytest.approx(expected, rel=1e-8, abs=1e-9 * factor)

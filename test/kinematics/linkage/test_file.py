@@ -12,19 +12,11 @@ from klann_ros.kinematics import (
 )
 import numpy as np
 import pytest
+import yaml
 
-WATT = """
-name: Watt's linkage, its longer arm driven
-units: {length: mm, angle: deg}
-pivots: {O: [0, 0], P: [200, 60]}
-crank: arm
-foot: M
-bodies:
-  arm: {bars: [{from: O, to: A, length: 100}]}
-  link: {bars: [{from: A, to: M, length: 30}, {from: M, to: B, length: 30}]}
-  other_arm: {clockwise: true, bars: [{from: P, to: B, length: 100}]}
-start: {arm: 0, link: 90, other_arm: 180}
-"""
+FOLDER = Path(__file__).parent
+WATT = (FOLDER / 'watt.yaml').read_text(encoding='utf-8')
+REFUSED = yaml.safe_load((FOLDER / 'refused_files.yaml').read_text(encoding='utf-8'))
 
 
 def test_a_linkage_is_added_by_a_file_alone(tmp_path: Path) -> None:
@@ -55,45 +47,7 @@ def edited(**changes: str) -> str:
     return text
 
 
-@pytest.mark.parametrize(
-    ('old', 'new', 'reason'),
-    [
-        ('to: A, length: 100', 'to: A, length: -100', 'bodies.arm.bars[0].length: -100 '),
-        ('to: A, length: 100', 'to: A, lenght: 100',
-         "'lenght' is unknown here: there can be from, to,"),
-        ('to: A, length: 100', 'to: A, length: .nan', 'length: nan must be a finite number'),
-        ('to: A, length: 100', 'to: A, length: .inf', 'length: inf must be a finite number'),
-        ('to: A, length: 100', "to: A, length: '100'", "'100' must be a number"),
-        ('to: A, length: 100', 'to: A, length: true', 'True must be a number'),
-        ('{length: mm, ', '{length: inch, ', "units.length: 'inch' must be one of m, cm, mm"),
-        ('foot: M', 'foot: N', 'the foot N is none of the points: O, P, A, M, B'),
-        ('foot: M', 'feet: M', "'feet' is unknown here"),
-        ('foot: M\n', '', 'foot is missing'),
-        ('foot: M', 'foot: P', 'the foot P is a pivot and does not move'),
-        ('foot: M', 'foot: "M\\n"', r"'M\n' is no name"),
-        ('crank: arm', 'crank: leg', 'the crank leg is none of the bodies: arm, link, other_arm'),
-        ('crank: arm', 'crank: link', 'starts from A, which is no pivot: these are O, P'),
-        ('P: [200, 60]', 'P: [200]', 'pivots.P: [200] must be [x, y]'),
-        ('P: [200, 60]', 'P: [200, .inf]', 'pivots.P[1]: inf must be a finite number'),
-        ('{from: M, to: B', '{from: B, to: B', 'starts from a point that the body does not have'),
-        ('{from: M, to: B', '{from: M, to: A', 'ends at a point that the body has already'),
-        ('{arm: 0, link: 90', '{link: 90', 'start has no angle for arm'),
-        ('{arm: 0, link: 90', '{arm: 0, link: 90, x: 1', 'start has an angle for x, which is no'),
-        ('{arm: 0, link: 90', '{arm: 0, arm: 1, link: 90', 'arm is there twice'),
-        ('{arm: 0, link: 90', '{arm: .nan, link: 90', 'start.arm: nan must be a finite number'),
-        ("name: Watt's", 'name: [Watt', "line 3, column 6: expected ',' or ']'"),
-        ('  link:', '  2 bars:', "'2 bars' is no name: letters, digits and _, a letter first"),
-        ('  link:', '  yes:', 'bodies: the name True is no text: write it in quotation marks'),
-        ('to: M, length: 30}', 'to: M, length: 30, bend: 1, brace: {}}',
-         'bend and brace exclude each other'),
-        ('to: B, length: 30}', 'to: B, length: 30, brace: {from: O, length: 1, side: left}}',
-         'bodies.link: O is no point of it yet'),
-        ('to: B, length: 30}', 'to: B, length: 30, brace: {from: A, length: 99, side: left}}',
-         'this brace and its bar do not meet'),
-        ('to: B, length: 30}', 'to: B, length: 30, brace: {from: A, length: 40, side: up}}',
-         "bodies.link.bars[1].brace.side: 'up' must be one of left, right"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(('old', 'new', 'reason'), REFUSED)
 def test_what_is_wrong_is_said_in_one_line(old: str, new: str, reason: str) -> None:
     with pytest.raises(LinkageFileError) as caught:
         linkage_from_text(edited(**{old: new}), 'watt.yaml')

@@ -1,6 +1,7 @@
 """Bodies that slide: the textbooks' closed forms, and what cannot be put together."""
 
 import math
+from pathlib import Path
 
 from klann_ros.kinematics import (
     GeometryError,
@@ -17,6 +18,11 @@ from numpy.typing import NDArray
 import pytest
 
 Array = NDArray[np.float64]
+FILES = Path(__file__).with_name('sliding')
+SLIDER, SLOT, CROSSED, COUPLED = (
+    (FILES / f'{name}.yaml').read_text(encoding='utf-8')
+    for name in ('offset_slider', 'slot', 'crossed', 'coupled')
+)
 SLIDES = 'slides: {along: ground, from: A, to: B}'
 ALPHAS = np.linspace(-7.0, 7.0, 701)
 # Of what is computed here in 50 operations at the most.
@@ -39,7 +45,7 @@ def motions(linkage: Linkage) -> tuple[Array, Array, Array]:
 def test_an_offset_slider_crank_is_the_textbooks() -> None:
     r, rod, e = 0.05, 0.15, 0.02
     linkage = shipped_linkage('slider_crank').varied({'A-B': r, 'B-C': rod})
-    text = SLIDER.format(offset=e)
+    text = SLIDER.replace('P: [0, 0]', f'P: [0, {e}]')
     x, first, second = motions(linkage_from_text(text, 'test'))
     assert linkage.dimensions['A-B'] == r
     # x = r cos a + w, w^2 = l^2 - (r sin a - e)^2 and its derivatives.
@@ -101,23 +107,8 @@ def test_the_scotch_yoke_is_a_cosine() -> None:
         np.testing.assert_allclose(found[:, 1], pin, **DIGITS)
 
 
-@pytest.mark.parametrize('name', ['slider_crank', 'quick_return', 'scotch_yoke'])
-def test_bulk_is_what_one_pose_after_the_other_is(name: str) -> None:
-    linkage = shipped_linkage(name)
-    leg = LinkageLeg(linkage)
-    poses = linkage_poses(linkage, ALPHAS, angles=True, points=True)
-    assert poses.angles is not None
-    assert poses.points is not None
-    assert not poses.reason.any()
-    for i in range(0, ALPHAS.size, 50):
-        pose = leg.closed_form(float(ALPHAS[i]))
-        np.testing.assert_allclose(poses.angles[i], pose.x, rtol=0, atol=1e-14)
-        np.testing.assert_allclose(poses.points[i], pose.points, rtol=0, atol=1e-14)
-        np.testing.assert_allclose(poses.h[i], pose.h, rtol=0, atol=1e-14)
-
-
 def test_a_piston_out_of_reach_is_told_with_what_is_short() -> None:
-    linkage = linkage_from_text(SLIDER.format(offset=0.12), 'test')
+    linkage = linkage_from_text(SLIDER.replace('P: [0, 0]', 'P: [0, 0.12]'), 'test')
     leg = LinkageLeg(linkage)
     # The rod of 0.15 ends where the crank's pin is 0.15 from the line.
     (start, end), *_ = leg.reachable_arcs()
@@ -157,12 +148,11 @@ def test_a_line_on_a_line_and_a_coupled_one_are_solved() -> None:
 
 
 def test_a_start_has_distances_in_the_units_of_the_file() -> None:
-    text = SLIDER.format(offset=0.0)
-    in_mm = text + 'units: {length: mm}'
+    in_mm = SLIDER + 'units: {length: mm}'
     for metres, millimetres in (('0.05', '50'), ('0.15', '150'), ('0.17', '170')):
         in_mm = in_mm.replace(metres, millimetres)
     assert linkage_from_text(in_mm, 'test').start == pytest.approx(
-        linkage_from_text(text, 'test').start, abs=1e-12
+        linkage_from_text(SLIDER, 'test').start, abs=1e-12
     )
 
 
@@ -180,10 +170,9 @@ def test_a_start_has_distances_in_the_units_of_the_file() -> None:
     ],
 )
 def test_a_line_that_is_none_is_refused_in_words(change: tuple[str, str], message: str) -> None:
-    text = SLIDER.format(offset=0.0)
-    assert change[0] in text
+    assert change[0] in SLIDER
     with pytest.raises(LinkageFileError) as caught:
-        linkage_from_text(text.replace(*change), 'test')
+        linkage_from_text(SLIDER.replace(*change), 'test')
     assert message in str(caught.value)
     assert '\n' not in str(caught.value)
 
@@ -192,65 +181,3 @@ def test_two_bodies_that_slide_along_each_other_are_refused() -> None:
     text = CROSSED.replace('along: ground, from: A', 'along: pin, from: B')
     with pytest.raises(GeometryError, match='slides along it in turn'):
         linkage_from_text(text, 'test')
-
-
-SLIDER = """
-name: slider-crank
-pivots: {{A: [0, 0], P: [0, {offset}]}}
-crank: crank
-foot: C
-bodies:
-  crank: {{bars: [{{from: A, to: B, length: 0.05}}]}}
-  rod: {{bars: [{{from: B, to: C, length: 0.15}}]}}
-  piston:
-    slides: {{along: ground, from: P, to: C}}
-start: {{crank: 1.0, rod: -0.3, piston: 0.17}}
-"""
-
-SLOT = """
-name: a slot that passes its pivot at 0.1
-pivots: {O: [0, 0], A: [0, 0.15]}
-crank: crank
-foot: D
-bodies:
-  crank: {bars: [{from: A, to: B, length: 0.1}]}
-  arm:
-    bars:
-      - {from: O, to: D, length: 0.4}
-      - {from: O, to: E, length: 0.1, bend: 1.5707963267948966}
-  block: {slides: {along: arm, from: E, to: B}}
-start: {crank: 0.0, arm: 0.4, block: 0.15}
-"""
-
-CROSSED = """
-name: a pin in a slanting slot of a yoke
-units: {angle: deg}
-pivots: {A: [0, 0]}
-crank: crank
-foot: C
-bodies:
-  crank: {bars: [{from: A, to: B, length: 0.08}]}
-  yoke: {slides: {along: ground, from: A, to: C, direction: 10}}
-  pin: {slides: {along: yoke, from: C, to: B, direction: 70}}
-start: {crank: 60, yoke: 0.04, pin: 0.07}
-"""
-
-# A six-bar whose output slides, driven in its loop of five: both loops at once.
-COUPLED = """
-name: coupled loops, one with a line
-units: {length: mm, angle: deg}
-pivots: {A: [0, 0], E: [180, 200], L: [0, 90]}
-crank: alpha
-foot: P
-bodies:
-  alpha: {bars: [{from: E, to: F, length: 15}]}
-  beta: {bars: [{from: F, to: G, length: 115}]}
-  gamma: {bars: [{from: A, to: C, length: 160}]}
-  slider: {slides: {along: ground, from: L, to: D}}
-  epsilon:
-    bars:
-      - {from: C, to: D, length: 80}
-      - {from: C, to: G, length: 75, brace: {from: D, length: 70, side: left}}
-      - {from: C, to: P, length: 60, bend: -60}
-start: {alpha: 90, beta: 183, gamma: 83, slider: 60, epsilon: -50}
-"""

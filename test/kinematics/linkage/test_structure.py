@@ -2,6 +2,7 @@
 
 from importlib.resources import files
 from itertools import pairwise
+from pathlib import Path
 
 from klann_ros.kinematics import (
     GeometryError,
@@ -22,28 +23,29 @@ def unknowns(linkage: Linkage) -> list[list[str]]:
     return [[linkage.joint_names[j] for j in block.unknowns] for block in linkage.blocks]
 
 
-def test_the_klann_leg_is_two_dyads_one_after_the_other() -> None:
-    linkage = shipped_linkage('klann')
-    assert unknowns(linkage) == [['gamma', 'beta'], ['delta', 'theta']]
-    assert [block.names for block in linkage.blocks] == [
-        ('B', 'D', 'BC', 'DC'),
-        ('E', 'G', 'EF', 'FG'),
-    ]
-    assert linkage.is_dyadic
+@pytest.mark.parametrize(
+    ('name', 'expected'),
+    [
+        ('klann', [['gamma', 'beta'], ['delta', 'theta']]),
+        ('jansen', [['j', 'b'], ['k', 'c'], ['f', 'g']]),
+        ('stephenson', None),
+    ],
+)
+def test_loops_are_dyads_one_after_the_other_or_coupled(
+    name: str, expected: list[list[str]] | None
+) -> None:
+    linkage = shipped_linkage(name)
+    assert linkage.is_dyadic is (expected is not None)
+    assert all(block.is_dyad is linkage.is_dyadic for block in linkage.blocks)
+    if expected:
+        assert unknowns(linkage) == expected
+    else:
+        assert [len(names) for names in unknowns(linkage)] == [4]
 
 
-def test_jansens_leg_is_three_dyads() -> None:
-    linkage = shipped_linkage('jansen')
-    assert unknowns(linkage) == [['j', 'b'], ['k', 'c'], ['f', 'g']]
-    assert all(block.is_dyad for block in linkage.blocks)
-
-
-def test_stephensons_loops_are_coupled() -> None:
-    linkage = shipped_linkage('stephenson')
-    (block,) = linkage.blocks
-    assert not block.is_dyad
-    assert len(block.unknowns) == 4
-    assert not linkage.is_dyadic
+def test_dyads_are_named_by_their_ends_and_bars() -> None:
+    names = [block.names for block in shipped_linkage('klann').blocks]
+    assert names == [('B', 'D', 'BC', 'DC'), ('E', 'G', 'EF', 'FG')]
 
 
 def test_coupled_loops_with_two_poses_at_one_crank_angle_are_refused() -> None:
@@ -116,80 +118,35 @@ def test_points_along_a_bar_change_neither_blocks_nor_arcs(name: str) -> None:
     assert pose.h == pytest.approx(other.h, abs=1e-14)
 
 
-def described(pivots: dict, bodies: dict[str, str], start: list[float]) -> dict:
-    """Return a file's content; 'O-A 1, A-B 2' are a body's bars with their lengths."""
+def described(case: dict) -> dict:
+    """Return a file's content."""
+    bodies = {}
+    for name, bars in case['bodies'].items():
+        parts = [bar.replace('-', ' ').split() for bar in bars.split(', ')]
+        bodies[name] = {
+            'bars': [{'from': p, 'to': q, 'length': float(length)} for p, q, length in parts]
+        }
     return {
         'name': 'test',
         'units': {'angle': 'deg'},
-        'pivots': pivots,
         'crank': 'a',
         'foot': 'B',
-        'bodies': {
-            name: {
-                'bars': [
-                    {'from': bar[0], 'to': bar[2], 'length': float(bar[4:])}
-                    for bar in bars.split(', ')
-                ]
-            }
-            for name, bars in bodies.items()
-        },
-        'start': dict(zip(bodies, start, strict=True)),
+        'pivots': case['pivots'],
+        'bodies': bodies,
+        'start': dict(zip(bodies, case['start'], strict=True)),
     }
 
 
-NEAR = {'O': [0, 0], 'P': [3, 0]}
-FOUR_BAR = {'a': 'O-A 1', 'b': 'A-B 3', 'c': 'P-B 3'}
-
-
-@pytest.mark.parametrize(
-    ('pivots', 'bodies', 'start', 'reason'),
-    [
-        (NEAR, {'a': 'O-B 1'}, [0], 'no loop closes'),
-        (
-            NEAR,
-            {'a': 'O-A 1', 'b': 'A-B 3', 'c': 'B-C 3', 'd': 'P-C 3'},
-            [0, 0, 0, 0],
-            '3 unknown angles (b, c, d) and 2 loop equations',
-        ),
-        (
-            NEAR,
-            {'a': 'O-A 1', 'b': 'A-B 3', 'c': 'P-B 3, B-C 1', 'd': 'C-D 3'},
-            [0, 0, 0, 0],
-            'd: turns freely, since no loop closes over it',
-        ),
-        (
-            {**NEAR, 'Q': [5, 5]},
-            {**FOUR_BAR, 'd': 'Q-B 3'},
-            [0, 0, 0, 0],
-            'd: cannot move, since 2 loop equations stand against 1 unknown angle',
-        ),
-        (
-            NEAR,
-            {**FOUR_BAR, 'd': 'X-Y 3'},
-            [0, 0, 0, 0],
-            'body d (X-Y) is connected to no pivot',
-        ),
-        (
-            {**NEAR, 'P': [9, 0]},
-            FOUR_BAR,
-            [0, 40, 120],
-            'it cannot be assembled near its start: Newton-Raphson finds no pose at the crank',
-        ),
-        (
-            {**NEAR, 'P': [5, 0]},
-            {'a': 'O-A 1', 'b': 'A-B 2', 'c': 'P-B 2'},
-            [0, 0, 180],
-            'singular',
-        ),
-    ],
-    ids=['no loop', 'too free', 'loose body', 'jammed', 'island', 'too far', 'singular start'],
+REFUSED = yaml.safe_load(
+    Path(__file__).with_name('refused_structures.yaml').read_text(encoding='utf-8')
 )
-def test_what_does_not_move_in_one_way_is_refused(
-    pivots: dict, bodies: dict[str, str], start: list[float], reason: str
-) -> None:
-    text = yaml.safe_dump(described(pivots, bodies, start), sort_keys=False)
+
+
+@pytest.mark.parametrize('case', REFUSED.values(), ids=REFUSED)
+def test_what_does_not_move_in_one_way_is_refused(case: dict) -> None:
+    text = yaml.safe_dump(described(case), sort_keys=False)
     with pytest.raises(GeometryError) as caught:
         linkage_from_text(text, 'test.yaml')
-    assert reason in str(caught.value)
+    assert case['reason'] in str(caught.value)
     assert str(caught.value).startswith('test.yaml holds no linkage: ')
     assert '\n' not in str(caught.value)
