@@ -24,6 +24,10 @@ CRANK, STATE, POINT = (
     'sensor_msgs/msg/JointState',
     'geometry_msgs/msg/PointStamped',
 )
+PARAMETERS = (
+    *('legs', 'direction', 'phase', 'crank_joint', 'l_ab', 'assembly', 'use_sim_time'),
+    *('linkage_description', 'a.l_gh', 'a.phase'),
+)
 JOINTS = ['alpha', 'gamma', 'beta', 'delta', 'theta']
 TOPICS = [('/crank_angle', CRANK), ('/joint_states', STATE), ('/point_h', POINT)]
 
@@ -47,20 +51,7 @@ parameters = st.builds(
     lambda base, odd: {**base, **odd},
     st.sampled_from([{}, KlannGeometry().as_dict()]),
     st.dictionaries(
-        st.sampled_from(
-            [
-                'legs',
-                'direction',
-                'phase',
-                'crank_joint',
-                'l_ab',
-                'assembly',
-                'use_sim_time',
-                'linkage_description',
-                'a.l_gh',
-                'a.phase',
-            ]
-        ),
+        st.sampled_from(PARAMETERS),
         anything,
         max_size=3,
     ),
@@ -123,7 +114,7 @@ def messages(draw):
     return number, data, draw(times), draw(times), sequence
 
 
-def write(path: Path, contents, recorder_findings) -> None:
+def write(path: Path, contents, metadata) -> None:
     with path.open('wb') as file:
         writer = Writer(file, chunk_size=300)
         writer.start('ros2')
@@ -133,23 +124,23 @@ def write(path: Path, contents, recorder_findings) -> None:
             channels.append(writer.register_channel(name, 'cdr', schema))
         for number, data, log_time, publish_time, sequence in contents:
             writer.add_message(channels[number], log_time, data, publish_time, sequence)
-        for name, record in recorder_findings:
+        for name, record in metadata:
             writer.add_metadata(name, record)
         writer.finish()
 
 
 @settings(max_examples=30)
 @given(st.lists(messages(), max_size=25), records)
-def test_a_review_ends_with_a_report(contents, recorder_findings) -> None:
+def test_a_review_ends_with_a_report(contents, metadata) -> None:
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         # What overflows or is no number is meant to be seen, not to be warned of.
         warnings.simplefilter('error')
         path = Path(folder, 'log.mcap')
-        write(path, contents, recorder_findings)
+        write(path, contents, metadata)
         out = [f'--csv={folder}/run.csv', f'--json={folder}/run.json']
-        with redirect_stdout(StringIO()) as said:
+        with redirect_stdout(StringIO()) as output:
             assert main([str(path), str(path), *out]) in (0, 1)
-        assert said.getvalue().count('log.mcap') == 2
+        assert output.getvalue().count('log.mcap') == 2
         report = json.loads(Path(folder, 'run.json').read_text())
         poses = sum(leg['poses'] for leg in report['legs'])
         assert len(Path(folder, 'run.csv').read_text().splitlines()) == 1 + poses

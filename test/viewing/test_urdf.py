@@ -10,29 +10,17 @@ from xml.etree import ElementTree as ET
 from klann_ros.kinematics import KlannGeometry, KlannLeg, KlannPose
 import numpy as np
 import pytest
-import xacro
+from xacro_legs import ROOT, urdf_of
 import yaml
 import yourdfpy
 
-ROOT = Path(__file__).resolve().parents[2]
-XACRO = ROOT / 'urdf' / 'klann.urdf.xacro'
 ANGLES = ('alpha', 'gamma', 'beta', 'delta', 'theta')
 CRANK = np.linspace(-np.pi, np.pi, 24, endpoint=False).tolist()
 PLAIN = {'klann': 'sem104', 'walker4': 'walker4', 'walker6': 'walker6'}
 
 # The point of the pose at which each link has its origin.
-ORIGINS = {
-    'ab': 'A',
-    'b': 'B',
-    'bc': 'B',
-    'cg': 'C',
-    'dc': 'D',
-    'ef': 'E',
-    'f': 'F',
-    'fg': 'F',
-    'gh': 'G',
-    'h': 'H',
-}
+LINKS = ('ab', 'b', 'bc', 'cg', 'dc', 'ef', 'f', 'fg', 'gh', 'h')
+ORIGINS = {link: link[0].upper() for link in LINKS}
 # A tree does not close loops: the far ends of these bars are the origins of others.
 ENDS = {'ab': ('l_ab', 'B'), 'bc': ('l_bc', 'C'), 'cg': ('l_cg', 'G'), 'dc': ('l_dc', 'C')}
 
@@ -83,15 +71,9 @@ def rotation(roll: float, pitch: float, yaw: float) -> np.ndarray:
     return z @ y @ x
 
 
-def description(params_file: Path, **arguments: str) -> str:
-    """Return the URDF of a parameter file."""
-    mappings = {'params_file': str(params_file), **arguments}
-    return xacro.process_file(str(XACRO), mappings=mappings).toprettyxml(indent='  ')
-
-
 @cache
 def robot(name: str) -> yourdfpy.URDF:
-    return loaded(description(ROOT / 'config' / f'{name}.yaml'))
+    return loaded(urdf_of(ROOT / 'config' / f'{name}.yaml'))
 
 
 def loaded(urdf: str) -> yourdfpy.URDF:
@@ -154,7 +136,7 @@ def test_a_leg_has_its_own_length_and_else_that_of_all(tmp_path: Path) -> None:
     file = tmp_path / 'my legs.yaml'
     values = {'legs': ['one', 'two'], 'l_gh': 0.5, 'two': {'l_gh': 0.6}}
     file.write_text(yaml.safe_dump({'solver_node': {'ros__parameters': values}}))
-    urdf = loaded(description(file))
+    urdf = loaded(urdf_of(file))
     feet = [urdf.get_transform(f'{leg}/h', f'{leg}/gh')[0, 3] for leg in ('one', 'two')]
     assert feet == [0.5, 0.6]
     assert urdf.get_transform('one/gh', 'one/fg')[0, 3] == KlannGeometry.sem104().l_fg
@@ -162,7 +144,7 @@ def test_a_leg_has_its_own_length_and_else_that_of_all(tmp_path: Path) -> None:
 
 def test_frames_can_be_renamed_and_joints_keep_their_names() -> None:
     names = {'base_frame': 'body', 'frame_id': 'plane', 'frame_prefix': 'left/'}
-    urdf = loaded(description(ROOT / 'config' / 'sem104.yaml', **names))
+    urdf = loaded(urdf_of(ROOT / 'config' / 'sem104.yaml', **names))
     assert urdf.base_link == 'body'
     links = {link.name for link in urdf.robot.links} - {'body'}
     assert links == {'left/plane', *(f'left/{link}' for link in ORIGINS)}
@@ -172,7 +154,7 @@ def test_frames_can_be_renamed_and_joints_keep_their_names() -> None:
 @pytest.mark.parametrize('plain', PLAIN)
 def test_a_plain_urdf_is_up_to_date(plain: str) -> None:
     found = (ROOT / 'urdf' / f'{plain}.urdf').read_text()
-    fresh = description(ROOT / 'config' / f'{PLAIN[plain]}.yaml')
+    fresh = urdf_of(ROOT / 'config' / f'{PLAIN[plain]}.yaml')
     found, fresh = (ET.fromstring(text) for text in (found, fresh))  # noqa: S314  # our own
     pairs = list(zip(found.iter(), fresh.iter(), strict=True))
     assert [one.tag for one, _ in pairs] == [other.tag for _, other in pairs]

@@ -28,7 +28,7 @@ from klann_ros.review.fleet.table import rows_from_table
 from leg_runs import LegRun
 import pytest
 
-# What is judged when somebody interrupts it.
+# The runs that are judged at an interrupt.
 MANY = 16
 GEOMETRY = {**KlannLeg().linkage.dimensions, 'assembly': [1, 1]}
 # In the order of their names.
@@ -70,11 +70,11 @@ def review(*arguments: object, **options: Any) -> subprocess.Popen[str]:
 
 
 @pytest.fixture(scope='module')
-def review_recording(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with all that is said of the runs."""
+def outputs(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of all outputs."""
     out = tmp_path_factory.mktemp('out')
-    outputs = [f'--{kind}={out / name}' for kind, name in _OUTPUTS.items()]
-    process = review(runs, *outputs, '--jobs', '2')
+    options = [f'--{kind}={out / name}' for kind, name in _OUTPUTS.items()]
+    process = review(runs, *options, '--jobs', '2')
     report, errors = process.communicate(timeout=120.0)
     assert (process.returncode, errors) == (2, '')
     assert report.startswith('7 runs of 7: 1 ok, 3 with findings, 3 unreadable\n')
@@ -84,8 +84,8 @@ def review_recording(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
 _OUTPUTS = {'table': 'table.csv', 'junit': 'junit.xml', 'html': 'index.html'}
 
 
-def test_each_run_is_a_row_with_its_reason(review_recording: Path) -> None:
-    rows = rows_from_table(str(review_recording / 'table.csv'))
+def test_each_run_is_a_row_with_its_reason(outputs: Path) -> None:
+    rows = rows_from_table(str(outputs / 'table.csv'))
     assert {Path(row.run).name: row.verdict for row in rows} == VERDICTS
     reasons = {Path(row.run).name: row.reason for row in rows}
     assert reasons['good'] == ''
@@ -125,17 +125,17 @@ def test_a_folder_that_cannot_be_searched_is_a_row(
 
 
 def test_rows_are_the_same_byte_for_byte_however_many_make_them(
-    runs: Path, review_recording: Path, tmp_path: Path
+    runs: Path, outputs: Path, tmp_path: Path
 ) -> None:
     table = tmp_path / 'table.csv'
     assert each.main(['--each', str(runs), '--table', str(table), '--jobs', '1']) == 2
-    assert table.read_bytes() == (review_recording / 'table.csv').read_bytes()
+    assert table.read_bytes() == (outputs / 'table.csv').read_bytes()
 
 
-def test_a_parquet_table_is_the_csv(review_recording: Path, tmp_path: Path) -> None:
+def test_a_parquet_table_is_the_csv(outputs: Path, tmp_path: Path) -> None:
     duckdb = pytest.importorskip('duckdb')
     pandas = pytest.importorskip('pandas')
-    rows = rows_from_table(str(review_recording / 'table.csv'))
+    rows = rows_from_table(str(outputs / 'table.csv'))
     place = tmp_path / 'table.parquet'
     each.check_table(str(place))
     with place.open('wb') as file:
@@ -147,22 +147,22 @@ def test_a_parquet_table_is_the_csv(review_recording: Path, tmp_path: Path) -> N
     assert duckdb.sql(query).fetchall() == [('findings', 3), ('ok', 1), ('unreadable', 3)]
 
 
-def test_the_junit_file_is_read_by_a_public_parser(review_recording: Path) -> None:
+def test_the_junit_file_is_read_by_a_public_parser(outputs: Path) -> None:
     junitparser = pytest.importorskip('junitparser')
-    (suite,) = junitparser.JUnitXml.fromfile(str(review_recording / 'junit.xml'))
+    (suite,) = junitparser.JUnitXml.fromfile(str(outputs / 'junit.xml'))
     assert (suite.tests, suite.failures, suite.errors) == (7, 3, 3)
     results = {case.name: [type(found).__name__ for found in case.result] for case in suite}
     words = {'ok': [], 'findings': ['Failure'], 'unreadable': ['Error']}
     assert results == {name: words[verdict] for name, verdict in VERDICTS.items()}
 
 
-def test_the_index_leads_to_the_page_of_each_run(review_recording: Path) -> None:
-    text = (review_recording / 'index.html').read_text()
+def test_the_index_leads_to_the_page_of_each_run(outputs: Path) -> None:
+    text = (outputs / 'index.html').read_text()
     assert '<img onerror' not in text
     links = [part.partition('"')[0] for part in text.split('href="')[1:]]
     assert len(links) == 4
     for link in links:
-        assert '<title>Review of' in (review_recording / link).read_text()
+        assert '<title>Review of' in (outputs / link).read_text()
 
 
 def test_ctrl_c_leaves_a_table_and_resume_goes_on(runs: Path, tmp_path: Path) -> None:
@@ -298,7 +298,9 @@ def test_no_output_goes_into_a_run(runs: Path, capsys: pytest.CaptureFixture[str
     assert 'only read' in capsys.readouterr().err
 
 
-def test_a_folder_without_runs_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_without_runs_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert each.main(['--each', str(tmp_path)]) == 2
     assert 'there is no run in' in capsys.readouterr().err
 

@@ -9,7 +9,7 @@ import sys
 from threading import Thread
 import time
 
-import klann_ros
+from fork_server import called, PACKAGE
 from klann_ros.kinematics import KlannLeg
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.mcap.growing import GrowingFile
@@ -43,11 +43,11 @@ def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Follower:
-    """Somebody who follows a run, in a thread."""
+    """Follows a run in a thread."""
 
     def __init__(self, path: Path) -> None:
         self.found: list[str] = []
-        self.said: list[str] = []
+        self.status: list[str] = []
         self.error: Exception | None = None
         self._path = path
         self._thread = Thread(target=self._run, daemon=True)
@@ -55,19 +55,19 @@ class Follower:
 
     def _run(self) -> None:
         try:
-            follow(str(self._path), Limits(), found=self.found.append, said=self.said.append)
+            follow(str(self._path), Limits(), found=self.found.append, said=self.status.append)
         except (NotALogError, OSError) as error:
             self.error = error
 
     def until_found(self, count: int) -> None:
         end = time.monotonic() + LIMIT
         while len(self.found) < count:
-            assert time.monotonic() < end, self.said
+            assert time.monotonic() < end, self.status
             time.sleep(0.01)
 
     def until_ended(self) -> None:
         self._thread.join(LIMIT)
-        assert not self._thread.is_alive(), self.said
+        assert not self._thread.is_alive(), self.status
 
 
 @pytest.fixture
@@ -80,8 +80,8 @@ def run(tmp_path: Path) -> Iterator[RunWriter]:
 def begun(folder: Path) -> RunWriter:
     """Return a run in which there is only what the solver is."""
     made = RunWriter(folder)
-    recorder_findings = SolverParameters('/solver_node', START, GEOMETRY)
-    made.add_metadata(SOLVER_RECORD, solver_record(recorder_findings), in_every_file=True)
+    record = solver_record(SolverParameters('/solver_node', START, GEOMETRY))
+    made.add_metadata(SOLVER_RECORD, record, in_every_file=True)
     made.flush()
     return made
 
@@ -90,7 +90,7 @@ def messages() -> list[Message]:
     return [*GARBLED.messages()]
 
 
-def test_a_finding_is_told_while_the_run_is_recorded(run: RunWriter) -> None:
+def test_a_finding_is_reported_while_the_run_is_recorded(run: RunWriter) -> None:
     follower = Follower(run.path)
     everything = messages()
     middle = len(everything) // 2
@@ -107,7 +107,7 @@ def test_a_finding_is_told_while_the_run_is_recorded(run: RunWriter) -> None:
     run.close()
     follower.until_ended()
     assert len(follower.found) > before
-    assert follower.said == [f'following {run.path / "run_0.mcap"}']
+    assert follower.status == [f'following {run.path / "run_0.mcap"}']
 
 
 def test_a_time_in_which_the_recorder_did_not_run_is_no_gap(run: RunWriter) -> None:
@@ -133,7 +133,7 @@ def test_a_run_that_is_split_is_followed_into_its_next_file(run: RunWriter) -> N
             run.split()
     run.close()
     follower.until_ended()
-    assert [line.rpartition('_')[2] for line in follower.said] == ['0.mcap', '1.mcap', '2.mcap']
+    assert [line.rpartition('_')[2] for line in follower.status] == ['0.mcap', '1.mcap', '2.mcap']
     assert len([line for line in follower.found if ' nan: ' in line]) >= 2
 
 
@@ -141,12 +141,12 @@ def test_a_run_that_is_not_there_yet_is_waited_for(tmp_path: Path) -> None:
     folder = tmp_path / 'later'
     follower = Follower(folder)
     end = time.monotonic() + LIMIT
-    while not follower.said:
+    while not follower.status:
         assert time.monotonic() < end
         time.sleep(0.01)
     GARBLED.write(folder)
     follower.until_ended()
-    assert follower.said == [f'waiting for {folder}', f'following {folder / "later_0.mcap"}']
+    assert follower.status == [f'waiting for {folder}', f'following {folder / "later_0.mcap"}']
     assert follower.found
 
 
@@ -159,7 +159,7 @@ def test_a_file_that_is_removed_ends_it(tmp_path: Path) -> None:
     follower.until_found(1)
     (run.path / 'run_0.mcap').unlink()
     follower.until_ended()
-    assert follower.said[-1] == 'run_0.mcap was removed'
+    assert follower.status[-1] == 'run_0.mcap was removed'
     run.discard()
 
 
@@ -174,7 +174,7 @@ def test_a_recorder_that_was_killed_ends_it(
     # The end of its process takes the lock away.
     monkeypatch.setattr(following, '_is_written', lambda _: False)
     follower.until_ended()
-    assert follower.said[-1] == 'run_0.mcap is unfinished, and its recorder has stopped'
+    assert follower.status[-1] == 'run_0.mcap is unfinished, and its recorder has stopped'
 
 
 @pytest.mark.parametrize(
@@ -187,14 +187,14 @@ def test_a_recorder_that_was_killed_ends_it(
         (b'\x89MCAP0\r\n' + b'\x06\x28' + bytes(7) + b'\xff' * 40, ''),
     ],
 )
-def test_what_is_no_log_is_said_and_ends_it(tmp_path: Path, content: bytes, problem: str) -> None:
+def test_a_file_that_is_no_log_ends_it(tmp_path: Path, content: bytes, problem: str) -> None:
     path = tmp_path / 'bad_0.mcap'
     path.write_bytes(content)
     follower = Follower(path)
     follower.until_ended()
     assert follower.error is None
-    assert 'bad_0.mcap cannot be read on: ' in follower.said[-1]
-    assert problem in follower.said[-1]
+    assert 'bad_0.mcap cannot be read on: ' in follower.status[-1]
+    assert problem in follower.status[-1]
 
 
 def test_a_file_that_is_cut_off_meanwhile_ends_it(tmp_path: Path) -> None:
@@ -233,25 +233,20 @@ def test_what_is_no_mcap_is_refused(tmp_path: Path) -> None:
     assert 'only runs of MCAP files can be followed' in str(follower.error)
 
 
-def command(*arguments: str) -> subprocess.Popen[str]:
-    code = 'import sys; from klann_ros.executables import review; sys.exit(review())'
-    package = str(Path(klann_ros.__file__).resolve().parents[1])
-    return subprocess.Popen(
-        [sys.executable, '-c', code, *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, 'PYTHONPATH': package},
-    )
-
-
 def test_ctrl_c_ends_it_with_the_review_of_what_is_there(run: RunWriter) -> None:
     for message in messages():
         run.write(message)
     run.flush()
-    process = command('--follow', str(run.path))
+    code = 'import sys; from klann_ros.executables import review; sys.exit(review())'
+    process = subprocess.Popen(
+        [sys.executable, '-c', code, '--follow', str(run.path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, 'PYTHONPATH': PACKAGE},
+    )
     assert process.stdout is not None
-    # It is told before the report is.
+    # The finding comes before the report.
     first = process.stdout.readline()
     process.send_signal(signal.SIGINT)
     output, errors = process.communicate(timeout=LIMIT)
@@ -263,15 +258,12 @@ def test_ctrl_c_ends_it_with_the_review_of_what_is_there(run: RunWriter) -> None
 
 def test_a_run_that_is_closed_is_followed_by_its_review(tmp_path: Path) -> None:
     sound = LegRun(parameters=GEOMETRY).write(tmp_path / 'sound')
-    process = command('--follow', str(sound))
-    output, errors = process.communicate(timeout=LIMIT)
-    assert process.returncode == 0, errors
-    assert str(sound) in output
-    assert 'Traceback' not in errors
+    done = called('review', '--follow', sound)
+    assert (done.returncode, done.stderr.count('Traceback')) == (0, 0), done.stderr
+    assert str(sound) in done.stdout
 
 
 def test_one_run_is_followed_at_a_time() -> None:
-    process = command('--follow', 'one', 'two')
-    _, errors = process.communicate(timeout=LIMIT)
-    assert process.returncode == 2
-    assert '--follow takes one run' in errors
+    done = called('review', '--follow', 'one', 'two')
+    assert done.returncode == 2
+    assert '--follow takes one run' in done.stderr

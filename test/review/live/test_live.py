@@ -14,7 +14,7 @@ import pytest
 
 GEOMETRY = {**KlannLeg().linkage.dimensions, 'assembly': [1, 1]}
 SECOND = 10**9
-# How often it is asked [s].
+# Between two judgements [s].
 STEP = 0.5
 # Of the whole run [ns].
 LENGTH = 2 * SECOND
@@ -26,12 +26,12 @@ def solver(time: int = START, **changed: float) -> SolverParameters:
 
 def judged(
     messages: Iterable[Message],
-    *recorder_findings: SolverParameters,
+    *solvers: SolverParameters,
     until: int = LENGTH,
     published: list[str] | None = None,
 ) -> list[tuple[float, LiveFinding]]:
-    """Return what is found and when [s], asked every half second until a time."""
-    judge, left, later = LiveJudge(), [*messages], [*recorder_findings]
+    """Return what is found and when [s], judged every half second until a time."""
+    judge, left, later = LiveJudge(), [*messages], [*solvers]
     found, step = [], round(STEP * 1e9)
     for now in range(START + step, START + until + step, step):
         while later and later[0].time <= now:
@@ -46,12 +46,17 @@ def new(found: list[tuple[float, LiveFinding]]) -> list[tuple[float, str]]:
     return [(time, each.check) for time, each in found if each.is_new]
 
 
-def test_nothing_is_found_where_nothing_is_wrong() -> None:
-    assert judged(LegRun().messages(), solver(), until=LENGTH - SECOND // 2) == []
-
-
-def test_nothing_is_found_where_nobody_tells_the_leg() -> None:
-    assert judged(LegRun().messages(), until=LENGTH - SECOND // 2) == []
+@pytest.mark.parametrize(
+    ('solvers', 'until'),
+    [
+        ([solver()], LENGTH - SECOND // 2),
+        ([], LENGTH - SECOND // 2),
+        ([solver(), solver(START + SECOND)], SECOND),
+    ],
+    ids=['healthy', 'unknown leg', 'same leg again'],
+)
+def test_nothing_is_found_where_nothing_is_wrong(solvers, until) -> None:
+    assert judged(LegRun().messages(), *solvers, until=until) == []
 
 
 def test_a_pose_of_another_leg_is_found_at_once() -> None:
@@ -70,11 +75,6 @@ def test_a_leg_that_is_changed_is_found() -> None:
     assert text.startswith('/solver_node changed its leg: l_gh is 0.44 m, was ')
 
 
-def test_a_solver_that_tells_the_same_again_changes_nothing() -> None:
-    found = judged(LegRun().messages(), solver(), solver(START + SECOND), until=SECOND)
-    assert found == []
-
-
 def test_a_foot_that_is_no_number_is_found() -> None:
     run = LegRun(garbled={150: float('nan')})
     found = judged(run.messages(), solver(), until=3 * SECOND // 2)
@@ -89,7 +89,7 @@ def test_a_topic_that_falls_silent_is_found_within_a_second(published: list[str]
         (1.5, '/joint_states'),
         (1.5, '/point_h'),
     }
-    # It goes on being told when nothing of it is in the window any more.
+    # It is reported still when nothing of it is in the window any more.
     assert found[-1][0] == 4.0
 
 
@@ -145,13 +145,11 @@ def test_several_publishers_of_a_topic_lose_nothing(numbers: list[int]) -> None:
     assert judged(with_reports(*numbers), solver(), until=7 * SECOND // 2) == []
 
 
-def test_the_losses_that_a_recorder_counts_are_told_once() -> None:
+def test_the_losses_that_a_recorder_counts_are_reported_once() -> None:
     judge = LiveJudge()
     judge.add_all(with_reports(1, 2, 9)[:1])
-    recorder_findings = [
-        judge.findings(START + SECOND, None, {'/diagnostics': n}) for n in (0, 2, 2, 3)
-    ]
-    texts = [[each.text for each in findings] for findings in recorder_findings]
+    found = [judge.findings(START + SECOND, None, {'/diagnostics': n}) for n in (0, 2, 2, 3)]
+    texts = [[each.text for each in findings] for findings in found]
     two, one = '2 messages of /diagnostics were lost', '1 message of /diagnostics was lost'
     assert texts == [[], [two], [], [one]]
 

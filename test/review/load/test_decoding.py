@@ -112,8 +112,8 @@ def block_of(given_messages):
 
 
 def read_in_bulk(given_messages):
-    """Return what each message says, by its row, and how many failed."""
-    block, said, failed = block_of(given_messages), {}, 0
+    """Return the content of each message, by its row, and how many failed."""
+    block, contents, failed = block_of(given_messages), {}, 0
     for number, topic in enumerate(KINDS.values()):
         reader = TopicReader(topic)
         rows = np.flatnonzero(block.heads['channel'] == number)
@@ -121,13 +121,13 @@ def read_in_bulk(given_messages):
             for i, row in enumerate(piece.rows.tolist()):
                 numbers = (piece.values, piece.velocities, piece.efforts)
                 found = (each[i].tobytes() for each in numbers)
-                said[row] = int(piece.stamps[i]), piece.names, *found
+                contents[row] = int(piece.stamps[i]), piece.names, *found
         failed += reader.failed
-    return said, failed
+    return contents, failed
 
 
 def read_one(kind, data):
-    """Return what a message says by mcap-ros2-support; None if it cannot be read."""
+    """Return the content of a message by mcap-ros2-support; None if it cannot be read."""
     try:
         stamp, names, *numbers = _FIELDS[kind](DECODE[kind](data))
     except Exception:
@@ -138,12 +138,12 @@ def read_one(kind, data):
 
 @settings(max_examples=80)
 @given(st.lists(serialized(), max_size=6), st.randoms())
-def test_bulk_reading_says_what_the_library_says(families, random) -> None:
+def test_bulk_reading_is_that_of_the_library(families, random) -> None:
     given_messages = [message for family in families for message in family]
     random.shuffle(given_messages)
-    said, failed = read_in_bulk(given_messages)
+    content, failed = read_in_bulk(given_messages)
     expected = [read_one(*message) for message in given_messages]
-    assert said == {row: one for row, one in enumerate(expected) if one is not None}
+    assert content == {row: one for row, one in enumerate(expected) if one is not None}
     assert failed == expected.count(None)
 
 
@@ -157,11 +157,11 @@ def test_what_stands_between_the_fields_does_not_matter(padding) -> None:
     plain = bytes(STORE.serialize_cdr(foot, FOOT))
     assert plain[18:20] == b'\0\0'
     odd = plain[:18] + padding + plain[20:]
-    said, failed = read_in_bulk([(FOOT, plain), (FOOT, odd)])
-    assert (said[0], failed) == (said[1], 0)
+    content, failed = read_in_bulk([(FOOT, plain), (FOOT, odd)])
+    assert (content[0], failed) == (content[1], 0)
 
 
-TOLD = ['channel', 'sequence', 'log_time', 'publish_time']
+FIELDS = ['channel', 'sequence', 'log_time', 'publish_time']
 
 
 @settings(max_examples=30)
@@ -194,7 +194,7 @@ def test_blocks_hold_what_the_mcap_library_reads(tmp_path_factory, entries, kind
         found = [
             (block.topics[channel].name, *times, block.message(row))
             for block in log.blocks()
-            for row, (channel, *times) in enumerate(block.heads[TOLD].tolist())
+            for row, (channel, *times) in enumerate(block.heads[FIELDS].tolist())
         ]
         assert log.complete
     with path.open('rb') as file:

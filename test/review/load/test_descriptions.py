@@ -1,7 +1,6 @@
-"""The geometry from robot_description, from a name, or not at all: and who told it is said."""
+"""The geometry from robot_description, from a name, or none: the report names its source."""
 
 from dataclasses import replace
-import io
 import json
 from pathlib import Path
 from typing import Any
@@ -18,26 +17,18 @@ from leg_runs import LegRun, START
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
-import xacro
+from xacro_legs import ROOT, urdf_of
 
-ROOT = Path(__file__).resolve().parents[3]
 STORE = get_typestore(Stores.ROS2_JAZZY)
+PATENT = urdf_of(ROOT / 'config' / 'patent.yaml')
 STRING, FLOAT = 'std_msgs/msg/String', 'std_msgs/msg/Float64'
 URDF = (ROOT / 'urdf' / 'klann.urdf').read_text(encoding='utf-8')
 WALKER = (ROOT / 'urdf' / 'walker4.urdf').read_text(encoding='utf-8')
 
 
-def described(name: str) -> str:
-    output = io.StringIO()
-    options = {'params_file': str(ROOT / 'config' / f'{name}.yaml')}
-    document: Any = xacro.process_file(str(ROOT / 'urdf' / 'klann.urdf.xacro'), mappings=options)
-    document.writexml(output)
-    return output.getvalue()
-
-
 @pytest.fixture
-def untold(make_script: Any) -> Any:
-    """Return what makes runs that tell nothing of their solver but by robot descriptions."""
+def described_run(make_script: Any) -> Any:
+    """Return what makes runs whose only geometry is in robot descriptions."""
 
     def make(
         *descriptions: str,
@@ -61,35 +52,39 @@ def source(run: Path) -> str:
     return str(leg.recording.solver.source)
 
 
-def test_a_robot_description_tells_the_geometry(untold, make_run, capsys, tmp_path) -> None:
-    run, report = make_run(untold(URDF)), tmp_path / 'report.json'
+def test_a_robot_description_has_the_geometry(described_run, make_run, capsys, tmp_path) -> None:
+    run, report = make_run(described_run(URDF)), tmp_path / 'report.json'
     assert main([str(run), '--json', str(report)]) == 0
-    recorder_findings = '/robot_description, assembly mode from its poses'
+    origin = '/robot_description, assembly mode from its poses'
     output = capsys.readouterr().out
-    assert f'the geometry is that of {recorder_findings}\n' in output
+    assert f'the geometry is that of {origin}\n' in output
     assert 'nothing found: every pose is the right one' in output
-    assert json.loads(report.read_text())['legs'][0]['geometry_source'] == recorder_findings
+    assert json.loads(report.read_text())['legs'][0]['geometry_source'] == origin
 
 
-def test_a_leg_put_together_the_other_way_is_taken_as_its_poses_are(untold, make_run) -> None:
-    script = untold(described('patent'), geometry=KlannGeometry.patent())
+def test_a_leg_put_together_the_other_way_is_taken_as_its_poses_are(
+    described_run, make_run
+) -> None:
+    script = described_run(PATENT, geometry=KlannGeometry.patent())
     review = review_run(make_run(script))
     assert checks(review) == []
     assert review.legs[0].recording.solver.leg.geometry == KlannGeometry.patent()
 
 
-def test_a_wrong_pose_and_a_flipped_one_are_found_all_the_same(untold, make_run) -> None:
-    script = untold(URDF)
+def test_a_wrong_pose_and_a_flipped_one_are_found_all_the_same(described_run, make_run) -> None:
+    script = described_run(URDF)
     script.answers[100].pose[2] += 1e-3
     other = KlannLeg(KlannGeometry(assembly=(1, -1))).solve(script.answers[200].alpha)
     script.change(200, pose=list(other.joints), foot=other.h)
     assert checks(review_run(make_run(script))) == ['closure', 'branch']
 
 
-def test_a_bag_of_another_recorder_is_judged(untold, make_run, write_messages, tmp_path) -> None:
+def test_a_bag_of_another_recorder_is_judged(
+    described_run, make_run, write_messages, tmp_path
+) -> None:
     with Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as bag:
         connections: dict[str, Any] = {}
-        for m in write_messages.read(make_run(untold(URDF).by_crank_state())):
+        for m in write_messages.read(make_run(described_run(URDF).by_crank_state())):
             if m.topic.name not in connections:
                 added = bag.add_connection(m.topic.name, m.topic.type, typestore=STORE)
                 connections[m.topic.name] = added
@@ -99,7 +94,7 @@ def test_a_bag_of_another_recorder_is_judged(untold, make_run, write_messages, t
     assert len(review.legs[0].evaluated.poses) == 400
 
 
-def test_a_walker_is_judged_though_nobody_tells_its_phases(tmp_path, write_messages) -> None:
+def test_a_walker_is_judged_without_its_phases(tmp_path, write_messages) -> None:
     names = ('front_left', 'front_right', 'rear_left', 'rear_right')
     phases = {name: 0.1 + n for n, name in enumerate(names)}
     run = LegRun({name: KlannLeg() for name in names}, phases).write(tmp_path / 'run')
@@ -120,31 +115,31 @@ def test_a_walker_is_judged_though_nobody_tells_its_phases(tmp_path, write_messa
     assert checks(review) == []
 
 
-def test_one_description_is_that_of_all_namespaces(untold, make_run) -> None:
-    script = untold(URDF).in_namespace('/left')
+def test_one_description_is_that_of_all_namespaces(described_run, make_run) -> None:
+    script = described_run(URDF).in_namespace('/left')
     assert source(make_run(script)).startswith('/robot_description')
 
 
-def test_of_two_descriptions_the_own_one_counts(untold, make_run) -> None:
-    script = untold(URDF, topic='/left/robot_description').in_namespace('/left')
-    other = untold(described('patent'), topic='/right/robot_description')
+def test_of_two_descriptions_the_own_one_counts(described_run, make_run) -> None:
+    script = described_run(URDF, topic='/left/robot_description').in_namespace('/left')
+    other = described_run(PATENT, topic='/right/robot_description')
     script.messages += other.messages
     assert source(make_run(script)).startswith('/left/robot_description')
     assert found(make_run(script, 'again')) == []
 
 
-def test_only_what_is_younger_than_a_new_description_is_judged(untold, make_run) -> None:
+def test_only_what_is_younger_than_a_new_description_is_judged(described_run, make_run) -> None:
     longer = URDF.replace('0.43 0 0', '0.44 0 0')
-    script = untold(longer, URDF)
-    for n, answer in enumerate(untold(geometry=KlannGeometry(l_gh=0.44)).answers[:200]):
+    script = described_run(longer, URDF)
+    for n, answer in enumerate(described_run(geometry=KlannGeometry(l_gh=0.44)).answers[:200]):
         script.answers[n] = answer
     (leg,) = (review := review_run(make_run(script))).legs
     assert checks(review) == []
     assert len(leg.evaluated.poses) == 200
 
 
-def test_a_description_that_comes_again_is_no_change(untold, make_run) -> None:
-    (leg,) = review_run(make_run(untold(URDF, URDF, URDF, every=0.5))).legs
+def test_a_description_that_comes_again_is_no_change(described_run, make_run) -> None:
+    (leg,) = review_run(make_run(described_run(URDF, URDF, URDF, every=0.5))).legs
     assert len(leg.evaluated.poses) == 400
 
 
@@ -152,33 +147,35 @@ HOSTILE = '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">]>' + URDF
 
 
 @pytest.mark.parametrize('words', ['', 'x' * 70_000, HOSTILE, '<robot name="arm"/>'])
-def test_a_description_of_something_else_tells_nothing(untold, make_run, words) -> None:
-    assert found(make_run(untold(words))) == ['geometry: the run does not contain the geometry']
+def test_a_description_of_something_else_is_no_geometry(described_run, make_run, words) -> None:
+    assert found(make_run(described_run(words))) == [
+        'geometry: the run does not contain the geometry'
+    ]
 
 
-def test_a_description_that_cannot_be_read_tells_nothing(untold, make_run) -> None:
-    script = untold(URDF)
+def test_a_description_that_cannot_be_read_is_no_geometry(described_run, make_run) -> None:
+    script = described_run(URDF)
     script.messages = [replace(m, data=m.data[:9]) for m in script.messages]
     assert checks(review_run(make_run(script))) == ['geometry']
 
 
-def test_what_the_solver_tells_comes_first(healthy, untold, make_run) -> None:
-    healthy.messages = untold(described('patent')).messages
+def test_the_solvers_record_comes_first(healthy, described_run, make_run) -> None:
+    healthy.messages = described_run(PATENT).messages
     run = make_run(healthy)
     assert source(run) == 'the parameters of /solver_node'
     assert found(run) == []
 
 
-def test_a_leg_that_is_given_comes_before_all(untold, make_run, capsys) -> None:
-    run = make_run(untold(URDF))
+def test_a_leg_that_is_given_comes_before_all(described_run, make_run, capsys) -> None:
+    run = make_run(described_run(URDF))
     assert main([str(run), '--geometry', 'patent']) == 1
     output = capsys.readouterr().out
     assert 'the geometry is that of --geometry\n' in output
     assert 'ERROR closure: 400 of 400 poses' in output
 
 
-def test_a_leg_is_given_by_its_name(untold, make_run) -> None:
-    assert main([str(make_run(untold())), '--geometry', 'sem104']) == 0
+def test_a_leg_is_given_by_its_name(described_run, make_run) -> None:
+    assert main([str(make_run(described_run())), '--geometry', 'sem104']) == 0
 
 
 def test_a_file_comes_before_a_name(tmp_path, monkeypatch) -> None:
@@ -199,13 +196,11 @@ def test_a_name_that_is_none_is_answered_with_those_that_are(capsys) -> None:
     assert capsys.readouterr().err == f'review: {error.value}\n'
 
 
-def test_the_hint_and_the_help_name_what_is_shipped(untold, make_run, capsys) -> None:
+def test_the_hint_and_the_help_name_what_is_shipped(described_run, make_run, capsys) -> None:
     names = ('sem104', 'patent', *shipped_linkages())
-    main([str(make_run(untold()))])
-    assert f'give the leg by --geometry FILE, or one of {", ".join(names)}\n' in (
-        capsys.readouterr().out
-    )
+    main([str(make_run(described_run()))])
+    hint = f'or one of {", ".join(names)}'
+    assert f'give the leg by --geometry FILE, {hint}\n' in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main(['--help'])
-    help_ = ' '.join(capsys.readouterr().out.split())
-    assert f'or one of {", ".join(names)}' in help_
+    assert hint in ' '.join(capsys.readouterr().out.split())

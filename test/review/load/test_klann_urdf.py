@@ -1,6 +1,5 @@
-"""Legs out of URDFs: those that the xacro makes to the last bit, and nothing of anybody else's."""
+"""Legs out of URDFs: those that the xacro makes to the last bit, and no leg of another robot."""
 
-import io
 from pathlib import Path
 import re
 from typing import Any
@@ -10,28 +9,16 @@ from klann_ros.kinematics import KlannGeometry
 from klann_ros.review.load.geometry import klann_legs_in_urdf, MAX_DESCRIPTION_SIZE
 import pytest
 from strategies import legs
-import xacro
+from xacro_legs import ROOT, urdf_of
 import yaml
 
-ROOT = Path(__file__).resolve().parents[3]
-XACRO = ROOT / 'urdf' / 'klann.urdf.xacro'
 SEM104 = KlannGeometry.sem104()
 URDF = (ROOT / 'urdf' / 'klann.urdf').read_text(encoding='utf-8')
 WALKER = (ROOT / 'urdf' / 'walker6.urdf').read_text(encoding='utf-8')
 
 
-def described(file: Path, **options: str) -> str:
-    """Return the URDF of a parameter file."""
-    output, mappings = io.StringIO(), {'params_file': str(file), **options}
-    document: Any = xacro.process_file(str(XACRO), mappings=mappings)
-    document.writexml(output)
-    return output.getvalue()
-
-
 def numbers(geometry: KlannGeometry) -> dict[str, Any]:
-    recorder_findings = geometry.as_dict()
-    del recorder_findings['assembly']
-    return recorder_findings
+    return {name: value for name, value in geometry.as_dict().items() if name != 'assembly'}
 
 
 @pytest.mark.parametrize('name', ['klann', 'walker4', 'walker6'])
@@ -49,20 +36,17 @@ def test_a_leg_is_found_to_the_last_bit(
     file = tmp_path_factory.mktemp('leg') / 'leg.yaml'
     content = {'/**': {'ros__parameters': geometry.as_dict()}}
     file.write_text(yaml.safe_dump(content), encoding='utf-8')
-    assert klann_legs_in_urdf(described(file)) == {'': numbers(geometry)}
+    assert klann_legs_in_urdf(urdf_of(file)) == {'': numbers(geometry)}
 
 
 def test_legs_with_lengths_and_frames_of_their_own_are_told_apart(tmp_path: Path) -> None:
     file = tmp_path / 'walker.yaml'
     shared = {'legs': ['left', 'right'], 'left': {'l_gh': 0.1 + 0.2}, 'right': {'x_e': -0.1}}
     file.write_text(yaml.safe_dump({'/**': {'ros__parameters': {'l_ab': 0.11, **shared}}}))
-    recorder_findings = {**numbers(SEM104), 'l_ab': 0.11}
-    expected = {
-        'left': {**recorder_findings, 'l_gh': 0.1 + 0.2},
-        'right': {**recorder_findings, 'x_e': -0.1},
-    }
+    common = {**numbers(SEM104), 'l_ab': 0.11}
+    expected = {'left': {**common, 'l_gh': 0.1 + 0.2}, 'right': {**common, 'x_e': -0.1}}
     for options in ({}, {'frame_prefix': 'a/', 'base_frame': 'trunk', 'frame_id': 'plane'}):
-        assert klann_legs_in_urdf(described(file, **options)) == expected
+        assert klann_legs_in_urdf(urdf_of(file, **options)) == expected
 
 
 def test_a_leg_that_is_a_part_of_another_robot_is_found() -> None:
@@ -110,7 +94,7 @@ def test_what_is_no_such_leg_is_none(change: tuple[str, str]) -> None:
     before, after = change
     assert before in URDF
     changed = URDF.replace(before, after)
-    # What is told of an encoding is of no matter to a text.
+    # A text has no encoding, whatever its declaration.
     expected = {'': numbers(SEM104)} if 'encoding="x"' in changed else {}
     assert klann_legs_in_urdf(changed) == expected
 

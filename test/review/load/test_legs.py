@@ -60,6 +60,12 @@ def test_a_wrong_pose_is_found_in_its_own_leg(two_legs, make_run) -> None:
     assert (finding.check, finding.leg) == ('closure', 'b')
 
 
+def test_a_silence_of_one_leg_names_its_own_topics_only(two_legs, make_run) -> None:
+    two_legs.delay(100, 300_000_000)
+    silent = '/b/crank_angle, /b/joint_states, /b/point_h'
+    assert found(make_run(two_legs)) == [f'gap: nothing on {silent} for 0.305 s']
+
+
 def test_a_namespace_without_poses_is_no_leg(two_legs, make_run) -> None:
     (first,) = two_legs.others
     first.poses = replace(first.poses, name='/c/joint_states')
@@ -84,14 +90,14 @@ def walker(make_script):
     return made
 
 
-def test_a_leg_that_was_not_driven_is_said_and_no_fault(walker, make_run) -> None:
+def test_a_leg_that_was_not_driven_is_a_note(walker, make_run) -> None:
     review = review_run(make_run(walker))
     assert review.is_healthy
     ((check, leg),) = [(finding.check, finding.leg) for finding in review.findings]
     assert (check, leg) == ('poses', 'rear')
 
 
-def test_poses_of_other_legs_than_those_told_are_none(walker, make_run) -> None:
+def test_poses_of_other_legs_than_recorded_are_none(walker, make_run) -> None:
     walker.parameters['legs'] = ['left', 'right']
-    (said,) = found(make_run(walker))
-    assert said.startswith('poses: there is no pose in the run')
+    (finding,) = found(make_run(walker))
+    assert finding.startswith('poses: there is no pose in the run')

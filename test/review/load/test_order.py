@@ -15,11 +15,11 @@ MS = 1_000_000
 S = 1000 * MS
 
 
-def taken(
+def recorded_times(
     seed: int, *, publishers: int, behind: int, batch: int, count: int = 3000, late: int = 3 * MS
 ) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return source and received times as a recorder takes them: a queue in the order of sources.
+    Return source and received times of a recorder: a queue in the order of sources.
 
     Each publisher sends at 500 Hz; now and then a message comes late, and whatever its publisher
     sent after it comes after it. The clock of the second is `behind` [ns].
@@ -61,12 +61,12 @@ def clocks(sources: np.ndarray, received: np.ndarray, *, alone: bool) -> np.ndar
 def test_publishers_that_overtake_each_other_are_no_clock_set_back(
     seed: int, publishers: int, behind: int, batch: int
 ) -> None:
-    sources, received = taken(seed, publishers=publishers, behind=behind, batch=batch)
+    sources, received = recorded_times(seed, publishers=publishers, behind=behind, batch=batch)
     assert not len(clocks(sources, received, alone=False))
 
 
 def test_such_publishers_do_go_back_in_the_log() -> None:
-    sources, received = taken(1, publishers=2, behind=300 * MS, batch=20 * MS)
+    sources, received = recorded_times(1, publishers=2, behind=300 * MS, batch=20 * MS)
     assert len(steps(sources, received)) > 100
 
 
@@ -80,7 +80,9 @@ def test_such_publishers_do_go_back_in_the_log() -> None:
 def test_a_clock_that_is_set_back_is_found_where_that_was(
     seed: int, publishers: int, at: int, by: int
 ) -> None:
-    sources, received = taken(seed, publishers=publishers, behind=0, batch=20 * MS, late=MS)
+    sources, received = recorded_times(
+        seed, publishers=publishers, behind=0, batch=20 * MS, late=MS
+    )
     at *= publishers
     received[at:] -= by
     assert clocks(sources, received, alone=publishers == 1).tolist() == [at]
@@ -88,20 +90,20 @@ def test_a_clock_that_is_set_back_is_found_where_that_was(
 
 @pytest.mark.parametrize('by', [30 * MS, 200 * MS, 5 * S])
 def test_a_machine_whose_clock_is_set_back_is_found(by: int) -> None:
-    sources, received = taken(2, publishers=1, behind=0, batch=20 * MS)
+    sources, received = recorded_times(2, publishers=1, behind=0, batch=20 * MS)
     sources[700:] -= by
     received[700:] -= by
     assert clocks(sources, received, alone=True).tolist() == [700]
 
 
 def test_a_message_that_was_sent_again_is_no_clock_set_back() -> None:
-    sources, received = taken(3, publishers=1, behind=0, batch=20 * MS)
+    sources, received = recorded_times(3, publishers=1, behind=0, batch=20 * MS)
     received[800] += 400 * MS
     assert len(steps(sources, received)) == 1
     assert not len(clocks(sources, received, alone=True))
 
 
-def test_log_times_that_go_back_are_told_once_for_all_topics(healthy, make_run, write_messages):
+def test_log_times_that_go_back_are_one_finding_of_all_topics(healthy, make_run, write_messages):
     run = make_run(healthy)
     back = [
         replace(m, log_time=m.log_time - (20 * MS if m.sequence > 200 else 0))

@@ -6,8 +6,7 @@ import struct
 from findings import checks
 from klann_ros.kinematics import KlannGeometry, KlannLeg, linkage_from_text, LinkageLeg
 from klann_ros.kinematics.klann import NUMBERS
-from klann_ros.log.definitions import definition
-from klann_ros.log.records import Message, Topic
+from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import (
     LINKAGE_PARAMETER,
     SOLVER_RECORD,
@@ -17,20 +16,17 @@ from klann_ros.log.run_parameters import (
 from klann_ros.log.write.writer import RunWriter
 from klann_ros.nodes.solver.cdr import JointStateTemplate, PointTemplate
 from klann_ros.review.reviewing import review_run
+from leg_runs import START, topic_of
 import numpy as np
 import pytest
 import yaml
 
 ROOT = Path(__file__).resolve().parents[3]
-# These two tell no leg.
+# These two are of no leg.
 OTHERS = {'motor_example.yaml', 'ros2_control.yaml'}
 CONFIGS = [p for p in sorted((ROOT / 'config').glob('*.yaml')) if p.name not in OTHERS]
 LINKAGES = sorted((ROOT / 'klann_ros' / 'linkages').glob('*.yaml'))
-START, PERIOD = 1_700_000_000_000_000_000, 10_000_000
-
-
-def topic(name: str, kind: str) -> Topic:
-    return Topic(name, kind, definition(kind))
+PERIOD = 10_000_000
 
 
 def flat(parameters: dict) -> dict:
@@ -83,24 +79,22 @@ def write(
     namespace: str,
     parameters: dict,
     *,
-    recorder_findings: dict | None = None,
+    recorded: dict | None = None,
     count: int = 120,
 ) -> Path:
     """Write a run of a solver with such parameters, as solver_node publishes."""
     legs = legs_of(parameters)
     prefixes = {name: f'{name}/' if name else '' for name in legs}
     joints = [p + j for name, p in prefixes.items() for j in legs[name][0].joint_names]
-    crank = topic(f'{namespace}/crank_angle', 'std_msgs/msg/Float64')
-    poses = topic(f'{namespace}/joint_states', 'sensor_msgs/msg/JointState')
+    crank = topic_of(f'{namespace}/crank_angle', 'std_msgs/msg/Float64')
+    poses = topic_of(f'{namespace}/joint_states', 'sensor_msgs/msg/JointState')
     feet = {
-        name: topic(f'{namespace}/{prefix}point_h', 'geometry_msgs/msg/PointStamped')
+        name: topic_of(f'{namespace}/{prefix}point_h', 'geometry_msgs/msg/PointStamped')
         for name, prefix in prefixes.items()
     }
     state, point = JointStateTemplate(joints), PointTemplate('leg_plane')
     with RunWriter(folder) as run:
-        solver = SolverParameters(
-            f'{namespace}/solver_node', START, recorder_findings or parameters
-        )
+        solver = SolverParameters(f'{namespace}/solver_node', START, recorded or parameters)
         run.add_metadata(SOLVER_RECORD, solver_record(solver))
         for n, alpha in enumerate(crank_angles(parameters, count)):
             stamp = START + n * PERIOD
@@ -145,8 +139,6 @@ def test_what_is_shipped_gives_a_healthy_run(tmp_path, path, namespace) -> None:
 def test_a_leg_of_a_walker_that_is_driven_otherwise_is_found(tmp_path, change) -> None:
     parameters = parameters_of(ROOT / 'config' / 'walker4.yaml')
     # The poses are those of one walker, the record is that of another.
-    run = write(
-        tmp_path / 'run', '', {**parameters, **change}, recorder_findings=parameters, count=50
-    )
+    run = write(tmp_path / 'run', '', {**parameters, **change}, recorded=parameters, count=50)
     (finding,) = review_run(run).findings
     assert (finding.check, finding.leg) == ('alpha', next(iter(change)).partition('.')[0])

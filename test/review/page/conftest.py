@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import klann_ros
 from klann_ros.kinematics import KlannLeg, LinkageLeg, shipped_linkage
 from klann_ros.review.model.compare import compare
 from klann_ros.review.page import save
@@ -38,7 +39,7 @@ RUNS = {
     'klann': LegRun(parameters=KLANN.as_dict()),
     LONG: LegRun(parameters=KLANN.as_dict()),
     'longer': LegRun(legs={'': KlannLeg(LONGER)}, parameters=LONGER.as_dict()),
-    # It was solved with another crank than it tells, and stood still.
+    # It was solved with another crank than recorded, and stood still.
     'faulty': LegRun(parameters=LONGER.as_dict(), pause=(300, 0.4)),
     'walker': LegRun(
         legs={name: KlannLeg() for name in LEGS},
@@ -67,7 +68,7 @@ RUNS = {
 
 @dataclass
 class Opened:
-    """A page in the browser, with everything that it asked for and complained about."""
+    """A page in the browser, with its requests and its errors."""
 
     page: Any
     requests: list[str] = field(default_factory=list)
@@ -75,7 +76,7 @@ class Opened:
 
     def __post_init__(self) -> None:
         self.page.on('request', lambda request: self.requests.append(request.url))
-        self.page.on('console', lambda said: self.complaints.append(said.text))
+        self.page.on('console', lambda entry: self.complaints.append(entry.text))
         self.page.on('pageerror', lambda error: self.complaints.append(str(error)))
 
     def slide(self, time: float) -> None:
@@ -103,9 +104,9 @@ class Opened:
 
 def linkage_run(name: str) -> LegRun:
     """Return a run of a shipped linkage."""
-    text = Path(shipped_text(name)).read_text(encoding='utf-8')
-    leg = LinkageLeg(shipped_linkage(name))
-    return LegRun(legs={'': leg}, parameters={'linkage_description': text})
+    file = Path(klann_ros.__file__).parent / 'linkages' / f'{name}.yaml'
+    parameters = {'linkage_description': file.read_text(encoding='utf-8')}
+    return LegRun(legs={'': LinkageLeg(shipped_linkage(name))}, parameters=parameters)
 
 
 @pytest.fixture(scope='session')
@@ -124,12 +125,6 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     with made['two'].open('wb') as file:
         save(both, compare(*both), file)
     return made
-
-
-def shipped_text(name: str) -> str:
-    import klann_ros
-
-    return str(Path(klann_ros.__file__).parent / 'linkages' / f'{name}.yaml')
 
 
 @pytest.fixture(scope='module')

@@ -1,4 +1,4 @@
-"""review --html, as one calls it."""
+"""The options --html and --open of review."""
 
 from dataclasses import replace
 import os
@@ -30,8 +30,8 @@ def test_two_runs_are_in_one_page(run: Path, tmp_path: Path) -> None:
 
 
 def test_what_could_not_be_compared_is_in_the_page(run: Path, runs, tmp_path: Path) -> None:
-    untold = replace(runs['klann'], count=50, parameters=None).write(tmp_path / 'untold')
-    main([str(run), str(untold), '--html', str(tmp_path / 'page.html')])
+    bare = replace(runs['klann'], count=50, parameters=None).write(tmp_path / 'bare')
+    main([str(run), str(bare), '--html', str(tmp_path / 'page.html')])
     written = (tmp_path / 'page.html').read_text(encoding='utf-8')
     assert 'The two runs do not differ, as far as they can be compared.' in written
     assert 'the second run does not contain its geometry' in written
@@ -44,7 +44,7 @@ def test_a_path_need_not_be_a_text(run: Path, tmp_path: Path) -> None:
     assert r'run\udcff' in (tmp_path / 'page.html').read_text(encoding='utf-8')
 
 
-def test_the_page_is_opened_in_the_browser_that_one_names(
+def test_the_page_is_opened_in_the_named_browser(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     opened: list[str] = []
@@ -67,5 +67,5 @@ def test_where_no_browser_is_one_line_says_where_the_page_is(
     for name in ('DISPLAY', 'WAYLAND_DISPLAY', 'BROWSER'):
         monkeypatch.delenv(name, raising=False)
     assert main([str(run), '--open', '--html', str(tmp_path / 'page.html')]) == 0
-    said = f'review: no browser here; the page is {tmp_path / "page.html"}\n'
-    assert capsys.readouterr().err == said
+    error = f'review: no browser here; the page is {tmp_path / "page.html"}\n'
+    assert capsys.readouterr().err == error

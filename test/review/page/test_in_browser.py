@@ -23,7 +23,7 @@ def pose_time(run: LegRun, number: int) -> float:
     return number * run.period + 20e-6 * (number % 7)
 
 
-def drawn_well(points: dict[str, np.ndarray], expected: np.ndarray) -> bool:
+def is_drawn(points: dict[str, np.ndarray], expected: np.ndarray) -> bool:
     drawn = np.array([points[name] for name in sorted(points)])
     return bool(np.abs(drawn - expected).max() <= NEAR)
 
@@ -52,7 +52,7 @@ def test_the_slider_moves_the_leg_to_the_pose_of_that_time(klann, runs, number: 
     run = runs['klann']
     klann.slide(pose_time(run, number) + 0.3 * run.period)
     expected = KlannLeg().solve(run.alpha(number)).points
-    assert drawn_well(klann.points(), expected)
+    assert is_drawn(klann.points(), expected)
     assert klann.page.locator('#at-foot').text_content() == (
         '{:.4f}, {:.4f} m'.format(*expected[7])
     )
@@ -103,7 +103,7 @@ def test_keys_turn_the_leg_pose_by_pose(klann, runs) -> None:
         ('Home', 0),
     ):
         klann.page.keyboard.press(key)
-        assert drawn_well(klann.points(), leg.solve(run.alpha(number)).points)
+        assert is_drawn(klann.points(), leg.solve(run.alpha(number)).points)
 
 
 def test_the_slider_has_the_same_keys_and_says_the_time(klann, runs) -> None:
@@ -129,7 +129,7 @@ def test_a_finding_leads_to_its_moment_in_the_picture_and_the_charts(visit, runs
     gap.click()
     assert opened.time() == pytest.approx(time)
     expected = KlannLeg().solve(runs['faulty'].alpha(299)).points
-    # It was solved with the textbook's crank, and told another: the crank's end is elsewhere.
+    # It was solved with the textbook's crank, and another is recorded: its end is elsewhere.
     assert opened.points()['F'] == pytest.approx(expected[5], abs=NEAR)
     opened.until('page.charts.charts[0].plot.scales.x.max < 2.3')
     opened.page.locator('#zoom-all').click()
@@ -180,9 +180,9 @@ def test_each_leg_of_a_walker_is_drawn_at_its_own_phase(visit, runs) -> None:
     opened.slide(pose_time(run, 100))
     for leg in run.legs:
         expected = KlannLeg().solve(run.alpha(100, leg)).points
-        assert drawn_well(opened.points(f'#legs button[data-leg={leg}] svg'), expected)
+        assert is_drawn(opened.points(f'#legs button[data-leg={leg}] svg'), expected)
         opened.page.locator(f'#legs button[data-leg={leg}]').click()
-        assert drawn_well(opened.points(), expected)
+        assert is_drawn(opened.points(), expected)
 
 
 def test_a_robot_that_walks_is_seen_from_above_where_it_was(visit) -> None:
@@ -209,9 +209,9 @@ def test_two_runs_lie_over_each_other(visit, runs) -> None:
     opened, run = visit('two'), runs['klann']
     opened.slide(pose_time(run, 77))
     ghost = opened.points(group='ghost')
-    assert drawn_well(opened.points(), KlannLeg().solve(run.alpha(77)).points)
+    assert is_drawn(opened.points(), KlannLeg().solve(run.alpha(77)).points)
     longer = runs['longer'].legs[''].solve(run.alpha(77)).points
-    assert drawn_well(ghost, longer)
+    assert is_drawn(ghost, longer)
     assert 'l_ab is 0.12 m in the first run, 0.1212 m in the second' in (
         opened.page.locator('.findings').text_content()
     )
@@ -219,10 +219,10 @@ def test_two_runs_lie_over_each_other(visit, runs) -> None:
     assert [name[:8] for name in names[1::5]] == ['A: gamma', 'B: gamma']
 
 
-def test_what_a_run_does_not_tell_is_said(visit) -> None:
+def test_missing_data_is_named(visit) -> None:
     feet, bare = visit('feet'), visit('bare')
-    said = feet.page.locator('#picture-note').text_content()
-    assert said == 'Not drawn: the run tells no geometry.'
+    note = feet.page.locator('#picture-note').text_content()
+    assert note == 'Not drawn: the run tells no geometry.'
     assert not feet.page.locator('#curves').is_visible()
     titles = bare.page.locator('#charts h3').all_text_contents()
     assert titles == ['Joint angles']
@@ -235,7 +235,7 @@ def test_a_leg_is_not_drawn_in_a_shape_that_it_had_not_yet(visit, runs) -> None:
     assert not opened.page.locator('#picture .leg').is_visible()
     assert note.text_content().endswith('it had other dimensions.')
     opened.slide(pose_time(run, 250))
-    assert drawn_well(opened.points(), KlannLeg().solve(run.alpha(250)).points)
+    assert is_drawn(opened.points(), KlannLeg().solve(run.alpha(250)).points)
     assert not note.is_visible()
 
 
@@ -245,7 +245,7 @@ def test_numbers_that_are_none_are_gaps(visit) -> None:
         'Not drawn: an angle of this pose is no number.'
     )
     opened.page.keyboard.press('ArrowRight')
-    assert drawn_well(opened.points(), KlannLeg().solve(LegRun().alpha(1)).points)
+    assert is_drawn(opened.points(), KlannLeg().solve(LegRun().alpha(1)).points)
     angles = 'page.charts.charts[0].plot.data.slice(1).map((column) => column[100])'
     assert opened.page.evaluate(angles) == [None] * 5
 
@@ -315,7 +315,7 @@ def test_every_chart_says_what_it_shows(klann) -> None:
     assert all(len(label or 'by its text') > 5 for label in labels)
 
 
-def test_who_wants_no_motion_gets_no_smooth_scrolling(klann) -> None:
+def test_reduced_motion_has_no_smooth_scrolling(klann) -> None:
     style = 'getComputedStyle(document.documentElement).scrollBehavior'
     for wanted, found in (('reduce', 'auto'), ('no-preference', 'smooth')):
         klann.page.emulate_media(reduced_motion=wanted)

@@ -4,7 +4,7 @@ from base64 import b64decode
 import json
 import math
 
-from hypothesis import given, reject, settings, strategies as st
+from hypothesis import given, reject, strategies as st
 from klann_ros.kinematics import (
     KlannGeometry,
     KlannLeg,
@@ -29,8 +29,6 @@ import numpy as np
 import pytest
 from strategies import legs
 
-# Others work on this machine as well.
-unhurried = settings(deadline=None)
 any_float = st.floats(width=64)
 
 
@@ -42,7 +40,6 @@ def unpacked(column: dict) -> np.ndarray:
     return numbers
 
 
-@unhurried
 @given(st.lists(st.floats(-1e9, 1e9), min_size=1))
 def test_an_angle_is_its_turns_and_its_part_of_one_more(values: list[float]) -> None:
     radians = np.array(values)
@@ -51,7 +48,6 @@ def test_an_angle_is_its_turns_and_its_part_of_one_more(values: list[float]) -> 
     assert again == pytest.approx(radians, rel=1e-15, abs=2e-9)
 
 
-@unhurried
 @given(st.lists(any_float, min_size=1))
 def test_whatever_is_no_angle_is_none(values: list[float]) -> None:
     radians = np.array(values)
@@ -59,7 +55,6 @@ def test_whatever_is_no_angle_is_none(values: list[float]) -> None:
     assert (known == (np.abs(radians) / math.tau <= 2**31 - 1)).all()
 
 
-@unhurried
 @given(st.lists(st.floats(0.0, 1e5), min_size=1))
 def test_times_are_known_to_a_microsecond_or_their_last_digit(values: list[float]) -> None:
     seconds = np.array(values)
@@ -67,7 +62,6 @@ def test_times_are_known_to_a_microsecond_or_their_last_digit(values: list[float
     assert np.abs(unpacked(pack_times(seconds)) - seconds).max() <= allowed
 
 
-@unhurried
 @given(
     st.lists(st.floats(allow_infinity=False), min_size=1, max_size=400),
     st.integers(4, 100),
@@ -94,7 +88,7 @@ def test_every_stretch_keeps_its_peak() -> None:
     assert column[rows].sum() == 10
 
 
-def placed(shape: dict, phases: np.ndarray) -> np.ndarray:
+def point_positions(shape: dict, phases: np.ndarray) -> np.ndarray:
     """Return the points as the page's script has them."""
     u = np.exp(1j * np.array(shape['senses']) * phases)
     for j, frame in enumerate(shape['frames']):
@@ -107,7 +101,6 @@ def placed(shape: dict, phases: np.ndarray) -> np.ndarray:
     return np.column_stack([np.real(at), np.imag(at)])
 
 
-@unhurried
 @given(legs(), st.floats(-10.0, 10.0))
 def test_any_klann_leg_has_its_points(geometry: KlannGeometry, alpha: float) -> None:
     leg = KlannLeg(geometry)
@@ -116,7 +109,7 @@ def test_any_klann_leg_has_its_points(geometry: KlannGeometry, alpha: float) -> 
     except UnreachableError:
         reject()
     shape = leg_shape(leg)
-    assert placed(shape, np.array(pose.joints)) == pytest.approx(pose.points, abs=1e-12)
+    assert point_positions(shape, np.array(pose.joints)) == pytest.approx(pose.points, abs=1e-12)
 
 
 @pytest.mark.parametrize('name', shipped_linkages())
@@ -124,11 +117,10 @@ def test_any_linkage_has_its_points(name: str) -> None:
     leg = LinkageLeg(shipped_linkage(name))
     pose = leg.solve(leg.linkage.start[0] + 0.1)
     shape = leg_shape(leg)
-    assert placed(shape, np.array(pose.joints)) == pytest.approx(pose.points, abs=1e-12)
+    assert point_positions(shape, np.array(pose.joints)) == pytest.approx(pose.points, abs=1e-12)
     assert [point['name'] for point in shape['points']][leg.linkage.foot] == shape['foot']
 
 
-@unhurried
 @given(st.lists(st.floats(-1.0, 1e6)))
 def test_a_histogram_counts_everything_once(values: list[float]) -> None:
     seconds = np.array(values)
@@ -136,7 +128,7 @@ def test_a_histogram_counts_everything_once(values: list[float]) -> None:
     assert sum(found['counts']) == np.count_nonzero(seconds >= 1e-6)
 
 
-def test_a_histogram_tells_times_and_their_bin() -> None:
+def test_a_histogram_names_times_and_their_bin() -> None:
     found = histogram(np.array([0.005] * 9 + [0.4]))
     begin = 10 ** (FIRST + found['first'] / A_DECADE)
     assert begin <= 0.005 < begin * 10 ** (1 / A_DECADE)
@@ -145,7 +137,6 @@ def test_a_histogram_tells_times_and_their_bin() -> None:
     assert 'the longest is 400 ms' in found['text']
 
 
-@unhurried
 @given(st.text())
 def test_no_text_can_end_the_script_it_stands_in(text: str) -> None:
     script = as_script([{text: text}])
@@ -153,7 +144,6 @@ def test_no_text_can_end_the_script_it_stands_in(text: str) -> None:
     assert json.loads(script) == [{text: text}]
 
 
-@unhurried
 @given(st.text())
 def test_texts_are_escaped_and_markup_is_not(text: str) -> None:
     made = element('p', text, element('b', 'x'), title=text, aria_label='y', hidden=False)

@@ -6,7 +6,7 @@ import math
 from klann_ros.kinematics.klann import JOINTS
 from klann_ros.log.reader import open_log
 from klann_ros.review.command import main
-from mcap_ros2.decoder import DecoderFactory
+from leg_runs import STORE
 import numpy as np
 import pytest
 
@@ -30,7 +30,7 @@ def table(tmp_path, capsys):
     # Here: it takes a second, in each worker that collects this.
     import pandas as pd
 
-    # Before 3.1 pandas reads doubles to the last bit only if it is told to.
+    # Before 3.1 pandas reads doubles to the last bit with an option only.
     version = tuple(int(part) for part in pd.__version__.split('.')[:2])
     exact = {} if version >= (3, 1) else {'float_precision': 'round_trip'}
 
@@ -44,20 +44,12 @@ def table(tmp_path, capsys):
 
 
 def decoded(run, topic):
-    """Return the messages of a topic, read by the libraries alone."""
+    """Return the messages of a topic with their log times."""
     with open_log(run) as log:
-        found = list(log.messages([topic]))
-    number = DecoderFactory()
-    schema = SimpleSchema(found[0].topic)
-    return [(m.log_time, number.decoder_for('cdr', schema)(m.data)) for m in found]
-
-
-class SimpleSchema:
-    """What mcap-ros2-support wants to know of a topic."""
-
-    def __init__(self, topic) -> None:
-        self.id, self.name, self.encoding = 1, topic.type, topic.schema_encoding
-        self.data = topic.definition.encode()
+        return [
+            (m.log_time, STORE.deserialize_cdr(m.data, m.topic.type))
+            for m in log.messages([topic])
+        ]
 
 
 def ns(stamp) -> int:
@@ -93,7 +85,7 @@ def test_a_run_without_velocities_has_empty_fields(healthy, make_run, table) -> 
     assert not found[ANGLES].isna().any(axis=None)
 
 
-def test_what_is_not_told_is_an_empty_field(healthy, make_run, table, without) -> None:
+def test_a_missing_value_is_an_empty_field(healthy, make_run, table, without) -> None:
     healthy.geometry = None
     lone = ('/point_h', 8)
     found = table(without(make_run(healthy), lambda m: (m.topic.name, m.sequence) == lone))
@@ -101,7 +93,7 @@ def test_what_is_not_told_is_an_empty_field(healthy, make_run, table, without) -
     assert found[['residual [m]', 'angle_error [rad]']].isna().all(axis=None)
 
 
-def test_only_judged_poses_have_a_judgement(healthy, make_run, table) -> None:
+def test_only_judged_poses_have_errors(healthy, make_run, table) -> None:
     changed = replace(healthy.geometry, l_gh=0.5)
     healthy.add_solver(healthy.answers[250].stamp + 200_000, changed)
     found = table(make_run(healthy))

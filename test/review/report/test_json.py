@@ -1,80 +1,27 @@
-"""The report for machines: what stands where, and null for what no number says."""
+"""The report for machines: its keys and types, and null for a missing number."""
 
 from dataclasses import asdict
 import json
 import math
+from pathlib import Path
 
 from klann_ros.review.command import main
 from klann_ros.review.model.limits import Limits
 import pytest
+import yaml
 
-NUMBER = (int, float)
-MAYBE = (int, float, type(None))
-CRANK_ANGLES = (
-    'before_the_first_answer',
-    'asked',
-    'answered',
-    'no_angle',
-    'out_of_reach',
-    'unanswered_in_gaps',
-    'unanswered_while_unrecorded',
-    'unanswered_by_lost_answers',
-    'unanswered_unexplained',
-    'after_the_last_answer',
-)
-# What stands in it, and of which type; machines rely on it.
-SHAPE = {
-    'version': int,
-    'klann_ros': str,
-    'path': str,
-    'files': [{'name': str, 'size': int}],
-    'start_time': NUMBER,
-    'duration': NUMBER,
-    'healthy': bool,
-    'topics': [
-        {
-            'name': str,
-            'type': str,
-            'count': int,
-            'rate': MAYBE,
-            'period': MAYBE,
-            'longest_gap': MAYBE,
-            'latency_p50': MAYBE,
-            'latency_p99': MAYBE,
-            'lost': (int, type(None)),
-            'early': int,
-            'publishers_left': int,
-        }
-    ],
-    'legs': [
-        {
-            'leg': str,
-            'poses': int,
-            'judged_poses': int,
-            'geometry_source': str,
-            'turns': MAYBE,
-            'stride': MAYBE,
-            'lift': MAYBE,
-            'duty_factor': MAYBE,
-            'straightness': MAYBE,
-            'worst_transmission_angle': MAYBE,
-            'worst_residual': MAYBE,
-            'worst_angle_error': MAYBE,
-            'worst_foot_error': MAYBE,
-            'crank_angles': dict.fromkeys(CRANK_ANGLES, (int, type(None))),
-        }
-    ],
-    'walks': [],
-    'limits': dict.fromkeys(asdict(Limits()), NUMBER),
-    'findings': [
-        {'check': str, 'severity': str, 'text': str, 'meaning': str, 'time': MAYBE, 'leg': str}
-    ],
+NULL = type(None)
+TYPES = {
+    'text': str,
+    'flag': bool,
+    'int': int,
+    'number': (int, float),
+    'number or null': (int, float, NULL),
+    'int or null': (int, NULL),
 }
-COMPARISON = {
-    'paths': [str],
-    'differences': [{'what': str, 'text': str, 'size': MAYBE, 'unit': str, 'leg': str}],
-    'remarks': [str],
-}
+# The keys of a report and the type of each value; machines rely on it.
+SHAPES = yaml.safe_load(Path(__file__).with_name('report_shape.yaml').read_text())
+REPORT = {**SHAPES['report'], 'limits': dict.fromkeys(asdict(Limits()), 'number')}
 
 
 def matches(value, shape) -> bool:
@@ -84,7 +31,8 @@ def matches(value, shape) -> bool:
         )
     if isinstance(shape, list):
         return isinstance(value, list) and all(matches(item, shape[0]) for item in value)
-    return isinstance(value, shape) and not (shape is MAYBE and isinstance(value, bool))
+    is_flag = isinstance(value, bool)
+    return isinstance(value, TYPES[shape]) and is_flag == (shape == 'flag')
 
 
 @pytest.fixture
@@ -103,7 +51,7 @@ def report(tmp_path, capsys):
 
 def test_a_healthy_run_has_its_figures(healthy, make_run, report) -> None:
     code, found = report(make_run(healthy))
-    assert matches(found, SHAPE)
+    assert matches(found, REPORT)
     assert (code, found['healthy'], found['findings']) == (0, True, [])
     (leg,) = found['legs']
     assert (leg['poses'], leg['judged_poses']) == (400, 400)
@@ -117,22 +65,22 @@ def test_a_healthy_run_has_its_figures(healthy, make_run, report) -> None:
     }
 
 
-def test_findings_are_told_with_severity_and_time(healthy, make_run, report) -> None:
+def test_findings_have_a_severity_and_a_time(healthy, make_run, report) -> None:
     healthy.answers[100].pose[1] += 1e-3
     code, found = report(make_run(healthy))
-    assert matches(found, SHAPE)
+    assert matches(found, REPORT)
     (finding,) = found['findings']
     assert (code, found['healthy']) == (1, False)
     assert (finding['check'], finding['severity'], finding['time']) == ('closure', 'error', 0.5)
 
 
-def test_what_no_number_says_is_null(healthy, make_run, report) -> None:
+def test_a_missing_number_is_null(healthy, make_run, report) -> None:
     healthy.geometry = None
     healthy.answers[0].pose[0] = math.nan
     del healthy.answers[1:]
     code, found = report(make_run(healthy))
     assert code == 1
-    assert matches(found, SHAPE)
+    assert matches(found, REPORT)
     assert {topic['rate'] for topic in found['topics']} == {None}
     assert found['legs'][0]['turns'] is None
     assert found['legs'][0]['worst_residual'] is None
@@ -143,5 +91,5 @@ def test_a_comparison_stands_beside_the_first_run(healthy, make_run, make_script
     other.in_namespace('/other')
     code, found = report(make_run(healthy), make_run(other, 'other'))
     assert code == 1
-    assert matches(found, {**SHAPE, 'comparison': COMPARISON})
+    assert matches(found, {**REPORT, 'comparison': SHAPES['comparison']})
     assert [each['size'] for each in found['comparison']['differences']] == [None, None]

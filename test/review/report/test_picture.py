@@ -50,11 +50,3 @@ def test_a_picture_shows_the_run(healthy, make_run, capsys, tmp_path, ending: st
     start = {'png': b'\x89PNG', 'svg': b'<?xml'}[ending]
     assert picture.read_bytes().startswith(start)
     assert len(picture.read_bytes()) > 5000
-
-
-@pytest.mark.parametrize('path', ['leg.nothing', '/not/there/leg.png'])
-def test_a_picture_that_cannot_be_made_is_one_line(healthy, make_run, capsys, path: str) -> None:
-    assert main([str(make_run(healthy)), '--picture', path]) == 3
-    error = capsys.readouterr().err
-    assert error.startswith('review: ')
-    assert error.count('\n') == 1
