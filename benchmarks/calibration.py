@@ -16,7 +16,7 @@ import math
 import time
 from typing import Any
 
-from klann_ros.calibration import calibrate, Calibration, CrankSamples, Series, series_of
+from klann_ros.calibration import calibrate, Calibration, CrankSamples, MeasuredSeries, series_of
 from klann_ros.kinematics import (
     GeometryError,
     klann_poses,
@@ -102,7 +102,7 @@ def outcome(name: str, seed: int) -> Outcome:
     seen = points + rng.normal(0.0, NOISE, points.shape)
     encoder = CrankSamples.of(times, crank)
 
-    def measured(values: np.ndarray) -> list[Series]:
+    def measured(values: np.ndarray) -> list[MeasuredSeries]:
         return [
             series_of('point', point, times, values[:, n], encoder, noise=NOISE)
             for n, point in enumerate(names)
@@ -198,7 +198,7 @@ def side_by_side() -> bool:
 
             return np.array(least_squares(residuals, np.array([*drawn.numbers, 0.0])).x)
 
-        def ours(measured: Sequence[Series] = measured) -> np.ndarray:
+        def ours(measured: Sequence[MeasuredSeries] = measured) -> np.ndarray:
             return calibrate(drawn, measured, crank_noise=0.0).values
 
         for way, fit in (('calibrate', ours), ('plain least_squares', plain)):

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from klann_ros.calibration import CrankSamples, Series, series_of
+from klann_ros.calibration import CrankSamples, MeasuredSeries, series_of
 from klann_ros.kinematics import KlannGeometry, Linkage, linkage_poses
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
@@ -69,7 +69,9 @@ class Robot:
         rng = np.random.default_rng([self.seed, j])
         return np.array(poses.angles[:, [j]]) + rng.normal(0.0, noise, (self.count, 1))
 
-    def measured(self, names: Sequence[str] = 'HG', *, stated: bool = True) -> list[Series]:
+    def measured(
+        self, names: Sequence[str] = 'HG', *, stated: bool = True
+    ) -> list[MeasuredSeries]:
         crank = CrankSamples.of(self.times, self.crank)
         noise = self.noise if stated else None
         return [

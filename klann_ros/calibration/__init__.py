@@ -20,7 +20,7 @@ The leg as it was built: its dimensions by measured points, with honest standard
 """
 
 from .fit import calibrate, Calibration, SeriesFit
-from .measurements import CrankSamples, kind_of, MeasurementError, Series, series_of
+from .measurements import CrankSamples, kind_of, MeasuredSeries, MeasurementError, series_of
 from .model import MeasurementModel
 from .observability import Combination, Observability
 
@@ -28,10 +28,10 @@ __all__ = [
     'Calibration',
     'Combination',
     'CrankSamples',
+    'MeasuredSeries',
     'MeasurementError',
     'MeasurementModel',
     'Observability',
-    'Series',
     'SeriesFit',
     'calibrate',
     'kind_of',

@@ -32,7 +32,7 @@ def built_file(calibration: Calibration, leg: RobotLeg, drawing: str | None, run
 
     """
     numbers = dict(calibration.linkage.dimensions)
-    parameters: dict[str, Any] = _kept(drawing, leg.name) if drawing else {}
+    parameters: dict[str, Any] = _other_parameters(drawing, leg.name) if drawing else {}
     if leg.description:
         parameters['linkage_description'] = dump(_linkage(leg.description, calibration)) + '\n'
     else:
@@ -47,7 +47,7 @@ def built_file(calibration: Calibration, leg: RobotLeg, drawing: str | None, run
     drawn = printable_line(drawing or 'in it')
     lines = [
         f'# Calibrated from {printable_line(run)}; the drawing is {drawn}.',
-        '# Standard errors [m, rad]; what is not observable is as in the drawing:',
+        '# Standard errors [m, rad]; unobservable combinations are as in the drawing:',
         *(
             f'#   {printable_line(name)}: {error:.2g}'.replace('nan', 'not observable')
             for name, error in errors
@@ -56,7 +56,7 @@ def built_file(calibration: Calibration, leg: RobotLeg, drawing: str | None, run
     return '\n'.join([*lines, dump({'/**': {'ros__parameters': parameters}})]) + '\n'
 
 
-def _kept(file: str, name: str) -> dict[str, Any]:
+def _other_parameters(file: str, name: str) -> dict[str, Any]:
     """Return the parameters of a leg's file that a calibration does not change."""
     if not is_regular_file(file):
         # A shipped leg; those of the courses are made of rods.

@@ -34,7 +34,7 @@ TOPIC is a PointStamped, PoseStamped, PoseWithCovarianceStamped, TransformStampe
 Marker; TOPIC:KEY chooses a frame of a TFMessage or a marker."""
 EPILOG = """\
 FILE of --prior is YAML: standard deviations of dimensions by name [m, rad].
-Exit code: 0 calibrated, 1 something cannot be told apart (what, and what would help, is printed),
+Exit code: 0 calibrated, 1 something is not observable (the report names it and the remedy),
 2 RUN, the leg or a topic is refused, 3 an OUT cannot be written."""
 
 

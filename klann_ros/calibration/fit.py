@@ -19,7 +19,7 @@ from klann_ros.kinematics.angles import wrap
 from klann_ros.kinematics.arrays import BoolArray, FloatArray
 import numpy as np
 
-from .measurements import MeasurementError, Series, subset
+from .measurements import MeasuredSeries, MeasurementError, subset
 from .model import DELAY, MeasurementModel, PHASE
 from .observability import (
     further_measurements,
@@ -56,7 +56,7 @@ class SeriesFit:
 
     Attributes
     ----------
-    series : Series
+    series : MeasuredSeries
         The measurements.
     before, after : numpy.ndarray, shape (n, k)
         Predicted less measured numbers of the leg as drawn, and as calibrated [m, rad].
@@ -65,7 +65,7 @@ class SeriesFit:
 
     """
 
-    series: Series
+    series: MeasuredSeries
     before: FloatArray
     after: FloatArray
     inliers: BoolArray
@@ -93,7 +93,7 @@ class Calibration:
     covariance : numpy.ndarray
         Of the parameters, in their units.
     observability : Observability
-        What the measurements tell apart.
+        What is observable by the measurements.
     series : tuple of SeriesFit
         The residuals.
     crank_noise : float
@@ -146,7 +146,7 @@ class Calibration:
         return bool(np.isfinite(self.standard_errors).all())
 
     def further(self) -> list[Suggestion]:
-        """Return the further measurements that would tell all apart, the best first."""
+        """Return the further measurements that would make all observable, the best first."""
         measured = [(fit.series, fit.noise) for fit in self.series]
         return further_measurements(self.model, self.values, measured, self.observability)
 
@@ -158,7 +158,7 @@ class Calibration:
 
 def calibrate(
     linkage: Linkage,
-    measured: Sequence[Series],
+    measured: Sequence[MeasuredSeries],
     *,
     direction: int = 1,
     phase: float = 0.0,
@@ -174,7 +174,7 @@ def calibrate(
     ----------
     linkage : Linkage
         The leg as drawn.
-    measured : sequence of Series
+    measured : sequence of MeasuredSeries
         The measurements.
     direction : int
         +1, or -1 for a crank that turns opposite to its joint.
@@ -239,7 +239,7 @@ def _deviations(model: MeasurementModel, prior: float | Mapping[str, float] | No
 
 
 def _explain_misfit(
-    model: MeasurementModel, measured: Sequence[Series], misfit: float, names: str
+    model: MeasurementModel, measured: Sequence[MeasuredSeries], misfit: float, names: str
 ) -> None:
     """Raise a MeasurementError that says which other leg fits, or that none does."""
     few = [subset(series, SEARCH_SAMPLES) for series in measured]
@@ -301,7 +301,7 @@ class _Problem:
     def __init__(
         self,
         model: MeasurementModel,
-        measured: Sequence[Series],
+        measured: Sequence[MeasuredSeries],
         deviations: FloatArray,
         crank_noise: float | None,
     ) -> None:
@@ -445,9 +445,9 @@ class _Problem:
         # Residuals beyond the stated noise, and those that are alike from sample to sample, make
         # larger errors.
         scale = sqrt(max(1.0, chi2) * _inflation(own / sqrt(chi2), jacobian, triangle))
-        told = observability(triangle / scale, model)
-        covariance, errors = told.covariance, np.sqrt(np.diag(told.covariance))
-        errors[told.unobservable] = np.nan
+        verdict = observability(triangle / scale, model)
+        covariance, errors = verdict.covariance, np.sqrt(np.diag(verdict.covariance))
+        errors[verdict.unobservable] = np.nan
         if has_prior:
             information = (triangle.T @ triangle) / scale**2 + np.diag(self._deviations**-2)
             covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
@@ -460,7 +460,7 @@ class _Problem:
             values=parameters,
             standard_errors=errors * model.units,
             covariance=covariance,
-            observability=told,
+            observability=verdict,
             series=self._series(rows, fit),
             crank_noise=fit.crank,
             chi2_dof=chi2 if all(series.noise for series in self._measured) else None,

@@ -17,7 +17,7 @@ from klann_ros.sanitize.files import read_regular
 from klann_ros.sanitize.text import did_you_mean, listed, printable
 import numpy as np
 
-from .measurements import CrankSamples, kind_of, MeasurementError, Series, series_of
+from .measurements import CrankSamples, kind_of, MeasuredSeries, MeasurementError, series_of
 
 FLOAT, JOINTS = 'std_msgs/msg/Float64', 'sensor_msgs/msg/JointState'
 POSE, TRANSFORM = 'geometry_msgs/msg/PoseWithCovarianceStamped', 'tf2_msgs/msg/TFMessage'
@@ -145,7 +145,7 @@ def described_run(path: str, known: Robot | None) -> tuple[Robot, list[str]]:
 
 def load_run(
     path: str, leg: RobotLeg, requests: Sequence[Request], crank_topic: str = ''
-) -> list[Series]:
+) -> list[MeasuredSeries]:
     """
     Return the requested measurements of a run; a MeasurementError says what cannot be used.
 
@@ -235,7 +235,7 @@ def _crank(
     raise MeasurementError(f'no crank angle of the joint {joint} is on {names}')
 
 
-def load_csv(path: str, leg: RobotLeg, requests: Sequence[Request] = ()) -> list[Series]:
+def load_csv(path: str, leg: RobotLeg, requests: Sequence[Request] = ()) -> list[MeasuredSeries]:
     """
     Return the measurements of a CSV file: `time` [s], `crank` [rad], `H.x`, `H.y` [m], ...
 

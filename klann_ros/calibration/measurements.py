@@ -61,7 +61,7 @@ class CrankSamples:
 
 
 @dataclass(frozen=True, eq=False)
-class Series:
+class MeasuredSeries:
     """
     Samples of one measured quantity.
 
@@ -111,14 +111,14 @@ def series_of(
     *,
     noise: float | None = None,
     source: str = '',
-) -> Series:
+) -> MeasuredSeries:
     """
     Return samples paired with the crank angle by their stamps; those without one are skipped.
 
     Parameters
     ----------
     kind, name
-        See `Series`.
+        See `MeasuredSeries`.
     times : numpy.ndarray, shape (n,)
         Stamps on the crank's clock, in any order [s].
     values : numpy.ndarray, shape (n, 2) or (n, 1)
@@ -126,7 +126,7 @@ def series_of(
     crank : CrankSamples
         The crank joint.
     noise, source
-        See `Series`.
+        See `MeasuredSeries`.
 
     """
     own, columns = _cleaned(times, values)
@@ -134,7 +134,7 @@ def series_of(
     known = np.isfinite(positions)
     skipped = len(times) - int(np.count_nonzero(known))
     paired = own[known], columns[known], positions[known], rates[known]
-    return Series(kind, name, *paired, noise=noise, source=source, skipped=skipped)
+    return MeasuredSeries(kind, name, *paired, noise=noise, source=source, skipped=skipped)
 
 
 def kind_of(linkage: Linkage, name: str) -> Kind:
@@ -155,7 +155,7 @@ def kind_of(linkage: Linkage, name: str) -> Kind:
     raise MeasurementError(msg)
 
 
-def subset(series: Series, count: int) -> Series:
+def subset(series: MeasuredSeries, count: int) -> MeasuredSeries:
     """Return at most `count` samples of a series, evenly spread."""
     chosen = np.unique(np.linspace(0, len(series.times) - 1, count).astype(int))
     return replace(

@@ -20,7 +20,7 @@ from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.batch.poses import wrapped
 import numpy as np
 
-from .measurements import Series
+from .measurements import MeasuredSeries
 
 PHASE, DELAY, BACKLASH = 'phase', 'delay', 'backlash'
 CAMERA = ('camera x', 'camera y', 'camera rotation')
@@ -105,22 +105,24 @@ class MeasurementModel:
         numbers = parameters[: self.count].tolist()
         return self._feet[foot].varied(dict(zip(self.linkage.dimensions, numbers, strict=True)))
 
-    def crank_angles(self, series: Series, parameters: FloatArray) -> FloatArray:
+    def crank_angles(self, series: MeasuredSeries, parameters: FloatArray) -> FloatArray:
         """Return the crank angles of a series, shape (n,) [rad]."""
         delay, backlash = (self.value(parameters, name) for name in (DELAY, BACKLASH))
         joint = series.crank + series.rate * delay + np.sign(series.rate) * backlash / 2.0
         found: FloatArray = self.direction * joint + self.value(parameters, PHASE)
         return found
 
-    def predict(self, many: Sequence[Series], parameters: FloatArray) -> list[Prediction]:
+    def predict(self, many: Sequence[MeasuredSeries], parameters: FloatArray) -> list[Prediction]:
         """Return the predictions of some series; NaN at crank angles out of reach."""
         return [self._predict(series, parameters) for series in many]
 
-    def values(self, series: Series, parameters: FloatArray) -> FloatArray:
+    def values(self, series: MeasuredSeries, parameters: FloatArray) -> FloatArray:
         """Return the predicted numbers of a series as a known camera sees them, shape (n, k)."""
         return self._motion(series, parameters, derivatives=False)[0]
 
-    def _motion(self, series: Series, parameters: FloatArray, *, derivatives: bool) -> Motion:
+    def _motion(
+        self, series: MeasuredSeries, parameters: FloatArray, *, derivatives: bool
+    ) -> Motion:
         alphas = self.crank_angles(series, parameters)
         if series.kind == 'angle':
             return self._angle(series.name, alphas, parameters, derivatives=derivatives)
@@ -176,7 +178,7 @@ class MeasurementModel:
         values, slope, gradient = (each[:, slice(j - 1, j)] for each in found)
         return values, slope, gradient
 
-    def _predict(self, series: Series, parameters: FloatArray) -> Prediction:
+    def _predict(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
         values, slope, dimensions = self._motion(series, parameters, derivatives=True)
         jacobian = np.zeros((*values.shape, len(self.names)))
         jacobian[..., : self.count] = dimensions
@@ -205,7 +207,7 @@ class MeasurementModel:
         jacobian[..., places[2]] = values @ np.array([[-s, -c], [c, -s]]).T
         return values @ rotation.T + (x, y), slope @ rotation.T
 
-    def residuals(self, series: Series, predicted: FloatArray) -> FloatArray:
+    def residuals(self, series: MeasuredSeries, predicted: FloatArray) -> FloatArray:
         """Return predicted less measured numbers, shape (..., n, k); angles modulo a turn."""
         difference: FloatArray = predicted - series.values
         return wrapped(difference) if series.kind == 'angle' else difference
@@ -218,7 +220,7 @@ class MeasurementModel:
         return MeasurementModel(linkage, direction=direction, phase=phase, **options)
 
     def with_camera(
-        self, measured: Sequence[Series], values: Sequence[FloatArray]
+        self, measured: Sequence[MeasuredSeries], values: Sequence[FloatArray]
     ) -> tuple[FloatArray, list[FloatArray]]:
         """Return the drawing's parameters with the camera that fits best, and what it sees."""
         start, seen = self.start.copy(), list(values)

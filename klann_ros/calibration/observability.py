@@ -1,5 +1,5 @@
 """
-What measurements tell apart: singular values of their derivatives by the parameters.
+Observability: singular values of the measurements' derivatives by the parameters.
 
 In units of a workshop's errors (see `model`) a singular value s is the inverse standard error of a
 combination of parameters. A combination beyond MAX_ERROR units is unobservable: the measurements
@@ -15,7 +15,7 @@ from typing import NamedTuple
 from klann_ros.kinematics.arrays import BoolArray, FloatArray
 import numpy as np
 
-from .measurements import Kind, Series, subset
+from .measurements import Kind, MeasuredSeries, subset
 from .model import CAMERA, MeasurementModel
 
 # Standard error from which on a combination is unobservable [units].
@@ -47,7 +47,7 @@ class Combination(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Observability:
     """
-    The verdict on what can be told apart.
+    The verdict on the observability of the parameters.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Observability:
 
 
 class Suggestion(NamedTuple):
-    """A further measurement that tells all apart, such as 'point G', and its condition."""
+    """A further measurement that makes all observable, such as 'point G', and its condition."""
 
     name: str
     condition: float
@@ -82,9 +82,9 @@ def observability(jacobian: FloatArray, model: MeasurementModel) -> Observabilit
     """Return the verdict for the derivatives of whitened measurements by parameters in units."""
     _, sizes, rows = np.linalg.svd(jacobian, full_matrices=False)
     seen = (sizes > 1.0 / MAX_ERROR) & (sizes > ROUNDING * sizes[0])
-    lost, kept = rows[~seen], rows[seen]
-    # What is left open may be off by what a workshop makes; hardly any of it is in the others.
-    covariance = (kept.T / sizes[seen] ** 2) @ kept + OPEN_ERROR**2 * lost.T @ lost
+    lost, observable = rows[~seen], rows[seen]
+    # An unobservable combination has a workshop's error; little of it is in the others.
+    covariance = (observable.T / sizes[seen] ** 2) @ observable + OPEN_ERROR**2 * lost.T @ lost
     unobservable: BoolArray = np.linalg.norm(lost, axis=0) > MIN_PART
     combinations = tuple(
         _combination(row, size if size > ROUNDING * sizes[0] else 0.0, model)
@@ -124,12 +124,12 @@ def _change(name: str, value: float, model: MeasurementModel) -> str:
 def further_measurements(
     model: MeasurementModel,
     values: FloatArray,
-    measured: Sequence[tuple[Series, float]],
+    measured: Sequence[tuple[MeasuredSeries, float]],
     current: Observability,
 ) -> list[Suggestion]:
     """Return the further measurements that help, the best first: one more beside the measured."""
 
-    def rows(series: Series, noise: float) -> FloatArray:
+    def rows(series: MeasuredSeries, noise: float) -> FloatArray:
         few = subset(series, SUGGESTION_SAMPLES)
         (own,) = model.predict([few], values)
         share = len(few.times) / len(series.times)

@@ -49,8 +49,8 @@ ELLIPSE_95, ELLIPSE_POINTS = 2.4477, 48
 def page(calibration: Calibration, further: Sequence[Suggestion], run: str, built: str) -> str:
     """Return the page; `built` is the text of the leg file."""
     name = calibration.drawn.name or 'leg'
-    told = [f'Not told apart: {text}' for text in report.combinations(calibration)]
-    told += map(str.strip, report.suggestion_lines(further))
+    lines = [f'Unobservable: {text}' for text in report.combinations(calibration)]
+    lines += map(str.strip, report.suggestion_lines(further))
     heads = ('Parameter', 'Drawn', 'Built', 'Standard error', 'Unit')
     numbers = scrolling_table('Dimensions', heads, report.table(calibration))
     residuals = [
@@ -60,7 +60,7 @@ def page(calibration: Calibration, further: Sequence[Suggestion], run: str, buil
     sections = {
         'Observability': [
             element('p', report.verdict(calibration)),
-            element('ul', *(element('li', line) for line in told)),
+            element('ul', *(element('li', line) for line in lines)),
         ],
         'Dimensions': [element('div', _drawing(calibration), numbers, class_='stage')],
         'Residuals': residuals,

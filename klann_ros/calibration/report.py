@@ -38,7 +38,7 @@ def _lines(calibration: Calibration, further: Sequence[Suggestion]) -> Iterator[
     yield ''
     yield verdict(calibration)
     for text_ in combinations(calibration):
-        yield f'  not told apart: {text_}'
+        yield f'  unobservable: {text_}'
     yield from suggestion_lines(further)
 
 
@@ -71,22 +71,22 @@ def series_line(fit: SeriesFit) -> str:
 
 
 def verdict(calibration: Calibration) -> str:
-    """Return in a sentence what can be told apart."""
-    told = calibration.observability
+    """Return in a sentence what can be observed apart."""
+    observed = calibration.observability
     count = len(calibration.model.names)
-    if not told.combinations:
-        quality = 'good' if told.condition < GOOD_CONDITION else 'fair: the errors say how far'
+    if not observed.combinations:
+        quality = 'good' if observed.condition < GOOD_CONDITION else 'fair: the errors say how far'
         all_of = f'{count} of {count} parameters'
-        return f'Observable: {all_of}, condition {told.condition:.0f} ({quality}).'
+        return f'Observable: {all_of}, condition {observed.condition:.0f} ({quality}).'
     fixed = ' The prior fixes the rest.' if calibration.prior else ''
     return (
-        f'Observable: {told.rank} of {count} combinations of parameters; '
-        f'{counted(len(told.combinations), "combination")} cannot be told apart.{fixed}'
+        f'Observable: {observed.rank} of {count} combinations of parameters; '
+        f'{counted(len(observed.combinations), "combination")} cannot be distinguished.{fixed}'
     )
 
 
 def combinations(calibration: Calibration) -> list[str]:
-    """Return the combinations that cannot be told apart, in words."""
+    """Return the combinations that cannot be distinguished, in words."""
     return [each.text(calibration.model) for each in calibration.observability.combinations]
 
 
@@ -110,17 +110,17 @@ def report(calibration: Calibration, further: Sequence[Suggestion]) -> dict[str,
             'unit': model.unit_name(n),
         }
 
-    told = calibration.observability
+    observed = calibration.observability
     numbers = {name: number(n) for n, name in enumerate(model.names)}
     dimensions = {name: numbers.pop(name) for name in model.linkage.dimensions}
     data = {
         'dimensions': dimensions,
         **{name.replace(' ', '_'): each for name, each in numbers.items()},
-        'condition': told.condition,
-        'rank': told.rank,
+        'condition': observed.condition,
+        'rank': observed.rank,
         'unobservable': [
             {'parameters': dict(combination.parts), 'error': combination.error}
-            for combination in told.combinations
+            for combination in observed.combinations
         ],
         'suggestions': [each._asdict() for each in further],
         'prior': calibration.prior,

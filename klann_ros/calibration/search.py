@@ -8,7 +8,7 @@ from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
-from .measurements import MeasurementError, Series, subset
+from .measurements import MeasuredSeries, MeasurementError, subset
 from .model import MeasurementModel, PHASE
 
 # Samples that a fit needs at least, and rotation of the crank [rad].
@@ -21,7 +21,7 @@ MAX_SIZE_RATIO = 10.0
 BETTER = 0.7
 
 
-def check_measurements(model: MeasurementModel, measured: Sequence[Series]) -> None:
+def check_measurements(model: MeasurementModel, measured: Sequence[MeasuredSeries]) -> None:
     """Refuse too few samples, a crank that stands, and sizes that are no error: millimetres."""
     for series in measured:
         if len(series.times) < MIN_SAMPLES:
@@ -51,7 +51,7 @@ def _spread(values: FloatArray) -> float:
     return float(np.sqrt(np.nanmedian((values - middle) ** 2, axis=0).sum()))
 
 
-def start_parameters(model: MeasurementModel, measured: Sequence[Series]) -> FloatArray:
+def start_parameters(model: MeasurementModel, measured: Sequence[MeasuredSeries]) -> FloatArray:
     """Return the drawing's parameters with the encoder's zero, and the camera, that fit best."""
     turned = np.linspace(0.0, TURN, SEARCH_ANGLES, endpoint=False)
     few = [subset(series, SEARCH_SAMPLES) for series in measured]
@@ -75,7 +75,7 @@ def start_parameters(model: MeasurementModel, measured: Sequence[Series]) -> Flo
 
 
 def median_misfit(
-    model: MeasurementModel, measured: Sequence[Series], residuals: Sequence[FloatArray]
+    model: MeasurementModel, measured: Sequence[MeasuredSeries], residuals: Sequence[FloatArray]
 ) -> float:
     """Return the median residual relative to the linkage's size; infinite if it does not move."""
     found = []

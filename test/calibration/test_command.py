@@ -149,7 +149,7 @@ def test_a_prior_makes_every_number_known(table: Path, tmp_path: Path, capsys: C
     foot = [str(table), '--leg', 'sem104', '--point', 'H=H', '--camera', 'unknown']
     assert main(foot) == 1
     printed = capsys.readouterr().out
-    assert 'not told apart: ' in printed
+    assert 'unobservable: ' in printed
     assert "with the camera's pose: resolves all" in printed
     assert main([*foot, '--prior', '0.5']) == 0
     prior = tmp_path / 'tolerance.yaml'
