@@ -32,6 +32,8 @@ def programs(given: dict[str, str]) -> Iterator[tuple[str, str, str]]:
     if 'sim' in given:  # an argument of ros2_control.launch.py alone
         yield 'ros2_control', 'controller_manager', 'ros2_control_node'
         yield 'ros2_control', 'controller_manager', 'spawner'
+    if given.get('fuse') == 'ekf':
+        yield 'fuse:=ekf', 'robot_localization', 'ekf_node'
     if asked(given, 'rviz'):
         yield 'rviz:=true', 'rviz2', 'rviz2'
     if asked(given, 'slider'):

@@ -3,15 +3,17 @@ A simulated walker that takes cmd_vel: sim_node, walker_node, and what leg.launc
 
     ros2 launch klann_ros walk.launch.py linear:=0.1 rviz:=true
 
-It also takes the arguments of leg.launch.py: with view:=true the live page steers the walker.
+With fuse:=ekf the ekf_node of robot_localization fuses the cranks' odom with the IMU. It takes
+the arguments of leg.launch.py as well: with view:=true the live page steers the walker.
 """
 
 from pathlib import Path
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.conditions import UnlessCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import EqualsSubstitution, LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -42,6 +44,12 @@ ARGUMENTS = (
         'friction', default_value='0.8', description='Friction coefficient of the feet.'
     ),
     DeclareLaunchArgument(
+        'fuse',
+        default_value='none',
+        choices=['none', 'ekf'],
+        description='ekf: robot_localization fuses odom, from the cranks alone, with the IMU.',
+    ),
+    DeclareLaunchArgument(
         'slope', default_value='0.0', description='Slope of the floor along x [rad].'
     ),
 )
@@ -61,6 +69,7 @@ def generate_launch_description() -> LaunchDescription:
     """Describe the robot, its controller and its viewers."""
     namespace = LaunchConfiguration('namespace')
     use_sim_time = LaunchConfiguration('use_sim_time')
+    is_alone = EqualsSubstitution(LaunchConfiguration('fuse'), 'none')
     params_file = PathJoinSubstitution([str(Path.cwd()), LaunchConfiguration('params_file')])
     names = ('params_file', 'namespace', 'use_sim_time')
     leg = IncludeLaunchDescription(
@@ -90,6 +99,26 @@ def generate_launch_description() -> LaunchDescription:
         name='walker_node',
         namespace=namespace,
         output='screen',
-        parameters=[params_file, {'use_sim_time': use_sim_time, 'use_imu': True}],
+        parameters=[
+            params_file,
+            {
+                'use_sim_time': use_sim_time,
+                # An IMU is fused once: here, or in robot_localization, which then has the tf.
+                'use_imu': ParameterValue(is_alone, value_type=bool),
+                'publish_tf': ParameterValue(is_alone, value_type=bool),
+            },
+        ],
     )
-    return LaunchDescription([*ARGUMENTS, OpaqueFunction(function=check), leg, sim, walker])
+    ekf = Node(
+        package='robot_localization',
+        executable='ekf_node',
+        name='ekf_node',
+        namespace=namespace,
+        output='screen',
+        condition=UnlessCondition(is_alone),
+        parameters=[
+            PathJoinSubstitution([SHARE, 'config', 'ekf.yaml']),
+            {'use_sim_time': ParameterValue(use_sim_time, value_type=bool)},
+        ],
+    )
+    return LaunchDescription([*ARGUMENTS, OpaqueFunction(function=check), leg, sim, walker, ekf])

@@ -38,7 +38,7 @@ a constant which nothing else depends on.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, exp, hypot, nan, pi, sin
+from math import cos, exp, hypot, nan, pi, sin, sqrt
 from operator import mul
 from typing import NamedTuple
 
@@ -90,6 +90,9 @@ TILT_TIME, LOAD_SHIFT_TIME, SLOPE_TIME, INNOVATION_TIME = 0.03, 0.05, 10.0, 1.0
 INNOVATION_GATE = 0.25
 # Slip errors with a gyro, and with an accelerometer as well, as parts of those without.
 SLIP_SCALE_WITH_GYRO, SLIP_SCALE_WITH_ACCEL = 0.5, 0.35
+# Without an accelerometer the body's rocking is unknown: error of the velocity at an instant as a
+# part of it, as in benchmarks/odometry.py. The pose averages it.
+ROCKING_ERROR = 0.4
 STATES, ERRORS = 9, 5
 V, BIASES = slice(3, 5), slice(7, 9)
 
@@ -111,15 +114,15 @@ class OdometryNoise:
         Before the first standstill [m/s^2], [rad/s].
     accelerometer_drift, gyro_drift : float
         Random walks of the biases [m/s^2/sqrt(s)], [rad/s/sqrt(s)].
-    heading : float
+    heading_error : float
         Of an IMU's yaw whose message gives no covariance [rad].
-    advance : float
+    advance_error : float
         Relative error of the advance.
-    slip, slip_yaw : float
+    slip_error, slip_yaw_error : float
         Errors of the motion and of its rotation at the reach of the feet, relative to the slip.
-    contact : float
+    contact_error : float
         Error relative to the difference between least squares and the friction law.
-    height, tilt : float
+    height_error, tilt_error : float
         Of the pose on its feet [m], [rad].
 
     """
@@ -131,13 +134,13 @@ class OdometryNoise:
     gyro_bias: float = 0.005
     accelerometer_drift: float = 0.005
     gyro_drift: float = 2e-5
-    heading: float = 0.005
-    advance: float = 0.015
-    slip: float = 0.11
-    slip_yaw: float = 0.085
-    contact: float = 0.5
-    height: float = 0.01
-    tilt: float = 0.02
+    heading_error: float = 0.005
+    advance_error: float = 0.015
+    slip_error: float = 0.11
+    slip_yaw_error: float = 0.085
+    contact_error: float = 0.5
+    height_error: float = 0.01
+    tilt_error: float = 0.02
 
 
 class OdometryEstimate(NamedTuple):
@@ -191,6 +194,8 @@ class Odometry:
         above its feet.
     calibration : StandstillCalibration
         Of the IMU.
+    gyro_bias : float
+        Drift of the heading [rad/s].
     travelled, slid : float
         Distances that it moved, and that its feet slid [m].
 
@@ -205,7 +210,7 @@ class Odometry:
         self._imu = ImuPreintegration()
         self._heading_variance = 0.0
         self._x = self._y = self._yaw = 0.0
-        self._gyro_bias = 0.0
+        self.gyro_bias = 0.0
         self._accel_bias: Vec2 = (0.0, 0.0)
         self._cranks: list[float] | None = None
         self._rates: list[float] = []
@@ -213,12 +218,21 @@ class Odometry:
         # Largest change of the velocity's variance by friction in a step.
         self._friction_variance = n.friction * GRAVITY / FRICTION_INFORMATION
         deviations = [0.0] * 6 + [n.gyro_bias] + [n.accelerometer_bias] * 2
-        deviations += [n.advance, n.slip, n.slip, n.slip_yaw, n.contact]
+        deviations += [
+            n.advance_error,
+            n.slip_error,
+            n.slip_error,
+            n.slip_yaw_error,
+            n.contact_error,
+        ]
         self._covariance = np.diag(np.square(deviations))
         self._identity = np.eye(STATES + ERRORS)
         self._attitude: Vec2 | None = None
         self._slope: Vec2 = (0.0, 0.0)
         self._slope_time = 0.0
+        self._tilt_square = 0.0
+        # Of the centre of mass above the ground [m].
+        self._height = 0.0
         self._scale = 1.0
         self._pose: StancePose | None = None
         # Of the errors from the last update to the next.
@@ -245,6 +259,15 @@ class Odometry:
         return hypot(*self._innovation)
 
     @property
+    def tilt_innovation(self) -> float:
+        """
+        Return the normalised innovation of the attitude, a root mean square; 1 is usual.
+
+        More means that it does not stand on the feet that its file says.
+        """
+        return sqrt(self._tilt_square)
+
+    @property
     def accelerometer_state(self) -> str:
         """Return the state of the accelerometer."""
         return self.calibration.state if self._imu.has_accelerometer else 'none'
@@ -253,7 +276,7 @@ class Odometry:
         """Take a reading of an IMU; it measures the rotation from now on, until `forget_imu`."""
         if self._imu.last is None:
             self.calibration.restart()
-        self._heading_variance = variance or self.noise.heading**2
+        self._heading_variance = variance or self.noise.heading_error**2
         self._imu.read(reading)
 
     def forget_imu(self) -> None:
@@ -338,7 +361,7 @@ class Odometry:
             return
         rate, variance = measured
         if variance:
-            self._update_bias(6, rate - self._gyro_bias, variance)
+            self._update_bias(6, rate - self.gyro_bias, variance)
         if taken.delta_velocity is not None and taken.span:
             for k in (0, 1):
                 away = taken.delta_velocity[k] / taken.span - self._accel_bias[k]
@@ -354,14 +377,18 @@ class Odometry:
         """Add a correction to x, y, yaw and the biases."""
         self._x, self._y = self._x + by[0], self._y + by[1]
         self._yaw += by[2]
-        self._gyro_bias += by[6]
+        self.gyro_bias += by[6]
         bx, by_ = self._accel_bias
         self._accel_bias = bx + by[7], by_ + by[8]
 
     def _follow(self, angles: Sequence[float], taken: ImuIncrement | None, dt: float) -> None:
         """Predict and update over a step to new angles of the cranks."""
         feet, rolled, centre = self._feet.pose(angles)
-        self.support = support(feet, centre, self.support and self.support.triple)
+        # On a slope the weight acts further downhill.
+        (gx, gy), (cx, cy, cz) = self._slope, centre
+        leans = self._height / GRAVITY
+        weight = cx + leans * gx, cy + leans * gy, cz
+        self.support = support(feet, weight, self.support and self.support.triple)
         before = self._pose
         if self.support is None:
             self._pose = None
@@ -375,7 +402,7 @@ class Odometry:
             return
         if dt >= MAX_STEP_TIME:
             self._stop()
-        yaw_rate = taken.turn / dt - self._gyro_bias if taken else None
+        yaw_rate = taken.turn / dt - self.gyro_bias if taken else None
         push = taken.delta_velocity if taken and self.calibration.is_usable else None
         velocity = self._predict(before, pose, yaw_rate, push, dt)
         standing = self._standing_feet(before, pose, feet, centre, dt)
@@ -396,6 +423,9 @@ class Odometry:
         self._slope_time += dt
         share = min(1.0, dt / min(self._slope_time, SLOPE_TIME)) if dt else 1.0
         roll, pitch = measured[0] - rest.roll, measured[1] - rest.pitch
+        (gx, gy), variance = self._slope, 2.0 * self.noise.tilt_error**2
+        squares = (pitch - gx / GRAVITY) ** 2 + (roll + gy / GRAVITY) ** 2
+        self._tilt_square += dt / SLOPE_TIME * (squares / variance - self._tilt_square)
         self._slope = low_pass(self._slope, (GRAVITY * sin(pitch), -GRAVITY * sin(roll)), share)
 
     def _predict(
@@ -462,6 +492,7 @@ class Odometry:
         heights = [max(0.0, nx * x + ny * y + nz * z + height) for x, y, z in feet]
         above = height + nx * centre[0] + ny * centre[1] + nz * centre[2]
         (ax, ay), (cx, cy) = self._acceleration, after.centre
+        self._height = above
         over = cx - above / GRAVITY * ax, cy - above / GRAVITY * ay
         loads = spring_loads(after.flat, heights, over)
         both = zip(before.flat, after.flat, loads, strict=True)
@@ -576,7 +607,7 @@ class Odometry:
         roll, pitch = (rest.roll, rest.pitch) if rest else (0.0, 0.0)
         angular = step.yaw
         if reading is not None:
-            angular = reading.yaw_rate - self._gyro_bias
+            angular = reading.yaw_rate - self.gyro_bias
             if reading.roll is not None and reading.pitch is not None:
                 roll, pitch = reading.roll, reading.pitch
         return OdometryEstimate(
@@ -593,13 +624,20 @@ class Odometry:
         )
 
     def _rate_variances(self) -> Triple:
-        n, step = self.noise, self._step
+        n, step, reach = self.noise, self._step, self._feet.reach
         x, y, w = np.diagonal(self._covariance)[3:6].tolist()
-        slip = n.slip * self._scale * step.slid
+        slip = self._scale * step.slid
+        rocks = 0.0
+        if self._push is None:
+            rocks = ROCKING_ERROR * hypot(step.x, step.y, step.yaw * reach)
+        common = (n.slip_error * slip) ** 2 + rocks * rocks
+        turns = 0.0
+        if self._imu.last is None:
+            turns = (n.slip_yaw_error * slip / reach) ** 2 + (rocks / 2.0 / reach) ** 2
         return (
-            x + (n.advance * step.x) ** 2 + slip * slip,
-            y + (n.advance * step.y) ** 2 + slip * slip,
-            w + (n.slip_yaw * step.slid / self._feet.reach) ** 2,
+            x + (n.advance_error * step.x) ** 2 + common,
+            y + (n.advance_error * step.y) ** 2 + common,
+            w + turns,
         )
 
 

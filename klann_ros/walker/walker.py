@@ -137,6 +137,9 @@ class Walker:
         has_imu = self._imu_age.age(now) <= self._imu_timeout
         found['imu'] = 'used' if has_imu else 'none'
         found['accelerometer'] = self.odometry.accelerometer_state if has_imu else 'none'
+        found['velocity_innovation'] = f'{self.odometry.innovation:.3f}'
+        found['tilt_innovation'] = f'{self.odometry.tilt_innovation:.3f}'
+        found['gyro_bias'] = f'{self.odometry.gyro_bias:.5f}'
         return found
 
 

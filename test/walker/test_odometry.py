@@ -127,7 +127,7 @@ def test_yaw_is_the_imus_where_there_is_one(two_motors: Feet) -> None:
         at = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0))
     assert at.yaw == pytest.approx(0.199, abs=1e-4)
     assert at.angular == pytest.approx(0.1, abs=1e-4)
-    assert at.covariance[2][2] >= odometry.noise.heading**2
+    assert at.covariance[2][2] >= odometry.noise.heading_error**2
 
 
 def test_an_orientation_that_trembles_drags_no_feet(two_motors: Feet) -> None:

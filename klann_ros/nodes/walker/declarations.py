@@ -1,19 +1,20 @@
 """The parameters of `walker_node`, besides those of its legs."""
 
 from collections.abc import Mapping
+from dataclasses import fields
 from functools import partial
 from math import inf
 from typing import Any
 
 from klann_ros.nodes.parameters import Declaration
-from klann_ros.walker import ControllerSettings, MotionLimits
+from klann_ros.walker import ControllerSettings, MotionLimits, OdometryNoise
 from klann_ros.walker.controller import MAX_GAP
 from klann_ros.walker.phase_lock import INTEGRAL, PROPORTIONAL
 
 # A gap in the loop lasts at least this number of command periods.
 MIN_GAP_PERIODS = 3.0
 COMMANDS = ('joint_state', 'velocities')
-_LIMITS, _SETTINGS = MotionLimits(), ControllerSettings()
+_LIMITS, _SETTINGS, _NOISE = MotionLimits(), ControllerSettings(), OdometryNoise()
 
 
 def _number(
@@ -100,6 +101,30 @@ ODOMETRY = (
     Declaration('use_imu', False, 'whether yaw and attitude are taken from imu'),
     _number('imu_timeout', 0.5, 'an older IMU is not used [s]', 0.01, 60.0),
     _number('foot_radius', 0.004, 'of its feet, which are balls [m]', 0.0, 1.0),
+    *(
+        _number(name, getattr(_NOISE, name), what, least, most)
+        for name, what, least, most in (
+            ('friction', 'friction coefficient of the feet', 0.01, 10.0),
+            (
+                'accelerometer_noise',
+                'density, of its attitude as well [m/s^2/sqrt(Hz)]',
+                1e-6,
+                10.0,
+            ),
+            ('gyro_noise', 'density of the noise [rad/s/sqrt(Hz)]', 1e-9, 1.0),
+            ('accelerometer_bias', 'before standstill, standard deviation [m/s^2]', 1e-6, 10.0),
+            ('gyro_bias', 'before standstill, standard deviation [rad/s]', 1e-9, 1.0),
+            ('accelerometer_drift', 'random walk of the bias [m/s^2/sqrt(s)]', 0.0, 1.0),
+            ('gyro_drift', 'random walk of the bias [rad/s/sqrt(s)]', 0.0, 1.0),
+            ('heading_error', 'standard deviation of a yaw without covariance [rad]', 0.0, 3.2),
+            ('advance_error', 'relative error of the advance', 0.0, 10.0),
+            ('slip_error', 'error relative to the slip of the feet', 0.0, 10.0),
+            ('slip_yaw_error', 'of the yaw at the reach of the feet, likewise', 0.0, 10.0),
+            ('contact_error', 'relative to what the friction law decides', 0.0, 10.0),
+            ('height_error', 'standard deviation of the height [m]', 0.0, 10.0),
+            ('tilt_error', 'standard deviation of roll and pitch [rad]', 1e-6, 3.2),
+        )
+    ),
     _number('diagnostics_period', 1.0, 'time between diagnostics [s]', 0.01, 3600.0),
 )
 PARAMETERS = (*LIMITS, *CONTROL, *ODOMETRY)
@@ -120,3 +145,8 @@ def settings(values: Mapping[str, Any]) -> ControllerSettings:
         rephase=values['rephase'],
         motion_gain=values['motion_gain'],
     )
+
+
+def noise(values: Mapping[str, Any]) -> OdometryNoise:
+    """Return the uncertainties of the odometry."""
+    return OdometryNoise(**{field.name: values[field.name] for field in fields(OdometryNoise)})

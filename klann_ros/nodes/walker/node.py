@@ -27,7 +27,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
 
-from .declarations import CONTROL, LIMITS, ODOMETRY, PARAMETERS, settings
+from .declarations import CONTROL, LIMITS, noise, ODOMETRY, PARAMETERS, settings
 from .diagnostics import WalkerDiagnostics
 from .messages import ImuReader, read_twist
 from .outputs import CrankOutput, OdomOutput
@@ -69,6 +69,7 @@ class WalkerNode(Node):
             self._walker = Walker(
                 Steering(feet),
                 settings(values),
+                noise(values),
                 imu_timeout=values['imu_timeout'],
                 steady=_steady_time if self._sim else None,
             )
@@ -94,8 +95,8 @@ class WalkerNode(Node):
             self,
             values['odom_frame'],
             values['base_frame'],
-            tilt=walker.odometry.noise.tilt,
-            height=walker.odometry.noise.height,
+            tilt=walker.odometry.noise.tilt_error,
+            height=walker.odometry.noise.height_error,
             transform=values['publish_tf'],
         )
         if self._odom.problem:
