@@ -8,7 +8,7 @@ import sys
 
 from hypothesis import given, strategies as st
 from klann_ros import kinematics
-from klann_ros.kinematics import klann_poses, KlannGeometry
+from klann_ros.kinematics import klann_poses, KlannGeometry, linkage_poses, shipped_linkage
 import numpy as np
 import pytest
 from strategies import crank_angles, legs
@@ -70,13 +70,17 @@ def test_both_kernels_agree_to_the_last_digits_on_the_course_leg() -> None:
     np.testing.assert_allclose(numpy, numba, rtol=0, atol=4 * np.spacing(1.0))
 
 
-def test_h_is_the_same_whatever_else_is_asked_for() -> None:
-    alphas = np.linspace(0.0, 6.0, 1001)
-    for kernel in ('numpy', 'numba'):
-        alone = klann_poses(KlannGeometry(), alphas, kernel=kernel)
-        more = klann_poses(KlannGeometry(), alphas, angles=True, points=True, kernel=kernel)
-        np.testing.assert_array_equal(alone.h, more.h)
-        np.testing.assert_array_equal(alone.h, more.points[:, 7])
+@pytest.mark.parametrize('kernel', ['numpy', 'numba'])
+@pytest.mark.parametrize('name', ['klann', 'stephenson'])
+def test_h_is_the_same_whatever_else_is_requested(name: str, kernel: str) -> None:
+    linkage, alphas = shipped_linkage(name), np.linspace(0.0, 6.0, 1001)
+    alone = linkage_poses(linkage, alphas, kernel=kernel)
+    more = linkage_poses(linkage, alphas, angles=True, points=True, kernel=kernel)
+    np.testing.assert_array_equal(alone.h, more.h)
+    np.testing.assert_array_equal(alone.h, more.points[:, linkage.foot])
+    if kernel == 'numpy':
+        moving = linkage_poses(linkage, alphas, velocities=True, kernel=kernel)
+        np.testing.assert_array_equal(alone.h, moving.h)
 
 
 @pytest.mark.parametrize('kernel', ['cuda', '', 1])

@@ -130,13 +130,6 @@ def test_only_what_was_asked_for_is_there() -> None:
         poses.crank_torque([1.0, 2.0, 3.0])
 
 
-def test_feet_are_the_same_with_velocities_or_without() -> None:
-    for linkage in (KlannGeometry().linkage, shipped_linkage('stephenson')):
-        with_them = linkage_poses(linkage, ALPHAS, velocities=True, kernel='numpy')
-        without = linkage_poses(linkage, ALPHAS, kernel='numpy')
-        assert (with_them.h == without.h).all()
-
-
 def test_any_shape_of_angles_and_none_at_all() -> None:
     poses = linkage_poses(KlannLeg(), ALPHAS[:210].reshape(2, 3, 35), **EVERYTHING)
     assert poses.points_1.shape == (2, 3, 35, 8, 2)

@@ -1,35 +1,22 @@
 """The numbers that the four-bar course prints, and its exercises."""
 
 import math
+from pathlib import Path
 
 import four_bar_equations as equations
 from klann_ros.kinematics import FourBar
 import numpy as np
 import pytest
+import yaml
 
 # L1 to L4 of the examples [mm], as they are computed with in the course.
 EXAMPLE = FourBar(180.0, 80.0, 200.0, 150.0)
 EXERCISE = FourBar(0.300, 0.100, 0.250, 0.200)
 THETA2 = math.radians(60.0)
 ROOT = np.radians([21.557634918, 72.137650451])
-# One iteration a row: the estimate [deg], f [mm], Phi [mm/rad] and the correction [rad]. The
-# text has lost its minus signs; they are those of the equations.
-ITERATIONS = [
-    ((15.0, 80.0), (-27.138, 26.675), (51.764, -147.721, -193.185, 26.047), (0.1189, -0.1420)),
-    ((21.812, 71.864), (1.009, -1.046), (74.312, -142.548, -185.682, 46.691), (-0.0044, 0.0048)),
-    (
-        (21.560, 72.139),
-        (-0.000329, -0.006594),
-        (73.495, -142.771, -186.007, 46.006),
-        (-0.000041, -0.000024),
-    ),
-    (
-        (21.5577, 72.1377),
-        (-0.000040, -0.000171),
-        (73.488, -142.769, -186.010, 46.010),
-        (-0.00000113, -0.00000086),
-    ),
-]
+ITERATIONS = yaml.safe_load(
+    Path(__file__).with_name('iterations.yaml').read_text(encoding='utf-8')
+)
 
 
 def test_example_1_prints_z_and_the_transmission_angle() -> None:
@@ -55,22 +42,20 @@ def test_example_1_prints_alpha_beta_and_both_assemblies() -> None:
     assert round(math.degrees(other.theta4) % 360.0, 2) == 235.20
 
 
-@pytest.mark.parametrize(('estimate', 'f', 'phi', 'correction'), ITERATIONS)
+@pytest.mark.parametrize('printed', ITERATIONS)
 def test_example_2_prints_f_phi_and_the_correction_of_each_estimate(
-    estimate: tuple[float, ...],
-    f: tuple[float, ...],
-    phi: tuple[float, ...],
-    correction: tuple[float, ...],
+    printed: dict[str, list[float]],
 ) -> None:
+    estimate, f, phi, correction = printed.values()
     x = np.radians(estimate)
     ours_f, ours_phi = equations.f(EXAMPLE.geometry, THETA2, x), equations.phi(EXAMPLE.geometry, x)
     places = 3 if abs(f[0]) > 1.0 else 6
-    assert ours_f.round(places).tolist() == list(f)
-    assert ours_phi.round(3).ravel().tolist() == list(phi)
+    assert ours_f.round(places).tolist() == f
+    assert ours_phi.round(3).ravel().tolist() == phi
     ours = -np.linalg.solve(ours_phi, ours_f)
     if estimate[0] != 21.5577:
         digits = 4 if places == 3 else 6
-        assert ours.round(digits).tolist() == list(correction)
+        assert ours.round(digits).tolist() == correction
     else:
         # f is printed with three digits here, and the correction made of those.
         np.testing.assert_allclose(ours, correction, rtol=0, atol=1e-8)

@@ -2,74 +2,41 @@
 
 from itertools import combinations, permutations
 import math
+from pathlib import Path
+from typing import Any
 
 from four_bars import COURSE, four_bars, NAMES, turning_links, ULP, untimed
 from hypothesis import assume, example, given, settings, strategies as st
 from klann_ros.kinematics import FourBar
 import pytest
+import yaml
 
 TURN = 2 * math.pi
+KINDS = yaml.safe_load(Path(__file__).with_name('kinds.yaml').read_text(encoding='utf-8'))
 
 
-def bar_of(*lengths: float) -> FourBar:
-    return FourBar(*lengths)
-
-
-@pytest.mark.parametrize(
-    ('lengths', 'class_', 'type_', 'inversions'),
-    [
-        (COURSE, 'I', 'crank-rocker', ['double crank', 'rocker-crank', 'double rocker']),
-        ((1, 3, 4, 4), 'I', 'double crank', ['rocker-crank', 'double rocker', 'crank-rocker']),
-        ((3, 4, 1, 4), 'I', 'double rocker', ['crank-rocker', 'double crank', 'rocker-crank']),
-        ((4, 4, 3, 1), 'I', 'rocker-crank', ['double rocker', 'crank-rocker', 'double crank']),
-        ((5, 4, 3, 3), 'II', 'triple rocker', ['triple rocker'] * 3),
-        (
-            (7, 1, 5, 3),
-            'III',
-            'change-point crank-rocker',
-            [
-                f'change-point {motion}'
-                for motion in ('double crank', 'rocker-crank', 'double rocker')
-            ],
-        ),
-        (
-            (3, 1, 3, 1),
-            'III',
-            'parallelogram double crank',
-            ['parallelogram double crank'] * 3,
-        ),
-        (
-            (1, 1, 3, 3),
-            'III',
-            'kite double crank',
-            ['kite double crank', 'kite rocker-crank', 'kite crank-rocker'],
-        ),
-        ((2, 2, 2, 2), 'III', 'rhombus double crank', ['rhombus double crank'] * 3),
-    ],
-)
-def test_each_kind_has_its_name(
-    lengths: tuple[float, ...], class_: str, type_: str, inversions: list[str]
-) -> None:
-    grashof = bar_of(*lengths).grashof
-    assert (grashof.class_, grashof.type_) == (class_, type_)
+@pytest.mark.parametrize('kind', KINDS, ids=lambda kind: kind['types'][0])
+def test_each_kind_has_its_name(kind: dict[str, Any]) -> None:
+    grashof = FourBar(*kind['lengths']).grashof
+    assert (grashof.class_, grashof.type_) == (kind['class_'], kind['types'][0])
     assert list(grashof.inversions) == list(NAMES)
-    assert [kind.type_ for kind in grashof.inversions.values()] == [type_, *inversions]
+    assert [each.type_ for each in grashof.inversions.values()] == kind['types']
     assert grashof.inversions['ground'] == grashof
 
 
 @settings(max_examples=60)
 @given(bar=four_bars())
-@example(bar_of(3, 1, 3, 1))
-@example(bar_of(1, 3, 1, 3))
-@example(bar_of(1, 1, 3, 3))
-@example(bar_of(3, 3, 1, 1))
-@example(bar_of(1, 3, 3, 1))
-@example(bar_of(3, 1, 1, 3))
-@example(bar_of(2, 2, 2, 2))
-@example(bar_of(7, 1, 5, 3))
-@example(bar_of(1, 7, 3, 5))
-@example(bar_of(5, 3, 1, 7))
-@example(bar_of(5, 7, 3, 1))
+@example(FourBar(3, 1, 3, 1))
+@example(FourBar(1, 3, 1, 3))
+@example(FourBar(1, 1, 3, 3))
+@example(FourBar(3, 3, 1, 1))
+@example(FourBar(1, 3, 3, 1))
+@example(FourBar(3, 1, 1, 3))
+@example(FourBar(2, 2, 2, 2))
+@example(FourBar(7, 1, 5, 3))
+@example(FourBar(1, 7, 3, 5))
+@example(FourBar(5, 3, 1, 7))
+@example(FourBar(5, 7, 3, 1))
 def test_the_roles_in_every_inversion_are_what_the_linkage_does(bar: FourBar) -> None:
     longest = max(bar.geometry.lengths)
     margin = abs(bar.grashof.margin) / longest

@@ -59,6 +59,11 @@ def test_good_is_from_40_to_140_degrees() -> None:
     for least, greatest, good in ((40, 140, True), (39, 140, False), (40, 141, False)):
         ends = math.radians(least), (0.0,), math.radians(greatest), (math.pi,)
         assert TransmissionExtremes(*ends).good is good
+    course = FourBar(*COURSE).transmission_extremes
+    assert (course.least_at, course.greatest_at) == ((0.0,), (math.pi,))
+    assert math.degrees(course.least) == pytest.approx(28.955, abs=1e-3)
+    assert not course.good
+    assert FourBar(0.3, 0.05, 0.25, 0.2).transmission_extremes.good
 
 
 def test_at_the_ends_of_the_reach_it_is_0_and_180_degrees() -> None:
@@ -67,14 +72,6 @@ def test_at_the_ends_of_the_reach_it_is_0_and_180_degrees() -> None:
     assert extremes.least_at[0] == -extremes.least_at[1]
     assert extremes.greatest_at[0] == -extremes.greatest_at[1]
     assert not extremes.good
-
-
-def test_good_practice_is_40_to_140_degrees() -> None:
-    course = FourBar(*COURSE).transmission_extremes
-    assert (course.least_at, course.greatest_at) == ((0.0,), (math.pi,))
-    assert math.degrees(course.least) == pytest.approx(28.955, abs=1e-3)
-    assert not course.good
-    assert FourBar(0.3, 0.05, 0.25, 0.2).transmission_extremes.good
 
 
 def test_an_unreachable_angle_has_no_transmission_angle() -> None:

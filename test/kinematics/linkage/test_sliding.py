@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 import pytest
 
 Array = NDArray[np.float64]
-FILES = Path(__file__).with_name('sliding')
 SLIDER, SLOT, CROSSED, COUPLED = (
-    (FILES / f'{name}.yaml').read_text(encoding='utf-8')
+    Path(__file__).with_name(f'{name}.yaml').read_text(encoding='utf-8')
     for name in ('offset_slider', 'slot', 'crossed', 'coupled')
 )
 SLIDES = 'slides: {along: ground, from: A, to: B}'
