@@ -53,7 +53,7 @@ def header(stamp: int, frame: str) -> Any:
 
 @dataclass
 class Answer:
-    """A crank angle and what was answered; all at one time, unless it says otherwise."""
+    """A crank angle and what was answered; all at one time by default."""
 
     stamp: int
     alpha: float

@@ -22,7 +22,7 @@ ESCAPE = '\x1b['
 
 
 def without_a_reader(name: str, *arguments: object) -> tuple[int, str]:
-    """Run a tool whose output nobody takes; return its exit code and what it complains of."""
+    """Run a tool whose output has no reader; return its exit code and its errors."""
     reader, writer = os.pipe()
     os.close(reader)
     done = called(name, *arguments, stdout=writer)
@@ -67,23 +67,23 @@ def test_a_report_comes_before_the_traceback_of_a_fault() -> None:
         'import sys, types\n'
         'from klann_ros import executables\n'
         'module = types.ModuleType("faulty")\n'
-        'module.main = lambda: print("said before") or 1 / 0\n'
+        'module.main = lambda: print("printed before") or 1 / 0\n'
         'sys.modules["faulty"] = module\n'
         'executables._tool("faulty", "faulty", 2)\n'
     )
     done = called(PYTHON, '-c', code)
-    assert (done.returncode, done.stdout) == (1, 'said before\n')
+    assert (done.returncode, done.stdout) == (1, 'printed before\n')
     assert 'ZeroDivisionError' in done.stderr
 
 
 @pytest.mark.parametrize('delay', [0.02, 0.1, 0.3, 0.6, 2.0])
 def test_interrupts_end_a_tool_without_noise(healthy, make_run, tmp_path, delay: float) -> None:
-    # A pipe that nobody empties: the tool waits for it, if it is not at work still.
+    # A pipe without a reader: the tool waits for it, if it is not at work still.
     pipe = tmp_path / 'pipe.csv'
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
     run = make_run(healthy)
-    # It says a line when its signals count; what it imports then is part of the claim.
+    # It prints a line when it handles signals; what it imports then is part of the claim.
     code = CODE.replace('sys.exit', 'print("ready", flush=True); sys.exit')
     process = subprocess.Popen(
         [sys.executable, '-c', code, '--csv', pipe, run],
@@ -127,7 +127,7 @@ def in_terminal(*arguments: object, code: str = CODE, **variables: str) -> tuple
         try:
             piece = os.read(here, 65536)
         except OSError:
-            # Linux says so when the other side is closed.
+            # Linux raises this when the other side is closed.
             break
         if not piece:
             break
@@ -161,7 +161,7 @@ def test_no_color_is_heard(faulty) -> None:
     _, shown = in_terminal(faulty, NO_COLOR='1')
     assert ESCAPE not in shown
     assert 'ERROR closure' in shown
-    # By its convention an empty one says nothing.
+    # By its convention an empty one has no effect.
     assert ESCAPE in in_terminal(faulty, NO_COLOR='')[1]
 
 

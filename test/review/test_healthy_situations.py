@@ -92,7 +92,7 @@ class Scene:
         self.crank = self.turn()
 
     def suspend(self) -> None:
-        """Stop everything at once, this process too, as far as others can tell."""
+        """Stop everything at once, this process too."""
         running = [p for p in self.ros._processes if p.popen.poll() is None]
         for process in running:
             process.popen.send_signal(signal.SIGSTOP)

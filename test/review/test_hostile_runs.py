@@ -31,7 +31,7 @@ PARAMETERS = (
 JOINTS = ['alpha', 'gamma', 'beta', 'delta', 'theta']
 TOPICS = [('/crank_angle', CRANK), ('/joint_states', STATE), ('/point_h', POINT)]
 
-# The usual, the edges, and what no clock says.
+# The usual, the edges, and values of no clock.
 times = st.one_of(
     st.integers(1_700_000_000_000_000_000, 1_700_000_000_000_000_030),
     st.sampled_from([0, 1, 2**62, 2**63 - 1, 2**63, 2**64 - 1]),

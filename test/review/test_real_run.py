@@ -31,7 +31,7 @@ def two_cranks(ros: Domain) -> Path:
         named = ('--ros-args', '-r', f'__node:=crank_{n}')
         # So slow that they are apart whenever each of them begins.
         ros.start('crank_node', *named, start=4.0 * n, speed=0.3, rate=500.0, min_subscribers=1)
-    # As soon as it hears both it can no longer tell what is lost.
+    # As soon as it hears both losses are unknown.
     ros.probe.until(lambda: any(s.get('/crank_angle lost') == 'unknown' for s in reports.values()))
     reports.until_received({'/crank_angle': reports.count('/crank_angle received') + 1000})
     reports.until_received({'/robot_description': 1})

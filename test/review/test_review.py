@@ -140,7 +140,7 @@ def restarted(healthy, make_run, lost: int | None) -> list[str]:
         pose = KlannLeg().solve(healthy.answers[n].alpha - first)
         healthy.change(n, sequence=n - 99, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
     counts = {'/crank_angle': TopicCount(340, 340, missed=lost, departed=1)}
-    # The solver went on, which no sequence number of these runs says.
+    # The solver went on, which no sequence number of these runs shows.
     counts |= dict.fromkeys(('/joint_states', '/point_h'), TopicCount(340, 340, missed=None))
     healthy.add_counts(counts)
     return checks(review_run(make_run(healthy)))

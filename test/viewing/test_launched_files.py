@@ -203,7 +203,7 @@ def test_ctrl_c_ends_everything_without_an_error(rviz: str, prefix: Callable[...
 
 def test_a_recorder_that_cannot_finish_its_run_is_an_error(prefix: Callable[..., Prefix]) -> None:
     made = prefix()
-    # It records, and fails when it is told to end.
+    # It records, and fails at its end.
     script = 'mkdir run; trap "exit 1" INT; sleep 1; printf %20001d 0 > run/0.mcap'
     script += '; while :; do sleep 0.1; done'
     (made.folder / 'lib' / 'klann_ros' / 'recorder_node').write_text(f'#!/bin/sh\n{script}\n')

@@ -1,4 +1,4 @@
-"""The URDF's links are where the library says the leg's points are."""
+"""The URDF's links are at the points of the leg that the library computes."""
 
 from functools import cache
 import io

@@ -1,4 +1,4 @@
-"""What RViz and Foxglove load: files that parse, and name topics that somebody publishes."""
+"""What RViz and Foxglove load: files that parse and name topics that are published."""
 
 from collections.abc import Iterator
 import json
@@ -8,6 +8,7 @@ from klann_ros.kinematics import KlannGeometry, KlannLeg
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
+LAYOUT = json.loads((ROOT / 'foxglove' / 'klann.json').read_text())
 TOPICS = {
     '/joint_states': 'position',
     '/point_h': 'point',
@@ -41,8 +42,7 @@ def test_rviz_shows_topics_that_there_are() -> None:
 
 
 def test_foxglove_shows_topics_that_there_are() -> None:
-    layout = json.loads((ROOT / 'foxglove' / 'klann.json').read_text())
-    paths = {text for text in strings(layout) if text.startswith('/')}
+    paths = {text for text in strings(LAYOUT) if text.startswith('/')}
     assert {path.split('.')[0] for path in paths} == set(TOPICS)
     for path in paths:
         topic, *fields = path.split('.')
@@ -50,16 +50,14 @@ def test_foxglove_shows_topics_that_there_are() -> None:
 
 
 def test_foxglove_names_the_angles_as_they_are_published() -> None:
-    layout = json.loads((ROOT / 'foxglove' / 'klann.json').read_text())
     names = KlannLeg(KlannGeometry.sem104()).joint_names
     labels = {
-        path['value']: path['label'] for path in layout['configById']['Plot!angles']['paths']
+        path['value']: path['label'] for path in LAYOUT['configById']['Plot!angles']['paths']
     }
     # The crank's own angle grows with every turn.
     assert labels == {f'/joint_states.position[{i}]': names[i] for i in range(1, 5)}
 
 
 def test_foxglove_lays_out_every_panel_once() -> None:
-    layout = json.loads((ROOT / 'foxglove' / 'klann.json').read_text())
-    panels = [text for text in strings(layout['layout']) if '!' in text]
-    assert sorted(panels) == sorted(layout['configById'])
+    panels = [text for text in strings(LAYOUT['layout']) if '!' in text]
+    assert sorted(panels) == sorted(LAYOUT['configById'])

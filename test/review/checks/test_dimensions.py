@@ -1,4 +1,4 @@
-"""The lengths that a run says, against measured points of its leg."""
+"""The recorded lengths of a run, against measured points of its leg."""
 
 from pathlib import Path
 from typing import Any

@@ -15,7 +15,7 @@ GARBLED = [COUNTS % number for number in ('-1', '1e400', '9' * 30, '"many"')]
 
 
 def lost(output: str) -> str:
-    """Return what the table says about the crank's topic."""
+    """Return the losses of the crank's topic in the table."""
     return re.search(r'^/crank_angle .* (\S+)$', output, flags=re.MULTILINE)[1]
 
 

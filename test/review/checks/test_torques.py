@@ -176,11 +176,11 @@ def test_rate_and_acceleration_are_known_as_well_as_they_say() -> None:
     assert len(found.rows) > 0.9 * COUNT
     rate = (found.rate - RATE[found.rows]) / found.rate_error
     change = (found.acceleration - CHANGE[found.rows]) / found.acceleration_error
-    # Of a normal error 0.3 % are beyond three; and they are not a tenth of what is said either.
+    # Of a normal error 0.3 % are beyond three sigma; the estimate is not too large either.
     assert np.mean(np.abs(rate) > 3.5) < 0.03
     assert np.mean(np.abs(change) > 3.5) < 0.03
     assert 0.5 < np.sqrt(np.mean(change**2)) < 2.0
-    # What is said is worth knowing.
+    # The estimate is useful.
     assert np.median(found.acceleration_error) < 0.1 * np.abs(CHANGE).max()
 
 

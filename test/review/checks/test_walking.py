@@ -30,7 +30,7 @@ def test_a_walk_without_a_fault_has_figures_and_no_finding(review_recording: Any
 
 
 def test_a_heading_that_goes_around_is_no_difference(review_recording: Any) -> None:
-    # Between the messages that tell the truth, one of which comes before a turn and one after it.
+    # Between messages of the ground truth, one before a full turn and one after it.
     (walk,) = review_recording(Walking(turning=3.0, late=4_000_000)).walks
     assert walk.heading_error == pytest.approx(0.0, abs=1e-9)
 
@@ -42,7 +42,7 @@ def test_odometry_that_is_far_from_the_truth_is_found(review_recording: Any) -> 
     assert finding.time == pytest.approx(3.99, abs=1e-3)
 
 
-def test_without_ground_truth_nobody_is_blamed(review_recording: Any) -> None:
+def test_without_ground_truth_there_is_no_error(review_recording: Any) -> None:
     review = review_recording(Walking(scale=1.1, truth=False))
     (walk,) = review.walks
     assert np.isnan(walk.odometry_error)

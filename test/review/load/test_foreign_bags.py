@@ -55,14 +55,14 @@ def foreign(request, healthy, make_run, tmp_path):
     return lambda: request.param(make_run(healthy), tmp_path / 'foreign')
 
 
-def test_what_is_missing_is_said(foreign, capsys) -> None:
+def test_missing_data_is_reported(foreign, capsys) -> None:
     run = str(foreign())
     assert main([run]) == 1
     output = capsys.readouterr().out
     assert output.count('WARNING') == 1
     assert 'WARNING geometry: the run does not contain the geometry\n' in output
     assert 'give the leg by --geometry FILE, or one of sem104, patent, andrews' in output
-    # Nobody counted, and no number tells.
+    # There is neither a count nor a sequence number.
     lines = [line for line in output.splitlines() if line.startswith('/')][1:]
     assert len(lines) == 3
     assert all(line.endswith(' ?') for line in lines)
@@ -84,7 +84,7 @@ def test_a_wrong_pose_is_found_all_the_same(foreign, healthy) -> None:
 
 @pytest.fixture(scope='module')
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write a run that does not tell its geometry: rosbag2 keeps no metadata of others."""
+    """Write a run without its geometry: rosbag2 keeps no metadata of others."""
     return LegRun(count=600).write(tmp_path_factory.mktemp('runs') / 'run')
 
 

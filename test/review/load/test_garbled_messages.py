@@ -1,4 +1,4 @@
-"""Messages whose bytes are not what their type says, and numbers that no array holds."""
+"""Messages whose bytes are not of their type, and numbers that no array holds."""
 
 from dataclasses import replace
 import struct
@@ -47,7 +47,7 @@ def test_joints_without_positions_are_no_pose(healthy, make_run) -> None:
 @pytest.mark.parametrize(
     'change', [{'definition': ''}, {'definition': '%&! ['}, {'message_encoding': 'json'}]
 )
-def test_a_topic_without_a_decoder_is_told(healthy, make_run, change) -> None:
+def test_a_topic_without_a_decoder_is_reported(healthy, make_run, change) -> None:
     healthy.feet = replace(healthy.feet, **change)
     assert found(make_run(healthy)) == ['decode: 400 messages of /point_h cannot be decoded']
 

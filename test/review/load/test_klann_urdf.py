@@ -39,7 +39,7 @@ def test_a_leg_is_found_to_the_last_bit(
     assert klann_legs_in_urdf(urdf_of(file)) == {'': numbers(geometry)}
 
 
-def test_legs_with_lengths_and_frames_of_their_own_are_told_apart(tmp_path: Path) -> None:
+def test_legs_with_lengths_and_frames_of_their_own_are_separate(tmp_path: Path) -> None:
     file = tmp_path / 'walker.yaml'
     shared = {'legs': ['left', 'right'], 'left': {'l_gh': 0.1 + 0.2}, 'right': {'x_e': -0.1}}
     file.write_text(yaml.safe_dump({'/**': {'ros__parameters': {'l_ab': 0.11, **shared}}}))

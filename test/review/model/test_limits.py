@@ -22,22 +22,9 @@ def silent(run, count: int = 100, by: int = 300) -> None:
     run.delay(400 - count, by * MS)
 
 
-def late(run) -> None:
-    run.latency = 120 * MS
-
-
-def stamped(run) -> None:
-    run.by_crank_state()
-    run.shift_header_stamps(-600 * MS)
-
-
 def ended(run) -> None:
     last = run.answers[-1]
     run.unanswered = [(last.stamp + n * 5 * MS, last.alpha + n / 100) for n in range(420)]
-
-
-def open_loops(run) -> None:
-    run.geometry = KlannGeometry(l_ef=0.27 + 1e-6)
 
 
 def turned(run) -> None:
@@ -70,9 +57,17 @@ CASES = {
     # 45 ms after the first message.
     'start_time': (partial(silent, count=390), 'gap', {'start_time': 0.1}),
     'stale_time': (ended, 'stale', {'stale_time': 2.2}),
-    'latency': (late, 'latency', {'latency': 0.13}),
-    'clock_offset': (stamped, 'clock', {'clock_offset': 0.7}),
-    'closure': (open_loops, 'closure', {'closure': 1e-5, 'angle': 1e-4}),
+    'latency': (lambda run: setattr(run, 'latency', 120 * MS), 'latency', {'latency': 0.13}),
+    'clock_offset': (
+        lambda run: run.by_crank_state().shift_header_stamps(-600 * MS),
+        'clock',
+        {'clock_offset': 0.7},
+    ),
+    'closure': (
+        lambda run: setattr(run, 'geometry', KlannGeometry(l_ef=0.27 + 1e-6)),
+        'closure',
+        {'closure': 1e-5, 'angle': 1e-4},
+    ),
     'angle': (turned, 'branch', {'angle': 1e-7}),
     'foot': (shifted, 'foot', {'foot': 1e-5}),
     'crank_jump': (jumped, 'jump', {'crank_jump': 1.2}),

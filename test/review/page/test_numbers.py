@@ -1,4 +1,4 @@
-"""What stands in the page is what was recorded: as exactly as is said, and no peak is lost."""
+"""The numbers of the page are those recorded, to the stated precision; no peak is lost."""
 
 from base64 import b64decode
 import json

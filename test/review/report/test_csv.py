@@ -78,17 +78,13 @@ def test_what_pandas_reads_equals_the_messages(healthy, make_run, table) -> None
     assert found['angle_error [rad]'].max() < 1e-12
 
 
-def test_a_run_without_velocities_has_empty_fields(healthy, make_run, table) -> None:
-    found = table(make_run(healthy))
-    assert list(found.columns) == COLUMNS
-    assert found[RATES].isna().all(axis=None)
-    assert not found[ANGLES].isna().any(axis=None)
-
-
 def test_a_missing_value_is_an_empty_field(healthy, make_run, table, without) -> None:
     healthy.geometry = None
     lone = ('/point_h', 8)
     found = table(without(make_run(healthy), lambda m: (m.topic.name, m.sequence) == lone))
+    assert list(found.columns) == COLUMNS
+    assert found[RATES].isna().all(axis=None)
+    assert not found[ANGLES].isna().any(axis=None)
     assert found['h_x [m]'].isna().to_numpy().nonzero()[0].tolist() == [7]
     assert found[['residual [m]', 'angle_error [rad]']].isna().all(axis=None)
 
@@ -118,7 +114,7 @@ def test_numbers_that_are_not_finite_survive(healthy, make_run, table) -> None:
     assert math.isnan(found['theta [rad]'][5])
 
 
-def test_several_legs_are_told_apart(make_script, make_run, table) -> None:
+def test_several_legs_are_named(make_script, make_run, table) -> None:
     first, second = make_script().in_namespace('/a'), make_script().in_namespace('/b')
     first.others = [second]
     second.change(7, foot=(1.25, -2.5))

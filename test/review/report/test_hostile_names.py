@@ -22,19 +22,19 @@ def evil(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_report_says_no_more_than_letters_in_its_own_lines(evil: Path, capsys) -> None:
     assert main([str(evil), str(evil)]) == 1
-    said = capsys.readouterr()
-    assert said.err == ''
-    hold(said.out, 'review')
+    output, errors = capsys.readouterr()
+    assert errors == ''
+    hold(output, 'review')
     for name in ('/joint_states', EVIL, f'/lost{EVIL}', f'gone{EVIL}'):
-        assert printable(name)[:200] in said.out
+        assert printable(name)[:200] in output
 
 
 def test_the_colours_of_a_terminal_are_ours_only(evil: Path, capsys, monkeypatch) -> None:
     monkeypatch.setattr('klann_ros.review.command._wants_colour', lambda: True)
     assert main([str(evil)]) == 1
-    said = capsys.readouterr().out
-    assert '\x1b[1;31mERROR\x1b[0m' in said
-    hold(said, 'review', colours=True)
+    output = capsys.readouterr().out
+    assert '\x1b[1;31mERROR\x1b[0m' in output
+    hold(output, 'review', colours=True)
 
 
 class Texts(HTMLParser):
@@ -70,9 +70,8 @@ def strings(content) -> list[str]:
         return [content]
     if isinstance(content, dict):
         return [text for item in content.items() for each in item for text in strings(each)]
-    return (
-        [text for each in content for text in strings(each)] if isinstance(content, list) else []
-    )
+    parts = content if isinstance(content, list) else []
+    return [text for each in parts for text in strings(each)]
 
 
 def test_a_page_shows_letters_only(evil: Path, tmp_path: Path, capsys) -> None:

@@ -23,7 +23,7 @@ def run(healthy, make_run) -> Path:
 def refused(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> Callable[..., str]:
-    """Return what says why arguments are refused, in one line, before anything was read."""
+    """Return what gives the refusal of arguments: one line, before anything is read."""
 
     def review_run(*_: object, **__: object) -> None:
         raise AssertionError('it has begun to work')
@@ -32,10 +32,9 @@ def refused(
 
     def reason(*arguments: object) -> str:
         assert main([str(argument) for argument in arguments]) == 3
-        said = capsys.readouterr()
-        assert said.out == ''
-        assert said.err.count('\n') == 1
-        return said.err
+        out, error = capsys.readouterr()
+        assert (out, error.count('\n')) == ('', 1)
+        return str(error)
 
     return reason
 
@@ -49,8 +48,8 @@ def content(folder: Path) -> dict[str, bytes]:
 def test_nothing_is_written_into_a_run(run: Path, refused, option: str, name: str) -> None:
     (run / 'more').mkdir()
     before = content(run)
-    said = refused(run, option, run / name)
-    assert f'review: {option} {run / name} cannot be written: it is inside {run}, ' in said
+    error = refused(run, option, run / name)
+    assert f'review: {option} {run / name} cannot be written: it is inside {run}, ' in error
     assert content(run) == before
 
 
@@ -101,7 +100,7 @@ def test_two_outputs_are_two_files(run: Path, refused, tmp_path: Path) -> None:
     assert one.read_text() == 'old'
 
 
-def test_what_cannot_be_written_is_said_at_once(run: Path, refused, tmp_path: Path) -> None:
+def test_an_unwritable_output_is_refused_at_once(run: Path, refused, tmp_path: Path) -> None:
     file = tmp_path / 'file'
     file.write_text('')
     for path, reason in (
@@ -112,9 +111,9 @@ def test_what_cannot_be_written_is_said_at_once(run: Path, refused, tmp_path: Pa
         (f'{tmp_path}/new/', 'that is no path of a file'),
         ('', 'that is no path of a file'),
     ):
-        said = refused(run, '--html', path)
-        assert reason in said
-        assert 'cannot be written: ' in said
+        error = refused(run, '--html', path)
+        assert reason in error
+        assert 'cannot be written: ' in error
     assert 'there is no picture of the format nothing' in refused(run, '--picture', 'a.nothing')
     assert sorted(path.name for path in tmp_path.iterdir()) == ['file', 'run']
 
@@ -127,7 +126,7 @@ def in_process(
     return called(PYTHON, '-c', f'{before}\n{code}', *arguments, stdout=stdout)
 
 
-def test_without_permission_it_is_said_at_once(run: Path, tmp_path: Path) -> None:
+def test_an_output_without_permission_is_refused_at_once(run: Path, tmp_path: Path) -> None:
     closed, kept = tmp_path / 'closed', tmp_path / 'kept'
     closed.mkdir(mode=0o555)
     kept.write_text('old')
@@ -169,7 +168,7 @@ def test_a_link_and_its_permissions_stay(run: Path, tmp_path: Path) -> None:
     assert real.stat().st_mode & 0o777 == 0o640
 
 
-def test_a_pipe_is_written_as_it_is_and_one_that_nobody_reads_is_not_waited_for(
+def test_a_pipe_is_written_in_place_and_not_awaited_without_a_reader(
     run: Path, tmp_path: Path
 ) -> None:
     pipe = tmp_path / 'pipe'
@@ -193,7 +192,7 @@ def test_the_file_of_the_report_is_no_place_for_another(run: Path, tmp_path: Pat
 
 
 @pytest.mark.skipif(not Path('/dev/full').exists(), reason='a device of Linux')
-def test_a_device_that_takes_nothing_is_said(run: Path) -> None:
+def test_a_full_device_is_reported(run: Path) -> None:
     done = in_process(run, '--json', '/dev/full')
     assert done.returncode == 3
     assert done.stderr == ('review: --json /dev/full cannot be written: No space left on device\n')
