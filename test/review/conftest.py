@@ -8,7 +8,6 @@ from typing import Any
 
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.kinematics.klann import JOINTS
-from klann_ros.log.definitions import definition
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import (
@@ -24,26 +23,16 @@ from klann_ros.log.run_parameters import (
 )
 from klann_ros.log.write.writer import RunWriter
 from klann_ros.review.command import main
+from leg_runs import make, START, STORE, topic_of
 import numpy as np
 import pytest
-from rosbags.typesys import get_typestore, Stores
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
-START = 1_700_000_000_000_000_000
 PERIOD = 5_000_000
 
 
-def topic(name: str, kind: str) -> Topic:
-    return Topic(name, kind, definition(kind))
-
-
-CRANK = topic('/crank_angle', 'std_msgs/msg/Float64')
-POSES = topic('/joint_states', 'sensor_msgs/msg/JointState')
-FEET = topic('/point_h', 'geometry_msgs/msg/PointStamped')
-
-
-def make(kind: str, **fields: Any) -> Any:
-    return STORE.types[kind](**fields)
+CRANK = topic_of('/crank_angle', 'std_msgs/msg/Float64')
+POSES = topic_of('/joint_states', 'sensor_msgs/msg/JointState')
+FEET = topic_of('/point_h', 'geometry_msgs/msg/PointStamped')
 
 
 def header(stamp: int, frame: str) -> Any:

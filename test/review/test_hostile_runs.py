@@ -14,11 +14,10 @@ from klann_ros.kinematics import KlannGeometry
 from klann_ros.log.definitions import definition
 from klann_ros.log.run_parameters import LOSS_RECORD, PAUSE_RECORD, SOLVER_RECORD
 from klann_ros.review.command import main
+from leg_runs import STORE
 from mcap.writer import Writer
 import numpy as np
-from rosbags.typesys import get_typestore, Stores
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
 CRANK, STATE, POINT = (
     'std_msgs/msg/Float64',
     'sensor_msgs/msg/JointState',

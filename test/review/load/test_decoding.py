@@ -11,14 +11,13 @@ from klann_ros.log.read.compressed import is_compressed
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Topic
 from klann_ros.review.load.decode import _FIELDS, CRANK_ANGLE, FOOT, JOINT_STATE, TopicReader
+from leg_runs import make, STORE
 from mcap.reader import NonSeekingReader
 from mcap.records import Schema
 from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
-from rosbags.typesys import get_typestore, Stores
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
 KINDS = {
     kind: Topic(f'/{number}', kind, definition(kind))
     for number, kind in enumerate((CRANK_ANGLE, FOOT, JOINT_STATE))
@@ -36,27 +35,23 @@ texts = st.text(st.characters(exclude_characters='\0', exclude_categories=['Cs']
 doubles = st.lists(numbers, max_size=4).map(np.array)
 
 
-def made(kind, **fields):
-    return STORE.types[kind](**fields)
-
-
 @st.composite
 def headers(draw):
     sec, nanosec = draw(st.integers(-(2**31), 2**31 - 1)), draw(st.integers(0, 2**32 - 1))
-    stamp = made('builtin_interfaces/msg/Time', sec=sec, nanosec=nanosec)
-    return made('std_msgs/msg/Header', stamp=stamp, frame_id=draw(texts))
+    stamp = make('builtin_interfaces/msg/Time', sec=sec, nanosec=nanosec)
+    return make('std_msgs/msg/Header', stamp=stamp, frame_id=draw(texts))
 
 
 def point(*xyz):
-    return made('geometry_msgs/msg/Point', **dict(zip('xyz', xyz, strict=True)))
+    return make('geometry_msgs/msg/Point', **dict(zip('xyz', xyz, strict=True)))
 
 
 points = st.builds(point, *[numbers] * 3)
 messages = st.one_of(
-    st.builds(lambda data: made(CRANK_ANGLE, data=data), numbers),
-    st.builds(lambda header, h: made(FOOT, header=header, point=h), headers(), points),
+    st.builds(lambda data: make(CRANK_ANGLE, data=data), numbers),
+    st.builds(lambda header, h: make(FOOT, header=header, point=h), headers(), points),
     st.builds(
-        lambda header, name, *values: made(
+        lambda header, name, *values: make(
             JOINT_STATE,
             header=header,
             name=name,
@@ -151,9 +146,9 @@ def test_bulk_reading_is_that_of_the_library(families, random) -> None:
 @given(st.binary(min_size=2, max_size=2))
 def test_what_stands_between_the_fields_does_not_matter(padding) -> None:
     # A frame of one letter and its end leave two bytes before the numbers.
-    stamp = made('builtin_interfaces/msg/Time', sec=1, nanosec=2)
-    header = made('std_msgs/msg/Header', stamp=stamp, frame_id='f')
-    foot = made(FOOT, header=header, point=point(1.0, 2.0, 3.0))
+    stamp = make('builtin_interfaces/msg/Time', sec=1, nanosec=2)
+    header = make('std_msgs/msg/Header', stamp=stamp, frame_id='f')
+    foot = make(FOOT, header=header, point=point(1.0, 2.0, 3.0))
     plain = bytes(STORE.serialize_cdr(foot, FOOT))
     assert plain[18:20] == b'\0\0'
     odd = plain[:18] + padding + plain[20:]

@@ -15,11 +15,10 @@ from klann_ros.review.reviewing import review_run
 from klann_ros.robot import robot_of, RobotFileError
 from leg_runs import LegRun, START
 import pytest
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import get_typestore, Stores
+from rosbag2_bags import convert
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from xacro_legs import ROOT, urdf_of
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
 PATENT = urdf_of(ROOT / 'config' / 'patent.yaml')
 STRING, FLOAT = 'std_msgs/msg/String', 'std_msgs/msg/Float64'
 URDF = (ROOT / 'urdf' / 'klann.urdf').read_text(encoding='utf-8')
@@ -79,17 +78,10 @@ def test_a_wrong_pose_and_a_flipped_one_are_found_all_the_same(described_run, ma
     assert checks(review_run(make_run(script))) == ['closure', 'branch']
 
 
-def test_a_bag_of_another_recorder_is_judged(
-    described_run, make_run, write_messages, tmp_path
-) -> None:
-    with Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as bag:
-        connections: dict[str, Any] = {}
-        for m in write_messages.read(make_run(described_run(URDF).by_crank_state())):
-            if m.topic.name not in connections:
-                added = bag.add_connection(m.topic.name, m.topic.type, typestore=STORE)
-                connections[m.topic.name] = added
-            bag.write(connections[m.topic.name], m.log_time, m.data)
-    review = review_run(tmp_path / 'bag')
+def test_a_bag_of_another_recorder_is_judged(described_run, make_run, tmp_path) -> None:
+    run = make_run(described_run(URDF).by_crank_state())
+    bag = convert(run, tmp_path / 'bag', StoragePlugin.MCAP, CompressionMode.NONE)
+    review = review_run(bag)
     assert checks(review) == []
     assert len(review.legs[0].evaluated.poses) == 400
 

@@ -1,5 +1,6 @@
 """Runs that other recorders stored: reviewed all the same, and what is missing is reported."""
 
+from dataclasses import replace
 import json
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,8 @@ from klann_ros.review.command import main
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import robot_from_file
 from leg_runs import LegRun
-from mcap.writer import Writer as McapWriter
 import pytest
-from rosbag2_bags import convert, KINDS, NAMES
+from rosbag2_bags import convert, KINDS, NAMES, write_jazzy_bag
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 SEM104 = str(Path(__file__).parents[3] / 'config' / 'sem104.yaml')
@@ -22,29 +22,16 @@ def by_rosbags(run: Path, folder: Path) -> Path:
     return convert(run, folder, StoragePlugin.MCAP, CompressionMode.NONE)
 
 
-def by_mcap(run, folder: Path, *, knows_source: bool = True) -> Path:
-    """Write them as a plain writer does that knows no numbers, and one time at most."""
-    path = folder.with_suffix('.mcap')
-    with path.open('wb') as file:
-        writer = McapWriter(file)
-        writer.start('ros2')
-        channels = {}
-        with open_log(run) as log:
-            messages = list(log.messages())
-        for message in messages:
-            topic = message.topic
-            if topic.name not in channels:
-                definition = topic.definition.encode()
-                schema = writer.register_schema(topic.type, 'ros2msg', definition)
-                channels[topic.name] = writer.register_channel(topic.name, 'cdr', schema)
-            time = message.log_time
-            source = time if knows_source else 0
-            writer.add_message(channels[topic.name], time, message.data, source, 0)
-        writer.finish()
-    return path
+def by_mcap(run: Path, folder: Path, *, knows_source: bool = True) -> Path:
+    """Write a run without sequence numbers, and without source times of its own."""
+    with open_log(run) as log:
+        messages = [
+            replace(m, publish_time=m.log_time if knows_source else 0) for m in log.messages()
+        ]
+    return write_jazzy_bag(folder.with_suffix('.mcap'), messages)
 
 
-def without_source(run, folder: Path) -> Path:
+def without_source(run: Path, folder: Path) -> Path:
     return by_mcap(run, folder, knows_source=False)
 
 
