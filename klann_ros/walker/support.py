@@ -11,7 +11,7 @@ and the l_i are the parts of the weight that these feet carry. There may be more
 facet, as there is for a chair that can be tilted back: the body stays on the one that it is on
 while that holds, and then tips to the one on which its centre of mass is the lowest; but it does
 not lie down on its side, which may be lower still. Where more feet touch the plane, all are taken
-as equally stiff: among all loads that balance, theirs is the least sum of squares.
+as equally stiff springs (`spring_loads`).
 
 One pose after the other is computed, in plain numbers: at six feet arrays would cost a hundred
 times what they hold.
@@ -201,28 +201,13 @@ def _shared(feet: Sequence[Point], centre: Point, found: Support) -> Support:
         return found
     margin = max(found.margin, _from_hull([feet[i] for i in touch], centre, found.normal))
     ground = _below(centre, found.normal, found.height)
-    while len(touch) > 3:
-        loads = _least_loads([feet[i] for i in touch], ground)
-        if loads is None:
-            break
-        if min(loads) >= 0.0:
-            return found._replace(feet=tuple(touch), loads=tuple(loads), margin=margin)
-        touch = [i for i, load in zip(touch, loads, strict=True) if load > 0.0]
+    flat = [(feet[i][0], feet[i][1]) for i in touch]
+    loads = spring_loads(flat, [0.0] * len(touch), (ground[0], ground[1]))
+    carrying = [(i, load) for i, load in zip(touch, loads, strict=True) if load > 0.0]
+    if len(carrying) > 3:
+        feet_on, loads_on = zip(*carrying, strict=True)
+        return found._replace(feet=feet_on, loads=loads_on, margin=margin)
     return found._replace(margin=margin)
-
-
-def _least_loads(feet: Sequence[Point], centre: Point) -> list[float] | None:
-    """Return the loads of least squares that balance; None where the feet are on a line."""
-    at = [(f[0] - centre[0], f[1] - centre[1]) for f in feet]
-    k = float(len(at))
-    sx, sy = sum(x for x, _ in at), sum(y for _, y in at)
-    xx, xy, yy = (sum(p[i] * p[j] for p in at) for i, j in ((0, 0), (0, 1), (1, 1)))
-    # The first two moments vanish, and the loads sum up to 1.
-    a, b, c = xy * sy - yy * sx, xy * sx - xx * sy, xx * yy - xy * xy
-    whole = a * sx + b * sy + c * k
-    if abs(whole) <= FLAT * (xx + yy) ** 2:
-        return None
-    return [(a * x + b * y + c) / whole for x, y in at]
 
 
 def spring_loads(
