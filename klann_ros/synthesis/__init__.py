@@ -15,7 +15,7 @@ Results                 `PlacedFourBar`: `defects`, `grashof`, `instant_centres`
 from .dyads import (
     burmester_curve,
     burmester_points,
-    Dyad,
+    BurmesterPair,
     dyad_of_pin,
     dyad_of_pivot,
     dyad_of_rotations,
@@ -39,8 +39,8 @@ from .tasks import (
 )
 
 __all__ = [
+    'BurmesterPair',
     'Defects',
-    'Dyad',
     'FunctionTask',
     'PlacedFourBar',
     'PlanePose',

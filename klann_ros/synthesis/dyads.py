@@ -51,9 +51,9 @@ class PlanePose(NamedTuple):
     angle: float
 
 
-class Dyad(NamedTuple):
+class BurmesterPair(NamedTuple):
     """
-    A bar from a fixed pivot to a point of the moving plane.
+    A dyad's bar: a fixed pivot, and a point of the moving plane on a circle about it.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ def pins(poses: Sequence[PlanePose], pin: complex) -> list[complex]:
 
 def dyad_of_rotations(
     poses: Sequence[PlanePose], rotations: Sequence[float], tolerance: float = 1e-12
-) -> Dyad:
+) -> BurmesterPair:
     """
     Return the dyad of three positions whose bar turns by two given angles.
 
@@ -102,10 +102,10 @@ def dyad_of_rotations(
         raise GeometryError(f'the rotations {[*map(float, rotations)]} rad determine no dyad')
     w, z = np.linalg.solve(system, shifts)
     pin = poses[0].p - complex(z)
-    return Dyad(pin - complex(w), pin)
+    return BurmesterPair(pin - complex(w), pin)
 
 
-def dyad_of_pin(poses: Sequence[PlanePose], pin: complex) -> Dyad:
+def dyad_of_pin(poses: Sequence[PlanePose], pin: complex) -> BurmesterPair:
     """
     Return the dyad of three positions with a given moving pivot.
 
@@ -113,10 +113,10 @@ def dyad_of_pin(poses: Sequence[PlanePose], pin: complex) -> Dyad:
     GeometryError where they are on one line or coincide.
     """
     first, second, third = pins(poses[:3], pin)
-    return Dyad(_circle_centre(first, second, third), pin)
+    return BurmesterPair(_circle_centre(first, second, third), pin)
 
 
-def dyad_of_pivot(poses: Sequence[PlanePose], pivot: complex) -> Dyad:
+def dyad_of_pivot(poses: Sequence[PlanePose], pivot: complex) -> BurmesterPair:
     """
     Return the dyad of three positions with a given fixed pivot; the inversion of `dyad_of_pin`.
 
@@ -124,10 +124,10 @@ def dyad_of_pivot(poses: Sequence[PlanePose], pivot: complex) -> Dyad:
     """
     (p, angle), *_ = poses
     inverted = [p + (pivot - q) * np.exp(1j * (angle - each)) for q, each in poses[:3]]
-    return Dyad(pivot, _circle_centre(*inverted))
+    return BurmesterPair(pivot, _circle_centre(*inverted))
 
 
-def burmester_curve(poses: Sequence[PlanePose], count: int = 360) -> list[Dyad]:
+def burmester_curve(poses: Sequence[PlanePose], count: int = 360) -> list[BurmesterPair]:
     """
     Return dyads of four positions: samples of the centre-point and circle-point curves.
 
@@ -143,7 +143,7 @@ def burmester_curve(poses: Sequence[PlanePose], count: int = 360) -> list[Dyad]:
 
     Returns
     -------
-    list of Dyad
+    list of BurmesterPair
         In the order of beta_2; empty where no bar fits.
 
     """
@@ -160,7 +160,7 @@ def burmester_curve(poses: Sequence[PlanePose], count: int = 360) -> list[Dyad]:
     return found
 
 
-def burmester_points(poses: Sequence[PlanePose]) -> list[Dyad]:
+def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:
     """
     Return all dyads of five positions: none, two or four.
 
@@ -175,7 +175,7 @@ def burmester_points(poses: Sequence[PlanePose]) -> list[Dyad]:
 
     Returns
     -------
-    list of Dyad
+    list of BurmesterPair
         Each fits all poses to rounding.
 
     """
@@ -188,7 +188,7 @@ def burmester_points(poses: Sequence[PlanePose]) -> list[Dyad]:
     under = polynomial.polysub(polynomial.polymul(b_1, c_2), polynomial.polymul(b_2, c_1))
     other = polynomial.polysub(polynomial.polymul(a_1, b_2), polynomial.polymul(a_2, b_1))
     whole = polynomial.polysub(polynomial.polymul(over, other), polynomial.polymul(under, under))
-    found: list[Dyad] = []
+    found: list[BurmesterPair] = []
     for root in polynomial.polyroots(polynomial.polytrim(whole, 1e-14 * np.abs(whole).max())):
         if abs(root) == 0.0 or abs(abs(root) - 1.0) > CIRCLE_TOLERANCE:
             continue
@@ -248,7 +248,7 @@ def _triangle(known: complex, side: complex, last: complex) -> Iterable[complex]
         yield y / abs(y)
 
 
-def _solve(poses: Sequence[PlanePose], bars: tuple[complex, complex]) -> Dyad | None:
+def _solve(poses: Sequence[PlanePose], bars: tuple[complex, complex]) -> BurmesterPair | None:
     """Return the dyad whose bar turns by e^(i b2), e^(i b3); None for a singular system."""
     try:
         return dyad_of_rotations(poses[:3], np.angle(bars).tolist())
@@ -256,14 +256,14 @@ def _solve(poses: Sequence[PlanePose], bars: tuple[complex, complex]) -> Dyad | 
         return None
 
 
-def _residuals(poses: Sequence[PlanePose], dyad: Dyad) -> FloatArray:
+def _residuals(poses: Sequence[PlanePose], dyad: BurmesterPair) -> FloatArray:
     """Return |W_j - M|^2 - |W_1 - M|^2 of the poses after the first one [m^2]."""
     squares = np.abs(np.array(pins(poses, dyad.pin)) - dyad.pivot) ** 2
     residuals: FloatArray = squares[1:] - squares[0]
     return residuals
 
 
-def _fits(poses: Sequence[PlanePose], dyad: Dyad) -> bool:
+def _fits(poses: Sequence[PlanePose], dyad: BurmesterPair) -> bool:
     """Return whether a dyad fits all poses and is a bar of the task's size."""
     places = np.array(pins(poses, dyad.pin))
     lengths = np.abs(places - dyad.pivot)
@@ -277,7 +277,7 @@ def _size(poses: Sequence[PlanePose]) -> float:
     return float(max(abs(p - poses[0].p) for p, _ in poses))
 
 
-def _refine(poses: Sequence[PlanePose], dyad: Dyad) -> Dyad:
+def _refine(poses: Sequence[PlanePose], dyad: BurmesterPair) -> BurmesterPair:
     """Return a dyad of five positions after Newton's iteration on its four equations."""
     rotors, _ = _relative(poses)
     for _ in range(MAX_REFINEMENTS):
@@ -293,13 +293,13 @@ def _refine(poses: Sequence[PlanePose], dyad: Dyad) -> Dyad:
             x = np.linalg.solve(jacobian, -_residuals(poses, dyad))
         except np.linalg.LinAlgError:
             break
-        dyad = Dyad(dyad.pivot + complex(x[2], x[3]), dyad.pin + complex(x[0], x[1]))
+        dyad = BurmesterPair(dyad.pivot + complex(x[2], x[3]), dyad.pin + complex(x[0], x[1]))
         if np.abs(x).max() <= 1e-15 * (abs(dyad.pin) + abs(dyad.pivot)):
             break
     return dyad
 
 
-def _is_among(dyad: Dyad, found: Iterable[Dyad], size: float) -> bool:
+def _is_among(dyad: BurmesterPair, found: Iterable[BurmesterPair], size: float) -> bool:
     """Return whether a dyad was found already, up to the rounding of a close pair of roots."""
     return any(
         abs(dyad.pivot - other.pivot) + abs(dyad.pin - other.pin)

@@ -24,6 +24,10 @@ import numpy as np
 from .dyads import burmester_points, PlanePose
 from .placed import PlacedFourBar, Position
 
+# Start angles that each number of precision points needs: crank's, rocker's; in words.
+STARTS = {3: (True, True), 4: (True, False), 5: (False, False)}
+NEEDED = {3: 'input_start and output_start', 4: 'input_start alone', 5: 'no start angle'}
+
 
 class FunctionTask(NamedTuple):
     """
@@ -133,10 +137,6 @@ def function_generators(
     starts = [output_start] if output_start is not None else _output_starts(phi, psi)
     found = (_of_angles(phi, psi + start, ground) for start in starts)
     return [linkage for linkage in found if linkage]
-
-
-STARTS = {3: (True, True), 4: (True, False), 5: (False, False)}
-NEEDED = {3: 'input_start and output_start', 4: 'input_start alone', 5: 'no start angle'}
 
 
 def freudenstein(theta2: FloatArray, theta4: FloatArray) -> FloatArray:

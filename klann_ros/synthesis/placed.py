@@ -125,7 +125,8 @@ class PlacedFourBar:
     @property
     def swept_angles(self) -> list[float]:
         """Return the crank rotations from the first position, in (-pi, pi] [rad]."""
-        return [wrap(theta - self.thetas[0]) for theta in self.thetas]
+        thetas = self.thetas
+        return [wrap(theta - thetas[0]) for theta in thetas]
 
     def at(self, theta2: float) -> Position:
         """
@@ -231,15 +232,16 @@ class PlacedFourBar:
 
     def _is_in_order(self) -> bool:
         near, far = crank_limits(self.geometry.lengths)
+        thetas = self.thetas
         if near == 0.0 and far == pi:
-            turns = [wrap(b - a) for a, b in pairwise(self.thetas)]
+            turns = [wrap(b - a) for a, b in pairwise(thetas)]
             return any(
                 sum(turn * sense % TURN for turn in turns) < TURN - FIT_TOLERANCE
                 and all(turn * sense % TURN > 0.0 for turn in turns)
                 for sense in (1.0, -1.0)
             )
         # An arc that holds the angle 0 is counted from -far to far, one that holds pi from near.
-        along = self.thetas if near == 0.0 else [theta % TURN for theta in self.thetas]
+        along = thetas if near == 0.0 else [theta % TURN for theta in thetas]
         if near > 0.0 and far < pi and len({theta > pi for theta in along}) > 1:
             return False
         steps = [b - a for a, b in pairwise(along)]

@@ -1,7 +1,7 @@
 """Four-bars for poses, paths, limits and toggles: pairs of dyads, and the rocker's limits."""
 
 from collections.abc import Sequence
-from itertools import combinations
+from itertools import permutations
 from math import cos, isfinite, pi, sin, sqrt
 
 from klann_ros.kinematics import FourBarGeometry, GeometryError
@@ -11,7 +11,7 @@ import numpy as np
 from .dyads import (
     burmester_curve,
     burmester_points,
-    Dyad,
+    BurmesterPair,
     dyad_of_pin,
     dyad_of_pivot,
     dyad_of_rotations,
@@ -73,10 +73,7 @@ def motion_generators(
         dyads = burmester_points(poses)
     else:
         raise ValueError(f'{len(poses)} poses: 3 to 5 are needed')
-    ordered = [
-        pair for one, other in combinations(dyads, 2) for pair in ((one, other), (other, one))
-    ]
-    pairs = ordered if len(poses) > 3 else [(dyads[0], dyads[1])]
+    pairs = permutations(dyads, 2) if len(poses) > 3 else [(dyads[0], dyads[1])]
     return [linkage for pair in pairs if (linkage := _couple(poses, *pair))]
 
 
@@ -203,7 +200,9 @@ def toggle_couplers(
     return [(float(length), kind) for length, kind in candidates if length > 0.0]
 
 
-def _couple(poses: Sequence[PlanePose], one: Dyad, other: Dyad) -> PlacedFourBar | None:
+def _couple(
+    poses: Sequence[PlanePose], one: BurmesterPair, other: BurmesterPair
+) -> PlacedFourBar | None:
     """Return the four-bar of a driving and a driven dyad; None if they make none."""
     places = tuple(
         Position(a, b, p)
