@@ -1,7 +1,6 @@
 """A calibration as one HTML page that opens offline, without scripts."""
 
 from collections.abc import Iterator, Sequence
-from string import Template
 from typing import Any
 
 from klann_ros.datasheet.chart import Chart, ChartLine, grid
@@ -9,8 +8,7 @@ from klann_ros.datasheet.page import PAGE_PARTS
 from klann_ros.kinematics import linkage_poses
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.sanitize.text import printable
-from klann_ros.web.markup import element, joined, Markup, scrolling_table
+from klann_ros.web.markup import element, Markup, scrolling_table
 from klann_ros.web.parts import Parts
 import numpy as np
 
@@ -20,24 +18,6 @@ from .model import PHASE
 from .observability import Suggestion
 
 PARTS = Parts(styles=PAGE_PARTS.styles, scripts=())
-PAGE = Template("""\
-<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-$policy
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-$title
-$styles
-</head>
-<body>
-<main>
-$content
-</main>
-</body>
-</html>
-""")
 # Bins of the crank angle in the charts of residuals.
 BINS = 72
 # Size of the drawing, its margin, and of the largest drawn correction [px].
@@ -69,12 +49,7 @@ def page(calibration: Calibration, further: Sequence[Suggestion], run: str, buil
     }
     title = element('div', element('h1', f'Calibration of {name}'), element('p', run))
     content = [element('section', element('h2', head), *own) for head, own in sections.items()]
-    return PAGE.substitute(
-        title=element('title', f'Calibration of {printable(name)}'),
-        policy=PARTS.policy(),
-        styles=PARTS.style_elements(),
-        content=joined([element('header', title), *content]),
-    )
+    return PARTS.page(f'Calibration of {name}', element('header', title), *content)
 
 
 def _charts(calibration: Calibration) -> Iterator[Chart]:

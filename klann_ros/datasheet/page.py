@@ -3,13 +3,12 @@
 from collections.abc import Iterable, Iterator
 from math import degrees
 from pathlib import Path
-from string import Template
 from typing import Any
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.sanitize.text import printable
-from klann_ros.web.markup import element, joined, Markup, scrolling_table
-from klann_ros.web.parts import as_script, FRAME, Parts, SHARED, text
+from klann_ros.web.markup import element, Markup, scrolling_table
+from klann_ros.web.parts import FRAME, Parts, SHARED
 from klann_ros.web.shape import leg_shape
 import numpy as np
 
@@ -38,17 +37,16 @@ def page(sheet: DataSheet) -> str:
     """Return the page of a data sheet."""
     data = [_animation(leg, sheet.speed) for leg in sheet.legs]
     several = not sheet.is_single
-    return Template(text(_STATIC_FILES / 'page.html')).substitute(
-        title=element('title', f'Data sheet of {printable(sheet.name)}'),
-        policy=PAGE_PARTS.policy(),
-        styles=PAGE_PARTS.style_elements(),
-        header=_header(sheet),
-        notes=_notes(sheet),
-        legs=joined(_leg(sheet, leg, number) for number, leg in enumerate(sheet.legs)),
-        cranks=joined(_crank(one, sheet) for one in sheet.cranks if several and one.hardest),
-        walking=_walking(sheet),
-        data=element('script', as_script(data), id='data', type='application/json'),
-        scripts=PAGE_PARTS.script_elements(),
+    no_scripts = 'The leg is drawn by scripts, which are switched off here.'
+    return PAGE_PARTS.page(
+        f'Data sheet of {sheet.name}',
+        _header(sheet),
+        element('noscript', element('p', no_scripts, class_='quiet')),
+        _notes(sheet),
+        *(_leg(sheet, leg, number) for number, leg in enumerate(sheet.legs)),
+        *(_crank(one, sheet) for one in sheet.cranks if several and one.hardest),
+        _walking(sheet),
+        data=data,
     )
 
 

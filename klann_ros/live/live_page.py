@@ -8,7 +8,7 @@ from string import Template
 from urllib.parse import quote
 
 from klann_ros.web.markup import element, joined, Markup
-from klann_ros.web.parts import FRAME, SHARED, text
+from klann_ros.web.parts import FRAME, html_page, SHARED, text
 
 from .runs import ListedRun
 
@@ -103,15 +103,7 @@ def list_page(runs: Sequence[ListedRun], token: str) -> str:
 
 
 def _small(title: str, *content: Markup) -> str:
-    head = element(
-        'head',
-        element('meta', charset='utf-8'),
-        element('meta', name_='viewport', content='width=device-width, initial-scale=1'),
-        element('title', title),
-        _styles(),
-    )
-    body = element('body', element('main', element('h1', title), *content))
-    return f'<!doctype html>\n{element("html", head, body, lang="en")}\n'
+    return html_page(title, _styles(), element('main', element('h1', title), *content))
 
 
 def _moment(time: int) -> str:

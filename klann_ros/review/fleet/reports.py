@@ -79,30 +79,13 @@ def save_index(rows: Sequence[Row], path: str, pages: Mapping[str, str], file: B
 def _page(rows: Sequence[Row], links: Mapping[str, str]) -> str:
     faults = sum(row.verdict != OK for row in rows)
     title = counted(len(rows), 'run')
-    body = element(
-        'main',
-        element(
-            'header',
-            element('div', element('h1', title), element('p', _summary(rows), class_='quiet')),
-            element(
-                'p',
-                f'{faults} of them not healthy' if faults else 'Healthy',
-                class_=f'verdict {"bad" if faults else "good"}',
-            ),
-        ),
-        _checks(rows),
-        *_groups(rows, links),
+    verdict = f'{faults} of them not healthy' if faults else 'Healthy'
+    header = element(
+        'header',
+        element('div', element('h1', title), element('p', _summary(rows), class_='quiet')),
+        element('p', verdict, class_=f'verdict {"bad" if faults else "good"}'),
     )
-    head = element(
-        'head',
-        Markup('<meta charset="utf-8">'),
-        _PARTS.policy(),
-        Markup('<meta name="viewport" content="width=device-width, initial-scale=1">'),
-        Markup('<meta name="color-scheme" content="light dark">'),
-        element('title', f'Review of {title}'),
-        _PARTS.style_elements(),
-    )
-    return f'<!doctype html>\n{element("html", head, element("body", body), lang="en")}\n'
+    return _PARTS.page(f'Review of {title}', header, _checks(rows), *_groups(rows, links))
 
 
 def _summary(rows: Sequence[Row]) -> str:

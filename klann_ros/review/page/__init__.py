@@ -14,7 +14,7 @@ from klann_ros.review.model.topics import LOWER_BOUND_MARK, LOWER_BOUND_REASON, 
 from klann_ros.sanitize.outputs import finite
 from klann_ros.sanitize.text import counted, printable
 from klann_ros.web.markup import element, joined, Markup, scrolling_table, UNKNOWN_NUMBER
-from klann_ros.web.parts import as_script, FRAME, Parts, SHARED, text
+from klann_ros.web.parts import FRAME, Parts, SHARED, text
 
 from .data import run_data
 
@@ -53,19 +53,16 @@ def save(
 ) -> None:
     """Write the page of one run, or of two, to an open file, its numbers in `max_bytes`."""
     data = [run_data(review, max_bytes / len(reviews)) for review in reviews]
-    licence = Markup(f'<!-- uPlot\n{text(_UPLOT / "LICENSE")}-->')
-    page = Template(text(_OWN / 'page.html')).substitute(
-        title=element('title', f'Review of {_names(reviews)}'),
-        policy=PARTS.policy(),
-        styles=PARTS.style_elements(),
+    main = Template(text(_OWN / 'main.html')).substitute(
         header=header(reviews, comparison),
         tiles=figures(reviews),
         findings=findings(reviews),
         differences=differences(comparison),
         topics=topics(reviews),
-        data=element('script', as_script(finite(data)), id='data', type='application/json'),
-        scripts=joined([licence, PARTS.script_elements()]),
     )
+    licence = Markup(f'<!-- uPlot\n{text(_UPLOT / "LICENSE")}-->')
+    title = f'Review of {_names(reviews)}'
+    page = PARTS.page(title, Markup(main), licence, data=finite(data))
     # A path may hold bytes that are no text.
     file.write(page.encode(errors='replace'))
 
