@@ -10,7 +10,6 @@ from typing import NamedTuple
 from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.log import Message, open_log, Topic
-from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD
 from klann_ros.robot import Robot, robot_from_parameters, RobotLeg
 from klann_ros.sanitize.cdr import CdrCursor, read_joint_state, STAMP_SIZE
 from klann_ros.sanitize.files import read_regular
@@ -131,15 +130,14 @@ def point_topics(names: Iterable[str], linkage: Linkage, leg: str = '') -> dict[
 def described_run(path: str, known: Robot | None) -> tuple[Robot, list[str]]:
     """Return the robot of a run, or the known one, and the topics that may be of one point."""
     with open_log(path) as log:
-        records = log.metadata.get(SOLVER_RECORD, [])
+        solvers = log.solvers if known is None else []
         points = {*POINT_LAYOUTS} - {*FRAMED_TYPES}
         topics = [topic.name for topic in log.topics if topic.type in points]
     if known is not None:
         return known, topics
-    for record in reversed(records):
+    for solver in reversed(solvers):
         with suppress(ValueError, TypeError):
-            parameters = solver_parameters(record).parameters
-            return robot_from_parameters(parameters, weigh=False), topics
+            return robot_from_parameters(solver.without_files, weigh=False), topics
     raise MeasurementError('the run does not contain the leg as drawn: name its file with --leg')
 
 

@@ -17,6 +17,13 @@ from .read.block import MessageBlock
 from .read.opening import open_files
 from .read.storage import Source, Storage, Topics
 from .records import Attachment, Message
+from .run_parameters import (
+    described_solvers,
+    is_leg_description,
+    recorded_solvers,
+    SOLVER_RECORD,
+    SolverParameters,
+)
 
 # Messages that are kept beside the wanted number while the last ones are searched.
 _SLACK = 100
@@ -77,6 +84,20 @@ class Log(AbstractContextManager['Log']):
         """Return the first problem and the number of further ones; '' without any."""
         first, *more = self.problems or ('',)
         return f'{first} (and {len(more)} more)' if more else first
+
+    @property
+    def solvers(self) -> list[SolverParameters]:
+        """
+        Return the parameters of the run's solvers, in the order of time.
+
+        They are records of recorder_node, or else messages of `leg_description`, which any
+        recorder has; read at each call.
+        """
+        records = self.metadata.get(SOLVER_RECORD, ())
+        if not records:
+            names = {t.name for t in self.topics if is_leg_description(t)}
+            return described_solvers(self.messages(names)) if names else []
+        return recorded_solvers(records)
 
     @property
     def gaps(self) -> tuple[tuple[int, int], ...]:

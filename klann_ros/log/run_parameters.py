@@ -6,7 +6,11 @@ from dataclasses import asdict, dataclass
 import json
 from typing import Any
 
+from klann_ros.sanitize.cdr import CdrCursor
 from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.yaml_text import dump, MAX_FILE_SIZE, parse
+
+from .records import Message, Topic
 
 SOLVER_RECORD = 'klann_ros.solver'
 LOSS_RECORD = 'klann_ros.loss'
@@ -20,6 +24,9 @@ LINKAGE_PARAMETER = 'linkage_description'
 # The player's parameter with the records of a run's solvers, and their maximum number.
 REPLAYED_PARAMETER = 'recorded_solvers'
 MAX_REPLAYED_SOLVERS = 64
+# The topic on which a solver publishes its parameters, and its type.
+DESCRIPTION_TOPIC, STRING_TYPE = 'leg_description', 'std_msgs/msg/String'
+_SECTION = 'ros__parameters'
 # Errors of a malformed record, with infinite numbers or deeply nested lists.
 _RECORD_ERRORS = (AttributeError, KeyError, OverflowError, RecursionError, TypeError, ValueError)
 
@@ -34,6 +41,11 @@ class SolverParameters:
     time: int
     # Numbers, texts, flags and lists of them, by name.
     parameters: dict[str, Any]
+
+    @property
+    def without_files(self) -> dict[str, Any]:
+        """Return the parameters without names of files: a run must not choose what is opened."""
+        return {k: v for k, v in self.parameters.items() if k.rpartition('.')[2] != 'linkage'}
 
 
 def solver_record(solver: SolverParameters) -> dict[str, str]:
@@ -51,13 +63,69 @@ def solver_parameters(record: Mapping[str, str]) -> SolverParameters:
         raise ValueError(f'not a record of a solver: {printable(dict(record))}') from None
 
 
-def replayed_solvers_json(records: Sequence[Mapping[str, str]]) -> str:
-    """Return the records of a run's last solvers for a player's parameter, as JSON."""
+def leg_description(solver: SolverParameters) -> str:
+    """Return a solver's parameters as a parameter file: the text of `leg_description`."""
+    return dump({solver.node: {_SECTION: solver.parameters}}) + '\n'
+
+
+def described_solver(text: str, time: int) -> SolverParameters:
+    """
+    Return the solver that a `leg_description` describes (untrusted).
+
+    Parameters
+    ----------
+    text
+        A parameter file with the section of one node.
+    time
+        Log time of the message [ns].
+
+    Raises
+    ------
+    ValueError
+        It is no such file.
+
+    """
+    try:
+        ((node, section),) = parse(text).items()
+        # YAML has values that no metadata record can hold.
+        parameters = dict(json.loads(json.dumps(section[_SECTION])))
+        return SolverParameters(str(node), time, parameters)
+    except _RECORD_ERRORS:
+        raise ValueError(f'not a {DESCRIPTION_TOPIC}: {printable(text[:200])}') from None
+
+
+def is_leg_description(topic: Topic) -> bool:
+    """Return whether a topic has the parameters of solvers."""
+    return (topic.type, topic.name.rpartition('/')[2]) == (STRING_TYPE, DESCRIPTION_TOPIC)
+
+
+def described_solvers(messages: Iterable[Message]) -> list[SolverParameters]:
+    """Return the solvers that messages of `leg_description` describe; skip malformed ones."""
+    found: list[SolverParameters] = []
+    last, left = b'', MAX_FILE_SIZE
+    for message in messages:
+        # A solver repeats it to late subscribers.
+        if message.data != last and len(message.data) <= left:
+            # All of them may cost as much as one file.
+            last, left = message.data, left - len(message.data)
+            with suppress(ValueError):
+                text = CdrCursor(message.data).string().decode()
+                found.append(described_solver(text, message.log_time))
+    return found
+
+
+def recorded_solvers(records: Iterable[Mapping[str, str]]) -> list[SolverParameters]:
+    """Return the solvers in metadata records, by time; skip malformed ones."""
     found = []
-    for record in records[-MAX_REPLAYED_SOLVERS:]:
+    for record in records:
         with suppress(ValueError):
-            found.append(solver_record(solver_parameters(record)))
-    return json.dumps(found)
+            found.append(solver_parameters(record))
+    return sorted(found, key=lambda solver: solver.time)
+
+
+def replayed_solvers_json(solvers: Sequence[SolverParameters]) -> str:
+    """Return a run's last solvers for a player's parameter, as JSON."""
+    return json.dumps([solver_record(solver) for solver in solvers[-MAX_REPLAYED_SOLVERS:]])
 
 
 def replayed_solvers(text: str) -> list[SolverParameters]:
@@ -66,12 +134,8 @@ def replayed_solvers(text: str) -> list[SolverParameters]:
         records = json.loads(text)
     except (RecursionError, ValueError):
         return []
-    found = []
     known = records[:MAX_REPLAYED_SOLVERS] if isinstance(records, list) else []
-    for record in (one for one in known if isinstance(one, dict)):
-        with suppress(ValueError):
-            found.append(solver_parameters(record))
-    return sorted(found, key=lambda solver: solver.time)
+    return recorded_solvers(one for one in known if isinstance(one, dict))
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,9 @@ from .parameters import Declaration, declare, overrides
 DEPTH = 2000
 INPUT = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 OUTPUT = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
 # Fast DDS sends a heartbeat every 3 s; a shorter wait may miss a retransmission [s].
 ARRIVES = 3.5
 

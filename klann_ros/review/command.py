@@ -54,7 +54,7 @@ DESCRIPTION = """\
 Review a run: the motion of the leg, lost messages, and whether every pose is right.
 
 Every pose is solved again from its crank angle, by the geometry in the run: a solver's parameters,
-or robot_description.
+or else leg_description or robot_description.
 With LOG2, the differences of the two runs are reported as well.
 Exit code: 0 nothing found, 1 findings (or a difference), 2 not a readable log, 3 a FILE, which is
 checked at the start, or the report itself cannot be written.

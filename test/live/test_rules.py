@@ -16,7 +16,6 @@ from klann_ros.live.rates import TopicRate
 from klann_ros.log.run_parameters import (
     replayed_solvers,
     replayed_solvers_json,
-    solver_record,
     SolverParameters,
 )
 import numpy as np
@@ -202,9 +201,7 @@ def test_a_player_tells_the_legs_of_its_run_by_their_namespaces() -> None:
         parameters_of('/solver_node', 2, l_gh=0.6),
         parameters_of('/solver_node', 3, l_gh=0.7),
     ]
-    written = [*map(solver_record, records), {'no': 'record'}]
-    text = replayed_solvers_json(written)
-    read = replayed_solvers(text)
+    read = replayed_solvers(replayed_solvers_json(records))
     assert read == records
     for topic, length, is_changed in (
         ('/again/left/joint_states', 0.5, False),

@@ -13,7 +13,7 @@ from klann_ros.log.play.playback import length, Playback, Selection
 from klann_ros.log.qos import latched_count, Qos, QosTexts
 from klann_ros.log.reader import Log, open_log
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.run_parameters import REPLAYED_PARAMETER, replayed_solvers_json, SOLVER_RECORD
+from klann_ros.log.run_parameters import REPLAYED_PARAMETER, replayed_solvers_json
 from klann_ros.nodes.endpoints import (
     create_steady_timer,
     DEPTH,
@@ -89,7 +89,7 @@ class PlayerNode(ProcessNode):
         declare_constant(
             self,
             REPLAYED_PARAMETER,
-            replayed_solvers_json(log.metadata.get(SOLVER_RECORD, [])),
+            replayed_solvers_json(log.solvers),
             "what the log tells of its solvers' parameters [JSON]",
         )
         self._topics = PlayedTopics(self, _selected_topics(log, options), dict(options.remap))

@@ -27,6 +27,7 @@ TOPICS = (
     '*/velocity_h',
     'markers',
     'robot_description',
+    'leg_description',
     'cmd_vel',
     'crank_command',
     'odom',

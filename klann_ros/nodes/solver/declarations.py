@@ -7,6 +7,7 @@ from typing import Any
 
 from klann_ros.kinematics import KlannGeometry
 from klann_ros.kinematics.klann import BENDS, LENGTHS, NUMBERS
+from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 from klann_ros.nodes.parameters import Declaration
 from klann_ros.robot.robot import SEPARATORS
 
@@ -88,10 +89,8 @@ PUBLISHED = (
     Declaration('publish_markers', True, 'whether the legs are published as markers'),
     Declaration('diagnostics_period', 1.0, 'time between diagnostics [s]', limits=(0.01, 3600.0)),
 )
-# Masses and sizes in leg files, for other programs.
+# Masses and sizes in leg files, for other programs: declared where they are given.
 FOR_OTHERS = ('bar_density', 'foot_mass', 'body_mass', 'body_size', 'body_centre')
-# Those that are declared where they are given, so that they are in a run, for its review.
-MASSES = ('bar_density', 'foot_mass')
 _UPRIGHT = (pi / 2, 0.0, 0.0)
 
 
@@ -143,3 +142,14 @@ def named_leg(name: str, common: Mapping[str, Any]) -> tuple[Declaration, ...]:
 OF_LEG = frozenset(p.name.removeprefix('LEG.') for p in (*drive('LEG.'), *place('LEG'))) | {
     *GEOMETRY_NAMES
 }
+# Parameters in leg_description, with any leg's name before them: no files.
+DESCRIBED = frozenset(
+    (
+        *OF_LEG,
+        *(p.name for p in (*LEGS, *SETTINGS)),
+        *FOR_OTHERS,
+        LINKAGE_PARAMETER,
+        'frame_id',
+        'use_sim_time',
+    )
+) - {'linkage'}

@@ -5,7 +5,8 @@ from typing import Any
 
 from klann_ros.kinematics import AnyLeg, GeometryError, KlannGeometry, KlannLeg, LinkageLeg
 from klann_ros.kinematics.klann import PRESETS
-from klann_ros.log.run_parameters import LINKAGE_PARAMETER
+from klann_ros.log.run_parameters import described_solver, DESCRIPTION_TOPIC, LINKAGE_PARAMETER
+from klann_ros.nodes.endpoints import LATCHED
 from klann_ros.nodes.parameters import (
     declare,
     declare_constant,
@@ -19,6 +20,8 @@ from klann_ros.robot import Robot, robot_from_parameters
 from klann_ros.sanitize.text import printable, printable_line
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.wait_for_message import wait_for_message
+from std_msgs.msg import String
 
 from .declarations import (
     drive,
@@ -26,7 +29,6 @@ from .declarations import (
     GEOMETRY,
     GEOMETRY_NAMES,
     LEGS,
-    MASSES,
     named_leg,
     OF_LEG,
     SETTINGS,
@@ -37,13 +39,26 @@ _PRESETS = {name: make() for name, make in PRESETS.items()}
 _OF_ALL = {*GEOMETRY_NAMES, *FOR_OTHERS, LINKAGE_PARAMETER}
 _OF_ROBOT = _OF_ALL | {parameter.name for parameter in (*LEGS, *drive())}
 _OF_NAMED_LEG = _OF_ALL | OF_LEG
+# Discovery of a running solver [s].
+_DESCRIPTION_TIMEOUT = 5.0
 
 
-def declared_robot(node: Node) -> Robot:
+def declared_robot(node: Node, *, described: bool = False) -> Robot:
     """
     Declare the given parameters of a robot, read-only, and return the robot.
 
-    A StartError says why they are no robot.
+    Parameters
+    ----------
+    node : Node
+        The node with the parameters.
+    described : bool
+        Whether to wait for a solver's leg_description where no robot is given.
+
+    Raises
+    ------
+    StartError
+        They are no robot; the text says why.
+
     """
     legs = plain(overrides(node)['legs'].value) if 'legs' in overrides(node) else ()
     names = {str(leg) for leg in legs} if isinstance(legs, list) else set()
@@ -53,15 +68,35 @@ def declared_robot(node: Node) -> Robot:
         if name in _OF_ROBOT or (family in names and last in _OF_NAMED_LEG):
             given[name] = plain(parameter.value)
     declare_given(node, given, 'of the robot: see solver_node --help')
+    what = 'the parameters are'
+    if not given and described:
+        given, what = _described_parameters(node), f'{DESCRIPTION_TOPIC} is'
     if not given:
+        nor = f', nor by {DESCRIPTION_TOPIC}' * described
         raise StartError(
-            'no robot is given: --ros-args --params-file FILE, such as '
+            f'no robot is given{nor}: --ros-args --params-file FILE, such as '
             'share/klann_ros/config/walker6_two_motors.yaml'
         )
     try:
         return robot_from_parameters(given, folders=parameter_folders())
     except (ValueError, TypeError, OSError) as error:
-        raise StartError(f'the parameters are no robot: {printable_line(error)}') from error
+        raise StartError(f'{what} no robot: {printable_line(error)}') from error
+
+
+def _described_parameters(node: Node) -> dict[str, Any]:
+    """Return the parameters in a solver's description (untrusted); none before the timeout."""
+    node.get_logger().info(f'waiting for {node.resolve_topic_name(DESCRIPTION_TOPIC)}')
+    found, message = wait_for_message(
+        String,
+        node,
+        DESCRIPTION_TOPIC,
+        qos_profile=LATCHED,
+        time_to_wait=_DESCRIPTION_TIMEOUT,
+    )
+    try:
+        return described_solver(message.data, 0).without_files if found else {}
+    except ValueError as error:
+        raise StartError(str(error)) from error
 
 
 class LegParameters:
@@ -102,8 +137,9 @@ class LegParameters:
             # Also a GeometryError, and the solver's refusal of tolerance or max_crank_step.
             raise StartError(str(error)) from error
         self._declare_descriptions(node, robot)
-        masses = [prefix + name for prefix in {'', *self._prefixes.values()} for name in MASSES]
-        declare_given(node, masses, 'unused by the solver, recorded for review')
+        prefixes = {'', *self._prefixes.values()}
+        others = [prefix + name for prefix in prefixes for name in FOR_OTHERS]
+        declare_given(node, others, 'unused by the solver, described for other programs')
 
     def _declare_descriptions(self, node: Node, robot: Robot) -> None:
         """Declare the text of the legs' linkage, and of each leg's where they differ."""

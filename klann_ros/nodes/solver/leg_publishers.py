@@ -7,26 +7,25 @@ from typing import Any, NamedTuple
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, PointStamped, TwistStamped
 from klann_ros.kinematics import foot_path, KinematicsError, LinkageMotion, LinkagePose
-from klann_ros.nodes.endpoints import create_publisher
+from klann_ros.log.run_parameters import DESCRIPTION_TOPIC, leg_description, SolverParameters
+from klann_ros.nodes.endpoints import create_publisher, LATCHED
+from klann_ros.nodes.parameters import plain
 from klann_ros.plotting.drawing import PoseDrawing
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
-from std_msgs.msg import ColorRGBA
+from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from .cdr import JointStateTemplate, PointTemplate, TwistTemplate
 from .crank_inputs import Stamp
+from .declarations import DESCRIBED
 from .driven_leg import DrivenLeg
 
 Send = Callable[[bytes], None]
 Answer = tuple[DrivenLeg, LinkagePose, LinkageMotion | None]
 # Minimum period, while there are subscribers [s].
 _MARKERS_PERIOD = 0.05
-_LATCHED = QoSProfile(
-    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
 # Sizes of pivots, joints and bars, and of the path, relative to the leg's size.
 _PIVOT_SIZE, _JOINT_SIZE, _BAR_SIZE, _PATH_SIZE = 0.035, 0.03, 0.018, 0.005
 # Markers' numbers; the bodies' follow from the last.
@@ -86,6 +85,25 @@ class LegMessages:
         return template
 
 
+class LegDescription:
+    """Publisher of the legs' parameters as a parameter file, at the start and after changes."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._publisher = create_publisher(node, String, DESCRIPTION_TOPIC, LATCHED)
+        self.publish()
+
+    def publish(self) -> None:
+        """Publish the present parameters."""
+        parameters = {
+            name: plain(parameter.value)
+            for name, parameter in self._node.get_parameters_by_prefix('').items()
+            if name.rpartition('.')[2] in DESCRIBED
+        }
+        solver = SolverParameters(self._node.get_fully_qualified_name(), 0, parameters)
+        self._publisher.publish(String(data=leg_description(solver)))
+
+
 class LegMarkers:
     """
     Publisher of the legs as markers, while there are subscribers.
@@ -99,7 +117,7 @@ class LegMarkers:
         self._drawn: list[LinkagePose | None] = []
         matched = PublisherEventCallbacks(matched=self._on_matched)
         self._publisher = create_publisher(
-            node, MarkerArray, 'markers', _LATCHED, event_callbacks=matched
+            node, MarkerArray, 'markers', LATCHED, event_callbacks=matched
         )
         self._timer = node.create_timer(_MARKERS_PERIOD, self._on_timer, autostart=False)
 

@@ -28,7 +28,7 @@ from .crank_inputs import CrankInput, CrankInputs, Stamp
 from .declarations import drive, GEOMETRY, GEOMETRY_NAMES, LEGS, place, PUBLISHED, SETTINGS
 from .driven_leg import DrivenLeg, SolverStatistics
 from .leg_parameters import LegParameters
-from .leg_publishers import LegMarkers, LegMessages
+from .leg_publishers import LegDescription, LegMarkers, LegMessages
 
 
 class Solver:
@@ -53,6 +53,7 @@ class Solver:
         self._markers = (
             LegMarkers(node, self._legs, values['frame_id']) if values['publish_markers'] else None
         )
+        self._description = LegDescription(node)
         create_trigger(node, 'reset', self._on_reset)
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
@@ -113,6 +114,7 @@ class Solver:
             leg.leg = changed.get(leg.name, leg.leg)
         if changed:
             self._diagnostics.legs_changed()
+            self._description.publish()
         if changed and self._markers:
             self._markers.legs_changed()
 

@@ -9,7 +9,13 @@ from typing import Any
 
 from klann_ros.live.clients import Answer
 from klann_ros.live.rates import TopicRate
-from klann_ros.nodes.endpoints import message_class, name_refusal, UnknownMessageTypeError
+from klann_ros.log.run_parameters import DESCRIPTION_TOPIC, STRING_TYPE
+from klann_ros.nodes.endpoints import (
+    LATCHED,
+    message_class,
+    name_refusal,
+    UnknownMessageTypeError,
+)
 from klann_ros.nodes.process import ROS_ERRORS
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.sanitize.text import printable
@@ -34,12 +40,13 @@ _ENDINGS = {
     JOINT_STATE: ('',),
     DIAGNOSTICS: ('diagnostics',),
     ODOMETRY: ('odom',),
+    STRING_TYPE: (DESCRIPTION_TOPIC,),
     _CRANK_ANGLE: ('crank_angle',),
     _TWIST: ('velocity_h', 'cmd_vel'),
     'geometry_msgs/msg/PointStamped': ('point_h',),
 }
 # Types whose messages are stored; the others are counted only.
-_DECODED_TYPES = {JOINT_STATE, DIAGNOSTICS, ODOMETRY}
+_DECODED_TYPES = {JOINT_STATE, DIAGNOSTICS, ODOMETRY, STRING_TYPE}
 # Best effort requests no retransmission, so it delays no publisher; losses are shown.
 _QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Topics and machines of a page.
@@ -168,7 +175,7 @@ class SubscribedTopic:
             self._class,
             name,
             self._on_message,
-            _QOS,
+            LATCHED if kind == STRING_TYPE else _QOS,
             raw=True,
             callback_group=group,
             event_callbacks=SubscriptionEventCallbacks(

@@ -1,7 +1,9 @@
 """State of the live page from ROS topics, and the commands of pages: service calls and drives."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 import json
 from math import atan2, isfinite
 from time import monotonic
@@ -19,10 +21,17 @@ from klann_ros.live.legs import (
     solver_of,
 )
 from klann_ros.live.protocol import Command
-from klann_ros.log.run_parameters import REPLAYED_PARAMETER, replayed_solvers, SolverParameters
+from klann_ros.log.run_parameters import (
+    described_solver,
+    REPLAYED_PARAMETER,
+    replayed_solvers,
+    SolverParameters,
+    STRING_TYPE,
+)
 from klann_ros.nodes.endpoints import create_steady_timer
 from klann_ros.nodes.lease import CRANK_STATE
 from klann_ros.nodes.recorder.solver_watch import SolverWatch
+from klann_ros.review.load.geometry import parent
 from klann_ros.sanitize.text import printable
 from rclpy.node import Node
 
@@ -233,11 +242,21 @@ class LiveState(PageState):
             elif self._replays.get(node):
                 key = f'{node} {topic.name}'
                 found[key] = replayed_solver(node, topic.name, self._replays[node])
+            elif described := self._described(topic):
+                key = f'{node} {topic.name}'
+                found[key] = replayed_solver(node, topic.name, described)
             else:
                 names = [name for _, message in topic.newest() for name in message.name[:200]]
                 if names:
                     found[node] = assumed_solver(node, names)
         return found
+
+    def _described(self, topic: SubscribedTopic) -> list[SolverParameters]:
+        """Return the solvers described beside a topic, or by the only description."""
+        topics = self._subscriptions.of_kind(STRING_TYPE)
+        beside = [each for each in topics if parent(each.name) == parent(topic.name)]
+        texts = [m.data for each in beside or topics[:1] for _, m in each.newest()]
+        return _described_solvers(tuple(texts))
 
     def _update_drives(self, topics: Names) -> None:
         if self._drives is None:
@@ -323,6 +342,16 @@ class LiveState(PageState):
                     if status.name in found or len(found) < _MAX_STATUSES:
                         found[status.name] = status, text
         return found
+
+
+@lru_cache(maxsize=8)
+def _described_solvers(texts: tuple[str, ...]) -> list[SolverParameters]:
+    """Return the solvers that texts describe, without malformed ones; cached, as texts repeat."""
+    found = []
+    for text in texts:
+        with suppress(ValueError):
+            found.append(described_solver(text, 0))
+    return found
 
 
 def _newest_pose(

@@ -61,7 +61,7 @@ class WalkerNode(Node):
         """Declare, validate and connect; `options` are those of Node."""
         super().__init__('walker_node', **options)
         values = declare(self, PARAMETERS)
-        robot = declared_robot(self)
+        robot = declared_robot(self, described=True)
         try:
             feet = Feet(robot, foot_radius=values['foot_radius'])
             # Simulated time may stand still, and the machine's may be set; cranks need neither.
@@ -303,7 +303,8 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         'walker_node',
         'Walk: take cmd_vel to the cranks of a walker (crank_command), whose legs keep their '
         'phases, and tell where it is (odom) from the angles of its cranks (crank_state).',
-        f'{usage(groups)}\n its legs: those of solver_node, in the same file\n{QOS_USAGE}',
+        f'{usage(groups)}\n its legs: those of solver_node, in the same file or by its '
+        f'leg_description\n{QOS_USAGE}',
     )
     arguments(parser, argv)
     return run('walker_node', lambda _: WalkerNode(), argv, stop, raw=True)

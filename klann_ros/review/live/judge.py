@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from klann_ros.log.read.block import block_of_messages, HEAD, MessageBlock
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.run_parameters import Pause, SOLVER_RECORD, solver_record, SolverParameters
+from klann_ros.log.run_parameters import Pause, SolverParameters
 from klann_ros.review.checks import CHECKS
 from klann_ros.review.checks.clocks import check_clocks
 from klann_ros.review.checks.completeness import answer_topics, check_losses
@@ -101,9 +101,10 @@ class Window:
     path = Path('window')
     paths: tuple[Path, ...] = ()
     problems: tuple[str, ...] = ()
+    metadata: Mapping[str, list[dict[str, str]]] = {}
 
     def __init__(self) -> None:
-        self.metadata: dict[str, list[Mapping[str, str]]] = {}
+        self.solvers: Sequence[SolverParameters] = ()
         # Intervals without reception, log times [ns].
         self.gaps: tuple[Interval, ...] = ()
         # The messages since the last move.
@@ -140,7 +141,7 @@ class Window:
         known = [*self._solvers.get(solver.node, ())[-1:], solver]
         self._solvers[solver.node] = known
         records = [each for sets in self._solvers.values() for each in sets]
-        self.metadata = {SOLVER_RECORD: [solver_record(each) for each in records]}
+        self.solvers = sorted(records, key=lambda each: each.time)
 
     def solver(self, node: str) -> SolverParameters | None:
         """Return the parameters of a solver, if known."""

@@ -16,7 +16,7 @@ from klann_ros.kinematics import AnyLeg, GeometryError, KlannGeometry, KlannLeg,
 from klann_ros.kinematics.arrays import IndexArray
 from klann_ros.log.read.block import MessageBlock
 from klann_ros.log.records import Topic
-from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD, SolverParameters
+from klann_ros.log.run_parameters import SolverParameters, STRING_TYPE
 from klann_ros.review.model.recording import LegRecording, LegSolver
 from klann_ros.review.model.times import nanoseconds, Series
 from klann_ros.robot import Robot, robot_from_parameters
@@ -29,15 +29,6 @@ import numpy as np
 # Source of a reference leg.
 REFERENCE = '--geometry'
 Metadata = Mapping[str, Sequence[Mapping[str, str]]]
-
-
-def solver_records(metadata: Metadata) -> list[SolverParameters]:
-    """Return the solver parameters of a run, in the order of time."""
-    found = []
-    for record in metadata.get(SOLVER_RECORD, ()):
-        with suppress(ValueError):
-            found.append(solver_parameters(record))
-    return sorted(found, key=lambda solver: solver.time)
 
 
 def leg_solvers(
@@ -144,9 +135,8 @@ def with_dynamics(
     own = [record for record in records if record.node in solver.nodes]
     if solver.leg is None or not own:
         return solver
-    # A file name in a run is never opened, and only this leg matters.
-    given = own[-1].parameters.items()
-    parameters = {name: v for name, v in given if name.rpartition('.')[2] != 'linkage'}
+    # Only this leg matters.
+    parameters = own[-1].without_files
     parameters['legs'] = [leg.name] if leg.name else []
     try:
         return replace(solver, dynamics=_dynamics(robot_from_parameters(parameters), leg.name))
@@ -159,7 +149,7 @@ def _dynamics(robot: Robot, name: str) -> Dynamics | None:
     return robot.dynamics(leg) if leg and leg.masses else None
 
 
-TEXT, NAME = 'std_msgs/msg/String', 'robot_description'
+NAME = 'robot_description'
 # Longest description that is read [characters], and bytes of its message beside the text.
 MAX_DESCRIPTION_SIZE, _MESSAGE_OVERHEAD = 4 * 1024 * 1024, 16
 # Different descriptions of one namespace that are read.
@@ -183,7 +173,7 @@ class Descriptions:
     def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> None:
         """Add the descriptions of a topic in a block."""
         namespace, _, name = topic.name.rpartition('/')
-        if (topic.type, name) != (TEXT, NAME):
+        if (topic.type, name) != (STRING_TYPE, NAME):
             return
         found = self._found[namespace]
         for row in rows[block.sizes[rows] <= MAX_DESCRIPTION_SIZE + _MESSAGE_OVERHEAD].tolist():

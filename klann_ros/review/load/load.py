@@ -15,6 +15,7 @@ from klann_ros.log.run_parameters import (
     PAUSE_RECORD,
     recorded_finding,
     recorded_pause,
+    SolverParameters,
 )
 from klann_ros.review.model.answers import MAX_RESPONSE_TIME
 from klann_ros.review.model.recording import Drive, LegRecording, RunRecording
@@ -32,7 +33,7 @@ from klann_ros.robot import Robot
 from klann_ros.sanitize.text import printable_line
 import numpy as np
 
-from .geometry import Descriptions, Metadata, solver_records, with_dynamics
+from .geometry import Descriptions, Metadata, with_dynamics
 from .legs import ALL_JOINTS, LegCollector
 from .series import (
     ArrayPool,
@@ -59,6 +60,9 @@ class _Loadable(Protocol):
 
     @property
     def metadata(self) -> Metadata: ...
+
+    @property
+    def solvers(self) -> Sequence[SolverParameters]: ...
 
     @property
     def paths(self) -> Sequence[Path]: ...
@@ -88,7 +92,7 @@ def load(
     progress: Callable[[float], object] | None = None,
 ) -> RunRecording:
     """Decode a log; see `review_run`. `progress` gets the read share, 0 to 1."""
-    records = solver_records(log.metadata)
+    records = log.solvers
     legs_ = LegCollector(records, robot, rates=rates)
     topics_, iterations, descriptions = TopicCollector(), IterationCollector(), Descriptions()
     walks, simulated, points = WalkCollector(), ClockCollector(), PointCollector()

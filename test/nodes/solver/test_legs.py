@@ -7,6 +7,8 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped, TwistStamped
 from klann_ros.kinematics import foot_path, KlannGeometry, KlannLeg
+from klann_ros.nodes.endpoints import LATCHED
+from klann_ros.robot import robot_from_file
 import numpy as np
 import pytest
 from rcl_interfaces.srv import SetParametersAtomically
@@ -14,7 +16,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_domain import Domain
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, String
 from visualization_msgs.msg import Marker, MarkerArray
 import yaml
 
@@ -45,6 +47,24 @@ def test_each_leg_is_driven_by_its_direction_and_phase(ros: Domain) -> None:
         assert foot.header.frame_id == f'{name}/leg_plane'
         assert (foot.point.x, foot.point.y) == pytest.approx(expected[name].h, abs=1e-12)
         assert foot.header.stamp == pose.header.stamp
+
+
+def test_the_legs_are_described_as_a_file_that_every_program_takes(
+    ros: Domain, tmp_path: Path
+) -> None:
+    node = ros.solve(**TWO)
+    late = ros.probe.listen(String, 'leg_description', LATCHED)
+    ros.probe.until(lambda: late)
+    node.set_parameters([Parameter('left.l_ab', value=0.125)])
+    ros.probe.until(lambda: len(late) == 2)
+    for text, length in zip([message.data for message in late], (0.12, 0.125), strict=True):
+        file = tmp_path / 'leg.yaml'
+        file.write_text(text, encoding='utf-8')
+        left, right = robot_from_file(file).legs
+        assert (left.name, left.phase, left.direction) == ('left', 0.5, 1)
+        assert (right.name, right.phase, right.direction) == ('right', 0.0, -1)
+        assert left.linkage.dimensions['l_ab'] == length
+        assert right.linkage.dimensions['l_gh'] == 0.5
 
 
 def test_legs_with_cranks_of_their_own_follow_them(ros: Domain) -> None:

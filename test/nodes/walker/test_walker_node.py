@@ -8,6 +8,7 @@ from signal import SIGCONT, SIGSTOP
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from domain import own_domain
 from geometry_msgs.msg import Twist, TwistStamped
+from klann_ros.nodes.endpoints import LATCHED
 from klann_ros.nodes.walker.node import Beat
 from klann_ros.robot import robot_of
 from klann_ros.walker import Feet, Steering, Twist2D
@@ -18,7 +19,7 @@ from rcl_interfaces.srv import SetParameters
 from ros_domain import Domain, open_domain, Process
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 
 CONFIG = Path(__file__).resolve().parents[3] / 'config'
 JOINTS = ['left_crank', 'right_crank']
@@ -331,5 +332,26 @@ def test_what_is_no_walker_is_refused_in_one_line(
     given = [str(CONFIG / a) if a.endswith('.yaml') else a for a in arguments]
     node = ros.start('walker_node', '--ros-args', *given)
     assert node.wait() == 1
-    assert reason in node.errors
-    assert node.errors.count('\n') == 1
+    (line,) = [line for line in node.errors.splitlines() if not line.startswith('[INFO]')]
+    assert reason in line
+
+
+def test_a_walker_without_a_file_is_the_one_that_the_solver_describes(ros: Domain) -> None:
+    file = str(CONFIG / 'walker6_two_motors.yaml')
+    ros.start('solver_node', '--ros-args', '--params-file', file)
+    described = ros.start('walker_node')
+    ros.probe.until(lambda: 'ready: ' in described.errors)
+    given = ros.start('walker_node', '--ros-args', '--params-file', file, '-r', '__ns:=/given')
+    ros.probe.until(lambda: 'ready: ' in given.errors)
+    of_file, of_topic = (
+        process.errors.partition('ready: ')[2].partition(';')[0] for process in (given, described)
+    )
+    assert of_topic == of_file
+
+
+def test_a_described_robot_is_refused_as_a_files(ros: Domain) -> None:
+    publisher = ros.probe.node.create_publisher(String, '/other/leg_description', LATCHED)
+    publisher.publish(String(data='/s: {ros__parameters: {linkage: /dev/zero, legs: [a]}}'))
+    node = ros.start('walker_node', '--ros-args', '-r', '__ns:=/other')
+    assert node.wait() == 1
+    assert 'it has 1 leg' in node.errors

@@ -7,15 +7,16 @@ from typing import Any
 
 from bags import text
 from findings import checks, found
-from klann_ros.kinematics import KlannGeometry, KlannLeg, shipped_linkages
+from klann_ros.kinematics import KlannGeometry, KlannLeg, LinkageLeg, shipped_linkages
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
+from klann_ros.log.run_parameters import leg_description, SolverParameters
 from klann_ros.review.command import main
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import robot_of, RobotFileError
 from leg_runs import LegRun, START
 import pytest
-from rosbag2_bags import convert
+from rosbag2_bags import convert, KINDS, NAMES, write_bag
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from xacro_legs import ROOT, urdf_of
 
@@ -196,3 +197,68 @@ def test_the_hint_and_the_help_name_what_is_shipped(described_run, make_run, cap
     with pytest.raises(SystemExit):
         main(['--help'])
     assert hint in ' '.join(capsys.readouterr().out.split())
+
+
+def described(parameters: Any, time: int = START) -> Message:
+    topic = Topic('/leg_description', STRING, definition(STRING))
+    words = leg_description(SolverParameters('/solver_node', time, dict(parameters)))
+    return Message(topic, text(words), time, time, 1)
+
+
+@pytest.mark.parametrize(('storage', 'mode'), KINDS, ids=NAMES)
+def test_a_bag_of_any_recorder_has_the_geometry_in_leg_description(
+    tmp_path: Path, storage: Any, mode: Any
+) -> None:
+    """A parameter of the solver names a file, which is not opened: its text is in the topic."""
+    linkage = (ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml').read_text(encoding='utf-8')
+    legs = {'left': LinkageLeg(robot_of('jansen').legs[0].linkage)}
+    run = LegRun(legs, {'left': 0.5}, rates=False)
+    parameters = {'legs': ['left'], 'left.phase': 0.5, 'linkage_description': linkage}
+    # It was discovered late.
+    first, *more = run.messages()
+    bag = write_bag(tmp_path / 'bag', [first, described(parameters), *more], storage, mode)
+    (leg,) = (review := review_run(bag)).legs
+    assert checks(review) == []
+    assert leg.recording.solver.source == 'the parameters of /solver_node'
+    assert leg.recording.solver.phase == 0.5
+    assert len(leg.evaluated.poses) == 400
+
+
+def test_changed_lengths_in_leg_description_hold_from_then_on(make_script, make_run) -> None:
+    script = make_script(KlannGeometry(l_gh=0.44))
+    script.geometry = None
+    later = make_script()
+    for n in range(200, 400):
+        script.answers[n] = later.answers[n]
+    changed = [described({'l_gh': 0.44}), described({'l_gh': 0.43}, START + 1_000_000_000)]
+    script.messages += changed
+    (leg,) = (review := review_run(make_run(script))).legs
+    assert checks(review) == []
+    assert len(leg.evaluated.poses) == 200
+
+
+@pytest.mark.parametrize(
+    'words',
+    [
+        '',
+        '[',
+        '7',
+        '{}',
+        '/s: {}',
+        '/s: {ros__parameters: 7}',
+        '/s: {ros__parameters: {l_ab: .inf}}',
+        '/s: {ros__parameters: {l_ab: &a [*a]}}',
+        '/s: {ros__parameters: {l_ab: 2026-11-24}}',
+        '/s: {ros__parameters: {? [a] : 1}}',
+        '/s: {ros__parameters: {l_ab: !!python/object/apply:os.system [ls]}}',
+        '/s: {ros__parameters: {linkage: /dev/zero}}',
+        '/s: {ros__parameters: {l_ab: -1}}',
+        '[' * 10_000,
+    ],
+)
+def test_no_leg_description_of_a_stranger_is_a_leg(words: str, make_script, make_run) -> None:
+    script = make_script()
+    script.geometry = None
+    topic = Topic('/leg_description', STRING, definition(STRING))
+    script.messages.append(Message(topic, text(words), START, START, 1))
+    assert 'geometry' in checks(review_run(make_run(script)))
