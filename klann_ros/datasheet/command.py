@@ -2,12 +2,11 @@
 
 import argparse
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import BinaryIO
 
-from klann_ros.dynamics import MassError, rods
-from klann_ros.robot import Robot, robot_of, RobotFileError
+from klann_ros.dynamics import MassError
+from klann_ros.robot import robot_of, RobotFileError
 from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, path
 from klann_ros.sanitize.outputs import outputs, save_all
 
@@ -41,7 +40,7 @@ def _describe(options: argparse.Namespace) -> int:
     motor = motor_from_file(options.motor) if options.motor is not None else None
     robot = robot_of(options.file)
     sheet = data_sheet(
-        robot if options.bar_density is None else _weighed(robot, options.bar_density),
+        robot if options.bar_density is None else robot.with_rods(options.bar_density),
         speed=options.speed,
         load=options.load,
         motor=motor,
@@ -53,14 +52,6 @@ def _describe(options: argparse.Namespace) -> int:
     return 0 if sheet.motor_turns else MOTOR_FAILS
 
 
-def _weighed(robot: Robot, density: float) -> Robot:
-    """Return a robot with rods [kg/m] for legs without masses in its file."""
-    # An invalid density is refused even if it is unused.
-    of_rods = [replace(leg, masses=rods(leg.linkage, density)) for leg in robot.legs]
-    pairs = zip(robot.legs, of_rods, strict=True)
-    return replace(robot, legs=tuple(leg if leg.masses else made for leg, made in pairs))
-
-
 def _save(view: Callable[[DataSheet], str], sheet: DataSheet, file: BinaryIO) -> None:
     # A path may contain bytes that are not UTF-8.
     file.write(view(sheet).encode(errors='replace'))
@@ -68,31 +59,16 @@ def _save(view: Callable[[DataSheet], str], sheet: DataSheet, file: BinaryIO) ->
 
 def _parser() -> ArgumentParser:
     parser = ArgumentParser('describe', DESCRIPTION, EPILOG)
-    parser.add_argument('file', metavar='FILE', type=path, help='the leg or the walker')
-    parser.add_argument(
-        '--speed',
-        metavar='RAD_S',
-        type=float,
-        default=DEFAULT_SPEED,
-        help='of the crank [rad/s], negative for clockwise (default: a turn a second)',
-    )
-    parser.add_argument(
-        '--load',
-        metavar='N',
-        type=float,
-        default=0.0,
-        help='ground reaction of each foot in stance [N]',
-    )
-    parser.add_argument(
-        '--bar-density',
-        metavar='KG_M',
-        type=float,
-        help='of all bars, for legs without masses in FILE [kg/m]',
-    )
-    parser.add_argument('--motor', metavar='FILE', type=path, help='can this motor turn it?')
-    parser.add_argument(
-        '--margins', action='store_true', help='also of coupled loops, which takes seconds'
-    )
-    parser.add_argument('--html', metavar='OUT', help='the page: the leg moving, and charts')
-    parser.add_argument('--json', metavar='OUT', help='the sheet for machines, in SI units')
+    add = parser.add_argument
+    add('file', metavar='FILE', type=path, help='the leg or the walker')
+    speed = 'of the crank [rad/s], negative for clockwise (default: a turn a second)'
+    add('--speed', metavar='RAD_S', type=float, default=DEFAULT_SPEED, help=speed)
+    load = 'ground reaction of each foot in stance [N]'
+    add('--load', metavar='N', type=float, default=0.0, help=load)
+    density = 'of all bars, for legs without masses in FILE [kg/m]'
+    add('--bar-density', metavar='KG_M', type=float, help=density)
+    add('--motor', metavar='FILE', type=path, help='can this motor turn it?')
+    add('--margins', action='store_true', help='also of coupled loops, which takes seconds')
+    add('--html', metavar='OUT', help='the page: the leg moving, and charts')
+    add('--json', metavar='OUT', help='the sheet for machines, in SI units')
     return parser

@@ -15,27 +15,12 @@ from .sheet import CrankSheet, DataSheet, Extreme, LegForces, LegSheet
 VERSION = 1
 PATH_KEYS = ('x_range', 'y_range', 'stride', 'lift', 'length', 'area')
 STANCE_KEYS = (
-    'start',
-    'end',
-    'duty_factor',
-    'ground',
-    'ground_covered',
-    'deviation',
-    'straightness',
+    *('start', 'end', 'duty_factor', 'ground', 'ground_covered', 'deviation', 'straightness'),
     'ripple',
 )
 MOTOR_KEYS = (
-    'turns',
-    'faults',
-    'available',
-    'peak',
-    'peak_at',
-    'margin',
-    'braking_peak',
-    'braking_margin',
-    'motor_rms',
-    'thermal_margin',
-    'fastest',
+    *('turns', 'faults', 'available', 'peak', 'peak_at', 'margin', 'braking_peak'),
+    *('braking_margin', 'motor_rms', 'thermal_margin', 'fastest'),
 )
 
 

@@ -19,23 +19,11 @@ FootForces = dict[str, tuple[float, float]]
 
 
 class CrankLoad(NamedTuple):
-    """
-    The torque T = G + S w^2 at the joint of a crank that turns at a constant speed w.
+    """The torque T = G + S w^2 at the joint of a crank at a constant speed w, shapes (k,)."""
 
-    Attributes
-    ----------
-    angles : numpy.ndarray, shape (k,)
-        Of the joint over a turn, ascending, in [0, 2 pi) [rad].
-    still : numpy.ndarray, shape (k,)
-        G: of weight, springs and the load on the foot [N m].
-    per_speed_squared : numpy.ndarray, shape (k,)
-        S: of inertia [N m s^2].
-
-    """
-
-    angles: FloatArray
-    still: FloatArray
-    per_speed_squared: FloatArray
+    angles: FloatArray  # of the joint over a turn, ascending, in [0, 2 pi) [rad]
+    still: FloatArray  # G: of weight, springs and the load on the foot [N m]
+    per_speed_squared: FloatArray  # S: of inertia [N m s^2]
 
     def torque(self, speed: float) -> FloatArray:
         """Return the torque at a speed [rad/s], shape (k,) [N m]."""
@@ -104,19 +92,10 @@ def with_extremes(angles: FloatArray, curves: Iterable[FloatArray]) -> FloatArra
 
 def crank_load(legs: Sequence[LoadedLeg], load: float, angles: FloatArray) -> CrankLoad:
     """
-    Return the load of a joint with some legs, which all turn fully.
+    Return the load of a joint at some of its angles [rad], its legs all turning fully.
 
     By virtual work a leg with alpha = direction * angle + phase adds direction times its torque.
-
-    Parameters
-    ----------
-    legs : sequence of LoadedLeg
-        The legs.
-    load : float
-        On each foot in stance [N].
-    angles : numpy.ndarray, shape (k,)
-        Of the joint [rad].
-
+    `load` is the ground reaction of each foot in stance [N].
     """
     still, squared = np.zeros(angles.size), np.zeros(angles.size)
     for leg, dynamics, stance in legs:

@@ -220,19 +220,7 @@ class MotorVerdict:
 
 
 def verdict(motor: Motor, load: CrankLoad, speed: float) -> MotorVerdict:
-    """
-    Return whether a motor can turn a crank at a constant speed.
-
-    Parameters
-    ----------
-    motor : Motor
-        With its gear.
-    load : CrankLoad
-        The torque of the crank.
-    speed : float
-        Of the crank, negative for clockwise [rad/s].
-
-    """
+    """Return whether a motor can turn a crank at a constant speed, < 0 for clockwise [rad/s]."""
     direction = -1.0 if speed < 0.0 else 1.0
     torque = direction * load.torque(speed)
     # Links in line at a change point leave the torque undefined.

@@ -140,7 +140,7 @@ def _leg(root: Element, of: Layers, y: float, thickness: float, washer: float) -
 def _row(pin: Pin) -> tuple[str, ...]:
     hole, span = f'{pin.diameter:g} mm', f'{pin.low} to {pin.high}'
     counts, lengths = (
-        (str(pin.spacers), str(pin.washers)),
+        map(str, (pin.spacers, pin.washers)),
         (f'{pin.grip:.4g} mm', f'{pin.screw} mm'),
     )
     return printable(pin.name, 24), hole, span, *counts, *lengths, pin.ends

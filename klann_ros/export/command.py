@@ -2,12 +2,10 @@
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import replace
+from functools import partial
 import sys
 from typing import BinaryIO
 
-from klann_ros.dynamics import BodyMass, Masses, rods
-from klann_ros.kinematics import Linkage
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.robot.robot import SEPARATORS
 from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, NOT_WRITTEN, path, UsageError
@@ -55,21 +53,22 @@ def _export(options: argparse.Namespace) -> int:
     # All contents before the first file is written: an error leaves no partial set.
     contents = _contents(robot, options)
     for output in files:
-
-        def save(file: BinaryIO, content: bytes = contents[output.option]) -> None:
-            file.write(content)
-
-        output.save(save)
+        output.save(partial(_write, contents[output.option]))
         print(f'written: {output.option} {printable(output.path)}')
     return 0
+
+
+def _write(content: bytes, file: BinaryIO) -> None:
+    file.write(content)
 
 
 def _contents(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
     """Return the content of each file, by its option."""
     made: dict[str, bytes] = {}
     if options.mjcf is not None:
-        density = options.bar_density
-        heavy = robot if density is None else with_rods(robot, density)
+        heavy, density = robot, options.bar_density
+        if density is not None:
+            heavy = robot.with_rods(density, slider_length=SLIDER_LENGTH)
         made['--mjcf'] = robot_mjcf(heavy).encode()
     if options.urdf is not None:
         mark = options.joint_separator
@@ -125,42 +124,9 @@ def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
     return made
 
 
-def with_rods(robot: Robot, density: float) -> Robot:
-    """
-    Return a robot with masses: slender rods [kg/m] for legs without masses in its file.
-
-    Raises
-    ------
-    MassError
-        The density is invalid.
-
-    """
-    legs = (
-        leg if leg.masses else replace(leg, masses=_rods(leg.linkage, density))
-        for leg in robot.legs
-    )
-    return replace(robot, legs=tuple(legs))
-
-
-def _rods(linkage: Linkage, density: float) -> Masses:
-    """Return the masses of rods; a sliding body without bars weighs as a short rod."""
-    masses, length = rods(linkage, density), SLIDER_LENGTH * linkage.size
-    mass = density * length
-    for j, body in enumerate(linkage.structure.bodies):
-        if not body.rigid:
-            masses = masses.with_mass(j, BodyMass(mass, 0j, mass * length**2 / 12.0))
-    return masses
-
-
-def _positive(text: str) -> float:
-    return _number(text, 'a number > 0 (and < 1e6)', is_zero_allowed=False)
-
-
-def _not_negative(text: str) -> float:
-    return _number(text, 'a number >= 0 (and < 1e6)', is_zero_allowed=True)
-
-
-def _number(text: str, wanted: str, *, is_zero_allowed: bool) -> float:
+def _positive(
+    text: str, wanted: str = 'a number > 0 (and < 1e6)', *, is_zero_allowed: bool = False
+) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -170,62 +136,36 @@ def _number(text: str, wanted: str, *, is_zero_allowed: bool) -> float:
     return value
 
 
+_not_negative = partial(_positive, wanted='a number >= 0 (and < 1e6)', is_zero_allowed=True)
+
+
 def _hole(text: str) -> tuple[str, float]:
     """Return the joint, '' for all, and the diameter in NAME=MM or MM."""
     name, _, diameter = text.rpartition('=')
-    return name, _number(diameter, 'a diameter in mm, such as 4.2 or A=6,', is_zero_allowed=False)
+    return name, _positive(diameter, 'a diameter in mm, such as 4.2 or A=6,')
 
 
 def _parser() -> ArgumentParser:
     parser = ArgumentParser('export', DESCRIPTION, EPILOG)
-    parser.add_argument('file', metavar='FILE', type=path, help='a leg, a walker or a linkage')
-    parser.add_argument('--mjcf', metavar='OUT.xml', help='a model of MuJoCo, with its masses')
-    parser.add_argument('--urdf', metavar='OUT.urdf', help='for robot_state_publisher')
-    parser.add_argument(
-        '--joint-separator',
-        choices=SEPARATORS,
-        default='_',
-        help="between a leg's name and its joint's in the URDF (_), as solver_node's parameter",
-    )
-    parser.add_argument('--svg', metavar='OUT.svg', help='the plates, in mm')
-    parser.add_argument('--dxf', metavar='OUT.dxf', help="the plates, in mm (extra 'dxf')")
-    parser.add_argument(
-        '--assembly', metavar='OUT.svg', help='the leg layer by layer, with screws and spacers'
-    )
-    parser.add_argument(
-        '--hole',
-        metavar='[JOINT=]MM',
-        type=_hole,
-        action='append',
-        help=f'diameter of holes [mm], {HOLE}: for M3; A=6 of a joint; repeatable',
-    )
-    parser.add_argument(
-        '--kerf', metavar='MM', type=_not_negative, default=0.0, help='width of the cut [mm], 0'
-    )
-    parser.add_argument(
-        '--thickness',
-        metavar='MM',
-        type=_positive,
-        default=THICKNESS,
-        help=f'of the plates [mm], {THICKNESS:g}',
-    )
-    parser.add_argument(
-        '--washer',
-        metavar='MM',
-        type=_not_negative,
-        default=WASHER,
-        help=f'thickness between two layers [mm], {WASHER:g}; 0 for none',
-    )
-    parser.add_argument(
-        '--width', metavar='MM', type=_positive, help='width of bars [mm]; 4 %% of the size'
-    )
-    parser.add_argument(
-        '--scale', type=_positive, default=1.0, help='of the plates; hole and width stay'
-    )
-    parser.add_argument(
-        '--bar-density',
-        metavar='KG_PER_M',
-        type=_positive,
-        help='of bars in the MJCF, for legs without masses in FILE [kg/m]',
-    )
+    add = parser.add_argument
+    add('file', metavar='FILE', type=path, help='a leg, a walker or a linkage')
+    add('--mjcf', metavar='OUT.xml', help='a model of MuJoCo, with its masses')
+    add('--urdf', metavar='OUT.urdf', help='for robot_state_publisher')
+    mark = "between a leg's name and its joint's in the URDF (_), as solver_node's parameter"
+    add('--joint-separator', choices=SEPARATORS, default='_', help=mark)
+    add('--svg', metavar='OUT.svg', help='the plates, in mm')
+    add('--dxf', metavar='OUT.dxf', help="the plates, in mm (extra 'dxf')")
+    add('--assembly', metavar='OUT.svg', help='the leg layer by layer, with screws and spacers')
+    hole = f'diameter of holes [mm], {HOLE}: for M3; A=6 of a joint; repeatable'
+    add('--hole', metavar='[JOINT=]MM', type=_hole, action='append', help=hole)
+    size = partial(add, metavar='MM')
+    size('--kerf', type=_not_negative, default=0.0, help='width of the cut [mm], 0')
+    thickness = f'of the plates [mm], {THICKNESS:g}'
+    size('--thickness', type=_positive, default=THICKNESS, help=thickness)
+    washer = f'thickness between two layers [mm], {WASHER:g}; 0 for none'
+    size('--washer', type=_not_negative, default=WASHER, help=washer)
+    size('--width', type=_positive, help='width of bars [mm]; 4 %% of the size')
+    add('--scale', type=_positive, default=1.0, help='of the plates; hole and width stay')
+    density = 'of bars in the MJCF, for legs without masses in FILE [kg/m]'
+    add('--bar-density', metavar='KG_PER_M', type=_positive, help=density)
     return parser

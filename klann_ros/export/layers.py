@@ -34,29 +34,13 @@ Pins = Sequence[tuple[tuple[int, ...], tuple[int, ...]]]
 
 @dataclass(frozen=True)
 class Shaft:
-    """
-    A pin through plates.
+    """A pin through plates."""
 
-    Attributes
-    ----------
-    name : str
-        Its points, or the body that it guides.
-    plates : tuple of int
-        The plates that it joins.
-    carrier : int
-        A plate that it is fixed to.
-    at : complex
-        Its place in that plate's coordinates [m].
-    diameter : float
-        Of its holes [m].
-
-    """
-
-    name: str
-    plates: tuple[int, ...]
-    carrier: int
-    at: complex
-    diameter: float
+    name: str  # its points, or the body that it guides
+    plates: tuple[int, ...]  # the plates that it joins
+    carrier: int  # a plate that it is fixed to
+    at: complex  # in that plate's coordinates [m]
+    diameter: float  # of its holes [m]
 
     def radius(self, width: float) -> float:
         """Return the outer radius of its spacers: two holes wide, but no wider than a link [m]."""
@@ -153,19 +137,7 @@ def layers(linkage: Linkage, plates: Sequence[Plate]) -> Layers:
 
 
 class PlateMotion:
-    """
-    The motion of a leg's plates over all crank angles.
-
-    Attributes
-    ----------
-    bound : float
-        Upper bound of the change of a distance between two samples, of those computed [m].
-    crank : str
-        The first point of the crank.
-    shown : int
-        The sample that is drawn.
-
-    """
+    """The motion of a leg's plates over all crank angles."""
 
     def __init__(self, linkage: Linkage) -> None:
         structure = linkage.structure
@@ -181,6 +153,7 @@ class PlateMotion:
         # Nothing moves across the gap between two arcs.
         last = SWEEP_SAMPLES - 1
         self._steps[last::SWEEP_SAMPLES] = False
+        # The sample that is drawn.
         self.shown = int(np.flatnonzero(is_known)[is_known.sum() // 6])
         at = {name: points[:, k] for k, name in enumerate(structure.points)}
         zero = np.zeros(alphas.size, np.complex128)
@@ -193,7 +166,9 @@ class PlateMotion:
             j: (at[body.points[0]], rotations[structure.frames[j]])
             for j, body in enumerate(structure.bodies)
         }
+        # Upper bound of the change of a computed distance between two samples [m].
         self.bound = 0.0
+        # The first point of the crank.
         self.crank = structure.crank.points[0]
 
     def place(self, plate: Plate, at: complex) -> ComplexArray:

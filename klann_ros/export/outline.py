@@ -17,20 +17,10 @@ Segment = tuple[complex, complex]
 
 
 class Corner(NamedTuple):
-    """
-    A corner of an outline, as in DXF.
-
-    Attributes
-    ----------
-    at : complex
-        Its place.
-    bulge : float
-        The tangent of a quarter of the arc to the next corner, > 0 counter-clockwise; 0 for a
-        straight line.
-
-    """
+    """A corner of an outline, as in DXF."""
 
     at: complex
+    # The tangent of a quarter of the arc to the next corner, > 0 counter-clockwise; 0 for a line.
     bulge: float = 0.0
 
 

@@ -34,12 +34,9 @@ __all__ = ['ExportError', 'Hole', 'Plate', 'Slot', 'plates', 'slot_conflict']
 class Hole:
     """A hole in a plate."""
 
-    # Its points, such as 'A'; '' for a guide pin.
-    name: str
-    # Its centre [m].
-    at: complex
-    # Its diameter [m].
-    diameter: float
+    name: str  # its points, such as 'A'; '' for a guide pin
+    at: complex  # its centre [m]
+    diameter: float  # [m]
 
     @property
     def shown(self) -> str:
@@ -51,16 +48,12 @@ class Hole:
 class Slot:
     """A slot in a plate."""
 
-    # The body whose pins run in it.
-    name: str
-    # The outermost centres of the pins [m].
-    start: complex
+    name: str  # the body whose pins run in it
+    start: complex  # the outermost centres of the pins [m]
     end: complex
-    # Its width, the diameter of the pins' holes [m].
-    diameter: float
-    # The sliding body, and its pins in its coordinates [m].
-    body: int
-    pins: tuple[complex, ...]
+    diameter: float  # its width, the diameter of the pins' holes [m]
+    body: int  # the number of the sliding body
+    pins: tuple[complex, ...]  # in its coordinates [m]
 
     @property
     def shown(self) -> str:

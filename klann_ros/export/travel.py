@@ -22,16 +22,12 @@ class ExportError(ValueError):
 class SlideLine(NamedTuple):
     """The line that a body slides along."""
 
-    # The sliding body, and the body of the line, FIXED being the ground.
-    body: int
-    on: int
-    # The sliding body's name.
-    name: str
-    # Distance 0 in the line's body [m], and the line's direction.
-    origin: complex
+    body: int  # the sliding body
+    on: int  # the body of the line, FIXED for the ground
+    name: str  # of the sliding body
+    origin: complex  # distance 0 in the line's body [m]
     direction: complex
-    # Of the distance [m].
-    least: float
+    least: float  # distance [m]
     greatest: float
 
     def ends(self, pins: Sequence[float]) -> tuple[complex, complex]:

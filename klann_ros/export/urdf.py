@@ -25,19 +25,16 @@ from .travel import ExportError, travel
 URDF_HEADER = '<?xml version="1.0" encoding="utf-8"?>\n'
 PIN, FRAME = 'klann_pin', 'klann_frame'
 LINK_COLOURS = {PIN: '0.15 0.15 0.15 1', FRAME: '0.45 0.45 0.48 1'}
-# Width of bars, as a part of the longest; length of sliders in widths.
-BAR_WIDTH, SLIDER_LENGTH = 0.05, 1.6
+# Width of bars, as a part of the longest; length of sliders in widths; drawn layers of bars.
+BAR_WIDTH, SLIDER_LENGTH, LAYERS = 0.05, 1.6, 4
 
 
 class Place(NamedTuple):
     """The place of a point of a body."""
 
-    # The link that carries it.
-    link: str
-    # Its position in the link [m].
-    at: complex
-    # The link's rotation from its body's angle [rad].
-    bend: float
+    link: str  # that carries it
+    at: complex  # in the link [m]
+    bend: float  # the link's rotation from its body's angle [rad]
 
 
 def urdf(
@@ -192,7 +189,7 @@ class _LegWriter:
             effort='1000', velocity='1000',
         )  # fmt: skip
         size = SLIDER_LENGTH * self._width, self._width, self._width / 2.0
-        self._box(self._link(link), 0j, phase(direction), self._layer(j), size, f'klann_{j}')
+        self._box(self._link(link), 0j, phase(direction), j % LAYERS, size, f'klann_{j}')
         self._points[j, line.end] = Place(link, 0j, 0.0)
         self._bars(j, body.rigid)
 
@@ -209,8 +206,6 @@ class _LegWriter:
 
     def _length(self, j: int, bar: Bar) -> float:
         return abs(complex(self._linkage.bars[self._numbers[j, bar]]))
-
-    # Elements.
 
     def _new_frame(self, name: str) -> str:
         return self._links + _new(name, self._frames)
@@ -246,12 +241,6 @@ class _LegWriter:
         SubElement(joint, 'axis', xyz=_numbers(axis))
         return joint
 
-    # Visual geometry.
-
-    def _layer(self, j: int) -> int:
-        """Return the number of bars drawn below a body's."""
-        return j % 4
-
     def _ground(self, plane: Element) -> None:
         pivots = [complex(at) for at in self._linkage.pivots]
         for n, at in enumerate(pivots):
@@ -263,8 +252,8 @@ class _LegWriter:
 
     def _bar(self, link: Element, j: int, length: float) -> None:
         size = length, self._width, self._width / 2.0
-        self._box(link, complex(length / 2.0), 0.0, self._layer(j), size, f'klann_{j}')
-        self._sphere(link, 0j, self._layer(j), 1.0)
+        self._box(link, complex(length / 2.0), 0.0, j % LAYERS, size, f'klann_{j}')
+        self._sphere(link, 0j, j % LAYERS, 1.0)
 
     def _box(  # noqa: PLR0917 - the attributes of a box
         self, link: Element, at: complex, turn: float, layer: int, size: Triple, material: str

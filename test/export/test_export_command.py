@@ -7,7 +7,7 @@ import sys
 from xml.etree import ElementTree as ET
 
 import ezdxf
-from klann_ros.export.command import main, with_rods
+from klann_ros.export.command import main
 from klann_ros.kinematics import shipped_linkages
 from klann_ros.robot import robot_of
 from klann_ros.twin import robot_mjcf
@@ -38,7 +38,7 @@ def test_all_formats_are_written_at_once(tmp_path: Path, capsys: pytest.CaptureF
 
 @pytest.mark.parametrize('name', SHIPPED)
 def test_every_shipped_leg_is_a_model_of_mujoco(name: str) -> None:
-    robot = with_rods(robot_of(name), 1.0)
+    robot = robot_of(name).with_rods(1.0, slider_length=0.1)
     model = mujoco.MjModel.from_xml_string(robot_mjcf(robot))
     structure = robot.legs[0].linkage.structure
     assert model.njnt == len(structure.bodies)
