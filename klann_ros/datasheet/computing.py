@@ -280,14 +280,12 @@ def _dynamics(robot: Robot, leg: RobotLeg) -> Dynamics:
 
 
 def _arc_angles(arcs: Sequence[Arc], samples: int) -> FloatArray:
-    """Return crank angles of arcs, with their ends."""
     shares = [max(2, round(samples * (end - start) / TURN)) for start, end in arcs]
     spread = [np.linspace(*arc, share) for arc, share in zip(arcs, shares, strict=True)]
     return np.concatenate([np.empty(0), *spread])
 
 
 def _path(linkage: Linkage) -> tuple[FootPath | None, Stance | None, str]:
-    """Return the foot's path, its stance, and the reason for a missing one."""
     path = None
     try:
         path = foot_path(LinkageLeg(linkage))
@@ -297,7 +295,6 @@ def _path(linkage: Linkage) -> tuple[FootPath | None, Stance | None, str]:
 
 
 def _bars(linkage: Linkage, *, turns: bool, margins: bool) -> tuple[tuple[BarFigures, ...], str]:
-    """Return the dimensions with their margins, and the reason for missing ones."""
     known, reason = {}, ''
     if not turns:
         reason = 'the crank does not turn fully'
@@ -345,7 +342,6 @@ def _masses(leg: RobotLeg) -> tuple[BodyMassFigures, ...]:
 
 
 def _forces(dynamics: Dynamics, sheet: LegSheet, speed: float, load: float) -> LegForces:
-    """Return the torque and the joint forces of a leg at a speed, with a load on its foot."""
     alphas, foot = sheet.alphas, sheet.linkage.structure.foot
     loads = foot_load(foot, sheet.stance, alphas, load)
     torque = dynamics.crank_torque(alphas, speed, 0.0, loads)

@@ -6,8 +6,8 @@ from math import degrees, inf, isfinite
 from typing import Any
 
 from klann_ros.dynamics.forces import turn_mean
-from klann_ros.sanitize.text import did_you_mean, printable, printable_line
-from klann_ros.sanitize.yaml_text import parse_file
+from klann_ros.sanitize.text import did_you_mean, printable
+from klann_ros.sanitize.yaml_text import content_of_file
 import numpy as np
 
 from .load import CrankLoad
@@ -87,13 +87,7 @@ def motor_from_file(path: str) -> Motor:
         The file cannot be read, or has no valid motor.
 
     """
-    shown = printable(path)
-    try:
-        return motor_from(parse_file(path))
-    except OSError as error:
-        raise MotorFileError(f'{shown} cannot be read: {error.strerror}') from error
-    except (ValueError, TypeError) as error:
-        raise MotorFileError(f'{shown} holds no motor: {printable_line(error)}') from error
+    return content_of_file(path, motor_from, 'motor', MotorFileError)
 
 
 def motor_from(content: Any) -> Motor:

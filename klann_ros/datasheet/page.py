@@ -51,7 +51,6 @@ def page(sheet: DataSheet) -> str:
 
 
 def _animation(leg: LegSheet, speed: float) -> dict[str, Any]:
-    """Return the data of the animation: a leg's shape, and its points at crank angles."""
     known = np.asarray(np.isfinite(leg.points).all(axis=(1, 2)))
     rows = np.arange(0, len(leg.alphas), max(1, len(leg.alphas) // POSES))
     if leg.turns_fully:
@@ -77,7 +76,6 @@ def _animation(leg: LegSheet, speed: float) -> dict[str, Any]:
 
 
 def _header(sheet: DataSheet) -> Markup:
-    """Return the name, the conditions, and the verdict on the motor."""
     source = element('strong', sheet.source, class_='path') if sheet.source else Markup()
     about = element('p', element('span', figures.about(sheet)))
     verdict = Markup()
@@ -92,7 +90,6 @@ def _header(sheet: DataSheet) -> Markup:
 
 
 def _notes(sheet: DataSheet) -> Markup:
-    """Return the reason for missing forces."""
     if not sheet.no_forces:
         return Markup()
     mark = element('span', '!', class_='mark', aria_hidden='true')
@@ -258,7 +255,6 @@ def _motor(crank: CrankSheet) -> Table:
 
 
 def _crank(crank: CrankSheet, sheet: DataSheet) -> Markup:
-    """Return the section of a walker's crank."""
     return element(
         'section',
         element('h2', figures.crank_title(crank)),
@@ -269,7 +265,6 @@ def _crank(crank: CrankSheet, sheet: DataSheet) -> Markup:
 
 
 def _walking(sheet: DataSheet) -> Markup:
-    """Return the section of a walker's gait."""
     if sheet.no_walk:
         return element('section', element('h2', 'Walking'), _quiet(sheet.no_walk))
     walk, table = sheet.walk, figures.supports(sheet)

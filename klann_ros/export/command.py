@@ -82,7 +82,6 @@ def _contents(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
 
 
 def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
-    """Return the contents of the files of plates; report their faults and their size."""
     holes = {name: mm / 1e3 for name, mm in options.hole or ()}
     hole = holes.pop('', HOLE / 1e3)
     width = options.width

@@ -245,7 +245,6 @@ def _of_linkage(linkage: Linkage, sizes: Mapping[str, float], width: float) -> I
 def _bars(
     linkage: Linkage, j: int, places: Mapping[tuple[int, str], complex]
 ) -> Iterator[Segment]:
-    """Yield the bars and braces of a body as segments."""
     for bar in linkage.structure.bodies[j].rigid:
         yield places[j, bar.start], places[j, bar.end]
         if bar.brace is not None:

@@ -258,7 +258,6 @@ def _sliding(drawn: PoseDrawing, pose: LinkagePose) -> list[tuple[BodyDrawing, A
 
 
 def _joint_style(kind: str, width: float) -> dict[str, Any]:
-    """Return the style of a kind of joint."""
     ink: dict[str, Any] = {'color': 'white', 'markeredgecolor': 'black'}
     styles: dict[str, dict[str, Any]] = {
         PIVOT: {**ink, 'marker': _support(), 'markersize': 7.0 * width},
@@ -269,13 +268,11 @@ def _joint_style(kind: str, width: float) -> dict[str, Any]:
 
 
 def _block_style(body: BodyDrawing, width: float) -> dict[str, Any]:
-    """Return the style of the block of a sliding joint."""
     edge = {'markeredgecolor': body.colour, 'markeredgewidth': 0.4 * width}
     return {'color': 'white', 'markersize': 5.0 * width, 'ls': '', 'zorder': 2.5, **edge}
 
 
 def _block(direction: complex) -> Any:
-    """Return a block along a line, as a marker."""
     from matplotlib.path import Path  # noqa: PLC0415 - matplotlib is optional
 
     corners = np.array([-1 - 0.55j, 1 - 0.55j, 1 + 0.55j, -1 + 0.55j, -1 - 0.55j]) * direction

@@ -117,11 +117,10 @@ def _review(options: argparse.Namespace) -> int:
 
 
 def _follow(path: str, limits: Limits) -> None:
-    """Print findings of a run during the recording, until its end or Ctrl-C."""
     try:
         # Past the buffer of the report.
         found = partial(print, file=sys.__stdout__ or sys.stdout, flush=True)
-        follow(path, limits, found=found, said=_print_state)
+        follow(path, limits, found=found, on_status=_print_state)
     # A closed pipe (`| head -1`) ends it, too.
     except (KeyboardInterrupt, BrokenPipeError):
         _print_state('stopped following; the report of the run so far')

@@ -8,12 +8,14 @@ Safe reading and writing of YAML, at a cost proportional to the text's length.
 from collections.abc import Callable, Hashable
 from math import isfinite
 import re
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 
 from .files import AnyPath, read_regular
-from .text import printable_line
+from .text import printable, printable_line
+
+ContentT = TypeVar('ContentT')
 
 MAX_DEPTH = 20
 """Maximum nesting of a user's file."""
@@ -76,6 +78,24 @@ def parse(text: str) -> Any:
 def parse_file(path: AnyPath) -> Any:
     """Return the content of a user's YAML file; errors as `read_regular` and `parse`."""
     return parse(read_regular(path, MAX_FILE_SIZE))
+
+
+def content_of_file(
+    path: AnyPath, convert: Callable[[Any], ContentT], what: str, error_type: type[Exception]
+) -> ContentT:
+    """
+    Return the converted content of a user's YAML file.
+
+    An unreadable or invalid file is an error of `error_type` in one line, which says that the file
+    holds no `what`, such as 'motor', and why; `convert` raises a ValueError.
+    """
+    shown = printable(str(path))
+    try:
+        return convert(parse_file(path))
+    except OSError as error:
+        raise error_type(f'{shown} cannot be read: {error.strerror}') from error
+    except (ValueError, TypeError) as error:
+        raise error_type(f'{shown} holds no {what}: {printable_line(error)}') from error
 
 
 def load(text: str) -> Any:

@@ -58,7 +58,6 @@ def check_recorder_findings(review: Review) -> Iterator[Finding]:
 
 
 def _poses(review: Review) -> Iterator[Finding]:
-    """Yield missing poses, and missing geometry."""
     there_are = any(len(leg.recording.poses) for leg in review.legs)
     if not there_are:
         text = 'there is no pose in the run (no joint_states of a leg)'
@@ -204,7 +203,6 @@ def _unanswered(review: Review) -> int:
 
 
 def _ended(review: Review) -> Iterator[Finding]:
-    """Yield poses that ended while the crank angles went on."""
     for leg in review.legs:
         poses, cranks = leg.evaluated.poses, leg.evaluated.cranks
         if not (len(poses) and len(cranks)):

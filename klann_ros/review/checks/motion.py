@@ -97,7 +97,6 @@ def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
 
 
 def _standstill(review: Review, leg: LegRecording) -> Iterator[Finding]:
-    """Yield a long standstill of a crank that moves at other times."""
     alphas, times = leg.cranks.values[:, 0], leg.cranks.times
     changes = np.flatnonzero(alphas[1:] != alphas[:-1])
     if not changes.size:

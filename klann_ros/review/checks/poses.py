@@ -180,7 +180,6 @@ def _wrong_questions(review: Review, reviewed: ReviewedLeg) -> Iterator[Finding]
 
 
 def _refused(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
-    """Yield invalid and unreachable crank angles."""
     found, title = leg.answers, leg.recording.title
     for cause in (Cause.NO_ANGLE, Cause.OUT_OF_REACH):
         rows = found.of(cause)
@@ -202,7 +201,6 @@ def _refused(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
 
 
 def _missing_answers(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
-    """Yield unexplained crank angles without answer."""
     found = leg.unanswered
     if found.unexplained <= 0:
         return

@@ -158,7 +158,6 @@ def _is_valid(row: Row, task: Task) -> bool:
 
 
 def _pages(index: str | None, runs: Sequence[FoundRun]) -> list[str]:
-    """Return the path of each page, in a folder beside the index."""
     if not index:
         return [''] * len(runs)
     folder = Path(index).with_name(f'{Path(index).stem}_runs')
@@ -179,7 +178,6 @@ def _plain(name: str) -> str:
 
 
 def _report(rows: Sequence[Row], asked: int) -> str:
-    """Return the report for the terminal."""
     counts = ', '.join(
         f'{sum(row.verdict == verdict for row in rows)} {words}'
         for verdict, words in ((OK, 'ok'), (FINDINGS, 'with findings'), (UNREADABLE, 'unreadable'))

@@ -24,8 +24,8 @@ from klann_ros.review.page import save
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import Robot
 from klann_ros.sanitize.outputs import Output, OutputError
-from klann_ros.sanitize.text import did_you_mean, printable, printable_line
-from klann_ros.sanitize.yaml_text import parse_file
+from klann_ros.sanitize.text import did_you_mean, printable
+from klann_ros.sanitize.yaml_text import content_of_file
 
 from .table import reviewed_row, Row, unreadable_row
 
@@ -90,7 +90,6 @@ def _runs(
 def _below(
     path: str, above: tuple[tuple[int, int], ...], *, is_linked: bool
 ) -> Iterator[FoundRun]:
-    """Yield the runs of an entry that is a folder."""
     try:
         is_folder = stat.S_ISDIR(Path(path).stat().st_mode)
     except FileNotFoundError:
@@ -176,13 +175,8 @@ def expectations_from_file(path: str) -> Expectations:
         The file cannot be read, or holds none.
 
     """
-    try:
-        return _expectations(parse_file(path), Path(path).parent)
-    except OSError as error:
-        raise ExpectationsFileError(f'{path} cannot be read: {error.strerror}') from error
-    except ValueError as error:
-        what = f'{path} holds no expectations: {printable_line(error)}'
-        raise ExpectationsFileError(what) from error
+    parse = partial(_expectations, folder=Path(path).parent)
+    return content_of_file(path, parse, 'expectations', ExpectationsFileError)
 
 
 def _expectations(content: Any, folder: Path) -> Expectations:

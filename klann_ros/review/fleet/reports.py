@@ -96,7 +96,6 @@ def _summary(rows: Sequence[Row]) -> str:
 
 
 def _checks(rows: Sequence[Row]) -> Markup:
-    """Return the number of runs with faults, by check."""
     counts = Counter(
         check
         for row in rows

@@ -34,29 +34,16 @@ _STEP = round(STEP * 1e9)
 Report = Callable[[str], object]
 
 
-def follow(path: str, limits: Limits, *, found: Report, said: Report) -> None:
+def follow(path: str, limits: Limits, *, found: Report, on_status: Report) -> None:
     """
-    Print the findings of a run during the recording, until it is closed or abandoned.
+    Report the findings of a run during the recording, until it is closed or abandoned.
 
-    Parameters
-    ----------
-    path : str
-        The run, or a file of one; it need not be there yet.
-    limits : Limits
-        Limits of the checks.
-    found, said : callable
-        Called with a line for each new finding, and for each change of state.
-
-    Raises
-    ------
-    NotALogError
-        It is no run of MCAP files.
-    OSError
-        It cannot be read.
-
+    The run need not be there yet. `found` gets a line for each new finding, `on_status` one for
+    each change of state. Raises a NotALogError if it is no run of MCAP files, and an OSError if it
+    cannot be read.
     """
     judge = _FollowJudge(limits, found)
-    for record in _FileFollower(Path(path), said).records():
+    for record in _FileFollower(Path(path), on_status).records():
         judge.take(record)
     judge.report()
 
@@ -100,15 +87,15 @@ class _FollowJudge:
 class _FileFollower:
     """Reads the files of a run one after the other, each as it grows."""
 
-    def __init__(self, path: Path, said: Report) -> None:
-        self._path, self._said = path, said
+    def __init__(self, path: Path, on_status: Report) -> None:
+        self._path, self._on_status = path, on_status
         self._growth = monotonic()
         self._is_stalled = False
 
     def records(self) -> Iterator[Message | NamedRecord]:
         path: Path | None = self._first()
         while path is not None:
-            self._said(f'following {printable(path)}')
+            self._on_status(f'following {printable(path)}')
             with closing(GrowingFile(path)) as file:
                 yield from self._all_of(file)
             path = self._next(path)
@@ -129,7 +116,7 @@ class _FileFollower:
                     raise NotALogError(path, 'only runs of MCAP files can be followed')
                 return path
             if not is_reported:
-                self._said(f'waiting for {printable(path)}')
+                self._on_status(f'waiting for {printable(path)}')
                 is_reported = True
             sleep(PERIOD)
 
@@ -153,11 +140,11 @@ class _FileFollower:
             elif was_written and not is_written:
                 end = 'is unfinished, and its recorder has stopped'
             if end:
-                self._said(f'{printable(file.path.name)} {end}')
+                self._on_status(f'{printable(file.path.name)} {end}')
                 return
             if not self._is_stalled and monotonic() - self._growth > STALL:
                 self._is_stalled = True
-                self._said(f'nothing new for {STALL:g} s; Ctrl-C ends it')
+                self._on_status(f'nothing new for {STALL:g} s; Ctrl-C ends it')
             sleep(PERIOD)
 
     def _next(self, path: Path) -> Path | None:

@@ -24,41 +24,30 @@ FOOT = 'geometry_msgs/msg/PointStamped'
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 ODOMETRY = 'nav_msgs/msg/Odometry'
 COMMAND = 'crank_command'
+_XYZ = 'float64 x, float64 y, float64 z'
+_POINT = {'geometry_msgs/Point': _XYZ}
 _HEADER = {
-    'std_msgs/Header': ('builtin_interfaces/Time stamp', 'string frame_id'),
-    'builtin_interfaces/Time': ('int32 sec', 'uint32 nanosec'),
+    'std_msgs/Header': 'builtin_interfaces/Time stamp, string frame_id',
+    'builtin_interfaces/Time': 'int32 sec, uint32 nanosec',
 }
+_JOINT_FIELDS = 'string[] name, float64[] position, float64[] velocity, float64[] effort'
+_ODOMETRY_FIELDS = (
+    'string child_frame_id, geometry_msgs/PoseWithCovariance pose, '
+    'geometry_msgs/TwistWithCovariance twist'
+)
 _STANDARD_FIELDS = {
-    CRANK_ANGLE: {'': ('float64 data',)},
-    FOOT: {
-        '': ('std_msgs/Header header', 'Point point'),
-        'geometry_msgs/Point': ('float64 x', 'float64 y', 'float64 z'),
-        **_HEADER,
-    },
-    JOINT_STATE: {
-        '': (
-            'std_msgs/Header header',
-            'string[] name',
-            'float64[] position',
-            'float64[] velocity',
-            'float64[] effort',
-        ),
-        **_HEADER,
-    },
+    CRANK_ANGLE: {'': 'float64 data'},
+    FOOT: {'': 'std_msgs/Header header, Point point', **_POINT, **_HEADER},
+    JOINT_STATE: {'': f'std_msgs/Header header, {_JOINT_FIELDS}', **_HEADER},
     ODOMETRY: {
-        '': (
-            'std_msgs/Header header',
-            'string child_frame_id',
-            'geometry_msgs/PoseWithCovariance pose',
-            'geometry_msgs/TwistWithCovariance twist',
-        ),
-        'geometry_msgs/PoseWithCovariance': ('Pose pose', 'float64[36] covariance'),
+        '': f'std_msgs/Header header, {_ODOMETRY_FIELDS}',
+        'geometry_msgs/PoseWithCovariance': 'Pose pose, float64[36] covariance',
         # A quaternion's fields have defaults, and so are no fields here.
-        'geometry_msgs/Pose': ('Point position', 'Quaternion orientation'),
-        'geometry_msgs/Point': ('float64 x', 'float64 y', 'float64 z'),
-        'geometry_msgs/TwistWithCovariance': ('Twist twist', 'float64[36] covariance'),
-        'geometry_msgs/Twist': ('Vector3 linear', 'Vector3 angular'),
-        'geometry_msgs/Vector3': ('float64 x', 'float64 y', 'float64 z'),
+        'geometry_msgs/Pose': 'Point position, Quaternion orientation',
+        **_POINT,
+        'geometry_msgs/TwistWithCovariance': 'Twist twist, float64[36] covariance',
+        'geometry_msgs/Twist': 'Vector3 linear, Vector3 angular',
+        'geometry_msgs/Vector3': _XYZ,
         **_HEADER,
     },
 }
@@ -124,29 +113,18 @@ def _layout(kind: str, data: bytes) -> Layout:
     return Layout(data, cursor.order, is_stamped, names, tuple(numbers), np.concatenate(fixed))
 
 
-def _has_standard_fields(topic: Topic) -> bool:
-    """Return whether a topic has CDR messages with the fields of Jazzy."""
-    if (topic.message_encoding, topic.schema_encoding) != ('cdr', 'ros2msg'):
-        return False
-    return _is_standard(topic.type, topic.definition)
-
-
 @lru_cache(maxsize=16)
 def _is_standard(name: str, definition: str) -> bool:
-    return _fields(definition) == _STANDARD_FIELDS.get(name)
-
-
-def _fields(definition: str) -> dict[str, tuple[str, ...]]:
-    """Return the fields of each type in a definition, the first under ''."""
+    """Return whether a type has the fields of Jazzy."""
     found: dict[str, list[str]] = {}
-    name = ''
+    part = ''
     for line in definition.splitlines():
         words = line.partition('#')[0].split()
         if words[:1] == ['MSG:']:
-            name = words[-1]
+            part = words[-1]
         elif len(words) == 2:
-            found.setdefault(name, []).append(' '.join(words))
-    return {name: tuple(fields) for name, fields in found.items()}
+            found.setdefault(part, []).append(' '.join(words))
+    return {part: ', '.join(fields) for part, fields in found.items()} == _STANDARD_FIELDS[name]
 
 
 # Messages of legs are much smaller; a small file may unpack to any size [bytes].
@@ -220,7 +198,8 @@ class TopicReader:
         self.failed = self.failed_at = 0
         self._topic = topic.name
         self._type = topic.type
-        self._is_standard = _has_standard_fields(topic)
+        is_cdr = (topic.message_encoding, topic.schema_encoding) == ('cdr', 'ros2msg')
+        self._is_standard = is_cdr and _is_standard(topic.type, topic.definition)
         self._layout: Layout | None = None
         self._decode = decoder(topic)
 

@@ -189,7 +189,6 @@ def _planar(poses: FloatArray) -> FloatArray:
 
 
 def _unwrapped(poses: Series) -> Series:
-    """Return poses with unwrapped yaw."""
     x, y, yaw = poses.values.T
     values = np.column_stack([x, y, np.unwrap(yaw)])
     return Series(poses.times, poses.stamps, values)

@@ -142,7 +142,6 @@ def _unanswered(
 
 
 def _duplicates(answers: IntArray, stamps: StampCounts) -> Duplicates:
-    """Return the answers to inputs with several."""
     many = stamps.second > stamps.first
     if not many.any():
         return _NO_DUPLICATES
@@ -158,7 +157,6 @@ def _duplicates(answers: IntArray, stamps: StampCounts) -> Duplicates:
 
 
 def _causes(leg: LegRecording, rows: IndexArray) -> IndexArray:
-    """Return the cause of each missing answer."""
     if not rows.size:
         return rows
     alphas, solved = _leg_angles(leg, leg.cranks.values[rows, 0]), leg.solver.leg

@@ -119,7 +119,6 @@ def compare(first: Review, second: Review) -> Comparison:
 def _unmatched_legs(
     ones: Mapping[str, ReviewedLeg], others: Mapping[str, ReviewedLeg]
 ) -> Iterator[Difference]:
-    """Yield the legs of one run only."""
     for which, own, foreign in (('first', ones, others), ('second', others, ones)):
         for title in (title for title in own if title not in foreign):
             text = f'the leg {printable(title) or "without a name"} is in the {which} run only'

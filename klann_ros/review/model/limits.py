@@ -7,8 +7,7 @@ import sys
 from typing import Any
 
 from klann_ros.log.errors import LogError
-from klann_ros.sanitize.text import printable_line
-from klann_ros.sanitize.yaml_text import parse_file
+from klann_ros.sanitize.yaml_text import content_of_file
 
 
 class LimitsFileError(LogError):
@@ -95,12 +94,7 @@ def limits_from_file(path: str) -> Limits:
         The file cannot be read, or holds no limits.
 
     """
-    try:
-        return limits_from(parse_file(path))
-    except OSError as error:
-        raise LimitsFileError(f'{path} cannot be read: {error.strerror}') from error
-    except ValueError as error:
-        raise LimitsFileError(f'{path} holds no limits: {printable_line(error)}') from error
+    return content_of_file(path, limits_from, 'limits', LimitsFileError)
 
 
 def limits_from(content: Any) -> Limits:

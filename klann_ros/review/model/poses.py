@@ -167,7 +167,6 @@ def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigure
 
 
 def _finite(rows: FloatArray) -> FloatArray:
-    """Return the rows whose numbers are all finite."""
     finite = np.isfinite(rows).all(axis=1)
     return rows if finite.all() else rows[finite]
 
@@ -191,7 +190,6 @@ def linkage_foot_path(linkage: Linkage) -> FootPath | None:
 
 @lru_cache(maxsize=16)
 def _stance(linkage: Linkage) -> Stance | None:
-    """Return the stance of a linkage, if any; cached for many runs."""
     path = linkage_foot_path(linkage)
     try:
         return path.stance() if path is not None else None

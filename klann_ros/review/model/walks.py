@@ -56,7 +56,6 @@ def _odometry(walk: WalkRecording) -> dict[str, Any]:
 
 
 def _cranks(walk: WalkRecording) -> dict[str, Any]:
-    """Return the largest crank lag and phase error."""
     behind: list[tuple[FloatArray, Series]] = []
     for joint, command in walk.commands.items():
         state = walk.states.get(joint)
@@ -96,7 +95,6 @@ def body_paths(walk: WalkRecording) -> dict[str, Series]:
 
 
 def _interpolate(series: Series, stamps: IntArray) -> FloatArray:
-    """Return a series interpolated at some stamps."""
     order = np.argsort(series.stamps, kind='stable')
     at = (series.stamps[order] - series.stamps[order[0]]) / 1e9
     asked = (stamps - series.stamps[order[0]]) / 1e9

@@ -148,7 +148,6 @@ def _run(review: Review, number: int) -> Markup:
 
 
 def _verdict(count: int, what: str, none: str, meaning: str) -> Markup:
-    """Return the verdict by the number of faults."""
     if not count:
         head = element('strong', f'✓ {none}')
         return element('p', head, element('span', meaning), class_='verdict good')
@@ -247,7 +246,6 @@ def _tile(figure: tuple[str, str, str]) -> Markup:
 
 
 def _figures(figures: LegFigures) -> Iterator[tuple[str, str, str]]:
-    """Yield each figure: name, value, and unit or reference."""
     for name, number, form, unit in (
         ('Turns', figures.turns, '.3f', 'of the crank'),
         ('Stride', 1e3 * figures.stride, '.1f', 'mm'),

@@ -177,7 +177,6 @@ def _pose_rows(leg: ReviewedLeg, review: Review, max_bytes: float) -> dict[str, 
 
 
 def _foot_rows(leg: ReviewedLeg, review: Review, max_bytes: float) -> dict[str, Any]:
-    """Return a leg's feet without poses."""
     feet = leg.recording.feet
     columns = list(feet.values.T)
     rows = thin_rows(len(feet), columns, int(max_bytes / (3 * _NUMBER_SIZE)))
@@ -296,7 +295,6 @@ def _sentence(seconds: NDArray[Any], below: int) -> str:
 
 
 def _walks(review: Review, max_bytes: float) -> list[dict[str, Any]]:
-    """Return the paths of the robots of a run."""
     found = zip(review.recording.walks, review.walks, strict=True)
     walks = [(walk, figures, body_paths(walk)) for walk, figures in found]
     # A row has a time, x, y and yaw.

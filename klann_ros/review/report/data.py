@@ -161,7 +161,6 @@ def pose_frame(review: Review) -> 'pd.DataFrame':
 
 
 def _units(legs: Iterable[ReviewedLeg]) -> dict[str, str]:
-    """Return the units of the joints of some legs."""
     units: dict[str, str] = {}
     for leg in legs:
         solver = leg.recording.solver

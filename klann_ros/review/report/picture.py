@@ -64,7 +64,6 @@ def save_picture(review: Review, form: str, file: BinaryIO) -> None:
 
 
 def _last_that_closes(recording: LegRecording, leg: AnyLeg) -> LinkagePose:
-    """Return the last drawable pose."""
     for alpha in reversed(recording.poses.values[:, 0].tolist()):
         with suppress(KinematicsError):
             pose: LinkagePose = leg.closed_form(alpha)

@@ -55,7 +55,9 @@ class Follower:
 
     def _run(self) -> None:
         try:
-            follow(str(self._path), Limits(), found=self.found.append, said=self.status.append)
+            follow(
+                str(self._path), Limits(), found=self.found.append, on_status=self.status.append
+            )
         except (NotALogError, OSError) as error:
             self.error = error
 
