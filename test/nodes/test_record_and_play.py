@@ -68,7 +68,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp('recorded')
     with own_domain() as domain, open_domain(domain, folder) as ros:
         recorder = record(ros, folder / 'run')
-    said = f'messages of 6 topics are in {folder / "run"}; 0 were lost'
+    said = f'messages of 7 topics are in {folder / "run"}; 0 were lost'
     assert said in recorder.errors
     return folder / 'run'
 
@@ -112,6 +112,7 @@ def test_a_run_explains_itself(run: Path) -> None:
         assert {name: count.lost for name, count in counts.items()} == {
             **dict.fromkeys(TOPICS, 0),
             '/diagnostics': 0,
+            '/leg_description': 0,
             '/markers': 0,
         }
     assert record_['node'] == '/solver_node'
