@@ -26,6 +26,15 @@ def moments(review: Review) -> list[tuple[str, float | None]]:
     ]
 
 
+def timed(review: Review) -> list[str]:
+    """Return the findings of a review as lines of check, time [s] and text."""
+    pairs = zip(moments(review), review.findings, strict=True)
+    return [
+        f'{check} {"" if time is None else time}'.rstrip() + f': {f.text}'
+        for (check, time), f in pairs
+    ]
+
+
 def found(run: Path, **options: Any) -> list[str]:
     """Return the findings of a run as they are printed."""
     review = review_run(run, **options)

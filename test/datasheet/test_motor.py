@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from math import inf, pi
 from pathlib import Path
+import re
 from typing import Any
 
 from hypothesis import given, strategies as st
@@ -105,20 +106,18 @@ def test_the_fastest_is_the_first_speed_at_which_something_is_short(
 
 
 def test_the_example_can_turn_sem104s_leg_and_says_how_fast() -> None:
-    motor = motor_from_file(str(EXAMPLE))
-    fastest = data_sheet(robot_of(str(ROOT / 'config' / 'sem104.yaml')), motor=motor).cranks[0]
-    assert fastest.motor is not None
-    robot = robot_of(str(ROOT / 'config' / 'sem104.yaml'))
+    motor, robot = motor_from_file(str(EXAMPLE)), robot_of('sem104')
+    judged = data_sheet(robot, motor=motor).cranks[0].motor
+    assert judged is not None
     just, over = (
-        data_sheet(robot, motor=motor, speed=factor * fastest.motor.fastest)
-        for factor in (0.999, 1.001)
+        data_sheet(robot, motor=motor, speed=factor * judged.fastest) for factor in (0.999, 1.001)
     )
     assert just.motor_turns
     assert not over.motor_turns
 
 
 @pytest.mark.parametrize(
-    ('changes', 'said'),
+    ('changes', 'reason'),
     [
         ({'gear_ratio': None}, 'gear_ratio missing'),
         ({'stall_torque': -1.0}, 'stall_torque = -1.0 is refused'),
@@ -133,38 +132,14 @@ def test_the_example_can_turn_sem104s_leg_and_says_how_fast() -> None:
         ({'x\x1b[31m': 1.0}, r'x\x1b[31m: no such key'),
     ],
 )
-def test_what_is_no_motor_is_refused(changes: Mapping[Any, Any], said: str) -> None:
+def test_an_invalid_motor_is_refused_in_a_line(changes: Mapping[Any, Any], reason: str) -> None:
     content = {key: value for key, value in {**GOOD, **changes}.items() if value is not None}
-    with pytest.raises(ValueError) as refused:  # noqa: PT011 - its text is held below
+    with pytest.raises(ValueError, match=rf'^[^\n]*{re.escape(reason)}[^\n]*$'):
         motor_from(content)
-    assert said in str(refused.value)
-    assert '\n' not in str(refused.value)
 
 
-@pytest.mark.parametrize(
-    ('text', 'said'),
-    [
-        ('', 'it must be a mapping'),
-        ('- 1\n', 'it must be a mapping'),
-        ('a: [', 'line 1'),
-        ('stall_torque: .nan\n', 'must be a finite number'),
-        ('stall_torque: 1\nstall_torque: 2\n', 'is there twice'),
-        ('\x00', 'holds no motor'),
-    ],
-)
-def test_a_file_that_holds_no_motor_is_reported_in_a_line(
-    tmp_path: Path, text: str, said: str
-) -> None:
+def test_a_file_that_holds_no_motor_is_reported(tmp_path: Path) -> None:
     path = tmp_path / 'motor.yaml'
-    path.write_text(text)
-    with pytest.raises(MotorFileError) as refused:
+    path.write_text('- 1\n')
+    with pytest.raises(MotorFileError, match=r'motor\.yaml holds no motor: it must be a mapping'):
         motor_from_file(str(path))
-    assert said in str(refused.value)
-    assert 'motor.yaml' in str(refused.value)
-    assert '\n' not in str(refused.value)
-
-
-@pytest.mark.parametrize(('path', 'said'), [('/dev/zero', 'a device'), ('/', 'a folder')])
-def test_what_is_no_file_is_not_read(path: str, said: str) -> None:
-    with pytest.raises(MotorFileError, match=said):
-        motor_from_file(path)

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import count
 import math
 from pathlib import Path
 from typing import Any
 
+from findings import timed
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.kinematics.klann import JOINTS
 from klann_ros.log.reader import open_log
@@ -23,6 +25,7 @@ from klann_ros.log.run_parameters import (
 )
 from klann_ros.log.write.writer import RunWriter
 from klann_ros.review.command import main
+from klann_ros.review.reviewing import review_run
 from leg_runs import make, START, STORE, topic_of
 import numpy as np
 import pytest
@@ -248,6 +251,18 @@ def printed(
         return capsys.readouterr().out
 
     return report
+
+
+@pytest.fixture
+def finds(make_run: Callable[..., Path]) -> Callable[..., list[str]]:
+    """Return what writes a run, unless it is one already, and returns its findings as lines."""
+    numbers = count()
+
+    def lines(run: Script | Path, **options: Any) -> list[str]:
+        path = run if isinstance(run, Path) else make_run(run, f'found_{next(numbers)}')
+        return timed(review_run(path, **options))
+
+    return lines
 
 
 @pytest.fixture

@@ -46,9 +46,17 @@ def test_recover_without_a_reader_keeps_its_exit_code(healthy, make_run, tmp_pat
     assert list((tmp_path / 'recovered').glob('*.mcap'))
 
 
-@pytest.mark.parametrize('name', ['review', 'recover'])
-def test_help_without_a_reader_is_no_fault(name: str) -> None:
-    assert without_a_reader(name, '--help') == (0, '')
+@pytest.mark.parametrize(
+    ('name', 'arguments'),
+    [
+        ('review', ['--help']),
+        ('recover', ['--help']),
+        ('describe', ['sem104']),
+        ('export', ['sem104', '--svg', '/dev/null']),
+    ],
+)
+def test_a_report_without_a_reader_is_no_fault(name: str, arguments: list[str]) -> None:
+    assert without_a_reader(name, *arguments) == (0, '')
 
 
 @pytest.mark.skipif(not Path('/dev/full').exists(), reason='a device of Linux')

@@ -1,6 +1,8 @@
 """YAML of strangers: whatever it is, it is read at a cost like its length, or refused."""
 
 from contextlib import suppress
+from pathlib import Path
+from typing import Any
 
 from hypothesis import given, strategies as st
 from klann_ros.sanitize import yaml_text
@@ -59,3 +61,38 @@ def test_nested_aliases_count_as_often_as_they_are_referenced() -> None:
     with pytest.raises(ValueError, match='unfolds to more than 100000 entries'):
         yaml_text.load('\n'.join(['a0: &a0 x', *levels]))
     assert len(yaml_text.load('\n'.join(['a0: &a0 x', *levels[:4]]))) == 5
+
+
+@pytest.mark.parametrize(
+    ('text', 'reason'),
+    [
+        ('[1, 2]', 'a is missing'),
+        ('a: [', 'line 1'),
+        (': :', ''),
+        ('a: .nan', 'must be a finite number'),
+        ('a: 1\na: 2\n', 'is there twice'),
+        ('a: &a [*a]', 'anchor'),
+        ('\x00', ''),
+    ],
+)
+def test_an_invalid_file_is_refused_in_a_line(tmp_path: Path, text: str, reason: str) -> None:
+    def required(content: Any) -> Any:
+        if 'a' not in content:
+            raise ValueError('a is missing')
+        return content
+
+    file = tmp_path / 'file.yaml'
+    file.write_text(text)
+    with pytest.raises(ArithmeticError) as refused:
+        yaml_text.content_of_file(str(file), required, 'letter', ArithmeticError)
+    assert str(refused.value).startswith(f'{file} holds no letter: ')
+    assert reason in str(refused.value)
+    assert '\n' not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ('path', 'reason'), [('/dev/zero', 'a device'), ('/', 'a folder'), ('no.yaml', 'No such file')]
+)
+def test_a_path_without_a_file_is_refused(path: str, reason: str) -> None:
+    with pytest.raises(ArithmeticError, match=f'{path} cannot be read: .*{reason}'):
+        yaml_text.content_of_file(path, lambda content: content, 'letter', ArithmeticError)

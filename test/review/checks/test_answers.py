@@ -10,14 +10,12 @@ from klann_ros.review.reviewing import review_run
 import pytest
 
 
-def test_a_pose_for_another_crank_angle_is_found(healthy, make_run) -> None:
+def test_a_pose_for_another_crank_angle_is_found(healthy, finds) -> None:
     # A right pose, one bit beside the angle that was asked.
     pose = KlannLeg().solve(math.nextafter(healthy.answers[100].alpha, 9.0))
     healthy.change(100, pose=list(pose.joints), foot=pose.h)
-    review = review_run(make_run(healthy))
-    assert moments(review) == [('alpha', 0.5)]
-    (finding,) = review.findings
-    assert finding.text == '1 of 400 poses is at another crank angle than their input'
+    text = '1 of 400 poses is at another crank angle than their input'
+    assert finds(healthy) == [f'alpha 0.5: {text}']
 
 
 @pytest.mark.parametrize('parameters', [{'phase': 0.5}, {'direction': -1}])
@@ -26,20 +24,19 @@ def test_another_phase_or_direction_than_recorded_is_found(healthy, make_run, pa
     assert checks(review_run(make_run(healthy))) == ['alpha']
 
 
-def test_a_stamp_that_two_inputs_share_has_no_angle(healthy, make_run) -> None:
+def test_a_stamp_that_two_inputs_share_has_no_angle(healthy, finds) -> None:
     alpha = healthy.answers[100].alpha + 1e-3
     pose = KlannLeg().solve(alpha)
     healthy.change(100, pose=list(pose.joints), foot=pose.h)
     healthy.unanswered = [(healthy.answers[100].stamp, alpha)]
-    assert found(make_run(healthy)) == ['answers: 1 of 401 crank angles was not answered']
+    assert finds(healthy) == ['answers 0.5: 1 of 401 crank angles was not answered']
 
 
 @pytest.mark.parametrize('alpha', [math.nan, math.inf, -math.inf, 1.1e6, -1e300])
-def test_an_invalid_crank_angle_is_rejected(healthy, make_run, alpha) -> None:
+def test_an_invalid_crank_angle_is_rejected(healthy, finds, alpha) -> None:
     healthy.unanswered = [(healthy.answers[100].stamp + 1000, alpha)]
-    assert found(make_run(healthy)) == [
-        'rejected: 1 of 401 crank angles was invalid: not finite, or beyond 1e6 rad'
-    ]
+    text = '1 of 401 crank angles was invalid: not finite, or beyond 1e6 rad'
+    assert finds(healthy) == [f'rejected 0.5: {text}']
 
 
 def test_an_unanswered_angle_is_found_but_not_at_the_edges(healthy, make_run) -> None:
@@ -83,9 +80,8 @@ def rocking(make_script):
 
 def test_an_angle_out_of_reach_is_found_as_such(rocking, make_run) -> None:
     out = len(rocking.unanswered)
-    assert found(make_run(rocking)) == [
-        f'reach: {out} of 60 crank angles cannot be reached by this leg'
-    ]
+    text = f'reach: {out} of 60 crank angles cannot be reached by this leg'
+    assert found(make_run(rocking)) == [text]
 
 
 def test_a_silence_where_nothing_can_be_answered_is_no_gap(make_script, make_run) -> None:
@@ -108,15 +104,13 @@ def test_a_silence_where_nothing_can_be_answered_is_no_gap(make_script, make_run
     assert lengths[0] > 0.1
 
 
-def test_a_solver_that_stood_still_is_a_gap_of_its_answers(healthy, make_run) -> None:
+def test_a_solver_that_stood_still_is_a_gap_of_its_answers(healthy, finds) -> None:
     silent, healthy.answers[100:150] = healthy.answers[100:150], []
     healthy.unanswered = [(answer.stamp, answer.alpha) for answer in silent]
     healthy.renumber()
-    review = review_run(make_run(healthy))
-    assert moments(review) == [('gap', 0.495)]
-    silence, _, count = review.findings[0].text.partition('; ')
-    assert silence == 'nothing on /joint_states, /point_h for 0.255 s'
-    assert count == '50 crank angles were not answered meanwhile'
+    silence = 'nothing on /joint_states, /point_h for 0.255 s'
+    count = '50 crank angles were not answered meanwhile'
+    assert finds(healthy) == [f'gap 0.495: {silence}; {count}']
 
 
 def test_without_a_geometry_the_reason_is_unknown(rocking, make_run) -> None:
@@ -126,12 +120,10 @@ def test_without_a_geometry_the_reason_is_unknown(rocking, make_run) -> None:
     assert answers == f'answers: {out} of 60 crank angles were not answered'
 
 
-def test_poses_that_end_before_the_crank_does_are_stale(healthy, make_run) -> None:
+def test_poses_that_end_before_the_crank_does_are_stale(healthy, finds) -> None:
     last = healthy.answers[-1]
     healthy.unanswered = [
         (last.stamp + n * 5_000_000, last.alpha + n / 100) for n in range(1, 501)
     ]
-    review = review_run(make_run(healthy))
-    assert moments(review) == [('stale', 1.995)]
     text = 'the poses ended 2.5 s before the crank did; 500 crank angles came after them'
-    assert review.findings[0].text == text
+    assert finds(healthy) == [f'stale 1.995: {text}']

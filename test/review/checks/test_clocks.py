@@ -5,7 +5,6 @@ from pathlib import Path
 import re
 import struct
 
-from findings import moments
 from klann_ros.log.definitions import definition
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
@@ -19,52 +18,52 @@ MS = 1_000_000
 FLOAT = 'std_msgs/msg/Float64'
 
 
-def test_a_publishers_clock_that_is_off_is_found_once(healthy, make_run, without) -> None:
-    healthy.shift_header_stamps(-3_000 * MS)
-    run = without(make_run(healthy), late=3_000 * MS)
-    review = review_run(run, limits=Limits(clock_offset=2.9))
-    assert moments(review) == [('clock', None)]
-    assert review.findings[0].text.startswith("the publisher's clock seems 3.000 s behind")
-
-
-def test_a_publishers_clock_ahead_by_more_than_the_latency_is_found(
-    healthy, make_run, without
+@pytest.mark.parametrize(
+    ('late', 'offset', 'text'),
+    [(3_000 * MS, 2.9, 'seems 3.000 s behind'), (-150 * MS, 0.5, 'is 0.150 s ahead of')],
+)
+def test_a_publishers_clock_that_is_off_is_found_once(
+    healthy, make_run, without, finds, *, late, offset, text
 ) -> None:
-    review = review_run(without(make_run(healthy), late=-150 * MS))
-    assert moments(review) == [('clock', None)]
-    assert review.findings[0].text.startswith("the publisher's clock is 0.150 s ahead of")
+    healthy.shift_header_stamps(min(-late, 0))
+    run = without(make_run(healthy), late=late)
+    (line,) = finds(run, limits=Limits(clock_offset=offset))
+    assert line.startswith(f"clock: the publisher's clock {text}")
 
 
-def test_stamps_of_another_clock_are_found(healthy, make_run) -> None:
-    healthy.by_crank_state()
-    healthy.shift_header_stamps(700 * MS)
-    review = review_run(make_run(healthy))
-    assert moments(review) == [('clock', None)]
+def test_stamps_of_another_clock_are_found(healthy, finds) -> None:
+    healthy.by_crank_state().shift_header_stamps(700 * MS)
     ahead = "the stamps of the poses are 0.700 s ahead of the log's clock"
-    assert review.findings[0].text == ahead
+    assert finds(healthy) == [f'clock: {ahead}']
 
 
-def test_late_messages_are_found_on_their_topic(healthy, make_run, without) -> None:
-    late = {20, 21, 22, 23, 24}
+def test_late_messages_are_found_on_their_topic(healthy, make_run, without, finds) -> None:
     run = without(
         make_run(healthy),
-        late=lambda m: 150 * MS if m.topic.name == '/point_h' and m.sequence in late else 0,
+        late=lambda m: 150 * MS * (m.topic.name == '/point_h' and 20 <= m.sequence < 25),
     )
-    review = review_run(run)
-    assert moments(review) == [('latency', 0.245)]
     text = '5 of 400 messages of /point_h took more than 0.1 s to arrive, up to 0.150 s'
-    assert review.findings[0].text == text
+    assert finds(run) == [f'latency 0.245: {text}']
 
 
-def test_stamps_that_go_back_are_found(healthy, make_run) -> None:
-    healthy.by_crank_state()
-    healthy.swap_stamps(100, 101)
-    review = review_run(make_run(healthy))
-    assert moments(review) == [('order', 0.505)]
+def test_stamps_that_go_back_are_found(healthy, finds) -> None:
+    healthy.by_crank_state().swap_stamps(100, 101)
+    (line,) = finds(healthy)
+    assert line.startswith('order 0.505: ')
 
 
-def simulated(healthy, make_run, late: int = 0, pause: int = 0) -> list[str]:
-    """Return what is found in a run of simulated time with wall log times and /clock in it."""
+@pytest.mark.parametrize(
+    ('late', 'pause', 'lines'),
+    [
+        (0, 0, []),
+        (0, 500 * MS, ['gap 0.996: nothing on /clock for 0.505 s']),
+        (700 * MS, 0, ['clock: the stamps of the poses are 0.700 s behind /clock']),
+    ],
+)
+def test_stamps_of_a_simulation_are_compared_with_its_clock(
+    healthy, finds, late, pause, lines
+) -> None:
+    """The log times are wall time."""
     healthy.by_crank_state()
     clock, start = Topic('/clock', 'rosgraph_msgs/msg/Clock', ''), healthy.answers[0].stamp
     for n in range(400):
@@ -74,22 +73,7 @@ def simulated(healthy, make_run, late: int = 0, pause: int = 0) -> list[str]:
         healthy.change(n, stamp=stamp, header_stamp=shown - late)
         data = struct.pack('<4BII', 0, 1, 0, 0, *divmod(shown, 10**9))
         healthy.messages.append(Message(clock, data, stamp + MS, stamp, n + 1))
-    review = review_run(make_run(healthy))
-    return [finding.text for finding in review.findings]
-
-
-@pytest.mark.parametrize(
-    ('times', 'texts'),
-    [
-        ({}, []),
-        ({'pause': 500 * MS}, ['nothing on /clock for 0.505 s']),
-        ({'late': 700 * MS}, ['the stamps of the poses are 0.700 s behind /clock']),
-    ],
-)
-def test_stamps_of_a_simulation_are_compared_with_its_clock(
-    healthy, make_run, times, texts
-) -> None:
-    assert simulated(healthy, make_run, **times) == texts
+    assert finds(healthy) == lines
 
 
 def latched(make_run, healthy, *sent: tuple[float, float, int]) -> Path:
