@@ -248,24 +248,23 @@ def sweep_tolerances(
     tolerances: Mapping[str, float] | float,
     folder: str | Path,
     *,
-    samples: int = 1_000_000,
-    crank_angles: int = 360,
-    distribution: str = 'uniform',
-    seed: int = 0,
     engine: str = 'local',
     jobs: int | None = None,
     address: str | None = None,
     progress: Progress | None = None,
+    **options: Any,
 ) -> ToleranceStudy:
     """
     Return a `tolerance_study`, computed some crank angles at a time and stored on disk meanwhile.
 
     Parameters
     ----------
-    linkage, tolerances, samples, crank_angles, distribution, seed
+    linkage, tolerances
         As of `tolerance_study`, whose result is identical to the last digit.
     folder, engine, jobs, address, progress
         As of `sweep_poses`.
+    samples, crank_angles, distribution, seed
+        As of `tolerance_study`; by default 1,000,000 samples.
 
     Raises
     ------
@@ -275,14 +274,7 @@ def sweep_tolerances(
         As `tolerance_study`.
 
     """
-    draw = tolerance_draw(
-        linkage,
-        tolerances,
-        samples=samples,
-        crank_angles=crank_angles,
-        distribution=distribution,
-        seed=seed,
-    )
+    draw = tolerance_draw(linkage, tolerances, **{'samples': 1_000_000} | options)
     settings = (draw.samples, draw.distribution, draw.seed)
     own = draw.linkage
     identity = fingerprint(

@@ -20,8 +20,6 @@ from .turn_clearance import driven_clearances
 DISTRIBUTIONS = ('uniform', 'normal')
 # Poses in memory at once: the crank angles are processed in parts.
 MAX_STUDY_POSES = 1_000_000
-# Relative step of the central differences: least sum of truncation and round-off.
-DIFFERENCE_STEP = 6e-6
 # Of a ToleranceStudy, at each crank angle.
 STATISTICS = ('mean', 'rms', 'p95', 'p99', 'largest', 'box')
 
@@ -93,11 +91,8 @@ def tolerance_study(
     linkage: Any,
     tolerances: Mapping[str, float] | float,
     *,
-    samples: int = 1000,
-    crank_angles: int = 360,
-    distribution: str = 'uniform',
-    seed: int = 0,
     progress: Progress | None = None,
+    **options: Any,
 ) -> ToleranceStudy:
     """
     Return the effect of manufacturing errors on a foot path.
@@ -109,17 +104,17 @@ def tolerance_study(
     tolerances : mapping of str to float, or float
         Half-width of each dimension's tolerance, by name [m, rad]; others are exact. A single
         number is the relative half-width of all lengths.
-    samples : int
-        Number of random legs.
-    crank_angles : int
-        Number of equal steps of the crank's turn.
-    distribution : str
-        Of every dimension, independently: 'uniform', or 'normal' with a third of the half-width as
-        standard deviation, truncated to the tolerance.
-    seed : int
-        >= 0; the same seed gives the same legs.
     progress : callable, optional
         Called with (done, total) poses after each part.
+    samples : int, default 1000
+        Number of random legs.
+    crank_angles : int, default 360
+        Number of equal steps of the crank's turn.
+    distribution : str, default 'uniform'
+        Of every dimension, independently: 'uniform', or 'normal' with a third of the half-width as
+        standard deviation, truncated to the tolerance.
+    seed : int, default 0
+        >= 0; the same seed gives the same legs.
 
     Returns
     -------
@@ -143,14 +138,7 @@ def tolerance_study(
     'l_bc'
 
     """
-    draw = tolerance_draw(
-        linkage,
-        tolerances,
-        samples=samples,
-        crank_angles=crank_angles,
-        distribution=distribution,
-        seed=seed,
-    )
+    draw = tolerance_draw(linkage, tolerances, **options)
 
     def results() -> Iterator[dict[str, Any]]:
         for part in draw.parts:
@@ -189,7 +177,8 @@ class ToleranceDraw:
         """Return the random legs."""
         values = np.array(self.linkage.numbers)
         errors = _draw(self.distribution, (len(values), self.samples), self.seed)
-        return _variants(self.linkage, values[:, None] + self.widths[:, None] * errors)
+        numbers = values[:, None] + self.widths[:, None] * errors
+        return Variants(self.linkage, dict(zip(self.linkage.dimensions, numbers, strict=True)))
 
     def deviations(self, part: slice) -> dict[str, AnyArray]:
         """Return the statistics of the feet at some of the crank angles."""
@@ -208,18 +197,19 @@ class ToleranceDraw:
             np.minimum(least, each['least'], out=least)
             np.maximum(greatest, each['greatest'], out=greatest)
         extent = np.where(turns[:, None], greatest - least, np.nan)
+        nominal: Any = linkage_poses(self.linkage, self.alphas, gradients=True)
         arrays = {
             'alphas': self.alphas,
-            'nominal': linkage_poses(self.linkage, self.alphas).h,
+            'nominal': nominal.h,
             **{name: np.concatenate([row[name] for row in rows]) for name in STATISTICS},
             'stride': extent[:, 0].copy(),
             'lift': extent[:, 1].copy(),
             'tolerances': self.widths,
-            'sensitivities': _sensitivities(self.linkage, self.alphas),
+            'sensitivities': nominal.h_gradient.swapaxes(1, 2),
         }
         for array in arrays.values():
             array.setflags(write=False)
-        fraction, names = float((~turns).mean()), tuple(self.linkage.dimensions)
+        fraction, names = float((~turns).mean()), nominal.dimension_names
         return ToleranceStudy(**arrays, non_turning_fraction=fraction, names=names)
 
 
@@ -227,10 +217,10 @@ def tolerance_draw(
     linkage: Any,
     tolerances: Mapping[str, float] | float,
     *,
-    samples: int,
-    crank_angles: int,
-    distribution: str,
-    seed: int,
+    samples: int = 1000,
+    crank_angles: int = 360,
+    distribution: str = 'uniform',
+    seed: int = 0,
 ) -> ToleranceDraw:
     """Return the legs of a `tolerance_study`; parameters and errors as there."""
     nominal = as_linkage(linkage)
@@ -243,10 +233,6 @@ def tolerance_draw(
     alphas = np.arange(crank_angles, dtype=np.float64) * (TURN / crank_angles)
     widths = _half_widths(nominal, tolerances)
     return ToleranceDraw(nominal, widths, samples, distribution, seed, alphas)
-
-
-def _variants(linkage: Linkage, numbers: FloatArray) -> Variants:
-    return Variants(linkage, dict(zip(linkage.dimensions, numbers, strict=True)))
 
 
 def _half_widths(linkage: Linkage, tolerances: Mapping[str, float] | float) -> FloatArray:
@@ -288,23 +274,6 @@ def _draw(distribution: str, shape: tuple[int, int], seed: int) -> FloatArray:
     while (outside := np.abs(errors) > 1.0).any():
         errors[outside] = random.normal(0.0, 1.0 / 3.0, int(outside.sum()))
     return errors
-
-
-def _sensitivities(linkage: Linkage, alphas: FloatArray) -> FloatArray:
-    """Return dH/d(dimension) by central differences, shape (k, number of dimensions, 2)."""
-    values = np.array(linkage.numbers)
-    pairs = list(zip(linkage.numbers, linkage.structure.dimensions, strict=True))
-    largest = max(value for value, d in pairs if d.is_length)
-    # A pivot coordinate may be 0, and a bend is an angle.
-    scale = [v if d.is_length else largest if d.unit == 'm' else 1.0 for v, d in pairs]
-    steps = np.diag(DIFFERENCE_STEP * np.array(scale))
-    shifted = values[:, None] + np.hstack([steps, -steps])
-    feet = linkage_poses(_variants(linkage, shifted), alphas).h
-    up, down = feet.reshape(2, len(values), -1, 2)
-    # The steps as rounded.
-    rounded = np.subtract(*(half.diagonal() for half in np.hsplit(shifted, 2)))
-    slopes: FloatArray = (up - down) / rounded[:, None, None]
-    return slopes.swapaxes(0, 1)
 
 
 def deviations(h: FloatArray, nominal: FloatArray) -> dict[str, AnyArray]:
