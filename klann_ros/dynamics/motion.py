@@ -4,7 +4,6 @@ from typing import Any, NamedTuple
 
 from klann_ros.kinematics import Linkage, linkage_poses
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
-from klann_ros.kinematics.batch.coupled import closing_blocks
 from klann_ros.kinematics.linkage import joints
 import numpy as np
 from numpy.typing import ArrayLike
@@ -72,7 +71,7 @@ def body_motion_at(linkage: Linkage, angles: FloatArray, x: FloatArray) -> BodyM
     """Return the motion through poses, by all coordinates, shapes (k,) and (n - 1, k)."""
     structure = linkage.structure
     u = np.array(joints.body_vectors(structure, [angles, *x]))
-    blocks = [*closing_blocks(linkage, u)]
+    blocks = [block.closing(u) for block in linkage.blocks]
     x_1, u_1 = joints.solve_rates(structure, u, blocks, 1.0)
     bent = joints.velocity_product(structure, u, x_1)
     x_2, u_2 = joints.solve_rates(structure, u, blocks, 0.0, bent=bent)

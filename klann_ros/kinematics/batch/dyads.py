@@ -1,27 +1,16 @@
-"""
-Linkages whose blocks are all dyads, in bulk: the geometric method for many crank angles at once.
-
-Where all joints are pins a kernel runs the compiled program. Dyads with sliding joints are solved
-by `linkage.dyads` on arrays of complex numbers, which takes three times as long.
-"""
+"""Linkages whose blocks are all dyads of pins, in bulk: a kernel runs their compiled program."""
 
 from collections.abc import Hashable, Iterator, Sequence, Set as AbstractSet
-from functools import partial
 from itertools import chain, islice
 from typing import Any, TypeAlias
 
-from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 from klann_ros.kinematics.arrays import AnyArray, BoolArray, ByteArray, ComplexArray, FloatArray
-from klann_ros.kinematics.linkage import joints
-from klann_ros.kinematics.linkage.dyads import cross, Dyad, dyad_solver, DyadSolver
-from klann_ros.kinematics.linkage.equations import path_terms
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 
-from .gradients import store_gradients
 from .kernels import NumpyKernel
 from .program import compile_program, constants, Derived, differentiate, PathTerms, Program
-from .results import LinkagePoses, part_of, Reason, store, unreachable
+from .results import LinkagePoses, part_of, Reason, unreachable
 
 # The x and the y of vectors of many poses.
 Planes: TypeAlias = list[tuple[FloatArray, FloatArray]]
@@ -203,111 +192,3 @@ def _angle_rate(links: Any, links_1: Any, sense: int) -> Any:
     """Return dx/dalpha of a body by its link W u and the derivative, (x, y) each."""
     (x, y), (x_1, y_1) = links, links_1
     return sense * (x * y_1 - y * x_1) / (x * x + y * y)
-
-
-class SlidingDyads:
-    """
-    Linkages of one structure whose blocks are all dyads.
-
-    Parameters
-    ----------
-    variants : Variants
-        The linkages.
-    rows : slice or numpy.ndarray of int, optional
-        A subset; all by default.
-
-    """
-
-    def __init__(self, variants: Variants, rows: Any = slice(None)) -> None:
-        self.structure = structure = variants.base.structure
-        count = len(variants)
-        # The pivots and the bars.
-        pivots, bars = (
-            [np.broadcast_to(each, count)[rows, None] for each in some]
-            for some in variants.vectors
-        )
-        self.plane_vectors = pivots, bars
-        self._signs = variants.signs[:, rows, None]
-        self._loops = [self._row(structure.paths.loops[k]) for (k,) in structure.paths.rows]
-        self.solvers: list[DyadSolver] = [
-            dyad_solver(Dyad(structure, (group[0], group[1]), terms, constant))
-            for group, (terms, constant) in zip(structure.groups, self._loops, strict=True)
-        ]
-
-    def vectors(self, alphas: FloatArray, blocks: int | None = None) -> list[Any]:
-        """Return u_j of every body in the first `blocks` blocks, shapes (n, k)."""
-        u: list[Any] = [None] * len(self.structure.bodies)
-        u[0] = np.exp(1j * self.structure.senses[0] * alphas)
-        for k, group in enumerate(self.structure.groups[:blocks]):
-            a, b = group
-            u[a], u[b] = self.solvers[k].place(u, self.closure_vector(k, u), self._signs[k])
-        return u
-
-    def closure_vector(self, k: int, u: list[Any]) -> Any:
-        """Return the required W_a u_a + W_b u_b of a dyad, by the dyads before it [m]."""
-        (terms, constant), own = self._loops[k], self.structure.groups[k]
-        return -sum((w * u[j] for j, w in terms.items() if j not in own), constant)
-
-    def closing_blocks(self, u: list[Any]) -> list[joints.Closing]:
-        """Return what closes the loop of each dyad again: see `joints.solve_rates`."""
-        return [
-            (group, partial(self._close, k, u)) for k, group in enumerate(self.structure.groups)
-        ]
-
-    def _close(self, k: int, u: list[Any], du: list[Any], opened: Any) -> tuple[Any, Any]:
-        opened = sum(opened) + sum(w * du[j] for j, w in self._loops[k][0].items())
-        solver = self.solvers[k]
-        p, q = solver.dyad.jacobian_columns(u)
-        determinant = cross(p, q)
-        sine = determinant / solver.column_lengths(self.closure_vector(k, u))
-        least = np.sqrt(solver.dyad.rounding / solver.min_length)
-        determinant = np.where(np.abs(sine) <= least, np.nan, determinant)
-        return cross(q, opened) / determinant, cross(opened, p) / determinant
-
-    def point(self, u: list[Any], which: int, *, moved: bool = False) -> Any:
-        """Return a point as a complex number [m]; of derivatives, its derivative."""
-        terms, constant = self._row(self.structure.paths.points[which])
-        start = np.zeros(np.shape(u[0]), dtype=np.complex128) + (0.0 if moved else constant)
-        return sum((w * u[j] for j, w in terms.items()), start)
-
-    def reasons(self, u: list[Any]) -> ByteArray:
-        """Return the reason of each pose: the first dyad that does not close, or 0."""
-        why: ByteArray = np.zeros(np.shape(u[-1]), dtype=np.uint8)
-        for k, (a, b) in enumerate(self.structure.groups):
-            gone = (np.isnan(u[a]) | np.isnan(u[b])) & (why == 0)
-            far = gone & self.solvers[k].is_too_far(self.closure_vector(k, u))
-            why[gone] = unreachable(k + 1, far=False)
-            why[far] = unreachable(k + 1, far=True)
-        return why
-
-    def _row(self, path: Any) -> tuple[dict[int, Any], Any]:
-        return path_terms(self.structure, path, *self.plane_vectors)
-
-
-def fill_sliding(variants: Variants, rows: slice, alphas: AnyArray, results: LinkagePoses) -> None:
-    """Compute and store the poses of some of the variants."""
-    dyads = SlidingDyads(variants, rows)
-    angles = np.asarray(alphas, dtype=np.float64)[None, :]
-    within = np.abs(angles) <= MAX_CRANK_ANGLE
-    u = dyads.vectors(np.where(within, angles, np.nan))
-    u = [np.broadcast_to(each, results.reason.shape) for each in u]
-    why = dyads.reasons(u)
-    why[np.broadcast_to(~within, why.shape)] = Reason.CRANK_ANGLE
-    why[variants.error_codes[rows] != 0] = Reason.REFUSED
-    results.reason[...] = why
-    blocks = dyads.closing_blocks(u)
-    x_1: list[Any] = []
-    u_1: list[Any] = []
-    if results.h_1 is not None or results.h_gradient is not None:
-        x_1, u_1 = joints.solve_rates(dyads.structure, u, blocks, 1.0)
-
-    def transmission_angle(k: int) -> Any:
-        outside = k + 1 in dyads.structure.outside
-        return dyads.solvers[k].transmission_angle(u, outside=outside)
-
-    store(results, dyads.structure, (u, x_1, u_1), dyads.point, transmission_angle)
-    store_gradients(results, dyads.structure, (u, x_1, u_1), blocks, dyads.plane_vectors)
-    gone = why != 0
-    if gone.any():
-        for array in results.arrays().values():
-            array[gone] = np.nan

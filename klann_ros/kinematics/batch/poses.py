@@ -13,8 +13,8 @@ from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .coupled import fill_coupled
-from .dyads import BLOCK_SIZE, fill_sliding, PinnedDyads
+from .blockwise import fill_blockwise
+from .dyads import BLOCK_SIZE, PinnedDyads
 from .kernels import choose_kernel
 from .results import LinkagePoses, part_of
 
@@ -243,7 +243,6 @@ def _fill(
     """
     pinned = PinnedDyads(variants, results, kernel) if variants.base.two_circles else None
     is_dyadic = variants.base.is_dyadic
-    fill_part = fill_sliding if is_dyadic else fill_coupled
     done, total = 0, results.reason.size
     # Missing poses become NaN on the way; the reasons are computed from these.
     with np.errstate(all='ignore'):
@@ -251,7 +250,8 @@ def _fill(
             if pinned is not None:
                 pinned.fill(rows, columns, alphas)
             else:
-                fill_part(variants, rows, alphas[columns], part_of(results, rows, columns))
+                part = part_of(results, rows, columns)
+                fill_blockwise(variants, rows, alphas[columns], part)
             done += (rows.stop - rows.start) * (columns.stop - columns.start)
             if progress is not None:
                 progress(done, total)

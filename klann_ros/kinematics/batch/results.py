@@ -1,13 +1,10 @@
 """Results of a batch: the poses, and the reason of each missing pose."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import Any
 
 from klann_ros.kinematics.arrays import ByteArray, FloatArray
-from klann_ros.kinematics.linkage import joints
-from klann_ros.kinematics.linkage.structure import Structure
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -185,36 +182,3 @@ def part_of(results: LinkagePoses, rows: slice, columns: slice) -> LinkagePoses:
         name: array[rows, columns] for name, array in results.arrays().items()
     }
     return LinkagePoses(reason=results.reason[rows, columns], **parts)
-
-
-def store(
-    results: LinkagePoses,
-    structure: Structure,
-    poses: tuple[Any, Any, Any],
-    point: Callable[..., Any],
-    transmission_angle: Callable[[int], Any],
-) -> None:
-    """
-    Store the requested results of solved poses.
-
-    `poses` are the bodies' vectors u, and dx/dalpha and du/dalpha if requested. `point` returns a
-    point by u and its number, or its derivative by du/dalpha with `moved=True`.
-    """
-    u, x_1, u_1 = poses
-    for name, array in results.arrays().items():
-        is_rate = name.endswith('_1')
-        if name.endswith('_gradient'):
-            continue
-        if name == 'transmission_angles':
-            for k in range(len(structure.groups)):
-                array[..., k] = transmission_angle(k)
-        elif name.startswith('angles'):
-            for j in range(1, len(u)):
-                array[..., j - 1] = x_1[j] if is_rate else joints.coordinate(structure, u, j)
-        else:
-            of_foot = name.startswith('h')
-            names = [structure.foot] if of_foot else structure.points
-            for n, own in enumerate(names):
-                found = point(u_1 if is_rate else u, structure.points.index(own), moved=is_rate)
-                place = array if of_foot else array[..., n, :]
-                place[..., 0], place[..., 1] = found.real, found.imag

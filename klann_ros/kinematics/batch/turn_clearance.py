@@ -17,7 +17,7 @@ from klann_ros.kinematics.linkage.variants import Variants
 from klann_ros.kinematics.searches import minimum_near
 import numpy as np
 
-from .dyads import SlidingDyads
+from .blockwise import Blockwise
 from .kernels import NumpyKernel
 from .program import compile_program, constants, PathTerms
 
@@ -134,16 +134,15 @@ class _SlidingClearances:
         return np.concatenate([self._least(k, part) for part in _parts(which)])
 
     def _least(self, k: int, part: IndexArray) -> FloatArray:
-        dyads = SlidingDyads(self._variants, part)
-        if not dyads.solvers[k].two_branches:
+        dyads = Blockwise(self._variants, part)
+        if not dyads.blocks[k].two_branches:
             return np.full(len(part), np.inf)
 
         def clearance(rows: Any, cos: FloatArray, sin: FloatArray) -> FloatArray:
             """Return the clearance, shape (n, number of angles); NaN if earlier dyads are open."""
-            some = dyads if isinstance(rows, slice) else SlidingDyads(self._variants, part[rows])
+            some = dyads if isinstance(rows, slice) else Blockwise(self._variants, part[rows])
             with np.errstate(all='ignore'):
-                u = some.vectors(np.arctan2(sin, cos), k)
-                found: FloatArray = some.solvers[k].clearance(some.closure_vector(k, u), u)
+                found: FloatArray = some.blocks[k].clearance(some.place(np.arctan2(sin, cos), k))
             return found
 
         numbers = self._variants.numbers[:, part]

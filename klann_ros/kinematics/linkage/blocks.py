@@ -10,20 +10,22 @@ The determinant of that step over the product of the columns' lengths is the sin
 between the links of a dyad, and stands for it where loops are coupled.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import hypot, prod
 from typing import Any
 
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 from klann_ros.kinematics.errors import UnreachableError
 import numpy as np
 
 from .dyads import cross, Dyad, dyad_solver, DyadSolver, max_vector_length, RELATIVE_ROUNDING
-from .joints import jacobian_column, Vectors
+from .joints import Closing, jacobian_column, Vectors
 from .structure import Structure
 
-Terms = Mapping[int, complex]
+# Of many linkages there are arrays.
+Terms = Mapping[int, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +83,9 @@ class Block:
         return self._dyad
 
     @cached_property
-    def rounding(self) -> float:
+    def rounding(self) -> Any:
         """Return the rounding of its loops [m]."""
-        return float(RELATIVE_ROUNDING * max_vector_length(self.structure, self.rows))
+        return RELATIVE_ROUNDING * max_vector_length(self.structure, self.rows)
 
     @cached_property
     def scale(self) -> float:
@@ -97,7 +99,7 @@ class Block:
         return float(np.prod(longest**2) * np.prod(columns))
 
     @cached_property
-    def rounding_of_sine(self) -> float:
+    def rounding_of_sine(self) -> Any:
         """Return the rounding of the sine near the middle of the reach."""
         if self._dyad is not None:
             return self.rounding / self._dyad.min_length
@@ -105,13 +107,13 @@ class Block:
         return self.rounding / max(links)
 
     @property
-    def singular_sine(self) -> float:
+    def singular_sine(self) -> Any:
         """
         Return the smallest sine above rounding at any pose: below it no velocity is known.
 
         Near the reach of a dyad the sine's square is proportional to the distance from it.
         """
-        return float(self.rounding_of_sine**0.5)
+        return self.rounding_of_sine**0.5
 
     # Of a dyad.
 
@@ -181,18 +183,64 @@ class Block:
             return np.arcsin(np.minimum(1.0, np.abs(self.sine(u))))
         return self._dyad.transmission_angle(u, outside=self.outside)
 
-    def clearance(self, u: Vectors) -> float:
+    def clearance(self, u: Vectors) -> Any:
         """
         Return the clearance of a dyad's ends within its reach [m].
 
         Of coupled loops it is the least singular value of their part of Phi [m/rad].
         """
         if self._dyad is not None:
-            return float(self._dyad.clearance(self.closure_vector(u), u))
-        jacobian = self.jacobian(u)
-        return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
+            return self._dyad.clearance(self.closure_vector(u), u)
+        return np.linalg.svd(self.jacobian(u), compute_uv=False)[..., -1]
+
+    def openings(self, u: Vectors) -> list[Any]:
+        """Return the closure error of each loop [m]."""
+        return [sum((w * u[j] for j, w in terms.items()), c) for terms, c in self.rows]
 
     def closure_error(self, u: Vectors) -> float:
         """Return the norm of its loops' closure errors [m]."""
-        gaps = [sum((w * u[j] for j, w in terms.items()), c) for terms, c in self.rows]
-        return hypot(*(part for gap in gaps for part in (gap.real, gap.imag)))
+        return hypot(*(part for gap in self.openings(u) for part in (gap.real, gap.imag)))
+
+    def closing(self, u: Vectors) -> Closing:
+        """Return its bodies, and what closes its loops again at many poses: see `Closing`."""
+        if self._dyad is not None:
+            changes = self._cramer(u, self._dyad)
+        else:
+            matrix = self.jacobian(u)
+            singular = ~(np.abs(self.sine(u)) > self.singular_sine)
+            matrix[singular | ~np.isfinite(matrix).all(axis=(-2, -1))] = np.nan
+            changes = partial(solve_openings, matrix)
+
+        def close(du: Vectors, further: Sequence[Any] = ()) -> Any:
+            sums = (sum((w * du[j] for j, w in t.items()), 0j * du[0]) for t, _ in self.rows)
+            opened = np.array([*sums])
+            return changes(opened + np.array(further) if len(further) else opened)
+
+        return self.unknowns, close
+
+    def _cramer(self, u: Vectors, solver: DyadSolver) -> Callable[[ComplexArray], Any]:
+        p, q = solver.dyad.jacobian_columns(u)
+        determinant = cross(p, q)
+        sine = determinant / solver.column_lengths(self.closure_vector(u))
+        determinant = np.where(np.abs(sine) <= self.singular_sine, np.nan, determinant)
+        return lambda opened: (
+            cross(q, opened[0]) / determinant,
+            cross(opened[0], p) / determinant,
+        )
+
+
+def solve_openings(matrix: FloatArray, opened: ComplexArray) -> FloatArray:
+    """Return the changes, shape (2 k, ...), that undo the openings of k loops by their Phi."""
+    right: Any = np.stack([opened.real, opened.imag], axis=1).reshape(-1, *opened.shape[1:])
+    found: Any = np.linalg.solve(matrix, -np.moveaxis(right, 0, -1)[..., None])
+    changes: FloatArray = np.moveaxis(found[..., 0], -1, 0)
+    return changes
+
+
+def blocks_of(structure: Structure, rows: Sequence[tuple[Terms, Any]]) -> tuple[Block, ...]:
+    """Return the blocks of a structure, in the order of their solution, by its loops' terms."""
+    made = zip(structure.groups, structure.paths.rows, structure.dyad_names, strict=True)
+    return tuple(
+        Block(k, tuple(rows[i] for i in loops), group, structure, names, k in structure.outside)
+        for k, (group, loops, names) in enumerate(made, 1)
+    )

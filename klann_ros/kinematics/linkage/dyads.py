@@ -133,9 +133,9 @@ class TwoCircles:
         return self.radii[0] * self.radii[1]
 
     @property
-    def min_length(self) -> float:
+    def min_length(self) -> Any:
         """Return the shorter one [m]."""
-        return min(self.radii)
+        return np.minimum(*self.radii)
 
     def place(self, _: Vectors, closure: Any, sign: Any) -> tuple[Any, Any]:
         """Return u_a and u_b; NaN where it does not close."""

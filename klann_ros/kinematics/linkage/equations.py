@@ -17,7 +17,7 @@ from klann_ros.kinematics.errors import GeometryError
 import numpy as np
 
 from . import joints
-from .blocks import Block
+from .blocks import Block, blocks_of
 from .dyads import max_vector_length
 from .structure import FIXED, Structure
 from .topology import Path
@@ -143,12 +143,7 @@ class LoopEquations:
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
         """Return the blocks, in the order of their solution."""
-        own = self.structure
-        made = zip(own.groups, own.paths.rows, own.dyad_names, strict=True)
-        return tuple(
-            Block(k, tuple(self.rows[i] for i in loops), group, own, names, k in own.outside)
-            for k, (group, loops, names) in enumerate(made, 1)
-        )
+        return blocks_of(self.structure, self.rows)
 
     @property
     def is_dyadic(self) -> bool:

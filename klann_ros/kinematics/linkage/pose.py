@@ -132,7 +132,7 @@ class LinkagePose(NamedTuple):
         Of coupled loops it is the least singular value of their part of Phi [m/rad].
         """
         u = self.vectors
-        return tuple(block.clearance(u) for block in self.linkage.blocks)
+        return tuple(float(block.clearance(u)) for block in self.linkage.blocks)
 
     @property
     def distance_to_singularity(self) -> float:

@@ -1,6 +1,7 @@
 """Velocities, transmission angles and torques of many poses are those of each one."""
 
 import math
+from pathlib import Path
 from typing import Any
 
 from klann_ros.kinematics import (
@@ -10,6 +11,7 @@ from klann_ros.kinematics import (
     KlannGeometry,
     KlannLeg,
     Leg,
+    linkage_from_file,
     linkage_poses,
     LinkageLeg,
     Reason,
@@ -38,6 +40,16 @@ def _expected(leg: Leg[Any, Any], alpha: float) -> tuple[np.ndarray, float] | No
     values += [pose.h, pose.points, pose.x]
     # Near the end of an arc everything is as large as it is uncertain.
     return np.concatenate([*map(np.ravel, values)]), 1e-12 / min(pose.sines) ** 2
+
+
+def test_many_linkages_with_dyads_of_pins_and_of_sliding_joints() -> None:
+    press = linkage_from_file(Path(__file__).parents[1] / 'linkage' / 'press.yaml')
+    many = Variants(press, {'A-B': [0.9, 1.0, 1.1]})
+    found = linkage_poses(many, ALPHAS, gradients=True, **EVERYTHING)
+    for i in range(3):
+        one = linkage_poses(many[i], ALPHAS, gradients=True, **EVERYTHING)
+        for name, array in one.arrays().items():
+            np.testing.assert_array_equal(found.arrays()[name][i], array)
 
 
 @pytest.mark.parametrize('name', NAMES)

@@ -1,0 +1,213 @@
+"""
+Linkages with sliding joints or coupled loops, in bulk: block by block, on complex numbers.
+
+Dyads are placed by the geometric method, for many linkages at once, which takes three times as
+long as the program of pinned dyads. Coupled loops are solved by Newton-Raphson from guesses along
+their branch, of one linkage at a time.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
+from klann_ros.kinematics.arrays import AnyArray, ByteArray, FloatArray
+from klann_ros.kinematics.errors import GeometryError
+from klann_ros.kinematics.linkage import joints
+from klann_ros.kinematics.linkage.blocks import Block, blocks_of, solve_openings
+from klann_ros.kinematics.linkage.dimension_derivatives import bar_derivatives, pivot_derivatives
+from klann_ros.kinematics.linkage.equations import path_terms
+from klann_ros.kinematics.linkage.step import MAX_BRANCH_JUMP
+from klann_ros.kinematics.linkage.topology import Path
+from klann_ros.kinematics.linkage.variants import Variants
+import numpy as np
+
+from .results import LinkagePoses, open_loops, Reason, unreachable
+
+MAX_ITERATIONS = 10
+STEP_TOLERANCE = 1e-12
+
+
+class Blockwise:
+    """
+    Linkages of one structure, solved block by block; `rows` are some of the variants.
+
+    Coupled loops are those of a single one; a GeometryError if it is invalid.
+    """
+
+    def __init__(self, variants: Variants, rows: Any = slice(None)) -> None:
+        self.structure = structure = variants.base.structure
+        self._signs = variants.signs[:, rows, None]
+        self._linkage = None
+        if variants.base.is_dyadic:
+            pivots, bars = (
+                [np.broadcast_to(each, len(variants))[rows, None] for each in some]
+                for some in variants.vectors
+            )
+            # The pivots and the bars.
+            self._vectors: tuple[Sequence[Any], Sequence[Any]] = pivots, bars
+            loops = [path_terms(structure, path, pivots, bars) for path in structure.paths.loops]
+            self.blocks = blocks_of(structure, loops)
+        else:
+            one = variants[rows.start] if len(variants) > 1 else variants.base
+            self._linkage, self._vectors, self.blocks = one, (one.pivots, one.bars), one.blocks
+            _ = one.branch
+
+    def place(self, alphas: FloatArray, count: int | None = None) -> list[Any]:
+        """Return u_j of every body in the first blocks, shapes (n, k); NaN where they are open."""
+        u: list[Any] = [None] * len(self.structure.bodies)
+        u[0] = np.exp(1j * self.structure.senses[0] * alphas)
+        linkage = self._linkage
+        guesses = linkage.branch.guesses(alphas[0])[:, None] if linkage else np.empty(0)
+        for block, sign in zip(self.blocks[:count], self._signs, strict=False):
+            if block.is_dyad:
+                a, b = block.unknowns
+                u[a], u[b] = block.dyad_solver.place(u, block.closure_vector(u), sign)
+            elif linkage is not None:
+                places = [linkage.prefix_bodies.index(j) - 1 for j in block.unknowns]
+                self._refine(block, u, guesses[places], linkage.size)
+        return u
+
+    def _refine(self, block: Block, u: list[Any], guesses: FloatArray, size: float) -> None:
+        """Place the bodies of coupled loops, from guesses of their coordinates."""
+        slides = np.array([self.structure.bodies[j].slides for j in block.unknowns])
+        sizes = np.where(slides, size, 1.0)[:, None, None]
+        x, converged = guesses, np.zeros(guesses.shape[1:], dtype=bool)
+
+        def move() -> None:
+            # Rotating bodies first: they orient the sliding ones.
+            for n in np.argsort(slides, kind='stable').tolist():
+                j = block.unknowns[n]
+                u[j] = joints.body_vector(self.structure, u, j, x[n])
+
+        for _ in range(MAX_ITERATIONS):
+            move()
+            openings = np.array(block.openings(u))
+            converged |= np.abs(openings).max(axis=0) <= block.rounding
+            if (converged | np.isnan(x).any(axis=0)).all():
+                break
+            matrix = block.jacobian(u)
+            matrix[converged | ~np.isfinite(matrix).all(axis=(-2, -1))] = np.nan
+            changes = solve_openings(matrix, openings)
+            x = np.where(converged, x, x + changes)
+            converged |= np.abs(changes / sizes).max(axis=0) <= STEP_TOLERANCE
+        on_branch = np.abs((x - guesses) / sizes).max(axis=0) <= MAX_BRANCH_JUMP
+        x = np.where(converged & on_branch, x, np.nan)
+        move()
+
+    def reasons(self, u: list[Any]) -> ByteArray:
+        """Return the reason of each missing pose, its first block that does not close, or 0."""
+        why: ByteArray = np.zeros(np.shape(u[-1]), dtype=np.uint8)
+        for block in self.blocks:
+            gone = np.isnan(sum(u[j] for j in block.unknowns)) & (why == 0)
+            if not block.is_dyad:
+                why[gone] = open_loops(block.number)
+                continue
+            far = gone & block.dyad_solver.is_too_far(block.closure_vector(u))
+            why[gone] = unreachable(block.number, far=False)
+            why[far] = unreachable(block.number, far=True)
+        return why
+
+    def store(self, results: LinkagePoses, u: list[Any]) -> None:
+        """Store the requested results of poses."""
+        structure, x_1, u_1 = self.structure, list[Any](), list[Any]()
+        closings: list[joints.Closing] = []
+        if results.h_1 is not None or results.h_gradient is not None:
+            closings = [block.closing(u) for block in self.blocks]
+            x_1, u_1 = joints.solve_rates(structure, u, closings, 1.0)
+            singular = np.isnan(np.sum(x_1, axis=0))
+            x_1, u_1 = ([np.where(singular, np.nan, v) for v in some] for some in (x_1, u_1))
+        for name, array in results.arrays().items():
+            if name == 'transmission_angles':
+                for k, block in enumerate(self.blocks):
+                    array[..., k] = block.transmission_angle(u)
+            elif name.endswith('_1'):
+                self._put(
+                    name, array, x_1.__getitem__, partial(self._end, self._vectors, u_1, 0.0)
+                )
+            elif not name.endswith('_gradient'):
+                coordinate = partial(joints.coordinate, structure, u)
+                self._put(name, array, coordinate, partial(self._end, self._vectors, u, 1.0))
+        if results.h_gradient is not None:
+            self._store_gradients(results, (u, x_1, u_1), closings)
+
+    def _store_gradients(
+        self, results: LinkagePoses, poses: tuple[Any, Any, Any], closings: list[joints.Closing]
+    ) -> None:
+        """Store the derivatives by the dimensions, by the implicit function theorem."""
+        (u, x_1, u_1), structure = poses, self.structure
+        arrays = {n: each for n, each in results.arrays().items() if n.endswith('_gradient')}
+        singular = np.isnan(np.sum(x_1, axis=0))
+        for place, dimension in enumerate(structure.dimensions):
+            # Of the pivots and the bars.
+            moved = (
+                pivot_derivatives(structure, dimension),
+                bar_derivatives(structure, self._vectors[1], dimension),
+            )
+            opened = self._openings(moved, u, 1.0)
+            x, du = joints.solve_rates(structure, u, closings, 0.0, opened=opened)
+            end = partial(self._moved_end, moved, u, du, 1.0)
+            for name in arrays.keys() - {'h_1_gradient'}:
+                self._put(name, arrays[name][..., place], x.__getitem__, end)
+            if 'h_1_gradient' in arrays:
+                bent = joints.velocity_product(structure, u, x_1, x)
+                opened = self._openings(moved, u_1, 0.0)
+                x, du_1 = joints.solve_rates(structure, u, closings, 0.0, opened=opened, bent=bent)
+                end = partial(self._moved_end, moved, u_1, du_1, 0.0)
+                self._put('h_1', arrays['h_1_gradient'][..., place], x.__getitem__, end)
+        for array in arrays.values():
+            array[singular] = np.nan
+
+    def _openings(self, moved: Any, u: Any, fixed: float) -> list[list[Any]]:
+        """Return the openings of the loops of each block by moved pivots and bars."""
+        paths = self.structure.paths
+        return [
+            [self._end(moved, u, fixed, paths.loops[k]) for k in loops] for loops in paths.rows
+        ]
+
+    def _moved_end(self, moved: Any, u: Any, du: Any, fixed: float, path: Path) -> Any:
+        return self._end(self._vectors, du, 0.0, path) + self._end(moved, u, fixed, path)
+
+    def _end(self, vectors: Any, u: Any, fixed: float, path: Path) -> Any:
+        """Return the end of a path by its bars and u, and its pivots with a factor."""
+        terms, constant = path_terms(self.structure, path, *vectors)
+        return sum((w * u[j] for j, w in terms.items()), fixed * constant + 0j * u[-1])
+
+    def _put(
+        self, name: str, array: Any, coordinate: Callable[[int], Any], end: Callable[[Path], Any]
+    ) -> None:
+        """Store the coordinates, or the ends of the paths to the foot or to all points."""
+        structure = self.structure
+        if name.startswith('angles'):
+            for j in range(1, len(structure.bodies)):
+                array[..., j - 1] = coordinate(j)
+            return
+        of_foot = name.startswith('h')
+        for n, point in enumerate([structure.foot] if of_foot else structure.points):
+            found = end(structure.paths.points[structure.points.index(point)])
+            place = array if of_foot else array[..., n, :]
+            place[..., 0], place[..., 1] = np.real(found), np.imag(found)
+
+
+def fill_blockwise(
+    variants: Variants, rows: slice, alphas: AnyArray, results: LinkagePoses
+) -> None:
+    """Compute and store the poses of some of the variants; of coupled loops those of one."""
+    angles = np.asarray(alphas, dtype=np.float64)[None, :]
+    within = np.abs(angles) <= MAX_CRANK_ANGLE
+    refused = variants.error_codes[rows] != 0
+    try:
+        linkages = None if refused.all() else Blockwise(variants, rows)
+    except GeometryError:
+        linkages, refused = None, np.ones(1, dtype=bool)
+    if linkages is not None:
+        u = linkages.place(np.where(within, angles, np.nan))
+        u = [np.broadcast_to(each, results.reason.shape) for each in u]
+        results.reason[...] = linkages.reasons(u)
+        linkages.store(results, u)
+    results.reason[:, ~within[0]] = Reason.CRANK_ANGLE
+    results.reason[refused] = Reason.REFUSED
+    gone = results.reason != 0
+    if gone.any():
+        for array in results.arrays().values():
+            array[gone] = np.nan
